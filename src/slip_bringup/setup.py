@@ -1,0 +1,24 @@
+"""Package description that works for `colcon build` and for pip alike."""
+
+from setuptools import find_packages, setup
+
+NAME = "slip_bringup"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(),
+    package_data={NAME: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+    ],
+    install_requires=["setuptools", "click", "rich", "matplotlib", "psutil", "mcap"],
+    extras_require={"test": ["pytest"]},
+    zip_safe=False,
+    maintainer="slip-vic maintainers",
+    maintainer_email="maintainers@slip-vic.example",
+    description="Launcher, bags, demo, report and the slip-vic command line.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": ["slip-vic = slip_bringup.cli:main", "slip_bag_recorder = slip_bringup.bags.recorder_process:main"]},
+)

@@ -1,0 +1,1 @@
+"""Launcher, bags, demo, report and the slip-vic command line."""

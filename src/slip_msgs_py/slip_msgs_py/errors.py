@@ -1,0 +1,48 @@
+"""Errors that carry their data and a fix, printed as one line."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class SlipVicError(Exception):
+    """Base of every error this suite raises on purpose; `exit_code` is what a process ends with."""
+
+    exit_code = 1
+
+
+class InputError(SlipVicError):
+    """Bad input from the user: what it was, what was got, what is expected and how to fix it.
+
+    Args:
+        what: the thing that is wrong, e.g. ``parameter gains.k_s``.
+        got: the value or state that was found.
+        expected: what is allowed.
+        fix: what to do about it; may be empty where `expected` says it all.
+    """
+
+    exit_code = 2
+
+    def __init__(self, what: str, *, got: object, expected: str, fix: str = "") -> None:
+        self.what, self.got, self.expected, self.fix = what, got, expected, fix
+        line = f"{what}: got {_short(got)}, expected {expected}"
+        super().__init__(" ".join(f"{line}; {fix}".split()) if fix else " ".join(line.split()))
+
+
+class ProtocolError(SlipVicError):
+    """A peer did not do its part: a missing process, a message that never came, an incompatible QoS."""
+
+
+def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
+    """Return "did you mean a, b?" for the known names close to `name`, or the full list where none is close."""
+    known = sorted(known)
+    close = difflib.get_close_matches(name, known, n=count, cutoff=0.5)
+    if close:
+        return f"did you mean {', '.join(close)}?"
+    return f"known: {', '.join(known)}"
+
+
+def _short(value: object, limit: int = 120) -> str:
+    text = value if isinstance(value, str) else repr(value)
+    return text if len(text) <= limit else f"{text[: limit - 3]}..."

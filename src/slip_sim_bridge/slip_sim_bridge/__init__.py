@@ -1,0 +1,1 @@
+"""MuJoCo stand-in for the arm, the slippery grasp and the tactile slip sensor."""

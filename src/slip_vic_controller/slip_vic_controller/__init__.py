@@ -1,0 +1,1 @@
+"""Variable impedance controller for non-rigid grasps: the law, and the node that runs it."""
