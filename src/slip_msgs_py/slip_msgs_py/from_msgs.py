@@ -1,0 +1,121 @@
+"""Messages to value objects; works on ROS messages and on what a bag reader decodes, without importing ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from slip_msgs_py.arrays import Array, matrix_from_quat_xyzw
+from slip_msgs_py.errors import InputError
+from slip_msgs_py.stamps import stamp_to_ns
+from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
+
+
+def vector6(linear: Any, angular: Any) -> Array:
+    """Return the six numbers of two Vector3; (6,), unit and frame of the message."""
+    return np.array([linear.x, linear.y, linear.z, angular.x, angular.y, angular.z])
+
+
+class JointOrder:
+    """Puts the arrays of a JointState into the order of `names`; the index map is kept while names do not change.
+
+    Args:
+        names: joint names in the order wanted.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = tuple(names)
+        self._last: tuple[str, ...] | None = None
+        self._index: list[int] = []
+
+    def indices(self, message_names: Sequence[str]) -> list[int]:
+        """Return where each wanted joint stands in the message.
+
+        Raises:
+            InputError: where a joint is missing or named twice.
+        """
+        seen = tuple(message_names)
+        if seen != self._last:
+            missing = [name for name in self.names if seen.count(name) != 1]
+            if missing:
+                raise InputError(
+                    f"joint state: joint {missing[0]}", got=f"names {list(seen)}", expected=f"each of {list(self.names)} once"
+                )
+            self._index = [seen.index(name) for name in self.names]
+            self._last = seen
+        return self._index
+
+
+def joint_sample(message: Any, order: JointOrder) -> JointSample:
+    """Return the joint state in the order of `order`; efforts that the message leaves out are zero.
+
+    Raises:
+        InputError: wrong names, or arrays shorter than the names.
+    """
+    index = order.indices(message.name)
+    count = len(message.name)
+    if len(message.position) != count or len(message.velocity) != count:
+        raise InputError(
+            "joint state",
+            got=f"{count} names, {len(message.position)} positions, {len(message.velocity)} velocities",
+            expected="one position and one velocity per name",
+        )
+    effort = np.asarray(message.effort, dtype=np.float64)
+    return JointSample(
+        stamp_ns=stamp_to_ns(message.header.stamp),
+        position=np.asarray(message.position, dtype=np.float64)[index],
+        velocity=np.asarray(message.velocity, dtype=np.float64)[index],
+        effort=effort[index] if len(effort) == count else np.zeros(len(index)),
+    )
+
+
+def wrench_sample(message: Any) -> WrenchSample:
+    """Return the wrench of a WrenchStamped; (6,) [N, N m] {ee} axes."""
+    return WrenchSample(stamp_to_ns(message.header.stamp), vector6(message.wrench.force, message.wrench.torque))
+
+
+def slip_sample(message: Any) -> SlipSample:
+    """Return the slip velocity of a TwistStamped; invalid where any number is not finite."""
+    twist = vector6(message.twist.linear, message.twist.angular)
+    return SlipSample(stamp_to_ns(message.header.stamp), twist, valid=bool(np.isfinite(twist).all()))
+
+
+def effort_command(message: Any, order: JointOrder) -> EffortCommand:
+    """Return the efforts of a command in the order of `order`.
+
+    Raises:
+        InputError: wrong names, or not one effort per name.
+    """
+    index = order.indices(message.name)
+    if len(message.effort) != len(message.name):
+        raise InputError(
+            "effort command", got=f"{len(message.name)} names, {len(message.effort)} efforts", expected="one effort per name"
+        )
+    return EffortCommand(stamp_to_ns(message.header.stamp), np.asarray(message.effort, dtype=np.float64)[index])
+
+
+def cartesian_reference(message: Any) -> CartesianReference:
+    """Return the first point of a MultiDOFJointTrajectory as the desired motion of {ee} in {w}.
+
+    Velocities and accelerations that the message leaves out are zero.
+
+    Raises:
+        InputError: no point, no transform, or a quaternion of no length.
+    """
+    if not message.points or not message.points[0].transforms:
+        raise InputError("reference", got="no point with a transform", expected="one point with one transform")
+    point = message.points[0]
+    pose = point.transforms[0]
+    quat = (pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w)
+    twist = vector6(point.velocities[0].linear, point.velocities[0].angular) if point.velocities else np.zeros(6)
+    acceleration = (
+        vector6(point.accelerations[0].linear, point.accelerations[0].angular) if point.accelerations else np.zeros(6)
+    )
+    return CartesianReference(
+        position=np.array([pose.translation.x, pose.translation.y, pose.translation.z]),
+        rotation=matrix_from_quat_xyzw(quat),
+        twist=twist,
+        acceleration=acceleration,
+    )

@@ -1,0 +1,78 @@
+"""Start, run and end of a node process: signals, one-line errors, exit codes, events for the launcher."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.signals import SignalHandlerOptions
+
+from slip_msgs_py.errors import SlipVicError
+
+
+class RunnableNode(Protocol):
+    """What `run_node` needs: a node that runs until told to stop."""
+
+    def run(self, should_stop: Callable[[], bool]) -> None:
+        """Run until the work is done or `should_stop` says so."""
+
+    def destroy_node(self) -> None:
+        """Release everything."""
+
+
+class StopFlag:
+    """Set by SIGINT and SIGTERM; asked by loops. A KeyboardInterrupt inside a callback would be logged as fatal."""
+
+    def __init__(self) -> None:
+        self.signal_number: int | None = None
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._set)
+
+    def _set(self, number: int, _frame: Any) -> None:
+        self.signal_number = number
+
+    def __call__(self) -> bool:
+        """Return whether the process was asked to stop."""
+        return self.signal_number is not None
+
+
+def emit(event: str, **values: object) -> None:
+    """Print one line of JSON for the launcher; silent unless it asked for events."""
+    if os.environ.get("SLIP_VIC_EVENTS") == "1":
+        print(json.dumps({"event": event, **values}), flush=True)
+
+
+def run_node(factory: Callable[[], RunnableNode], args: Sequence[str] | None = None) -> int:
+    """Run one node process and return its exit code: 0 on a wanted end, 2 on bad input, 1 on a failure.
+
+    Args:
+        factory: makes the node once rclpy is up.
+        args: command line with ``--ros-args``; None takes that of the process.
+    """
+    stop = StopFlag()
+    node: RunnableNode | None = None
+    try:
+        rclpy.init(args=list(sys.argv if args is None else args), signal_handler_options=SignalHandlerOptions.NO)
+        node = factory()
+        node.run(stop)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except SlipVicError as error:
+        print(f"error: {error}", file=sys.stderr, flush=True)
+        return error.exit_code
+    except rclpy.exceptions.ROSInterruptException:
+        pass
+    except (rclpy._rclpy_pybind11.RCLError, rclpy._rclpy_pybind11.UnknownROSArgsError) as error:
+        print(f"error: ROS refused to start: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
+        return 2
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0

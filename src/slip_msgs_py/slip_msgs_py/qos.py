@@ -1,0 +1,55 @@
+"""QoS profiles made from the topic table."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from slip_msgs_py.topics import Topic, topic
+
+
+def message_class(type_name: str) -> Any:
+    """Return the Python class of ``pkg/msg/Type``."""
+    package, _, name = type_name.split("/")
+    return getattr(importlib.import_module(f"{package}.msg"), name)
+
+
+def publisher_qos(row: Topic) -> QoSProfile:
+    """Return the profile a publisher of this topic offers."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=1 if row.latched else row.depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if row.latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def subscription_qos(row: Topic, *, depth: int, reliable: bool) -> QoSProfile:
+    """Return the profile a subscriber of this topic asks for.
+
+    `reliable` False accepts any publisher, also a real driver's best-effort sensor data; True never
+    loses a message, which lockstep needs.
+    """
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=1 if row.latched else depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable or row.latched else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if row.latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def create_publisher(node: Any, name: str, *, actual_name: str | None = None) -> Any:
+    """Create the publisher of a topic of the table, under another name where one contact of many needs it."""
+    row = topic(name)
+    return node.create_publisher(message_class(row.type), actual_name or name, publisher_qos(row))
+
+
+def create_subscription(
+    node: Any, name: str, callback: Any, *, depth: int, reliable: bool, actual_name: str | None = None
+) -> Any:
+    """Create a subscription to a topic of the table."""
+    row = topic(name)
+    qos = subscription_qos(row, depth=depth, reliable=reliable)
+    return node.create_subscription(message_class(row.type), actual_name or name, callback, qos)

@@ -1,0 +1,70 @@
+"""ROS parameters declared from a parameter model: types, ranges, descriptions, validation as a whole."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.parameter import Parameter
+
+from slip_msgs_py.params import ParameterInfo, ParameterModel, build, flatten, parameter_infos
+
+Model = TypeVar("Model", bound=ParameterModel)
+ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+
+
+def declare(node: Any, model: type[Model]) -> Model:
+    """Declare every parameter of `model` on `node` and return the values given by file or command line.
+
+    The node must have been made with ``automatically_declare_parameters_from_overrides=True``: that is
+    how names that the model does not know are seen at all.
+
+    Raises:
+        InputError: unknown name (nearest offered), wrong type, out of range.
+    """
+    names = [n for n in node.list_parameters([], 0).result.names if not n.startswith(ROS_OWN)]
+    given = {name: _plain(node.get_parameter(name).value) for name in names}
+    values = build(model, given, node.get_name())
+    for name in names:
+        node.undeclare_parameter(name)
+    flat = flatten(values)
+    for info in parameter_infos(model):
+        node.declare_parameter(info.name, _ros_value(info, flat[info.name]), descriptor(info), ignore_override=True)
+    return values
+
+
+def descriptor(info: ParameterInfo) -> ParameterDescriptor:
+    """Return the ROS description of one parameter."""
+    text = f"{info.description} [{info.unit}]" if info.unit else info.description
+    result = ParameterDescriptor(name=info.name, description=text, read_only=not info.runtime)
+    bounds = info.bounds
+    low, high = bounds.get("ge", bounds.get("gt")), bounds.get("le", bounds.get("lt"))
+    if info.kind is float and (low is not None or high is not None):
+        result.floating_point_range = [
+            FloatingPointRange(from_value=float(-1e308 if low is None else low), to_value=float(1e308 if high is None else high))
+        ]
+    if info.kind is int and (low is not None or high is not None):
+        result.integer_range = [
+            IntegerRange(from_value=int(-(2**62) if low is None else low), to_value=int(2**62 if high is None else high), step=1)
+        ]
+    if "one_of" in bounds:
+        result.additional_constraints = f"one of {', '.join(map(str, bounds['one_of']))}"
+    return result
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if hasattr(value, "typecode") else value
+
+
+def _ros_value(info: ParameterInfo, value: Any) -> Any:
+    # An empty list has no element type in ROS: the kind of the model decides.
+    if value == []:
+        text = str(info.kind)
+        kind = (
+            Parameter.Type.DOUBLE_ARRAY if "float" in text
+            else Parameter.Type.BOOL_ARRAY if "bool" in text
+            else Parameter.Type.INTEGER_ARRAY if "int" in text
+            else Parameter.Type.STRING_ARRAY
+        )  # fmt: skip
+        return Parameter(info.name, kind, []).value
+    return value
