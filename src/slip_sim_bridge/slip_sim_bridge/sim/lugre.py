@@ -3,7 +3,7 @@
 In scaled coordinates (see `friction.py`) the bristle deflection z (3,) [m] and the slip rate u obey
     zdot  = u - alpha(|z|) max(0, u . z_hat) / z_ss(s) z,      z_ss(s) = F_dry(s) / stiffness
     f_hat = -(stiffness z + damping zdot + viscous u)
-alpha is 0 for |z| <= breakaway_ratio z_ss (Dupont, Hayward, Armstrong, Altpeter 2002, IEEE TAC 47(5):787-792): there the
+alpha is 0 for |z| <= breakaway_fraction z_ss (Dupont, Hayward, Armstrong, Altpeter 2002, IEEE TAC 47(5):787-792): there the
 contact is a pure spring, so that a vibration below that load moves it to and fro without drift, which the original
 LuGre model does not manage. Taking the slip rate along z_hat makes the planar model passive and turns the bristle
 towards the slip without shortening it; on a straight line both forms are the same. Steady sliding gives F(s).
@@ -31,21 +31,24 @@ class LuGre:
     """Bristles in front of a Stribeck curve.
 
     curve: steady sliding friction; stiffness [N/m] and damping [N s/m] of all bristles together, for motion along
-    x, y or rho times the turn; breakaway_ratio: share of the static limit up to which nothing flows, in (0, 1).
+    x, y or rho times the turn; breakaway_fraction: share of the limit up to which nothing flows, in [0, 1). A load
+    that swings above it creeps a little in every cycle, so choose it above every load that must be held.
     """
 
     curve: Stribeck
     stiffness: float
     damping: float
-    breakaway_ratio: float = 0.95
+    breakaway_fraction: float = 0.95
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.stiffness) and self.stiffness > 0.0):
             raise InputError("friction lugre.stiffness", got=self.stiffness, expected="a finite number above 0")
         if not (math.isfinite(self.damping) and self.damping >= 0.0):
             raise InputError("friction lugre.damping", got=self.damping, expected="a finite number >= 0")
-        if not 0.0 < self.breakaway_ratio < 1.0:
-            raise InputError("friction lugre.breakaway_ratio", got=self.breakaway_ratio, expected="a number in (0, 1)")
+        if not 0.0 <= self.breakaway_fraction < 1.0:
+            raise InputError(
+                "friction lugre.breakaway_fraction", got=self.breakaway_fraction, expected="a number from 0, below 1"
+            )
 
     def limit(self, speed: float, normal_force: float) -> tuple[float, float]:
         """Return F(s) [N] and dF/ds [N s/m] in steady sliding at speed [m/s] under normal_force [N].
@@ -135,8 +138,8 @@ class LuGre:
         return 1.0 - kappa - kappa * flow, u, z_next
 
     def _alpha(self, stretch: float) -> float:
-        """Share of the slip that flows: 0 below the break-away ratio, 1 at full stretch, a smooth sine between."""
-        start = self.breakaway_ratio
+        """Share of the slip that flows: 0 below the break-away fraction, 1 at full stretch, a smooth sine between."""
+        start = self.breakaway_fraction
         if stretch <= start:
             return 0.0
         if stretch >= 1.0:
