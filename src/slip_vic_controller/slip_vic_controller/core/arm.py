@@ -1,0 +1,130 @@
+"""Kinematics and dynamics of the arm; the only file that knows Pinocchio."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from slip_msgs_py.arrays import Array, readonly, vector
+from slip_msgs_py.errors import InputError, nearest
+
+
+class ArmTerms(NamedTuple):
+    """The arm at one state: M (n, n) [kg m2]; bias C qd + g, gravity g (n,) [N m]; J (6, n), jdot_qd (6,) at {ee}.
+
+    position (3,) [m], rotation (3, 3), twist (6,) [m/s, rad/s] of {ee}; all in {w}, origin at {ee}.
+    """
+
+    M: Array
+    bias: Array
+    gravity: Array
+    J: Array
+    jdot_qd: Array
+    position: Array
+    rotation: Array
+    twist: Array
+
+
+class ArmModel:
+    """The arm of a URDF text, checked against the joint names; limits are the URDF's.
+
+    Args:
+        urdf_text: the URDF.
+        ee_frame: name of the frame at the pad centre.
+        joint_names: the arm's joints in the order of the chain; other joints must not move {ee} and are locked at 0.
+        gravity: (3,) [m/s^2] {w}.
+
+    Raises:
+        InputError: not a URDF, frame or joints missing, joints in another order, no effort limit.
+    """
+
+    def __init__(
+        self, urdf_text: str, ee_frame: str, joint_names: Sequence[str], gravity: Sequence[float] = (0.0, 0.0, -9.81)
+    ) -> None:
+        model = _parse(urdf_text)
+        names = tuple(joint_names)
+        _check_joints(model, names)
+        frames = [frame.name for frame in model.frames]
+        if ee_frame not in frames:
+            raise InputError(
+                "ee_frame",
+                got=ee_frame,
+                expected="a frame of the URDF",
+                fix=nearest(ee_frame, set(frames) - {"universe"}),
+            )
+        ee_joint = model.frames[model.getFrameId(ee_frame)].parentJoint
+        moving = [model.names[j] for j in model.supports[ee_joint] if j > 0]
+        if extra := [name for name in moving if name not in names]:
+            raise InputError("joint_names", got=list(names), expected=f"also {extra}, which moves {ee_frame}")
+        locked = [model.getJointId(name) for name in model.names if name != "universe" and name not in names]
+        if locked:
+            model = pin.buildReducedModel(model, locked, pin.neutral(model))
+        if model.nq != len(names):
+            raise InputError(
+                "URDF joints", got=f"{model.nq} coordinates for {len(names)} joints", expected="one coordinate per joint",
+                fix="use revolute with limits instead of continuous",
+            )  # fmt: skip
+        if not (np.isfinite(model.effortLimit).all() and (model.effortLimit > 0.0).all()):
+            raise InputError(
+                "URDF effort limits",
+                got=model.effortLimit.tolist(),
+                expected="a positive <limit effort> at every joint",
+            )
+        model.gravity.linear = vector(gravity, 3, "gravity")
+        self.joint_names = names
+        self.effort_limit = readonly(model.effortLimit)
+        self.velocity_limit = readonly(model.velocityLimit)
+        self.position_lower = readonly(model.lowerPositionLimit)
+        self.position_upper = readonly(model.upperPositionLimit)
+        self._model, self._data = model, model.createData()
+        self._frame = model.getFrameId(ee_frame)
+        self._rest = np.zeros(model.nv)
+
+    def terms(self, q: Array, qd: Array) -> ArmTerms:
+        """Return all terms of the law at one state; (n,) [rad], (n,) [rad/s].
+
+        Implements: Eq. (1), (7), (8); Jdot qd is the classical acceleration at zero joint acceleration.
+        """
+        model, data, frame = self._model, self._data, self._frame
+        pin.forwardKinematics(model, data, q, qd, self._rest)
+        pose = pin.updateFramePlacement(model, data, frame)
+        jdot_qd = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED).vector
+        pin.computeJointJacobians(model, data)
+        J = np.array(pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED))
+        return ArmTerms(
+            M=np.array(pin.crba(model, data, q)),
+            bias=np.array(pin.nonLinearEffects(model, data, q, qd)),
+            gravity=np.array(pin.computeGeneralizedGravity(model, data, q)),
+            J=J,
+            jdot_qd=np.array(jdot_qd),
+            position=np.array(pose.translation),
+            rotation=np.array(pose.rotation),
+            twist=J @ qd,
+        )
+
+    def gravity(self, q: Array) -> Array:
+        """Return the gravity torque g(q); (n,) [rad] -> (n,) [N m].
+
+        Implements: Eq. (1), g.
+        """
+        return np.array(pin.computeGeneralizedGravity(self._model, self._data, q))
+
+
+def _parse(urdf_text: str) -> pin.Model:
+    try:
+        return pin.buildModelFromXML(urdf_text)
+    except (ValueError, RuntimeError) as error:
+        raise InputError("robot_description", got=urdf_text.strip()[:40], expected="a URDF", fix=str(error)) from None
+
+
+def _check_joints(model: pin.Model, names: tuple[str, ...]) -> None:
+    known = [name for name in model.names if name != "universe"]
+    for name in names:
+        if name not in known:
+            raise InputError("joint_names", got=name, expected="a moving joint of the URDF", fix=nearest(name, known))
+    in_urdf_order = [name for name in known if name in names]
+    if list(names) != in_urdf_order:
+        raise InputError("joint_names", got=list(names), expected=f"the order of the URDF's chain: {in_urdf_order}")

@@ -1,0 +1,117 @@
+"""The record of one tick: every intermediate symbol of the law, and a flat list of numbers to plot."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from slip_msgs_py.arrays import Array
+from slip_msgs_py.types import CartesianReference
+from slip_vic_controller.core import object_dynamics
+from slip_vic_controller.core.arm import ArmTerms
+from slip_vic_controller.core.attitude import AttitudeError
+from slip_vic_controller.core.grasp import SlipDisplacement
+from slip_vic_controller.core.law import GraspTerms, LawTerms
+from slip_vic_controller.core.lyapunov import V_e, V_s
+from slip_vic_controller.core.operational import TorqueTerms
+from slip_vic_controller.core.rotation import log_so3
+
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+class TickTerms(NamedTuple):
+    """All records of an evaluated law; V_e [J] and V_s are the Lyapunov functions of Eq. (24), (30)."""
+
+    arm: ArmTerms
+    reference: CartesianReference
+    attitude: AttitudeError
+    slip: SlipDisplacement
+    h_ee: Array
+    grasp: GraspTerms
+    law: LawTerms
+    torque: TorqueTerms
+    V_e: float
+    V_s: float
+
+
+class TickDiagnostics(NamedTuple):
+    """What happened in a tick.
+
+    status: "ok" or "safe" (the safe command was given, and `reason` says why); near_singular: which fallbacks were at
+    work ("arm", "attitude"); effort and saturated (n,): the command and which joints were clipped; terms: None where
+    the law was not evaluated.
+    """
+
+    status: str
+    reason: str
+    near_singular: tuple[str, ...]
+    effort: Array
+    saturated: Array
+    terms: TickTerms | None
+
+    def scalars(self) -> dict[str, float]:
+        """Return the numbers worth plotting, the same names in the same order every tick; NaN where not evaluated."""
+        values = dict.fromkeys(_names(len(self.effort)), math.nan)
+        values["safe"] = float(self.status != "ok")
+        values["near_singular_arm"] = float("arm" in self.near_singular)
+        values["near_singular_attitude"] = float("attitude" in self.near_singular)
+        _put(values, "effort", self.effort, None)
+        _put(values, "saturated", self.saturated, None)
+        if self.terms is not None:
+            _put_terms(values, self.terms)
+        return values
+
+
+def _put(values: dict[str, float], name: str, numbers: Array, labels: tuple[str, ...] | None) -> None:
+    for i, number in enumerate(numbers.tolist()):
+        values[f"{name}_{labels[i] if labels else i + 1}"] = float(number)
+
+
+_SIX = (
+    "e",
+    "e_dot",
+    "v_s",
+    "s",
+    "K",
+    "D",
+    "h_ee",
+    "h_o",
+    "v_o",
+    "a_o",
+    "Phi2",
+    "comp",
+    "Lambda",
+    "Theta",
+    "Z",
+    "a_d",
+    "a_C",
+)
+_SIX += ("position", "desired", "twist")
+_ONE = ("gate", "V_e", "V_s", "sigma_min", "damping_squared", "safe", "near_singular_arm", "near_singular_attitude")
+_JOINT = ("effort", "saturated", "tau_task", "tau_null", "tau_bias")
+
+
+def _names(joints: int) -> list[str]:
+    six = [f"{name}_{axis}" for name in _SIX for axis in AXES]
+    joint = [f"{name}_{i + 1}" for name in _JOINT for i in range(joints)]
+    return [*_ONE, *six, *joint]
+
+
+def _put_terms(values: dict[str, float], t: TickTerms) -> None:
+    law, grasp, arm, ref = t.law, t.grasp, t.arm, t.reference
+    values |= {"gate": law.gate, "V_e": t.V_e, "V_s": t.V_s}
+    values |= {"sigma_min": t.torque.sigma_min, "damping_squared": t.torque.damping_squared}
+    for name in ("e", "e_dot", "v_s", "K", "D", "comp", "Lambda", "Theta", "Z", "a_d", "a_C"):
+        _put(values, name, getattr(law, name), AXES)
+    for name in ("h_o", "v_o", "a_o", "Phi2"):
+        _put(values, name, getattr(grasp, name), AXES)
+    _put(values, "h_ee", t.h_ee, AXES)
+    _put(values, "twist", arm.twist, AXES)
+    _put(values, "s", np.concatenate((t.slip.position, log_so3(t.slip.rotation))), AXES)
+    _put(values, "position", np.concatenate((arm.position, log_so3(arm.rotation))), AXES)
+    _put(values, "desired", np.concatenate((ref.position, log_so3(ref.rotation))), AXES)
+    _put(values, "tau_task", t.torque.task, None)
+    _put(values, "tau_null", t.torque.null, None)
+    _put(values, "tau_bias", arm.bias, None)

@@ -1,0 +1,133 @@
+"""Collects samples between ticks and says when a set is complete; the same for lockstep, real time and replay."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
+
+
+@dataclass(frozen=True, slots=True)
+class TickInputs:
+    """What one cycle uses: the joint state, and per contact the samples that came since the last cycle, oldest first.
+
+    `wrenches` and `slips` hold the newest sample of each contact.
+    """
+
+    joint: JointSample
+    wrenches: tuple[WrenchSample, ...]
+    slips: tuple[SlipSample, ...]
+    new_wrenches: tuple[tuple[WrenchSample, ...], ...]
+    new_slips: tuple[tuple[SlipSample, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """The bridge's list of what belongs to a lockstep tick: samples published so far, per contact."""
+
+    tick: int
+    stamp_ns: int
+    wrench_counts: tuple[int, ...]
+    slip_counts: tuple[int, ...]
+
+    @staticmethod
+    def decode(data: Sequence[int]) -> Manifest:
+        """Read [tick, sec, nanosec, wrench count, slip count, ... per contact]; [ns] inside.
+
+        Implements: ours: the lockstep protocol of the topic table.
+        """
+        return Manifest(data[0], data[1] * 1_000_000_000 + data[2], tuple(data[3::2]), tuple(data[4::2]))
+
+
+class InputBuffer:
+    """Newest sample per input, samples since the last tick, and counts for lockstep.
+
+    Args:
+        contacts: number of contacts n_C.
+        lockstep: True waits for exactly the samples of a manifest, so that runs are repeatable; False takes
+            whatever is newest when a joint state arrives.
+    """
+
+    def __init__(self, contacts: int, *, lockstep: bool) -> None:
+        self._lockstep = lockstep
+        self._joint: JointSample | None = None
+        self._manifest: Manifest | None = None
+        self._wrenches: list[list[WrenchSample]] = [[] for _ in range(contacts)]
+        self._slips: list[list[SlipSample]] = [[] for _ in range(contacts)]
+        self._newest_wrench: list[WrenchSample | None] = [None] * contacts
+        self._newest_slip: list[SlipSample | None] = [None] * contacts
+        self._wrench_counts = [0] * contacts
+        self._slip_counts = [0] * contacts
+        self.skipped = 0
+
+    def add_joint(self, sample: JointSample) -> None:
+        """Take a joint state; one that was never used is skipped, newest wins."""
+        if self._joint is not None:
+            self.skipped += 1
+        self._joint = sample
+
+    def add_wrench(self, contact: int, sample: WrenchSample) -> None:
+        """Take a wrench of one contact; the newest by stamp counts, whatever the order of arrival."""
+        self._wrench_counts[contact] += 1
+        self._wrenches[contact].append(sample)
+        newest = self._newest_wrench[contact]
+        if newest is None or sample.stamp_ns >= newest.stamp_ns:
+            self._newest_wrench[contact] = sample
+
+    def add_slip(self, contact: int, sample: SlipSample) -> None:
+        """Take a slip velocity of one contact; the newest by stamp counts, whatever the order of arrival."""
+        self._slip_counts[contact] += 1
+        self._slips[contact].append(sample)
+        newest = self._newest_slip[contact]
+        if newest is None or sample.stamp_ns >= newest.stamp_ns:
+            self._newest_slip[contact] = sample
+
+    def add_manifest(self, manifest: Manifest) -> None:
+        """Take the list of what belongs to the current lockstep tick."""
+        self._manifest = manifest
+
+    def missing(self) -> list[str]:
+        """Return the inputs that have never been seen.
+
+        Implements: ours: no command before every input was seen once.
+        """
+        names = ["joint_states"] if self._joint is None else []
+        names += [f"wrench of contact {i}" for i, sample in enumerate(self._newest_wrench) if sample is None]
+        return names + [f"slip of contact {i}" for i, sample in enumerate(self._newest_slip) if sample is None]
+
+    def complete(self) -> bool:
+        """Return whether a cycle can be answered now: a joint state, and in lockstep all that belongs to its stamp.
+
+        Implements: ours: lockstep answers every tick, also one whose other inputs are still missing.
+        """
+        if self._joint is None:
+            return False
+        if not self._lockstep:
+            return True
+        manifest = self._manifest
+        return (
+            manifest is not None
+            and manifest.stamp_ns == self._joint.stamp_ns
+            and tuple(self._wrench_counts) == manifest.wrench_counts
+            and tuple(self._slip_counts) == manifest.slip_counts
+        )
+
+    def take(self) -> TickInputs | None:
+        """Hand over the set for this tick and start collecting for the next; None where an input was never seen.
+
+        Implements: ours: no command before every input was seen once.
+        """
+        joint = self._joint
+        wrenches = tuple(sample for sample in self._newest_wrench if sample is not None)
+        slips = tuple(sample for sample in self._newest_slip if sample is not None)
+        if joint is None or len(wrenches) != len(self._newest_wrench) or len(slips) != len(self._newest_slip):
+            self._joint = None
+            self._manifest = None
+            return None
+        inputs = TickInputs(joint, wrenches, slips, tuple(map(tuple, self._wrenches)), tuple(map(tuple, self._slips)))
+        self._joint = None
+        self._manifest = None
+        for samples in (*self._wrenches, *self._slips):
+            samples.clear()
+        return inputs

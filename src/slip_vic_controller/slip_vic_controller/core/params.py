@@ -1,0 +1,164 @@
+"""Parameters of the controller, declared once; names and units as in docs/equations.md."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from slip_msgs_py.params import ParameterModel, parameter
+
+Six = tuple[float, float, float, float, float, float]
+Three = tuple[float, float, float]
+
+
+class GainParams(ParameterModel):
+    """Impedance and slip gains; the defaults are the paper's (Sec. IV), its planar values repeated on all axes."""
+
+    stiffness: Six = parameter(
+        (5.0, 5.0, 5.0, 4.5, 4.5, 4.5), "K_D, x y z then about x y z", unit="N/m, N m/rad", runtime=True
+    )
+    damping: Six = parameter(
+        (2.5, 2.5, 2.5, 2.2, 2.2, 2.2), "D_D, x y z then about x y z", unit="N s/m, N m s/rad", runtime=True
+    )
+    inertia: Six = parameter(
+        (0.4, 0.4, 0.4, 0.3, 0.3, 0.3), "M_D, x y z then about x y z", unit="kg, kg m2", runtime=True
+    )
+    gamma_kp: float = parameter(100.0, "fading of linear stiffness with slip", unit="s/m", runtime=True, ge=0.0)
+    gamma_ko: float = parameter(100.0, "fading of angular stiffness with slip", unit="s/rad", runtime=True, ge=0.0)
+    gamma_dp: float = parameter(100.0, "fading of linear damping with slip", unit="s/m", runtime=True, ge=0.0)
+    gamma_do: float = parameter(100.0, "fading of angular damping with slip", unit="s/rad", runtime=True, ge=0.0)
+    alpha: float = parameter(100.0, "steepness of the gate tanh(alpha |v_s|)", unit="s/m", runtime=True, gt=0.0)
+    k_s: float = parameter(1000.0, "decay rate of slip while the gate is open", unit="1/s", runtime=True, gt=0.0)
+
+    @model_validator(mode="after")
+    def _positive(self) -> GainParams:
+        for name in ("stiffness", "damping", "inertia"):
+            values = getattr(self, name)
+            if min(values) <= 0.0:
+                raise ValueError(f"{name} {list(values)}: every gain must be positive")
+        return self
+
+
+class ObjectParams(ParameterModel):
+    """The grasped object, taken as known; the defaults are the `paper_planar` surrogate's."""
+
+    mass: float = parameter(0.5, "mass", unit="kg", runtime=True, gt=0.0)
+    inertia: Six = parameter(
+        (2e-3, 2e-3, 2e-3, 0.0, 0.0, 0.0), "ixx iyy izz ixy ixz iyz about the centre of mass on {o}", unit="kg m2"
+    )
+
+
+class ContactParams(ParameterModel):
+    """Contacts on the object, flat lists; contact 0 is this controller's own arm."""
+
+    position: tuple[float, ...] = parameter((0.02, 0.0, 0.0), "o_x_p, 3 per contact", unit="m")
+    orientation_xyzw: tuple[float, ...] = parameter((0.0, 0.0, 0.0, 1.0), "o_R_p as quaternion, 4 per contact")
+    slip_axes: tuple[bool, ...] = parameter(
+        (True,) * 6, "directions on pad axes in which the contact can slip, 6 per contact; all true = the printed law"
+    )
+
+    @model_validator(mode="after")
+    def _sizes(self) -> ContactParams:
+        count = len(self.position) // 3
+        sizes = (len(self.position), len(self.orientation_xyzw), len(self.slip_axes))
+        if count < 1 or sizes != (3 * count, 4 * count, 6 * count):
+            raise ValueError(
+                f"position, orientation_xyzw, slip_axes have {sizes[0]}, {sizes[1]}, {sizes[2]} values; "
+                "n contacts need 3 n, 4 n, 6 n"
+            )
+        return self
+
+
+class NullspaceParams(ParameterModel):
+    """Posture torque in the null space of the task."""
+
+    stiffness: float = parameter(10.0, "pull towards the posture", unit="N m/rad", runtime=True, ge=0.0)
+    damping: float = parameter(2.0, "joint damping in the null space", unit="N m s/rad", runtime=True, ge=0.0)
+    posture: tuple[float, ...] = parameter((), "joint positions; empty = the first measured", unit="rad")
+
+
+class SingularityParams(ParameterModel):
+    """Damping near singular postures of the arm."""
+
+    sigma_min: float = parameter(0.04, "singular value of J below which damping starts", runtime=True, gt=0.0)
+    damping: float = parameter(0.1, "largest damping on J B^-1 J^T, squared when added", unit="kg^-1/2", gt=0.0)
+
+
+class SafetyParams(ParameterModel):
+    """The command that is given where the law cannot be evaluated."""
+
+    joint_damping: float = parameter(2.0, "joint damping of the safe command", unit="N m s/rad", ge=0.0)
+
+
+class TrajectoryParams(ParameterModel):
+    """The built-in reference, relative to the pose of {ee} at the first tick, on world axes."""
+
+    kind: Literal["hold", "quintic", "waypoints", "circle", "lemniscate", "topic"] = parameter(
+        "hold", "which motion; `topic` holds until the first reference arrives"
+    )
+    start_s: float = parameter(0.0, "time at rest before the motion", unit="s", ge=0.0)
+    duration_s: float = parameter(2.0, "time of motion, ramps included", unit="s", gt=0.0)
+    displacement: Three = parameter((0.0, 0.0, 0.0), "quintic: where to", unit="m")
+    rotation: Three = parameter(
+        (0.0, 0.0, 0.0), "quintic: rotation vector; circle and lemniscate: its amplitude", unit="rad"
+    )
+    waypoints: tuple[float, ...] = parameter(
+        (), "waypoints: x y z rx ry rz per point, without the start", unit="m, rad"
+    )
+    waypoint_times_s: tuple[float, ...] = parameter((), "waypoints: when; empty = even over duration_s", unit="s")
+    plane: Literal["xy", "yz", "zx"] = parameter(
+        "xy", "circle, lemniscate: plane on world axes; starts along the first"
+    )
+    radius: float = parameter(0.1, "circle, lemniscate: radius, half length", unit="m", gt=0.0)
+    period_s: float = parameter(4.0, "circle, lemniscate: time of one round at full speed", unit="s", gt=0.0)
+    ramp_s: float = parameter(1.0, "circle, lemniscate: time to reach full speed, and to stop", unit="s", gt=0.0)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> TrajectoryParams:
+        if math.hypot(*self.rotation) > math.pi and self.kind != "hold":
+            raise ValueError(f"rotation {list(self.rotation)}: the angle must be at most pi")
+        if self.kind in ("circle", "lemniscate") and self.duration_s < 2.0 * self.ramp_s:
+            raise ValueError(f"duration_s {self.duration_s}: at least 2 ramp_s = {2.0 * self.ramp_s} is needed")
+        if self.kind == "waypoints":
+            count, rest = divmod(len(self.waypoints), 6)
+            if count < 1 or rest:
+                raise ValueError(f"waypoints has {len(self.waypoints)} values, expected 6 for each point, at least one")
+            times = self.waypoint_times_s
+            if times and (len(times) != count or times[0] <= 0.0 or any(b <= a for a, b in zip(times, times[1:]))):
+                raise ValueError(f"waypoint_times_s {list(times)}: {count} growing positive times are needed")
+        return self
+
+
+class DiagnosticsParams(ParameterModel):
+    """How much the node publishes of the law's inside."""
+
+    decimation: int = parameter(10, "publish every n-th tick", runtime=True, ge=1)
+
+
+class ControllerParams(ParameterModel):
+    """Everything the controller needs to know."""
+
+    controller: Literal["vic", "classical"] = parameter("vic", "classical = the same law, gate and fading off")
+    mode: Literal["lockstep", "realtime"] = parameter("lockstep", "who waits for whom")
+    control_period_s: float = parameter(0.001, "control period", unit="s", gt=0.0)
+    robot_description: str = parameter("", "URDF text; empty = read robot_description_file")
+    robot_description_file: str = parameter(
+        "package://slip_description/urdf/arm.urdf", "URDF path or package:// address"
+    )
+    joint_names: tuple[str, ...] = parameter(
+        tuple(f"joint{i}" for i in range(1, 8)), "joints of the arm in the order of the URDF's chain"
+    )
+    ee_frame: str = parameter("ee", "URDF frame at the pad centre, z = the pads' normal")
+    gravity: Three = parameter((0.0, 0.0, -9.81), "acceleration of free fall {w}", unit="m/s^2")
+    attitude: Literal["log", "rpy"] = parameter("log", "coordinates of the orientation error")
+    feed_forward: bool = parameter(True, "use the desired acceleration a_d", runtime=True)
+    object: ObjectParams = Field(default_factory=ObjectParams)
+    contacts: ContactParams = Field(default_factory=ContactParams)
+    gains: GainParams = Field(default_factory=GainParams)
+    nullspace: NullspaceParams = Field(default_factory=NullspaceParams)
+    singularity: SingularityParams = Field(default_factory=SingularityParams)
+    safety: SafetyParams = Field(default_factory=SafetyParams)
+    trajectory: TrajectoryParams = Field(default_factory=TrajectoryParams)
+    diagnostics: DiagnosticsParams = Field(default_factory=DiagnosticsParams)
