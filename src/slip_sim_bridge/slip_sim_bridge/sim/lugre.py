@@ -3,10 +3,10 @@
 In scaled coordinates (see `friction.py`) the bristle deflection z (3,) [m] and the slip rate u obey
     zdot  = u - alpha(|z|) max(0, u . z_hat) / z_ss(s) z,      z_ss(s) = F_dry(s) / stiffness
     f_hat = -(stiffness z + damping zdot + viscous u)
-alpha is 0 for |z| <= breakaway_fraction z_ss (Dupont, Hayward, Armstrong, Altpeter 2002, IEEE TAC 47(5):787-792): there the
-contact is a pure spring, so that a vibration below that load moves it to and fro without drift, which the original
-LuGre model does not manage. Taking the slip rate along z_hat makes the planar model passive and turns the bristle
-towards the slip without shortening it; on a straight line both forms are the same. Steady sliding gives F(s).
+alpha is 0 for |z| <= breakaway_fraction z_ss (Dupont, Hayward, Armstrong, Altpeter 2002, IEEE TAC 47(5):787-792):
+there the contact is a pure spring, so that a vibration below that load moves it to and fro without drift, which the
+original LuGre model does not manage. Taking the slip rate along z_hat makes the planar model passive and turns the
+bristle towards the slip without shortening it; on a straight line both forms are the same. Steady sliding gives F(s).
 
 Backward Euler gives z' = kappa (z + dt u) with one unknown kappa in (0, 1], 1 = elastic. It is bounded,
 |z'| <= max(|z|, z_ss), at any step; a stiff bristle needs no small step.

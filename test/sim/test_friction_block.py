@@ -1,0 +1,177 @@
+"""A planar block between pads, under every friction law: closed forms, break-away, Stribeck curve, drift, convergence."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from slip_sim_bridge.sim.friction import NO_STATE, Coulomb, Stribeck, solve_contact
+
+from .planar_block import PlanarBlock
+
+G0 = 9.81
+CURVE = Stribeck(0.5, 0.4, 0.05, 0.05)
+FIRST_ORDER = 0.5  # backward Euler shortens a path by speed * dt / 2
+FIRST_ORDER_SLACK = 1.2  # the next order, at the step sizes used here
+DRIFT_M = 1e-9  # 1e-6 mm in 2 s
+BREAK_AWAY = 0.005  # required; one load step is 0.1 %
+STRIBECK = 0.01  # required
+
+
+@pytest.mark.parametrize("speed", [0.02, 0.3, 1.0])
+def test_coulomb_block_slides_v2_over_2_mu_g(speed):
+    mu, mass, dt = 0.4, 0.5, 1e-3
+    block = PlanarBlock(Coulomb(mu), mass=mass, normal_force=mass * G0, dt=dt)
+    block.contact_twist = (speed, 0.0, 0.0)
+    steps = block.slide_to_rest()
+    assert steps == pytest.approx(speed / (mu * G0 * dt), abs=1.0)
+    exact = speed**2 / (2 * mu * G0)
+    assert block.slip[0] == pytest.approx(exact, abs=FIRST_ORDER_SLACK * FIRST_ORDER * speed * dt)
+    assert block.slip[1] == block.slip[2] == 0.0
+
+
+def test_coulomb_block_spins_to_rest():
+    mu, normal_force, rho, inertia, rate, dt = 0.4, 2.0, 0.03, 2e-3, 8.0, 1e-3
+    block = PlanarBlock(Coulomb(mu), inertia=inertia, normal_force=normal_force, rho=rho, dt=dt)
+    block.contact_twist = (0.0, 0.0, rate)
+    block.slide_to_rest()
+    exact = inertia * rate**2 / (2 * mu * normal_force * rho)
+    assert block.slip[2] == pytest.approx(exact, abs=FIRST_ORDER_SLACK * FIRST_ORDER * rate * dt)
+
+
+def test_coulomb_block_stops_on_a_slope():
+    mu, mass, slope, speed, dt = 0.6, 0.5, 0.3, 0.5, 1e-3
+    block = PlanarBlock(Coulomb(mu), mass=mass, normal_force=mass * G0 * math.cos(slope), dt=dt)
+    block.contact_twist = (speed, 0.0, 0.0)
+    downhill = (mass * G0 * math.sin(slope), 0.0, 0.0)
+    while not block.step(downhill).stick:
+        pass
+    deceleration = G0 * (mu * math.cos(slope) - math.sin(slope))
+    assert block.slip[0] == pytest.approx(
+        speed**2 / (2 * deceleration), abs=FIRST_ORDER_SLACK * FIRST_ORDER * speed * dt
+    )
+    assert block.step(downhill).stick, "it stays where it stopped"
+
+
+def test_coulomb_with_viscous_friction_stops_where_the_exponential_says():
+    mu, c, mass, normal_force, speed, dt = 0.4, 2.0, 0.5, 1.0, 0.5, 1e-4
+    block = PlanarBlock(Stribeck(mu, mu, 0.05, c), mass=mass, normal_force=normal_force, dt=dt)
+    block.contact_twist = (speed, 0.0, 0.0)
+    block.slide_to_rest()
+    F, tau = mu * normal_force, mass / c  # m v' = -F - c v
+    exact = tau * speed - F / c * tau * math.log1p(c * speed / F)
+    assert block.slip[0] == pytest.approx(exact, abs=FIRST_ORDER_SLACK * FIRST_ORDER * speed * dt)
+
+
+def test_translation_and_spin_end_together():
+    """Coulomb friction on an ellipsoid leaves no direction of a body with rho^2 = J/m unbraked: both stop at once."""
+    mass, rho = 0.5, 0.03
+    block = PlanarBlock(Coulomb(0.4), mass=mass, inertia=mass * rho**2, rho=rho, dt=1e-4)
+    block.contact_twist = (0.1, 0.05, 4.0)
+    direction = np.array([0.1, 0.05, 4.0 * rho])
+    while not block.step().stick:
+        moving = block.contact_twist * np.array([1.0, 1.0, rho])
+        if np.linalg.norm(moving) > 0.0:
+            np.testing.assert_allclose(
+                moving / np.linalg.norm(moving), direction / np.linalg.norm(direction), atol=1e-9
+            )
+
+
+DIRECTIONS = {
+    "x": (1.0, 0.0, 0.0),
+    "minus_y": (0.0, -1.0, 0.0),
+    "diagonal": (1.0, 1.0, 0.0),
+    "spin": (0.0, 0.0, 1.0),
+    "x_and_spin": (1.0, 0.0, 1.0),
+    "all": (1.0, -2.0, 0.7),
+}
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.02, 0.01)], ids=["centred", "off_centre"])
+@pytest.mark.parametrize("direction", DIRECTIONS.values(), ids=DIRECTIONS.keys())
+def test_break_away_at_mu_n(direction, offset):
+    block = PlanarBlock(CURVE, offset=offset, normal_force=3.0)
+    unit = np.array(direction) / np.linalg.norm(direction) * np.array([1.0, 1.0, block.rho])
+    limit = CURVE.mu_s * block.normal_force
+    for share in np.arange(0.0, 1.2, 0.001):
+        if not block.step(share * limit * unit).stick:
+            break
+    assert share == pytest.approx(1.0, rel=BREAK_AWAY)
+
+
+@pytest.mark.parametrize("axis", ["x", "diagonal", "x_and_spin"])
+@pytest.mark.parametrize("speed", [0.002, 0.02, 0.05, 0.1, 0.3])
+def test_stribeck_curve(speed, axis):
+    """The load that keeps a block at constant speed is read off by pulling the pads away under a heavy block."""
+    block = PlanarBlock(CURVE, mass=1e6, inertia=1e6, normal_force=0.5)
+    unit = np.array(DIRECTIONS[axis]) / np.linalg.norm(DIRECTIONS[axis])
+    pads = -speed * unit / np.array([1.0, 1.0, block.rho])
+    out = block.step(pad_velocity=pads)
+    force = np.linalg.norm(out.force / np.array([1.0, 1.0, block.rho]))
+    exact = 0.5 * (0.4 + 0.1 * math.exp(-((speed / 0.05) ** 2))) + 0.05 * speed
+    assert force == pytest.approx(exact, rel=STRIBECK)
+    np.testing.assert_allclose(out.force / np.array([1.0, 1.0, block.rho]) / force, -unit, atol=1e-6)
+
+
+def vibrating_pads(t, peak_acceleration, hertz=30.0):
+    omega = 2 * math.pi * hertz
+    return peak_acceleration / omega * (1.0 - math.cos(omega * t))
+
+
+@pytest.mark.parametrize("law", [CURVE, Coulomb(0.5)], ids=["stribeck", "coulomb"])
+def test_no_drift_in_stick_at_90_percent_load_with_vibration(law):
+    """70 % constant load and 20 % vibration at 30 Hz, along x with spin, off centre: 90 % at each peak."""
+    block = PlanarBlock(law, offset=(0.02, 0.01), normal_force=3.0)
+    limit = law.limit(0.0, 3.0)[0]
+    unit = np.array([0.8, 0.0, 0.6 * block.rho])
+    for k in range(2000):
+        shaking = 0.7 + 0.2 * math.sin(2 * math.pi * 30.0 * k * block.dt)
+        assert block.step(shaking * limit * unit).stick
+    assert np.abs(block.slip * np.array([1.0, 1.0, block.rho])).max() < DRIFT_M
+
+
+def test_vibration_over_the_limit_walks_downhill():
+    """The counter-example: the drift test must be able to fail."""
+    block = PlanarBlock(CURVE, normal_force=3.0)
+    limit = CURVE.limit(0.0, 3.0)[0]
+    for k in range(2000):
+        block.step((limit * (0.9 + 0.2 * math.sin(2 * math.pi * 30.0 * k * block.dt)), 0.0, 0.0))
+    assert block.slip[0] > 1e-4
+
+
+@pytest.mark.parametrize("law", [CURVE, Coulomb(0.4)], ids=["stribeck", "coulomb"])
+def test_slip_distance_converges_in_first_order(law):
+    """A pull above the limit for 0.2 s, then sliding to rest: translation, spin and an offset at once."""
+
+    def distance(dt):
+        block = PlanarBlock(law, offset=(0.02, 0.01), normal_force=0.5, dt=dt)
+        for k in range(round(0.2 / dt)):
+            block.step((0.4 * math.sin(math.pi * (k + 0.5) * dt / 0.2), 0.1, 0.004))
+        block.slide_to_rest()
+        return block.slip * np.array([1.0, 1.0, block.rho])
+
+    runs = [distance(dt) for dt in (2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4)]
+    gaps = [np.linalg.norm(a - b) for a, b in zip(runs, runs[1:], strict=False)]
+    ratios = [a / b for a, b in zip(gaps, gaps[1:], strict=False)]
+    # First order halves the gap; where in a step the slip starts and ends adds a sawtooth of the same order.
+    assert all(1.4 < ratio < 2.8 for ratio in ratios), ratios
+    assert gaps[1] < 0.02 * np.linalg.norm(runs[-1]), "1 ms is within 2 % of the limit"
+
+
+def test_the_step_may_be_long():
+    """No step size makes a resting block creep or a sliding block turn round."""
+    for dt in (1e-3, 1e-2, 0.1):
+        block = PlanarBlock(CURVE, normal_force=3.0, dt=dt)
+        block.contact_twist = (0.2, 0.0, 0.0)
+        while not block.step().stick:
+            assert block.solution.velocity[0] > 0.0
+        assert block.slip[0] >= 0.0
+
+
+def test_one_step_is_a_pure_function():
+    v, A = np.array([0.1, 0.05, 2.0]), 1e-3 * np.diag([2.0, 2.0, 500.0])
+    first, second = (solve_contact(v, A, 0.5, 1e-3, CURVE, NO_STATE, 0.03) for _ in range(2))
+    assert (first.force == second.force).all()
+    assert first.state == second.state == NO_STATE
