@@ -11,13 +11,12 @@ import math
 
 import mujoco
 import numpy as np
-
 from slip_msgs_py.arrays import Array, matrix_from_quat_xyzw
 from slip_sim_bridge.sim.friction import NO_STATE, solve_contact, substeps_needed
-from slip_sim_bridge.sim.friction_laws import friction_law
+from slip_sim_bridge.sim.laws import friction_law
 from slip_sim_bridge.sim.model import FORCE_SENSOR, OBJECT, SLIP_JOINTS, TORQUE_SENSOR, build_model
 from slip_sim_bridge.sim.params import BridgeParams
-from slip_sim_bridge.sim.plant import SimulationDiverged
+from slip_sim_bridge.sim.plant import DivergenceError
 
 _FATAL_WARNINGS = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
@@ -97,9 +96,7 @@ class ImplicitPlant:
             mujoco.mj_step2(model, data)
             mujoco.mj_step1(model, data)
         if any(warning.number for warning in self._warnings):
-            raise SimulationDiverged(
-                f"simulation diverged at {data.time:.4f} s; reset it, and lower gains or step size"
-            )
+            raise DivergenceError(f"simulation diverged at {data.time:.4f} s; reset it, and lower gains or step size")
 
     def holding_effort(self, target: Array, stiffness: float, damping: float) -> Array:
         """Return bias + M (stiffness (target - q) - damping qd) of the loaded arm; (n,) -> (n,) [N m].

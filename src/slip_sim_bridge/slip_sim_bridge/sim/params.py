@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Literal, Self
 
 from pydantic import model_validator
-
 from slip_msgs_py.arrays import inertia_from_six
 from slip_msgs_py.params import ParameterModel, parameter
 
@@ -181,7 +180,7 @@ class BridgeParams(ParameterModel):
             raise ValueError("joint_names must not repeat a name")
         if len(self.initial_position) != len(self.joint_names):
             raise ValueError(
-                f"initial_position needs {len(self.joint_names)} numbers, one per joint, got {len(self.initial_position)}"
+                f"initial_position: {len(self.initial_position)} numbers for {len(self.joint_names)} joints"
             )
         ticks = self.control_period_s * _CLOCK_TICKS_PER_S
         if abs(ticks - round(ticks)) > 1e-3:

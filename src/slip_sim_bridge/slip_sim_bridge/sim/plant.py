@@ -8,7 +8,7 @@ from slip_msgs_py.arrays import Array
 from slip_msgs_py.errors import SlipVicError
 
 
-class SimulationDiverged(SlipVicError):
+class DivergenceError(SlipVicError):
     """The simulated state is no longer finite or physical; only a reset helps."""
 
 
@@ -28,7 +28,7 @@ class Plant(Protocol):
         """Advance one control period under constant effort; (n,) [N m], sum of pad forces [N].
 
         Raises:
-            SimulationDiverged: where the state stopped being physical.
+            DivergenceError: where the state stopped being physical.
         """
         ...
 

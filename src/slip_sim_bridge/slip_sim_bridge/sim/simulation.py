@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.errors import InputError
 from slip_msgs_py.types import JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.sim.implicit import ImplicitPlant
 from slip_sim_bridge.sim.params import BridgeParams
-from slip_sim_bridge.sim.plant import Plant, SimulationDiverged
+from slip_sim_bridge.sim.plant import DivergenceError, Plant
 
 
 class GraspSimulation:
@@ -19,7 +18,7 @@ class GraspSimulation:
 
     The arm holds its posture until the first effort arrives and whenever `step` gets None. An effort that is not
     finite is refused: the arm holds, and `command_refused` says so. A state that is no longer physical makes `step`
-    raise `SimulationDiverged` until `reset`; the last good samples stay readable.
+    raise `DivergenceError` until `reset`; the last good samples stay readable.
 
     Nothing here is random, and equal inputs give equal bits.
     """
@@ -79,12 +78,12 @@ class GraspSimulation:
 
         Raises:
             InputError: where the effort has the wrong size.
-            SimulationDiverged: where the state stopped being physical, in this step or an earlier one.
+            DivergenceError: where the state stopped being physical, in this step or an earlier one.
 
         Implements: ours: zero-order hold of the effort over one control period.
         """
         if self._diverged:
-            raise SimulationDiverged("simulation has diverged; reset it")
+            raise DivergenceError("simulation has diverged; reset it")
         wanted = self._accept(effort)
         if wanted is None:
             if self._hold_posture is None:
@@ -97,7 +96,7 @@ class GraspSimulation:
         self._saturated = bool((applied != wanted).any())
         try:
             self._plant.advance(applied, self._grip)
-        except SimulationDiverged:
+        except DivergenceError:
             self._diverged = True
             raise
         self._applied = applied
