@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
-
 from slip_msgs_py.errors import InputError
 from slip_sim_bridge.sim import sym3
 from slip_sim_bridge.sim.friction import NO_STATE, Coulomb, Stribeck, solve_contact, substeps_needed

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
 import pytest
-
 from slip_sim_bridge.sim.friction import NO_STATE, Coulomb, Stribeck, solve_contact
 
 from .planar_block import PlanarBlock
@@ -153,8 +153,8 @@ def test_slip_distance_converges_in_first_order(law):
         return block.slip * np.array([1.0, 1.0, block.rho])
 
     runs = [distance(dt) for dt in (2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4)]
-    gaps = [np.linalg.norm(a - b) for a, b in zip(runs, runs[1:], strict=False)]
-    ratios = [a / b for a, b in zip(gaps, gaps[1:], strict=False)]
+    gaps = [np.linalg.norm(a - b) for a, b in itertools.pairwise(runs)]
+    ratios = [a / b for a, b in itertools.pairwise(gaps)]
     # First order halves the gap; where in a step the slip starts and ends adds a sawtooth of the same order.
     assert all(1.4 < ratio < 2.8 for ratio in ratios), ratios
     assert gaps[1] < 0.02 * np.linalg.norm(runs[-1]), "1 ms is within 2 % of the limit"

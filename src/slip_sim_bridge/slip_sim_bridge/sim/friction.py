@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.errors import InputError
 from slip_sim_bridge.sim import sym3

@@ -24,6 +24,7 @@ from slip_sim_bridge.sim.sym3 import Sym3, Vec3
 
 _ROOT_TOLERANCE = 1e-12  # of kappa
 _ROOT_ITERATIONS = 100
+_SHORTEST = 1e-12  # m: full stretch where there is no dry friction; its force is nil
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,18 +131,17 @@ class LuGre:
         z_next = (kappa * (z[0] + dt * u[0]), kappa * (z[1] + dt * u[1]), kappa * (z[2] + dt * u[2]))
         length = math.sqrt(z_next[0] * z_next[0] + z_next[1] * z_next[1] + z_next[2] * z_next[2])
         along = u[0] * z_next[0] + u[1] * z_next[1] + u[2] * z_next[2]
-        if along <= 0.0:
-            return 1.0 - kappa, u, z_next
         speed = math.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
-        z_ss = (self.curve.limit(speed, normal_force)[0] - self.curve.viscous * speed) / self.stiffness
+        dry = self.curve.limit(speed, normal_force)[0] - self.curve.viscous * speed
+        z_ss = max(dry / self.stiffness, _SHORTEST)
+        if along <= 0.0 or length <= self.breakaway_fraction * z_ss:
+            return 1.0 - kappa, u, z_next
         flow = dt * self._alpha(length / z_ss) * along / (length * z_ss)
         return 1.0 - kappa - kappa * flow, u, z_next
 
     def _alpha(self, stretch: float) -> float:
-        """Share of the slip that flows: 0 below the break-away fraction, 1 at full stretch, a smooth sine between."""
+        """Share of the slip that flows above the break-away fraction: a smooth sine from 0 to 1 at full stretch."""
         start = self.breakaway_fraction
-        if stretch <= start:
-            return 0.0
         if stretch >= 1.0:
             return 1.0
         return 0.5 + 0.5 * math.sin(math.pi * (stretch - 0.5 * (1.0 + start)) / (1.0 - start))

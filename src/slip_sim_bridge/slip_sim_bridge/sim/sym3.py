@@ -58,5 +58,7 @@ def largest_eigenvalue(matrix: Sym3) -> float:
     spread = math.sqrt((a * a + b * b + c * c + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
     if spread <= 1e-14 * abs(mean):
         return mean
-    half_det = (a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)) / (2.0 * spread**3)
+    half_det = (a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)) / (
+        2.0 * spread * spread * spread
+    )
     return mean + 2.0 * spread * math.cos(math.acos(max(-1.0, min(1.0, half_det))) / 3.0)
