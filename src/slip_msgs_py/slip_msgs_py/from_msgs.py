@@ -41,7 +41,9 @@ class JointOrder:
             missing = [name for name in self.names if seen.count(name) != 1]
             if missing:
                 raise InputError(
-                    f"joint state: joint {missing[0]}", got=f"names {list(seen)}", expected=f"each of {list(self.names)} once"
+                    f"joint state: joint {missing[0]}",
+                    got=f"names {list(seen)}",
+                    expected=f"each of {list(self.names)} once",
                 )
             self._index = [seen.index(name) for name in self.names]
             self._last = seen
@@ -91,7 +93,9 @@ def effort_command(message: Any, order: JointOrder) -> EffortCommand:
     index = order.indices(message.name)
     if len(message.effort) != len(message.name):
         raise InputError(
-            "effort command", got=f"{len(message.name)} names, {len(message.effort)} efforts", expected="one effort per name"
+            "effort command",
+            got=f"{len(message.name)} names, {len(message.effort)} efforts",
+            expected="one effort per name",
         )
     return EffortCommand(stamp_to_ns(message.header.stamp), np.asarray(message.effort, dtype=np.float64)[index])
 

@@ -78,14 +78,8 @@ def parameter_infos(model: type[ParameterModel], prefix: str = "") -> Iterator[P
 def flatten(model: ParameterModel) -> dict[str, Any]:
     """Return every leaf value under its dotted name, tuples as lists."""
 
-    def walk(values: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
-        for key, value in values.items():
-            if isinstance(value, Mapping):
-                yield from walk(value, f"{prefix}{key}.")
-            else:
-                yield f"{prefix}{key}", list(value) if isinstance(value, tuple) else value
-
-    return dict(walk(model.model_dump(), ""))
+    flat = flat_names(model.model_dump())
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in flat.items()}
 
 
 def build(model: type[Model], values: Mapping[str, Any], origin: str) -> Model:
@@ -94,28 +88,33 @@ def build(model: type[Model], values: Mapping[str, Any], origin: str) -> Model:
     Raises:
         InputError: unknown name (with the nearest known), wrong type, or a value out of range.
     """
-    flat = _flat_mapping(values)
+    flat = flat_names(values)
     known = {info.name for info in parameter_infos(model)}
     for name in flat:
         if name not in known:
             raise InputError(f"{origin}: parameter {name}", got="an unknown name", expected=nearest(name, known))
-    nested: dict[str, Any] = {}
-    for name, value in flat.items():
-        *groups, leaf = name.split(".")
-        node = nested
-        for group in groups:
-            node = node.setdefault(group, {})
-        node[leaf] = value
+    return validate(model, nested_names(flat), origin)
+
+
+def validate(model: type[Model], nested: Mapping[str, Any], origin: str) -> Model:
+    """Make a model from nested values.
+
+    Raises:
+        InputError: the first thing that is wrong, in one line.
+    """
     try:
         return model.model_validate(nested)
     except ValidationError as error:
         first = error.errors()[0]
         name = ".".join(str(part) for part in first["loc"]) or "(all together)"
         message = first["msg"].removeprefix("Value error, ")
-        got = first["input"] if first["loc"] else message
-        raise InputError(
-            f"{origin}: parameter {name}", got=got, expected=_expected(message) if first["loc"] else "consistent values"
-        ) from None
+        if first["type"] == "extra_forbidden":
+            raise InputError(
+                f"{origin}: {name}", got="an unknown name", expected=nearest(name, model.model_fields)
+            ) from None
+        if first["type"] == "value_error":
+            raise InputError(f"{origin}: parameter {name}", got=message, expected="consistent values") from None
+        raise InputError(f"{origin}: parameter {name}", got=first["input"], expected=_expected(message)) from None
 
 
 def _expected(message: str) -> str:
@@ -125,14 +124,27 @@ def _expected(message: str) -> str:
     return message
 
 
-def _flat_mapping(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def flat_names(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested groups under dotted names; names that are dotted already stay."""
     flat: dict[str, Any] = {}
     for key, value in values.items():
         if isinstance(value, Mapping):
-            flat.update(_flat_mapping(value, f"{prefix}{key}."))
+            flat.update(flat_names(value, f"{prefix}{key}."))
         else:
             flat[f"{prefix}{key}"] = value
     return flat
+
+
+def nested_names(flat: Mapping[str, Any]) -> dict[str, Any]:
+    """Return dotted names as nested groups: the inverse of `flat_names`."""
+    nested: dict[str, Any] = {}
+    for name, value in flat.items():
+        *groups, leaf = name.split(".")
+        node = nested
+        for group in groups:
+            node = node.setdefault(group, {})
+        node[leaf] = value
+    return nested
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:

@@ -41,11 +41,15 @@ def descriptor(info: ParameterInfo) -> ParameterDescriptor:
     low, high = bounds.get("ge", bounds.get("gt")), bounds.get("le", bounds.get("lt"))
     if info.kind is float and (low is not None or high is not None):
         result.floating_point_range = [
-            FloatingPointRange(from_value=float(-1e308 if low is None else low), to_value=float(1e308 if high is None else high))
+            FloatingPointRange(
+                from_value=float(-1e308 if low is None else low), to_value=float(1e308 if high is None else high)
+            )
         ]
     if info.kind is int and (low is not None or high is not None):
         result.integer_range = [
-            IntegerRange(from_value=int(-(2**62) if low is None else low), to_value=int(2**62 if high is None else high), step=1)
+            IntegerRange(
+                from_value=int(-(2**62) if low is None else low), to_value=int(2**62 if high is None else high), step=1
+            )
         ]
     if "one_of" in bounds:
         result.additional_constraints = f"one of {', '.join(map(str, bounds['one_of']))}"

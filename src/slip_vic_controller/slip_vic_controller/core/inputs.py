@@ -87,6 +87,13 @@ class InputBuffer:
         """Take the list of what belongs to the current lockstep tick."""
         self._manifest = manifest
 
+    @property
+    def newest_joint(self) -> JointSample:
+        """The joint state that the next cycle answers; only after `complete`."""
+        if self._joint is None:
+            raise RuntimeError("newest_joint before complete()")
+        return self._joint
+
     def missing(self) -> list[str]:
         """Return the inputs that have never been seen.
 

@@ -1,0 +1,60 @@
+"""A ROS_DOMAIN_ID of one's own: locked while in use, so that runs on one machine never hear each other."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from slip_msgs_py.errors import InputError, ProtocolError
+
+# Above 101 the DDS ports reach into Linux's ephemeral range; 0 is everybody's default.
+FIRST, LAST = 1, 101
+
+
+@contextlib.contextmanager
+def domain_id(wanted: int | None = None) -> Iterator[int]:
+    """Hold a domain id: the wanted one, or one that no other run of this suite holds.
+
+    Raises:
+        InputError: where the wanted id is out of range.
+        ProtocolError: where all ids are taken.
+    """
+    if wanted is not None:
+        if not 0 <= wanted <= 232:
+            raise InputError("ROS_DOMAIN_ID", got=wanted, expected="a whole number from 0 to 232 (0 to 101 is safe)")
+        yield wanted
+        return
+    folder = Path(tempfile.gettempdir()) / f"slip_vic_domains.{os.getuid()}"
+    folder.mkdir(exist_ok=True)
+    count = LAST - FIRST + 1
+    for offset in range(count):
+        candidate = FIRST + (os.getpid() + offset) % count
+        with (folder / str(candidate)).open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                continue
+            yield candidate
+            return
+    raise ProtocolError(f"all ROS domain ids from {FIRST} to {LAST} are in use by other runs; give --domain-id")
+
+
+def domain_from_environment() -> int | None:
+    """Return ROS_DOMAIN_ID of the environment, None where it is not set.
+
+    Raises:
+        InputError: where it is not a whole number.
+    """
+    text = os.environ.get("ROS_DOMAIN_ID")
+    if text is None or not text.strip():
+        return None
+    try:
+        return int(text)
+    except ValueError:
+        raise InputError(
+            "ROS_DOMAIN_ID", got=text, expected="a whole number from 0 to 232", fix="unset it or set it right"
+        ) from None

@@ -1,0 +1,170 @@
+"""Start bridge, controller and recorder as processes on DDS, watch them, end them; nothing is left behind."""
+
+from __future__ import annotations
+
+import signal
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from slip_bringup.domain import domain_from_environment, domain_id
+from slip_bringup.processes import Child, Event, ProcessGroup, child_environment, python_module
+from slip_bringup.recording import recorder_command
+from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
+from slip_msgs_py.errors import InputError, ProtocolError
+from slip_msgs_py.params import ParameterModel
+
+READY_TIMEOUT_S = 20.0
+POLL_S = 0.02
+
+
+class Interrupted(InputError):
+    """The user ended the run before its end; everything was closed in order."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__("interrupted", got=detail, expected="the run's full duration")
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """What a finished run reports: ticks, simulated and wall time, recorder's counts, where the bag is."""
+
+    ticks: int
+    sim_time_s: float
+    wall_time_s: float
+    bag: Path | None
+    messages: int
+    lost: int
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated over wall time."""
+        return self.sim_time_s / self.wall_time_s if self.wall_time_s > 0.0 else 0.0
+
+
+class Launcher:
+    """One run of a scenario.
+
+    Args:
+        scenario: parameters of both nodes.
+        bag: folder to record into, None records nothing. It must not exist yet.
+        on_progress: called with the simulated time [s], from a reader thread.
+        wanted_domain: ROS domain id, None takes ROS_DOMAIN_ID or a free one.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        bag: Path | None = None,
+        on_progress: Callable[[float], None] = lambda _: None,
+        wanted_domain: int | None = None,
+        namespace: str = "",
+    ) -> None:
+        self._scenario = scenario
+        self._bag = bag
+        self._on_progress = on_progress
+        self._wanted_domain = wanted_domain if wanted_domain is not None else domain_from_environment()
+        self._namespace = namespace
+        self._stop = threading.Event()
+        if bag is not None and bag.exists():
+            raise InputError(f"bag folder {bag}", got="it exists", expected="a new folder", fix="remove it or choose another")
+
+    def run(self) -> RunResult:
+        """Run to the end.
+
+        Raises:
+            ProtocolError: the first child that failed, with its exit code and last lines, or a missed deadline.
+            Interrupted: SIGINT or SIGTERM came first.
+        """
+        previous = {number: signal.signal(number, self._on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            with (
+                domain_id(self._wanted_domain) as domain,
+                tempfile.TemporaryDirectory(prefix="slip_vic_") as folder,
+                ProcessGroup() as group,
+            ):
+                return self._supervise(group, domain, Path(folder))
+        finally:
+            for number, handler in previous.items():
+                signal.signal(number, handler)
+
+    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
+        self._stop.set()
+
+    def _supervise(self, group: ProcessGroup, domain: int, folder: Path) -> RunResult:
+        environment = child_environment(domain)
+        recording = self._bag is not None
+        peers = ["controller", "recorder"] if recording else ["controller"]
+        scenario = self._scenario
+        controller = scenario.controller.model_copy(update={"expected_subscribers": len(peers)})
+        bridge = scenario.bridge.model_copy(update={"wait_for": tuple(peers)})
+        # The bridge starts last: it needs the others, and its first output is the run's first tick.
+        order: list[tuple[str, list[str]]] = []
+        if self._bag is not None:
+            order.append(("recorder", recorder_command(scenario, self._bag, folder, self._namespace)))
+        order.append(("controller", self._node_command("controller", controller, folder)))
+        order.append(("bridge", self._node_command("bridge", bridge, folder)))
+        children = {name: group.start(name, argv, environment, self._on_event) for name, argv in order}
+        self._wait(group, lambda: "started" in children["bridge"].events, READY_TIMEOUT_S, "the processes to get ready")
+        self._wait(group, lambda: children["bridge"].exit_code is not None, None, "")
+        group.stop([children["controller"]])
+        if recording:
+            group.stop([children["recorder"]])
+        self._check(group)
+        return self._result(children)
+
+    def _node_command(self, name: str, params: ParameterModel, folder: Path) -> list[str]:
+        node_name, _ = NODES[name]
+        path = folder / f"{name}.yaml"
+        path.write_text(ros_parameter_file(params, node_name), encoding="utf-8")
+        arguments = ["--ros-args", "--params-file", str(path)]
+        if self._namespace:
+            arguments += ["-r", f"__ns:={self._namespace}"]
+        return python_module(f"{node_name}.node", *arguments)
+
+    def _on_event(self, name: str, event: Event) -> None:
+        if name == "bridge" and event["event"] == "progress":
+            self._on_progress(float(event["sim_time_s"]))
+
+    def _wait(self, group: ProcessGroup, done: Callable[[], bool], timeout_s: float | None, what: str) -> None:
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        while not done():
+            if self._stop.wait(POLL_S):
+                group.stop([child for child in group.children if child.name != "recorder"])
+                group.stop(group.children)
+                raise Interrupted(f"a signal{self._progress_text(group)}")
+            self._check(group)
+            if deadline is not None and time.monotonic() > deadline:
+                states = "\n".join(f"  {child.name}:\n{child.tail()}" for child in group.children)
+                raise ProtocolError(f"waited {timeout_s:g} s for {what}; last lines:\n{states}")
+
+    def _check(self, group: ProcessGroup) -> None:
+        failed = group.first_failed()
+        if failed is not None:
+            failed.wait(1.0)
+            raise ProtocolError(f"{failed.name} failed with exit code {failed.exit_code}; last lines:\n{failed.tail()}")
+
+    def _progress_text(self, group: ProcessGroup) -> str:
+        done = next((child.events.get("done") for child in group.children if child.name == "bridge"), None)
+        kept = f"; bag kept in {self._bag}" if self._bag is not None and self._bag.exists() else ""
+        return (f" after {done['sim_time_s']:.3f} s" if done else " before the start") + kept
+
+    def _result(self, children: dict[str, Child]) -> RunResult:
+        done: dict[str, Any] = dict(children["bridge"].events.get("done", {}))
+        recorded: Any = children["recorder"].events.get("done", {}).get("summary", {}) if self._bag else {}
+        if not done:
+            raise ProtocolError(f"bridge ended without a result; last lines:\n{children['bridge'].tail()}")
+        return RunResult(
+            ticks=int(done["ticks"]),
+            sim_time_s=float(done["sim_time_s"]),
+            wall_time_s=float(done["wall_time_s"]),
+            bag=self._bag,
+            messages=int(recorded.get("messages", 0)),
+            lost=int(recorded.get("lost", 0)),
+        )

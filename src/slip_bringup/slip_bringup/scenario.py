@@ -1,0 +1,138 @@
+"""Scenarios: one file describes object, grasp, task and gains; here it becomes the parameters of both nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+from pydantic import Field
+
+from slip_description import scenario_names, scenario_text
+from slip_msgs_py.errors import InputError, nearest
+from slip_msgs_py.params import (
+    ParameterModel,
+    build,
+    flat_names,
+    flatten,
+    load_yaml,
+    nested_names,
+    parameter_infos,
+    parse_assignment,
+    validate,
+)
+from slip_msgs_py.resources import read_text
+from slip_sim_bridge.node_params import BridgeNodeParams
+from slip_vic_controller.node_params import ControllerNodeParams
+
+ControllerKind = Literal["vic", "classical"]
+NODES = {"controller": ("slip_vic_controller", ControllerNodeParams), "bridge": ("slip_sim_bridge", BridgeNodeParams)}
+
+
+class ScenarioFile(ParameterModel):
+    """The file's outer form; the inner values are checked by the nodes' own parameter models."""
+
+    name: str
+    description: str
+    sources: str | list[str] = Field(default_factory=list)
+    duration_s: float = Field(gt=0.0)
+    shared: dict[str, Any] = Field(default_factory=dict)
+    controller: dict[str, Any] = Field(default_factory=dict)
+    bridge: dict[str, Any] = Field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """A scenario with all overrides applied: validated parameters of both nodes and the arm's URDF."""
+
+    name: str
+    description: str
+    text: str
+    controller: ControllerNodeParams
+    bridge: BridgeNodeParams
+    urdf: str
+
+
+def load_scenario(
+    name_or_path: str,
+    *,
+    controller: ControllerKind = "vic",
+    mode: Literal["lockstep", "realtime"] = "lockstep",
+    seed: int = 0,
+    assignments: Iterable[str] = (),
+    urdf_file: Path | None = None,
+) -> Scenario:
+    """Read a scenario by name or path and apply ``--set`` assignments.
+
+    An assignment names a node's parameter (``controller.gains.k_s=500``, ``bridge.grip.force=0.6``) or,
+    without prefix, one that both nodes share (``object.mass=0.6``).
+
+    Raises:
+        InputError: unknown scenario, unknown parameter (nearest names offered), bad value, unreadable URDF.
+    """
+    text, origin = _read(name_or_path)
+    outer = validate(ScenarioFile, yaml.safe_load(text), origin)
+    values: dict[str, dict[str, Any]] = {
+        "controller": {**flat_names(outer.shared), **flat_names(outer.controller)},
+        "bridge": {**flat_names(outer.shared), **flat_names(outer.bridge), "duration_s": outer.duration_s},
+    }
+    values["controller"]["controller"] = controller
+    for node in values.values():
+        node["mode"] = mode
+    values["bridge"]["seed"] = seed
+    if urdf_file is not None:
+        for node in values.values():
+            node["robot_description_file"] = str(urdf_file)
+    for assignment in assignments:
+        _assign(values, *parse_assignment(assignment))
+    made = {key: build(model, values[key], f"{origin}: {key}") for key, (_, model) in NODES.items()}
+    controller_params, bridge_params = made["controller"], made["bridge"]
+    assert isinstance(controller_params, ControllerNodeParams)
+    assert isinstance(bridge_params, BridgeNodeParams)
+    urdf = bridge_params.robot_description or read_text(
+        bridge_params.robot_description_file, "parameter robot_description_file"
+    )
+    return Scenario(outer.name, outer.description, text, controller_params, bridge_params, urdf)
+
+
+def _read(name_or_path: str) -> tuple[str, str]:
+    known = scenario_names()
+    if name_or_path in known:
+        return scenario_text(name_or_path), f"scenario {name_or_path}"
+    path = Path(name_or_path)
+    if path.suffix in (".yaml", ".yml"):
+        load_yaml(path)  # for its clear error
+        return path.read_text(encoding="utf-8"), f"scenario {path}"
+    raise InputError(
+        f"scenario {name_or_path}",
+        got="an unknown name",
+        expected=nearest(name_or_path, known),
+        fix="or give a .yaml file",
+    )
+
+
+def _assign(values: dict[str, dict[str, Any]], key: str, value: Any) -> None:
+    names = {node: {info.name for info in parameter_infos(model)} for node, (_, model) in NODES.items()}
+    node, _, rest = key.partition(".")
+    if node in values and rest in names[node]:
+        values[node][rest] = value
+        return
+    owners = [node for node in values if key in names[node]]
+    if not owners:
+        known = {f"{node}.{name}" for node in values for name in names[node]} | (names["controller"] & names["bridge"])
+        raise InputError(f"--set {key}", got="an unknown parameter", expected=nearest(key, known))
+    for owner in owners:
+        values[owner][key] = value
+
+
+def ros_parameter_file(params: ParameterModel, node_name: str) -> str:
+    """Return the ROS parameter file of one node, valid in any namespace.
+
+    Empty lists are left out: rcl's parser refuses them, and they are the defaults.
+    """
+    nested = nested_names({name: value for name, value in flatten(params).items() if value != []})
+    return yaml.safe_dump(
+        {f"/**/{node_name}": {"ros__parameters": nested}}, sort_keys=False, default_flow_style=None, width=120
+    )

@@ -1,0 +1,71 @@
+"""Waiting for peers: endpoints matched on both sides before the first message, and a clear line where they are not."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from rclpy.qos import QoSCompatibility, qos_check_compatible
+
+from slip_msgs_py.errors import ProtocolError
+
+
+class Peers:
+    """The endpoints a node needs: publishers with a least number of subscribers, subscriptions with a publisher.
+
+    Args:
+        node: the node that owns them.
+        publishers: (publisher, least number of subscribers).
+        subscriptions: subscriptions that each need at least one publisher.
+    """
+
+    def __init__(
+        self, node: Any, *, publishers: Iterable[tuple[Any, int]] = (), subscriptions: Iterable[Any] = ()
+    ) -> None:
+        self._node = node
+        self._publishers = tuple(publishers)
+        self._subscriptions = tuple(subscriptions)
+
+    def missing(self) -> list[str]:
+        """Return one phrase per endpoint that is not matched yet."""
+        phrases = []
+        for subscription in self._subscriptions:
+            if subscription.get_publisher_count() < 1:
+                phrases.append(f"{subscription.topic_name} has no {self._adjective(subscription)}publisher")
+        for publisher, least in self._publishers:
+            count = publisher.get_subscription_count()
+            if count < least:
+                phrases.append(f"{publisher.topic_name} has {count} of {least} subscribers")
+        return phrases
+
+    def _adjective(self, subscription: Any) -> str:
+        """Return what is wrong with publishers that are there but do not match: their QoS."""
+        for info in self._node.get_publishers_info_by_topic(subscription.topic_name):
+            verdict, reason = qos_check_compatible(info.qos_profile, subscription.qos_profile)
+            if verdict == QoSCompatibility.ERROR:
+                return f"QoS-compatible ({' '.join(reason.split()).rstrip(';')}) "
+        return ""
+
+
+def wait_until(
+    condition: Callable[[], bool],
+    *,
+    spin_once: Callable[[float], None],
+    should_stop: Callable[[], bool],
+    timeout_s: float,
+    explain: Callable[[], str],
+) -> bool:
+    """Spin until `condition` holds; return False where the process was asked to stop first.
+
+    Raises:
+        ProtocolError: after `timeout_s` on the steady clock, with what `explain` says.
+    """
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        if should_stop():
+            return False
+        if time.monotonic() > deadline:
+            raise ProtocolError(f"waited {timeout_s:g} s: {explain()}")
+        spin_once(0.01)
+    return True

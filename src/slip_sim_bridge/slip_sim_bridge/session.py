@@ -1,0 +1,109 @@
+"""The bridge between ticks: simulation, sensors, run length and resets, without ROS.
+
+The node and the in-process loop run this same class.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slip_msgs_py.arrays import readonly
+from slip_msgs_py.stamps import seconds_to_ns
+from slip_msgs_py.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
+from slip_sim_bridge.node_params import BridgeNodeParams
+from slip_sim_bridge.sim.sensors import SensorSuite
+from slip_sim_bridge.sim.simulation import GraspSimulation
+
+NO_EFFORT = readonly(np.zeros(0))
+
+
+@dataclass(frozen=True, slots=True)
+class TickOutputs:
+    """What the bridge publishes at one tick; wrenches and slips per contact, those that are due now, oldest first.
+
+    counts: per contact, wrench and slip samples published so far: what a lockstep controller waits for.
+    """
+
+    tick: int
+    stamp_ns: int
+    joint: JointSample
+    wrenches: tuple[tuple[WrenchSample, ...], ...]
+    slips: tuple[tuple[SlipSample, ...], ...]
+    counts: tuple[int, ...]
+    truth: ObjectTruth
+
+
+class BridgeSession:
+    """Simulation and sensors, one tick after the other.
+
+    Args:
+        params: parameters of the bridge.
+        urdf_text: the arm.
+    """
+
+    def __init__(self, params: BridgeNodeParams, urdf_text: str) -> None:
+        self._params = params
+        self.simulation = GraspSimulation(params, urdf_text)
+        self._sensors = SensorSuite(params)
+        self._start_ns = self.simulation.stamp_ns
+        self._duration_ns = seconds_to_ns(params.duration_s)
+        self._wrench_count = 0
+        self._slip_count = 0
+        self._reset_wanted = False
+        self.tick = 0
+        self.contacts = 1
+
+    @property
+    def elapsed_s(self) -> float:
+        """Simulated time since the start [s]."""
+        return (self.simulation.stamp_ns - self._start_ns) * 1e-9
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run's duration is over."""
+        return self._params.stop_after_duration and self.simulation.stamp_ns - self._start_ns >= self._duration_ns
+
+    def set_grip_force(self, force: float) -> None:
+        """Set the grip force from the next tick on; [N].
+
+        Raises:
+            InputError: negative or not finite.
+        """
+        self.simulation.set_grip_force(force)
+
+    def request_reset(self) -> None:
+        """Put everything back before the next tick; time goes on."""
+        self._reset_wanted = True
+
+    def observe(self) -> TickOutputs:
+        """Measure everything at the present stamp; once per tick."""
+        if self._reset_wanted:
+            self._reset_wanted = False
+            self.simulation.reset()
+            self._sensors.reset()
+        simulation = self.simulation
+        wrenches = tuple(self._sensors.wrench.update(simulation.true_wrench()))
+        slips = tuple(self._sensors.slip.update(simulation.true_slip()))
+        self._wrench_count += len(wrenches)
+        self._slip_count += len(slips)
+        return TickOutputs(
+            tick=self.tick,
+            stamp_ns=simulation.stamp_ns,
+            joint=self._sensors.joint.update(simulation.joint_sample()),
+            wrenches=(wrenches,),
+            slips=(slips,),
+            counts=(self._wrench_count, self._slip_count),
+            truth=simulation.truth(),
+        )
+
+    def advance(self, command: EffortCommand | None) -> None:
+        """Apply a command for one control period; None, an empty one, or one too old holds the arm."""
+        effort = None
+        if command is not None and len(command.effort):
+            age_ns = self.simulation.stamp_ns - command.stamp_ns
+            if 0 <= age_ns <= seconds_to_ns(self._params.command_timeout_s):
+                effort = command.effort
+        self.simulation.step(effort)
+        self.tick += 1

@@ -1,0 +1,19 @@
+"""Parameters of the controller node: those of the law, and how the node runs."""
+
+from __future__ import annotations
+
+from slip_msgs_py.params import parameter
+from slip_vic_controller.core.params import ControllerParams
+
+
+class ControllerNodeParams(ControllerParams):
+    """Everything the controller node can be told."""
+
+    expected_subscribers: int = parameter(
+        1,
+        "subscribers on `effort_command` before `controller/ready` is sent (bridge, and recorder where there is one)",
+        ge=1,
+    )
+    publish_effort_array: bool = parameter(
+        False, "also publish `effort_controller/commands` (Float64MultiArray) for ros2_control's effort controllers"
+    )
