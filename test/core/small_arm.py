@@ -12,7 +12,7 @@ _ROWS = [
     ((0.0, 0.0, 0.00), (1.5708, 0.0, 0.0), 1.2, (0.05, -0.02, -0.01), (0.005, 0.004, 0.005), 30.0),
     ((0.09, 0.0, 0.00), (1.5708, 0.0, 0.0), 0.7, (0.01, 0.01, 0.06), (0.003, 0.003, 0.002), 30.0),
 ]
-JOINT_NAMES = tuple(f"joint{i}" for i in range(1, 8))
+JOINT_NAMES = tuple(f"arm_joint{i}" for i in range(1, 8))
 HOME = (0.1, -0.5, 0.2, -2.0, 0.1, 1.6, 0.7)
 
 
@@ -24,7 +24,7 @@ def small_arm_urdf(*, extra_joint: bool = False, continuous: bool = False, effor
         parts.append(
             f'<link name="link{i}"><inertial><origin xyz="{_text(com)}"/><mass value="{mass}"/>'
             f'<inertia ixx="{inertia[0]}" iyy="{inertia[1]}" izz="{inertia[2]}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-            f'<joint name="joint{i}" type="{kind}"><parent link="link{i - 1}"/><child link="link{i}"/>'
+            f'<joint name="arm_joint{i}" type="{kind}"><parent link="link{i - 1}"/><child link="link{i}"/>'
             f'<origin xyz="{_text(xyz)}" rpy="{_text(rpy)}"/><axis xyz="0 0 1"/>'
             f'<limit lower="-2.9" upper="2.9" effort="{limit if effort is None else effort}" velocity="2.5"/></joint>'
         )

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-
 from slip_msgs_py.arrays import Array, readonly, vector
 from slip_msgs_py.errors import InputError, nearest
 
@@ -64,9 +63,11 @@ class ArmModel:
             model = pin.buildReducedModel(model, locked, pin.neutral(model))
         if model.nq != len(names):
             raise InputError(
-                "URDF joints", got=f"{model.nq} coordinates for {len(names)} joints", expected="one coordinate per joint",
+                "URDF joints",
+                got=f"{model.nq} coordinates for {len(names)} joints",
+                expected="one coordinate per joint",
                 fix="use revolute with limits instead of continuous",
-            )  # fmt: skip
+            )
         if not (np.isfinite(model.effortLimit).all() and (model.effortLimit > 0.0).all()):
             raise InputError(
                 "URDF effort limits",

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-
+from numpy.typing import NDArray
 from slip_msgs_py.arrays import Array, inertia_from_six, matrix_from_quat_xyzw, readonly, rotate6, vector
 from slip_msgs_py.errors import InputError
 from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
+
 from slip_vic_controller.core.arm import ArmModel
-from slip_vic_controller.core.attitude import AttitudeError, log_error, rpy_error
-from slip_vic_controller.core.diagnostics import TickDiagnostics, TickTerms
+from slip_vic_controller.core.attitude import log_error, rpy_error
+from slip_vic_controller.core.diagnostics import Status, TickDiagnostics, TickTerms
 from slip_vic_controller.core.grasp import Contact, SlipDisplacement, integrate_slip
 from slip_vic_controller.core.impedance import Gains
 from slip_vic_controller.core.law import control_law, grasp_terms
 from slip_vic_controller.core.lyapunov import V_e, V_s
 from slip_vic_controller.core.object_dynamics import ObjectModel
-from slip_vic_controller.core.operational import SingularityPolicy, joint_torque, limit_effort, posture_torque
+from slip_vic_controller.core.operational import SingularityPolicy, joint_torque, posture_torque
 from slip_vic_controller.core.params import ControllerParams, GainParams
+from slip_vic_controller.core.safety import finite, limit_effort, refusal, safe_torque
 from slip_vic_controller.core.state import ControllerState
 from slip_vic_controller.core.trajectory import make_path, reference_at
 
@@ -53,6 +55,7 @@ class VicController:
         self.object_model = ObjectModel(params.object.mass, inertia, vector(params.gravity, 3, "gravity"))
         self.policy = SingularityPolicy(params.singularity.sigma_min, params.singularity.damping)
         self.path = make_path(params.trajectory)
+        self._slip_needed = params.controller == "vic"
         posture, joints = params.nullspace.posture, len(self.joint_names)
         if posture and len(posture) != joints:
             raise InputError("parameter nullspace.posture", got=f"{len(posture)} values", expected=f"{joints} or none")
@@ -97,101 +100,106 @@ class VicController:
 
         Implements: Eq. (21), (28), (29), the whole law.
         """
-        reason = self._refusal(state, joint, wrenches, slips, reference)
+        reason = refusal(
+            state.stamp_ns,
+            len(self.joint_names),
+            len(self.contacts),
+            self._slip_needed,
+            joint,
+            wrenches,
+            slips,
+            reference,
+        )
         if reason:
             return self._safe(state, joint, reason)
         dt = (joint.stamp_ns - state.stamp_ns) * 1e-9
-        twists = [
+        slip_twists = [
             sample.twist * contact.slip_axes if sample.valid else _NO_SLIP
-            for sample, contact in zip(slips, self.contacts)
+            for sample, contact in zip(slips, self.contacts, strict=True)
         ]
-        displacements = tuple(integrate_slip(s, twist, dt) if dt > 0.0 else s for s, twist in zip(state.slips, twists))
+        displacements = tuple(integrate_slip(s, twist, dt) for s, twist in zip(state.slips, slip_twists, strict=True))
         if reference is None:
             t = (joint.stamp_ns - state.start_ns) * 1e-9 - self.params.trajectory.start_s
             reference = reference_at(self.path, t, state.start_position, state.start_rotation)
-
-        q, qd = joint.position, joint.velocity
-        arm = self.arm.terms(q, qd)
-        R_ee, v_ee = arm.rotation, arm.twist
-        v_s = rotate6(R_ee, twists[0])
-        h_ee = rotate6(R_ee, wrenches[0].wrench)
-        terms = grasp_terms(
-            self.object_model, self.contacts, displacements, [w.wrench for w in wrenches], R_ee, v_ee, v_s
-        )
-        a_d = reference.acceleration if self.params.feed_forward else _NO_SLIP
-        attitude = self._attitude_error(arm.rotation, v_ee[3:], reference, a_d, state)
-        e_p, e_p_dot = arm.position - reference.position, v_ee[:3] - reference.twist[:3]
-        law = control_law(self.gains, self.contacts[0].slip_axes, attitude, e_p, e_p_dot, a_d, R_ee, v_s, terms)
-        null = self.params.nullspace
-        tau_0 = posture_torque(q, qd, state.posture, null.stiffness, null.damping)
-        torque = joint_torque(arm.M, arm.bias, arm.J, arm.jdot_qd, law.a_C, h_ee, tau_0, self.policy)
-        if not (torque.solved and _finite(torque.torque)):
+        terms = self._evaluate(state, joint, [w.wrench for w in wrenches], slip_twists[0], displacements, reference)
+        if not (terms.torque.solved and finite(terms.torque.torque)):
             return self._safe(state, joint, "the law gave no finite torque")
-
-        effort, saturated = limit_effort(torque.torque, self.arm.effort_limit)
-        near = ("arm",) * (torque.damping_squared > 0.0) + ("attitude",) * attitude.near_singular
-        record = TickTerms(
-            arm, reference, attitude, displacements[0], h_ee, terms, law, torque,
-            V_e(self.gains.M_D, self.gains.K_D, law.e, law.e_dot), V_s(v_s),
-        )  # fmt: skip
-        command = EffortCommand(joint.stamp_ns, effort)
+        effort, saturated = limit_effort(terms.torque.torque, self.arm.effort_limit)
+        near = ("arm",) * (terms.torque.damping_squared > 0.0) + ("attitude",) * terms.attitude.near_singular
         following = state._replace(
-            stamp_ns=joint.stamp_ns, slips=displacements, attitude_error=attitude.error, position=q
+            stamp_ns=joint.stamp_ns,
+            slips=displacements,
+            attitude_error=terms.attitude.error,
+            position=joint.position,
         )
-        return TickResult(command, following, TickDiagnostics("ok", "", near, command.effort, saturated, record))
+        return _result(joint, following, "ok", "", near, effort, saturated, terms)
 
-    def _attitude_error(
-        self, R_ee: Array, w_ee: Array, reference: CartesianReference, a_d: Array, state: ControllerState
-    ) -> AttitudeError:
-        R_d, w_d = reference.rotation, reference.twist[3:]
-        if self.params.attitude == "rpy":
-            return rpy_error(R_ee, R_d, w_ee, w_d)
-        return log_error(R_ee, R_d, w_ee, w_d, a_d[3:], state.attitude_error)
-
-    def _refusal(
+    def _evaluate(
         self,
         state: ControllerState,
         joint: JointSample,
-        wrenches: tuple[WrenchSample, ...],
-        slips: tuple[SlipSample, ...],
-        reference: CartesianReference | None,
-    ) -> str:
-        """Return why the law must not be evaluated on these inputs, or an empty text."""
-        size = (len(self.joint_names),)
-        if joint.position.shape != size or joint.velocity.shape != size:
-            return f"joint sample is not of {size[0]} joints"
-        if not _finite(joint.position) or not _finite(joint.velocity):
-            return "joint sample is not finite"
-        if joint.stamp_ns < state.stamp_ns:
-            return "joint sample is older than the last one"
-        if len(wrenches) != len(self.contacts) or len(slips) != len(self.contacts):
-            return f"wrenches or slips are not of {len(self.contacts)} contacts"
-        for i, (wrench, slip) in enumerate(zip(wrenches, slips)):
-            if wrench.wrench.shape != (6,) or not _finite(wrench.wrench):
-                return f"wrench of contact {i} is not finite"
-            if not slip.valid and self.params.controller == "vic":
-                return f"slip of contact {i} is invalid"
-            if slip.valid and (slip.twist.shape != (6,) or not _finite(slip.twist)):
-                return f"slip of contact {i} is not finite"
-        if reference is not None and not all(
-            _finite(part.ravel())
-            for part in (reference.position, reference.rotation, reference.twist, reference.acceleration)
-        ):
-            return "reference is not finite"
-        return ""
+        wrenches: Sequence[Array],
+        slip_twist: Array,
+        displacements: tuple[SlipDisplacement, ...],
+        reference: CartesianReference,
+    ) -> TickTerms:
+        """Evaluate the law for a slip velocity (6,) on pad axes, wherever it comes from."""
+        params, gains, q, qd = self.params, self.gains, joint.position, joint.velocity
+        arm = self.arm.terms(q, qd)
+        R_ee, v_ee = arm.rotation, arm.twist
+        v_s = rotate6(R_ee, slip_twist)
+        h_ee = rotate6(R_ee, wrenches[0])
+        grasp = grasp_terms(self.object_model, self.contacts, displacements, wrenches, R_ee, v_ee, v_s)
+        a_d = reference.acceleration if params.feed_forward else _NO_SLIP
+        R_d, w_d = reference.rotation, reference.twist[3:]
+        if params.attitude == "rpy":
+            attitude = rpy_error(R_ee, R_d, v_ee[3:], w_d)
+        else:
+            attitude = log_error(R_ee, R_d, v_ee[3:], w_d, a_d[3:], state.attitude_error)
+        e_p, e_p_dot = arm.position - reference.position, v_ee[:3] - reference.twist[:3]
+        law = control_law(gains, self.contacts[0].slip_axes, attitude, e_p, e_p_dot, a_d, R_ee, v_s, grasp)
+        tau_0 = posture_torque(q, qd, state.posture, params.nullspace.stiffness, params.nullspace.damping)
+        torque = joint_torque(arm.M, arm.bias, arm.J, arm.jdot_qd, law.a_C, h_ee, tau_0, self.policy)
+        energy = V_e(gains.M_D, gains.K_D, law.e, law.e_dot)
+        return TickTerms(arm, reference, attitude, displacements[0], h_ee, grasp, law, torque, energy, V_s(v_s))
 
     def _safe(self, state: ControllerState, joint: JointSample, reason: str) -> TickResult:
         """Hold the arm against gravity and brake its joints, from the last finite joint state."""
         size = state.position.shape
-        measured = joint.position.shape == size and _finite(joint.position)
-        q = joint.position if measured else state.position
-        torque = self.arm.gravity(q)
-        if joint.velocity.shape == size and _finite(joint.velocity):
-            torque = torque - self.params.safety.joint_damping * joint.velocity
+        q = joint.position if joint.position.shape == size and finite(joint.position) else state.position
+        qd = joint.velocity if joint.velocity.shape == size and finite(joint.velocity) else None
+        torque = safe_torque(self.arm.gravity(q), qd, self.params.safety.joint_damping)
         effort, saturated = limit_effort(torque, self.arm.effort_limit)
-        command = EffortCommand(joint.stamp_ns, effort)
         following = state._replace(stamp_ns=max(joint.stamp_ns, state.stamp_ns), position=q)
-        return TickResult(command, following, TickDiagnostics("safe", reason, (), command.effort, saturated, None))
+        return _result(joint, following, "safe", reason, (), effort, saturated, None)
+
+
+def _result(
+    joint: JointSample,
+    state: ControllerState,
+    status: Status,
+    reason: str,
+    near_singular: tuple[str, ...],
+    effort: Array,
+    saturated: NDArray[np.bool_],
+    terms: TickTerms | None,
+) -> TickResult:
+    """Put a tick's result together and make all its arrays read-only."""
+    freeze(effort, saturated, state.attitude_error, *(part for s in state.slips for part in s))
+    if terms is not None:
+        freeze(*terms.arm, *terms.attitude, *terms.grasp, *terms.law, *terms.torque, terms.h_ee)
+    diagnostics = TickDiagnostics(status, reason, near_singular, effort, saturated, terms)
+    return TickResult(EffortCommand(joint.stamp_ns, effort), state, diagnostics)
+
+
+def freeze(*values: object) -> None:
+    """Make the arrays among the values read-only.
+
+    Implements: ours: value objects must not change behind their owner's back.
+    """
+    for value in values:
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
 
 
 def make_gains(params: GainParams, *, classical: bool) -> Gains:
@@ -226,10 +234,6 @@ def make_contacts(params: ControllerParams) -> tuple[Contact, ...]:
         )
         for i in range(count)
     )
-
-
-def _finite(values: Array) -> bool:
-    return math.isfinite(values @ values)
 
 
 _NO_SLIP = readonly(np.zeros(6))

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
-
+from numpy.typing import NDArray
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.types import CartesianReference
-from slip_vic_controller.core import object_dynamics
+
 from slip_vic_controller.core.arm import ArmTerms
 from slip_vic_controller.core.attitude import AttitudeError
 from slip_vic_controller.core.grasp import SlipDisplacement
 from slip_vic_controller.core.law import GraspTerms, LawTerms
-from slip_vic_controller.core.lyapunov import V_e, V_s
 from slip_vic_controller.core.operational import TorqueTerms
 from slip_vic_controller.core.rotation import log_so3
 
+Status = Literal["ok", "safe"]
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -44,11 +44,11 @@ class TickDiagnostics(NamedTuple):
     the law was not evaluated.
     """
 
-    status: str
+    status: Status
     reason: str
     near_singular: tuple[str, ...]
     effort: Array
-    saturated: Array
+    saturated: NDArray[np.bool_]
     terms: TickTerms | None
 
     def scalars(self) -> dict[str, float]:
@@ -64,31 +64,16 @@ class TickDiagnostics(NamedTuple):
         return values
 
 
-def _put(values: dict[str, float], name: str, numbers: Array, labels: tuple[str, ...] | None) -> None:
+def _put(
+    values: dict[str, float], name: str, numbers: Array | NDArray[np.bool_], labels: tuple[str, ...] | None
+) -> None:
     for i, number in enumerate(numbers.tolist()):
         values[f"{name}_{labels[i] if labels else i + 1}"] = float(number)
 
 
-_SIX = (
-    "e",
-    "e_dot",
-    "v_s",
-    "s",
-    "K",
-    "D",
-    "h_ee",
-    "h_o",
-    "v_o",
-    "a_o",
-    "Phi2",
-    "comp",
-    "Lambda",
-    "Theta",
-    "Z",
-    "a_d",
-    "a_C",
-)
-_SIX += ("position", "desired", "twist")
+_LAW = ("v_s", "e", "e_dot", "K", "D", "comp", "Lambda", "Theta", "Z", "a_d", "a_C")
+_GRASP = ("h_o", "v_o", "a_o", "Phi2")
+_SIX = ("position", "desired", "twist", "s", "h_ee", *_LAW, *_GRASP)
 _ONE = ("gate", "V_e", "V_s", "sigma_min", "damping_squared", "safe", "near_singular_arm", "near_singular_attitude")
 _JOINT = ("effort", "saturated", "tau_task", "tau_null", "tau_bias")
 
@@ -103,9 +88,9 @@ def _put_terms(values: dict[str, float], t: TickTerms) -> None:
     law, grasp, arm, ref = t.law, t.grasp, t.arm, t.reference
     values |= {"gate": law.gate, "V_e": t.V_e, "V_s": t.V_s}
     values |= {"sigma_min": t.torque.sigma_min, "damping_squared": t.torque.damping_squared}
-    for name in ("e", "e_dot", "v_s", "K", "D", "comp", "Lambda", "Theta", "Z", "a_d", "a_C"):
+    for name in _LAW:
         _put(values, name, getattr(law, name), AXES)
-    for name in ("h_o", "v_o", "a_o", "Phi2"):
+    for name in _GRASP:
         _put(values, name, getattr(grasp, name), AXES)
     _put(values, "h_ee", t.h_ee, AXES)
     _put(values, "twist", arm.twist, AXES)

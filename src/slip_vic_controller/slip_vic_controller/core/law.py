@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-
 from slip_msgs_py.arrays import Array, rotate6
+
 from slip_vic_controller.core import grasp, impedance
 from slip_vic_controller.core.attitude import AttitudeError
 from slip_vic_controller.core.grasp import Contact, SlipDisplacement
@@ -50,7 +50,7 @@ class LawTerms(NamedTuple):
     Theta: Array
     Z: Array
     a_d: Array
-    a_C: Array
+    a_C: Array  # noqa: N815
 
 
 def grasp_terms(
@@ -78,7 +78,7 @@ def grasp_terms(
     R_o = grasp.object_rotation(R_ee, contacts[0], slips[0])
     r = grasp.contact_arm(R_o, contacts[0], slips[0])
     h_o = grasp.wrench_to_object(r, rotate6(R_ee, wrenches[0]))
-    for contact, s, wrench in zip(contacts[1:], slips[1:], wrenches[1:]):
+    for contact, s, wrench in zip(contacts[1:], slips[1:], wrenches[1:], strict=True):
         r_i = grasp.contact_arm(R_o, contact, s)
         h_o += grasp.wrench_to_object(r_i, rotate6(grasp.pad_rotation(R_o, contact, s), wrench))
     v_o = grasp.to_object(r, v_ee - v_s)

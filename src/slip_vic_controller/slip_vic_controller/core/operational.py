@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dposv, dsyev
-
 from slip_msgs_py.arrays import Array
 
 
@@ -73,7 +73,7 @@ def smallest_singular_value(J: Array) -> float:
 
     Implements: ours: how far the arm is from a singularity.
     """
-    return float(max(dsyev(J @ J.T, compute_v=0)[0][0], 0.0)) ** 0.5
+    return math.sqrt(max(float(dsyev(J @ J.T, compute_v=0)[0][0]), 0.0))
 
 
 def singularity_damping(sigma: float, policy: SingularityPolicy) -> float:
@@ -92,11 +92,3 @@ def posture_torque(q: Array, qd: Array, posture: Array, stiffness: float, dampin
     Implements: ours: what the seventh joint does while the task does not mind.
     """
     return stiffness * (posture - q) - damping * qd
-
-
-def limit_effort(torque: Array, limit: Array) -> tuple[Array, Array]:
-    """Return the torque clipped to +-limit and which joints were clipped; (n,) [N m] -> (n,) [N m], (n,) bool.
-
-    Implements: ours: the limits are the URDF's; saturation is reported, never hidden.
-    """
-    return np.minimum(np.maximum(torque, -limit), limit), np.abs(torque) > limit

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Literal
 
 from pydantic import Field, model_validator
-
 from slip_msgs_py.params import ParameterModel, parameter
 
 Six = tuple[float, float, float, float, float, float]
@@ -126,7 +126,7 @@ class TrajectoryParams(ParameterModel):
             if count < 1 or rest:
                 raise ValueError(f"waypoints has {len(self.waypoints)} values, expected 6 for each point, at least one")
             times = self.waypoint_times_s
-            if times and (len(times) != count or times[0] <= 0.0 or any(b <= a for a, b in zip(times, times[1:]))):
+            if times and (len(times) != count or times[0] <= 0.0 or any(b <= a for a, b in itertools.pairwise(times))):
                 raise ValueError(f"waypoint_times_s {list(times)}: {count} growing positive times are needed")
         return self
 
@@ -148,7 +148,7 @@ class ControllerParams(ParameterModel):
         "package://slip_description/urdf/arm.urdf", "URDF path or package:// address"
     )
     joint_names: tuple[str, ...] = parameter(
-        tuple(f"joint{i}" for i in range(1, 8)), "joints of the arm in the order of the URDF's chain"
+        tuple(f"arm_joint{i}" for i in range(1, 8)), "joints of the arm in the order of the URDF's chain"
     )
     ee_frame: str = parameter("ee", "URDF frame at the pad centre, z = the pads' normal")
     gravity: Three = parameter((0.0, 0.0, -9.81), "acceleration of free fall {w}", unit="m/s^2")

@@ -11,9 +11,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-
 from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.types import CartesianReference
+
 from slip_vic_controller.core.params import TrajectoryParams
 from slip_vic_controller.core.rotation import exp_so3, left_jacobian, left_jacobian_rate
 
@@ -133,7 +133,7 @@ class Curve:
             f, f_p, f_pp = s * c, c * c - s * s, -4.0 * s * c
         along = (s, c * p_dot, c * p_ddot - s * p_dot * p_dot)
         across = (f, f_p * p_dot, f_p * p_ddot + f_pp * p_dot * p_dot)
-        return PathPoint(*(a * self._along + b * self._across for a, b in zip(along, across)))
+        return PathPoint(*(a * self._along + b * self._across for a, b in zip(along, across, strict=True)))
 
 
 def smooth_phase(t: float, speed: float, ramp: float, duration: float) -> tuple[float, float, float]:
