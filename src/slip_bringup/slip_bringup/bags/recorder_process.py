@@ -1,0 +1,281 @@
+"""The recorder as a process of its own: ``python -m slip_bringup.bags.recorder_process OUTPUT --topic ...``.
+
+With SLIP_VIC_EVENTS=1 in the environment it tells its parent on stdout, one JSON object per line:
+``{"event": "ready"}``, ``{"event": "warning", "message": ...}``, ``{"event": "done", "summary": {...}}``.
+SIGINT and SIGTERM end the recording; the bag is closed in any case.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from slip_msgs_py.errors import InputError, SlipVicError
+from std_msgs.msg import String
+
+from slip_bringup.bags.provenance import provenance
+from slip_bringup.bags.recorder import Recorder, Selection
+from slip_bringup.bags.writer import BagWriter, StorageError, WriterOptions
+
+READY_TOPIC: Final = "recorder/ready"
+POLL_S: Final = 0.005
+QUEUE_DEPTH: Final = 2000
+MIN_FREE_BYTES: Final = 64 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class RecordOptions:
+    """Everything `record` needs; times in seconds, 0 where there is no limit."""
+
+    output: Path
+    selection: Selection
+    writer: WriterOptions = field(default_factory=WriterOptions)
+    queue_depth: int = QUEUE_DEPTH
+    duration_s: float = 0.0
+    flush_period_s: float = 1.0
+    min_free_bytes: int = MIN_FREE_BYTES
+    node_name: str = "recorder"
+    namespace: str = "/"
+
+
+class Listener:
+    """What a recording tells its surroundings; the default keeps silent."""
+
+    def ready(self) -> None:
+        """Every topic asked for by name has a publisher."""
+
+    def warning(self, message: str) -> None:
+        """Something is not recorded as wished."""
+
+    def status(self, recorder: Recorder, elapsed_s: float) -> None:
+        """Called after every poll."""
+
+
+class StopFlag:
+    """Set by SIGINT or SIGTERM while installed."""
+
+    def __init__(self) -> None:
+        self.is_set = False
+
+    def install(self) -> None:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, self._set)
+
+    def _set(self, _number: int, _frame: object) -> None:
+        self.is_set = True
+
+
+def record(options: RecordOptions, listener: Listener, stop: Callable[[], bool]) -> dict[str, Any]:
+    """Record until `stop` says so or the duration has passed; returns the summary that is in the bag as well.
+
+    Raises:
+        InputError: the output exists, or a topic's type is not known.
+        StorageError: the disk is full or refuses; the bag is closed and readable.
+    """
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = Node(
+            options.node_name, namespace=options.namespace, start_parameter_services=False, enable_rosout=False
+        )
+        try:
+            return _record(node, options, listener, stop)
+        finally:
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+
+
+def _record(node: Node, options: RecordOptions, listener: Listener, stop: Callable[[], bool]) -> dict[str, Any]:
+    writer = BagWriter(options.output, options.writer)
+    writer.custom_data.update(provenance())
+    try:
+        recorder = Recorder(
+            node, writer, options.selection, queue_depth=options.queue_depth, warn=listener.warning
+        )
+        _loop(node, recorder, writer, options, listener, stop)
+        summary = recorder.finish()
+        writer.custom_data["recorder"] = json.dumps(summary)
+        return {"bag": str(options.output), **summary}
+    finally:
+        writer.close()
+
+
+def _loop(
+    node: Node,
+    recorder: Recorder,
+    writer: BagWriter,
+    options: RecordOptions,
+    listener: Listener,
+    stop: Callable[[], bool],
+) -> None:
+    latched = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    ready_publisher = node.create_publisher(String, READY_TOPIC, latched)
+    announced = False
+    start = now = time.monotonic()
+    next_flush = start + options.flush_period_s
+    while not stop() and not (options.duration_s and now - start >= options.duration_s):
+        recorder.poll()
+        if recorder.ready and not announced:
+            announced = True
+            ready_publisher.publish(String(data="ready"))
+            listener.ready()
+        now = time.monotonic()
+        if now >= next_flush:
+            _check_space(options)
+            writer.flush()
+            next_flush = now + options.flush_period_s
+        listener.status(recorder, now - start)
+        time.sleep(POLL_S)
+
+
+def _check_space(options: RecordOptions) -> None:
+    free = shutil.disk_usage(options.output).free
+    if free < options.min_free_bytes:
+        raise StorageError(
+            f"bag {options.output}: {free >> 20} MiB left on the disk, less than {options.min_free_bytes >> 20}; "
+            "recording stopped, bag closed and readable"
+        )
+
+
+class _EventWriter(Listener):
+    """Tells the parent process; without SLIP_VIC_EVENTS only warnings, on stderr."""
+
+    def __init__(self) -> None:
+        self._enabled = os.environ.get("SLIP_VIC_EVENTS") == "1"
+
+    def ready(self) -> None:
+        self.emit("ready")
+
+    def warning(self, message: str) -> None:
+        if self._enabled:
+            self.emit("warning", message=message)
+        else:
+            print(f"recorder: {message}", file=sys.stderr, flush=True)
+
+    def emit(self, event: str, **fields: Any) -> None:
+        if self._enabled:
+            print(json.dumps({"event": event, **fields}), flush=True)
+
+
+class _AddTopic(argparse.Action):
+    """``--topic NAME`` starts an entry, a following ``--type TYPE`` belongs to it."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
+        topics = list(getattr(namespace, "topics", None) or [])
+        if option_string == "--topic":
+            topics.append((values, None))
+        elif topics and topics[-1][1] is None:
+            topics[-1] = (topics[-1][0], values)
+        else:
+            parser.error("--type must follow the --topic it belongs to")
+        namespace.topics = topics
+
+
+def parse_arguments(arguments: Sequence[str]) -> RecordOptions:
+    """Read the command line.
+
+    Raises:
+        InputError: an attachment that cannot be read, a pair without ``=``.
+    """
+    parser = argparse.ArgumentParser(prog="recorder_process", description="Record ROS 2 topics into an MCAP bag.")
+    parser.add_argument("output", type=Path, help="folder of the bag; must not exist")
+    parser.add_argument("--topic", dest="topics", action=_AddTopic, metavar="NAME", default=[])
+    parser.add_argument("--type", dest="topics", action=_AddTopic, metavar="TYPE", help="type of the --topic before")
+    parser.add_argument("--all", action="store_true", help="every topic that appears")
+    parser.add_argument("--regex", default="", help="every topic this matches")
+    parser.add_argument("--exclude-regex", default="", help="except what this matches")
+    parser.add_argument("--include-hidden", action="store_true", help="topics with a part that begins with _ as well")
+    parser.add_argument("--compression", choices=("zstd", "lz4", "none"), default="zstd")
+    parser.add_argument("--split-bytes", type=int, default=0)
+    parser.add_argument("--split-duration", type=float, default=0.0, metavar="S")
+    parser.add_argument("--duration", type=float, default=0.0, metavar="S")
+    parser.add_argument("--flush-period", type=float, default=1.0, metavar="S")
+    parser.add_argument("--min-free-mib", type=int, default=MIN_FREE_BYTES >> 20)
+    parser.add_argument("--queue-depth", type=int, default=QUEUE_DEPTH)
+    parser.add_argument("--attach", action="append", default=[], metavar="NAME=FILE")
+    parser.add_argument("--custom-data", action="append", default=[], metavar="KEY=VALUE")
+    parser.add_argument("--node-name", default="recorder")
+    parser.add_argument("--namespace", default="/")
+    given = parser.parse_args(arguments)
+    return RecordOptions(
+        output=given.output,
+        selection=Selection(
+            tuple(given.topics), given.all, given.regex, given.exclude_regex, given.include_hidden
+        ),
+        writer=WriterOptions(
+            compression=given.compression,
+            split_bytes=given.split_bytes,
+            split_duration_ns=round(given.split_duration * 1e9),
+            custom_data=pairs("--custom-data", given.custom_data),
+            attachments=read_attachments(given.attach),
+        ),
+        queue_depth=given.queue_depth,
+        duration_s=given.duration,
+        flush_period_s=given.flush_period,
+        min_free_bytes=given.min_free_mib << 20,
+        node_name=given.node_name,
+        namespace=given.namespace,
+    )
+
+
+def pairs(option: str, texts: Sequence[str]) -> dict[str, str]:
+    """Split ``key=value`` texts.
+
+    Raises:
+        InputError: where one has no key or no ``=``.
+    """
+    result = {}
+    for text in texts:
+        key, sign, value = text.partition("=")
+        if not key or not sign:
+            raise InputError(option, got=text, expected="KEY=VALUE")
+        result[key] = value
+    return result
+
+
+def read_attachments(texts: Sequence[str]) -> dict[str, bytes]:
+    """Read the files of ``NAME=FILE`` texts.
+
+    Raises:
+        InputError: where a text is not of this form or a file cannot be read.
+    """
+    contents = {}
+    for name, path in pairs("--attach", texts).items():
+        try:
+            contents[name] = Path(path).read_bytes()
+        except OSError as error:
+            raise InputError(f"--attach {name}", got=f"{path}: {error.strerror}", expected="a readable file") from None
+    return contents
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the process; returns its exit code."""
+    stop = StopFlag()
+    stop.install()
+    events = _EventWriter()
+    try:
+        options = parse_arguments(sys.argv[1:] if arguments is None else arguments)
+        summary = record(options, events, lambda: stop.is_set)
+    except SlipVicError as error:
+        events.emit("error", message=str(error))
+        print(f"recorder: {error}", file=sys.stderr, flush=True)
+        return error.exit_code
+    events.emit("done", summary=summary)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
