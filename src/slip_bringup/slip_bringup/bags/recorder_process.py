@@ -1,4 +1,4 @@
-"""The recorder as a process of its own: ``python -m slip_bringup.bags.recorder_process OUTPUT --topic ...``.
+"""The recorder as a process of its own: ``python -m slip_bringup.bags.recorder_process --output DIR --topic ...``.
 
 With SLIP_VIC_EVENTS=1 in the environment it tells its parent on stdout, one JSON object per line:
 ``{"event": "ready"}``, ``{"event": "warning", "message": ...}``, ``{"event": "done", "summary": {...}}``.
@@ -191,7 +191,7 @@ def parse_arguments(arguments: Sequence[str]) -> RecordOptions:
         InputError: an attachment that cannot be read, a pair without ``=``.
     """
     parser = argparse.ArgumentParser(prog="recorder_process", description="Record ROS 2 topics into an MCAP bag.")
-    parser.add_argument("output", type=Path, help="folder of the bag; must not exist")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="folder of the bag; must not exist")
     parser.add_argument("--topic", dest="topics", action=_AddTopic, metavar="NAME", default=[])
     parser.add_argument("--type", dest="topics", action=_AddTopic, metavar="TYPE", help="type of the --topic before")
     parser.add_argument("--all", action="store_true", help="every topic that appears")

@@ -1,0 +1,101 @@
+"""Fixtures for tests over DDS: a domain per test, child processes that end with it, nothing left behind.
+
+Use with ``pytest_plugins`` or by importing the fixtures into a conftest. Children are started by exec, never
+by fork, because a process forked after `rclpy.init` has no DDS threads.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import pytest
+from slip_bringup import shared_memory
+from slip_bringup.domain import domain_id
+from slip_bringup.processes import Child, ProcessGroup, child_environment
+
+DEADLINE_S = 30.0  # for things that take well under a second on an idle machine
+
+
+def wait_until(condition: Callable[[], bool], what: str, timeout_s: float = DEADLINE_S) -> None:
+    """Poll until `condition` holds, or fail saying what was waited for."""
+    end = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > end:
+            pytest.fail(f"waited {timeout_s:g} s for {what}")
+        time.sleep(0.005)
+
+
+class Processes:
+    """Starts and ends the child processes of one test, all in its DDS domain."""
+
+    def __init__(self, group: ProcessGroup, environment: dict[str, str]) -> None:
+        self.group = group
+        self.environment = environment
+
+    def start(self, name: str, argv: Sequence[str], **extra: str) -> Child:
+        """Start a program; `extra` are further environment variables."""
+        return self.group.start(name, [str(part) for part in argv], {**self.environment, **extra}, lambda *_: None)
+
+    def python(self, name: str, *arguments: object, **extra: str) -> Child:
+        """Start this interpreter with arguments such as ``-m module`` or a script."""
+        return self.start(name, [sys.executable, *map(str, arguments)], **extra)
+
+    def wait_event(self, child: Child, event: str) -> dict[str, object]:
+        """Wait until a child has told an event; fail with its last lines where it ends first."""
+        wait_until(lambda: event in child.events or child.exit_code is not None, f"{event} of {child.name}")
+        if event not in child.events:
+            child.wait(1.0)
+        assert event in child.events, f"{child.name} ended with {child.exit_code}:\n{child.tail()}"
+        return dict(child.events[event])
+
+    def wait_end(self, child: Child) -> int:
+        """Wait until a child has ended by itself; return its exit code."""
+        assert child.wait(DEADLINE_S), f"{child.name} did not end:\n{child.tail()}"
+        assert child.exit_code is not None
+        return child.exit_code
+
+    def stop(self, child: Child, signal_number: int) -> int:
+        """Send a signal and wait for the end; return the exit code."""
+        child.send(signal_number)
+        return self.wait_end(child)
+
+
+@pytest.fixture
+def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """A DDS domain of the test's own on this machine, set in the environment of this process too."""
+    with domain_id() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        yield domain
+
+
+@pytest.fixture
+def processes(ros_domain: int) -> Iterator[Processes]:
+    """Child processes in the test's domain; ended, and their shared memory removed, with the test."""
+    environment = child_environment(ros_domain)
+    roots = sorted(str(path) for path in (Path(__file__).parents[2] / "src").iterdir() if path.is_dir())
+    environment["PYTHONPATH"] = os.pathsep.join([*roots, environment.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+    before = shared_memory.segments()
+    with ProcessGroup() as group:
+        yield Processes(group, environment)
+    shared_memory.remove_orphans(shared_memory.segments() - before)
+
+
+@pytest.fixture
+def ros_node(ros_domain: int) -> Iterator[object]:
+    """An rclpy node in this process, in the test's domain and a context of its own."""
+    import rclpy
+    from rclpy.node import Node
+
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, domain_id=ros_domain)
+    node = Node("test_node", context=context, start_parameter_services=False, enable_rosout=False)
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)
