@@ -22,7 +22,7 @@ def declare(node: Any, model: type[Model]) -> Model:
     Raises:
         InputError: unknown name (nearest offered), wrong type, out of range.
     """
-    names = [n for n in node.list_parameters([], 0).result.names if not n.startswith(ROS_OWN)]
+    names = [n for n in node.list_parameters([], 0).names if not n.startswith(ROS_OWN)]
     given = {name: _plain(node.get_parameter(name).value) for name in names}
     values = build(model, given, node.get_name())
     for name in names:

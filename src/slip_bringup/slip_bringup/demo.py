@@ -1,0 +1,118 @@
+"""The demo: one scenario under classical and variable impedance, over DDS, with table, summary and picture."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from slip_bringup.launcher import Launcher
+from slip_bringup.metrics import summarise
+from slip_bringup.progress import run_progress
+from slip_bringup.recording import versions
+from slip_bringup.report import write_report
+from slip_bringup.scenario import ControllerKind, load_scenario
+from slip_bringup.series import RunSeries, read_series
+from slip_msgs_py.errors import InputError
+
+ORDER: tuple[ControllerKind, ...] = ("classical", "vic")
+
+
+def run_demo(
+    scenario: str, out: Path, seed: int, assignments: tuple[str, ...], domain: int | None, console: Console
+) -> dict[str, Any]:
+    """Run both controllers, write ``summary.json``, ``report.png`` and the bags into `out`, return the summary.
+
+    Nothing is written into `out` before both runs are complete: bags are recorded beside it and moved in.
+
+    Raises:
+        InputError: bad scenario or parameter, or an output folder that cannot be written.
+    """
+    assert set(ORDER) == set(get_args(ControllerKind))
+    loaded = {
+        kind: load_scenario(scenario, controller=kind, seed=seed, assignments=assignments) for kind in ORDER
+    }
+    staging = _staging_folder(out)
+    runs: dict[str, dict[str, Any]] = {}
+    series: dict[str, RunSeries] = {}
+    try:
+        with run_progress(console) as progress:
+            bars = {kind: progress.add_run(f"{scenario} {kind}", loaded[kind].bridge.duration_s) for kind in ORDER}
+            for kind in ORDER:
+                bag = staging / kind
+                result = Launcher(loaded[kind], bag=bag, on_progress=bars[kind], wanted_domain=domain).run()
+                bars[kind](result.sim_time_s)
+                series[kind] = read_series(bag)
+                runs[kind] = {
+                    **summarise(series[kind]),
+                    "ticks": result.ticks,
+                    "real_time_factor": result.real_time_factor,
+                    "messages": result.messages,
+                    "messages_lost": result.lost,
+                    "bag": str(out / kind),
+                }
+        summary = {"scenario": loaded["vic"].name, "seed": seed, "versions": versions(), "runs": runs}
+        write_report(staging / "report.png", f"{loaded['vic'].name}: {loaded['vic'].description}", series)
+        (staging / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        _move_in(staging, out)
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+    console_out = Console()
+    console_out.print(comparison_table(summary["scenario"], runs))
+    console_out.print(f"summary: {out / 'summary.json'}\npicture: {out / 'report.png'}", soft_wrap=True)
+    return summary
+
+
+def _staging_folder(out: Path) -> Path:
+    staging = out / f".run.{os.getpid()}"
+    try:
+        staging.mkdir(parents=True)
+    except OSError as error:
+        raise InputError(
+            f"output folder {out}", got=error.strerror or str(error), expected="a folder that can be written"
+        ) from None
+    return staging
+
+
+def _move_in(staging: Path, out: Path) -> None:
+    for item in staging.iterdir():
+        target = out / item.name
+        if target.is_dir():
+            shutil.rmtree(target)
+        item.replace(target)
+
+
+def comparison_table(scenario: str, runs: Mapping[str, Mapping[str, Any]]) -> Table:
+    """Return the table the demo prints: one row per number, one column per controller, and their ratio."""
+    table = Table(title=f"{scenario}: how much the object slips")
+    table.add_column("")
+    for name in runs:
+        table.add_column(name, justify="right")
+    table.add_column("ratio", justify="right")
+
+    def row(label: str, values: list[float], pattern: str, *, ratio: bool = False) -> None:
+        text = f"{values[0] / values[-1]:.1f}" if ratio and values[-1] > 0.0 else ""
+        table.add_row(label, *(pattern.format(value) for value in values), text)
+
+    def column(key: str) -> list[Any]:
+        return [run[key] for run in runs.values()]
+
+    row("slip at the end [mm]", [1e3 * v for v in column("slip_linear_m")], "{:.2f}", ratio=True)
+    row("slip at the end [deg]", [float(np.degrees(v)) for v in column("slip_angular_rad")], "{:.2f}", ratio=True)
+    row("peak slip [mm]", [1e3 * v for v in column("slip_linear_peak_m")], "{:.2f}", ratio=True)
+    row("peak slip speed [mm/s]", [1e3 * v for v in column("slip_speed_peak_m_s")], "{:.1f}", ratio=True)
+    row("tracking rms [mm]", [1e3 * float(np.linalg.norm(v[:3])) for v in column("tracking_rms")], "{:.2f}")
+    row("tracking rms [deg]", [float(np.degrees(np.linalg.norm(v[3:]))) for v in column("tracking_rms")], "{:.2f}")
+    row("final error [mm]", [1e3 * float(np.linalg.norm(v[:3])) for v in column("final_error")], "{:.3f}")
+    row("final error [deg]", [float(np.degrees(np.linalg.norm(v[3:]))) for v in column("final_error")], "{:.3f}")
+    row("peak effort [N m]", column("effort_peak_nm"), "{:.1f}")
+    row("ticks", column("ticks"), "{:d}")
+    row("simulated / wall time", column("real_time_factor"), "{:.2f}")
+    return table

@@ -1,0 +1,59 @@
+"""What the launcher records: every topic of the table, the parameters, the URDF and the scenario."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+from pathlib import Path
+
+from slip_bringup.processes import python_module
+from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
+from slip_msgs_py.topics import TOPICS
+
+VERSIONED = ("numpy", "scipy", "pin", "mujoco", "ros-jazzy-rclpy", "mcap", "slip-vic-controller", "slip-sim-bridge")
+
+
+def recorded_topics(scenario: Scenario) -> list[tuple[str, str]]:
+    """Return (name, type) of every topic that this scenario's processes publish."""
+    controller = scenario.controller
+    absent = set()
+    if controller.mode != "lockstep":
+        absent.add("lockstep_tick")
+    if not controller.publish_effort_array:
+        absent.add("effort_controller/commands")
+    return [
+        (row.name, row.type)
+        for row in TOPICS.values()
+        if row.recorded and row.publisher != "user" and row.name not in absent
+    ]
+
+
+def versions() -> dict[str, str]:
+    """Return the versions that a result depends on."""
+    found = {"python": platform.python_version(), "machine": platform.machine()}
+    for name in VERSIONED:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            found[name] = "not installed as a package"
+    return found
+
+
+def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str) -> list[str]:
+    """Return the command of the recorder process; attachments are written into `folder` first."""
+    attachments = {"arm.urdf": scenario.urdf, "scenario.yaml": scenario.text}
+    for key, params in (("controller", scenario.controller), ("bridge", scenario.bridge)):
+        attachments[f"{key}.params.yaml"] = ros_parameter_file(params, NODES[key][0])
+    arguments = ["--output", str(bag)]
+    for name, kind in recorded_topics(scenario):
+        arguments += ["--topic", name, "--type", kind]
+    for name, text in attachments.items():
+        path = folder / f"attachment.{name}"
+        path.write_text(text, encoding="utf-8")
+        arguments += ["--attach", f"{name}={path}"]
+    custom = {"scenario": scenario.name, "controller": scenario.controller.controller, "seed": str(scenario.bridge.seed)}
+    for key, value in {**custom, **versions()}.items():
+        arguments += ["--custom-data", f"{key}={value}"]
+    if namespace:
+        arguments += ["--namespace", namespace]
+    return python_module("slip_bringup.bags.recorder_process", *arguments)
