@@ -11,7 +11,9 @@ import math
 
 import mujoco
 import numpy as np
+
 from slip_msgs_py.arrays import Array, matrix_from_quat_xyzw
+from slip_msgs_py.errors import InputError
 from slip_sim_bridge.sim.friction import NO_STATE, solve_contact, substeps_needed
 from slip_sim_bridge.sim.laws import friction_law
 from slip_sim_bridge.sim.model import FORCE_SENSOR, OBJECT, SLIP_JOINTS, TORQUE_SENSOR, build_model
@@ -36,7 +38,8 @@ class ImplicitPlant:
 
         n = self._n = len(params.joint_names)
         first = model.joint(SLIP_JOINTS[0]).dofadr[0]
-        assert first == n, "the grasp's joints come after the arm's, because the object is the last body"
+        if first != n:  # the object is added last, so its joints follow the arm's
+            raise InputError("robot_description", got="movable joints after the frame ee", expected="ee at the tip")
         limited = model.jnt_actfrclimited[:n].astype(bool)
         self._effort_limit = np.where(limited, model.jnt_actfrcrange[:n, 1], math.inf)
         self._body = model.body(OBJECT).id
@@ -44,17 +47,24 @@ class ImplicitPlant:
         self._sensor_index = np.r_[force : force + 3, torque : torque + 3]
 
         # Views into MuJoCo's memory: valid as long as `data` lives, always the current numbers.
-        self._arm_q, self._slip_q = data.qpos[:n], data.qpos[n:]
-        self._arm_qd, self._slip_qd = data.qvel[:n], data.qvel[n:]
-        self._arm_tau, self._slip_tau = data.qfrc_applied[:n], data.qfrc_applied[n:]
+        self._arm_q: Array = data.qpos[:n]
+        self._slip_q: Array = data.qpos[n:]
+        self._arm_qd: Array = data.qvel[:n]
+        self._slip_qd: Array = data.qvel[n:]
+        self._arm_tau: Array = data.qfrc_applied[:n]
+        self._slip_tau: Array = data.qfrc_applied[n:]
+        self._arm_bias: Array = data.qfrc_bias[:n]
+        self._readings: Array = data.sensordata
+        self._object_position: Array = data.xipos[self._body]
+        self._object_rotation: Array = data.xmat[self._body].reshape(3, 3)
         self._warnings = [data.warning[kind] for kind in _FATAL_WARNINGS]
 
         # Right-hand sides of one solve with M: three unit forces on the relative joints, then the smooth forces.
         self._rhs = np.zeros((4, model.nv))
         self._rhs[:3, n:] = np.eye(3)
         self._solved = np.zeros((4, model.nv))
-        self._J = np.eye(3)
-        self._state = NO_STATE
+        self._solved_slip = self._solved[:, n:]
+        self._state = self._next_state = NO_STATE
         self._mass_matrix = np.zeros((model.nv, model.nv))
         self._spatial = np.zeros(6)
         self.reset(params.grip.force)
@@ -77,8 +87,7 @@ class ImplicitPlant:
         self._state = NO_STATE
         mujoco.mj_step1(self.model, self.data)
         self._arm_tau[:] = self.holding_effort(self._initial, 0.0, 0.0)
-        self.model.opt.timestep = self._period
-        self._apply_friction(normal_force)
+        self._friction_step(self._free_motion(), normal_force, self._period)
         mujoco.mj_forward(self.model, self.data)
         self._state = NO_STATE
 
@@ -88,11 +97,14 @@ class ImplicitPlant:
         Implements: ours: mj_step1 of the next step runs at the end, so that all state belongs to the new stamp.
         """
         model, data = self.model, self.data
-        substeps = self._fixed_substeps or self._substeps(normal_force)
-        model.opt.timestep = self._period / substeps
         self._arm_tau[:] = effort
-        for _ in range(substeps):
-            self._apply_friction(normal_force)
+        motion = self._free_motion()
+        substeps = self._fixed_substeps or substeps_needed(self._period * motion[0], normal_force, self._law, self._rho)
+        model.opt.timestep = dt = self._period / substeps
+        for index in range(substeps):
+            if index:
+                motion = self._free_motion()
+            self._friction_step(motion, normal_force, dt)
             mujoco.mj_step2(model, data)
             mujoco.mj_step1(model, data)
         if any(warning.number for warning in self._warnings):
@@ -106,7 +118,7 @@ class ImplicitPlant:
         n = self._n
         mujoco.mj_fullM(self.model, self.data, self._mass_matrix)
         pull = stiffness * (target - self._arm_q) - damping * self._arm_qd
-        return self.data.qfrc_bias[:n] + self._mass_matrix[:n, :n] @ pull
+        return self._arm_bias + self._mass_matrix[:n, :n] @ pull
 
     def joint_position(self) -> Array:
         """Joint positions; (n,) [rad].
@@ -127,7 +139,7 @@ class ImplicitPlant:
 
         Implements: h_ee of Eq. (1), minus what the sensors of the massless pad body read.
         """
-        return -self.data.sensordata[self._sensor_index]
+        return -self._readings[self._sensor_index]
 
     def slip_displacement(self) -> Array:
         """Pose of {ee} in {p}: -R(theta)^T (x, y) and -theta; (6,) [m, rad] {p} axes.
@@ -152,7 +164,7 @@ class ImplicitPlant:
 
         Implements: ours: state read-out.
         """
-        return self.data.xipos[self._body].copy(), self.data.xmat[self._body].reshape(3, 3) @ self._p_R_o
+        return self._object_position.copy(), self._object_rotation @ self._p_R_o
 
     def object_twist(self) -> Array:
         """Twist of the object at its centre of mass; (6,) [m/s, rad/s] {w}.
@@ -162,33 +174,45 @@ class ImplicitPlant:
         mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_BODY, self._body, self._spatial, 0)
         return np.concatenate((self._spatial[3:], self._spatial[:3]))
 
-    def _apply_friction(self, normal_force: float) -> None:
-        """Solve the friction law for the coming step and put J^T f on the relative joints."""
+    def _free_motion(self) -> tuple[Array, Array]:
+        """Return J M^-1 J^T (3, 3) and J times the relative acceleration (3,), without friction and joint stops."""
         self._slip_tau[:] = 0.0
-        self._rhs[3] = self.data.qfrc_applied - self.data.qfrc_bias
-        self._solve_friction(normal_force)
-        if self.data.nefc:  # a joint stop is active: one fixed-point pass with its force
-            mujoco.mj_fwdActuation(self.model, self.data)
-            mujoco.mj_fwdAcceleration(self.model, self.data)
-            mujoco.mj_fwdConstraint(self.model, self.data)
+        return self._contact_motion(self.data.qfrc_applied - self.data.qfrc_bias)
+
+    def _contact_motion(self, force: Array) -> tuple[Array, Array]:
+        """Return J M^-1 J^T (3, 3) and J times the relative part of M^-1 force (3,); (nv,) [N, N m].
+
+        Written out for J = [[1, 0, y], [0, 1, -x], [0, 0, 1]]: five times faster than matrix products of order 3.
+        """
+        self._rhs[3] = force
+        mujoco.mj_solveM(self.model, self.data, self._solved, self._rhs)
+        (xx, xy, xz), (_, yy, yz), (_, _, zz), (ax, ay, az) = self._solved_slip.tolist()
+        x, y, _ = self._slip_q.tolist()
+        ux, uy = xz + y * zz, yz - x * zz
+        vxx, vxy, vyy = xx + y * (xz + ux), xy - x * xz + y * uy, yy - x * (yz + uy)
+        mobility = np.array(((vxx, vxy, ux), (vxy, vyy, uy), (ux, uy, zz)))
+        return mobility, np.array((ax + y * az, ay - x * az, az))
+
+    def _apply_friction(self, mobility: Array, acceleration: Array, normal_force: float, dt: float) -> None:
+        """Solve the friction law for the coming step and put J^T f on the relative joints."""
+        x, y, _ = self._slip_q.tolist()
+        vx, vy, wz = self._slip_qd.tolist()
+        v_free = np.array((vx + y * wz, vy - x * wz, wz))
+        v_free += dt * acceleration
+        contact = solve_contact(v_free, dt * mobility, normal_force, dt, self._law, self._state, self._rho)
+        fx, fy, tau = contact.force.tolist()
+        self._slip_tau[:] = fx, fy, tau + y * fx - x * fy
+        self._next_state = contact.state
+
+    def _friction_step(self, motion: tuple[Array, Array], normal_force: float, dt: float) -> None:
+        """Put the friction of the coming step on the relative joints, given the motion without friction."""
+        data = self.data
+        self._apply_friction(*motion, normal_force, dt)
+        if data.nefc:  # a joint stop is active: one fixed-point pass with its force
+            mujoco.mj_fwdActuation(self.model, data)
+            mujoco.mj_fwdAcceleration(self.model, data)
+            mujoco.mj_fwdConstraint(self.model, data)
             self._slip_tau[:] = 0.0
-            self._rhs[3] = self.data.qfrc_applied - self.data.qfrc_bias + self.data.qfrc_constraint
-            self._solve_friction(normal_force)
-
-    def _solve_friction(self, normal_force: float) -> None:
-        n, dt, J = self._n, self.model.opt.timestep, self._J
-        J[0, 2], J[1, 2] = self._slip_q[1], -self._slip_q[0]
-        mujoco.mj_solveM(self.model, self.data, self._solved, self._rhs)
-        A = dt * (J @ self._solved[:3, n:] @ J.T)
-        v_free = J @ (self._slip_qd + dt * self._solved[3, n:])
-        solution = solve_contact(v_free, A, normal_force, dt, self._law, self._state, self._rho)
-        self._state = solution.state
-        self._slip_tau[:] = J.T @ solution.force
-
-    def _substeps(self, normal_force: float) -> int:
-        """How many sub-steps this control period needs, from the contact's inertia in the present posture."""
-        n, J = self._n, self._J
-        J[0, 2], J[1, 2] = self._slip_q[1], -self._slip_q[0]
-        mujoco.mj_solveM(self.model, self.data, self._solved, self._rhs)
-        A = self._period * (J @ self._solved[:3, n:] @ J.T)
-        return substeps_needed(A, normal_force, self._law, self._rho)
+            motion = self._contact_motion(data.qfrc_applied - data.qfrc_bias + data.qfrc_constraint)
+            self._apply_friction(*motion, normal_force, dt)
+        self._state = self._next_state

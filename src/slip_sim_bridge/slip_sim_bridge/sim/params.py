@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal, Self
 
 from pydantic import model_validator
+
 from slip_msgs_py.arrays import inertia_from_six
 from slip_msgs_py.params import ParameterModel, parameter
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 import numpy as np
+
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.sim.params import BridgeParams, JointSensorParams
@@ -35,7 +36,7 @@ class Sensor(Generic[Sample]):
     def __init__(
         self, measure: Measure[Sample], rate_hz: float, latency_s: float, rng: Callable[[], np.random.Generator]
     ) -> None:
-        self._measure = measure
+        self._measure: Measure[Sample] = measure
         self._rate_hz = rate_hz
         self._latency_ns = round(latency_s * _NS_PER_S)
         self._make_rng = rng

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.errors import InputError
 from slip_msgs_py.types import JointSample, ObjectTruth, SlipSample, WrenchSample
@@ -29,6 +30,9 @@ class GraspSimulation:
         self._limit = self._plant.effort_limit
         self._grip = params.grip.force
         self._stamp_ns = 0
+        self._hold_posture: Array | None = None
+        self._applied = np.zeros_like(self._limit)
+        self._refused = self._saturated = self._diverged = False
         self._start()
 
     @property
@@ -92,7 +96,7 @@ class GraspSimulation:
             wanted = self._plant.holding_effort(self._hold_posture, hold.stiffness, hold.damping)
         else:
             self._hold_posture = None
-        applied = np.clip(wanted, -self._limit, self._limit)
+        applied = _own(np.minimum(np.maximum(wanted, -self._limit), self._limit))
         self._saturated = bool((applied != wanted).any())
         try:
             self._plant.advance(applied, self._grip)
@@ -117,39 +121,41 @@ class GraspSimulation:
 
         Implements: ours: state read-out.
         """
-        return JointSample(self._stamp_ns, self._plant.joint_position(), self._plant.joint_velocity(), self._applied)
+        plant = self._plant
+        return JointSample(self._stamp_ns, _own(plant.joint_position()), _own(plant.joint_velocity()), self._applied)
 
     def true_wrench(self) -> WrenchSample:
         """Return h_ee in the step that ended at the present stamp, without noise or delay; {ee} axes.
 
         Implements: h_ee of Eq. (1).
         """
-        return WrenchSample(self._stamp_ns, self._plant.wrench())
+        return WrenchSample(self._stamp_ns, _own(self._plant.wrench()))
 
     def true_slip(self) -> SlipSample:
         """Return v_s at the present stamp, without noise or delay; {ee} axes.
 
         Implements: v_s of Eq. (14).
         """
-        return SlipSample(self._stamp_ns, self._plant.slip_velocity())
+        return SlipSample(self._stamp_ns, _own(self._plant.slip_velocity()))
 
     def truth(self) -> ObjectTruth:
         """Return pose and twist of the object and the slip at the present stamp.
 
         Implements: ours: ground truth of the simulation.
         """
-        position, rotation = self._plant.object_pose()
+        plant = self._plant
+        position, rotation = plant.object_pose()
         return ObjectTruth(
             stamp_ns=self._stamp_ns,
-            position=position,
-            rotation=rotation,
-            twist=self._plant.object_twist(),
-            slip_displacement=self._plant.slip_displacement(),
-            slip_velocity=self._plant.slip_velocity(),
+            position=_own(position),
+            rotation=_own(rotation),
+            twist=_own(plant.object_twist()),
+            slip_displacement=_own(plant.slip_displacement()),
+            slip_velocity=_own(plant.slip_velocity()),
         )
 
     def _start(self) -> None:
-        self._hold_posture: Array | None = self._plant.joint_position()
+        self._hold_posture = self._plant.joint_position()
         self._applied = np.clip(self._plant.holding_effort(self._hold_posture, 0.0, 0.0), -self._limit, self._limit)
         self._refused = self._saturated = self._diverged = False
 
@@ -159,10 +165,16 @@ class GraspSimulation:
             return None
         if effort.shape != self._limit.shape:
             raise InputError("effort", got=f"{effort.size} numbers", expected=f"{self._limit.size}, one per joint")
-        if not np.isfinite(effort).all():
+        if not all(map(math.isfinite, effort.tolist())):
             self._refused = True
             return None
         return effort
+
+
+def _own(fresh: Array) -> Array:
+    """Make an array that nobody else holds read-only, which spares the sample its copy."""
+    fresh.flags.writeable = False
+    return fresh
 
 
 def _plant(params: BridgeParams, urdf_text: str) -> Plant:
