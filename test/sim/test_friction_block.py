@@ -1,4 +1,4 @@
-"""A planar block between pads, under every friction law: closed forms, break-away, Stribeck curve, drift, convergence."""
+"""A planar block between pads: closed forms, break-away, Stribeck curve, drift, convergence."""
 
 from __future__ import annotations
 

@@ -157,9 +157,12 @@ def solve_contact(
     vx, vy, wz = v_free.tolist()
     if normal_force <= 0.0:
         return ContactSolution(np.zeros(3), np.array((vx, vy, wz)), False, NO_STATE)
-    f_hat, u, stick, state = law.solve((vx, vy, rho * wz), sym3.scaled_upper(A, rho), normal_force, dt, state)
+    f_hat, u, stick, following = law.solve((vx, vy, rho * wz), sym3.scaled_upper(A, rho), normal_force, dt, state)
+    if following is not state:  # deflections turn with the object, or a shaken contact would walk by geometry alone
+        turn = dt * u[2] / rho
+        following = (following[0] - turn * state[1], following[1] + turn * state[0], following[2])
     force = np.array((f_hat[0], f_hat[1], rho * f_hat[2]))
-    return ContactSolution(force, np.array((u[0], u[1], u[2] / rho)), stick, state)
+    return ContactSolution(force, np.array((u[0], u[1], u[2] / rho)), stick, following)
 
 
 def project(law: FrictionLaw, u_free: Vec3, A_hat: Sym3, normal_force: float) -> tuple[Vec3, Vec3, bool]:
