@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+
 from slip_vic_controller.core.attitude import (
     LOG_BRANCH_LIMIT,
     RPY_DAMPED_BELOW,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from slip_msgs_py.params import build
 from slip_msgs_py.types import CartesianReference, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.attitude import LOG_REPORT
@@ -23,6 +24,7 @@ SLIP_AXES = {"all": (1, 1, 1, 1, 1, 1), "pad": (1, 1, 0, 0, 0, 1)}
 def random_case(rng: np.random.Generator, attitude: str, contacts: int, axes: str, kind: str, urdf: str):
     """Return a controller, the arguments of one tick at a random state, and the same for the referee."""
     quats = rng.normal(size=(contacts, 4))
+    quats /= np.linalg.norm(quats, axis=1, keepdims=True)
     mask = SLIP_AXES[axes] * contacts
     inertia = (0.004, 0.006, 0.005, 0.0005, -0.0003, 0.0002)
     params = build(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from slip_vic_controller.core import rotation
 
 from .law_referee import S, exponential, jacobian_series, logarithm

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
+
 from slip_msgs_py.arrays import Array, readonly, vector
 from slip_msgs_py.errors import InputError, nearest
 
@@ -116,8 +118,11 @@ class ArmModel:
 
 def _parse(urdf_text: str) -> pin.Model:
     try:
+        # urdfdom prints to stderr before it fails: what is not even XML is refused first.
+        if ElementTree.fromstring(urdf_text).tag != "robot":
+            raise ValueError("the root element is not <robot>")
         return pin.buildModelFromXML(urdf_text)
-    except (ValueError, RuntimeError) as error:
+    except (ValueError, RuntimeError, ElementTree.ParseError) as error:
         raise InputError("robot_description", got=urdf_text.strip()[:40], expected="a URDF", fix=str(error)) from None
 
 
@@ -126,6 +131,8 @@ def _check_joints(model: pin.Model, names: tuple[str, ...]) -> None:
     for name in names:
         if name not in known:
             raise InputError("joint_names", got=name, expected="a moving joint of the URDF", fix=nearest(name, known))
+    if len(set(names)) != len(names):
+        raise InputError("joint_names", got=list(names), expected="no name twice")
     in_urdf_order = [name for name in known if name in names]
     if list(names) != in_urdf_order:
         raise InputError("joint_names", got=list(names), expected=f"the order of the URDF's chain: {in_urdf_order}")

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
 from slip_msgs_py.arrays import Array, inertia_from_six, matrix_from_quat_xyzw, readonly, rotate6, vector
 from slip_msgs_py.errors import InputError
 from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
-
 from slip_vic_controller.core.arm import ArmModel
 from slip_vic_controller.core.attitude import log_error, rpy_error
 from slip_vic_controller.core.diagnostics import Status, TickDiagnostics, TickTerms

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from slip_msgs_py.arrays import Array, skew
 
+from slip_msgs_py.arrays import Array, skew
 from slip_vic_controller.core.rotation import cross, exp_so3, left_jacobian
 
 

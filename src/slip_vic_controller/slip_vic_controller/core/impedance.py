@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+
 from slip_msgs_py.arrays import Array
 
 

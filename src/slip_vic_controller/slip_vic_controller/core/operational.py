@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dposv, dsyev
+
 from slip_msgs_py.arrays import Array
 
 

@@ -7,7 +7,11 @@ import math
 from typing import Literal
 
 from pydantic import Field, model_validator
+
 from slip_msgs_py.params import ParameterModel, parameter
+
+QUATERNION_TOLERANCE = 1e-3
+"""How far a quaternion's norm may be from 1: typed with four digits it is still accepted, and normalised."""
 
 Six = tuple[float, float, float, float, float, float]
 Three = tuple[float, float, float]
@@ -68,6 +72,10 @@ class ContactParams(ParameterModel):
                 f"position, orientation_xyzw, slip_axes have {sizes[0]}, {sizes[1]}, {sizes[2]} values; "
                 "n contacts need 3 n, 4 n, 6 n"
             )
+        for i in range(count):
+            quat = self.orientation_xyzw[4 * i : 4 * i + 4]
+            if abs(math.hypot(*quat) - 1.0) > QUATERNION_TOLERANCE:
+                raise ValueError(f"orientation_xyzw of contact {i} is {list(quat)}; its norm must be 1")
         return self
 
 

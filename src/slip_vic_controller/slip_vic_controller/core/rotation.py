@@ -9,6 +9,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+
 from slip_msgs_py.arrays import Array, quat_xyzw_from_matrix
 
 SERIES_BELOW = 0.01

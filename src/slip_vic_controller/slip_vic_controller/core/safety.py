@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.types import CartesianReference, JointSample, SlipSample, WrenchSample
 

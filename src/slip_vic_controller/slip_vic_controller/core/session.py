@@ -8,10 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
 from slip_msgs_py.arrays import readonly
 from slip_msgs_py.stamps import split_ns
 from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample
-
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.diagnostics import TickDiagnostics
 from slip_vic_controller.core.inputs import InputBuffer

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from slip_msgs_py.arrays import Array
-
 from slip_vic_controller.core.grasp import SlipDisplacement
 
 

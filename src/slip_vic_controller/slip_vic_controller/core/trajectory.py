@@ -11,9 +11,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+
 from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.types import CartesianReference
-
 from slip_vic_controller.core.params import TrajectoryParams
 from slip_vic_controller.core.rotation import exp_so3, left_jacobian, left_jacobian_rate
 

@@ -1,0 +1,79 @@
+"""Bad configuration: one clear line each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from slip_msgs_py.errors import InputError
+from slip_msgs_py.params import build, parameter_infos
+from slip_vic_controller.core.controller import VicController
+from slip_vic_controller.core.params import ControllerParams
+
+from .small_arm import small_arm_urdf
+
+BAD: list[tuple[dict[str, Any], list[str]]] = [
+    ({"gains.stiffness": (5.0, 5.0, 0.0, 1.0, 1.0, 1.0)}, ["stiffness", "positive"]),
+    ({"gains.damping": (5.0, 5.0, -1.0, 1.0, 1.0, 1.0)}, ["damping", "positive"]),
+    ({"gains.inertia": (1.0,) * 5}, ["inertia"]),
+    ({"gains.inertia": (1.0,) * 7}, ["inertia"]),
+    ({"gains.stiffness": (5.0, 5.0, float("nan"), 1.0, 1.0, 1.0)}, ["stiffness", "finite"]),
+    ({"gains.k_s": 0.0}, ["gains.k_s", "greater than 0"]),
+    ({"gains.alpha": -1.0}, ["gains.alpha"]),
+    ({"gains.gamma_kp": -1.0}, ["gains.gamma_kp"]),
+    ({"gains.ks": 1.0}, ["gains.ks", "did you mean", "gains.k_s"]),
+    ({"controler": "vic"}, ["controler", "did you mean controller"]),
+    ({"controller": "adaptive"}, ["controller", "vic", "classical"]),
+    ({"attitude": "euler"}, ["attitude", "log", "rpy"]),
+    ({"contacts.position": (0.0, 0.0)}, ["contacts", "3 n, 4 n, 6 n"]),
+    ({"contacts.position": (0.0,) * 6}, ["contacts", "6, 4, 6"]),
+    ({"contacts.slip_axes": (True,) * 5}, ["contacts"]),
+    ({"contacts.orientation_xyzw": (0.0,) * 4}, ["contacts", "orientation_xyzw", "norm"]),
+    ({"object.mass": 0.0}, ["object.mass"]),
+    ({"object.inertia": (1.0, 1.0, 3.0, 0.0, 0.0, 0.0)}, ["object.inertia", "principal moments"]),
+    ({"object.inertia": (1.0, 1.0, 1.0)}, ["object.inertia"]),
+    ({"nullspace.posture": (0.0,) * 6}, ["nullspace.posture", "7"]),
+    ({"trajectory.kind": "spiral"}, ["trajectory.kind"]),
+    ({"trajectory.kind": "waypoints"}, ["trajectory", "waypoints"]),
+    ({"trajectory.kind": "waypoints", "trajectory.waypoints": (0.0,) * 7}, ["waypoints has 7 values"]),
+    (
+        {
+            "trajectory.kind": "waypoints",
+            "trajectory.waypoints": (0.0,) * 12,
+            "trajectory.waypoint_times_s": (1.0, 0.5),
+        },
+        ["waypoint_times_s", "growing"],
+    ),
+    ({"trajectory.kind": "circle", "trajectory.duration_s": 1.0}, ["trajectory", "ramp_s"]),
+    ({"trajectory.kind": "quintic", "trajectory.rotation": (0.0, 0.0, 4.0)}, ["rotation", "at most pi"]),
+    ({"trajectory.duration_s": 0.0}, ["trajectory.duration_s"]),
+    ({"joint_names": ("arm_joint1",)}, ["joint_names", "moves ee"]),
+    ({"ee_frame": "tool"}, ["ee_frame", "tool"]),
+    ({"gravity": (0.0, 0.0)}, ["gravity"]),
+]
+
+
+@pytest.mark.parametrize(("values", "words"), BAD, ids=[" ".join(values) for values, _ in BAD])
+def test_bad_parameters_give_one_clear_line(values: dict[str, Any], words: list[str]) -> None:
+    with pytest.raises(InputError) as caught:
+        VicController(build(ControllerParams, values, "test.yaml"), small_arm_urdf())
+    line = str(caught.value)
+    assert "\n" not in line
+    for word in words:
+        assert word in line, line
+
+
+def test_every_parameter_has_a_description() -> None:
+    infos = list(parameter_infos(ControllerParams))
+    assert len(infos) > 40
+    assert not [info.name for info in infos if len(info.description) < 4]
+
+
+def test_defaults_are_the_papers_gains() -> None:
+    gains = ControllerParams().gains
+    assert gains.stiffness == (5.0, 5.0, 5.0, 4.5, 4.5, 4.5)
+    assert gains.damping == (2.5, 2.5, 2.5, 2.2, 2.2, 2.2)
+    assert gains.inertia == (0.4, 0.4, 0.4, 0.3, 0.3, 0.3)
+    assert {gains.gamma_kp, gains.gamma_ko, gains.gamma_dp, gains.gamma_do, gains.alpha} == {100.0}
+    assert gains.k_s == 1000.0
