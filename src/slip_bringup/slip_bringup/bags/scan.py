@@ -37,6 +37,7 @@ class Data(Protocol):
     @overload
     def __getitem__(self, index: slice) -> bytes: ...
     def __getitem__(self, index: int | slice) -> int | bytes: ...
+    def find(self, sub: bytes, start: int, /) -> int: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,25 +113,45 @@ def message_fields(body: bytes) -> tuple[int, int, int, int, bytes]:
     return channel, sequence, log_time, publish_time, body[_MESSAGE.size :]
 
 
-def next_chunk(data: Data, start: int) -> int | None:
-    """Return the offset of the next thing after `start` that looks like a compressed chunk record, or None.
+def partial_chunk(body: bytes) -> bytes:
+    """Return the beginning of a cut chunk's content, as far as it can be decompressed; no CRC can vouch for it.
 
-    Implements: ours: finds the way again behind a damaged length, by the name of the compression.
+    Implements: ours: the messages before the cut are whole.
     """
-    text = data[start : len(data)]
-    best = None
-    for name in (b"zstd", b"lz4"):
-        pattern = struct.pack("<I", len(name)) + name
-        lead = _HEAD.size + _CHUNK.size
-        at = text.find(pattern, lead)
-        while at >= 0:
-            opcode, length = _HEAD.unpack(text[at - lead : at - lead + _HEAD.size])
-            if opcode == Opcode.CHUNK and length <= len(text) - (at - lead) - _HEAD.size:
-                candidate = start + at - lead
-                best = candidate if best is None else min(best, candidate)
-                break
-            at = text.find(pattern, at + 1)
-    return best
+    try:
+        compression, position = _string(body, _CHUNK.size)
+        packed = body[position + 8 :]
+        if compression == "":
+            return packed
+        if compression == "zstd":
+            return zstandard.ZstdDecompressor().decompressobj().decompress(packed)
+        if compression == "lz4":
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=MAX_CHUNK_BYTES))
+    except (struct.error, zstandard.ZstdError, RuntimeError, EOFError, MemoryError):
+        pass
+    return b""
+
+
+def next_chunk(data: Data, start: int) -> int | None:
+    """Return the offset of the next thing from `start` on that looks like a compressed chunk record, or None.
+
+    Implements: ours: finds the way again behind damage, by the name of the compression.
+    """
+    found = [offset for name in (b"zstd", b"lz4") if (offset := _next_chunk_of(data, start, name)) is not None]
+    return min(found, default=None)
+
+
+def _next_chunk_of(data: Data, start: int, compression: bytes) -> int | None:
+    pattern = struct.pack("<I", len(compression)) + compression
+    lead = _HEAD.size + _CHUNK.size
+    at = data.find(pattern, start + lead)
+    while at >= 0:
+        offset = at - lead
+        opcode, length = _HEAD.unpack(data[offset : offset + _HEAD.size])
+        if opcode == Opcode.CHUNK and length <= len(data) - offset - _HEAD.size:
+            return offset
+        at = data.find(pattern, at + 1)
+    return None
 
 
 def _string(body: bytes, position: int) -> tuple[str, int]:

@@ -87,14 +87,26 @@ class BagWriter:
             StorageError: where the disk refuses; the bag is closed then.
         """
         if self._must_split(log_time_ns):
-            with self._guarded():
-                self._finish_file()
-            self._open_next()
+            self.split()
         with self._guarded():
             self._writer.add_message(self._channels[topic], log_time_ns, data, publish_time_ns, sequence & 0xFFFFFFFF)
         self._counts[topic] += 1
         self._start_ns = min(self._start_ns, log_time_ns)
         self._end_ns = max(self._end_ns, log_time_ns)
+
+    def has_topic(self, name: str) -> bool:
+        """Whether the topic was announced."""
+        return name in self._topics
+
+    def split(self) -> None:
+        """Go on in the next file.
+
+        Raises:
+            StorageError: where the disk refuses; the bag is closed then.
+        """
+        with self._guarded():
+            self._finish_file()
+        self._open_next()
 
     def flush(self) -> None:
         """Close the running chunk, hand it to the system and ask for an `fsync`.
