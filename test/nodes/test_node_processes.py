@@ -4,8 +4,8 @@ import signal
 from pathlib import Path
 
 import pytest
-from slip_bringup.scenario import NODES, load_scenario, ros_parameter_file
 
+from slip_bringup.scenario import NODES, load_scenario, ros_parameter_file
 from test.support.ros import Processes, wait_until
 
 BRIDGE, CONTROLLER = "slip_sim_bridge.node", "slip_vic_controller.node"

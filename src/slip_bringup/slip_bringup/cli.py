@@ -47,14 +47,16 @@ def run(
     from slip_bringup.scenario import load_scenario
 
     loaded = load_scenario(
-        scenario, controller=kind, mode=mode, seed=seed, assignments=assignments, urdf_file=urdf  # type: ignore[arg-type]
+        scenario,
+        controller=kind,
+        mode=mode,
+        seed=seed,
+        assignments=assignments,
+        urdf_file=urdf,  # type: ignore[arg-type]
     )
+    launcher = Launcher(loaded, bag=record, wanted_domain=domain_id, namespace=namespace)
     with run_progress(CONSOLE) as progress:
-        advance = progress.add_run(f"{loaded.name} {kind}", loaded.bridge.duration_s)
-        result = Launcher(
-            loaded, bag=record, on_progress=advance, wanted_domain=domain_id, namespace=namespace
-        ).run()
-        advance(result.sim_time_s)
+        result = launcher.run(progress.add_run(f"{loaded.name} {kind}", loaded.bridge.duration_s))
     click.echo(
         f"{result.ticks} ticks, {result.sim_time_s:.3f} s simulated in {result.wall_time_s:.2f} s "
         f"({result.real_time_factor:.2f} x real time)"
@@ -74,6 +76,21 @@ def demo(scenario: str, out: Path, seed: int, assignments: tuple[str, ...], doma
     from slip_bringup.demo import run_demo
 
     run_demo(scenario, out, seed, assignments, domain_id, CONSOLE)
+
+
+@cli.command()
+@click.option("--scenario", "scenarios", multiple=True, help="only these; default all that come with the suite")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("config"), show_default=True)
+@click.option("--reference", is_flag=True, help="write docs/parameters.md and docs/topics.md instead, below --out")
+def params(scenarios: tuple[str, ...], out: Path, reference: bool) -> None:
+    """Write the ROS parameter files of the scenarios, for nodes that are started alone."""
+    from slip_bringup.reference import config_files, parameter_page, topic_page, write_files
+
+    pages = {"parameters.md": parameter_page(), "topics.md": topic_page()} if reference else {}
+    files = pages or config_files(list(scenarios))
+    write_files(out, files)
+    for name in files:
+        click.echo(str(out / name))
 
 
 def main() -> int:

@@ -11,6 +11,7 @@ from typing import Any, get_args
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from slip_bringup.launcher import Launcher
@@ -36,9 +37,9 @@ def run_demo(
         InputError: bad scenario or parameter, or an output folder that cannot be written.
     """
     assert set(ORDER) == set(get_args(ControllerKind))
-    loaded = {
-        kind: load_scenario(scenario, controller=kind, seed=seed, assignments=assignments) for kind in ORDER
-    }
+    loaded = {kind: load_scenario(scenario, controller=kind, seed=seed, assignments=assignments) for kind in ORDER}
+    for made in loaded.values():
+        made.check()
     staging = _staging_folder(out)
     runs: dict[str, dict[str, Any]] = {}
     series: dict[str, RunSeries] = {}
@@ -47,8 +48,7 @@ def run_demo(
             bars = {kind: progress.add_run(f"{scenario} {kind}", loaded[kind].bridge.duration_s) for kind in ORDER}
             for kind in ORDER:
                 bag = staging / kind
-                result = Launcher(loaded[kind], bag=bag, on_progress=bars[kind], wanted_domain=domain).run()
-                bars[kind](result.sim_time_s)
+                result = Launcher(loaded[kind], bag=bag, wanted_domain=domain).run(bars[kind])
                 series[kind] = read_series(bag)
                 runs[kind] = {
                     **summarise(series[kind]),
@@ -99,7 +99,7 @@ def comparison_table(scenario: str, runs: Mapping[str, Mapping[str, Any]]) -> Ta
 
     def row(label: str, values: list[float], pattern: str, *, ratio: bool = False) -> None:
         text = f"{values[0] / values[-1]:.1f}" if ratio and values[-1] > 0.0 else ""
-        table.add_row(label, *(pattern.format(value) for value in values), text)
+        table.add_row(escape(label), *(pattern.format(value) for value in values), text)
 
     def column(key: str) -> list[Any]:
         return [run[key] for run in runs.values()]

@@ -24,9 +24,7 @@ def domain_id(wanted: int | None = None) -> Iterator[int]:
         ProtocolError: where all ids are taken.
     """
     if wanted is not None:
-        if not 0 <= wanted <= 232:
-            raise InputError("ROS_DOMAIN_ID", got=wanted, expected="a whole number from 0 to 232 (0 to 101 is safe)")
-        yield wanted
+        yield check_domain(wanted)
         return
     folder = Path(tempfile.gettempdir()) / f"slip_vic_domains.{os.getuid()}"
     folder.mkdir(exist_ok=True)
@@ -43,6 +41,17 @@ def domain_id(wanted: int | None = None) -> Iterator[int]:
     raise ProtocolError(f"all ROS domain ids from {FIRST} to {LAST} are in use by other runs; give --domain-id")
 
 
+def check_domain(wanted: int) -> int:
+    """Return the id where DDS has ports for it.
+
+    Raises:
+        InputError: where it is out of range.
+    """
+    if not 0 <= wanted <= 232:
+        raise InputError("ROS_DOMAIN_ID", got=wanted, expected="a whole number from 0 to 232 (0 to 101 is safe)")
+    return wanted
+
+
 def domain_from_environment() -> int | None:
     """Return ROS_DOMAIN_ID of the environment, None where it is not set.
 
@@ -53,7 +62,7 @@ def domain_from_environment() -> int | None:
     if text is None or not text.strip():
         return None
     try:
-        return int(text)
+        return check_domain(int(text))
     except ValueError:
         raise InputError(
             "ROS_DOMAIN_ID", got=text, expected="a whole number from 0 to 232", fix="unset it or set it right"

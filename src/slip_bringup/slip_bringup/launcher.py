@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import tempfile
 import threading
@@ -12,11 +13,11 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from slip_bringup.domain import domain_from_environment, domain_id
+from slip_bringup.domain import check_domain, domain_from_environment, domain_id
 from slip_bringup.processes import Child, Event, ProcessGroup, child_environment, python_module
 from slip_bringup.recording import recorder_command
 from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
-from slip_msgs_py.errors import InputError, ProtocolError
+from slip_msgs_py.errors import InputError, ProtocolError, SlipVicError
 from slip_msgs_py.params import ParameterModel
 
 READY_TIMEOUT_S = 20.0
@@ -47,14 +48,26 @@ class RunResult:
         return self.sim_time_s / self.wall_time_s if self.wall_time_s > 0.0 else 0.0
 
 
+class RefusedByChild(SlipVicError):
+    """A child refused its input; its own line says what is wrong."""
+
+    exit_code = 2
+
+    def __init__(self, child: Child) -> None:
+        super().__init__(f"{child.name}: {child.lines[-1].removeprefix('error: ')}")
+
+
 class Launcher:
     """One run of a scenario.
 
     Args:
         scenario: parameters of both nodes.
-        bag: folder to record into, None records nothing. It must not exist yet.
-        on_progress: called with the simulated time [s], from a reader thread.
+        bag: folder to record into, None records nothing; it must not exist yet.
         wanted_domain: ROS domain id, None takes ROS_DOMAIN_ID or a free one.
+        namespace: ROS namespace of all nodes.
+
+    Raises:
+        InputError: parameters and URDF that do not fit, a bag folder that is taken, a domain out of range.
     """
 
     def __init__(
@@ -62,26 +75,27 @@ class Launcher:
         scenario: Scenario,
         *,
         bag: Path | None = None,
-        on_progress: Callable[[float], None] = lambda _: None,
         wanted_domain: int | None = None,
         namespace: str = "",
     ) -> None:
         self._scenario = scenario
         self._bag = bag
-        self._on_progress = on_progress
-        self._wanted_domain = wanted_domain if wanted_domain is not None else domain_from_environment()
+        self._on_progress: Callable[[float], None] = lambda _: None
+        self._wanted_domain = domain_from_environment() if wanted_domain is None else check_domain(wanted_domain)
         self._namespace = namespace
         self._stop = threading.Event()
-        if bag is not None and bag.exists():
-            raise InputError(f"bag folder {bag}", got="it exists", expected="a new folder", fix="remove it or choose another")
+        scenario.check()
+        if bag is not None:
+            _check_new_folder(bag)
 
-    def run(self) -> RunResult:
-        """Run to the end.
+    def run(self, on_progress: Callable[[float], None] = lambda _: None) -> RunResult:
+        """Run to the end; `on_progress` is called with the simulated time [s], from a reader thread.
 
         Raises:
             ProtocolError: the first child that failed, with its exit code and last lines, or a missed deadline.
             Interrupted: SIGINT or SIGTERM came first.
         """
+        self._on_progress = on_progress
         previous = {number: signal.signal(number, self._on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             with (
@@ -117,7 +131,9 @@ class Launcher:
         if recording:
             group.stop([children["recorder"]])
         self._check(group)
-        return self._result(children)
+        result = self._result(children)
+        self._on_progress(result.sim_time_s)
+        return result
 
     def _node_command(self, name: str, params: ParameterModel, folder: Path) -> list[str]:
         node_name, _ = NODES[name]
@@ -148,6 +164,8 @@ class Launcher:
         failed = group.first_failed()
         if failed is not None:
             failed.wait(1.0)
+            if failed.exit_code == InputError.exit_code and failed.lines:
+                raise RefusedByChild(failed)
             raise ProtocolError(f"{failed.name} failed with exit code {failed.exit_code}; last lines:\n{failed.tail()}")
 
     def _progress_text(self, group: ProcessGroup) -> str:
@@ -168,3 +186,14 @@ class Launcher:
             messages=int(recorded.get("messages", 0)),
             lost=int(recorded.get("lost", 0)),
         )
+
+
+def _check_new_folder(bag: Path) -> None:
+    if bag.exists():
+        raise InputError(
+            f"bag folder {bag}", got="it exists", expected="a new folder", fix="remove it or choose another"
+        )
+    parent = next(folder for folder in bag.absolute().parents if folder.exists())
+    # The kernel's own file systems say they can be written, and cannot.
+    if not os.access(parent, os.W_OK) or parent.is_relative_to("/proc") or parent.is_relative_to("/sys"):
+        raise InputError(f"bag folder {bag}", got=f"{parent} cannot be written", expected="a place that can be written")

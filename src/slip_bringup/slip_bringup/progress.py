@@ -1,4 +1,4 @@
-"""Progress bars for runs; on a terminal they move, elsewhere they print nothing but their end."""
+"""Progress bars for runs; on a terminal they move, in a file or a pipe they print nothing."""
 
 from __future__ import annotations
 
@@ -36,5 +36,5 @@ def run_progress(console: Console) -> Iterator[RunProgress]:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console) as progress:
+    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
         yield RunProgress(progress)

@@ -51,7 +51,11 @@ def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str
         path = folder / f"attachment.{name}"
         path.write_text(text, encoding="utf-8")
         arguments += ["--attach", f"{name}={path}"]
-    custom = {"scenario": scenario.name, "controller": scenario.controller.controller, "seed": str(scenario.bridge.seed)}
+    custom = {
+        "scenario": scenario.name,
+        "controller": scenario.controller.controller,
+        "seed": str(scenario.bridge.seed),
+    }
     for key, value in {**custom, **versions()}.items():
         arguments += ["--custom-data", f"{key}={value}"]
     if namespace:

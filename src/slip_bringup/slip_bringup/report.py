@@ -10,11 +10,11 @@ import matplotlib as mpl
 
 mpl.use("Agg")
 
-import matplotlib.pyplot as plt  # noqa: E402  # the backend must be chosen first: no display is needed
-import numpy as np  # noqa: E402
+import matplotlib.pyplot as plt  # the backend must be chosen first: no display is needed
+import numpy as np
 
-from slip_bringup.series import RunSeries, rotation_angle_about  # noqa: E402
-from slip_msgs_py.arrays import Array  # noqa: E402
+from slip_bringup.series import RunSeries, rotation_angle_about
+from slip_msgs_py.arrays import Array
 
 COLOURS = {"classical": "#c44e52", "vic": "#1f6fb2"}
 DESIRED = {"color": "black", "linestyle": ":", "linewidth": 1.4, "label": "desired"}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -25,6 +25,8 @@ from slip_msgs_py.params import (
 )
 from slip_msgs_py.resources import read_text
 from slip_sim_bridge.node_params import BridgeNodeParams
+from slip_sim_bridge.sim.simulation import GraspSimulation
+from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.node_params import ControllerNodeParams
 
 ControllerKind = Literal["vic", "classical"]
@@ -53,6 +55,15 @@ class Scenario:
     controller: ControllerNodeParams
     bridge: BridgeNodeParams
     urdf: str
+
+    def check(self) -> None:
+        """Make controller and simulation once, so that what does not fit is said before any process starts.
+
+        Raises:
+            InputError: e.g. a URDF without the frame, joints missing or in another order.
+        """
+        VicController(self.controller, self.urdf)
+        GraspSimulation(self.bridge, self.urdf)
 
 
 def load_scenario(

@@ -46,12 +46,12 @@ def read_series(path: Path) -> RunSeries:
     Raises:
         InputError: where the bag lacks a topic that a run has.
     """
-    bag = Bag(path)
-    truth = _messages(bag, "slip_truth")
-    odometry = _messages(bag, "object_state")
-    efforts = [message for message in _messages(bag, "effort_command") if len(message.effort)]
-    scalars = _messages(bag, "controller/scalars")
-    ee_pose = _messages(bag, "controller/ee_pose")[0].pose
+    with Bag(path) as bag:
+        truth = _messages(bag, "slip_truth")
+        odometry = _messages(bag, "object_state")
+        efforts = [message for message in _messages(bag, "effort_command") if len(message.effort)]
+        scalars = _messages(bag, "controller/scalars")
+        ee_pose = _messages(bag, "controller/ee_pose")[0].pose
     start_ns = stamp_to_ns(truth[0].header.stamp)
     object_position = np.array([_xyz(m.pose.pose.position) for m in odometry])
     object_rotation = np.array([_matrix(m.pose.pose.orientation) for m in odometry])
@@ -80,7 +80,7 @@ def read_series(path: Path) -> RunSeries:
 
 def _messages(bag: Bag, topic: str) -> list[Any]:
     full = next((name for name in bag.topics if name.rstrip("/").endswith(f"/{topic.lstrip('/')}")), None)
-    found = [message for _, _, message in bag.messages(full)] if full else []
+    found = [message.value for message in bag.messages(full)] if full else []
     if not found:
         raise InputError(f"bag {bag.path}", got=f"no message on {topic}", expected="a recorded run of this suite")
     return found

@@ -1,0 +1,87 @@
+"""Parameter files and reference pages, made from the declarations so that they cannot drift."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import get_args
+
+from slip_bringup.scenario import NODES, ControllerKind, load_scenario, ros_parameter_file
+from slip_description import scenario_names
+from slip_msgs_py.errors import InputError
+from slip_msgs_py.params import ParameterInfo, ParameterModel, parameter_infos
+from slip_msgs_py.topics import markdown_table
+
+
+def config_files(scenarios: list[str] | None = None) -> dict[str, str]:
+    """Return every file of ``config/``: relative path -> text, for bridge and both controllers of each scenario."""
+    files = {}
+    for name in scenarios or scenario_names():
+        for kind in get_args(ControllerKind):
+            scenario = load_scenario(name, controller=kind)
+            head = f"# {name}: made by `slip-vic params`; edit the scenario, or your own copy.\n"
+            files[f"{name}/controller_{kind}.yaml"] = head + ros_parameter_file(
+                scenario.controller, NODES["controller"][0]
+            )
+            files[f"{name}/bridge.yaml"] = head + ros_parameter_file(scenario.bridge, NODES["bridge"][0])
+    return files
+
+
+def write_files(folder: Path, files: dict[str, str]) -> None:
+    """Write files below `folder`.
+
+    Raises:
+        InputError: where the folder cannot be written.
+    """
+    try:
+        for name, text in files.items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            f"output folder {folder}", got=error.strerror or str(error), expected="a folder that can be written"
+        ) from None
+
+
+def parameter_page() -> str:
+    """Return docs/parameters.md."""
+    parts = [
+        "# Parameters\n\nMade by `slip-vic params --reference` from the declarations in the code; a test holds it true."
+        "\nA parameter marked *live* can be changed while the node runs; the others are read at start."
+    ]
+    for node_name, model in NODES.values():
+        parts.append(f"## {node_name}\n\n{_table(model)}")
+    return "\n\n".join(parts) + "\n"
+
+
+def topic_page() -> str:
+    """Return docs/topics.md."""
+    return (
+        "# Topics\n\nMade by `slip-vic params --reference` from `slip_msgs_py.topics`; a test holds it true.\n"
+        "Names are relative: a namespace moves the whole system. Contact 1 and further ones of a multi-contact grasp\n"
+        "use `contact_1/wrench`, `contact_1/slip_velocity` and so on. The controller subscribes best effort in real\n"
+        "time, so that a sensor driver's best-effort topics match, and reliable in lockstep.\n\n"
+        f"{markdown_table()}\n"
+    )
+
+
+def _table(model: type[ParameterModel]) -> str:
+    lines = ["| parameter | default | unit | range | live | meaning |", "|---|---|---|---|---|---|"]
+    for info in parameter_infos(model):
+        default = _shown(info.default)
+        cells = (f"`{info.name}`", default, info.unit, _range(info), "live" if info.runtime else "", info.description)
+        lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+    return "\n".join(lines)
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, tuple):
+        return f"`{list(value)}`"
+    return f"`{value}`" if value != "" else "(empty)"
+
+
+def _range(info: ParameterInfo) -> str:
+    if "one_of" in info.bounds:
+        return ", ".join(str(choice) for choice in info.bounds["one_of"])
+    words = {"gt": ">", "ge": ">=", "lt": "<", "le": "<=", "min_length": "length >=", "max_length": "length <="}
+    return ", ".join(f"{words[name]} {value:g}" for name, value in info.bounds.items() if name in words)

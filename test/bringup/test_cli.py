@@ -1,0 +1,142 @@
+"""The command line: every mistake is one clear line and exit code 2, and nothing is left half-written."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from slip_bringup import shared_memory
+from slip_bringup.processes import child_environment
+from slip_description import urdf_text
+
+DEADLINE_S = 60.0
+
+
+def slip_vic(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    environment = child_environment(0)
+    del environment["ROS_DOMAIN_ID"], environment["SLIP_VIC_EVENTS"]
+    command = [sys.executable, "-m", "slip_bringup.cli", *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, cwd=cwd, env=environment, timeout=DEADLINE_S, check=False
+    )
+
+
+URDF_WITHOUT_EE = urdf_text().replace('"ee"', '"tip"')
+
+MISTAKES = {
+    "unknown scenario": (["--scenario", "paper_plane"], ["paper_plane", "did you mean paper_planar"]),
+    "unknown parameter": (["--set", "controller.gains.ks=1"], ["controller.gains.ks", "controller.gains.k_s"]),
+    "unknown shared parameter": (["--set", "object.mas=1"], ["object.mas", "object.mass"]),
+    "no value": (["--set", "object.mass"], ["key=value"]),
+    "gain not positive": (["--set", "controller.gains.k_s=-1"], ["gains.k_s", "-1", "greater than 0"]),
+    "stiffness not positive": (["--set", "controller.gains.stiffness=[5,5,5,0,5,5]"], ["stiffness", "positive"]),
+    "wrong size": (["--set", "controller.gains.damping=[1,2]"], ["gains.damping"]),
+    "wrong type": (["--set", "object.mass=heavy"], ["object.mass", "heavy"]),
+    "not finite": (["--set", "object.mass=.nan"], ["object.mass", "nan"]),
+    "frame missing": (["--set", "ee_frame=tool"], ["tool", "ee"]),
+    "joint missing": (
+        ["--set", "joint_names=[arm_joint1, arm_joint2, arm_joint3, arm_joint4, arm_joint5, arm_joint6, elbow]"],
+        ["elbow"],
+    ),
+    "joints in another order": (
+        ["--set", "joint_names=[arm_joint2, arm_joint1, arm_joint3, arm_joint4, arm_joint5, arm_joint6, arm_joint7]"],
+        ["order"],
+    ),
+    "domain out of range": (["--domain-id", "500"], ["ROS_DOMAIN_ID", "500"]),
+    "controller unknown": (["--controller", "pid"], ["pid", "vic"]),
+    "urdf missing": (["--urdf", "nowhere.urdf"], ["nowhere.urdf"]),
+    "urdf without the frame": (["--urdf", "tip.urdf"], ["ee_frame", "frame of the URDF", "tip"]),
+    "urdf is not xml": (["--urdf", "broken.urdf"], ["robot_description", "URDF"]),
+    "scenario file is not yaml": (["--scenario", "broken.yaml"], ["broken.yaml"]),
+    "scenario file with an unknown key": (["--scenario", "extra.yaml"], ["durration_s", "duration_s"]),
+    "bag folder exists": (["--record", "taken"], ["taken", "exists"]),
+    "bag folder cannot be written": (["--record", "/proc/bag"], ["/proc"]),
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "tip.urdf").write_text(URDF_WITHOUT_EE)
+    (tmp_path / "broken.urdf").write_text("<robot")
+    (tmp_path / "broken.yaml").write_text("a: [1")
+    (tmp_path / "extra.yaml").write_text("name: a\ndescription: b\ndurration_s: 1\n")
+    (tmp_path / "taken").mkdir()
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_one_line_and_exit_code_2(name: str, folder: Path) -> None:
+    arguments, words = MISTAKES[name]
+    before = sorted(folder.iterdir())
+    done = slip_vic("run", *arguments, cwd=folder)
+    assert done.returncode == 2, done.stderr
+    lines = [line for line in done.stderr.splitlines() if line.strip()]
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith("error: ")
+    assert all(word in lines[0] for word in words), lines[0]
+    assert sorted(folder.iterdir()) == before
+
+
+def test_demo_refuses_a_folder_it_cannot_write() -> None:
+    done = slip_vic("demo", "--out", "/proc/out")
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: output folder /proc/out")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_two_runs_need_not_know_of_each_other(tmp_path: Path) -> None:
+    environment = child_environment(0)
+    del environment["ROS_DOMAIN_ID"], environment["SLIP_VIC_EVENTS"]
+    command = [sys.executable, "-m", "slip_bringup.cli", "run", "--set", "bridge.duration_s=0.2"]
+    runs = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    outputs = [run.communicate(timeout=DEADLINE_S)[0] for run in runs]
+    assert [run.returncode for run in runs] == [0, 0]
+    assert all(output.startswith("200 ticks") for output in outputs)
+
+
+@pytest.mark.parametrize("delay_s", [0.3, 0.9, 1.6, 2.6, 4.0])
+@pytest.mark.parametrize("command", ["run", "demo"])
+def test_ctrl_c_at_any_moment_leaves_nothing(command: str, delay_s: float, tmp_path: Path) -> None:
+    before = shared_memory.segments()
+    environment = child_environment(0)
+    del environment["ROS_DOMAIN_ID"], environment["SLIP_VIC_EVENTS"]
+    marker = f"slip_ctrl_c_{os.getpid()}_{command}_{delay_s}"
+    environment["SLIP_TEST_MARKER"] = marker
+    option = ["--set", "bridge.duration_s=1000.0"]
+    option += ["--out", str(tmp_path / "out")] if command == "demo" else ["--record", str(tmp_path / "bag")]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "slip_bringup.cli", command, *option],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(delay_s)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 2 or (process.returncode == -signal.SIGINT and delay_s < 0.5), errors
+    assert "Traceback" not in errors
+    if process.returncode == 2:
+        assert "error: interrupted" in errors.splitlines()[-1]
+    assert marked(marker) == []
+    assert shared_memory.segments() <= before
+    if command == "demo":
+        assert not (tmp_path / "out").exists() or list((tmp_path / "out").iterdir()) == []
+    elif (tmp_path / "bag").exists():
+        assert (tmp_path / "bag" / "metadata.yaml").exists()
+
+
+def marked(marker: str) -> list[int]:
+    """Return the processes that carry the marker in their environment."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        try:
+            if entry.name.isdigit() and marker.encode() in (entry / "environ").read_bytes():
+                found.append(int(entry.name))
+        except OSError:
+            continue
+    return found
