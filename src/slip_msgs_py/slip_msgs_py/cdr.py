@@ -1,0 +1,222 @@
+"""Fast CDR for messages whose form does not change from one to the next: numbers and a stamp in a fixed place.
+
+A typed template is laid out once, field by field. After that a message is written by putting numbers into a copy
+of the template's bytes, and read only where every other byte (lengths, names, frame ids) equals the template's.
+Nothing here knows a message type by name; a codec proves itself against rclpy's own typed code when it is made.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.serialization import deserialize_message, serialize_message
+
+from slip_msgs_py.stamps import NS_PER_S
+
+_HEADER: Final = b"\x00\x01\x00\x00"  # plain CDR, little endian
+_NUMBERS: Final = {
+    "boolean": "?", "octet": "B", "uint8": "B", "int8": "b", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I",
+    "int64": "q", "uint64": "Q", "float": "f", "double": "d",
+}  # fmt: skip
+_ARRAY: Final = re.compile(r"sequence<(?P<sequence>[^,]+)(?:, \d+)?>|(?P<fixed>.+)\[(?P<size>\d+)\]")
+_DTYPES: Final = {"d": np.dtype("<f8"), "q": np.dtype("<i8")}
+_STAMP: Final = struct.Struct("<iI")
+Numbers = NDArray[Any]  # float64 or int64
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """Numbers of one kind (a `struct` letter) that lie side by side from `offset` on."""
+
+    path: str
+    kind: str
+    offset: int
+    count: int
+
+
+class Layout:
+    """A message in CDR: its bytes with zeros as padding, where its numbers lie, and which bytes are padding.
+
+    Args:
+        message: a typed ROS message.
+    """
+
+    def __init__(self, message: Any) -> None:
+        self.data = bytearray(_HEADER)
+        self.leaves: list[Leaf] = []
+        self.padding: list[int] = []
+        self._message(message, "")
+
+    def _message(self, message: Any, path: str) -> None:
+        for name, kind in message.get_fields_and_field_types().items():
+            self._field(getattr(message, name), kind, f"{path}.{name}" if path else name)
+
+    def _field(self, value: Any, kind: str, path: str) -> None:
+        if array := _ARRAY.fullmatch(kind):
+            if array["sequence"]:
+                self._numbers((len(value),), "I", "")
+            element = array["sequence"] or array["fixed"]
+            if element in _NUMBERS:
+                self._numbers(value, _NUMBERS[element], path)
+            else:
+                for item in value:
+                    self._field(item, element, path)
+        elif kind in _NUMBERS:
+            self._numbers((value,), _NUMBERS[kind], path)
+        elif kind.startswith("string"):
+            text = value.encode() + b"\0"
+            self._numbers((len(text),), "I", "")
+            self.data += text
+        else:
+            self._message(value, path)
+
+    def _numbers(self, values: Sequence[Any], kind: str, path: str) -> None:
+        if len(values) == 0:
+            self.leaves.append(Leaf(path, kind, len(self.data), 0))  # an empty array is not even aligned
+            return
+        size = struct.calcsize(f"<{kind}")
+        gap = -(len(self.data) - len(_HEADER)) % size
+        self.padding += range(len(self.data), len(self.data) + gap)
+        self.data += bytes(gap)
+        if path:
+            self.leaves.append(Leaf(path, kind, len(self.data), len(values)))
+        if kind == "B" and isinstance(values[0], bytes):
+            values = b"".join(values)
+        self.data += struct.pack(f"<{len(values)}{kind}", *values)
+
+    def under(self, path: str) -> Leaf:
+        """Return all numbers at `path` and below it as one block.
+
+        Raises:
+            ValueError: where they are none, of several kinds, or not side by side.
+        """
+        found = [leaf for leaf in self.leaves if leaf.path == path or leaf.path.startswith(f"{path}.")]
+        if not found:
+            raise ValueError(f"{path}: not numbers")
+        first, count = found[0], sum(leaf.count for leaf in found)
+        size = struct.calcsize(f"<{first.kind}")
+        side_by_side = found[-1].offset + found[-1].count * size == first.offset + count * size
+        if any(leaf.kind != first.kind for leaf in found) or not side_by_side:
+            raise ValueError(f"{path}: its numbers are not one block of one kind")
+        return Leaf(path, first.kind, first.offset, count)
+
+
+class CdrCodec:
+    """Writes and reads messages that differ from a template in a stamp and in some arrays of numbers only.
+
+    Args:
+        template: a typed message with the names, lengths and frame ids that all messages share.
+        fields: paths of the float64 or int64 numbers that vary (``position``, ``wrench``, ``pose.pose``).
+        stamp: path of the builtin_interfaces/Time that varies; empty where the message has none.
+
+    Raises:
+        ValueError: a path that is not there, or a layout that rclpy's typed code does not agree with.
+    """
+
+    def __init__(self, template: Any, fields: Sequence[str], stamp: str = "header.stamp") -> None:
+        for path in filter(None, (*fields, stamp)):
+            _at(template, path)
+        layout = Layout(template)
+        self._buffer = layout.data
+        self.size = len(layout.data)
+        self._blocks = [layout.under(path) for path in fields]
+        self._stamp_at = _stamp_offset(layout, stamp) if stamp else None
+        for block in self._blocks:
+            if block.kind not in _DTYPES:
+                raise ValueError(f"{block.path}: only float64 and int64 numbers can vary")
+        self._views = [
+            np.frombuffer(self._buffer, _DTYPES[block.kind], block.count, block.offset if block.count else 0)
+            for block in self._blocks
+        ]
+        self._starts = [
+            (_DTYPES[block.kind], block.count, block.offset - len(_HEADER) if block.count else 0)
+            for block in self._blocks
+        ]
+        mask = bytearray(b"\xff" * self.size)
+        for at in self._varying():
+            mask[at] = 0
+        fixed = bytes(byte & keep for byte, keep in zip(self._buffer, mask, strict=True))
+        for at in layout.padding:
+            mask[at] = 0
+        self._mask, self._fixed = int.from_bytes(mask, "little"), int.from_bytes(fixed, "little")
+        self._prove(template, layout)
+
+    def encode(self, stamp_ns: int, *numbers: Any) -> bytes:
+        """Return the message with this stamp [ns] and these numbers, one array per field of the template's size.
+
+        Raises:
+            ValueError: where an array has another size than the template's.
+        """
+        if self._stamp_at is not None:
+            sec, nanosec = divmod(stamp_ns, NS_PER_S)
+            _STAMP.pack_into(self._buffer, self._stamp_at, sec, nanosec)
+        for view, values in zip(self._views, numbers, strict=True):
+            if len(values) != len(view):
+                raise ValueError(f"got {len(values)} numbers for a field of {len(view)}")
+            view[:] = values
+        return bytes(self._buffer)
+
+    def decode(self, data: bytes) -> tuple[int, list[Numbers]] | None:
+        """Return stamp [ns] and arrays (read-only views of the bytes), or None where the message has another form."""
+        if len(data) != self.size or int.from_bytes(data, "little") & self._mask != self._fixed:
+            return None
+        stamp_ns = 0
+        if self._stamp_at is not None:
+            sec, nanosec = _STAMP.unpack_from(data, self._stamp_at)
+            stamp_ns = sec * NS_PER_S + nanosec
+        body = data[len(_HEADER) :]  # a copy in which numbers are aligned as CDR aligns them
+        return stamp_ns, [np.frombuffer(body, *start) for start in self._starts]
+
+    def _varying(self) -> list[int]:
+        spans = [(block.offset, 8 * block.count) for block in self._blocks]
+        if self._stamp_at is not None:
+            spans.append((self._stamp_at, _STAMP.size))
+        return [at for offset, length in spans for at in range(offset, offset + length)]
+
+    def _prove(self, template: Any, layout: Layout) -> None:
+        """Write every varying place with a number of its own and have rclpy read and write the same."""
+        probes: list[Numbers] = []
+        for block in self._blocks:
+            probes.append(np.arange(1, block.count + 1, dtype=_DTYPES[block.kind]) * len(block.path) + len(probes))
+        stamp_ns = 12_345 * NS_PER_S + 678_901_234
+        data = self.encode(stamp_ns, *probes)
+        message = deserialize_message(data, type(template))
+        again = serialize_message(message)[: self.size]
+        differing = [at for at in range(self.size) if again[at] != data[at] and at not in layout.padding]
+        read = self.decode(data)
+        expected = [numbers_at(message, block.path) for block in self._blocks]
+        if differing or read is None or [list(values) for values in read[1]] != expected:
+            raise ValueError(f"layout of {type(template).__name__} differs from rclpy's at bytes {differing[:8]}")
+
+
+def _stamp_offset(layout: Layout, path: str) -> int:
+    sec = next((leaf for leaf in layout.leaves if leaf.path == f"{path}.sec" and leaf.kind == "i"), None)
+    if sec is None:
+        raise ValueError(f"{path}: not a stamp")
+    return sec.offset
+
+
+def numbers_at(message: Any, path: str) -> list[Any]:
+    """Return all numbers at `path` of a typed message, in the order of its fields."""
+    return _numbers_of(_at(message, path))
+
+
+def _at(message: Any, path: str) -> Any:
+    value = message
+    for name in path.split("."):
+        if not hasattr(value, name):
+            raise ValueError(f"{type(message).__name__} has no {path}")
+        value = getattr(value, name)
+    return value
+
+
+def _numbers_of(value: Any) -> list[Any]:
+    if hasattr(value, "get_fields_and_field_types"):
+        return [number for name in value.get_fields_and_field_types() for number in _numbers_of(getattr(value, name))]
+    return [value] if isinstance(value, int | float) else list(value)
