@@ -5,11 +5,11 @@ from __future__ import annotations
 import functools
 
 import numpy as np
+
+from slip_description import urdf_text
 from slip_msgs_py.params import build
 from slip_sim_bridge.sim.params import BridgeParams
 from slip_sim_bridge.sim.simulation import GraspSimulation
-
-from slip_description import urdf_text
 
 G0 = 9.81
 MU_S, MU_K, STRIBECK_VELOCITY, VISCOUS, RHO = 0.5, 0.4, 0.05, 0.05, 0.03

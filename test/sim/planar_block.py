@@ -7,6 +7,7 @@ The pads may be driven: `pad_velocity` is subtracted, so that a vibrating grippe
 from __future__ import annotations
 
 import numpy as np
+
 from slip_sim_bridge.sim.friction import NO_STATE, FrictionLaw, solve_contact
 
 

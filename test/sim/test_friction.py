@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
+
 from slip_msgs_py.errors import InputError
 from slip_sim_bridge.sim import sym3
 from slip_sim_bridge.sim.friction import NO_STATE, Coulomb, Stribeck, solve_contact, substeps_needed
@@ -201,6 +202,8 @@ def test_nothing_moves_nothing_pushes():
     out = solved(Stribeck(0.5, 0.4, 0.05), np.zeros(3), 1e-3 * np.eye(3), 1.0, 0.03)
     assert out.stick
     assert (out.force == 0.0).all()
+    assert not out.force.flags.writeable
+    assert not out.velocity.flags.writeable
 
 
 @pytest.mark.parametrize(

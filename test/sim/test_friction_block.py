@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+
 from slip_sim_bridge.sim.friction import NO_STATE, Coulomb, Stribeck, solve_contact
 
 from .planar_block import PlanarBlock

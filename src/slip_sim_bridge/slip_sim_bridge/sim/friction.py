@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.errors import InputError
 from slip_sim_bridge.sim import sym3
@@ -156,13 +157,14 @@ def solve_contact(
     """
     vx, vy, wz = v_free.tolist()
     if normal_force <= 0.0:
-        return ContactSolution(np.zeros(3), np.array((vx, vy, wz)), False, NO_STATE)
+        return ContactSolution(_readonly(0.0, 0.0, 0.0), _readonly(vx, vy, wz), False, NO_STATE)
     f_hat, u, stick, following = law.solve((vx, vy, rho * wz), sym3.scaled_upper(A, rho), normal_force, dt, state)
     if following is not state:  # deflections turn with the object, or a shaken contact would walk by geometry alone
         turn = dt * u[2] / rho
         following = (following[0] - turn * state[1], following[1] + turn * state[0], following[2])
-    force = np.array((f_hat[0], f_hat[1], rho * f_hat[2]))
-    return ContactSolution(force, np.array((u[0], u[1], u[2] / rho)), stick, following)
+    return ContactSolution(
+        _readonly(f_hat[0], f_hat[1], rho * f_hat[2]), _readonly(u[0], u[1], u[2] / rho), stick, following
+    )
 
 
 def project(law: FrictionLaw, u_free: Vec3, A_hat: Sym3, normal_force: float) -> tuple[Vec3, Vec3, bool]:
@@ -233,6 +235,12 @@ def substeps_needed(
         return 1
     product = fall * sym3.largest_eigenvalue(sym3.scaled_upper(A, rho))
     return max(1, min(most, math.ceil(product / margin)))
+
+
+def _readonly(x: float, y: float, z: float) -> Array:
+    array = np.array((x, y, z))
+    array.flags.writeable = False
+    return array
 
 
 def _check(what: str, value: float, *, positive: bool = False) -> None:
