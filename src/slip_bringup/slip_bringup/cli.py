@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
 
 from slip_msgs_py.errors import SlipVicError
+
+if TYPE_CHECKING:
+    from slip_bringup.scenario import ControllerKind, Mode
 
 CONSOLE = Console(stderr=True)
 CONTROLLERS = click.Choice(["vic", "classical"])
@@ -32,8 +36,8 @@ def cli() -> None:
 @click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
 def run(
     scenario: str,
-    kind: str,
-    mode: str,
+    kind: ControllerKind,
+    mode: Mode,
     seed: int,
     record: Path | None,
     assignments: tuple[str, ...],
@@ -46,14 +50,7 @@ def run(
     from slip_bringup.progress import run_progress
     from slip_bringup.scenario import load_scenario
 
-    loaded = load_scenario(
-        scenario,
-        controller=kind,
-        mode=mode,
-        seed=seed,
-        assignments=assignments,
-        urdf_file=urdf,  # type: ignore[arg-type]
-    )
+    loaded = load_scenario(scenario, controller=kind, mode=mode, seed=seed, assignments=assignments, urdf_file=urdf)
     launcher = Launcher(loaded, bag=record, wanted_domain=domain_id, namespace=namespace)
     with run_progress(CONSOLE) as progress:
         result = launcher.run(progress.add_run(f"{loaded.name} {kind}", loaded.bridge.duration_s))

@@ -65,7 +65,7 @@ def run_demo(
     finally:
         shutil.rmtree(staging, ignore_errors=True)
     console_out = Console()
-    console_out.print(comparison_table(summary["scenario"], runs))
+    console_out.print(comparison_table(loaded["vic"].name, runs))
     console_out.print(f"summary: {out / 'summary.json'}\npicture: {out / 'report.png'}", soft_wrap=True)
     return summary
 

@@ -138,7 +138,7 @@ class ProcessGroup:
         return next((child for child in self.children if child.exit_code not in (None, 0)), None)
 
     def stop(self, children: Sequence[Child]) -> None:
-        """End these children: SIGINT, then SIGTERM, then SIGKILL with all their descendants, each after a grace time."""
+        """End these children: SIGINT, SIGTERM, then SIGKILL with all their descendants, each after a grace time."""
         for number in (signal.SIGINT, signal.SIGTERM):
             running = [child for child in children if child.exit_code is None]
             if not running:

@@ -30,7 +30,11 @@ from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.node_params import ControllerNodeParams
 
 ControllerKind = Literal["vic", "classical"]
-NODES = {"controller": ("slip_vic_controller", ControllerNodeParams), "bridge": ("slip_sim_bridge", BridgeNodeParams)}
+Mode = Literal["lockstep", "realtime"]
+NODES: dict[str, tuple[str, type[ParameterModel]]] = {
+    "controller": ("slip_vic_controller", ControllerNodeParams),
+    "bridge": ("slip_sim_bridge", BridgeNodeParams),
+}
 
 
 class ScenarioFile(ParameterModel):
@@ -70,7 +74,7 @@ def load_scenario(
     name_or_path: str,
     *,
     controller: ControllerKind = "vic",
-    mode: Literal["lockstep", "realtime"] = "lockstep",
+    mode: Mode = "lockstep",
     seed: int = 0,
     assignments: Iterable[str] = (),
     urdf_file: Path | None = None,
@@ -98,10 +102,8 @@ def load_scenario(
             node["robot_description_file"] = str(urdf_file)
     for assignment in assignments:
         _assign(values, *parse_assignment(assignment))
-    made = {key: build(model, values[key], f"{origin}: {key}") for key, (_, model) in NODES.items()}
-    controller_params, bridge_params = made["controller"], made["bridge"]
-    assert isinstance(controller_params, ControllerNodeParams)
-    assert isinstance(bridge_params, BridgeNodeParams)
+    controller_params = build(ControllerNodeParams, values["controller"], f"{origin}: controller")
+    bridge_params = build(BridgeNodeParams, values["bridge"], f"{origin}: bridge")
     urdf = bridge_params.robot_description or read_text(
         bridge_params.robot_description_file, "parameter robot_description_file"
     )

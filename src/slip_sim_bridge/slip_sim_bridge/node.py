@@ -21,7 +21,7 @@ from slip_msgs_py.peers import Peers, wait_until
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.resources import read_text
 from slip_msgs_py.ros_params import declare
-from slip_msgs_py.stamps import split_ns
+from slip_msgs_py.stamps import split_ns, stamp_to_ns
 from slip_msgs_py.topics import contact_topic
 from slip_msgs_py.types import EffortCommand
 from slip_sim_bridge.node_params import BridgeNodeParams
@@ -30,7 +30,7 @@ from slip_sim_bridge.session import NO_EFFORT, BridgeSession, TickOutputs
 PROGRESS_EVERY_S = 0.1
 
 
-class SlipSimBridge(Node):  # type: ignore[misc]  # rclpy is untyped
+class SlipSimBridge(Node):
     """Publishes joint states, wrench, slip, ground truth and clock; waits for or samples effort commands."""
 
     def __init__(self) -> None:
@@ -78,7 +78,7 @@ class SlipSimBridge(Node):  # type: ignore[misc]  # rclpy is untyped
     def _on_command(self, message: Any) -> None:
         if not message.effort:
             # The controller has no command for this stamp (inputs missing): the arm holds itself.
-            stamp_ns = from_msgs.stamp_to_ns(message.header.stamp)
+            stamp_ns = stamp_to_ns(message.header.stamp)
             self._command = EffortCommand(stamp_ns, NO_EFFORT)
             return
         try:

@@ -31,7 +31,7 @@ STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only
 READY_CHECK_S = 0.02
 
 
-class SlipVicController(Node):  # type: ignore[misc]  # rclpy is untyped
+class SlipVicController(Node):
     """Answers every complete set of inputs with one effort command, stamped as the joint state it answers."""
 
     def __init__(self) -> None:

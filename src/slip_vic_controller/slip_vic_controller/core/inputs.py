@@ -135,6 +135,8 @@ class InputBuffer:
         inputs = TickInputs(joint, wrenches, slips, tuple(map(tuple, self._wrenches)), tuple(map(tuple, self._slips)))
         self._joint = None
         self._manifest = None
-        for samples in (*self._wrenches, *self._slips):
-            samples.clear()
+        for wrench_samples in self._wrenches:
+            wrench_samples.clear()
+        for slip_samples in self._slips:
+            slip_samples.clear()
         return inputs
