@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import yaml
+
 from slip_msgs_py.errors import InputError
 
 INFINITE_NS: Final = 2**63 - 1

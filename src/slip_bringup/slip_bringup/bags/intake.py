@@ -74,14 +74,17 @@ class DirectIntake:
         return True
 
     def drain(self) -> Iterator[Arrival]:
+        """Yield what is there now."""
         while self._pending:
             yield self._pending.popleft()
         yield from self._take(limit=None)
 
     def publisher_count(self) -> int:
+        """Matched publishers."""
         return int(self._subscription.get_publisher_count())
 
     def close(self) -> None:
+        """Unsubscribe."""
         self._node.destroy_subscription(self._subscription)
 
     def _take(self, limit: int | None) -> Iterator[Arrival]:
@@ -118,6 +121,7 @@ class ExecutorIntake:
         self._executor.add_node(self._node)
 
     def drain(self) -> Iterator[Arrival]:
+        """Yield what is there now."""
         empty = 0
         while empty < 2:  # one call may only end the round of the one before
             before = len(self._arrivals)
@@ -127,9 +131,11 @@ class ExecutorIntake:
             yield self._arrivals.popleft()
 
     def publisher_count(self) -> int:
+        """Matched publishers."""
         return int(self._subscription.get_publisher_count())
 
     def close(self) -> None:
+        """Unsubscribe."""
         self._executor.remove_node(self._node)
         self._executor.shutdown()
         self._node.destroy_node()

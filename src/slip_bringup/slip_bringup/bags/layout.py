@@ -15,7 +15,13 @@ from typing import Final
 from slip_msgs_py.errors import InputError
 
 DTYPES: Final[Mapping[str, str]] = {
-    **{"bool": "?", "byte": "u1", "char": "u1", "int8": "i1", "uint8": "u1", "float32": "f4", "float64": "f8"},
+    "bool": "?",
+    "byte": "u1",
+    "char": "u1",
+    "int8": "i1",
+    "uint8": "u1",
+    "float32": "f4",
+    "float64": "f8",
     **{f"{sign}int{8 * size}": f"{sign or 'i'}{size}" for sign in ("", "u") for size in (2, 4, 8)},
 }
 _SIZES: Final = {name: 1 if code == "?" else int(code[1]) for name, code in DTYPES.items()}
@@ -141,13 +147,13 @@ class _Walker:
         self._struct(self._schema.root, "", 0)
         if self._position > len(self._data):
             raise IndexError
-        return Layout(
-            tuple(self._leaves), tuple(self._texts), tuple(self._sizes), self._little_endian, self._position
-        )
+        return Layout(tuple(self._leaves), tuple(self._texts), tuple(self._sizes), self._little_endian, self._position)
 
     def _struct(self, type_name: str, prefix: str, depth: int) -> None:
         if depth > _MAX_DEPTH:
-            raise InputError(f"schema of {self._schema.type_name}", got="types that contain themselves", expected="a tree")
+            raise InputError(
+                f"schema of {self._schema.type_name}", got="types that contain themselves", expected="a tree"
+            )
         fields = self._schema.types[type_name]
         if not fields:
             self._position += 1  # the one byte an empty structure has in IDL

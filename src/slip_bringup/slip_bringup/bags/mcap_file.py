@@ -18,9 +18,9 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import FOOTER_SIZE, SeekingReader
 from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Metadata, Schema
-from slip_msgs_py.errors import InputError
 
 from slip_bringup.bags.scan import MAGIC, DamagedError, RawRecord, message_fields, open_chunk, records
+from slip_msgs_py.errors import InputError
 
 _HEAD: Final = struct.Struct("<BQ")
 _MESSAGE: Final = struct.Struct("<HIQQ")
@@ -266,7 +266,9 @@ class McapFile:
             found = Attachment.read(stream)
             length, size = record.end - record.offset, len(found.data)
             index.attachments.append(
-                AttachmentIndex(record.offset, length, found.log_time, found.create_time, size, found.name, found.media_type)
+                AttachmentIndex(
+                    record.offset, length, found.log_time, found.create_time, size, found.name, found.media_type
+                )
             )
 
     def _chunk_entries(self, chunk: ChunkIndex, channels: Collection[int]) -> list[Entry]:

@@ -23,12 +23,12 @@ from typing import Any, NamedTuple
 from mcap.records import ChunkIndex
 from mcap.records import Schema as McapSchema
 from mcap_ros2.decoder import DecoderFactory
-from slip_msgs_py.errors import InputError, nearest
 
 from slip_bringup.bags.format import BagMetadata, FileInfo, TopicInfo, parse_metadata, parse_qos
 from slip_bringup.bags.layout import Schema
 from slip_bringup.bags.mcap_file import Entry, McapFile
 from slip_bringup.bags.series import Series
+from slip_msgs_py.errors import InputError, nearest
 
 _TIME = itemgetter(0)
 _ALWAYS_NS = (-(2**63), 2**63 - 1)
@@ -240,11 +240,11 @@ class Bag:
                 batches.append((start, len(batches), file, channels, batch))
         batches.sort(key=itemgetter(0, 1))
         waiting: list[tuple[int, McapFile, Entry]] = []
-        for start, _, file, channels, batch in batches:
+        for start, _, file, wanted, batch in batches:
             due = bisect.bisect_left(waiting, start, key=_TIME)
             for _, origin, entry in waiting[:due]:
                 yield origin, entry
-            waiting = waiting[due:] + [(entry[0], file, entry) for entry in file.entries(batch, channels, first, last)]
+            waiting = waiting[due:] + [(entry[0], file, entry) for entry in file.entries(batch, wanted, first, last)]
             waiting.sort(key=_TIME)  # stable: what has the same time keeps the order of the file
         for _, origin, entry in waiting:
             yield origin, entry

@@ -9,18 +9,18 @@ from __future__ import annotations
 import importlib
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 from rclpy.node import Node
-from slip_msgs_py.errors import InputError
 
 from slip_bringup.bags.format import QosProfile, TopicInfo
 from slip_bringup.bags.intake import Arrival, Intake, open_intake, recording_qos
 from slip_bringup.bags.loss import LossCounter
 from slip_bringup.bags.typedefs import MessageDefinition, find_definition, split_type_name
 from slip_bringup.bags.writer import BagWriter
+from slip_msgs_py.errors import InputError
 
 DISCOVERY_EAGER_S: Final = 0.02  # while a requested topic is missing
 DISCOVERY_S: Final = 0.1  # while any topic may still appear
@@ -83,6 +83,7 @@ class Recorder:
         selection: what to record.
         queue_depth: messages the middleware keeps per topic between two polls.
         warn: called with one line where something is not recorded as wished.
+        ignored: topics that are not recorded although they match.
         clock: monotonic seconds, for discovery and overlap.
     """
 
@@ -94,6 +95,7 @@ class Recorder:
         *,
         queue_depth: int,
         warn: Callable[[str], None],
+        ignored: Collection[str] = (),
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._node, self._writer, self._warn, self._clock = node, writer, warn, clock
@@ -102,6 +104,7 @@ class Recorder:
             named, selection.everything, selection.regex, selection.exclude_regex, selection.include_hidden
         )
         self._depth = queue_depth
+        self._ignored = {node.resolve_topic_name(name) for name in ignored}
         self._topics: dict[str, _Topic] = {}
         self._warned: set[str] = set()
         self._next_discovery = 0.0
@@ -149,6 +152,11 @@ class Recorder:
                 intake.close()
         return self.summary()
 
+    def totals(self) -> tuple[int, int]:
+        """Messages received and messages known to be lost."""
+        counters = [topic.loss for topic in self._topics.values()]
+        return sum(counter.received for counter in counters), sum(counter.lost or 0 for counter in counters)
+
     def summary(self) -> dict[str, Any]:
         """Counters of the run: per topic and total; `lost` is None where it cannot be known."""
         topics = {
@@ -178,7 +186,9 @@ class Recorder:
 
     def _discover(self) -> None:
         for name, type_names in self._node.get_topic_names_and_types():
-            if name not in self._topics and self._selection.wants(name) and self._node.count_publishers(name):
+            if name in self._ignored or name in self._topics:
+                continue
+            if self._selection.wants(name) and self._node.count_publishers(name):
                 if len(type_names) != 1:
                     self._warn_once(f"topic {name} has several types ({', '.join(type_names)}): not recorded")
                     continue

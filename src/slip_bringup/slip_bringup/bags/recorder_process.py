@@ -11,24 +11,22 @@ import argparse
 import json
 import os
 import shutil
-import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
-import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
-from slip_msgs_py.errors import InputError, SlipVicError
 from std_msgs.msg import String
 
 from slip_bringup.bags.provenance import provenance
 from slip_bringup.bags.recorder import Recorder, Selection
+from slip_bringup.bags.session import StopFlag, ros_node
 from slip_bringup.bags.writer import BagWriter, StorageError, WriterOptions
+from slip_msgs_py.errors import InputError, SlipVicError
 
 READY_TOPIC: Final = "recorder/ready"
 POLL_S: Final = 0.005
@@ -51,8 +49,8 @@ class RecordOptions:
     namespace: str = "/"
 
 
-class Listener:
-    """What a recording tells its surroundings; the default keeps silent."""
+class Listener(Protocol):
+    """What a recording tells its surroundings."""
 
     def ready(self) -> None:
         """Every topic asked for by name has a publisher."""
@@ -64,20 +62,6 @@ class Listener:
         """Called after every poll."""
 
 
-class StopFlag:
-    """Set by SIGINT or SIGTERM while installed."""
-
-    def __init__(self) -> None:
-        self.is_set = False
-
-    def install(self) -> None:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, self._set)
-
-    def _set(self, _number: int, _frame: object) -> None:
-        self.is_set = True
-
-
 def record(options: RecordOptions, listener: Listener, stop: Callable[[], bool]) -> dict[str, Any]:
     """Record until `stop` says so or the duration has passed; returns the summary that is in the bag as well.
 
@@ -85,17 +69,8 @@ def record(options: RecordOptions, listener: Listener, stop: Callable[[], bool])
         InputError: the output exists, or a topic's type is not known.
         StorageError: the disk is full or refuses; the bag is closed and readable.
     """
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node = Node(
-            options.node_name, namespace=options.namespace, start_parameter_services=False, enable_rosout=False
-        )
-        try:
-            return _record(node, options, listener, stop)
-        finally:
-            node.destroy_node()
-    finally:
-        rclpy.try_shutdown()
+    with ros_node(options.node_name, options.namespace) as node:
+        return _record(node, options, listener, stop)
 
 
 def _record(node: Node, options: RecordOptions, listener: Listener, stop: Callable[[], bool]) -> dict[str, Any]:
@@ -103,7 +78,12 @@ def _record(node: Node, options: RecordOptions, listener: Listener, stop: Callab
     writer.custom_data.update(provenance())
     try:
         recorder = Recorder(
-            node, writer, options.selection, queue_depth=options.queue_depth, warn=listener.warning
+            node,
+            writer,
+            options.selection,
+            queue_depth=options.queue_depth,
+            warn=listener.warning,
+            ignored=(READY_TOPIC,),
         )
         _loop(node, recorder, writer, options, listener, stop)
         summary = recorder.finish()
@@ -157,15 +137,21 @@ class _EventWriter(Listener):
         self._enabled = os.environ.get("SLIP_VIC_EVENTS") == "1"
 
     def ready(self) -> None:
+        """Pass on that the recording is complete from now on."""
         self.emit("ready")
 
     def warning(self, message: str) -> None:
+        """Pass a warning on."""
         if self._enabled:
             self.emit("warning", message=message)
         else:
             print(f"recorder: {message}", file=sys.stderr, flush=True)
 
+    def status(self, recorder: Recorder, elapsed_s: float) -> None:
+        """Nothing to show."""
+
     def emit(self, event: str, **fields: Any) -> None:
+        """Write one event."""
         if self._enabled:
             print(json.dumps({"event": event, **fields}), flush=True)
 
@@ -212,9 +198,7 @@ def parse_arguments(arguments: Sequence[str]) -> RecordOptions:
     given = parser.parse_args(arguments)
     return RecordOptions(
         output=given.output,
-        selection=Selection(
-            tuple(given.topics), given.all, given.regex, given.exclude_regex, given.include_hidden
-        ),
+        selection=Selection(tuple(given.topics), given.all, given.regex, given.exclude_regex, given.include_hidden),
         writer=WriterOptions(
             compression=given.compression,
             split_bytes=given.split_bytes,
@@ -263,12 +247,11 @@ def read_attachments(texts: Sequence[str]) -> dict[str, bytes]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the process; returns its exit code."""
-    stop = StopFlag()
-    stop.install()
     events = _EventWriter()
     try:
-        options = parse_arguments(sys.argv[1:] if arguments is None else arguments)
-        summary = record(options, events, lambda: stop.is_set)
+        with StopFlag().installed() as stop:
+            options = parse_arguments(sys.argv[1:] if arguments is None else arguments)
+            summary = record(options, events, lambda: stop.is_set)
     except SlipVicError as error:
         events.emit("error", message=str(error))
         print(f"recorder: {error}", file=sys.stderr, flush=True)

@@ -7,11 +7,10 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from slip_msgs_py.errors import InputError
-
 from slip_bringup.bags.format import BagMetadata, TopicInfo, parse_metadata, parse_qos
 from slip_bringup.bags.salvage import Salvage, SalvagedMessage, salvage
 from slip_bringup.bags.writer import BagWriter, WriterOptions
+from slip_msgs_py.errors import InputError
 
 
 @dataclass(slots=True)

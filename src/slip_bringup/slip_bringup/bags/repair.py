@@ -56,6 +56,7 @@ class ClosedFile:
 
     @property
     def message_count(self) -> int:
+        """Messages on all topics."""
         return sum(self.counts.values())
 
 
@@ -75,12 +76,12 @@ def close_in_place(path: Path, spare_bytes: int = 0) -> ClosedFile:
         if end + len(tail) + spare_bytes <= size or not groups:
             break
         groups.pop()
-    with open(path, "r+b") as file:
-        file.truncate(end)
-        file.seek(end)
-        file.write(tail)
-        file.flush()
-        os.fsync(file.fileno())
+    with open(path, "r+b") as target:
+        target.truncate(end)
+        target.seek(end)
+        target.write(tail)
+        target.flush()
+        os.fsync(target.fileno())
     return closed
 
 

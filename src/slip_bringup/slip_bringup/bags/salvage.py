@@ -14,7 +14,6 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
-from slip_msgs_py.errors import InputError
 
 from slip_bringup.bags.scan import (
     MAGIC,
@@ -26,6 +25,7 @@ from slip_bringup.bags.scan import (
     partial_chunk,
     records,
 )
+from slip_msgs_py.errors import InputError
 
 _HEAD: Final = struct.Struct("<BQ")
 _FOOTER: Final = struct.Struct("<BQQQI")

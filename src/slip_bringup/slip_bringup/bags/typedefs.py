@@ -20,7 +20,8 @@ from typing import Final
 from slip_msgs_py.errors import InputError
 
 _BUILTIN: Final = frozenset(
-    ["bool", "byte", "char", "float32", "float64", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "string", "wstring"]
+    ["bool", "byte", "char", "string", "wstring", "float32", "float64"]
+    + [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
 )
 _DELIMITER: Final = "\n" + "=" * 80 + "\nMSG: "
 _FIELD = re.compile(r"^\s*([A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z][A-Za-z0-9_]*)?)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]")

@@ -18,10 +18,10 @@ from typing import Final
 
 from mcap.exceptions import McapError
 from mcap.writer import CompressionType, Writer
-from slip_msgs_py.errors import InputError, SlipVicError
 
 from slip_bringup.bags.format import INFINITE_NS, BagMetadata, FileInfo, TopicInfo, metadata_text, qos_text
 from slip_bringup.bags.repair import close_in_place
+from slip_msgs_py.errors import InputError, SlipVicError
 
 CHUNK_BYTES: Final = 786432  # rosbag2's chunk size
 LIBRARY: Final = "slip-vic bag"
@@ -67,6 +67,11 @@ class BagWriter:
         self._files: list[FileInfo] = []
         self._finished_counts: Counter[str] = Counter()
         self._closed = False
+        self._counts: Counter[str] = Counter()
+        self._start_ns, self._end_ns = INFINITE_NS, 0
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._path: Path | None = None
         self._open_next()
 
     @property
@@ -88,8 +93,12 @@ class BagWriter:
         """
         if self._must_split(log_time_ns):
             self.split()
-        with self._guarded():
+        if self._closed:
+            raise self._already_closed()
+        try:
             self._writer.add_message(self._channels[topic], log_time_ns, data, publish_time_ns, sequence & 0xFFFFFFFF)
+        except OSError as error:
+            raise self._failed(error) from None
         self._counts[topic] += 1
         self._start_ns = min(self._start_ns, log_time_ns)
         self._end_ns = max(self._end_ns, log_time_ns)
@@ -152,11 +161,9 @@ class BagWriter:
         )
 
     def _open_next(self) -> None:
-        self._counts: Counter[str] = Counter()
+        self._counts, self._schemas, self._channels = Counter(), {}, {}
         self._start_ns, self._end_ns = INFINITE_NS, 0
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
-        self._path: Path | None = self.folder / f"{self.folder.resolve().name}_{len(self._files)}.mcap"
+        self._path = self.folder / f"{self.folder.resolve().name}_{len(self._files)}.mcap"
         with self._guarded():
             self._raw = io.FileIO(self._path, "xb")
             self._stream = io.BufferedWriter(self._raw, _BUFFER_BYTES)
@@ -209,12 +216,18 @@ class BagWriter:
     @contextlib.contextmanager
     def _guarded(self) -> Iterator[None]:
         if self._closed:
-            raise StorageError(f"bag {self.folder}: it is closed already")
+            raise self._already_closed()
         try:
             yield
         except OSError as error:
-            self._closed = True
-            raise StorageError(f"bag {self.folder}: {error.strerror or error}; {self._rescue()}") from None
+            raise self._failed(error) from None
+
+    def _already_closed(self) -> StorageError:
+        return StorageError(f"bag {self.folder}: it is closed already")
+
+    def _failed(self, error: OSError) -> StorageError:
+        self._closed = True
+        return StorageError(f"bag {self.folder}: {error.strerror or error}; {self._rescue()}")
 
     def _rescue(self) -> str:
         """Make what is on the disk readable without needing more space than the bag has; say what became of it."""

@@ -1,0 +1,47 @@
+"""A ROS node for one command: started, and always taken down."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+from collections.abc import Iterator
+
+import rclpy
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+
+class StopFlag:
+    """Set by SIGINT, SIGTERM or SIGHUP while installed; asked in loops, so that closing always happens."""
+
+    def __init__(self) -> None:
+        self.is_set = False
+
+    @contextlib.contextmanager
+    def installed(self) -> Iterator[StopFlag]:
+        """Handle the signals inside the block."""
+        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        before = {number: signal.signal(number, self._set) for number in numbers}
+        try:
+            yield self
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _set(self, _number: int, _frame: object) -> None:
+        self.is_set = True
+
+
+@contextlib.contextmanager
+def ros_node(name: str, namespace: str = "/") -> Iterator[Node]:
+    """Give a bare node in a context of its own; the command line is not read, signals are left alone."""
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = Node(name, namespace=namespace, context=context, start_parameter_services=False, enable_rosout=False)
+        try:
+            yield node
+        finally:
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown(context=context)
