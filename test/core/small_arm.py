@@ -23,7 +23,8 @@ def small_arm_urdf(*, extra_joint: bool = False, continuous: bool = False, effor
         kind = "continuous" if continuous and i == 3 else "revolute"
         parts.append(
             f'<link name="link{i}"><inertial><origin xyz="{_text(com)}"/><mass value="{mass}"/>'
-            f'<inertia ixx="{inertia[0]}" iyy="{inertia[1]}" izz="{inertia[2]}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            f'<inertia ixx="{inertia[0]}" iyy="{inertia[1]}" izz="{inertia[2]}" ixy="0" ixz="0" iyz="0"/>'
+            "</inertial></link>"
             f'<joint name="arm_joint{i}" type="{kind}"><parent link="link{i - 1}"/><child link="link{i}"/>'
             f'<origin xyz="{_text(xyz)}" rpy="{_text(rpy)}"/><axis xyz="0 0 1"/>'
             f'<limit lower="-2.9" upper="2.9" effort="{limit if effort is None else effort}" velocity="2.5"/></joint>'
@@ -34,9 +35,10 @@ def small_arm_urdf(*, extra_joint: bool = False, continuous: bool = False, effor
     )
     if extra_joint:
         parts.append(
-            '<link name="finger"><inertial><mass value="0.05"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" '
-            'iyz="0"/></inertial></link><joint name="finger_joint" type="prismatic"><parent link="link7"/>'
-            '<child link="finger"/><axis xyz="1 0 0"/><limit lower="0" upper="0.04" effort="20" velocity="0.1"/></joint>'
+            '<link name="finger"><inertial><mass value="0.05"/>'
+            '<inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            '<joint name="finger_joint" type="prismatic"><parent link="link7"/><child link="finger"/>'
+            '<axis xyz="1 0 0"/><limit lower="0" upper="0.04" effort="20" velocity="0.1"/></joint>'
         )
     return "".join([*parts, "</robot>"])
 

@@ -53,7 +53,7 @@ def test_loop_without_slip_is_the_analytic_response(attitude: str, kind: str) ->
     q, qd = np.array(HOME), np.array([0.1, -0.1, 0.2, 0.1, -0.2, 0.1, 0.3])
     start = controller.initial_state(JointSample(0, q, qd, np.zeros(7)))
     start = start._replace(
-        start_position=start.start_position + [0.03, -0.02, 0.04],
+        start_position=start.start_position + np.array([0.03, -0.02, 0.04]),
         start_rotation=exponential(np.array([0.3, 0.2, -0.4])) @ start.start_rotation,
     )
     no_slip = (SlipSample(0, np.zeros(6)),)

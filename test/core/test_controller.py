@@ -98,7 +98,7 @@ any_float = st.floats(allow_nan=True, allow_infinity=True, width=64)
 @given(arrays(float, 7, elements=any_float), arrays(float, 7, elements=any_float), arrays(float, 6, elements=any_float),
        arrays(float, 6, elements=any_float), st.integers(0, 2**62))  # fmt: skip
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.filterwarnings("error")
 def test_no_input_whatever_breaks_the_tick(q, qd, h, v, stamp) -> None:
     for controller in (CONTROLLER, RPY):
         result = controller.step(START, JointSample(stamp, q, qd, qd), (WrenchSample(0, h),), (SlipSample(0, v),))
@@ -111,7 +111,7 @@ RPY = make(attitude="rpy")
 
 @pytest.mark.parametrize("size", [1e3, 1e8, 1e30, 1e75, 1e150])
 @pytest.mark.parametrize("which", ["velocity", "wrench", "slip"])
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.filterwarnings("error")
 def test_huge_values_end_clipped_or_safe(which: str, size: float) -> None:
     joint = JointSample(1_000_000, JOINT.position, np.full(7, size if which == "velocity" else 0.0), np.zeros(7))
     wrench = (WrenchSample(0, np.full(6, size if which == "wrench" else 0.0)),)
@@ -193,7 +193,7 @@ def test_slip_displacement_is_integrated_over_ticks() -> None:
 
 def test_slip_outside_the_slip_axes_is_not_used() -> None:
     masked = make(**{"contacts.slip_axes": (True, True, False, False, False, True)})
-    odd = (SlipSample(0, SLIP[0].twist + [0.0, 0.0, 0.5, 0.4, 0.3, 0.0]),)
+    odd = (SlipSample(0, SLIP[0].twist + np.array([0.0, 0.0, 0.5, 0.4, 0.3, 0.0])),)
     left, right = (masked.step(START, JOINT, WRENCH, slip) for slip in (SLIP, odd))
     assert (left.command.effort == right.command.effort).all()
 

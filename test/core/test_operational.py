@@ -62,7 +62,7 @@ def test_damping_is_zero_above_and_grows_smoothly_below() -> None:
 
 
 def test_singular_posture_gives_bounded_torque_and_says_so() -> None:
-    """With the elbow and the wrist stretched the arm cannot move along itself; the torque stays of the order asked for."""
+    """A stretched arm cannot move along itself; the torque stays of the order of what was asked for."""
     arm = ArmModel(small_arm_urdf(), "ee", JOINT_NAMES).terms(np.zeros(7), np.zeros(7))
     out = joint_torque(
         arm.M, arm.bias, arm.J, arm.jdot_qd, np.ones(6), np.zeros(6), np.ones(7), SingularityPolicy(0.04, 0.1)

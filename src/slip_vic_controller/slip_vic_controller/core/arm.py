@@ -105,7 +105,7 @@ class ArmModel:
             jdot_qd=np.array(jdot_qd),
             position=np.array(pose.translation),
             rotation=np.array(pose.rotation),
-            twist=J @ qd,
+            twist=J.dot(qd),
         )
 
     def gravity(self, q: Array) -> Array:

@@ -56,17 +56,17 @@ def log_error(R_ee: Array, R_d: Array, w_ee: Array, w_d: Array, alpha_d: Array, 
 
     Implements: Eq. (23) with sign and coordinates as decided in docs/equations.md.
     """
-    R_e = R_ee @ R_d.T
+    R_e = R_ee.dot(R_d.T)
     e_o = log_so3(R_e)
-    angle = math.sqrt(e_o @ e_o)
-    if 2.0 * math.pi - angle < LOG_BRANCH_LIMIT and float(e_o @ previous) < 0.0:
+    angle = math.sqrt(e_o.dot(e_o))
+    if 2.0 * math.pi - angle < LOG_BRANCH_LIMIT and e_o.dot(previous) < 0.0:
         e_o = e_o * (1.0 - 2.0 * math.pi / angle)
         angle = 2.0 * math.pi - angle
-    follow = R_e @ w_d
+    follow = R_e.dot(w_d)
     w_e = w_ee - follow
     T_e_inverse = left_jacobian_inverse(e_o)
-    rate = T_e_inverse @ w_e
-    Theta = left_jacobian_rate(e_o, rate) + cross(w_e, follow) + (R_e @ alpha_d - alpha_d)
+    rate = T_e_inverse.dot(w_e)
+    Theta = left_jacobian_rate(e_o, rate) + cross(w_e, follow) + (R_e.dot(alpha_d) - alpha_d)
     return AttitudeError(e_o, rate, left_jacobian(e_o), T_e_inverse, Theta, _WORLD, angle > LOG_REPORT)
 
 
@@ -134,4 +134,4 @@ def rpy_rate_matrix_rate(phi: Array, phi_dot: Array) -> Array:
 
 
 _WORLD = np.eye(3)
-_WORLD.setflags(write=False)
+_WORLD.flags.writeable = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -17,7 +18,6 @@ from slip_vic_controller.core.diagnostics import Status, TickDiagnostics, TickTe
 from slip_vic_controller.core.grasp import Contact, SlipDisplacement, integrate_slip
 from slip_vic_controller.core.impedance import Gains
 from slip_vic_controller.core.law import control_law, grasp_terms
-from slip_vic_controller.core.lyapunov import V_e, V_s
 from slip_vic_controller.core.object_dynamics import ObjectModel
 from slip_vic_controller.core.operational import SingularityPolicy, joint_torque, posture_torque
 from slip_vic_controller.core.params import ControllerParams, GainParams
@@ -100,16 +100,19 @@ class VicController:
 
         Implements: Eq. (21), (28), (29), the whole law.
         """
-        reason = refusal(
-            state.stamp_ns,
-            len(self.joint_names),
-            len(self.contacts),
-            self._slip_needed,
-            joint,
-            wrenches,
-            slips,
-            reference,
-        )
+        with np.errstate(all="ignore"):  # overflow and NaN are looked for by value, a warning could be an exception
+            return self._step(state, joint, wrenches, slips, reference)
+
+    def _step(
+        self,
+        state: ControllerState,
+        joint: JointSample,
+        wrenches: tuple[WrenchSample, ...],
+        slips: tuple[SlipSample, ...],
+        reference: CartesianReference | None,
+    ) -> TickResult:
+        joints, contacts = len(self.joint_names), len(self.contacts)
+        reason = refusal(state.stamp_ns, joints, contacts, self._slip_needed, joint, wrenches, slips, reference)
         if reason:
             return self._safe(state, joint, reason)
         dt = (joint.stamp_ns - state.stamp_ns) * 1e-9
@@ -160,8 +163,7 @@ class VicController:
         law = control_law(gains, self.contacts[0].slip_axes, attitude, e_p, e_p_dot, a_d, R_ee, v_s, grasp)
         tau_0 = posture_torque(q, qd, state.posture, params.nullspace.stiffness, params.nullspace.damping)
         torque = joint_torque(arm.M, arm.bias, arm.J, arm.jdot_qd, law.a_C, h_ee, tau_0, self.policy)
-        energy = V_e(gains.M_D, gains.K_D, law.e, law.e_dot)
-        return TickTerms(arm, reference, attitude, displacements[0], h_ee, grasp, law, torque, energy, V_s(v_s))
+        return TickTerms(gains, arm, reference, attitude, displacements[0], h_ee, grasp, law, torque)
 
     def _safe(self, state: ControllerState, joint: JointSample, reason: str) -> TickResult:
         """Hold the arm against gravity and brake its joints, from the last finite joint state."""
@@ -185,21 +187,12 @@ def _result(
     terms: TickTerms | None,
 ) -> TickResult:
     """Put a tick's result together and make all its arrays read-only."""
-    freeze(effort, saturated, state.attitude_error, *(part for s in state.slips for part in s))
+    for array in (effort, saturated, state.attitude_error, *itertools.chain.from_iterable(state.slips)):
+        array.flags.writeable = False
     if terms is not None:
-        freeze(*terms.arm, *terms.attitude, *terms.grasp, *terms.law, *terms.torque, terms.h_ee)
+        terms.freeze()
     diagnostics = TickDiagnostics(status, reason, near_singular, effort, saturated, terms)
     return TickResult(EffortCommand(joint.stamp_ns, effort), state, diagnostics)
-
-
-def freeze(*values: object) -> None:
-    """Make the arrays among the values read-only.
-
-    Implements: ours: value objects must not change behind their owner's back.
-    """
-    for value in values:
-        if isinstance(value, np.ndarray):
-            value.setflags(write=False)
 
 
 def make_gains(params: GainParams, *, classical: bool) -> Gains:

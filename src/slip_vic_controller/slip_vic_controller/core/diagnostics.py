@@ -13,7 +13,9 @@ from slip_msgs_py.types import CartesianReference
 from slip_vic_controller.core.arm import ArmTerms
 from slip_vic_controller.core.attitude import AttitudeError
 from slip_vic_controller.core.grasp import SlipDisplacement
+from slip_vic_controller.core.impedance import Gains
 from slip_vic_controller.core.law import GraspTerms, LawTerms
+from slip_vic_controller.core.lyapunov import V_e, V_s
 from slip_vic_controller.core.operational import TorqueTerms
 from slip_vic_controller.core.rotation import log_so3
 
@@ -22,8 +24,9 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 class TickTerms(NamedTuple):
-    """All records of an evaluated law; V_e [J] and V_s are the Lyapunov functions of Eq. (24), (30)."""
+    """All records of an evaluated law, the gains in effect among them."""
 
+    gains: Gains
     arm: ArmTerms
     reference: CartesianReference
     attitude: AttitudeError
@@ -32,8 +35,25 @@ class TickTerms(NamedTuple):
     grasp: GraspTerms
     law: LawTerms
     torque: TorqueTerms
-    V_e: float
-    V_s: float
+
+    @property
+    def V_e(self) -> float:
+        """Lyapunov function of the impedance, Eq. (24) [J]."""
+        return V_e(self.gains.M_D, self.gains.K_D, self.law.e, self.law.e_dot)
+
+    @property
+    def V_s(self) -> float:
+        """Lyapunov function of the slip, Eq. (30)."""
+        return V_s(self.law.v_s)
+
+    def freeze(self) -> None:
+        """Make the arrays read-only that a tick has made; those handed in are so already."""
+        law, attitude, torque = self.law, self.attitude, self.torque
+        own = (self.h_ee, law.v_s, law.e, law.e_dot, law.K, law.D, law.comp, law.Lambda, law.Theta, law.Z, law.a_C)
+        parts = (attitude.error, attitude.rate, attitude.T_e, attitude.T_e_inverse, attitude.Theta)
+        torques = (torque.torque, torque.task, torque.null, torque.force)
+        for array in (*self.arm, *self.grasp, *own, *parts, *torques):
+            array.flags.writeable = False
 
 
 class TickDiagnostics(NamedTuple):

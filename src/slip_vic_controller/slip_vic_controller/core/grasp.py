@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slip_msgs_py.arrays import Array, skew
-from slip_vic_controller.core.rotation import cross, exp_so3, left_jacobian
+from slip_vic_controller.core.rotation import exp_so3, left_jacobian
 
 
 class Contact(NamedTuple):
@@ -36,9 +36,10 @@ def integrate_slip(s: SlipDisplacement, v_s: Array, dt: float) -> SlipDisplaceme
 
     Implements: Eq. (12), (13), integrated: s_l_dot = R_s v_sl, R_s_dot = R_s S(v_sa).
     """
-    turn = dt * v_s[3:]
-    position = s.position + s.rotation @ (left_jacobian(turn) @ (dt * v_s[:3]))
-    return SlipDisplacement(position, s.rotation @ exp_so3(turn))
+    step = dt * v_s
+    shift, turn = step[:3], step[3:]
+    position = s.position + s.rotation.dot(left_jacobian(turn).dot(shift))
+    return SlipDisplacement(position, s.rotation.dot(exp_so3(turn)))
 
 
 def object_rotation(R_ee: Array, contact: Contact, s: SlipDisplacement) -> Array:
@@ -46,7 +47,7 @@ def object_rotation(R_ee: Array, contact: Contact, s: SlipDisplacement) -> Array
 
     Implements: ours: R_ee = R_o o_R_p R_s turned round; the object's attitude is not measured.
     """
-    return R_ee @ (contact.rotation @ s.rotation).T
+    return R_ee.dot(contact.rotation.dot(s.rotation).T)
 
 
 def pad_rotation(R_o: Array, contact: Contact, s: SlipDisplacement) -> Array:
@@ -54,7 +55,7 @@ def pad_rotation(R_o: Array, contact: Contact, s: SlipDisplacement) -> Array:
 
     Implements: ours: R_c = R_o o_R_p R_s, for the wrench and slip of contacts on other arms.
     """
-    return R_o @ contact.rotation @ s.rotation
+    return R_o.dot(contact.rotation).dot(s.rotation)
 
 
 def contact_arm(R_o: Array, contact: Contact, s: SlipDisplacement) -> Array:
@@ -62,7 +63,7 @@ def contact_arm(R_o: Array, contact: Contact, s: SlipDisplacement) -> Array:
 
     Implements: Eq. (11).
     """
-    return R_o @ (contact.position + contact.rotation @ s.position)
+    return R_o.dot(contact.position + contact.rotation.dot(s.position))
 
 
 def grasp_matrix(r: Array) -> Array:
@@ -90,9 +91,9 @@ def to_contact(r: Array, motion_o: Array) -> Array:
 
     Implements: Eq. (14), its rigid part.
     """
-    out = motion_o.copy()
-    out[:3] += cross(motion_o[3:], r)
-    return out
+    x, y, z = r.tolist()
+    vx, vy, vz, wx, wy, wz = motion_o.tolist()
+    return np.array((vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x, wx, wy, wz))
 
 
 def to_object(r: Array, motion_c: Array) -> Array:
@@ -100,9 +101,9 @@ def to_object(r: Array, motion_c: Array) -> Array:
 
     Implements: Eq. (14), solved for v_o.
     """
-    out = motion_c.copy()
-    out[:3] -= cross(motion_c[3:], r)
-    return out
+    x, y, z = r.tolist()
+    vx, vy, vz, wx, wy, wz = motion_c.tolist()
+    return np.array((vx - wy * z + wz * y, vy - wz * x + wx * z, vz - wx * y + wy * x, wx, wy, wz))
 
 
 def wrench_to_object(r: Array, h: Array) -> Array:
@@ -110,9 +111,9 @@ def wrench_to_object(r: Array, h: Array) -> Array:
 
     Implements: Eq. (10), one term of h_o = sum G_i h_ee,i.
     """
-    out = h.copy()
-    out[3:] += cross(r, h[:3])
-    return out
+    x, y, z = r.tolist()
+    fx, fy, fz, mx, my, mz = h.tolist()
+    return np.array((fx, fy, fz, mx + y * fz - z * fy, my + z * fx - x * fz, mz + x * fy - y * fx))
 
 
 def Phi1(w_o: Array) -> Array:
@@ -127,10 +128,11 @@ def Phi1(w_o: Array) -> Array:
 
 
 def Phi2(w_o: Array, r: Array) -> Array:
-    """Return Phi2 = (w_o x (w_o x r), 0); (3,) [rad/s], (3,) [m] {w} -> (6,) [m/s^2, rad/s^2].
+    """Return Phi2 = (w_o x (w_o x r), 0) = (w_o (w_o.r) - r (w_o.w_o), 0); (3,) [rad/s], (3,) [m] {w} -> (6,).
 
     Implements: Eq. (17), Phi2.
     """
-    out = np.zeros(6)
-    out[:3] = cross(w_o, cross(w_o, r))
-    return out
+    x, y, z = r.tolist()
+    wx, wy, wz = w_o.tolist()
+    along, square = wx * x + wy * y + wz * z, wx * wx + wy * wy + wz * wz
+    return np.array((wx * along - x * square, wy * along - y * square, wz * along - z * square, 0.0, 0.0, 0.0))

@@ -41,7 +41,7 @@ def gate(alpha: float, v_s: Array) -> float:
 
     Implements: Eq. (29), tanh(alpha |v_s|).
     """
-    return math.tanh(alpha * math.sqrt(v_s @ v_s))
+    return math.tanh(alpha * math.sqrt(v_s.dot(v_s)))
 
 
 def compensation(k_s: float, v_s: Array, Phi2: Array, follow: Array, Theta: Array) -> Array:
@@ -59,8 +59,8 @@ def project(R_ee: Array, axes: Array, motion: Array) -> Array:
 
     Implements: ours: comp acts only where the contact can slip; all axes 1 = the printed law.
     """
-    halves = (motion.reshape(2, 3) @ R_ee) * axes.reshape(2, 3)
-    return np.asarray((halves @ R_ee.T).reshape(6))
+    on_pad = motion.reshape(2, 3).dot(R_ee) * axes.reshape(2, 3)
+    return on_pad.dot(R_ee.T).reshape(6)
 
 
 def impedance(gains: Gains, K: Array, D: Array, e: Array, e_dot: Array) -> Array:

@@ -113,21 +113,20 @@ def control_law(
     Implements: Eq. (28), (29), with a_d of Eq. (23).
     """
     e, e_dot = np.concatenate((e_p, attitude.error)), np.concatenate((e_p_dot, attitude.rate))
-    fade = np.concatenate((v_s[:3], v_s[3:] @ attitude.axes))
+    fade = np.concatenate((v_s[:3], v_s[3:].dot(attitude.axes)))
     K = impedance.fading_gain(gains.K_D, gains.gamma_k, fade)
     D = impedance.fading_gain(gains.D_D, gains.gamma_d, fade)
     Z = impedance.impedance(gains, K, D, e, e_dot)
-    Z[3:] = attitude.T_e @ Z[3:]
+    Z[3:] = attitude.T_e.dot(Z[3:])
     Theta = np.concatenate((_ZERO, attitude.Theta))
     gate = impedance.gate(gains.alpha, v_s)
     comp = impedance.compensation(gains.k_s, v_s, terms.Phi2, terms.follow, Theta)
     comp = impedance.project(R_ee, slip_axes, comp)
-    a_C = a_d + Z + Theta + gate * comp
-    Lambda = gate * comp
-    Lambda[3:] = attitude.T_e_inverse @ Lambda[3:]
-    Lambda *= gains.M_D
+    gated = gate * comp
+    a_C = a_d + Z + Theta + gated
+    Lambda = gains.M_D * np.concatenate((gated[:3], attitude.T_e_inverse.dot(gated[3:])))
     return LawTerms(v_s, e, e_dot, K, D, gate, comp, Lambda, Theta, Z, a_d, a_C)
 
 
 _ZERO = np.zeros(3)
-_ZERO.setflags(write=False)
+_ZERO.flags.writeable = False

@@ -10,7 +10,7 @@ def V_e(M_D: Array, K_D: Array, e: Array, e_dot: Array) -> float:
 
     Implements: Eq. (24).
     """
-    return 0.5 * float((M_D * e_dot) @ e_dot + (K_D * e) @ e)
+    return 0.5 * float((M_D * e_dot).dot(e_dot) + (K_D * e).dot(e))
 
 
 def V_e_dot(D_D: Array, e_dot: Array, Lambda: Array) -> float:
@@ -26,7 +26,7 @@ def V_s(v_s: Array) -> float:
 
     Implements: Eq. (30).
     """
-    return 0.5 * float(v_s @ v_s)
+    return 0.5 * float(v_s.dot(v_s))
 
 
 def V_s_dot(k_s: float, v_s: Array, Z: Array) -> float:

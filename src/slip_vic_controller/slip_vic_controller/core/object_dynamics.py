@@ -31,11 +31,9 @@ def object_acceleration(model: ObjectModel, R_o: Array, w_o: Array, h_o: Array) 
 
     Implements: Eq. (10), solved for the acceleration.
     """
-    J_o = R_o @ model.inertia @ R_o.T
-    out = np.empty(6)
-    out[:3] = model.gravity - h_o[:3] / model.mass
-    out[3:] = dposv(J_o, -h_o[3:] - cross(w_o, J_o @ w_o))[1]
-    return out
+    J_o = R_o.dot(model.inertia).dot(R_o.T)
+    torque = h_o[3:] + cross(w_o, J_o.dot(w_o))
+    return np.concatenate((model.gravity - h_o[:3] / model.mass, -dposv(J_o, torque)[1]))
 
 
 def B_o(model: ObjectModel, R_o: Array) -> Array:

@@ -54,18 +54,18 @@ def joint_torque(
     Implements: Eq. (21), (9).
     """
     _, X, info_M = dposv(M, J.T)
-    A = J @ X
+    A = J.dot(X)
     sigma = smallest_singular_value(J)
     damping_squared = singularity_damping(sigma, policy)
     if damping_squared > 0.0:
         A[np.diag_indices(6)] += damping_squared
     right = np.empty((6, 2), order="F")
     right[:, 0] = a_C - jdot_qd
-    right[:, 1] = X.T @ tau_0
+    right[:, 1] = X.T.dot(tau_0)
     _, solution, info_A = dposv(A, right)
     force = solution[:, 0]
-    task = J.T @ (force - h_ee)
-    null = tau_0 - J.T @ solution[:, 1]
+    task = J.T.dot(force - h_ee)
+    null = tau_0 - J.T.dot(solution[:, 1])
     return TorqueTerms(task + bias + null, task, null, force, sigma, damping_squared, info_M == 0 and info_A == 0)
 
 
@@ -74,7 +74,7 @@ def smallest_singular_value(J: Array) -> float:
 
     Implements: ours: how far the arm is from a singularity.
     """
-    return math.sqrt(max(float(dsyev(J @ J.T, compute_v=0)[0][0]), 0.0))
+    return math.sqrt(max(float(dsyev(J.dot(J.T), compute_v=0)[0][0]), 0.0))
 
 
 def singularity_damping(sigma: float, policy: SingularityPolicy) -> float:

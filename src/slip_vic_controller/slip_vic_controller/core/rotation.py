@@ -6,7 +6,6 @@ Everything is a closed form in t = theta^2 with a series below 0.1 rad, so nothi
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,16 +15,10 @@ SERIES_BELOW = 0.01
 """theta^2 [rad^2] below which the series is used: its first left-out term is below 1e-16 there."""
 
 
-class _Coefficients(NamedTuple):
-    a: float  # (1 - cos theta) / theta^2
-    b: float  # (theta - sin theta) / theta^3
-    a_rate: float  # a'(theta) / theta
-    b_rate: float  # b'(theta) / theta
-
-
-def _coefficients(t: float) -> _Coefficients:
+def _coefficients(t: float) -> tuple[float, float, float, float]:
+    """Return a = (1 - cos theta) / theta^2, b = (theta - sin theta) / theta^3, a'(theta) / theta, b'(theta) / theta."""
     if t < SERIES_BELOW:
-        return _Coefficients(
+        return (
             1 / 2 - t * (1 / 24 - t * (1 / 720 - t * (1 / 40320 - t / 3628800))),
             1 / 6 - t * (1 / 120 - t * (1 / 5040 - t * (1 / 362880 - t / 39916800))),
             -1 / 12 + t * (1 / 180 - t * (1 / 6720 - t / 453600)),
@@ -35,7 +28,7 @@ def _coefficients(t: float) -> _Coefficients:
     sinc = math.sin(theta) / theta
     a = (1.0 - math.cos(theta)) / t
     b = (1.0 - sinc) / t
-    return _Coefficients(a, b, (sinc - 2.0 * a) / t, (a - 3.0 * b) / t)
+    return a, b, (sinc - 2.0 * a) / t, (a - 3.0 * b) / t
 
 
 def _matrix(d: float, k: float, c: float, phi: Array) -> Array:
@@ -43,13 +36,8 @@ def _matrix(d: float, k: float, c: float, phi: Array) -> Array:
     x, y, z = phi.tolist()
     cx, cy, kx, ky, kz = c * x, c * y, k * x, k * y, k * z
     xy, xz, yz = cx * y, cx * z, cy * z
-    return np.array(
-        [
-            [d + cx * x, xy - kz, xz + ky],
-            [xy + kz, d + cy * y, yz - kx],
-            [xz - ky, yz + kx, d + c * z * z],
-        ]
-    )
+    flat = (d + cx * x, xy - kz, xz + ky, xy + kz, d + cy * y, yz - kx, xz - ky, yz + kx, d + c * z * z)
+    return np.array(flat).reshape(3, 3)
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -59,7 +47,7 @@ def cross(a: Array, b: Array) -> Array:
     """
     ax, ay, az = a.tolist()
     bx, by, bz = b.tolist()
-    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+    return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
 
 
 def exp_so3(phi: Array) -> Array:
@@ -67,22 +55,23 @@ def exp_so3(phi: Array) -> Array:
 
     Implements: ours: Rodrigues' formula, for slip displacement and reference attitudes.
     """
-    t = float(phi @ phi)
-    k = _coefficients(t)
-    return _matrix(1.0 - t * k.a, 1.0 - t * k.b, k.a, phi)
+    t = float(phi.dot(phi))
+    a, b, _, _ = _coefficients(t)
+    return _matrix(1.0 - t * a, 1.0 - t * b, a, phi)
 
 
 def log_so3(R: Array) -> Array:
     """Return the rotation vector of a rotation matrix, angle in [0, pi]; (3, 3) -> (3,) [rad].
 
-    Implements: ours: through the quaternion, so exact to rounding from 0 to pi.
+    Implements: ours: through the quaternion (up to its norm), so exact to rounding from 0 to pi.
     """
-    q = quat_xyzw_from_matrix(R)
-    v = q[:3]
-    norm = math.sqrt(v @ v)
-    if norm < 1e-9:
-        return np.asarray(2.0 * v)
-    return np.asarray(v * (2.0 * math.atan2(norm, q[3]) / norm))
+    (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = R.tolist()
+    x, y, z, w = r21 - r12, r02 - r20, r10 - r01, 1.0 + r00 + r11 + r22
+    if w <= 1.0:
+        x, y, z, w = quat_xyzw_from_matrix(R).tolist()
+    norm = math.sqrt(x * x + y * y + z * z)
+    k = 2.0 * math.atan2(norm, w) / norm if norm > 1e-12 else 2.0 / w
+    return np.array((k * x, k * y, k * z))
 
 
 def left_jacobian(phi: Array) -> Array:
@@ -90,9 +79,9 @@ def left_jacobian(phi: Array) -> Array:
 
     Implements: Eq. (5), its T_phi in rotation-vector coordinates.
     """
-    t = float(phi @ phi)
-    k = _coefficients(t)
-    return _matrix(1.0 - t * k.b, k.a, k.b, phi)
+    t = float(phi.dot(phi))
+    a, b, _, _ = _coefficients(t)
+    return _matrix(1.0 - t * b, a, b, phi)
 
 
 def left_jacobian_inverse(phi: Array) -> Array:
@@ -100,7 +89,7 @@ def left_jacobian_inverse(phi: Array) -> Array:
 
     Implements: ours: phi_dot = J_l^-1 omega without a matrix inversion.
     """
-    t = float(phi @ phi)
+    t = float(phi.dot(phi))
     if t < SERIES_BELOW:
         c = 1 / 12 + t * (1 / 720 + t * (1 / 30240 + t * (1 / 1209600 + t / 47900160)))
     else:
@@ -112,10 +101,15 @@ def left_jacobian_inverse(phi: Array) -> Array:
 def left_jacobian_rate(phi: Array, phi_dot: Array) -> Array:
     """Return (d/dt J_l(phi)) phi_dot; (3,) [rad], (3,) [rad/s] -> (3,) [rad/s^2].
 
+    With n = phi x phi_dot it is a' n + b' phi x n + b phi_dot x n, where a' and b' are the rates of a and b.
+
     Implements: Eq. (6), its Tdot_phi phi_dot in rotation-vector coordinates.
     """
-    t = float(phi @ phi)
-    k = _coefficients(t)
-    turn = cross(phi, phi_dot)
-    rate = float(phi @ phi_dot)
-    return (k.a_rate * rate) * turn + (k.b_rate * rate) * cross(phi, turn) + k.b * cross(phi_dot, turn)
+    x, y, z = phi.tolist()
+    u, v, w = phi_dot.tolist()
+    _, b, a_slope, b_slope = _coefficients(x * x + y * y + z * z)
+    along = x * u + y * v + z * w
+    a_rate, b_rate = a_slope * along, b_slope * along
+    nx, ny, nz = y * w - z * v, z * u - x * w, x * v - y * u
+    px, py, pz = b_rate * x + b * u, b_rate * y + b * v, b_rate * z + b * w
+    return np.array((a_rate * nx + py * nz - pz * ny, a_rate * ny + pz * nx - px * nz, a_rate * nz + px * ny - py * nx))

@@ -78,4 +78,4 @@ def finite(values: Array) -> bool:
 
     Implements: ours: NaN passes through clipping, so it is looked for by name; one dot product instead of two passes.
     """
-    return math.isfinite(values @ values)
+    return math.isfinite(values.dot(values))

@@ -6,6 +6,7 @@ A motion is a path in six coordinates, displacement and rotation vector on world
 
 from __future__ import annotations
 
+import bisect
 import math
 from typing import NamedTuple, Protocol
 
@@ -60,8 +61,10 @@ class PiecewiseQuintic:
 
     def __init__(self, times: Array, values: Array, rates: Array, rate_rates: Array) -> None:
         self._times = times.tolist()
-        self._coefficients = [
-            _quintic(times[i + 1] - times[i], *(a[j] for j in (i, i + 1) for a in (values, rates, rate_rates)))
+        self._polynomials = [
+            _with_derivatives(
+                _quintic(times[i + 1] - times[i], *(a[j] for j in (i, i + 1) for a in (values, rates, rate_rates)))
+            )
             for i in range(len(times) - 1)
         ]
         self._last = PathPoint(readonly(values[-1]), _REST.rate, _REST.rate_rate)
@@ -75,18 +78,12 @@ class PiecewiseQuintic:
             return _REST
         if t >= self._times[-1]:
             return self._last
-        i = next(k for k, end in enumerate(self._times[1:]) if t < end)
+        i = bisect.bisect_right(self._times, t) - 1
         u = t - self._times[i]
         u2 = u * u
         u3, u4 = u2 * u, u2 * u2
-        powers = np.array(
-            [
-                [1.0, u, u2, u3, u4, u4 * u],
-                [0.0, 1.0, 2.0 * u, 3.0 * u2, 4.0 * u3, 5.0 * u4],
-                [0.0, 0.0, 2.0, 6.0 * u, 12.0 * u2, 20.0 * u3],
-            ]
-        )
-        return PathPoint(*(powers @ self._coefficients[i]))
+        powers = np.array((1.0, u, u2, u3, u4, u4 * u))
+        return PathPoint(*self._polynomials[i].dot(powers).reshape(3, 6))
 
 
 def _quintic(h: float, p0: Array, v0: Array, a0: Array, p1: Array, v1: Array, a1: Array) -> Array:
@@ -104,6 +101,12 @@ def _quintic(h: float, p0: Array, v0: Array, a0: Array, p1: Array, v1: Array, a1
             (6.0 * d - 3.0 * dv + 0.5 * da) / h**5,
         ]
     )
+
+
+def _with_derivatives(coefficients: Array) -> Array:
+    """Return the matrix (18, 6) that maps powers of time to value, first and second derivative of six coordinates."""
+    d = np.diag(np.arange(1.0, 6.0), k=1)
+    return np.vstack([coefficients.T, coefficients.T @ d.T, coefficients.T @ d.T @ d.T])
 
 
 class Curve:
@@ -186,9 +189,10 @@ def reference_at(path: Path, t: float, position: Array, rotation: Array) -> Cart
     value, rate, rate_rate = path.at(t)
     phi, phi_dot = value[3:], rate[3:]
     J_l = left_jacobian(phi)
-    twist, acceleration = rate.copy(), rate_rate.copy()
-    twist[3:] = J_l @ phi_dot
-    acceleration[3:] = J_l @ rate_rate[3:] + left_jacobian_rate(phi, phi_dot)
-    for array in (twist, acceleration):
-        array.setflags(write=False)
-    return CartesianReference(position + value[:3], exp_so3(phi) @ rotation, twist, acceleration)
+    twist = np.concatenate((rate[:3], J_l.dot(phi_dot)))
+    alpha = J_l.dot(rate_rate[3:]) + left_jacobian_rate(phi, phi_dot)
+    acceleration = np.concatenate((rate_rate[:3], alpha))
+    x_d, R_d = position + value[:3], exp_so3(phi).dot(rotation)
+    for array in (x_d, R_d, twist, acceleration):
+        array.flags.writeable = False
+    return CartesianReference(x_d, R_d, twist, acceleration)
