@@ -54,10 +54,7 @@ def rotate6(R: Array, twist_or_wrench: Array) -> Array:
 
     Implements: ours: change of axes only, {ee} to {w} and back with R.T.
     """
-    out = np.empty(6)
-    out[:3] = R @ twist_or_wrench[:3]
-    out[3:] = R @ twist_or_wrench[3:]
-    return out
+    return twist_or_wrench.reshape(2, 3).dot(R.T).reshape(6)
 
 
 def quat_xyzw_from_matrix(R: Array) -> Array:
