@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 from rich.console import Console
 
+from slip_bringup.bags.cli import bag
 from slip_msgs_py.errors import SlipVicError
 
 if TYPE_CHECKING:
@@ -90,10 +91,13 @@ def params(scenarios: tuple[str, ...], out: Path, reference: bool) -> None:
         click.echo(str(out / name))
 
 
+cli.add_command(bag)
+
+
 def main() -> int:
     """Entry point of ``slip-vic``: one line for a user's mistake, exit code 2."""
     try:
-        cli.main(standalone_mode=False)
+        cli.main(prog_name="slip-vic", standalone_mode=False)
     except click.exceptions.Exit as end:
         return end.exit_code
     except click.Abort:

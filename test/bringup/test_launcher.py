@@ -1,0 +1,121 @@
+"""The launcher: first failing child reported with its last lines, nothing left behind, every mode runs."""
+
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from slip_bringup import shared_memory
+from slip_bringup.bags.reader import Bag
+from slip_bringup.launcher import Interrupted, Launcher
+from slip_bringup.scenario import load_scenario
+from slip_msgs_py.errors import ProtocolError
+from slip_msgs_py.stamps import stamp_to_ns
+
+DEADLINE_S = 30.0
+# A wall clock decides how many commands arrive in time; on a loaded machine some do not.
+LEAST_ANSWERED_SHARE = 0.1
+
+
+def node_children() -> list[psutil.Process]:
+    return [p for p in psutil.Process().children(recursive=True) if "slip_" in " ".join(p.cmdline())]
+
+
+def kill_when_running(module: str, number: int) -> threading.Thread:
+    """Send a signal to the child that runs `module` once the bridge has begun to report."""
+
+    def work() -> None:
+        end = time.monotonic() + DEADLINE_S
+        while time.monotonic() < end:
+            found = [p for p in node_children() if module in " ".join(p.cmdline())]
+            if found and len(node_children()) >= 2:
+                time.sleep(1.5)
+                found[0].send_signal(number)
+                return
+            time.sleep(0.02)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    return thread
+
+
+@pytest.mark.parametrize(
+    ("module", "words"),
+    [
+        ("slip_vic_controller.node", "controller failed with exit code -9"),
+        ("slip_sim_bridge.node", "bridge failed with exit code -9"),
+        ("recorder_process", "recorder failed with exit code -9"),
+    ],
+)
+def test_a_killed_child_is_named_and_the_others_end(module: str, words: str, tmp_path: Path) -> None:
+    before = shared_memory.segments()
+    scenario = load_scenario("paper_planar", assignments=["bridge.duration_s=1000.0"])
+    thread = kill_when_running(module, signal.SIGKILL)
+    with pytest.raises(ProtocolError, match=words):
+        Launcher(scenario, bag=tmp_path / "bag").run()
+    thread.join()
+    assert node_children() == []
+    assert shared_memory.segments() <= before
+
+
+def test_a_signal_ends_the_run_and_keeps_a_whole_bag(tmp_path: Path) -> None:
+    scenario = load_scenario("paper_planar", assignments=["bridge.duration_s=1000.0"])
+
+    def interrupt() -> None:
+        end = time.monotonic() + DEADLINE_S
+        while time.monotonic() < end and len(node_children()) < 3:
+            time.sleep(0.02)
+        time.sleep(2.5)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    with pytest.raises(Interrupted, match="bag kept in"):
+        Launcher(scenario, bag=tmp_path / "bag").run()
+    thread.join()
+    assert node_children() == []
+    with Bag(tmp_path / "bag") as bag:
+        assert bag.topics["/joint_states"].message_count > 0
+        assert set(bag.attachments) == {"arm.urdf", "scenario.yaml", "controller.params.yaml", "bridge.params.yaml"}
+
+
+def test_real_time_mode_answers_with_the_newest_state(tmp_path: Path) -> None:
+    scenario = load_scenario("paper_planar", mode="realtime", assignments=["bridge.duration_s=2.0"])
+    result = Launcher(scenario, bag=tmp_path / "bag").run()
+    assert result.ticks == 2000
+    with Bag(tmp_path / "bag") as bag:
+        states = {stamp_to_ns(m.value.header.stamp) for m in bag.messages("/joint_states")}
+        commands = [stamp_to_ns(m.value.header.stamp) for m in bag.messages("/effort_command")]
+    assert set(commands) <= states
+    assert commands == sorted(set(commands))
+    assert len(commands) > LEAST_ANSWERED_SHARE * len(states)
+
+
+def test_a_namespace_moves_the_whole_run(tmp_path: Path) -> None:
+    scenario = load_scenario("paper_planar", assignments=["bridge.duration_s=0.1"])
+    result = Launcher(scenario, bag=tmp_path / "bag", namespace="/left").run()
+    assert result.lost == 0
+    with Bag(tmp_path / "bag") as bag:
+        assert bag.topics["/left/effort_command"].message_count == 100
+        assert "/clock" in bag.topics
+
+
+def test_a_gripper_that_opens_lets_the_object_go(tmp_path: Path) -> None:
+    """Parameters reach the processes: with a hundredth of the grip the object slips much more."""
+    ends = {}
+    for force in (0.5, 0.005):
+        scenario = load_scenario(
+            "paper_planar",
+            controller="classical",
+            assignments=["bridge.duration_s=0.6", f"bridge.grip.force={force}"],
+        )
+        bag = tmp_path / f"bag_{force}"
+        Launcher(scenario, bag=bag).run()
+        with Bag(bag) as opened:
+            last = list(opened.messages("/slip_truth"))[-1].value.position
+        ends[force] = (last[0] ** 2 + last[1] ** 2) ** 0.5
+    assert ends[0.005] > 1.5 * ends[0.5]
