@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, matrix_from_quat_xyzw
+from slip_msgs_py.arrays import Array, matrix_from_quat_xyzw, readonly
 from slip_msgs_py.errors import InputError
-from slip_msgs_py.stamps import stamp_to_ns
-from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
+from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample
 
 
 def vector6(linear: Any, angular: Any) -> Array:
@@ -50,13 +49,15 @@ class JointOrder:
         return self._index
 
 
-def joint_sample(message: Any, order: JointOrder) -> JointSample:
-    """Return the joint state in the order of `order`; efforts that the message leaves out are zero.
+def joint_samples(message: Any, order: JointOrder) -> Callable[[int, Array, Array, Array], JointSample]:
+    """Check names and sizes of a JointState; return what makes samples of (stamp_ns, position, velocity, effort).
+
+    Efforts that the message leaves out are zero.
 
     Raises:
         InputError: wrong names, or arrays shorter than the names.
     """
-    index = order.indices(message.name)
+    pick = _picker(order.indices(message.name))
     count = len(message.name)
     if len(message.position) != count or len(message.velocity) != count:
         raise InputError(
@@ -64,40 +65,42 @@ def joint_sample(message: Any, order: JointOrder) -> JointSample:
             got=f"{count} names, {len(message.position)} positions, {len(message.velocity)} velocities",
             expected="one position and one velocity per name",
         )
-    effort = np.asarray(message.effort, dtype=np.float64)
-    return JointSample(
-        stamp_ns=stamp_to_ns(message.header.stamp),
-        position=np.asarray(message.position, dtype=np.float64)[index],
-        velocity=np.asarray(message.velocity, dtype=np.float64)[index],
-        effort=effort[index] if len(effort) == count else np.zeros(len(index)),
-    )
+    no_effort = readonly(np.zeros(len(order.names))) if len(message.effort) != count else None
+
+    def make(stamp_ns: int, position: Array, velocity: Array, effort: Array) -> JointSample:
+        return JointSample(stamp_ns, pick(position), pick(velocity), pick(effort) if no_effort is None else no_effort)
+
+    return make
 
 
-def wrench_sample(message: Any) -> WrenchSample:
-    """Return the wrench of a WrenchStamped; (6,) [N, N m] {ee} axes."""
-    return WrenchSample(stamp_to_ns(message.header.stamp), vector6(message.wrench.force, message.wrench.torque))
+def effort_commands(message: Any, order: JointOrder) -> Callable[[int, Array, Array, Array], EffortCommand]:
+    """Check names and sizes of a command; return what makes commands of (stamp_ns, position, velocity, effort).
 
-
-def slip_sample(message: Any) -> SlipSample:
-    """Return the slip velocity of a TwistStamped; invalid where any number is not finite."""
-    twist = vector6(message.twist.linear, message.twist.angular)
-    return SlipSample(stamp_to_ns(message.header.stamp), twist, valid=bool(np.isfinite(twist).all()))
-
-
-def effort_command(message: Any, order: JointOrder) -> EffortCommand:
-    """Return the efforts of a command in the order of `order`.
+    No effort at all means "no command for this stamp".
 
     Raises:
         InputError: wrong names, or not one effort per name.
     """
     index = order.indices(message.name)
-    if len(message.effort) != len(message.name):
+    if len(message.effort) not in (0, len(message.name)):
         raise InputError(
             "effort command",
             got=f"{len(message.name)} names, {len(message.effort)} efforts",
             expected="one effort per name",
         )
-    return EffortCommand(stamp_to_ns(message.header.stamp), np.asarray(message.effort, dtype=np.float64)[index])
+    pick = _picker(index if len(message.effort) else [])
+    return lambda stamp_ns, _position, _velocity, effort: EffortCommand(stamp_ns, pick(effort))
+
+
+def _picker(index: list[int]) -> Callable[[Array], Array]:
+    """Return what puts numbers into order; where they are in order it hands them on."""
+    in_order = index == list(range(len(index)))
+    return lambda values: values if in_order and len(values) == len(index) else values[index]
+
+
+def slip_sample(stamp_ns: int, twist: Array) -> SlipSample:
+    """Return the slip velocity; invalid where any number is not finite."""
+    return SlipSample(stamp_ns, twist, valid=bool(np.isfinite(twist).all()))
 
 
 def cartesian_reference(message: Any) -> CartesianReference:

@@ -47,9 +47,16 @@ def create_publisher(node: Any, name: str, *, actual_name: str | None = None) ->
 
 
 def create_subscription(
-    node: Any, name: str, callback: Any, *, depth: int, reliable: bool, actual_name: str | None = None
+    node: Any,
+    name: str,
+    callback: Any,
+    *,
+    depth: int,
+    reliable: bool,
+    actual_name: str | None = None,
+    raw: bool = False,
 ) -> Any:
-    """Create a subscription to a topic of the table."""
+    """Create a subscription to a topic of the table; a raw one hands over bytes."""
     row = topic(name)
     qos = subscription_qos(row, depth=depth, reliable=reliable)
-    return node.create_subscription(message_class(row.type), actual_name or name, callback, qos)
+    return node.create_subscription(message_class(row.type), actual_name or name, callback, qos, raw=raw)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist, TwistStamped, Vector3, Wrench, WrenchStamped
@@ -13,13 +14,14 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, Int64MultiArray, String
 
-from slip_msgs_py.arrays import Array, quat_xyzw_from_matrix, rotate6
+from slip_msgs_py.arrays import Array, quat_xyzw_from_matrix, readonly, rotate6
 from slip_msgs_py.stamps import split_ns
-from slip_msgs_py.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
+from slip_msgs_py.types import ObjectTruth, SlipSample
 
 WORLD = "world"
 OBJECT = "object"
 SLIP_AXES = ("s_x", "s_y", "s_z", "s_rx", "s_ry", "s_rz")
+_INVALID = readonly(np.full(6, np.nan))
 
 
 def time_msg(stamp_ns: int) -> Time:
@@ -33,80 +35,40 @@ def header(stamp_ns: int, frame_id: str) -> Header:
     return Header(stamp=time_msg(stamp_ns), frame_id=frame_id)
 
 
-def joint_state(sample: JointSample, names: Sequence[str]) -> JointState:
-    """Return the joint state with its names; [rad, rad/s, N m]."""
+def joint_state(stamp_ns: int, names: Sequence[str], position: Any, velocity: Any = (), effort: Any = ()) -> JointState:
+    """Return named joints, or any named numbers in the position field; [rad, rad/s, N m] for joints."""
     return JointState(
-        header=header(sample.stamp_ns, ""),
+        header=header(stamp_ns, ""),
         name=list(names),
-        position=sample.position.tolist(),
-        velocity=sample.velocity.tolist(),
-        effort=sample.effort.tolist(),
+        position=_floats(position),
+        velocity=_floats(velocity),
+        effort=_floats(effort),
     )
 
 
-def effort_state(command: EffortCommand, answered: JointSample, names: Sequence[str]) -> JointState:
-    """Return the command with the positions and velocities it answers, so that viewers draw the robot right."""
-    return JointState(
-        header=header(command.stamp_ns, ""),
-        name=list(names),
-        position=answered.position.tolist(),
-        velocity=answered.velocity.tolist(),
-        effort=command.effort.tolist(),
-    )
-
-
-def wrench_stamped(sample: WrenchSample, frame_id: str) -> WrenchStamped:
-    """Return the wrench; (6,) [N, N m] in the axes of `frame_id`."""
-    return six_as_wrench(sample.wrench, sample.stamp_ns, frame_id)
-
-
-def six_as_wrench(six: Array, stamp_ns: int, frame_id: str) -> WrenchStamped:
-    """Return any six numbers (translation, rotation) with the named axes of a wrench."""
+def wrench_stamped(stamp_ns: int, wrench: Array, frame_id: str) -> WrenchStamped:
+    """Return six numbers (translation, rotation) with the named axes of a wrench; (6,) in the axes of `frame_id`."""
     return WrenchStamped(
-        header=header(stamp_ns, frame_id), wrench=Wrench(force=vector3(six[:3]), torque=vector3(six[3:]))
+        header=header(stamp_ns, frame_id), wrench=Wrench(force=vector3(wrench[:3]), torque=vector3(wrench[3:]))
     )
 
 
-def twist_stamped(twist: Array, stamp_ns: int, frame_id: str) -> TwistStamped:
+def twist_stamped(stamp_ns: int, twist: Array, frame_id: str) -> TwistStamped:
     """Return a twist; (6,) [m/s, rad/s] in the axes of `frame_id`."""
-    return TwistStamped(
-        header=header(stamp_ns, frame_id), twist=Twist(linear=vector3(twist[:3]), angular=vector3(twist[3:]))
-    )
+    return TwistStamped(header=header(stamp_ns, frame_id), twist=twist_msg(twist))
 
 
-def slip_stamped(sample: SlipSample, frame_id: str) -> TwistStamped:
-    """Return the slip velocity, NaN where the sample is invalid."""
-    twist = sample.twist if sample.valid else sample.twist * float("nan")
-    return twist_stamped(twist, sample.stamp_ns, frame_id)
+def pose_stamped(stamp_ns: int, numbers: Array, frame_id: str = WORLD) -> PoseStamped:
+    """Return a pose from its position and quaternion x y z w; (7,) in `frame_id`."""
+    return PoseStamped(header=header(stamp_ns, frame_id), pose=pose(numbers))
 
 
-def pose_stamped(position: Array, rotation: Array, stamp_ns: int, frame_id: str = WORLD) -> PoseStamped:
-    """Return a pose; (3,) [m], (3, 3) in `frame_id`."""
-    return PoseStamped(header=header(stamp_ns, frame_id), pose=pose(position, rotation))
-
-
-def odometry(truth: ObjectTruth) -> Odometry:
-    """Return the object's pose in `world` and its twist in object axes, as nav_msgs/Odometry defines it."""
-    message = Odometry(header=header(truth.stamp_ns, WORLD), child_frame_id=OBJECT)
-    message.pose.pose = pose(truth.position, truth.rotation)
-    twist = rotate6(truth.rotation.T, truth.twist)
-    message.twist.twist = Twist(linear=vector3(twist[:3]), angular=vector3(twist[3:]))
+def odometry(stamp_ns: int, pose_numbers: Array, twist: Array) -> Odometry:
+    """Return the object's pose in `world` (7,) and its twist in object axes (6,), as nav_msgs/Odometry defines it."""
+    message = Odometry(header=header(stamp_ns, WORLD), child_frame_id=OBJECT)
+    message.pose.pose = pose(pose_numbers)
+    message.twist.twist = twist_msg(twist)
     return message
-
-
-def slip_truth(truth: ObjectTruth) -> JointState:
-    """Return slip displacement and velocity as six named scalars; [m, rad], [m/s, rad/s]."""
-    return JointState(
-        header=header(truth.stamp_ns, ""),
-        name=list(SLIP_AXES),
-        position=truth.slip_displacement.tolist(),
-        velocity=truth.slip_velocity.tolist(),
-    )
-
-
-def scalars(values: Mapping[str, float], stamp_ns: int) -> JointState:
-    """Return named scalars in the position field of a JointState, which plotting tools show by name."""
-    return JointState(header=header(stamp_ns, ""), name=list(values), position=[float(v) for v in values.values()])
 
 
 def clock(stamp_ns: int) -> Clock:
@@ -119,9 +81,9 @@ def int64_array(values: Sequence[int]) -> Int64MultiArray:
     return Int64MultiArray(data=[int(v) for v in values])
 
 
-def float64_array(values: Array) -> Float64MultiArray:
+def float64_array(values: Any) -> Float64MultiArray:
     """Return numbers without layout."""
-    return Float64MultiArray(data=values.tolist())
+    return Float64MultiArray(data=_floats(values))
 
 
 def string(text: str) -> String:
@@ -141,14 +103,43 @@ def diagnostics(stamp_ns: int, name: str, level: int, message: str, values: Mapp
     return DiagnosticArray(header=header(stamp_ns, ""), status=[status])
 
 
+# -- value objects as the numbers of a message --------------------------------------------------------
+
+
+def slip_numbers(sample: SlipSample) -> Array:
+    """Return the slip velocity (6,) [m/s, rad/s], NaN where the sample is invalid."""
+    return sample.twist if sample.valid else _INVALID
+
+
+def pose_numbers(position: Array, rotation: Array) -> Array:
+    """Return position and quaternion x y z w; (3,) [m], (3, 3) -> (7,)."""
+    return np.concatenate((position, quat_xyzw_from_matrix(rotation)))
+
+
+def odometry_numbers(truth: ObjectTruth) -> tuple[Array, Array]:
+    """Return the object's pose (7,) in `world` and its twist (6,) in object axes."""
+    return pose_numbers(truth.position, truth.rotation), rotate6(truth.rotation.T, truth.twist)
+
+
+# -- parts of messages --------------------------------------------------------------------------------
+
+
 def vector3(values: Any) -> Vector3:
     """Return three numbers."""
-    x, y, z = values.tolist()
+    x, y, z = _floats(values)
     return Vector3(x=x, y=y, z=z)
 
 
-def pose(position: Array, rotation: Array) -> Pose:
-    """Return a pose from (3,) [m] and (3, 3)."""
-    x, y, z = position.tolist()
-    qx, qy, qz, qw = quat_xyzw_from_matrix(rotation).tolist()
+def twist_msg(twist: Array) -> Twist:
+    """Return a twist from (6,)."""
+    return Twist(linear=vector3(twist[:3]), angular=vector3(twist[3:]))
+
+
+def pose(numbers: Array) -> Pose:
+    """Return a pose from position and quaternion x y z w; (7,)."""
+    x, y, z, qx, qy, qz, qw = _floats(numbers)
     return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
+
+
+def _floats(values: Any) -> list[float]:
+    return [float(value) for value in values]

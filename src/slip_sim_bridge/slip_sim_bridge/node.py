@@ -14,18 +14,19 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from slip_msgs_py import from_msgs, to_msgs
+from slip_msgs_py import forms, from_msgs, to_msgs
 from slip_msgs_py.errors import InputError, ProtocolError
+from slip_msgs_py.fast_io import Refusals, Sender, create_receiver, create_sender
 from slip_msgs_py.node_main import emit, run_node
 from slip_msgs_py.peers import Peers, wait_until
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.resources import read_text
 from slip_msgs_py.ros_params import declare
-from slip_msgs_py.stamps import split_ns, stamp_to_ns
+from slip_msgs_py.stamps import split_ns
 from slip_msgs_py.topics import contact_topic
 from slip_msgs_py.types import EffortCommand
 from slip_sim_bridge.node_params import BridgeNodeParams
-from slip_sim_bridge.session import NO_EFFORT, BridgeSession, TickOutputs
+from slip_sim_bridge.session import BridgeSession, TickOutputs
 
 PROGRESS_EVERY_S = 0.1
 
@@ -43,7 +44,7 @@ class SlipSimBridge(Node):
         self._lockstep = self.params.mode == "lockstep"
         self._order = from_msgs.JointOrder(self.params.joint_names)
         self._command: EffortCommand | None = None
-        self._refused = ""
+        self._refusals = Refusals(self.get_logger().error)
         self._peers_ready: set[str] = set()
         self._executor = EventsExecutor()
         self._create_endpoints(urdf)
@@ -51,19 +52,30 @@ class SlipSimBridge(Node):
 
     def _create_endpoints(self, urdf: str) -> None:
         contacts = range(self.session.contacts)
-        self._pub_joint = create_publisher(self, "joint_states")
-        self._pub_wrench = [create_publisher(self, "wrench", actual_name=contact_topic("wrench", i)) for i in contacts]
-        self._pub_slip = [
-            create_publisher(self, "slip_velocity", actual_name=contact_topic("slip_velocity", i)) for i in contacts
-        ]
-        self._pub_object = create_publisher(self, "object_state")
-        self._pub_truth = create_publisher(self, "slip_truth")
-        self._pub_clock = create_publisher(self, "/clock")
-        self._pub_tick = create_publisher(self, "lockstep_tick") if self._lockstep else None
+        names, frame = self.params.joint_names, self.params.ee_frame
+
+        def per_contact(name: str, form: forms.Form) -> list[Sender]:
+            return [create_sender(self, name, form, actual_name=contact_topic(name, i)) for i in contacts]
+
+        self._send_joint = create_sender(self, "joint_states", forms.joint_state(names))
+        self._send_wrench = per_contact("wrench", forms.wrench(frame))
+        self._send_slip = per_contact("slip_velocity", forms.twist(frame))
+        self._send_object = create_sender(self, "object_state", forms.odometry())
+        self._send_truth = create_sender(self, "slip_truth", forms.slip_truth())
+        self._send_clock = create_sender(self, "/clock", forms.clock())
+        tick = forms.whole_numbers(3 + 2 * self.session.contacts)
+        self._send_tick = create_sender(self, "lockstep_tick", tick) if self._lockstep else None
         self._pub_urdf = create_publisher(self, "robot_description")
         self._pub_urdf.publish(to_msgs.string(urdf))
-        self._sub_command = create_subscription(
-            self, "effort_command", self._on_command, depth=10, reliable=self._lockstep
+        self._sub_command = create_receiver(
+            self,
+            "effort_command",
+            ("position", "velocity", "effort"),
+            lambda message: from_msgs.effort_commands(message, self._order),
+            self._on_command,
+            self._refusals,
+            depth=10,
+            reliable=self._lockstep,
         )
         create_subscription(self, "grip_force", self._on_grip_force, depth=10, reliable=False)
         for name in self.params.wait_for:
@@ -75,18 +87,8 @@ class SlipSimBridge(Node):
 
     # -- callbacks ---------------------------------------------------------------------------------
 
-    def _on_command(self, message: Any) -> None:
-        if not message.effort:
-            # The controller has no command for this stamp (inputs missing): the arm holds itself.
-            stamp_ns = stamp_to_ns(message.header.stamp)
-            self._command = EffortCommand(stamp_ns, NO_EFFORT)
-            return
-        try:
-            self._command = from_msgs.effort_command(message, self._order)
-        except InputError as error:
-            if str(error) != self._refused:
-                self._refused = str(error)
-                self.get_logger().error(f"command refused: {error}")
+    def _on_command(self, command: EffortCommand) -> None:
+        self._command = command
 
     def _on_grip_force(self, message: Any) -> None:
         try:
@@ -123,9 +125,8 @@ class SlipSimBridge(Node):
         peers = Peers(
             self,
             publishers=[
-                (self._pub_joint, subscribers),
-                (self._pub_wrench[0], subscribers),
-                (self._pub_slip[0], subscribers),
+                (sender.publisher, subscribers)
+                for sender in (self._send_joint, self._send_wrench[0], self._send_slip[0])
             ],
             subscriptions=[self._sub_command],
         )
@@ -151,10 +152,10 @@ class SlipSimBridge(Node):
                 return False
             if time.monotonic() > deadline:
                 last = "none" if self._command is None else f"stamp {self._command.stamp_ns} ns"
+                refused = self._refusals.last("effort_command")
                 raise ProtocolError(
                     f"lockstep: no effort_command for tick {outputs.tick} (stamp {outputs.stamp_ns} ns) within "
-                    f"{self.params.lockstep_timeout_s:g} s; last command: {last}"
-                    + (f"; {self._refused}" if self._refused else "")
+                    f"{self.params.lockstep_timeout_s:g} s; last command: {last}" + (f"; {refused}" if refused else "")
                 )
             spin_once(0.1)
         self.session.advance(self._command)
@@ -174,19 +175,20 @@ class SlipSimBridge(Node):
         return True
 
     def _publish(self, outputs: TickOutputs) -> None:
-        frame = self.params.ee_frame
-        for contact, samples in enumerate(outputs.wrenches):
-            for wrench in samples:
-                self._pub_wrench[contact].publish(to_msgs.wrench_stamped(wrench, frame))
-        for contact, slip_samples in enumerate(outputs.slips):
-            for slip in slip_samples:
-                self._pub_slip[contact].publish(to_msgs.slip_stamped(slip, frame))
-        self._pub_joint.publish(to_msgs.joint_state(outputs.joint, self.params.joint_names))
-        if self._pub_tick is not None:
-            self._pub_tick.publish(to_msgs.int64_array([outputs.tick, *split_ns(outputs.stamp_ns), *outputs.counts]))
-        self._pub_clock.publish(to_msgs.clock(outputs.stamp_ns))
-        self._pub_object.publish(to_msgs.odometry(outputs.truth))
-        self._pub_truth.publish(to_msgs.slip_truth(outputs.truth))
+        """Send what the controller waits for first; in lockstep the list of a tick's samples comes after them."""
+        stamp_ns, joint, truth = outputs.stamp_ns, outputs.joint, outputs.truth
+        for send_wrench, wrenches in zip(self._send_wrench, outputs.wrenches, strict=True):
+            for wrench in wrenches:
+                send_wrench.send(wrench.stamp_ns, wrench.wrench)
+        for send_slip, slips in zip(self._send_slip, outputs.slips, strict=True):
+            for slip in slips:
+                send_slip.send(slip.stamp_ns, to_msgs.slip_numbers(slip))
+        self._send_joint.send(joint.stamp_ns, joint.position, joint.velocity, joint.effort)
+        if self._send_tick is not None:
+            self._send_tick.send(stamp_ns, (outputs.tick, *split_ns(stamp_ns), *outputs.counts))
+        self._send_clock.send(stamp_ns)
+        self._send_object.send(stamp_ns, *to_msgs.odometry_numbers(truth))
+        self._send_truth.send(stamp_ns, truth.slip_displacement, truth.slip_velocity)
 
     def _report_progress(self) -> None:
         now = time.monotonic()

@@ -7,20 +7,22 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 
-from slip_msgs_py import from_msgs, to_msgs
+from slip_msgs_py import forms, from_msgs, to_msgs
 from slip_msgs_py.errors import InputError
+from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
 from slip_msgs_py.node_main import emit, run_node
 from slip_msgs_py.peers import Peers
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.resources import read_text
 from slip_msgs_py.ros_params import declare
 from slip_msgs_py.topics import contact_topic
-from slip_msgs_py.types import CartesianReference
+from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.inputs import Manifest
 from slip_vic_controller.core.session import ControllerSession, CycleResult
@@ -42,87 +44,90 @@ class SlipVicController(Node):
         )
         self._lockstep = self.params.mode == "lockstep"
         self.session = ControllerSession(VicController(self.params, urdf), lockstep=self._lockstep)
-        self._order = from_msgs.JointOrder(self.params.joint_names)
         self._ready = False
-        self._refused: dict[str, str] = {}
+        self._refusals = Refusals(self.get_logger().error)
         self._executor = EventsExecutor()
         self._create_endpoints()
         self._executor.add_node(self)
 
     def _create_endpoints(self) -> None:
-        self._pub_effort = create_publisher(self, "effort_command")
-        self._pub_array = (
-            create_publisher(self, "effort_controller/commands") if self.params.publish_effort_array else None
+        names, contacts = self.params.joint_names, self.session.contacts
+        self._send_effort = create_sender(self, "effort_command", forms.joint_state(names))
+        self._send_array = (
+            create_sender(self, "effort_controller/commands", forms.numbers(len(names)))
+            if self.params.publish_effort_array
+            else None
         )
-        self._pub_ledger = create_publisher(self, "controller/ledger")
+        self._send_ledger = create_sender(self, "controller/ledger", forms.whole_numbers(3 + 4 * contacts))
         self._pub_ready = create_publisher(self, "controller/ready")
         self._diagnostics = DiagnosticsPublisher(self, self.params.diagnostics.decimation)
-        depth = STATE_DEPTH[self._lockstep]
-        inputs = [
-            create_subscription(self, "joint_states", self._on_joint_states, depth=depth, reliable=self._lockstep)
-        ]
-        for contact in range(self.session.contacts):
-            for name, handler in (("wrench", self._on_wrench), ("slip_velocity", self._on_slip)):
-                inputs.append(
-                    create_subscription(
-                        self,
-                        name,
-                        lambda message, c=contact, h=handler: h(c, message),
-                        depth=100,
-                        reliable=self._lockstep,
-                        actual_name=contact_topic(name, contact),
-                    )
-                )
-        if self._lockstep:
-            inputs.append(create_subscription(self, "lockstep_tick", self._on_tick, depth=depth, reliable=True))
+        inputs = self._create_inputs()
         if self.session.reference_from_topic:
             create_subscription(self, "reference", self._on_reference, depth=10, reliable=False)
         self._peers = Peers(
             self,
             publishers=[
-                (self._pub_effort, self.params.expected_subscribers),
-                (self._pub_ledger, self.params.expected_subscribers - 1),
+                (self._send_effort.publisher, self.params.expected_subscribers),
+                (self._send_ledger.publisher, self.params.expected_subscribers - 1),
                 *((publisher, self.params.expected_subscribers - 1) for publisher in self._diagnostics.publishers),
             ],
             subscriptions=inputs,
         )
 
+    def _create_inputs(self) -> list[Any]:
+        depth = STATE_DEPTH[self._lockstep]
+
+        def receive(name: str, fields: tuple[str, ...], learn: Any, deliver: Any, **options: Any) -> Any:
+            return create_receiver(
+                self, name, fields, learn, deliver, self._refusals, reliable=self._lockstep, **options
+            )
+
+        order = from_msgs.JointOrder(self.params.joint_names)
+        fields = ("position", "velocity", "effort")
+        learn = partial(from_msgs.joint_samples, order=order)
+        inputs = [receive("joint_states", fields, learn, self._on_joint_state, depth=depth)]
+        for contact in range(self.session.contacts):
+            for name, field, make, deliver in (
+                ("wrench", "wrench", WrenchSample, self._on_wrench),
+                ("slip_velocity", "twist", from_msgs.slip_sample, self._on_slip),
+            ):
+                actual = contact_topic(name, contact)
+                inputs.append(
+                    receive(
+                        name, (field,), lambda _, m=make: m, partial(deliver, contact), depth=100, actual_name=actual
+                    )
+                )
+        if self._lockstep:
+            inputs.append(
+                receive("lockstep_tick", ("data",), lambda _: _manifest, self._on_tick, depth=depth, stamp="")
+            )
+        return inputs
+
     # -- callbacks ---------------------------------------------------------------------------------
 
-    def _guard(self, topic: str, convert: Callable[[], Any]) -> Any:
-        """Convert one message; a bad one is dropped and reported once per kind of fault, never raised."""
-        try:
-            return convert()
-        except InputError as error:
-            if self._refused.get(topic) != str(error):
-                self._refused[topic] = str(error)
-                self.get_logger().error(f"{topic}: message refused: {error}")
-            return None
+    def _on_joint_state(self, sample: JointSample) -> None:
+        self.session.inputs.add_joint(sample)
+        self._cycle()
 
-    def _on_joint_states(self, message: Any) -> None:
-        sample = self._guard("joint_states", lambda: from_msgs.joint_sample(message, self._order))
-        if sample is not None:
-            self.session.inputs.add_joint(sample)
-            self._cycle()
-
-    def _on_wrench(self, contact: int, message: Any) -> None:
-        self.session.inputs.add_wrench(contact, from_msgs.wrench_sample(message))
+    def _on_wrench(self, contact: int, sample: WrenchSample) -> None:
+        self.session.inputs.add_wrench(contact, sample)
         if self._lockstep:
             self._cycle()
 
-    def _on_slip(self, contact: int, message: Any) -> None:
-        self.session.inputs.add_slip(contact, from_msgs.slip_sample(message))
+    def _on_slip(self, contact: int, sample: SlipSample) -> None:
+        self.session.inputs.add_slip(contact, sample)
         if self._lockstep:
             self._cycle()
 
-    def _on_tick(self, message: Any) -> None:
-        self.session.inputs.add_manifest(Manifest.decode(message.data))
+    def _on_tick(self, manifest: Manifest) -> None:
+        self.session.inputs.add_manifest(manifest)
         self._cycle()
 
     def _on_reference(self, message: Any) -> None:
-        reference: CartesianReference | None = self._guard("reference", lambda: from_msgs.cartesian_reference(message))
-        if reference is not None:
-            self.session.set_reference(reference)
+        try:
+            self.session.set_reference(from_msgs.cartesian_reference(message))
+        except InputError as error:
+            self._refusals.add("reference", error)
 
     # -- running -----------------------------------------------------------------------------------
 
@@ -132,13 +137,14 @@ class SlipVicController(Node):
             self._publish(result)
 
     def _publish(self, result: CycleResult) -> None:
-        message = to_msgs.effort_state(result.command, result.joint, self.params.joint_names)
-        self._pub_effort.publish(message)
-        if self._pub_array is not None and len(result.command.effort):
-            self._pub_array.publish(to_msgs.float64_array(result.command.effort))
-        self._pub_ledger.publish(to_msgs.int64_array(result.ledger))
+        command, joint = result.command, result.joint
+        # Positions and velocities beside the effort, so that viewers draw the robot where it is.
+        self._send_effort.send(command.stamp_ns, joint.position, joint.velocity, command.effort)
+        if self._send_array is not None and len(command.effort):
+            self._send_array.send(command.stamp_ns, command.effort)
+        self._send_ledger.send(joint.stamp_ns, result.ledger)
         if result.diagnostics is not None:
-            self._diagnostics.publish(result.cycle, result.joint.stamp_ns, result.diagnostics)
+            self._diagnostics.publish(result.cycle, joint.stamp_ns, result.diagnostics)
 
     def run(self, should_stop: Callable[[], bool]) -> None:
         """Run until asked to stop."""
@@ -149,6 +155,10 @@ class SlipVicController(Node):
                 self._pub_ready.publish(to_msgs.string("controller"))
                 emit("ready")
         emit("done", cycles=self.session.cycles, skipped=self.session.inputs.skipped)
+
+
+def _manifest(_stamp_ns: int, numbers: Any) -> Manifest:
+    return Manifest.decode(numbers.tolist())
 
 
 def main() -> int:

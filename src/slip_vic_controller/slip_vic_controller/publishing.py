@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
-from slip_msgs_py import to_msgs
+from slip_msgs_py import forms, to_msgs
+from slip_msgs_py.fast_io import Sender, create_sender
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.core.diagnostics import TickDiagnostics
 
@@ -23,28 +25,23 @@ class DiagnosticsPublisher:
     def __init__(self, node: Any, decimation: int) -> None:
         self._decimation = decimation
         self._name = node.get_name()
-        self._scalars = create_publisher(node, "controller/scalars")
-        self._stiffness = create_publisher(node, "controller/stiffness")
-        self._damping = create_publisher(node, "controller/damping")
-        self._ee_pose = create_publisher(node, "controller/ee_pose")
-        self._reference_pose = create_publisher(node, "controller/reference_pose")
-        self._reference_twist = create_publisher(node, "controller/reference_twist")
+        self._scalars: Sender | None = None
+        self._scalars_publisher = create_publisher(node, "controller/scalars")
+        self._stiffness = create_sender(node, "controller/stiffness", forms.wrench(to_msgs.WORLD))
+        self._damping = create_sender(node, "controller/damping", forms.wrench(to_msgs.WORLD))
+        self._ee_pose = create_sender(node, "controller/ee_pose", forms.pose())
+        self._reference_pose = create_sender(node, "controller/reference_pose", forms.pose())
+        self._reference_twist = create_sender(node, "controller/reference_twist", forms.twist(to_msgs.WORLD))
         self._status = create_publisher(node, "/diagnostics")
-        self.publishers = (
-            self._scalars,
-            self._stiffness,
-            self._damping,
-            self._ee_pose,
-            self._reference_pose,
-            self._reference_twist,
-        )
+        senders = (self._stiffness, self._damping, self._ee_pose, self._reference_pose, self._reference_twist)
+        self.publishers = (self._scalars_publisher, *(sender.publisher for sender in senders))
         self._last_status: tuple[str, str] | None = None
         self._last_status_ns = 0
 
     def publish(self, cycle: int, stamp_ns: int, record: TickDiagnostics) -> None:
         """Publish what is due in this cycle."""
         if cycle % self._decimation == 0:
-            self._scalars.publish(to_msgs.scalars(record.scalars(), stamp_ns))
+            self._publish_scalars(stamp_ns, record.scalars())
             if record.terms is not None:
                 self._publish_terms(stamp_ns, record)
         status = (record.status, record.reason)
@@ -59,13 +56,18 @@ class DiagnosticsPublisher:
             text = record.reason or record.status
             self._status.publish(to_msgs.diagnostics(stamp_ns, f"{self._name}: law", level, text, values))
 
+    def _publish_scalars(self, stamp_ns: int, values: Mapping[str, float]) -> None:
+        if self._scalars is None:  # the names are the same in every cycle, and known with the first
+            self._scalars = Sender(self._scalars_publisher, forms.scalars(tuple(values)))
+        self._scalars.send(stamp_ns, tuple(values.values()))
+
     def _publish_terms(self, stamp_ns: int, record: TickDiagnostics) -> None:
         terms = record.terms
         if terms is None:
             return
-        self._stiffness.publish(to_msgs.six_as_wrench(terms.law.K, stamp_ns, to_msgs.WORLD))
-        self._damping.publish(to_msgs.six_as_wrench(terms.law.D, stamp_ns, to_msgs.WORLD))
-        self._ee_pose.publish(to_msgs.pose_stamped(terms.arm.position, terms.arm.rotation, stamp_ns))
+        self._stiffness.send(stamp_ns, terms.law.K)
+        self._damping.send(stamp_ns, terms.law.D)
+        self._ee_pose.send(stamp_ns, to_msgs.pose_numbers(terms.arm.position, terms.arm.rotation))
         reference = terms.reference
-        self._reference_pose.publish(to_msgs.pose_stamped(reference.position, reference.rotation, stamp_ns))
-        self._reference_twist.publish(to_msgs.twist_stamped(reference.twist, stamp_ns, to_msgs.WORLD))
+        self._reference_pose.send(stamp_ns, to_msgs.pose_numbers(reference.position, reference.rotation))
+        self._reference_twist.send(stamp_ns, reference.twist)

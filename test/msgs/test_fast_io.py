@@ -1,0 +1,187 @@
+"""Senders and receivers: what they make equals the typed way, and bad messages are refused and counted."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import TwistStamped, WrenchStamped
+from hypothesis import given
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from slip_msgs_py import fast_io, forms, from_msgs, to_msgs
+from slip_msgs_py.cdr import CdrCodec
+from slip_msgs_py.errors import InputError
+from slip_msgs_py.fast_io import Receiver, Refusals, Sender
+from slip_msgs_py.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
+
+NAMES = ("a", "bb", "ccc")
+JOINT_FIELDS = ("position", "velocity", "effort")
+STAMP_NS = 3_000_000_007
+
+
+class Wire:
+    """Stands for an rclpy publisher: keeps what is published."""
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+
+    def publish(self, data: bytes) -> None:
+        assert type(data) is bytes
+        self.sent.append(data)
+
+
+def joint_receiver(names: tuple[str, ...] = NAMES) -> Receiver[JointSample]:
+    order = from_msgs.JointOrder(names)
+    return Receiver("sensor_msgs/msg/JointState", JOINT_FIELDS, partial(from_msgs.joint_samples, order=order))
+
+
+def command_receiver() -> Receiver[EffortCommand]:
+    order = from_msgs.JointOrder(NAMES)
+    return Receiver("sensor_msgs/msg/JointState", JOINT_FIELDS, partial(from_msgs.effort_commands, order=order))
+
+
+def joint_state(names: tuple[str, ...] = NAMES, **arrays: Any) -> bytes:
+    return serialize_message(JointState(header=to_msgs.header(STAMP_NS, ""), name=list(names), **arrays))
+
+
+TRUTH = ObjectTruth(
+    STAMP_NS, np.array([1.0, 2, 3]), np.eye(3)[[1, 2, 0]], np.arange(6.0), np.arange(6.0) + 1, np.arange(6.0) + 2
+)
+SENT = {
+    "joint state": (forms.joint_state(NAMES), (np.arange(3.0), np.arange(3.0) + 1, np.arange(3.0) + 2)),
+    "no command": (forms.joint_state(NAMES), (np.arange(3.0), np.arange(3.0) + 1, np.zeros(0))),
+    "slip truth": (forms.slip_truth(), (TRUTH.slip_displacement, TRUTH.slip_velocity)),
+    "scalars": (forms.scalars(("K_x", "gate")), ((1.5, float("inf")),)),
+    "wrench": (forms.wrench("ee"), (np.arange(6.0),)),
+    "twist": (forms.twist("ee"), (np.arange(6.0),)),
+    "pose": (forms.pose(), (to_msgs.pose_numbers(TRUTH.position, TRUTH.rotation),)),
+    "odometry": (forms.odometry(), to_msgs.odometry_numbers(TRUTH)),
+    "clock": (forms.clock(), ()),
+    "whole numbers": (forms.whole_numbers(3), ((1, -(2**63), 2**63 - 1),)),
+    "numbers": (forms.numbers(2), (np.array([0.5, -0.0]),)),
+}
+
+
+@pytest.mark.parametrize("case", SENT.values(), ids=SENT.keys())
+def test_what_is_sent_decodes_to_the_typed_message(case: tuple[forms.Form, tuple[Any, ...]]) -> None:
+    form, numbers = case
+    wire = Wire()
+    Sender(wire, form).send(STAMP_NS, *numbers)
+    typed = form.make(STAMP_NS, *numbers)
+    assert deserialize_message(wire.sent[0], type(typed)) == typed
+
+
+def test_an_invalid_slip_sample_is_sent_as_nan_and_arrives_invalid() -> None:
+    wire = Wire()
+    sample = SlipSample(STAMP_NS, np.ones(6), valid=False)
+    Sender(wire, forms.twist("ee")).send(STAMP_NS, to_msgs.slip_numbers(sample))
+    arrived = Receiver("geometry_msgs/msg/TwistStamped", ("twist",), lambda _: from_msgs.slip_sample)(wire.sent[0])
+    assert not arrived.valid
+    assert np.isnan(arrived.twist).all()
+
+
+@given(st.lists(st.tuples(st.permutations(NAMES), st.booleans(), st.sampled_from(["", "base", "world"])), max_size=40))
+def test_a_receiver_sorts_joints_whatever_order_frame_and_fields_the_messages_have(
+    messages: list[tuple[list[str], bool, str]],
+) -> None:
+    receive = joint_receiver()
+    values = dict(zip(NAMES, (1.0, 20.0, 300.0), strict=True))
+    for i, (names, with_effort, frame) in enumerate(messages):
+        position = [i + values[name] for name in names]
+        velocity = [-value for value in position]
+        effort = [2 * value for value in position] if with_effort else []
+        message = JointState(
+            header=to_msgs.header(i, frame), name=names, position=position, velocity=velocity, effort=effort
+        )
+        sample = receive(serialize_message(message))
+        expected = np.array([i + values[name] for name in NAMES])
+        assert sample.stamp_ns == i
+        assert sample.position.tolist() == expected.tolist()
+        assert sample.velocity.tolist() == (-expected).tolist()
+        assert sample.effort.tolist() == (2 * expected if with_effort else 0 * expected).tolist()
+
+
+def test_the_second_message_of_a_form_needs_no_typed_decoder(monkeypatch: pytest.MonkeyPatch) -> None:
+    receive = Receiver("geometry_msgs/msg/WrenchStamped", ("wrench",), lambda _: WrenchSample)
+    sender = Sender(Wire(), forms.wrench("tool"))
+    receive(sender.encode(1, np.zeros(6)))
+    monkeypatch.setattr(fast_io, "deserialize_message", None)
+    sample = receive(sender.encode(2, np.arange(6.0)))
+    assert (sample.stamp_ns, sample.wrench.tolist()) == (2, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
+    assert not sample.wrench.flags.writeable
+
+
+def test_forms_beyond_those_a_receiver_learns_are_still_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[CdrCodec] = []
+
+    def counting(*args: Any) -> CdrCodec:
+        made.append(CdrCodec(*args))
+        return made[-1]
+
+    monkeypatch.setattr(fast_io, "CdrCodec", counting)
+    receive = Receiver("geometry_msgs/msg/WrenchStamped", ("wrench",), lambda _: WrenchSample)
+    for i in range(40):
+        message = WrenchStamped(header=Header(frame_id=f"frame{i:03d}"))
+        message.wrench.torque.z = float(i)
+        assert receive(serialize_message(message)).wrench[5] == i
+    assert len(made) == 16
+
+
+BAD_JOINT_STATES = {
+    "a joint missing": (joint_state(("a", "bb"), position=[0.0] * 2, velocity=[0.0] * 2), "joint ccc"),
+    "another joint": (joint_state(("a", "bb", "d"), position=[0.0] * 3, velocity=[0.0] * 3), "joint ccc"),
+    "a joint twice": (joint_state(("a", "bb", "ccc", "a"), position=[0.0] * 4, velocity=[0.0] * 4), "joint a"),
+    "no velocities": (joint_state(position=[0.0] * 3), "0 velocities"),
+    "a cut message": (joint_state(position=[0.0] * 3, velocity=[0.0] * 3)[:40], "40 bytes that are no JointState"),
+    "nothing": (b"", "0 bytes that are no JointState"),
+}
+
+
+@pytest.mark.parametrize(("data", "reason"), BAD_JOINT_STATES.values(), ids=BAD_JOINT_STATES.keys())
+@pytest.mark.parametrize("warm", [False, True], ids=["first", "after a good one"])
+def test_bad_joint_states_are_refused_with_a_reason(data: bytes, reason: str, warm: bool) -> None:
+    receive = joint_receiver()
+    if warm:
+        receive(joint_state(position=[0.0] * 3, velocity=[0.0] * 3))
+    with pytest.raises(InputError, match=reason):
+        receive(data)
+
+
+def test_an_effort_missing_is_refused_and_no_effort_means_no_command() -> None:
+    receive = command_receiver()
+    with pytest.raises(InputError, match="3 names, 2 efforts"):
+        receive(joint_state(effort=[0.0, 0.0]))
+    assert receive(joint_state(position=[1.0] * 3)).effort.size == 0
+    command = receive(joint_state(("ccc", "a", "bb"), effort=[3.0, 1.0, 2.0]))
+    assert command.effort.tolist() == [1.0, 2.0, 3.0]
+    assert command.stamp_ns == STAMP_NS
+
+
+def test_each_new_fault_is_reported_once_and_every_message_counted() -> None:
+    lines: list[str] = []
+    refusals = Refusals(lines.append)
+    for what in ("x", "x", "x", "y", "x"):
+        refusals.add("wrench", InputError(what, got=1, expected="2"))
+    refusals.add("slip", InputError("x", got=1, expected="2"))
+    assert refusals.counts == {"wrench": 5, "slip": 1}
+    assert lines == [
+        "wrench: message refused: x: got 1, expected 2",
+        "wrench: message refused: y: got 1, expected 2",
+        "wrench: message refused: x: got 1, expected 2",
+        "slip: message refused: x: got 1, expected 2",
+    ]
+    assert refusals.last("wrench") == "x: got 1, expected 2"
+    assert refusals.last("clock") == ""
+
+
+def test_a_message_of_another_type_is_not_taken_for_this_one() -> None:
+    receive = Receiver("geometry_msgs/msg/TwistStamped", ("twist",), lambda _: from_msgs.slip_sample)
+    receive(serialize_message(TwistStamped()))
+    with pytest.raises(InputError, match="TwistStamped"):
+        receive(serialize_message(Header()))
