@@ -26,7 +26,17 @@ _HEAD: Final = struct.Struct("<BQ")
 _MESSAGE: Final = struct.Struct("<HIQQ")
 _MESSAGE_OPCODE: Final = int(Opcode.MESSAGE)
 _LATEST_NS: Final = 2**63 - 1
-_DAMAGE: Final = (McapError, struct.error, ValueError, KeyError, IndexError, OverflowError, MemoryError, EOFError)
+_DAMAGE: Final = (
+    OSError,
+    McapError,
+    struct.error,
+    ValueError,
+    KeyError,
+    IndexError,
+    OverflowError,
+    MemoryError,
+    EOFError,
+)
 
 
 class Entry(NamedTuple):

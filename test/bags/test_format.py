@@ -1,0 +1,173 @@
+"""The text formats of rosbag2, byte for byte."""
+
+from __future__ import annotations
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slip_bringup.bags.format import (
+    INFINITE_NS,
+    BagMetadata,
+    FileInfo,
+    QosProfile,
+    TopicInfo,
+    metadata_text,
+    parse_metadata,
+    parse_qos,
+    qos_text,
+)
+from slip_msgs_py.errors import InputError
+
+# The form of the text was compared with what the Jazzy storage plugin writes; see docs/bags.md.
+QOS = """\
+- history: unknown
+  depth: 0
+  reliability: reliable
+  durability: transient_local
+  deadline:
+    sec: 9223372036
+    nsec: 854775807
+  lifespan:
+    sec: 10
+    nsec: 5
+  liveliness: automatic
+  liveliness_lease_duration:
+    sec: 9223372036
+    nsec: 854775807
+  avoid_ros_namespace_conventions: false"""
+METADATA = """\
+rosbag2_bagfile_information:
+  version: 9
+  storage_identifier: mcap
+  duration:
+    nanoseconds: 2
+  starting_time:
+    nanoseconds_since_epoch: 1700000000000000000
+  message_count: 3
+  topics_with_message_count:
+    - topic_metadata:
+        name: /a
+        type: std_msgs/msg/String
+        serialization_format: cdr
+        offered_qos_profiles:
+          []
+        type_description_hash: ""
+      message_count: 0
+    - topic_metadata:
+        name: /b
+        type: std_msgs/msg/String
+        serialization_format: cdr
+        offered_qos_profiles:
+          - history: unknown
+            depth: 0
+            reliability: reliable
+            durability: transient_local
+            deadline:
+              sec: 9223372036
+              nsec: 854775807
+            lifespan:
+              sec: 10
+              nsec: 5
+            liveliness: automatic
+            liveliness_lease_duration:
+              sec: 9223372036
+              nsec: 854775807
+            avoid_ros_namespace_conventions: false
+        type_description_hash: RIHS01_00ff
+      message_count: 3
+  compression_format: ""
+  compression_mode: ""
+  relative_file_paths:
+    - x_0.mcap
+  files:
+    - path: x_0.mcap
+      starting_time:
+        nanoseconds_since_epoch: 1700000000000000000
+      duration:
+        nanoseconds: 2
+      message_count: 3
+  custom_data: ~
+  ros_distro: jazzy"""
+LATCHED = QosProfile(durability="transient_local", lifespan_ns=10_000_000_005)
+SAMPLE = BagMetadata(
+    files=(FileInfo("x_0.mcap", 1_700_000_000_000_000_000, 2, 3),),
+    topics=(
+        TopicInfo("/a", "std_msgs/msg/String"),
+        TopicInfo("/b", "std_msgs/msg/String", (LATCHED,), "RIHS01_00ff", 3),
+    ),
+    start_ns=1_700_000_000_000_000_000,
+    duration_ns=2,
+    message_count=3,
+)
+NUMBERED = """\
+- history: 3
+  depth: 0
+  reliability: 2
+  durability: 2
+  deadline: {sec: 0, nsec: 0}
+  lifespan: {sec: 9223372036, nsec: 854775807}
+  liveliness: 1
+  liveliness_lease_duration: {sec: 0, nsec: 0}
+  avoid_ros_namespace_conventions: false
+"""
+
+
+def test_qos_text_is_rosbag2s():
+    assert qos_text([LATCHED]) == QOS
+    assert qos_text([LATCHED, LATCHED]) == f"{QOS}\n{QOS}"
+
+
+def test_metadata_text_is_rosbag2s():
+    assert metadata_text(SAMPLE, root=True) == METADATA
+
+
+def test_metadata_record_lacks_the_root():
+    lines = METADATA.splitlines()[1:]
+    assert metadata_text(SAMPLE, root=False) == "\n".join(line[2:] for line in lines)
+
+
+def test_empty_bag_starts_at_the_end_of_time():
+    text = metadata_text(BagMetadata(files=(FileInfo("x_0.mcap"),)), root=False)
+    assert "starting_time:\n  nanoseconds_since_epoch: 9223372036854775807\n" in text
+    assert "topics_with_message_count:\n  []\n" in text
+
+
+def test_numbers_of_old_versions_are_read():
+    (profile,) = parse_qos(NUMBERED)
+    assert (profile.history, profile.reliability, profile.durability) == ("unknown", "best_effort", "volatile")
+    assert profile.deadline_ns == INFINITE_NS
+
+
+@pytest.mark.parametrize("text", ["7", "- 1", "- {history: 3}", "a: [", "- {history: [], depth: x}"])
+def test_nonsense_qos_is_refused(text):
+    with pytest.raises(InputError, match="QoS profiles"):
+        parse_qos(text)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "a: b", "a: [", "rosbag2_bagfile_information: 3", "\x00"])
+def test_nonsense_metadata_is_refused(text):
+    with pytest.raises(InputError, match=r"metadata\.yaml"):
+        parse_metadata(text, "metadata.yaml")
+
+
+@given(
+    custom=st.dictionaries(st.text(min_size=1), st.text(), max_size=4),
+    name=st.text(min_size=1),
+    qos=st.lists(st.sampled_from([QosProfile(), LATCHED]), max_size=3),
+)
+def test_any_text_survives_and_stays_text(custom, name, qos):
+    """Both PyYAML and our own parser read back exactly what was given, as text also where it looks like a number."""
+    printable = {_legal(key): _legal(value) for key, value in custom.items()}
+    metadata = BagMetadata(
+        files=(FileInfo(_legal(name)),), topics=(TopicInfo(_legal(name), "a/msg/B", tuple(qos)),), custom_data=printable
+    )
+    text = metadata_text(metadata, root=True)
+    assert parse_metadata(text, "x") == metadata
+    assert (yaml.safe_load(text)["rosbag2_bagfile_information"]["custom_data"] or {}) == printable
+
+
+def _legal(text: str) -> str:
+    """Lone surrogates cannot be written as UTF-8; they are replaced."""
+    return text.encode("utf-8", "replace").decode("utf-8")
