@@ -110,7 +110,13 @@ def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
     Implements: ours: the compiler's complaint becomes one line.
     """
+    if mujoco.get_mju_user_warning() is None:  # or MuJoCo writes MUJOCO_LOG.TXT into the working folder
+        mujoco.set_mju_user_warning(_ignore)  # the plants read `data.warning` and raise
     try:
         return spec.compile()
     except ValueError as error:
         raise InputError("robot_description", got=str(error), expected="a physically consistent model") from None
+
+
+def _ignore(text: str) -> None:
+    """Take a warning of MuJoCo's without writing it anywhere."""

@@ -1,0 +1,130 @@
+"""Scenarios: complete, accepted by both nodes' parameters, held at rest, and far from what the arm cannot do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from slip_description import scenario_names, scenario_text, urdf_text
+from slip_msgs_py.params import build
+from slip_sim_bridge.sim.params import BridgeParams
+from slip_sim_bridge.sim.simulation import GraspSimulation
+from slip_vic_controller.core.params import ControllerParams
+
+NAMES = ["glass_transport", "paper_planar", "vertical_plane"]
+# What the files say of their paths: distance to joint limits [rad], smallest singular value of J.
+MARGINS = {"paper_planar": (0.59, 0.19), "vertical_plane": (0.69, 0.19), "glass_transport": (0.74, 0.20)}
+ROUNDING = 1e-7  # initial positions are written with 9 decimals
+HOLDS_AT_REST = 0.9  # of the break-away force
+
+
+def content(name):
+    return yaml.safe_load(scenario_text(name))
+
+
+def flat(values, prefix=""):
+    out = {}
+    for key, value in values.items():
+        out.update(flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value})
+    return out
+
+
+def bridge_params(name):
+    values = content(name)
+    return build(BridgeParams, {**flat(values["shared"]), **flat(values["bridge"])}, name)
+
+
+def test_names_and_unknown_name():
+    assert scenario_names() == NAMES
+    with pytest.raises(KeyError, match="paper_planer"):
+        scenario_text("paper_planer")
+    with pytest.raises(KeyError):
+        scenario_text("../urdf/arm")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_file_has_the_agreed_form(name):
+    values = content(name)
+    assert set(values) == {"name", "description", "sources", "duration_s", "shared", "controller", "bridge"}
+    assert values["name"] == name
+    assert any("surrogate" in source for source in values["sources"])
+    assert all(isinstance(source, str) for source in values["sources"])
+    assert values["duration_s"] == 8.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_both_nodes_accept_their_parameters(name):
+    values = content(name)
+    bridge = bridge_params(name)
+    controller = build(ControllerParams, {**flat(values["shared"]), **flat(values["controller"])}, name)
+    assert controller.joint_names == bridge.joint_names
+    assert controller.object.mass == bridge.object.mass
+    assert controller.contacts.slip_axes == (True, True, False, False, False, True)
+
+
+def test_paper_planar_has_the_paper_gains_where_the_pads_slip():
+    gains = content("paper_planar")["controller"]["gains"]
+    slipping = [0, 1, 5]
+    assert [gains["stiffness"][i] for i in slipping] == [5.0, 5.0, 4.5]
+    assert [gains["damping"][i] for i in slipping] == [2.5, 2.5, 2.2]
+    assert [gains["inertia"][i] for i in slipping] == [0.4, 0.4, 0.3]
+    assert {gains[name] for name in ("gamma_kp", "gamma_ko", "gamma_dp", "gamma_do", "alpha")} == {100.0}
+    assert gains["k_s"] == 1000.0
+
+
+@pytest.mark.parametrize(("name", "normal_world"), [(n, (1, 0, 0) if "vert" in n else (0, 0, 1)) for n in NAMES])
+def test_object_starts_on_world_axes_with_the_pads_normal_as_described(name, normal_world):
+    params = bridge_params(name)
+    truth = GraspSimulation(params, urdf_text()).truth()
+    np.testing.assert_allclose(truth.rotation, np.eye(3), rtol=0, atol=ROUNDING)
+    o_R_p = Rotation.from_quat(params.contacts.orientation_xyzw[:4]).as_matrix()
+    np.testing.assert_allclose(truth.rotation @ o_R_p[:, 2], normal_world, rtol=0, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_grip_holds_at_rest(name):
+    simulation = GraspSimulation(bridge_params(name), urdf_text())
+    friction, grip = simulation.params.friction, simulation.params.grip.force
+    h = simulation.true_wrench().wrench[[0, 1, 5]] / [1.0, 1.0, friction.torsional_radius]
+    load = np.linalg.norm(h) / (friction.mu_s * grip)
+    assert load < HOLDS_AT_REST
+    if name == "vertical_plane":
+        assert load == pytest.approx(0.85, abs=0.01)
+        assert np.linalg.norm(h) < friction.mu_k * grip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_path_keeps_away_from_joint_limits_and_singularities(name):
+    margin, sigma_min = path_margins(name)
+    assert margin >= MARGINS[name][0]
+    assert sigma_min >= MARGINS[name][1]
+    said = " ".join(content(name)["sources"])
+    assert f"{MARGINS[name][0]} rad" in said
+    assert f"{MARGINS[name][1]:.2f}" in said
+
+
+def path_margins(name, steps=40):
+    """Follow the straight path by inverse kinematics with a pull to the first posture; least margins met."""
+    model = pin.buildModelFromXML(urdf_text())
+    data, frame = model.createData(), model.getFrameId("ee")
+    trajectory = content(name)["controller"]["trajectory"]
+    displacement, rotation = np.array(trajectory["displacement"]), np.array(trajectory["rotation"])
+    q = start = np.array(content(name)["bridge"]["initial_position"])
+    pin.framesForwardKinematics(model, data, q)
+    home = data.oMf[frame].copy()
+    margin, sigma_min = np.inf, np.inf
+    for share in np.linspace(0.0, 1.0, steps):
+        target = pin.SE3(pin.exp3(share * rotation) @ home.rotation, home.translation + share * displacement)
+        for _ in range(20):
+            J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL)
+            pin.framesForwardKinematics(model, data, q)
+            error = pin.log6(data.oMf[frame].actInv(target)).vector
+            inverse = np.linalg.pinv(J)
+            q = q + inverse @ error + 0.3 * (np.eye(7) - inverse @ J) @ (start - q)
+        assert np.linalg.norm(error) < ROUNDING
+        margin = min(margin, np.minimum(q - model.lowerPositionLimit, model.upperPositionLimit - q).min())
+        sigma_min = min(sigma_min, np.linalg.svd(J, compute_uv=False)[-1])
+    return margin, sigma_min

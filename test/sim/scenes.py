@@ -1,0 +1,53 @@
+"""Scenes for the simulation tests: the paper's grasp and others, disturbed by seeded efforts so that it slips."""
+
+from __future__ import annotations
+
+import numpy as np
+import yaml
+
+from slip_description import scenario_text, urdf_text
+from slip_msgs_py.params import build
+from slip_sim_bridge.sim.params import BridgeParams
+from slip_sim_bridge.sim.simulation import GraspSimulation
+
+
+def scenario_params(name: str = "paper_planar", **values) -> BridgeParams:
+    """The bridge's parameters of a scenario; keyword `a__b` overrides parameter `a.b`."""
+    content = yaml.safe_load(scenario_text(name))
+    flat = {**_flat(content["shared"]), **_flat(content["bridge"])}
+    return build(BridgeParams, flat | {key.replace("__", "."): value for key, value in values.items()}, "test")
+
+
+def scene(name: str = "paper_planar", **values) -> GraspSimulation:
+    """A simulation of a scenario."""
+    return GraspSimulation(scenario_params(name, **values), urdf_text())
+
+
+class Shaker:
+    """Smooth random joint efforts around the holding effort: seeded sines of 0.5 to 4 Hz per joint."""
+
+    def __init__(self, simulation: GraspSimulation, seed: int, acceleration: float = 12.0) -> None:
+        rng = np.random.default_rng(seed)
+        self.simulation, self.acceleration = simulation, acceleration
+        self.hertz, self.phase = rng.uniform(0.5, 4.0, 7), rng.uniform(0.0, 2.0 * np.pi, 7)
+        self.start = simulation.joint_sample().position
+        self.start_ns = simulation.stamp_ns
+
+    def effort(self):
+        """Joint effort of this tick: pulled to the start, and shaken by +-acceleration [rad/s2] times the inertia."""
+        time = (self.simulation.stamp_ns - self.start_ns) * 1e-9
+        wave = self.acceleration * np.sin(2.0 * np.pi * self.hertz * time + self.phase)
+        return self.simulation.plant.holding_effort(self.start + wave / 20.0, 20.0, 2.0)
+
+    def run(self, ticks: int):
+        """Advance and yield after every tick."""
+        for _ in range(ticks):
+            self.simulation.step(self.effort())
+            yield
+
+
+def _flat(values, prefix=""):
+    out = {}
+    for key, value in values.items():
+        out.update(_flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value})
+    return out

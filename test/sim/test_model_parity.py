@@ -1,0 +1,92 @@
+"""MuJoCo and Pinocchio agree on mass matrix, bias and Jacobian, for the arm alone and for arm, grasp and object."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+from slip_description import urdf_text
+from slip_msgs_py.params import build
+from slip_sim_bridge.sim.model import arm_spec, build_model, compile_spec
+from slip_sim_bridge.sim.params import BridgeParams
+
+from .grasp_twin import LWA, GraspTwin
+
+PARITY = 1e-10  # required; rounding is 1e-14
+STATES = 1000
+ARM = 7
+
+
+def random_states(model: pin.Model, seed: int, count: int):
+    """Positions within the limits of the arm (and +-0.3 on the grasp's joints), velocities up to 2."""
+    rng = np.random.default_rng(seed)
+    low, high = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
+    low[ARM:], high[ARM:] = -0.3, 0.3
+    for _ in range(count):
+        yield rng.uniform(low, high), rng.uniform(-2.0, 2.0, model.nv)
+
+
+def mujoco_terms(model, data, q, v):
+    data.qpos[:], data.qvel[:] = q, v
+    mujoco.mj_step1(model, data)
+    M = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, M)
+    return M, data.qfrc_bias.copy()
+
+
+@pytest.mark.parametrize("seed", [1])
+def test_arm_alone_on_1000_random_states(seed):
+    params = BridgeParams()
+    ours = compile_spec(arm_spec(params, urdf_text()))
+    data = mujoco.MjData(ours)
+    theirs = pin.buildModelFromXML(urdf_text())
+    workspace, frame, body = theirs.createData(), theirs.getFrameId("ee"), ours.body("ee").id
+    linear, angular = np.zeros((3, ARM)), np.zeros((3, ARM))
+    assert ours.nv == theirs.nv == ARM
+    for q, v in random_states(theirs, seed, STATES):
+        M, bias = mujoco_terms(ours, data, q, v)
+        np.testing.assert_allclose(M, symmetric(pin.crba(theirs, workspace, q)), rtol=0, atol=PARITY)
+        np.testing.assert_allclose(bias, pin.nonLinearEffects(theirs, workspace, q, v), rtol=0, atol=PARITY)
+        mujoco.mj_jacBody(ours, data, linear, angular, body)
+        J = pin.computeFrameJacobian(theirs, workspace, q, frame, LWA)
+        np.testing.assert_allclose(np.vstack((linear, angular)), J, rtol=0, atol=PARITY)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_arm_with_any_grasped_object_on_1000_random_states(seed):
+    rng = np.random.default_rng(seed)
+    params = build(
+        BridgeParams,
+        {
+            "object.mass": rng.uniform(0.05, 2.0),
+            "object.inertia": (2.0e-3, 1.5e-3, 1.2e-3, 2e-4, -1e-4, 3e-4),
+            "contacts.position": tuple(rng.uniform(-0.1, 0.1, 3)),
+            "contacts.orientation_xyzw": tuple(Rotation.random(rng=rng).as_quat()),
+            "gravity": tuple(rng.uniform(-9.0, 9.0, 3)),
+        },
+        "test",
+    )
+    ours, twin = build_model(params, urdf_text()), GraspTwin(params, urdf_text())
+    data = mujoco.MjData(ours)
+    for q, v in random_states(twin.model, seed, STATES // 2):
+        M, bias = mujoco_terms(ours, data, q, v)
+        np.testing.assert_allclose(M, symmetric(pin.crba(twin.model, twin.data, q)), rtol=0, atol=PARITY)
+        np.testing.assert_allclose(bias, pin.nonLinearEffects(twin.model, twin.data, q, v), rtol=0, atol=PARITY)
+
+
+def test_parity_check_sees_a_gram():
+    """The check itself can fail: one gram more on the object is far above the tolerance."""
+    params = build(BridgeParams, {"object.mass": 0.5}, "test")
+    heavier = build(BridgeParams, {"object.mass": 0.501}, "test")
+    ours, twin = build_model(params, urdf_text()), GraspTwin(heavier, urdf_text())
+    q, v = next(random_states(twin.model, 4, 1))
+    M, _ = mujoco_terms(ours, mujoco.MjData(ours), q, v)
+    assert np.abs(M - symmetric(pin.crba(twin.model, twin.data, q))).max() > 1e6 * PARITY
+
+
+def symmetric(upper):
+    """Fill the lower triangle that Pinocchio leaves empty."""
+    return np.triu(upper) + np.triu(upper, 1).T

@@ -1,0 +1,268 @@
+"""Life of a simulation: holding, limits, refusals, grip, reset, determinism, divergence, sub-steps, joint stops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slip_msgs_py.errors import InputError, SlipVicError
+from slip_sim_bridge.sim.plant import DivergenceError
+
+from .scenes import Shaker, scene
+
+MS = 1_000_000
+STILL = 1e-9  # rad, m: rounding of 2 s of holding
+LIMIT = np.array([87.0] * 4 + [12.0] * 3)
+SCENARIOS = ["paper_planar", "vertical_plane", "glass_transport"]
+
+
+def state_of(simulation):
+    """Everything a simulation publishes, as one array."""
+    joint, truth = simulation.joint_sample(), simulation.truth()
+    return np.concatenate(
+        (
+            joint.position,
+            joint.velocity,
+            joint.effort,
+            simulation.true_wrench().wrench,
+            simulation.true_slip().twist,
+            truth.position,
+            truth.rotation.ravel(),
+            truth.twist,
+            truth.slip_displacement,
+        )
+    )
+
+
+@pytest.mark.parametrize("backend", ["implicit", "native"])
+def test_holds_until_the_first_command(backend):
+    simulation = scene(backend=backend)
+    start = simulation.joint_sample()
+    for _ in range(2000 if backend == "implicit" else 50):
+        simulation.step(None)
+        assert simulation.holding
+    end = simulation.joint_sample()
+    tolerance = STILL if backend == "implicit" else 1e-4  # native contacts are soft
+    np.testing.assert_allclose(end.position, start.position, rtol=0, atol=tolerance)
+    assert np.abs(simulation.truth().slip_displacement).max() < tolerance
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_scenarios_hold_the_object_at_rest(name):
+    simulation = scene(name)
+    for _ in range(500):
+        simulation.step(None)
+    assert np.abs(simulation.truth().slip_displacement).max() < STILL
+    assert np.abs(simulation.joint_sample().velocity).max() < STILL
+
+
+def test_first_samples_are_those_of_the_held_arm():
+    simulation = scene()
+    before = state_of(simulation)
+    simulation.step(None)
+    np.testing.assert_allclose(state_of(simulation), before, rtol=0, atol=STILL)
+    weight = simulation.params.object.mass * 9.81
+    wrench = simulation.true_wrench().wrench  # object on robot: down, and 20 mm in front of the pads
+    np.testing.assert_allclose(wrench, [0, 0, -weight, 0, 0.02 * weight, 0], rtol=0, atol=1e-7)
+
+
+def test_holds_where_it_stands_when_commands_stop():
+    simulation = scene(grip__force=50.0)
+    for _ in Shaker(simulation, 1).run(200):
+        assert not simulation.holding
+    left = simulation.joint_sample()
+    assert np.abs(left.velocity).max() > 0.05, "the arm must be moving"
+    for _ in range(2000):
+        simulation.step(None)
+    rest = simulation.joint_sample()
+    assert simulation.holding
+    np.testing.assert_allclose(rest.position, left.position, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(rest.velocity, 0.0, atol=1e-4)
+
+
+def test_effort_is_clipped_to_the_urdf_limits():
+    simulation = scene()
+    simulation.step(np.full(7, 1e6) * [1, -1, 1, -1, 1, -1, 1])
+    assert simulation.effort_saturated
+    np.testing.assert_array_equal(simulation.joint_sample().effort, LIMIT * [1, -1, 1, -1, 1, -1, 1])
+    simulation.reset()
+    within = simulation.joint_sample().effort + 0.1
+    simulation.step(within)
+    assert not simulation.effort_saturated
+    np.testing.assert_array_equal(simulation.joint_sample().effort, within)
+
+
+def test_applied_effort_accelerates_the_arm_as_the_mass_matrix_says():
+    simulation = scene(grip__force=50.0)
+    hold, extra = simulation.joint_sample().effort, np.array([1.0, -2.0, 0.5, 1.0, -0.3, 0.2, 0.1])
+    simulation.step(hold + extra)
+    unit = simulation.plant.holding_effort(simulation.joint_sample().position, 0.0, -1.0)  # bias + M qd
+    idle = simulation.plant.holding_effort(simulation.joint_sample().position, 0.0, 0.0)
+    np.testing.assert_allclose(unit - idle, 1e-3 * extra, rtol=0, atol=1e-5)  # M qd = dt extra
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("joint", [0, 6])
+def test_effort_that_is_not_finite_is_refused_and_the_arm_holds(bad, joint):
+    simulation = scene()
+    start = simulation.joint_sample().position
+    effort = simulation.joint_sample().effort.copy()
+    effort[joint] = bad
+    for _ in range(20):
+        simulation.step(effort)
+        assert simulation.command_refused
+        assert simulation.holding
+    assert np.isfinite(state_of(simulation)).all()
+    np.testing.assert_allclose(simulation.joint_sample().position, start, rtol=0, atol=STILL)
+    simulation.step(np.zeros(7))
+    assert not simulation.command_refused
+    assert not simulation.holding
+
+
+@pytest.mark.parametrize("size", [0, 6, 8])
+def test_effort_of_the_wrong_size_is_an_error_and_nothing_moves(size):
+    simulation = scene()
+    before, stamp = state_of(simulation), simulation.stamp_ns
+    with pytest.raises(InputError, match="one per joint"):
+        simulation.step(np.zeros(size))
+    assert simulation.stamp_ns == stamp
+    assert np.array_equal(state_of(simulation), before)
+
+
+def test_clock_counts_whole_nanoseconds():
+    simulation = scene(control_period_s=0.0007)
+    for k in range(1, 4):
+        simulation.step(None)
+        assert simulation.stamp_ns == k * 700_000
+        assert simulation.joint_sample().stamp_ns == simulation.truth().stamp_ns == simulation.stamp_ns
+        assert simulation.true_wrench().stamp_ns == simulation.true_slip().stamp_ns == simulation.stamp_ns
+
+
+@pytest.mark.parametrize("model", ["stribeck", "coulomb", "lugre"])
+def test_reset_brings_everything_back_but_time(model):
+    simulation = scene(friction__model=model)
+    start = state_of(simulation)
+    first = [state_of(simulation) for _ in Shaker(simulation, 2).run(300)]
+    assert np.abs(simulation.truth().slip_displacement).max() > 1e-3
+    simulation.set_grip_force(3.0)
+    simulation.step(np.full(7, np.nan))
+    stamp = simulation.stamp_ns
+    simulation.reset()
+    assert simulation.stamp_ns > stamp
+    assert simulation.grip_force == simulation.params.grip.force
+    assert simulation.holding
+    assert not simulation.command_refused
+    assert np.array_equal(state_of(simulation), start)
+    again = [state_of(simulation) for _ in Shaker(simulation, 2).run(300)]
+    # The shaker's time starts from another stamp, so its efforts differ in the last bits.
+    np.testing.assert_allclose(np.array(again), np.array(first), rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("model", ["stribeck", "coulomb", "lugre"])
+def test_two_runs_are_equal_bit_by_bit(model):
+    runs = [[state_of(s) for _ in Shaker(s, 3).run(400)] for s in (scene(friction__model=model) for _ in range(2))]
+    assert np.array_equal(np.array(runs[0]), np.array(runs[1]))
+    assert np.abs(runs[0]).max() > 0.0
+
+
+def test_grip_force_is_an_input():
+    simulation = scene(grip__force=50.0)
+    shaker = Shaker(simulation, 4)
+    for _ in shaker.run(200):
+        pass
+    assert np.abs(simulation.truth().slip_displacement).max() < STILL
+    simulation.set_grip_force(0.05)
+    for _ in shaker.run(100):
+        pass
+    assert np.abs(simulation.truth().slip_displacement).max() > 1e-3
+
+
+def test_without_grip_there_is_no_friction():
+    simulation = scene("vertical_plane")
+    simulation.set_grip_force(0.0)
+    before = simulation.truth().twist[2]
+    for _ in range(100):
+        simulation.step(None)
+    assert simulation.truth().twist[2] - before == pytest.approx(-9.81 * 0.1, rel=1e-3)  # falls freely
+    assert np.abs(simulation.true_wrench().wrench[[0, 1, 5]]).max() < 1e-3
+
+
+@pytest.mark.parametrize("force", [-0.1, np.nan, np.inf])
+def test_bad_grip_force_is_refused(force):
+    simulation = scene()
+    with pytest.raises(InputError, match="grip force"):
+        simulation.set_grip_force(force)
+    assert simulation.grip_force == 0.5
+
+
+def test_divergence_is_an_error_until_reset():
+    simulation = scene()
+    good = simulation.stamp_ns
+    simulation.plant.data.qvel[0] = np.nan
+    with pytest.raises(DivergenceError, match="diverged") as caught:
+        simulation.step(None)
+    assert isinstance(caught.value, SlipVicError)
+    with pytest.raises(DivergenceError):
+        simulation.step(None)
+    assert simulation.stamp_ns == good
+    simulation.reset()
+    simulation.step(None)
+    assert np.isfinite(state_of(simulation)).all()
+
+
+def test_divergence_writes_nothing_into_the_working_folder(tmp_path, monkeypatch, capfd):
+    """MuJoCo's default would be MUJOCO_LOG.TXT and lines on stderr."""
+    monkeypatch.chdir(tmp_path)
+    simulation = scene()
+    simulation.plant.data.qvel[0] = np.nan
+    with pytest.raises(DivergenceError):
+        simulation.step(None)
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr() == ("", "")
+
+
+def repeat(simulation, ticks):
+    for _ in range(ticks):
+        simulation.step(np.zeros(7))
+
+
+def test_absurd_gravity_diverges_with_an_error_instead_of_a_silent_reset():
+    simulation = scene(gravity=(0.0, 0.0, -1e13))
+    with pytest.raises(DivergenceError):
+        repeat(simulation, 10)
+
+
+def test_light_object_in_a_firm_grip_is_sub_stepped_automatically():
+    """50 g under 20 N: with one step of 1 ms the slip speed has several roots."""
+    firm = {"object__mass": 0.05, "object__inertia": (2e-5,) * 3 + (0.0,) * 3, "grip__force": 20.0}
+    ends, started = {}, np.array([0.4, 0.3, 8.0])
+    for substeps in (0, 64, 1):
+        simulation = scene(substeps=substeps, friction__stribeck_velocity=0.02, **firm)
+        simulation.plant.data.qvel[-3:] = started
+        for _ in range(20):
+            simulation.step(None)
+        assert not simulation.true_slip().twist.round(9).any(), "it must have come to rest"
+        ends[substeps] = np.linalg.norm(simulation.truth().slip_displacement[:2])
+    backward_euler = 0.5 * np.linalg.norm(started[:2]) * 1e-3  # what one step of 1 ms may be off
+    assert ends[64] > 1e-4
+    assert abs(ends[0] - ends[64]) < 0.5 * backward_euler
+    assert abs(ends[1] - ends[64]) > abs(ends[0] - ends[64])
+
+
+def test_friction_stays_within_its_limit_at_a_joint_stop():
+    """Driving joint 4 into its stop decelerates hand and object hard; friction takes the stop's force into account."""
+    simulation = scene(initial_position=(-0.47, 0.04, -0.52, -0.2, -1.11, 1.2, 0.9), grip__force=20.0)
+    friction, grip = simulation.params.friction, simulation.params.grip.force
+    scale, touched, peak = np.array([1.0, 1.0, friction.torsional_radius]), 0, 0.0
+    effort = simulation.joint_sample().effort.copy()
+    effort[3] += 30.0
+    for _ in range(300):
+        simulation.step(effort)
+        touched += simulation.plant.data.nefc > 0
+        h, v = simulation.true_wrench().wrench[[0, 1, 5]], simulation.true_slip().twist[[0, 1, 5]]
+        used, speed = np.linalg.norm(h / scale), np.linalg.norm(v * scale)
+        assert used <= friction.mu_s * grip + friction.viscous * speed + 1e-6
+        peak = max(peak, used)
+    assert touched > 10
+    assert peak > 1.0
+    assert simulation.joint_sample().position[3] < 0.0

@@ -1,0 +1,181 @@
+"""Slip, wrench and object truth against a second model in world axes: signs, points and frames of every signal."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+from slip_description import urdf_text
+from slip_msgs_py.arrays import rotate6, skew
+
+from .grasp_twin import GraspTwin
+from .scenes import Shaker, scenario_params, scene
+
+EXACT = 1e-9  # two ways to the same number; rounding is 1e-13
+SCENARIOS = ["paper_planar", "vertical_plane", "glass_transport"]
+WITHIN_A_STEP = 1e-3  # force and slip of a step belong to contact positions one step of 0.1 ms apart
+FIRST_ORDER = 0.02  # of the largest value: differences over one step of 0.1 ms
+SHAKES = [(name, seed) for name in SCENARIOS for seed in (11, 12)]
+
+
+def shaken(name, seed, ticks=400, **values):
+    """A shaken scene and its twin, yielded after every tick."""
+    simulation = scene(name, **values)
+    twin = GraspTwin(simulation.params, urdf_text())
+    for _ in Shaker(simulation, seed).run(ticks):
+        yield simulation, twin
+
+
+def slips_at_all(history):
+    assert np.abs(history).max() > 1e-3, "the scene must really slip"
+
+
+@pytest.mark.parametrize(("name", "seed"), SHAKES)
+def test_slip_velocity_is_pad_minus_object_material(name, seed):
+    """v_s = v_ee - G^T v_o from world-frame twists: v_ee by Pinocchio, v_o and poses from the truth."""
+    history = []
+    for simulation, twin in shaken(name, seed):
+        joint, truth, slip = simulation.joint_sample(), simulation.truth(), simulation.true_slip()
+        x_ee, R_ee, v_ee = twin.ee_pose_and_twist(joint.position, joint.velocity)
+        G = np.eye(6)
+        G[3:, :3] = skew(x_ee - truth.position)
+        v_s = rotate6(R_ee.T, v_ee - G.T @ truth.twist)
+        np.testing.assert_allclose(slip.twist, v_s, rtol=0, atol=EXACT)
+        assert np.array_equal(truth.slip_velocity, slip.twist)
+        history.append(slip.twist)
+    slips_at_all(history)
+
+
+@pytest.mark.parametrize(("name", "seed"), SHAKES)
+def test_slip_displacement_is_the_pose_of_the_pad_in_the_grasp_frame(name, seed):
+    history = []
+    for simulation, twin in shaken(name, seed):
+        joint, truth = simulation.joint_sample(), simulation.truth()
+        x_ee, R_ee, _ = twin.ee_pose_and_twist(joint.position, joint.velocity)
+        R_p = truth.rotation @ twin.o_R_p
+        x_p = truth.position + truth.rotation @ twin.o_x_p
+        rotation = Rotation.from_matrix(R_p.T @ R_ee).as_rotvec()
+        s = np.concatenate((R_p.T @ (x_ee - x_p), rotation))
+        np.testing.assert_allclose(truth.slip_displacement, s, rtol=0, atol=EXACT)
+        history.append(s)
+    slips_at_all(history)
+
+
+@pytest.mark.parametrize("seed", [21])
+def test_slip_displacement_integrates_slip_velocity(seed):
+    """ds/dt = v_s turned to {p} axes."""
+    total, reach, period = np.zeros(6), 0.0, 1e-4
+    for simulation, _ in shaken("paper_planar", seed, ticks=4000, control_period_s=period):
+        truth = simulation.truth()
+        p_R_ee = Rotation.from_rotvec(truth.slip_displacement[3:].copy()).as_matrix()
+        total += period * rotate6(p_R_ee, truth.slip_velocity)
+        reach = max(reach, np.abs(truth.slip_displacement).max())
+    np.testing.assert_allclose(truth.slip_displacement, total, rtol=0, atol=FIRST_ORDER * reach)
+    assert reach > 1e-3
+
+
+@pytest.mark.parametrize(("name", "seed"), SHAKES)
+def test_object_truth_matches_the_twin(name, seed):
+    for simulation, twin in shaken(name, seed, ticks=200):
+        truth, data = simulation.truth(), simulation.plant.data
+        x_p, R_p, v_p = twin.p_pose_and_twist(data.qpos, data.qvel)
+        R_o = R_p @ twin.o_R_p.T
+        np.testing.assert_allclose(truth.rotation, R_o, rtol=0, atol=EXACT)
+        np.testing.assert_allclose(truth.position, x_p - R_o @ twin.o_x_p, rtol=0, atol=EXACT)
+        v_o = np.concatenate((v_p[:3] + np.cross(v_p[3:], truth.position - x_p), v_p[3:]))
+        np.testing.assert_allclose(truth.twist, v_o, rtol=0, atol=EXACT)
+
+
+@pytest.mark.parametrize(("name", "seed"), SHAKES)
+def test_wrench_is_minus_the_force_that_moves_the_object(name, seed):
+    """Newton-Euler of the twin with the step's exact joint accelerations gives the force through the pad: -h_ee."""
+    simulation = scene(name)
+    twin, data = GraspTwin(simulation.params, urdf_text()), simulation.plant.data
+    period, biggest = simulation.params.control_period_s, 0.0
+    shaker = Shaker(simulation, seed)
+    for _ in range(300):
+        q, v = data.qpos.copy(), data.qvel.copy()
+        simulation.step(shaker.effort())
+        a = (data.qvel - v) / period  # semi-implicit Euler: exactly the acceleration of the step
+        pin.rnea(twin.model, twin.data, q, v, a)
+        force = twin.data.f[twin.model.njoints - 1]  # by the pad on the object, at and on axes of {p}
+        pin.framesForwardKinematics(twin.model, twin.data, q)
+        p_in_ee = twin.data.oMf[twin.ee].actInv(twin.data.oMf[twin.p])
+        h_ee = -p_in_ee.act(force).vector
+        np.testing.assert_allclose(simulation.true_wrench().wrench, h_ee, rtol=0, atol=EXACT)
+        biggest = max(biggest, np.abs(data.qpos[-3:]).max())
+    assert biggest > 1e-3, "the contact must have moved away from where the object was grasped"
+
+
+@pytest.mark.parametrize(("name", "seed"), SHAKES)
+def test_object_dynamics_by_finite_differences(name, seed):
+    """B_o a_o + C_o v_o + g_o = -G h_ee in world axes, a_o from the truth's own twists."""
+    period = 1e-4
+    simulation = scene(name, control_period_s=period)
+    twin, shaker = GraspTwin(simulation.params, urdf_text()), Shaker(simulation, seed)
+    residuals, sizes = [], []
+    before, joint = simulation.truth(), simulation.joint_sample()
+    for _ in range(2000):
+        simulation.step(shaker.effort())
+        after = simulation.truth()
+        x_ee, R_ee, _ = twin.ee_pose_and_twist(joint.position, joint.velocity)
+        R_o, w_o = before.rotation, before.twist[3:]
+        J = R_o @ twin.J_o @ R_o.T
+        a_o = (after.twist - before.twist) / period
+        left = np.concatenate((twin.mass * (a_o[:3] - twin.gravity), J @ a_o[3:] + np.cross(w_o, J @ w_o)))
+        G = np.eye(6)
+        G[3:, :3] = skew(x_ee - before.position)
+        h_o = G @ rotate6(R_ee, simulation.true_wrench().wrench)
+        residuals.append(np.abs(left + h_o))
+        sizes.append(np.abs(h_o))
+        before, joint = after, simulation.joint_sample()
+    residuals, sizes = np.array(residuals), np.array(sizes)
+    for half in (slice(0, 3), slice(3, 6)):
+        assert np.quantile(residuals[:, half], 0.99) < FIRST_ORDER * sizes[:, half].max()
+
+
+@pytest.mark.parametrize(("name", "seed"), SHAKES)
+def test_slip_dissipates_exactly_the_friction_law(name, seed):
+    """In slip h_ee . v_s = -F(s) s, with s = |(vx, vy, rho wz)|; in stick the load stays below mu_s N."""
+    friction, grip = scenario_params(name).friction, scenario_params(name).grip.force
+    scale, slipped = np.array([1.0, 1.0, friction.torsional_radius]), 0
+    for simulation, _ in shaken(name, seed, ticks=2000, control_period_s=1e-4):
+        v_s, h = simulation.true_slip().twist[[0, 1, 5]], simulation.true_wrench().wrench[[0, 1, 5]]
+        s, used = np.linalg.norm(scale * v_s), np.linalg.norm(h / scale)
+        if s > 1e-9:
+            mu = friction.mu_k + (friction.mu_s - friction.mu_k) * np.exp(-((s / friction.stribeck_velocity) ** 2))
+            limit = mu * grip + friction.viscous * s
+            assert h @ v_s == pytest.approx(-limit * s, rel=WITHIN_A_STEP)
+            assert used == pytest.approx(limit, rel=WITHIN_A_STEP)
+            slipped += 1
+        else:
+            assert used <= friction.mu_s * grip * (1.0 + 1e-9)
+    assert slipped > 10
+
+
+@pytest.mark.parametrize("seed", [31])
+def test_energy_balance(seed):
+    """Kinetic and potential energy change by the work of the efforts and of the slip; error of first order."""
+    losses = []
+    for period in (4e-4, 2e-4, 1e-4):
+        simulation = scene("paper_planar", control_period_s=period)
+        shaker, plant = Shaker(simulation, seed), simulation.plant
+        start, work = energy(plant), 0.0
+        for _ in range(round(0.4 / period)):
+            v = simulation.joint_sample().velocity
+            simulation.step(shaker.effort())
+            joint = simulation.joint_sample()
+            friction = simulation.true_wrench().wrench[[0, 1, 5]] @ simulation.true_slip().twist[[0, 1, 5]]
+            work += period * (joint.effort @ (v + joint.velocity) / 2 + friction)
+        losses.append(abs(energy(plant) - start - work))
+    assert losses[2] < 0.005 * abs(work)
+    assert losses[0] > 1.6 * losses[1] > 2.5 * losses[2]  # halving the step halves the error
+
+
+def energy(plant) -> float:
+    mujoco.mj_energyPos(plant.model, plant.data)
+    mujoco.mj_energyVel(plant.model, plant.data)
+    return float(plant.data.energy.sum())
