@@ -17,7 +17,7 @@ from .law_referee import RefereeInput, exponential, referee_law
 from .small_arm import HOME, small_arm_urdf
 
 REFEREE = 1e-9  # relative to the symbol's largest element: two routes through ill-scaled inverses in double precision
-STATES = 10
+STATES = 5
 SLIP_AXES = {"all": (1, 1, 1, 1, 1, 1), "pad": (1, 1, 0, 0, 0, 1)}
 
 

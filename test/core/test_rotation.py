@@ -37,6 +37,7 @@ def test_jacobian_and_its_rate_equal_their_series(angle: float, axis: tuple[floa
     phi, phi_dot = vector(angle, axis), np.array(rate)
     J, J_dot = jacobian_series(phi, phi_dot)
     np.testing.assert_allclose(rotation.left_jacobian(phi), J, atol=SMALL_ANGLE)
+    np.testing.assert_allclose(rotation.left_jacobian_product(phi, phi_dot), J @ phi_dot, atol=SMALL_ANGLE)
     np.testing.assert_allclose(rotation.left_jacobian_inverse(phi) @ J, np.eye(3), atol=SMALL_ANGLE)
     np.testing.assert_allclose(rotation.left_jacobian_rate(phi, phi_dot), J_dot @ phi_dot, atol=SMALL_ANGLE)
 

@@ -189,8 +189,6 @@ def _result(
     """Put a tick's result together and make all its arrays read-only."""
     for array in (effort, saturated, state.attitude_error, *itertools.chain.from_iterable(state.slips)):
         array.flags.writeable = False
-    if terms is not None:
-        terms.freeze()
     diagnostics = TickDiagnostics(status, reason, near_singular, effort, saturated, terms)
     return TickResult(EffortCommand(joint.stamp_ns, effort), state, diagnostics)
 

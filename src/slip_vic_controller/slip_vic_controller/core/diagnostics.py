@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import InitVar, dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -56,12 +57,12 @@ class TickTerms(NamedTuple):
             array.flags.writeable = False
 
 
-class TickDiagnostics(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class TickDiagnostics:
     """What happened in a tick.
 
     status: "ok" or "safe" (the safe command was given, and `reason` says why); near_singular: which fallbacks were at
-    work ("arm", "attitude"); effort and saturated (n,): the command and which joints were clipped; terms: None where
-    the law was not evaluated.
+    work ("arm", "attitude"); effort (n,) [N m] and saturated (n,): the command and which joints were clipped.
     """
 
     status: Status
@@ -69,7 +70,21 @@ class TickDiagnostics(NamedTuple):
     near_singular: tuple[str, ...]
     effort: Array
     saturated: NDArray[np.bool_]
-    terms: TickTerms | None
+    evaluated: InitVar[TickTerms | None]
+    _terms: TickTerms | None = field(init=False)
+
+    def __post_init__(self, evaluated: TickTerms | None) -> None:
+        object.__setattr__(self, "_terms", evaluated)
+
+    @property
+    def terms(self) -> TickTerms | None:
+        """Every symbol of the law, None where it was not evaluated.
+
+        The arrays become read-only when first looked at, so that a tick whose inside nobody reads does not pay for it.
+        """
+        if self._terms is not None:
+            self._terms.freeze()
+        return self._terms
 
     def scalars(self) -> dict[str, float]:
         """Return the numbers worth plotting, the same names in the same order every tick; NaN where not evaluated."""
@@ -79,8 +94,8 @@ class TickDiagnostics(NamedTuple):
         values["near_singular_attitude"] = float("attitude" in self.near_singular)
         _put(values, "effort", self.effort, None)
         _put(values, "saturated", self.saturated, None)
-        if self.terms is not None:
-            _put_terms(values, self.terms)
+        if self._terms is not None:
+            _put_terms(values, self._terms)
         return values
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slip_msgs_py.arrays import Array, skew
-from slip_vic_controller.core.rotation import exp_so3, left_jacobian
+from slip_vic_controller.core.rotation import exp_so3, left_jacobian_product
 
 
 class Contact(NamedTuple):
@@ -38,7 +38,7 @@ def integrate_slip(s: SlipDisplacement, v_s: Array, dt: float) -> SlipDisplaceme
     """
     step = dt * v_s
     shift, turn = step[:3], step[3:]
-    position = s.position + s.rotation.dot(left_jacobian(turn).dot(shift))
+    position = s.position + s.rotation.dot(left_jacobian_product(turn, shift))
     return SlipDisplacement(position, s.rotation.dot(exp_so3(turn)))
 
 

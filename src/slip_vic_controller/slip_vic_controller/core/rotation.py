@@ -84,6 +84,21 @@ def left_jacobian(phi: Array) -> Array:
     return _matrix(1.0 - t * b, a, b, phi)
 
 
+def left_jacobian_product(phi: Array, phi_dot: Array) -> Array:
+    """Return J_l(phi) phi_dot without the matrix; (3,) [rad], (3,) [rad/s] -> (3,) [rad/s].
+
+    With n = phi x phi_dot it is phi_dot + a n + b phi x n.
+
+    Implements: Eq. (5), its T_phi phi_dot in rotation-vector coordinates.
+    """
+    x, y, z = phi.tolist()
+    u, v, w = phi_dot.tolist()
+    a, b, _, _ = _coefficients(x * x + y * y + z * z)
+    nx, ny, nz = y * w - z * v, z * u - x * w, x * v - y * u
+    px, py, pz = b * x, b * y, b * z
+    return np.array((u + a * nx + py * nz - pz * ny, v + a * ny + pz * nx - px * nz, w + a * nz + px * ny - py * nx))
+
+
 def left_jacobian_inverse(phi: Array) -> Array:
     """Return J_l^-1(phi) in closed form; (3,) [rad] -> (3, 3); singular only at |phi| = 2 pi.
 

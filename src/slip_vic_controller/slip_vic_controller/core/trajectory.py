@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.types import CartesianReference
 from slip_vic_controller.core.params import TrajectoryParams
-from slip_vic_controller.core.rotation import exp_so3, left_jacobian, left_jacobian_rate
+from slip_vic_controller.core.rotation import exp_so3, left_jacobian_product, left_jacobian_rate
 
 PLANES = {"xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}
 
@@ -188,11 +188,13 @@ def reference_at(path: Path, t: float, position: Array, rotation: Array) -> Cart
     """
     value, rate, rate_rate = path.at(t)
     phi, phi_dot = value[3:], rate[3:]
-    J_l = left_jacobian(phi)
-    twist = np.concatenate((rate[:3], J_l.dot(phi_dot)))
-    alpha = J_l.dot(rate_rate[3:]) + left_jacobian_rate(phi, phi_dot)
-    acceleration = np.concatenate((rate_rate[:3], alpha))
     x_d, R_d = position + value[:3], exp_so3(phi).dot(rotation)
+    if rate is _REST.rate:
+        twist, acceleration = rate, rate_rate
+    else:
+        twist = np.concatenate((rate[:3], left_jacobian_product(phi, phi_dot)))
+        alpha = left_jacobian_product(phi, rate_rate[3:]) + left_jacobian_rate(phi, phi_dot)
+        acceleration = np.concatenate((rate_rate[:3], alpha))
     for array in (x_d, R_d, twist, acceleration):
         array.flags.writeable = False
     return CartesianReference(x_d, R_d, twist, acceleration)
