@@ -159,7 +159,7 @@ def referee_law(given: RefereeInput) -> dict[str, np.ndarray]:
     N = np.eye(len(arm.M)) - J_bar @ arm.J
     tau = arm.J.T @ (B_x @ (a_C - arm.jdot_qd) - h[0]) + arm.bias + N.T @ given.tau_0
     return {
-        "v_s": v_s, "h_ee": h[0], "R_o": R_o, "r": r, "v_o": v_o, "h_o": h_o, "P": P, "Phi2": Phi2, "e": e,
+        "v_s": v_s, "h_ee": h[0], "R_o": R_o, "r": r, "v_o": v_o, "h_o": h_o, "P": P, "G": G[0], "Phi2": Phi2, "e": e,
         "e_dot": e_dot, "K": np.diag(K), "D": np.diag(D), "gate": gate, "comp": mask @ comp, "Lambda": Lambda,
         "Theta": Theta, "a_C": a_C, "tau": tau, "tau_null": N.T @ given.tau_0,
         "a_o": -np.linalg.inv(B_o) @ (C_o @ v_o + g_o + h_o),

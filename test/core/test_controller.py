@@ -273,3 +273,28 @@ def test_singular_posture_is_reported_and_bounded() -> None:
     assert "arm" in result.diagnostics.near_singular
     assert result.diagnostics.scalars()["near_singular_arm"] == 1.0
     assert np.isfinite(result.command.effort).all()
+
+
+def test_scalars_carry_the_records_values() -> None:
+    diagnostics = CONTROLLER.step(START, JOINT, WRENCH, SLIP).diagnostics
+    scalars, terms = diagnostics.scalars(), diagnostics.terms
+    assert terms is not None
+    expected = {
+        "effort_3": diagnostics.effort[2],
+        "gate": terms.law.gate,
+        "V_e": terms.V_e,
+        "V_s": terms.V_s,
+        "position_y": terms.arm.position[1],
+        "desired_z": terms.reference.position[2],
+        "s_rz": log_so3(terms.slip.rotation)[2],
+        "twist_x": terms.arm.twist[0],
+        "h_ee_z": terms.h_ee[2],
+        "v_s_x": terms.law.v_s[0],
+        "a_C_rz": terms.law.a_C[5],
+        "h_o_x": terms.grasp.h_o[0],
+        "Phi2_y": terms.grasp.Phi2[1],
+        "tau_task_1": terms.torque.task[0],
+        "tau_null_7": terms.torque.null[6],
+        "tau_bias_4": terms.arm.bias[3],
+    }
+    assert {name: scalars[name] for name in expected} == expected

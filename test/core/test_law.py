@@ -10,7 +10,6 @@ from slip_msgs_py.types import CartesianReference, JointSample, SlipSample, Wren
 from slip_vic_controller.core.attitude import LOG_REPORT
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.grasp import SlipDisplacement
-from slip_vic_controller.core.object_dynamics import P
 from slip_vic_controller.core.params import ControllerParams
 
 from .law_referee import RefereeInput, exponential, referee_law
@@ -120,8 +119,8 @@ def test_tick_equals_referee(attitude: str, contacts: int, axes: str, kind: str,
         assert_same("h_ee", terms.h_ee, expected["h_ee"])
         assert_same("null", terms.torque.null, expected["tau_null"])
         assert_same("torque", terms.torque.torque, expected["tau"])
-        g = terms.grasp
-        assert_same("P", P(controller.object_model, g.R_o, g.v_o[3:], g.r), expected["P"])
+        assert_same("P", terms.P, expected["P"])
+        assert_same("G", terms.G, expected["G"])
         limit = controller.arm.effort_limit
         assert (result.command.effort == np.clip(terms.torque.torque, -limit, limit)).all()
 

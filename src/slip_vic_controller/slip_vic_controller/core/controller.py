@@ -163,7 +163,7 @@ class VicController:
         law = control_law(gains, self.contacts[0].slip_axes, attitude, e_p, e_p_dot, a_d, R_ee, v_s, grasp)
         tau_0 = posture_torque(q, qd, state.posture, params.nullspace.stiffness, params.nullspace.damping)
         torque = joint_torque(arm.M, arm.bias, arm.J, arm.jdot_qd, law.a_C, h_ee, tau_0, self.policy)
-        return TickTerms(gains, arm, reference, attitude, displacements[0], h_ee, grasp, law, torque)
+        return TickTerms(gains, self.object_model, arm, reference, attitude, displacements[0], h_ee, grasp, law, torque)
 
     def _safe(self, state: ControllerState, joint: JointSample, reason: str) -> TickResult:
         """Hold the arm against gravity and brake its joints, from the last finite joint state."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import InitVar, dataclass, field
 from typing import Literal, NamedTuple
@@ -13,10 +14,11 @@ from slip_msgs_py.arrays import Array
 from slip_msgs_py.types import CartesianReference
 from slip_vic_controller.core.arm import ArmTerms
 from slip_vic_controller.core.attitude import AttitudeError
-from slip_vic_controller.core.grasp import SlipDisplacement
+from slip_vic_controller.core.grasp import SlipDisplacement, grasp_matrix
 from slip_vic_controller.core.impedance import Gains
 from slip_vic_controller.core.law import GraspTerms, LawTerms
 from slip_vic_controller.core.lyapunov import V_e, V_s
+from slip_vic_controller.core.object_dynamics import ObjectModel, P
 from slip_vic_controller.core.operational import TorqueTerms
 from slip_vic_controller.core.rotation import log_so3
 
@@ -25,9 +27,10 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 class TickTerms(NamedTuple):
-    """All records of an evaluated law, the gains in effect among them."""
+    """All records of an evaluated law, the gains and the object in effect among them."""
 
     gains: Gains
+    object_model: ObjectModel
     arm: ArmTerms
     reference: CartesianReference
     attitude: AttitudeError
@@ -36,6 +39,16 @@ class TickTerms(NamedTuple):
     grasp: GraspTerms
     law: LawTerms
     torque: TorqueTerms
+
+    @property
+    def G(self) -> Array:
+        """Grasp matrix of the own contact, Eq. (18); (6, 6) {w}."""
+        return grasp_matrix(self.grasp.r)
+
+    @property
+    def P(self) -> Array:
+        """The P of Eq. (20); (6, 6) {w}."""
+        return P(self.object_model, self.grasp.R_o, self.grasp.v_o[3:], self.grasp.r)
 
     @property
     def V_e(self) -> float:
@@ -88,50 +101,45 @@ class TickDiagnostics:
 
     def scalars(self) -> dict[str, float]:
         """Return the numbers worth plotting, the same names in the same order every tick; NaN where not evaluated."""
-        values = dict.fromkeys(_names(len(self.effort)), math.nan)
-        values["safe"] = float(self.status != "ok")
-        values["near_singular_arm"] = float("arm" in self.near_singular)
-        values["near_singular_attitude"] = float("attitude" in self.near_singular)
-        _put(values, "effort", self.effort, None)
-        _put(values, "saturated", self.saturated, None)
-        if self._terms is not None:
-            _put_terms(values, self._terms)
-        return values
+        flags = (self.status != "ok", "arm" in self.near_singular, "attitude" in self.near_singular)
+        names = _names(len(self.effort))
+        numbers = [*map(float, flags), *self.effort.tolist(), *map(float, self.saturated.tolist())]
+        if self._terms is None:
+            numbers += [math.nan] * (len(names) - len(numbers))
+        else:
+            numbers += _numbers(self._terms)
+        return dict(zip(names, numbers, strict=True))
 
 
-def _put(
-    values: dict[str, float], name: str, numbers: Array | NDArray[np.bool_], labels: tuple[str, ...] | None
-) -> None:
-    for i, number in enumerate(numbers.tolist()):
-        values[f"{name}_{labels[i] if labels else i + 1}"] = float(number)
-
-
+_FLAGS = ("safe", "near_singular_arm", "near_singular_attitude")
+_ONE = ("gate", "V_e", "V_s", "sigma_min", "damping_squared")
+_POSES = ("position", "desired", "s")
 _LAW = ("v_s", "e", "e_dot", "K", "D", "comp", "Lambda", "Theta", "Z", "a_d", "a_C")
 _GRASP = ("h_o", "v_o", "a_o", "Phi2")
-_SIX = ("position", "desired", "twist", "s", "h_ee", *_LAW, *_GRASP)
-_ONE = ("gate", "V_e", "V_s", "sigma_min", "damping_squared", "safe", "near_singular_arm", "near_singular_attitude")
-_JOINT = ("effort", "saturated", "tau_task", "tau_null", "tau_bias")
+_JOINT = ("tau_task", "tau_null", "tau_bias")
 
 
-def _names(joints: int) -> list[str]:
-    six = [f"{name}_{axis}" for name in _SIX for axis in AXES]
-    joint = [f"{name}_{i + 1}" for name in _JOINT for i in range(joints)]
-    return [*_ONE, *six, *joint]
+@functools.lru_cache
+def _names(joints: int) -> tuple[str, ...]:
+    def each_joint(*names: str) -> list[str]:
+        return [f"{name}_{i + 1}" for name in names for i in range(joints)]
+
+    six = [f"{name}_{axis}" for name in (*_POSES, "twist", "h_ee", *_LAW, *_GRASP) for axis in AXES]
+    return (*_FLAGS, *each_joint("effort", "saturated"), *_ONE, *six, *each_joint(*_JOINT))
 
 
-def _put_terms(values: dict[str, float], t: TickTerms) -> None:
-    law, grasp, arm, ref = t.law, t.grasp, t.arm, t.reference
-    values |= {"gate": law.gate, "V_e": t.V_e, "V_s": t.V_s}
-    values |= {"sigma_min": t.torque.sigma_min, "damping_squared": t.torque.damping_squared}
-    for name in _LAW:
-        _put(values, name, getattr(law, name), AXES)
-    for name in _GRASP:
-        _put(values, name, getattr(grasp, name), AXES)
-    _put(values, "h_ee", t.h_ee, AXES)
-    _put(values, "twist", arm.twist, AXES)
-    _put(values, "s", np.concatenate((t.slip.position, log_so3(t.slip.rotation))), AXES)
-    _put(values, "position", np.concatenate((arm.position, log_so3(arm.rotation))), AXES)
-    _put(values, "desired", np.concatenate((ref.position, log_so3(ref.rotation))), AXES)
-    _put(values, "tau_task", t.torque.task, None)
-    _put(values, "tau_null", t.torque.null, None)
-    _put(values, "tau_bias", arm.bias, None)
+def _numbers(t: TickTerms) -> list[float]:
+    """Return the values of a law that was evaluated, in the order of `_names` after the command."""
+    poses = ((t.arm.position, t.arm.rotation), (t.reference.position, t.reference.rotation), t.slip)
+    arrays = (
+        *(part for position, rotation in poses for part in (position, log_so3(rotation))),
+        t.arm.twist,
+        t.h_ee,
+        *(getattr(t.law, name) for name in _LAW),
+        *(getattr(t.grasp, name) for name in _GRASP),
+        t.torque.task,
+        t.torque.null,
+        t.arm.bias,
+    )
+    ones = [t.law.gate, t.V_e, t.V_s, t.torque.sigma_min, t.torque.damping_squared]
+    return ones + list(np.concatenate(arrays).tolist())
