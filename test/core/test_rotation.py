@@ -25,14 +25,14 @@ def vector(angle: float, axis: tuple[float, ...]) -> np.ndarray:
 
 
 @given(angles, axes)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_exponential_equals_matrix_exponential(angle: float, axis: tuple[float, ...]) -> None:
     phi = vector(angle, axis)
     np.testing.assert_allclose(rotation.exp_so3(phi), exponential(phi), atol=ROUNDING)
 
 
 @given(angles, axes, rates)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_jacobian_and_its_rate_equal_their_series(angle: float, axis: tuple[float, ...], rate) -> None:
     phi, phi_dot = vector(angle, axis), np.array(rate)
     J, J_dot = jacobian_series(phi, phi_dot)
@@ -49,7 +49,7 @@ def test_logarithm_undoes_exponential_at_all_sizes(angle: float) -> None:
 
 
 @given(st.floats(0.0, 3.1), axes)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_logarithm_equals_matrix_logarithm(angle: float, axis: tuple[float, ...]) -> None:
     R = exponential(vector(angle, axis))
     np.testing.assert_allclose(rotation.log_so3(R), logarithm(R), atol=1e-9)
