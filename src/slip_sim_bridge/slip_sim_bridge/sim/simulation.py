@@ -28,6 +28,8 @@ class GraspSimulation:
         self.params = params
         self._plant: Plant = _plant(params, urdf_text)
         self._limit = self._plant.effort_limit
+        self._lower_limit = -self._limit
+        self._period_ns = params.control_period_ns
         self._grip = params.grip.force
         self._stamp_ns = 0
         self._hold_posture: Array | None = None
@@ -96,15 +98,15 @@ class GraspSimulation:
             wanted = self._plant.holding_effort(self._hold_posture, hold.stiffness, hold.damping)
         else:
             self._hold_posture = None
-        applied = _own(np.minimum(np.maximum(wanted, -self._limit), self._limit))
-        self._saturated = bool((applied != wanted).any())
+        applied = _own(np.minimum(np.maximum(wanted, self._lower_limit), self._limit))
+        self._saturated = applied.tolist() != wanted.tolist()
         try:
             self._plant.advance(applied, self._grip)
         except DivergenceError:
             self._diverged = True
             raise
         self._applied = applied
-        self._stamp_ns += self.params.control_period_ns
+        self._stamp_ns += self._period_ns
 
     def reset(self) -> None:
         """Put arm, object, grip and friction back to the start; time goes on by one control period.
@@ -113,7 +115,7 @@ class GraspSimulation:
         """
         self._plant.reset(self.params.grip.force)
         self._grip = self.params.grip.force
-        self._stamp_ns += self.params.control_period_ns
+        self._stamp_ns += self._period_ns
         self._start()
 
     def joint_sample(self) -> JointSample:
@@ -156,7 +158,9 @@ class GraspSimulation:
 
     def _start(self) -> None:
         self._hold_posture = self._plant.joint_position()
-        self._applied = np.clip(self._plant.holding_effort(self._hold_posture, 0.0, 0.0), -self._limit, self._limit)
+        self._applied = np.clip(
+            self._plant.holding_effort(self._hold_posture, 0.0, 0.0), self._lower_limit, self._limit
+        )
         self._refused = self._saturated = self._diverged = False
 
     def _accept(self, effort: Array | None) -> Array | None:
