@@ -77,7 +77,7 @@ def test_a_publisher_with_the_wrong_qos_is_named(processes: Processes, params, r
     ros_node.create_publisher(
         JointState, "effort_command", QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     )
-    bridge = processes.python("bridge", "-m", BRIDGE, *params("bridge", "bridge.peer_timeout_s=2.0"))
+    bridge = processes.python("bridge", "-m", BRIDGE, *params("bridge", "bridge.peer_timeout_s=6.0"))
     assert processes.wait_end(bridge) == 1
     (line,) = [line for line in bridge.lines if line.startswith("error:")]
     assert "QoS-compatible" in line

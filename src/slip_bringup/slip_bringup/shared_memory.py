@@ -16,19 +16,23 @@ def segments() -> set[Path]:
     return {path for pattern in PATTERNS for path in SHM.glob(pattern)} if SHM.is_dir() else set()
 
 
-def remove_orphans(candidates: set[Path]) -> set[Path]:
-    """Remove those of `candidates` that no process maps or holds open; return what was removed."""
+def orphans(candidates: set[Path]) -> set[Path]:
+    """Return those of `candidates` that are still there and that no process maps or holds open."""
     left = candidates & segments()
     if not left:
         return set()
     used: set[str] = set()
     for process in psutil.process_iter():
         with contextlib.suppress(psutil.Error, OSError):
-            used.update(
-                line.rsplit(maxsplit=1)[-1] for line in Path(f"/proc/{process.pid}/maps").read_text().splitlines()
-            )
+            maps = Path(f"/proc/{process.pid}/maps").read_text()
+            used.update(line.rsplit(maxsplit=1)[-1] for line in maps.splitlines())
             used.update(file.path for file in process.open_files())
-    orphans = {path for path in left if str(path) not in used}
-    for path in orphans:
+    return {path for path in left if str(path) not in used}
+
+
+def remove_orphans(candidates: set[Path]) -> set[Path]:
+    """Remove the orphans among `candidates`; return what was removed."""
+    found = orphans(candidates)
+    for path in found:
         path.unlink(missing_ok=True)
-    return orphans
+    return found
