@@ -16,7 +16,7 @@ from slip_msgs_py.arrays import Array, matrix_from_quat_xyzw
 from slip_msgs_py.errors import InputError
 from slip_sim_bridge.sim.laws import friction_law
 from slip_sim_bridge.sim.model import FORCE_SENSOR, OBJECT, PAD, TORQUE_SENSOR
-from slip_sim_bridge.sim.native_model import FRICTION_PAIRS, OBJECT_JOINT, PAD_JOINTS, build_native_model
+from slip_sim_bridge.sim.native_model import FRICTION_PAIRS, OBJECT_JOINTS, PAD_JOINTS, build_native_model
 from slip_sim_bridge.sim.params import BridgeParams
 from slip_sim_bridge.sim.plant import DivergenceError
 
@@ -56,7 +56,8 @@ class NativePlant:
         self._jaws = np.array([model.joint(name).dofadr[0] for name in PAD_JOINTS])
         self._pads = np.array([model.body(name).id for name in PAD_JOINTS])
         self._pairs = np.array([model.pair(name).id for name in FRICTION_PAIRS])
-        self._object_q, self._object = model.joint(OBJECT_JOINT).qposadr[0], model.joint(OBJECT_JOINT).dofadr[0]
+        x, y, _, ball = (model.joint(name).dofadr[0] for name in OBJECT_JOINTS)
+        self._slip = np.array([x, y, ball + 2])
         limited = np.array([model.jnt_actfrclimited[joint.id] for joint in joints], dtype=bool)
         self._effort_limit = np.where(limited, [model.jnt_actfrcrange[joint.id, 1] for joint in joints], math.inf)
         self._body, self._pad = model.body(OBJECT).id, model.body(PAD).id
@@ -81,11 +82,7 @@ class NativePlant:
         mujoco.mj_resetData(model, data)
         data.qpos[self._arm_q] = self._initial
         mujoco.mj_kinematics(model, data)
-        normal = data.xmat[self._pad].reshape(3, 3)[:, 2].copy()
-        data.qpos[self._object_q : self._object_q + 3] = data.xpos[self._pad]
-        data.qpos[self._object_q + 3 : self._object_q + 7] = data.xquat[self._pad]
-        across = data.qvel[self._object : self._object + 3]
-        spin = data.qvel[self._object + 3 : self._object + 6]  # on the object's axes, whose z is the normal
+        normal = data.xmat[self._pad].reshape(3, 3)[:, 2]
         model.opt.gravity = normal * (normal @ self._gravity)
         self._prepare_contacts(normal_force, 0.0)
         mujoco.mj_step1(model, data)
@@ -94,8 +91,7 @@ class NativePlant:
             self._step(normal_force)
             data.qpos[self._arm_q] = self._initial
             data.qvel[self._arm] = 0.0
-            across[:] = normal * (normal @ across)
-            spin[2] = 0.0
+            data.qvel[self._slip] = 0.0
             mujoco.mj_step1(model, data)
         model.opt.gravity = self._gravity
         data.qvel[:] = 0.0
@@ -121,18 +117,13 @@ class NativePlant:
     def holding_effort(self, target: Array, stiffness: float, damping: float) -> Array:
         """Return bias + M (stiffness (target - q) - damping qd) of the loaded arm; (n,) -> (n,) [N m].
 
-        Implements: ours: computed-torque posture hold, the object counted as part of the hand.
+        Implements: ours: computed-torque posture hold.
         """
         model, data = self.model, self.data
-        full, linear, angular = np.zeros((model.nv, model.nv)), np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        full = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, full)
-        mujoco.mj_jac(model, data, linear, angular, data.xipos[self._body], self._pad)
-        axes = data.ximat[self._body].reshape(3, 3)
-        mass, inertia = model.body_mass[self._body], axes * model.body_inertia[self._body] @ axes.T
-        loaded = full + mass * linear.T @ linear + angular.T @ inertia @ angular
-        bias = data.qfrc_bias - mass * linear.T @ model.opt.gravity
         pull = stiffness * (target - data.qpos[self._arm_q]) - damping * data.qvel[self._arm]
-        return np.array(bias[self._arm] + loaded[np.ix_(self._arm, self._arm)] @ pull)
+        return np.array(data.qfrc_bias[self._arm] + full[np.ix_(self._arm, self._arm)] @ pull)
 
     def joint_position(self) -> Array:
         """Joint positions; (n,) [rad].
@@ -151,7 +142,7 @@ class NativePlant:
     def wrench(self) -> Array:
         """Wrench h_ee of the object on the robot in the step that just ended; (6,) [N, N m] {ee} axes.
 
-        Implements: h_ee of Eq. (1), minus what the sensors of the pad body read: contact forces and 0.2 g of pads.
+        Implements: h_ee of Eq. (1), minus what the sensors of the pad body read; 0.2 g of pads count as object.
         """
         return -np.array(self.data.sensordata[self._sensor_index])
 

@@ -4,6 +4,10 @@ The object carries a flat plate in the slip plane. Two light pads on slides pres
 half of the grip force: contacts with friction (elliptic cone, condim 4) at the pad centre. What the default backend
 takes for granted, that the object can only slip in the pads' plane, is done by smooth rollers fixed to the gripper
 around the pads: contacts without friction, which carry weight and moments across the plane but nothing within it.
+
+The object has all six degrees of freedom, counted from the gripper (three slides and a ball joint) and not from the
+world: MuJoCo's contacts leave out the acceleration that the motion of both bodies itself brings (Jdot qdot), and two
+bodies that swing round together, one counted from the world, would creep apart by 2 mm/s in a fast move.
 """
 
 from __future__ import annotations
@@ -26,7 +30,7 @@ from slip_sim_bridge.sim.params import BridgeParams
 
 PAD_JOINTS = ("native_pad_upper", "native_pad_lower")
 FRICTION_PAIRS = PAD_JOINTS
-OBJECT_JOINT = "native_object"
+OBJECT_JOINTS = ("native_object_x", "native_object_y", "native_object_z", "native_object_ball")
 
 _PLATE_HALF_SIZE = 1.0  # m; the object cannot leave the pads
 _PLATE_HALF_THICKNESS = 0.005  # m
@@ -53,20 +57,22 @@ def build_native_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
     for geom in spec.geoms:
         geom.contype = geom.conaffinity = 0
 
-    grasped = spec.worldbody.add_body(name=OBJECT)
-    grasped.add_freejoint(name=OBJECT_JOINT)
-    set_object_inertia(grasped, params)
-    plate = [_PLATE_HALF_SIZE, _PLATE_HALF_SIZE, _PLATE_HALF_THICKNESS]
-    _add_geom(grasped, OBJECT, mujoco.mjtGeom.mjGEOM_BOX, plate, [0.0, 0.0, 0.0])
-
     pad = spec.body(params.ee_frame).add_body(name=PAD)
     site = pad.add_site(name=PAD)
     for name, kind in ((FORCE_SENSOR, mujoco.mjtSensor.mjSENS_FORCE), (TORQUE_SENSOR, mujoco.mjtSensor.mjSENS_TORQUE)):
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site.name)
 
+    grasped = pad.add_body(name=OBJECT)
+    set_object_inertia(grasped, params)
+    for name, axis in zip(OBJECT_JOINTS[:3], np.eye(3), strict=True):
+        grasped.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+    grasped.add_joint(name=OBJECT_JOINTS[3], type=mujoco.mjtJoint.mjJNT_BALL)
+    plate = [_PLATE_HALF_SIZE, _PLATE_HALF_SIZE, _PLATE_HALF_THICKNESS]
+    _add_geom(grasped, OBJECT, mujoco.mjtGeom.mjGEOM_BOX, plate, [0.0, 0.0, 0.0])
+
     height = _PLATE_HALF_THICKNESS + _TIP_RADIUS
     for name, side in zip(PAD_JOINTS, (1.0, -1.0), strict=True):
-        slider = pad.add_body(name=name, gravcomp=1.0)
+        slider = pad.add_body(name=name)
         slider.mass = _PAD_MASS
         slider.inertia = [0.4 * _PAD_MASS * _TIP_RADIUS**2] * 3
         slider.explicitinertial = True
