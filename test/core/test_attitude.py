@@ -105,7 +105,7 @@ def test_error_points_from_desired_to_current(kind: str) -> None:
 def test_logarithm_stays_on_its_branch_beyond_the_half_turn() -> None:
     """Turning past 180 deg the error goes on growing up to 270 deg, stays bounded there, and says so."""
     previous, seen = ZERO, []
-    for angle in np.arange(0.0, 2.0 * np.pi, 0.01):
+    for angle in np.arange(0.0, 2.0 * np.pi, 0.03):
         error = log_error(about(1, angle), np.eye(3), ZERO, ZERO, ZERO, previous)
         previous = error.error
         seen.append(error.error[1])
@@ -113,14 +113,14 @@ def test_logarithm_stays_on_its_branch_beyond_the_half_turn() -> None:
         assert error.near_singular == (abs(error.error[1]) > np.pi - 0.2)
     jumps = np.flatnonzero(np.abs(np.diff(seen)) > 0.1)
     assert len(jumps) == 1
-    assert seen[jumps[0]] == pytest.approx(LOG_BRANCH_LIMIT, abs=0.011)
+    assert seen[jumps[0]] == pytest.approx(LOG_BRANCH_LIMIT, abs=0.031)
     assert max(seen) <= LOG_BRANCH_LIMIT
 
 
 def test_logarithm_does_not_chatter_at_the_half_turn() -> None:
     """Shaking by 10 mrad about 180 deg leaves the error continuous."""
     previous = np.array([0.0, 3.0, 0.0])
-    for k in range(200):
+    for k in range(60):
         error = log_error(about(1, np.pi + 0.01 * np.sin(k)), np.eye(3), ZERO, ZERO, ZERO, previous)
         assert abs(error.error[1] - np.pi) < 0.0101
         previous = error.error
