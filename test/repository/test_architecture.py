@@ -23,9 +23,9 @@ ALLOWED = {
     "slip_description": set(),
     "slip_vic_controller.core": {"numpy", "scipy", "pydantic", "slip_vic_controller.core"} | PURE_MSGS,
     "slip_vic_controller.core.arm": {"numpy", "pinocchio"} | PURE_MSGS,
-    "slip_vic_controller": {"slip_vic_controller", "slip_msgs_py", "numpy"} | ROS,
+    "slip_vic_controller": {"slip_vic_controller", "slip_msgs_py"} | NUMERIC | ROS,
     "slip_sim_bridge.sim": {"numpy", "scipy", "mujoco", "pydantic", "slip_sim_bridge.sim"} | PURE_MSGS,
-    "slip_sim_bridge": {"slip_sim_bridge", "slip_msgs_py", "numpy"} | ROS,
+    "slip_sim_bridge": {"slip_sim_bridge", "slip_msgs_py"} | NUMERIC | ROS,
     "slip_bringup": None,  # may import everything
 }
 

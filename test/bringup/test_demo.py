@@ -1,0 +1,74 @@
+"""The demo as a user runs it: exit code, files, schema, and the promised ratio, from bags recorded over DDS."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from slip_bringup.bags.reader import Bag
+from slip_bringup.processes import child_environment
+
+DEADLINE_S = 600.0
+NUMBERS = {
+    "slip_linear_m",
+    "slip_angular_rad",
+    "slip_linear_peak_m",
+    "slip_speed_peak_m_s",
+    "effort_peak_nm",
+    "ticks",
+    "real_time_factor",
+}
+PNG_HEAD = b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    out = tmp_path_factory.mktemp("demo") / "out"
+    environment = child_environment(0)
+    del environment["ROS_DOMAIN_ID"], environment["SLIP_VIC_EVENTS"]
+    done = subprocess.run(
+        [sys.executable, "-m", "slip_bringup.cli", "demo", "--out", str(out)],
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=DEADLINE_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return out, done.stdout
+
+
+def test_summary_has_the_documented_form(demo: tuple[Path, str]) -> None:
+    summary = json.loads((demo[0] / "summary.json").read_text())
+    assert summary["scenario"] == "paper_planar"
+    assert summary["seed"] == 0
+    assert {"mujoco", "pin", "numpy"} <= set(summary["versions"])
+    assert list(summary["runs"]) == ["classical", "vic"]
+    for run in summary["runs"].values():
+        assert set(run) >= NUMBERS
+        assert all(isinstance(run[name], int | float) for name in NUMBERS)
+        assert len(run["tracking_rms"]) == len(run["final_error"]) == 6
+        assert run["ticks"] == 8000
+        assert run["messages_lost"] == 0
+
+
+def test_vic_slips_twenty_times_less(demo: tuple[Path, str]) -> None:
+    runs = json.loads((demo[0] / "summary.json").read_text())["runs"]
+    assert runs["classical"]["slip_linear_m"] > 20.0 * runs["vic"]["slip_linear_m"]
+    assert runs["vic"]["slip_linear_m"] < 2e-3
+
+
+def test_bags_are_where_the_summary_says(demo: tuple[Path, str]) -> None:
+    for run in json.loads((demo[0] / "summary.json").read_text())["runs"].values():
+        with Bag(run["bag"]) as bag:
+            assert bag.topics["/effort_command"].message_count == run["ticks"]
+
+
+def test_picture_and_table(demo: tuple[Path, str]) -> None:
+    out, text = demo
+    assert (out / "report.png").read_bytes().startswith(PNG_HEAD)
+    assert "slip at the end [mm]" in text
+    assert "ratio" in text
+    assert sorted(path.name for path in out.iterdir()) == ["classical", "report.png", "summary.json", "vic"]
