@@ -23,7 +23,7 @@ from .law_referee import S, exponential
 from .small_arm import HOME, small_arm_urdf
 
 RESPONSE = 1e-6  # fourth-order integration with 5 ms of a loop with time constants of 0.1 s and more
-DECAY = 1e-5  # the same with k_s 5 1/s while the bodies tumble at 10 rad/s: 2e-6 is left, 1e-11 at 1 ms
+DECAY = 1e-5  # relative; fourth-order integration with 5 ms leaves 2e-6, with 1 ms less than 1e-6
 IDENTITY = 1e-9  # sums of products up to 1e2 in double precision
 
 
