@@ -14,29 +14,17 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import FOOTER_SIZE, SeekingReader
 from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Metadata, Schema
 
-from slip_bringup.bags.scan import MAGIC, DamagedError, RawRecord, message_fields, open_chunk, records
+from slip_bringup.bags.scan import DAMAGE, MAGIC, DamagedError, RawRecord, message_fields, open_chunk, records
 from slip_msgs_py.errors import InputError
 
 _HEAD: Final = struct.Struct("<BQ")
 _MESSAGE: Final = struct.Struct("<HIQQ")
 _MESSAGE_OPCODE: Final = int(Opcode.MESSAGE)
 _LATEST_NS: Final = 2**63 - 1
-_DAMAGE: Final = (
-    OSError,
-    McapError,
-    struct.error,
-    ValueError,
-    KeyError,
-    IndexError,
-    OverflowError,
-    MemoryError,
-    EOFError,
-)
 
 
 class Entry(NamedTuple):
@@ -82,7 +70,7 @@ class McapFile:
         try:
             self._check_ends()
             self._index = self._load()
-        except _DAMAGE as error:
+        except DAMAGE as error:
             self.close()
             raise self.damaged(error) from None
         except InputError:
@@ -143,7 +131,7 @@ class McapFile:
                 found = [entry for entry in batch if entry.channel_id in channels]
             else:
                 found = self._chunk_entries(batch, channels)
-        except _DAMAGE as error:
+        except DAMAGE as error:
             raise self.damaged(error) from None
         return [entry for entry in found if start_ns <= entry.log_time_ns <= end_ns]
 
@@ -162,7 +150,7 @@ class McapFile:
                     raise DamagedError("an attachment's CRC is wrong")
                 attachment = Attachment.read(ReadDataStream(BytesIO(record.body)))
                 contents[attachment.name] = attachment.data
-        except _DAMAGE as error:
+        except DAMAGE as error:
             raise self.damaged(error) from None
         return contents
 
@@ -177,7 +165,7 @@ class McapFile:
             for offset in self._index.metadata_offsets:
                 record = Metadata.read(ReadDataStream(BytesIO(self._record(offset, Opcode.METADATA).body)))
                 found[record.name] = record.metadata
-        except _DAMAGE as error:
+        except DAMAGE as error:
             raise self.damaged(error) from None
         return found
 

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Final
 
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
 from slip_bringup.bags.scan import (
+    DAMAGE,
     MAGIC,
     DamagedError,
     RawRecord,
@@ -174,7 +174,7 @@ def _record(record: RawRecord, found: Salvage) -> Iterator[SalvagedMessage]:
             found.attachments[attachment.name] = attachment.data
         elif record.opcode == Opcode.MESSAGE:
             yield _message(record.body, found)
-    except (McapError, struct.error, ValueError, KeyError):
+    except DAMAGE:
         if record.opcode == Opcode.MESSAGE:
             found.messages_dropped += 1
         else:

@@ -14,6 +14,7 @@ from typing import Final, Protocol, overload
 
 import lz4.frame
 import zstandard
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
@@ -22,6 +23,21 @@ MAX_CHUNK_BYTES: Final = 1 << 30  # beyond any chunk a recorder writes; stops a 
 _HEAD: Final = struct.Struct("<BQ")
 _CHUNK: Final = struct.Struct("<QQQI")
 _MESSAGE: Final = struct.Struct("<HIQQ")
+
+
+# What parsing a damaged file can raise, here and in the mcap package.
+DAMAGE: Final = (
+    OSError,
+    McapError,
+    struct.error,
+    ValueError,
+    KeyError,
+    IndexError,
+    OverflowError,
+    MemoryError,
+    EOFError,
+    zstandard.ZstdError,
+)
 
 
 class DamagedError(ValueError):
@@ -127,7 +143,7 @@ def partial_chunk(body: bytes) -> bytes:
             return zstandard.ZstdDecompressor().decompressobj().decompress(packed)
         if compression == "lz4":
             return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=MAX_CHUNK_BYTES))
-    except (struct.error, zstandard.ZstdError, RuntimeError, EOFError, MemoryError):
+    except (*DAMAGE, RuntimeError):
         pass
     return b""
 
@@ -170,6 +186,6 @@ def _decompress(compression: str, packed: bytes, size: int) -> bytes:
             return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
         if compression == "lz4":
             return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size))
-    except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError) as error:
+    except (*DAMAGE, RuntimeError) as error:
         raise DamagedError(f"{compression} data: {error}") from None
     raise DamagedError(f"unknown compression {compression!r}")

@@ -16,11 +16,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from mcap.exceptions import McapError
 from mcap.writer import CompressionType, Writer
 
 from slip_bringup.bags.format import INFINITE_NS, BagMetadata, FileInfo, TopicInfo, metadata_text, qos_text
 from slip_bringup.bags.repair import close_in_place
+from slip_bringup.bags.scan import DAMAGE
 from slip_msgs_py.errors import InputError, SlipVicError
 
 CHUNK_BYTES: Final = 786432  # rosbag2's chunk size
@@ -239,7 +239,7 @@ class BagWriter:
                 self._close_cut_file(self._path)
             self._path = None
             write_metadata(self.folder, self.metadata())
-        except (OSError, ValueError, McapError) as error:
+        except DAMAGE as error:
             return f"closing it failed as well ({error}); {recover}"
         return f"closed with the {self.message_count} messages before, readable"
 
