@@ -42,6 +42,15 @@ class GraspSimulation:
         """Simulated time [ns]; it never goes back, not even in a reset."""
         return self._stamp_ns
 
+    def start_at(self, stamp_ns: int) -> None:
+        """Set the clock before the first step; [ns], not below the present stamp.
+
+        Implements: ours: in real time stamps are those of the wall clock, as a driver's are.
+        """
+        if stamp_ns < self._stamp_ns:
+            raise ValueError(f"the clock never goes back: {stamp_ns} ns is before {self._stamp_ns} ns")
+        self._stamp_ns = stamp_ns
+
     @property
     def plant(self) -> Plant:
         """The physics backend."""
