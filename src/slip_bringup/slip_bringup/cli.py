@@ -35,6 +35,10 @@ def cli() -> None:
 @click.option("--urdf", type=click.Path(path_type=Path), help="another arm")
 @click.option("--namespace", default="", help="ROS namespace of all nodes")
 @click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
+@click.option("--cpu", type=int, help="core of bridge and controller; default in real time: the last")
+@click.option("--fifo", type=click.IntRange(1, 99), help="their SCHED_FIFO priority, where permitted")
+@click.option("--lock-memory", is_flag=True, help="keep their memory in RAM, where permitted")
+@click.option("--one-process", is_flag=True, help="bridge and controller in one process; topics stay real")
 def run(
     scenario: str,
     kind: ControllerKind,
@@ -45,20 +49,37 @@ def run(
     urdf: Path | None,
     namespace: str,
     domain_id: int | None,
+    cpu: int | None,
+    fifo: int | None,
+    lock_memory: bool,
+    one_process: bool,
 ) -> None:
     """Run one scenario: bridge, controller and, with --record, recorder as processes on DDS."""
     from slip_bringup.launcher import Launcher
     from slip_bringup.progress import run_progress
     from slip_bringup.scenario import load_scenario
+    from slip_msgs_py.realtime import ProcessOptions
 
     loaded = load_scenario(scenario, controller=kind, mode=mode, seed=seed, assignments=assignments, urdf_file=urdf)
-    launcher = Launcher(loaded, bag=record, wanted_domain=domain_id, namespace=namespace)
+    process = ProcessOptions(() if cpu is None else (cpu,), fifo, lock_memory)
+    launcher = Launcher(
+        loaded, bag=record, wanted_domain=domain_id, namespace=namespace, process=process, one_process=one_process
+    )
     with run_progress(CONSOLE) as progress:
         result = launcher.run(progress.add_run(f"{loaded.name} {kind}", loaded.bridge.duration_s))
     click.echo(
         f"{result.ticks} ticks, {result.sim_time_s:.3f} s simulated in {result.wall_time_s:.2f} s "
         f"({result.real_time_factor:.2f} x real time)"
     )
+    if result.timing:
+        timing = result.timing
+        click.echo(
+            f"fresh ticks {100.0 * timing['fresh_share']:.2f} %, overruns {timing['overruns']:.0f}; state to command "
+            f"{1e3 * timing['latency_p50_s']:.2f} ms (p99 {1e3 * timing['latency_p99_s']:.2f}, "
+            f"max {1e3 * timing['latency_max_s']:.2f})"
+        )
+    for line in result.warnings:
+        click.echo(f"warning: {line}", err=True)
     if result.bag is not None:
         click.echo(f"bag: {result.bag} ({result.messages} messages, {result.lost} lost)")
 

@@ -7,8 +7,8 @@ import signal
 import tempfile
 import threading
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -19,9 +19,12 @@ from slip_bringup.recording import recorder_command
 from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
 from slip_msgs_py.errors import InputError, ProtocolError, SlipVicError
 from slip_msgs_py.params import ParameterModel
+from slip_msgs_py.realtime import ProcessOptions
 
 READY_TIMEOUT_S = 20.0
+NO_OPTIONS = ProcessOptions()
 POLL_S = 0.02
+TIMING = ("fresh", "overruns", "latency")
 
 
 class Interrupted(InputError):
@@ -33,7 +36,11 @@ class Interrupted(InputError):
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """What a finished run reports: ticks, simulated and wall time, recorder's counts, where the bag is."""
+    """What a finished run reports: ticks, simulated and wall time, recorder's counts, where the bag is.
+
+    timing: in real time the share of fresh ticks, overruns and state-to-command latencies [s]; else empty.
+    warnings: what the system refused, one line each.
+    """
 
     ticks: int
     sim_time_s: float
@@ -41,6 +48,8 @@ class RunResult:
     bag: Path | None
     messages: int
     lost: int
+    timing: Mapping[str, float]
+    warnings: tuple[str, ...]
 
     @property
     def real_time_factor(self) -> float:
@@ -65,6 +74,8 @@ class Launcher:
         bag: folder to record into, None records nothing; it must not exist yet.
         wanted_domain: ROS domain id, None takes ROS_DOMAIN_ID or a free one.
         namespace: ROS namespace of all nodes.
+        process: cores, priority and memory of bridge and controller; without cores, the last one in real time.
+        one_process: bridge and controller in one process, lockstep only; their topics stay real.
 
     Raises:
         InputError: parameters and URDF that do not fit, a bag folder that is taken, a domain out of range.
@@ -77,14 +88,23 @@ class Launcher:
         bag: Path | None = None,
         wanted_domain: int | None = None,
         namespace: str = "",
+        process: ProcessOptions = NO_OPTIONS,
+        one_process: bool = False,
     ) -> None:
         self._scenario = scenario
         self._bag = bag
         self._on_progress: Callable[[float], None] = lambda _: None
         self._wanted_domain = domain_from_environment() if wanted_domain is None else check_domain(wanted_domain)
         self._namespace = namespace
+        self._process = _with_cores(process, scenario.bridge.mode)
+        self._one_process = one_process
+        self._warnings: list[str] = []
         self._stop = threading.Event()
         scenario.check()
+        if one_process and scenario.bridge.mode == "realtime":
+            raise InputError(
+                "--one-process", got="mode realtime", expected="mode lockstep: real time needs both processes"
+            )
         if bag is not None:
             _check_new_folder(bag)
 
@@ -121,13 +141,21 @@ class Launcher:
         # The bridge starts last: it needs the others, and its first output is the run's first tick.
         order: list[tuple[str, list[str]]] = []
         if self._bag is not None:
-            order.append(("recorder", recorder_command(scenario, self._bag, folder, self._namespace)))
-        order.append(("controller", self._node_command("controller", controller, folder)))
-        order.append(("bridge", self._node_command("bridge", bridge, folder)))
+            recorder = recorder_command(scenario, self._bag, folder, self._namespace)
+            order.append(("recorder", self._on_other_cores(recorder)))
+        arguments = {
+            "controller": self._node_arguments("controller", controller, folder),
+            "bridge": self._node_arguments("bridge", bridge, folder),
+        }
+        if self._one_process:
+            order.append(("bridge", self._command("slip_bringup.both_nodes", *arguments.values())))
+        else:
+            order += [(name, self._command(f"{NODES[name][0]}.node", words)) for name, words in arguments.items()]
         children = {name: group.start(name, argv, environment, self._on_event) for name, argv in order}
         self._wait(group, lambda: "started" in children["bridge"].events, READY_TIMEOUT_S, "the processes to get ready")
         self._wait(group, lambda: children["bridge"].exit_code is not None, None, "")
-        group.stop([children["controller"]])
+        if not self._one_process:
+            group.stop([children["controller"]])
         if recording:
             group.stop([children["recorder"]])
         self._check(group)
@@ -135,17 +163,31 @@ class Launcher:
         self._on_progress(result.sim_time_s)
         return result
 
-    def _node_command(self, name: str, params: ParameterModel, folder: Path) -> list[str]:
-        node_name, _ = NODES[name]
+    def _node_arguments(self, name: str, params: ParameterModel, folder: Path) -> list[str]:
         path = folder / f"{name}.yaml"
-        path.write_text(ros_parameter_file(params, node_name), encoding="utf-8")
-        arguments = ["--ros-args", "--params-file", str(path)]
+        path.write_text(ros_parameter_file(params, NODES[name][0]), encoding="utf-8")
+        return ["--params-file", str(path)]
+
+    def _command(self, module: str, *arguments: list[str]) -> list[str]:
+        """Return the command of a process with nodes; scheduling is set before its module is imported."""
+        words = ["--ros-args", *(word for part in arguments for word in part)]
         if self._namespace:
-            arguments += ["-r", f"__ns:={self._namespace}"]
-        return python_module(f"{node_name}.node", *arguments)
+            words += ["-r", f"__ns:={self._namespace}"]
+        if self._process == NO_OPTIONS:
+            return python_module(module, *words)
+        return python_module("slip_msgs_py.realtime", *self._process.arguments(), module, *words)
+
+    def _on_other_cores(self, command: list[str]) -> list[str]:
+        """Keep a helper process off the cores of bridge and controller, where there are others."""
+        others = tuple(sorted(os.sched_getaffinity(0) - set(self._process.cpus)))
+        if not self._process.cpus or not others:
+            return command
+        return python_module("slip_msgs_py.realtime", *ProcessOptions(others).arguments(), *command[2:])
 
     def _on_event(self, name: str, event: Event) -> None:
-        if name == "bridge" and event["event"] == "progress":
+        if event["event"] == "warning":
+            self._warnings.append(f"{name}: {event['text']}")
+        elif name == "bridge" and event["event"] == "progress":
             self._on_progress(float(event["sim_time_s"]))
 
     def _wait(self, group: ProcessGroup, done: Callable[[], bool], timeout_s: float | None, what: str) -> None:
@@ -185,7 +227,17 @@ class Launcher:
             bag=self._bag,
             messages=int(recorded.get("messages", 0)),
             lost=int(recorded.get("lost", 0)),
+            timing={key: float(value) for key, value in done.items() if key.startswith(TIMING)},
+            warnings=tuple(self._warnings),
         )
+
+
+def _with_cores(options: ProcessOptions, mode: str) -> ProcessOptions:
+    """Choose a core for real time: bridge and controller on one, because a wake-up across cores costs more."""
+    cores = sorted(os.sched_getaffinity(0))
+    if mode != "realtime" or options.cpus or len(cores) < 2:
+        return options
+    return replace(options, cpus=(cores[-1],))
 
 
 def _check_new_folder(bag: Path) -> None:

@@ -17,8 +17,7 @@ def recorded_topics(scenario: Scenario) -> list[tuple[str, str]]:
     """Return (name, type) of every topic that this scenario's processes publish."""
     controller = scenario.controller
     absent = set()
-    if controller.mode != "lockstep":
-        absent.add("lockstep_tick")
+    absent |= {"controller/timing", "bridge/timing"} if controller.mode == "lockstep" else {"lockstep_tick"}
     if not controller.publish_effort_array:
         absent.add("effort_controller/commands")
     return [

@@ -52,7 +52,9 @@ _TABLE = (
     Topic("controller/reference_pose", "geometry_msgs/msg/PoseStamped", "controller", "desired pose of the pad centre in `world`"),
     Topic("controller/reference_twist", "geometry_msgs/msg/TwistStamped", "controller", "desired twist of the pad centre in `world`"),
     Topic("controller/ledger", "std_msgs/msg/Int64MultiArray", "controller", "per cycle: which samples were used, the controller's time and dt"),
-    Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "controller", "status and reason, about once a second", depth=10),
+    Topic("controller/timing", "sensor_msgs/msg/JointState", "controller", "real time only, per cycle: period, ages, compute time, latency [s]; overruns, missed, stale"),
+    Topic("bridge/timing", "sensor_msgs/msg/JointState", "bridge", "real time only, per tick: period, lateness, state-to-command latency [s]; fresh share, overruns, real-time factor"),
+    Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "controller", "status and reason of the law, in real time also of the timing, about once a second", depth=10),
     Topic("controller/ready", "std_msgs/msg/String", "controller", "sent once, when every peer is matched", latched=True),
     Topic("recorder/ready", "std_msgs/msg/String", "recorder", "sent once, when every recorded topic is matched", latched=True, recorded=False),
 )  # fmt: skip

@@ -20,21 +20,28 @@ from slip_msgs_py.fast_io import Refusals, Sender, create_receiver, create_sende
 from slip_msgs_py.node_main import emit, run_node
 from slip_msgs_py.peers import Peers, wait_until
 from slip_msgs_py.qos import create_publisher, create_subscription
+from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.resources import read_text
 from slip_msgs_py.ros_params import declare
 from slip_msgs_py.stamps import split_ns
+from slip_msgs_py.timing import Window, spread
 from slip_msgs_py.topics import contact_topic
 from slip_msgs_py.types import EffortCommand
+from slip_sim_bridge import pacing
 from slip_sim_bridge.node_params import BridgeNodeParams
+from slip_sim_bridge.pacing import Pacer
 from slip_sim_bridge.session import BridgeSession, TickOutputs
 
 PROGRESS_EVERY_S = 0.1
+FIRST_TICK_S = 0.05  # real time: how long the first state waits for its command before it is sent again
+LATENCIES_KEPT = 100_000
+LATENCY = pacing.SCALARS.index("latency_s")
 
 
 class SlipSimBridge(Node):
     """Publishes joint states, wrench, slip, ground truth and clock; waits for or samples effort commands."""
 
-    def __init__(self) -> None:
+    def __init__(self, executor: Any = None) -> None:
         super().__init__("slip_sim_bridge", automatically_declare_parameters_from_overrides=True)
         self.params = declare(self, BridgeNodeParams)
         urdf = self.params.robot_description or read_text(
@@ -44,9 +51,12 @@ class SlipSimBridge(Node):
         self._lockstep = self.params.mode == "lockstep"
         self._order = from_msgs.JointOrder(self.params.joint_names)
         self._command: EffortCommand | None = None
+        self._stamp_ns = -1
+        self._pacer: Pacer | None = None
+        self._latencies = Window(LATENCIES_KEPT)
         self._refusals = Refusals(self.get_logger().error)
         self._peers_ready: set[str] = set()
-        self._executor = EventsExecutor()
+        self._executor = executor or EventsExecutor()
         self._create_endpoints(urdf)
         self._executor.add_node(self)
 
@@ -65,6 +75,8 @@ class SlipSimBridge(Node):
         self._send_clock = create_sender(self, "/clock", forms.clock())
         tick = forms.whole_numbers(3 + 2 * self.session.contacts)
         self._send_tick = create_sender(self, "lockstep_tick", tick) if self._lockstep else None
+        timing = forms.scalars(pacing.SCALARS)
+        self._send_timing = None if self._lockstep else create_sender(self, "bridge/timing", timing)
         self._pub_urdf = create_publisher(self, "robot_description")
         self._pub_urdf.publish(to_msgs.string(urdf))
         self._sub_command = create_receiver(
@@ -89,6 +101,8 @@ class SlipSimBridge(Node):
 
     def _on_command(self, command: EffortCommand) -> None:
         self._command = command
+        if self._pacer is not None and command.stamp_ns == self._stamp_ns and len(command.effort):
+            self._pacer.answered(time.monotonic())
 
     def _on_grip_force(self, message: Any) -> None:
         try:
@@ -107,18 +121,27 @@ class SlipSimBridge(Node):
         """Run until the duration is over or the process is asked to stop."""
         if not self._wait_for_peers(should_stop):
             return
+        set_up_interpreter()
         emit("started")
         self._started_wall = time.monotonic()
         self._progress_wall = 0.0
-        advance = self._advance_lockstep if self._lockstep else self._advance_realtime
-        while not should_stop() and not self.session.finished:
-            outputs = self.session.observe()
-            self._publish(outputs)
-            if not advance(outputs, should_stop):
-                break
-            self._report_progress()
+        if self._lockstep:
+            self._run_lockstep(should_stop)
+        else:
+            self._run_realtime(should_stop)
         wall = time.monotonic() - self._started_wall
-        emit("done", ticks=self.session.tick, sim_time_s=self.session.elapsed_s, wall_time_s=wall)
+        emit("done", ticks=self.session.tick, sim_time_s=self.session.elapsed_s, wall_time_s=wall, **self._timing())
+
+    def _timing(self) -> dict[str, object]:
+        """Return how a real-time run went, for the launcher."""
+        if self._pacer is None:
+            return {}
+        latencies = spread(self._latencies.values())
+        return {
+            "fresh_share": self._pacer.fresh_share,
+            "overruns": self._pacer.overruns,
+            **{f"latency_{key}_s": value for key, value in latencies.items()},
+        }
 
     def _wait_for_peers(self, should_stop: Callable[[], bool]) -> bool:
         subscribers = max(1, len(self.params.wait_for))
@@ -143,8 +166,18 @@ class SlipSimBridge(Node):
             ),
         )
 
-    def _advance_lockstep(self, outputs: TickOutputs, should_stop: Callable[[], bool]) -> bool:
-        """Wait for the command of this stamp, then step; False where the process was asked to stop."""
+    def _run_lockstep(self, should_stop: Callable[[], bool]) -> None:
+        while not should_stop() and not self.session.finished:
+            outputs = self.session.observe()
+            self._publish(outputs)
+            self._publish_truth(outputs)
+            if not self._wait_for_command(outputs, should_stop):
+                return
+            self.session.advance(self._command)
+            self._report_progress()
+
+    def _wait_for_command(self, outputs: TickOutputs, should_stop: Callable[[], bool]) -> bool:
+        """Wait for the command of this stamp; False where the process was asked to stop."""
         deadline = time.monotonic() + self.params.lockstep_timeout_s
         spin_once = self._executor.spin_once
         while self._command is None or self._command.stamp_ns != outputs.stamp_ns:
@@ -158,25 +191,60 @@ class SlipSimBridge(Node):
                     f"{self.params.lockstep_timeout_s:g} s; last command: {last}" + (f"; {refused}" if refused else "")
                 )
             spin_once(0.1)
-        self.session.advance(self._command)
         return True
 
-    def _advance_realtime(self, outputs: TickOutputs, should_stop: Callable[[], bool]) -> bool:
-        """Take commands until the absolute deadline of this tick, then step with the newest."""
-        deadline = self._started_wall + (outputs.tick + 1) * self.params.control_period_s
-        while (left := deadline - time.monotonic()) > 0.0:
+    def _run_realtime(self, should_stop: Callable[[], bool]) -> None:
+        outputs = self._first_tick(should_stop)
+        pacer, spin_once, clock = self._pacer, self._executor.spin_once, time.monotonic
+        while outputs is not None and pacer is not None:
+            truth_is_due = True  # in the time that is left once the command is there
+            while (left := pacer.left(clock())) > 0.0 and not should_stop():
+                if truth_is_due and pacer.is_answered:
+                    truth_is_due = False
+                    self._publish_truth(outputs)
+                else:
+                    spin_once(left)
             if should_stop():
-                return False
-            self._executor.spin_once(left)
-        if should_stop():
-            return False
-        self._executor.spin_once(0.0)
-        self.session.advance(self._command)
-        return True
+                return
+            if truth_is_due:
+                self._publish_truth(outputs)
+            numbers = pacer.end(clock())
+            self._latencies.add(numbers[LATENCY])
+            self.session.advance(self._command)
+            if self.session.finished:
+                return
+            outputs = self.session.observe()
+            pacer.published(clock())
+            self._publish(outputs)
+            if self._send_timing is not None:
+                self._send_timing.send(outputs.stamp_ns, numbers)
+            self._report_progress()
+
+    def _first_tick(self, should_stop: Callable[[], bool]) -> TickOutputs | None:
+        """Publish tick 0 with the present time until its command comes back: only then everybody is warm and connected."""
+        deadline = time.monotonic() + self.params.peer_timeout_s
+        while not should_stop():
+            self.session.start_at(time.time_ns())
+            outputs = self.session.observe()
+            self._pacer = Pacer(self.params.control_period_s, time.monotonic())
+            self._pacer.published(time.monotonic())
+            self._publish(outputs)
+            if not self.params.wait_for:
+                return outputs
+            attempt = time.monotonic() + FIRST_TICK_S
+            while not self._pacer.is_answered and (left := attempt - time.monotonic()) > 0.0:
+                self._executor.spin_once(left)
+            if self._pacer.is_answered:
+                self._started_wall = time.monotonic()
+                return outputs
+            if time.monotonic() > deadline:
+                raise ProtocolError(f"no effort_command for the first state within {self.params.peer_timeout_s:g} s")
+        return None
 
     def _publish(self, outputs: TickOutputs) -> None:
-        """Send what the controller waits for first; in lockstep the list of a tick's samples comes after them."""
-        stamp_ns, joint, truth = outputs.stamp_ns, outputs.joint, outputs.truth
+        """Send what the controller waits for; in lockstep the list of a tick's samples comes after them."""
+        stamp_ns, joint = outputs.stamp_ns, outputs.joint
+        self._stamp_ns = stamp_ns
         for send_wrench, wrenches in zip(self._send_wrench, outputs.wrenches, strict=True):
             for wrench in wrenches:
                 send_wrench.send(wrench.stamp_ns, wrench.wrench)
@@ -186,6 +254,10 @@ class SlipSimBridge(Node):
         self._send_joint.send(joint.stamp_ns, joint.position, joint.velocity, joint.effort)
         if self._send_tick is not None:
             self._send_tick.send(stamp_ns, (outputs.tick, *split_ns(stamp_ns), *outputs.counts))
+
+    def _publish_truth(self, outputs: TickOutputs) -> None:
+        """Send what the controller does not wait for."""
+        stamp_ns, truth = outputs.stamp_ns, outputs.truth
         self._send_clock.send(stamp_ns)
         self._send_object.send(stamp_ns, *to_msgs.odometry_numbers(truth))
         self._send_truth.send(stamp_ns, truth.slip_displacement, truth.slip_velocity)

@@ -55,6 +55,11 @@ class BridgeSession:
         self.tick = 0
         self.contacts = 1
 
+    def start_at(self, stamp_ns: int) -> None:
+        """Let time begin at this stamp [ns]; before the first tick."""
+        self.simulation.start_at(stamp_ns)
+        self._start_ns = stamp_ns
+
     @property
     def elapsed_s(self) -> float:
         """Simulated time since the start [s]."""

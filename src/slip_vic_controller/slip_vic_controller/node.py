@@ -6,6 +6,7 @@ A thin shell around `slip_vic_controller.core`: topics, readiness and publicatio
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -19,6 +20,7 @@ from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
 from slip_msgs_py.node_main import emit, run_node
 from slip_msgs_py.peers import Peers
 from slip_msgs_py.qos import create_publisher, create_subscription
+from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.resources import read_text
 from slip_msgs_py.ros_params import declare
 from slip_msgs_py.topics import contact_topic
@@ -27,7 +29,7 @@ from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.inputs import Manifest
 from slip_vic_controller.core.session import ControllerSession, CycleResult
 from slip_vic_controller.node_params import ControllerNodeParams
-from slip_vic_controller.publishing import DiagnosticsPublisher
+from slip_vic_controller.publishing import DiagnosticsPublisher, TimingPublisher
 
 STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only the newest state matters
 READY_CHECK_S = 0.02
@@ -36,7 +38,7 @@ READY_CHECK_S = 0.02
 class SlipVicController(Node):
     """Answers every complete set of inputs with one effort command, stamped as the joint state it answers."""
 
-    def __init__(self) -> None:
+    def __init__(self, executor: Any = None) -> None:
         super().__init__("slip_vic_controller", automatically_declare_parameters_from_overrides=True)
         self.params = declare(self, ControllerNodeParams)
         urdf = self.params.robot_description or read_text(
@@ -46,7 +48,7 @@ class SlipVicController(Node):
         self.session = ControllerSession(VicController(self.params, urdf), lockstep=self._lockstep)
         self._ready = False
         self._refusals = Refusals(self.get_logger().error)
-        self._executor = EventsExecutor()
+        self._executor = executor or EventsExecutor()
         self._create_endpoints()
         self._executor.add_node(self)
 
@@ -61,15 +63,17 @@ class SlipVicController(Node):
         self._send_ledger = create_sender(self, "controller/ledger", forms.whole_numbers(3 + 4 * contacts))
         self._pub_ready = create_publisher(self, "controller/ready")
         self._diagnostics = DiagnosticsPublisher(self, self.params.diagnostics.decimation)
+        self._timing = None if self._lockstep else TimingPublisher(self, self.params, self._diagnostics.status)
         inputs = self._create_inputs()
         if self.session.reference_from_topic:
             create_subscription(self, "reference", self._on_reference, depth=10, reliable=False)
+        published = (*self._diagnostics.publishers, *(self._timing.publishers if self._timing else ()))
         self._peers = Peers(
             self,
             publishers=[
                 (self._send_effort.publisher, self.params.expected_subscribers),
                 (self._send_ledger.publisher, self.params.expected_subscribers - 1),
-                *((publisher, self.params.expected_subscribers - 1) for publisher in self._diagnostics.publishers),
+                *((publisher, self.params.expected_subscribers - 1) for publisher in published),
             ],
             subscriptions=inputs,
         )
@@ -132,28 +136,36 @@ class SlipVicController(Node):
     # -- running -----------------------------------------------------------------------------------
 
     def _cycle(self) -> None:
+        began_ns = time.monotonic_ns()
         result = self.session.cycle()
         if result is not None:
-            self._publish(result)
+            self._publish(result, began_ns)
 
-    def _publish(self, result: CycleResult) -> None:
+    def _publish(self, result: CycleResult, began_ns: int) -> None:
         command, joint = result.command, result.joint
         # Positions and velocities beside the effort, so that viewers draw the robot where it is.
         self._send_effort.send(command.stamp_ns, joint.position, joint.velocity, command.effort)
+        if self._timing is not None:
+            self._timing.publish(began_ns, result.ledger)
         if self._send_array is not None and len(command.effort):
             self._send_array.send(command.stamp_ns, command.effort)
         self._send_ledger.send(joint.stamp_ns, result.ledger)
         if result.diagnostics is not None:
             self._diagnostics.publish(result.cycle, joint.stamp_ns, result.diagnostics)
 
+    def announce_when_ready(self) -> None:
+        """Tell once that every peer is matched."""
+        if not self._ready and not self._peers.missing():
+            set_up_interpreter()
+            self._ready = True
+            self._pub_ready.publish(to_msgs.string("controller"))
+            emit("ready")
+
     def run(self, should_stop: Callable[[], bool]) -> None:
         """Run until asked to stop."""
         while not should_stop():
             self._executor.spin_once(0.1 if self._ready else READY_CHECK_S)
-            if not self._ready and not self._peers.missing():
-                self._ready = True
-                self._pub_ready.publish(to_msgs.string("controller"))
-                emit("ready")
+            self.announce_when_ready()
         emit("done", cycles=self.session.cycles, skipped=self.session.inputs.skipped)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from slip_msgs_py.params import parameter
+from slip_msgs_py.timing import TimingParams
 from slip_vic_controller.core.params import ControllerParams
 
 
@@ -17,3 +18,4 @@ class ControllerNodeParams(ControllerParams):
     publish_effort_array: bool = parameter(
         False, "also publish `effort_controller/commands` (Float64MultiArray) for ros2_control's effort controllers"
     )
+    timing: TimingParams = TimingParams()

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import time
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from slip_msgs_py import forms, to_msgs
 from slip_msgs_py.fast_io import Sender, create_sender
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.core.diagnostics import TickDiagnostics
+from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.timing import SCALARS, CycleTiming
 
 DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 OK, WARN, ERROR = 0, 1, 2
@@ -32,7 +35,7 @@ class DiagnosticsPublisher:
         self._ee_pose = create_sender(node, "controller/ee_pose", forms.pose())
         self._reference_pose = create_sender(node, "controller/reference_pose", forms.pose())
         self._reference_twist = create_sender(node, "controller/reference_twist", forms.twist(to_msgs.WORLD))
-        self._status = create_publisher(node, "/diagnostics")
+        self.status = create_publisher(node, "/diagnostics")
         senders = (self._stiffness, self._damping, self._ee_pose, self._reference_pose, self._reference_twist)
         self.publishers = (self._scalars_publisher, *(sender.publisher for sender in senders))
         self._last_status: tuple[str, str] | None = None
@@ -54,7 +57,7 @@ class DiagnosticsPublisher:
                 "saturated_joints": int(record.saturated.sum()),
             }
             text = record.reason or record.status
-            self._status.publish(to_msgs.diagnostics(stamp_ns, f"{self._name}: law", level, text, values))
+            self.status.publish(to_msgs.diagnostics(stamp_ns, f"{self._name}: law", level, text, values))
 
     def _publish_scalars(self, stamp_ns: int, values: Mapping[str, float]) -> None:
         if self._scalars is None:  # the names are the same in every cycle, and known with the first
@@ -71,3 +74,31 @@ class DiagnosticsPublisher:
         reference = terms.reference
         self._reference_pose.send(stamp_ns, to_msgs.pose_numbers(reference.position, reference.rotation))
         self._reference_twist.send(stamp_ns, reference.twist)
+
+
+class TimingPublisher:
+    """Publishes how every cycle went in time, and a status about once a second.
+
+    Args:
+        node: owner of the publisher.
+        params: of the controller.
+        status: the node's publisher of /diagnostics; a second one would make losses uncountable.
+    """
+
+    def __init__(self, node: Any, params: ControllerNodeParams, status: Any) -> None:
+        self._timing = CycleTiming(params.control_period_s, params.timing)
+        self._name = node.get_name()
+        self._numbers = create_sender(node, "controller/timing", forms.scalars(SCALARS))
+        self.publishers = (self._numbers.publisher,)
+        self._status = status
+        self._last_status_ns = 0
+
+    def publish(self, began_ns: int, ledger: Sequence[int]) -> None:
+        """Take a cycle whose effort has just been published; `began_ns` is steady time, `ledger` what it used."""
+        now_ns, wall_ns = time.monotonic_ns(), time.time_ns()
+        numbers = self._timing.add(began_ns, now_ns, wall_ns, ledger)
+        self._numbers.send(wall_ns, numbers)
+        if now_ns - self._last_status_ns >= DIAGNOSTICS_PERIOD_NS:
+            self._last_status_ns = now_ns
+            level, text, values = self._timing.status()
+            self._status.publish(to_msgs.diagnostics(wall_ns, f"{self._name}: timing", level, text, values))

@@ -1,0 +1,100 @@
+"""How the controller's cycles go in time: period, ages of the inputs, compute time, latency, and what went missing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from slip_msgs_py.stamps import NS_PER_S
+from slip_msgs_py.timing import ERROR, OK, TimingParams, Window, compute_level, rate_level, spread
+
+SCALARS = (
+    "period_s",
+    "input_age_s",
+    "wrench_age_s",
+    "slip_age_s",
+    "compute_s",
+    "latency_s",
+    "overruns",
+    "missed",
+    "stale_wrench",
+    "stale_slip",
+)
+_WINDOW_S = 1.0
+
+
+class CycleTiming:
+    """Measures one cycle after the other; the caller gives the times, so that tests can give theirs.
+
+    overruns: cycles that took longer than a period. missed: joint states that were published and never answered,
+    lost on the way or overtaken by a newer one. stale: cycles on a sample older than one period.
+
+    Args:
+        period_s: control period.
+        limits: levels of the diagnostic status.
+    """
+
+    def __init__(self, period_s: float, limits: TimingParams) -> None:
+        self._period_s, self._limits = period_s, limits
+        self._period_ns = round(period_s * NS_PER_S)
+        size = max(2, round(_WINDOW_S / period_s))
+        self._periods, self._computes, self._latencies = Window(size), Window(size), Window(size)
+        self._began_ns: int | None = None
+        self._last_stamp_ns: int | None = None
+        self.overruns = self.missed = self.stale_wrench = self.stale_slip = 0
+
+    def add(self, began_ns: int, ended_ns: int, wall_ns: int, ledger: Sequence[int]) -> tuple[float, ...]:
+        """Take one answered cycle and return its numbers in the order of `SCALARS`.
+
+        Args:
+            began_ns: steady time at which the joint state was there.
+            ended_ns: steady time at which the effort had been published.
+            wall_ns: time of the stamps' clock at the end, with which ages are measured.
+            ledger: what the cycle used, as in `CycleResult`; stamps (0, 0) are inputs never seen.
+        """
+        stamps = [sec * NS_PER_S + nanosec for sec, nanosec in zip(ledger[1::2], ledger[2::2], strict=True)]
+        stamp_ns = stamps[0]
+        wrench_ns, slip_ns = _age_ns(stamp_ns, stamps[1::2]), _age_ns(stamp_ns, stamps[2::2])
+        period_s = math.nan if self._began_ns is None else (began_ns - self._began_ns) * 1e-9
+        if self._last_stamp_ns is not None:
+            self.missed += max(0, round((stamp_ns - self._last_stamp_ns) / self._period_ns) - 1)
+        self._began_ns, self._last_stamp_ns = began_ns, stamp_ns
+        compute_ns = ended_ns - began_ns
+        self.overruns += compute_ns > self._period_ns
+        self.stale_wrench += wrench_ns > self._period_ns
+        self.stale_slip += slip_ns > self._period_ns
+        latency_s = (wall_ns - stamp_ns) * 1e-9
+        self._periods.add(period_s)
+        self._computes.add(compute_ns * 1e-9)
+        self._latencies.add(latency_s)
+        return (
+            period_s,
+            latency_s - compute_ns * 1e-9,
+            wrench_ns * 1e-9,
+            slip_ns * 1e-9,
+            compute_ns * 1e-9,
+            latency_s,
+            float(self.overruns),
+            float(self.missed),
+            float(self.stale_wrench),
+            float(self.stale_slip),
+        )
+
+    def status(self) -> tuple[int, str, dict[str, object]]:
+        """Return level, text and values of the last second for /diagnostics."""
+        periods, computes = self._periods.values(), self._computes.values()
+        levels = (rate_level(periods, self._period_s, self._limits), compute_level(computes, self._limits))
+        level = max(level for level, _ in levels)
+        worst = [text for found, text in levels if found == level and level != OK]
+        values: dict[str, object] = {}
+        for name, numbers in (("period", periods), ("compute", computes), ("latency", self._latencies.values())):
+            for key, value in spread(numbers).items():
+                values[f"{name}_{key}_us"] = round(value * 1e6, 1)
+        for name in ("overruns", "missed", "stale_wrench", "stale_slip"):
+            values[name] = getattr(self, name)
+        return min(level, ERROR), "; ".join(worst) or "rate and compute time within limits", values
+
+
+def _age_ns(stamp_ns: int, samples: Sequence[int]) -> float:
+    oldest = min(samples)
+    return stamp_ns - oldest if oldest else math.nan
