@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap.reader import NonSeekingReader, make_reader
-from mcap_ros2.reader import read_ros2_messages
+from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from slip_bringup.bags.format import QosProfile
@@ -87,8 +87,9 @@ def test_mcap_reader_without_index(recorded):
 def test_mcap_ros2_support_decodes_the_same_values(recorded):
     folder, content = recorded
     found: dict[str, list[Any]] = {}
-    for message in read_ros2_messages(str(folder / "bag_0.mcap")):
-        found.setdefault(message.channel.topic, []).append(comparable(message.ros_msg))
+    with (folder / "bag_0.mcap").open("rb") as file:
+        for message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            found.setdefault(message.channel.topic, []).append(comparable(message.decoded_message))
     assert found == {topic: [comparable(row[3]) for row in rows] for topic, rows in content.items()}
 
 

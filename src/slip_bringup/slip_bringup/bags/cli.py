@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 
 _FOLDER = click.Path(path_type=Path)
 _BAG = click.argument("bag_path", metavar="BAG", type=_FOLDER)
-_STATUS_S = 0.5
 _PLAIN_WIDTH = 160
 
 
@@ -241,11 +239,12 @@ def _remaps(texts: tuple[str, ...]) -> dict[str, str]:
 def _print_summary(summary: dict[str, Any]) -> None:
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("topic", overflow="fold")
-    for column in ("messages", "lost", "queue peak"):
+    for column in ("messages", "lost", "missed at start", "queue peak"):
         table.add_column(column, justify="right")
     for name, topic in summary["topics"].items():
         lost = "unknown" if topic["lost"] is None else str(topic["lost"])
-        table.add_row(name, str(topic["messages"]), lost, f"{topic['largest_batch']}/{summary['queue_depth']}")
+        peak = f"{topic['largest_batch']}/{summary['queue_depth']}"
+        table.add_row(name, str(topic["messages"]), lost, str(topic["missed_at_start"]), peak)
     _table_console().print(table)
     for name in summary["never_published"]:
         click.echo(f"never published: {name}")
@@ -257,7 +256,6 @@ class _RecordView:
 
     def __init__(self, console: Console) -> None:
         self._console = console
-        self._next = 0.0
 
     def ready(self) -> None:
         """Every named topic has a publisher."""
@@ -268,11 +266,9 @@ class _RecordView:
         self._console.print(f"warning: {message}", markup=False, highlight=False)
 
     def status(self, recorder: Recorder, elapsed_s: float) -> None:
-        """Redraw the line about twice a second."""
-        now = time.monotonic()
-        if not self._console.is_terminal or now < self._next:
+        """Redraw the line."""
+        if not self._console.is_terminal:
             return
-        self._next = now + _STATUS_S
         messages, lost = recorder.totals()
         line = f"{elapsed_s:8.1f} s  {messages} messages  {lost} lost"
         self._console.file.write(f"\r{line}\x1b[K")

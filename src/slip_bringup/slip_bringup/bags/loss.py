@@ -6,7 +6,7 @@ from slip_bringup.bags.intake import Arrival
 
 
 class LossCounter:
-    """Exact while one publisher sends at a time; publishers may follow each other.
+    """Exact while one publisher sends at a time; publishers may follow each other, messages may come out of order.
 
     A publisher numbers its messages 1, 2, 3 ... The messages do not name their publisher, so with two at once
     nothing can be said and `lost` is None. What the first publisher sent before the first received message is
@@ -19,6 +19,7 @@ class LossCounter:
         self._lost_before = 0
         self._missed_at_start: int | None = None
         self._first = self._last = self._count = 0
+        self._last_sent_ns = 0
 
     @property
     def lost(self) -> int | None:
@@ -34,20 +35,24 @@ class LossCounter:
         """Tell how many publishers there are now."""
         self._unknown = self._unknown or count > 1
 
-    def add(self, arrival: Arrival, *, ordered: bool) -> None:
-        """Count one received message; `ordered` says that its publisher's messages come in order now."""
+    def add(self, arrival: Arrival) -> None:
+        """Count one received message."""
         self.received += 1
         sequence = arrival.sequence
         if sequence == 0:  # a middleware that does not number
             self._unknown = True
             return
-        if self._count and sequence <= self._last and ordered:  # the next publisher, again from 1
+        if self._count and sequence <= self._last and arrival.sent_ns > self._last_sent_ns:
+            # A lower number sent later: the next publisher, again from 1.
             self._missed_at_start = self.missed_at_start
             self._lost_before += self._gaps()
             self._count = 0
         if not self._count:
             self._first = self._last = sequence
-        self._first, self._last = min(self._first, sequence), max(self._last, sequence)
+            self._last_sent_ns = arrival.sent_ns
+        self._first = min(self._first, sequence)
+        if sequence > self._last:
+            self._last, self._last_sent_ns = sequence, arrival.sent_ns
         self._count += 1
 
     def _gaps(self) -> int:

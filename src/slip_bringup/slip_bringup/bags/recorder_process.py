@@ -1,7 +1,9 @@
 """The recorder as a process of its own: ``python -m slip_bringup.bags.recorder_process --output DIR --topic ...``.
 
 With SLIP_VIC_EVENTS=1 in the environment it tells its parent on stdout, one JSON object per line:
-``{"event": "ready"}``, ``{"event": "warning", "message": ...}``, ``{"event": "done", "summary": {...}}``.
+``{"event": "ready"}``, ``{"event": "status", "messages": n, "lost": n}`` after every flush,
+``{"event": "warning", "message": ...}``, ``{"event": "error", "message": ...}``,
+``{"event": "done", "summary": {...}}``.
 SIGINT and SIGTERM end the recording; the bag is closed in any case.
 """
 
@@ -59,7 +61,7 @@ class Listener(Protocol):
         """Something is not recorded as wished."""
 
     def status(self, recorder: Recorder, elapsed_s: float) -> None:
-        """Called after every poll."""
+        """Called after every flush."""
 
 
 def record(options: RecordOptions, listener: Listener, stop: Callable[[], bool]) -> dict[str, Any]:
@@ -69,6 +71,7 @@ def record(options: RecordOptions, listener: Listener, stop: Callable[[], bool])
         InputError: the output exists, or a topic's type is not known.
         StorageError: the disk is full or refuses; the bag is closed and readable.
     """
+    options.selection.check()
     with ros_node(options.node_name, options.namespace) as node:
         return _record(node, options, listener, stop)
 
@@ -117,7 +120,7 @@ def _loop(
             _check_space(options)
             writer.flush()
             next_flush = now + options.flush_period_s
-        listener.status(recorder, now - start)
+            listener.status(recorder, now - start)
         time.sleep(POLL_S)
 
 
@@ -148,7 +151,9 @@ class _EventWriter(Listener):
             print(f"recorder: {message}", file=sys.stderr, flush=True)
 
     def status(self, recorder: Recorder, elapsed_s: float) -> None:
-        """Nothing to show."""
+        """Pass the counters on."""
+        messages, lost = recorder.totals()
+        self.emit("status", messages=messages, lost=lost)
 
     def emit(self, event: str, **fields: Any) -> None:
         """Write one event."""

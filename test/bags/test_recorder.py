@@ -1,0 +1,335 @@
+"""The recorder process over DDS: what is published is in the bag, and what is not is counted."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.highlevel import AnyReader
+from std_msgs.msg import String
+
+from slip_bringup.bags import intake
+from slip_bringup.bags.format import QosProfile
+from slip_bringup.bags.intake import DirectIntake, ExecutorIntake, recording_qos
+from slip_bringup.bags.reader import Bag
+from slip_bringup.bags.recover import recover
+from slip_bringup.bags.typedefs import find_definition
+from test.support.ros import wait_until
+
+RECORDER = ("-m", "slip_bringup.bags.recorder_process", "--output")
+STRING = "std_msgs/msg/String"
+RELIABLE = QoSProfile(depth=1000)
+BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+COUNT = 200
+PAUSE_S = 0.002
+FILE_BYTES = 30_000
+KILLS = 3
+
+
+class Sender:
+    """Publishes numbered texts."""
+
+    def __init__(self, node, topic: str, qos: QoSProfile, label: str = "") -> None:
+        self.publisher = node.create_publisher(String, topic, qos)
+        self.label = label
+        self.sent: list[str] = []
+
+    def send(self, count: int = COUNT) -> None:
+        for _ in range(count):
+            self.sent.append(f"{self.label}{len(self.sent)}")
+            self.publisher.publish(String(data=self.sent[-1]))
+            time.sleep(PAUSE_S)
+
+    def wait_matched(self) -> None:
+        wait_until(lambda: self.publisher.get_subscription_count() > 0, f"a match on {self.publisher.topic_name}")
+
+
+def texts(path: Path, topic: str) -> list[str]:
+    with Bag(path) as bag:
+        return [message.value.data for message in bag.messages(topic)]
+
+
+def finish(processes, recorder, signal_number: int = signal.SIGINT) -> dict:
+    assert processes.stop(recorder, signal_number) == 0, recorder.tail()
+    return dict(recorder.events["done"]["summary"])
+
+
+def received(recorder) -> int:
+    return int(recorder.events.get("status", {}).get("messages", 0))
+
+
+def accounted(recorder) -> int:
+    status = recorder.events.get("status", {})
+    return received(recorder) + int(status.get("lost", 0))
+
+
+def wait_received(recorder, count: int) -> None:
+    wait_until(lambda: received(recorder) >= count, f"{count} messages in the recorder")
+
+
+def test_everything_after_ready_is_recorded(processes, ros_node, tmp_path):
+    one, two = Sender(ros_node, "/one", RELIABLE), Sender(ros_node, "/two", BEST_EFFORT)
+    (tmp_path / "arm.urdf").write_text("<robot/>")
+    recorder = processes.python(
+        "recorder", *RECORDER, tmp_path / "bag",
+        *("--topic", "/one", "--type", STRING, "--topic", "/two", "--type", STRING),
+        *("--attach", f"arm.urdf={tmp_path / 'arm.urdf'}", "--custom-data", "scenario=test"),
+    )  # fmt: skip
+    processes.wait_event(recorder, "ready")
+    one.wait_matched()
+    two.wait_matched()
+    for _ in range(COUNT):
+        one.send(1)
+        two.send(1)
+    summary = finish(processes, recorder, signal.SIGTERM)
+    assert (summary["messages"], summary["lost"], summary["lost_unknown"]) == (2 * COUNT, 0, [])
+    assert texts(tmp_path / "bag", "/one") == one.sent
+    assert texts(tmp_path / "bag", "/two") == two.sent
+    with Bag(tmp_path / "bag") as bag:
+        assert bag.custom_data["scenario"] == "test"
+        stored = json.loads(bag.custom_data["recorder"])
+        assert {key: summary[key] for key in stored} == stored
+        assert bag.attachments["arm.urdf"] == b"<robot/>"
+        assert bag.topics["/one"].qos == (QosProfile(),)
+        assert bag.topics["/two"].qos == (QosProfile(reliability="best_effort"),)
+        assert bag.topics["/one"].type_hash == find_definition(STRING).type_hash
+        rows = list(bag.raw(["/one"]))
+    assert [row.sequence for row in rows] == list(range(1, COUNT + 1))
+    assert all(0 < row.publish_time_ns < row.log_time_ns for row in rows)
+    with AnyReader([tmp_path / "bag"]) as reader:
+        assert reader.message_count == 2 * COUNT
+
+
+def test_late_topics_latched_topics_and_other_namespaces(processes, ros_node, tmp_path):
+    early = Sender(ros_node, "/arm/model", LATCHED)
+    early.send(1)
+    recorder = processes.python(
+        "recorder", *RECORDER, tmp_path / "bag", "--regex", "^/arm/", "--topic", "model", "--namespace", "arm"
+    )
+    processes.wait_event(recorder, "ready")
+    heard: list[str] = []
+    ros_node.create_subscription(String, "/arm/recorder/ready", lambda message: heard.append(message.data), LATCHED)
+    late = Sender(ros_node, "/arm/late", LATCHED)
+    late.send(50)
+    other = Sender(ros_node, "/elsewhere", LATCHED)
+    other.send(1)
+    late.wait_matched()
+    late.send(50)
+    import rclpy.executors
+
+    executor = rclpy.executors.SingleThreadedExecutor(context=ros_node.context)
+    executor.add_node(ros_node)
+    wait_until(lambda: executor.spin_once(timeout_sec=0.01) or bool(heard), "the latched ready message")
+    executor.shutdown()
+    summary = finish(processes, recorder)
+    assert heard == ["ready"]
+    assert summary["lost"] == 0
+    assert texts(tmp_path / "bag", "/arm/model") == early.sent
+    assert texts(tmp_path / "bag", "/arm/late") == late.sent
+    with Bag(tmp_path / "bag") as bag:
+        assert set(bag.topics) == {"/arm/model", "/arm/late"}
+
+
+def test_publishers_of_different_qos_are_all_recorded(processes, ros_node, tmp_path):
+    """A reliable publisher is there, a best-effort one joins later: the subscription follows, nothing comes twice."""
+    first = Sender(ros_node, "/x", RELIABLE, "first ")
+    recorder = processes.python("recorder", *RECORDER, tmp_path / "bag", "--topic", "/x", "--type", STRING)
+    processes.wait_event(recorder, "ready")
+    first.wait_matched()
+    first.send()
+    second = Sender(ros_node, "/x", BEST_EFFORT, "second ")
+    second.wait_matched()
+    for _ in range(COUNT):
+        first.send(1)
+        second.send(1)
+    summary = finish(processes, recorder)
+    found = texts(tmp_path / "bag", "/x")
+    assert [text for text in found if text.startswith("first")] == first.sent
+    assert [text for text in found if text.startswith("second")] == second.sent
+    assert summary["lost_unknown"] == ["/x"]
+
+
+def test_mixed_publishers_from_the_start_are_listed_each(processes, ros_node, tmp_path):
+    senders = [Sender(ros_node, "/x", RELIABLE, "r "), Sender(ros_node, "/x", BEST_EFFORT, "b ")]
+    recorder = processes.python("recorder", *RECORDER, tmp_path / "bag", "--all", "--exclude-regex", "parameter")
+    for sender in senders:
+        sender.wait_matched()
+    for _ in range(COUNT):
+        for sender in senders:
+            sender.send(1)
+    finish(processes, recorder)
+    found = texts(tmp_path / "bag", "/x")
+    assert len(found) == len(set(found)) > 0
+    assert {text[0] for text in found} == {"r", "b"}
+    with Bag(tmp_path / "bag") as bag:
+        assert sorted(qos.reliability for qos in bag.topics["/x"].qos) == ["best_effort", "reliable"]
+
+
+def test_losses_are_counted_exactly(processes, ros_node, tmp_path):
+    """A burst into a queue of one message: received and lost make up what was sent."""
+    sender = Sender(ros_node, "/x", QoSProfile(depth=10))
+    recorder = processes.python(
+        "recorder", *RECORDER, tmp_path / "bag", "--topic", "/x", "--type", STRING, "--queue-depth", "1"
+    )
+    processes.wait_event(recorder, "ready")
+    sender.wait_matched()
+    sender.send(1)
+    wait_received(recorder, 1)
+    for _ in range(5 * COUNT):
+        sender.publisher.publish(String(data="burst"))
+        sender.sent.append("burst")
+    # The newest message always stays in the queue, so in the end everything is accounted for.
+    wait_until(lambda: accounted(recorder) >= len(sender.sent), "the end of the burst")
+    summary = finish(processes, recorder)
+    assert summary["lost"] > 0
+    assert summary["messages"] + summary["lost"] == len(sender.sent)
+    assert len(texts(tmp_path / "bag", "/x")) == summary["messages"]
+
+
+def test_publishers_that_follow_each_other(processes, ros_node, tmp_path):
+    """A publisher that starts again counts from 1; that is no loss."""
+    recorder = processes.python("recorder", *RECORDER, tmp_path / "bag", "--topic", "/x", "--type", STRING)
+    for round_number in range(2):
+        sender = Sender(ros_node, "/x", RELIABLE)
+        sender.wait_matched()
+        processes.wait_event(recorder, "ready")
+        sender.send(50)
+        wait_received(recorder, 50 * (round_number + 1))
+        ros_node.destroy_publisher(sender.publisher)
+        wait_until(lambda: ros_node.count_publishers("/x") == 0, "the publisher's end")
+    summary = finish(processes, recorder)
+    assert (summary["messages"], summary["lost"]) == (100, 0)
+
+
+def test_topic_that_is_never_published_is_reported(processes, tmp_path):
+    recorder = processes.python(
+        "recorder", *RECORDER, tmp_path / "bag", "--topic", "/x", "--type", STRING, "--duration", "0.3"
+    )
+    assert processes.wait_end(recorder) == 0
+    assert recorder.events["done"]["summary"]["never_published"] == ["/x"]
+    assert "ready" not in recorder.events
+    with Bag(tmp_path / "bag") as bag:
+        assert bag.message_count == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--topic", "/x", "--type", "no_such_msgs/msg/X"], "install no_such_msgs"),
+        (["--topic", "/x", "--type", "String"], "package/msg/Name"),
+        (["--all", "--regex", "("], "a regular expression"),
+        (["--all", "--attach", "a"], "KEY=VALUE"),
+        (["--all", "--attach", "a=/no/such/file"], "a readable file"),
+        (["--all", "--custom-data", "=b"], "KEY=VALUE"),
+    ],
+    ids=["type", "type name", "regex", "attach", "attached file", "custom data"],
+)
+def test_bad_options_end_in_one_line_and_leave_nothing(processes, tmp_path, arguments, line):
+    recorder = processes.python("recorder", *RECORDER, tmp_path / "bag", *arguments)
+    assert processes.wait_end(recorder) == 2
+    assert line in recorder.events["error"]["message"]
+    assert not (tmp_path / "bag").exists()
+
+
+def test_existing_output_is_refused(processes, tmp_path):
+    recorder = processes.python("recorder", *RECORDER, tmp_path, "--all")
+    assert processes.wait_end(recorder) == 2
+    assert len(recorder.lines) == 1
+    assert "it exists" in recorder.lines[0]
+
+
+def test_full_disk_stops_with_an_error_and_a_readable_bag(processes, ros_node, tmp_path):
+    """`ulimit -f` stands for the full disk; its unit is 1024 bytes."""
+    sender = Sender(ros_node, "/x", RELIABLE)
+    command = f'ulimit -f {FILE_BYTES // 1024}; exec "$0" "$@"'
+    options = ["--topic", "/x", "--type", STRING, "--compression", "none", "--flush-period", "0.05"]
+    recorder = processes.start(
+        "recorder", ["bash", "-c", command, sys.executable, *RECORDER, tmp_path / "bag", *options]
+    )
+    processes.wait_event(recorder, "ready")
+    sender.wait_matched()
+    wait_until(lambda: sender.send(20) or recorder.exit_code is not None, "the end of the recorder")
+    assert recorder.exit_code == 1
+    assert "File too large; closed with the" in recorder.events["error"]["message"]
+    found = texts(tmp_path / "bag", "/x")
+    assert found == sender.sent[: len(found)]
+    assert len(found) > 0
+
+
+def test_low_disk_stops_before_it_is_full(processes, tmp_path):
+    recorder = processes.python(
+        "recorder", *RECORDER, tmp_path / "bag", "--all", "--min-free-mib", str(1 << 40), "--flush-period", "0.05"
+    )
+    assert processes.wait_end(recorder) == 1
+    assert "left on the disk" in recorder.events["error"]["message"]
+    with Bag(tmp_path / "bag") as bag:
+        assert bag.message_count == 0
+
+
+def test_killed_recordings_are_recovered_without_gaps(processes, ros_node, tmp_path):
+    """Killed at different moments: what was flushed is there, complete from the first message on."""
+    for number in range(KILLS):
+        folder, sender = tmp_path / f"bag{number}", Sender(ros_node, f"/x{number}", RELIABLE)
+        recorder = processes.python(
+            "recorder", *RECORDER, folder, "--topic", f"/x{number}", "--type", STRING, "--flush-period", "0.05"
+        )
+        processes.wait_event(recorder, "ready")
+        sender.wait_matched()
+        sender.send(50 + 37 * number)
+        wait_until(lambda folder=folder: "x" in str(flushed(folder)), "a flush")
+        sender.send(10)
+        recorder.send(signal.SIGKILL)
+        assert processes.wait_end(recorder) == -signal.SIGKILL
+        assert not (folder / "metadata.yaml").exists()
+        recover(folder, tmp_path / f"out{number}")
+        found = texts(tmp_path / f"out{number}", f"/x{number}")
+        assert found == sender.sent[: len(found)]
+        assert len(found) > 0
+
+
+def flushed(folder: Path) -> str:
+    """Say "x" once a chunk is in the file."""
+    found = [path for path in folder.glob("*.mcap") if b"\x04\0\0\0zstd" in path.read_bytes()]
+    return "x" if found else ""
+
+
+@pytest.mark.parametrize("kind", [DirectIntake, ExecutorIntake])
+def test_both_ways_of_taking_messages(ros_node, kind):
+    sender = Sender(ros_node, "/x", RELIABLE)
+    source = kind(ros_node, String, "/x", recording_qos(1000, reliable=True, transient_local=False))
+    sender.wait_matched()
+    wait_until(lambda: source.publisher_count() == 1, "the match on the other side")
+    sender.send(20)
+    arrivals: list[intake.Arrival] = []
+    wait_until(lambda: arrivals.extend(source.drain()) or len(arrivals) >= 20, "the messages")
+    source.close()
+    assert [arrival.sequence for arrival in arrivals] == list(range(1, 21))
+    assert all(0 < arrival.sent_ns <= arrival.received_ns for arrival in arrivals)
+    assert [arrival.data[8 : 8 + len(text)].decode() for arrival, text in zip(arrivals, sender.sent, strict=True)] == (
+        sender.sent
+    )
+
+
+def test_the_fallback_is_taken_where_direct_taking_fails(ros_node, monkeypatch):
+    monkeypatch.setattr(DirectIntake, "works", lambda self: False)
+    source = intake.open_intake(ros_node, String, "/x", recording_qos(1, reliable=False, transient_local=False))
+    assert isinstance(source, ExecutorIntake)
+    source.close()
+
+
+def test_without_a_parent_it_prints_only_warnings(processes, tmp_path):
+    done = subprocess.run(
+        [sys.executable, *RECORDER, str(tmp_path / "bag"), "--all", "--duration", "0.2"],
+        env={**processes.environment, "SLIP_VIC_EVENTS": "0"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
