@@ -117,7 +117,10 @@ def test_ctrl_c_at_any_moment_leaves_nothing(command: str, delay_s: float, tmp_p
     )
     time.sleep(delay_s)
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=DEADLINE_S)
+    try:
+        _, errors = process.communicate(timeout=DEADLINE_S)
+    finally:
+        process.kill()
     assert process.returncode == 2 or (process.returncode == -signal.SIGINT and delay_s < 0.5), errors
     assert "Traceback" not in errors
     if process.returncode == 2:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -117,6 +118,8 @@ cli.add_command(bag)
 
 def main() -> int:
     """Entry point of ``slip-vic``: one line for a user's mistake, exit code 2."""
+    # A shell that starts us in the background has SIGINT ignored; whoever sends one means it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         cli.main(prog_name="slip-vic", standalone_mode=False)
     except click.exceptions.Exit as end:
