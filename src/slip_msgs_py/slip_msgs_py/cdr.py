@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -27,6 +27,7 @@ _NUMBERS: Final = {
 _ARRAY: Final = re.compile(r"sequence<(?P<sequence>[^,]+)(?:, \d+)?>|(?P<fixed>.+)\[(?P<size>\d+)\]")
 _DTYPES: Final = {"d": np.dtype("<f8"), "q": np.dtype("<i8")}
 _STAMP: Final = struct.Struct("<iI")
+_frombuffer = np.frombuffer
 Numbers = NDArray[Any]  # float64 or int64
 
 
@@ -112,72 +113,100 @@ class CdrCodec:
 
     Args:
         template: a typed message with the names, lengths and frame ids that all messages share.
-        fields: paths of the float64 or int64 numbers that vary (``position``, ``wrench``, ``pose.pose``).
+        fields: paths of the float64 or int64 numbers that vary (``position``, ``wrench``, ``pose.pose``), in the
+            order in which they lie in the message.
         stamp: path of the builtin_interfaces/Time that varies; empty where the message has none.
 
     Raises:
         ValueError: a path that is not there, or a layout that rclpy's typed code does not agree with.
     """
 
+    encode: Callable[..., bytes]
+    """(stamp_ns, *numbers) -> the message with this stamp [ns] and these numbers, one array per field.
+
+    Raises:
+        ValueError: where an array has another size than the template's.
+    """
+
     def __init__(self, template: Any, fields: Sequence[str], stamp: str = "header.stamp") -> None:
         for path in filter(None, (*fields, stamp)):
             _at(template, path)
         layout = Layout(template)
-        self._buffer = layout.data
         self.size = len(layout.data)
         self._blocks = [layout.under(path) for path in fields]
         self._stamp_at = _stamp_offset(layout, stamp) if stamp else None
+        spans = [(block.offset, 8 * block.count) for block in self._blocks if block.count]
         for block in self._blocks:
             if block.kind not in _DTYPES:
                 raise ValueError(f"{block.path}: only float64 and int64 numbers can vary")
-        self._views = [
-            np.frombuffer(self._buffer, _DTYPES[block.kind], block.count, block.offset if block.count else 0)
-            for block in self._blocks
-        ]
+        if self._stamp_at is not None:
+            spans.insert(0, (self._stamp_at, _STAMP.size))
+        if spans != sorted(spans):
+            raise ValueError(f"{', '.join(fields)}: not in the order of the message")
+        self._fixed = _pieces(layout.data, spans)
+        self._mask = bytearray(b"\xff" * self.size)
+        for at in (*layout.padding, *(at for start, length in spans for at in range(start, start + length))):
+            self._mask[at] = 0
+        self._masked = _masked(layout.data, self._mask)
         self._starts = [
             (_DTYPES[block.kind], block.count, block.offset - len(_HEADER) if block.count else 0)
             for block in self._blocks
         ]
-        mask = bytearray(b"\xff" * self.size)
-        for at in self._varying():
-            mask[at] = 0
-        fixed = bytes(byte & keep for byte, keep in zip(self._buffer, mask, strict=True))
-        for at in layout.padding:
-            mask[at] = 0
-        self._mask, self._fixed = int.from_bytes(mask, "little"), int.from_bytes(fixed, "little")
+        self.encode = self._encoder()
         self._prove(template, layout)
 
-    def encode(self, stamp_ns: int, *numbers: Any) -> bytes:
-        """Return the message with this stamp [ns] and these numbers, one array per field of the template's size.
+    def _encoder(self) -> Callable[..., bytes]:
+        """Return a function made for this layout: one `struct` call that knows the place of every argument."""
+        form, arguments, checks = "<", [], []
+        fixed = iter(self._fixed)
+        constants: list[bytes] = []
 
-        Raises:
-            ValueError: where an array has another size than the template's.
-        """
+        def constant() -> None:
+            nonlocal form
+            _, _, piece = next(fixed)
+            form += f"{len(piece)}s"
+            arguments.append(f"c[{len(constants)}]")
+            constants.append(piece)
+
+        constant()
         if self._stamp_at is not None:
-            sec, nanosec = divmod(stamp_ns, NS_PER_S)
-            _STAMP.pack_into(self._buffer, self._stamp_at, sec, nanosec)
-        for view, values in zip(self._views, numbers, strict=True):
-            if len(values) != len(view):
-                raise ValueError(f"got {len(values)} numbers for a field of {len(view)}")
-            view[:] = values
-        return bytes(self._buffer)
+            form += _STAMP.format.lstrip("<")
+            arguments.append("*divmod(stamp_ns, NS_PER_S)")
+            constant()
+        for i, block in enumerate(self._blocks):
+            checks.append(f"len(a{i}) == {block.count}")
+            if block.count:
+                form += f"{block.count}{block.kind}"
+                arguments.append(f"*(a{i}.tolist() if type(a{i}) is ndarray else a{i})")
+                constant()
+        names = "".join(f", a{i}" for i in range(len(self._blocks)))
+        source = (
+            f"lambda stamp_ns{names}: pack({', '.join(arguments)}) if {' and '.join(checks) or True} "
+            f"else refuse(({names.lstrip(', ')}{',' if names else ''}))"
+        )
+        scope = {"pack": struct.Struct(form).pack, "c": constants, "NS_PER_S": NS_PER_S, "ndarray": np.ndarray}
+        made: Callable[..., bytes] = eval(source, {**scope, "refuse": self._refuse})
+        return made
+
+    def _refuse(self, numbers: Sequence[Any]) -> bytes:
+        for values, block in zip(numbers, self._blocks, strict=True):
+            if len(values) != block.count:
+                raise ValueError(f"{block.path}: got {len(values)} numbers for a field of {block.count}")
+        raise ValueError("got other numbers of values than fields")
 
     def decode(self, data: bytes) -> tuple[int, list[Numbers]] | None:
         """Return stamp [ns] and arrays (read-only views of the bytes), or None where the message has another form."""
-        if len(data) != self.size or int.from_bytes(data, "little") & self._mask != self._fixed:
+        if len(data) != self.size:
             return None
+        for start, stop, piece in self._fixed:
+            if data[start:stop] != piece and _masked(data, self._mask) != self._masked:
+                return None  # more than the padding differs
         stamp_ns = 0
         if self._stamp_at is not None:
             sec, nanosec = _STAMP.unpack_from(data, self._stamp_at)
             stamp_ns = sec * NS_PER_S + nanosec
         body = data[len(_HEADER) :]  # a copy in which numbers are aligned as CDR aligns them
-        return stamp_ns, [np.frombuffer(body, *start) for start in self._starts]
-
-    def _varying(self) -> list[int]:
-        spans = [(block.offset, 8 * block.count) for block in self._blocks]
-        if self._stamp_at is not None:
-            spans.append((self._stamp_at, _STAMP.size))
-        return [at for offset, length in spans for at in range(offset, offset + length)]
+        return stamp_ns, [_frombuffer(body, dtype, count, start) for dtype, count, start in self._starts]
 
     def _prove(self, template: Any, layout: Layout) -> None:
         """Write every varying place with a number of its own and have rclpy read and write the same."""
@@ -193,6 +222,17 @@ class CdrCodec:
         expected = [numbers_at(message, block.path) for block in self._blocks]
         if differing or read is None or [list(values) for values in read[1]] != expected:
             raise ValueError(f"layout of {type(template).__name__} differs from rclpy's at bytes {differing[:8]}")
+
+
+def _pieces(data: bytes | bytearray, spans: Sequence[tuple[int, int]]) -> list[tuple[int, int, bytes]]:
+    """Return (start, stop, bytes) before, between and after the spans (offset, length)."""
+    starts = [0, *(offset + length for offset, length in spans)]
+    stops = [*(offset for offset, _ in spans), len(data)]
+    return [(start, stop, bytes(data[start:stop])) for start, stop in zip(starts, stops, strict=True)]
+
+
+def _masked(data: bytes | bytearray, mask: bytes | bytearray) -> int:
+    return int.from_bytes(data, "little") & int.from_bytes(mask, "little")
 
 
 def _stamp_offset(layout: Layout, path: str) -> int:

@@ -35,7 +35,8 @@ class Sender:
     def __init__(self, publisher: Any, form: Form) -> None:
         self.publisher = publisher
         self._form = form
-        self._codecs = {form.sizes: self._codec(form.sizes)}
+        self._usual = self._codec(form.sizes).encode
+        self._others: dict[tuple[int, ...], CdrCodec] = {}
 
     def _codec(self, sizes: tuple[int, ...]) -> CdrCodec:
         template = self._form.make(0, *(np.zeros(size) for size in sizes))
@@ -43,11 +44,13 @@ class Sender:
 
     def encode(self, stamp_ns: int, *numbers: Any) -> bytes:
         """Return the message's bytes; one array of numbers per field of the form."""
-        sizes = tuple(map(len, numbers))
-        codec = self._codecs.get(sizes)
-        if codec is None:
-            codec = self._codecs[sizes] = self._codec(sizes)
-        return codec.encode(stamp_ns, *numbers)
+        try:
+            return self._usual(stamp_ns, *numbers)
+        except ValueError:  # other sizes than usual, e.g. no effort
+            sizes = tuple(map(len, numbers))
+        if sizes not in self._others:
+            self._others[sizes] = self._codec(sizes)
+        return self._others[sizes].encode(stamp_ns, *numbers)
 
     def send(self, stamp_ns: int, *numbers: Any) -> None:
         """Publish; one array of numbers per field of the form."""
