@@ -7,11 +7,13 @@ import sys
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 
 from slip_bringup import shared_memory
 from slip_bringup.processes import child_environment
 from slip_description import urdf_text
+from test.support.ros import wait_until
 
 DEADLINE_S = 60.0
 
@@ -98,13 +100,30 @@ def test_two_runs_need_not_know_of_each_other(tmp_path: Path) -> None:
     assert all(output.startswith("200 ticks") for output in outputs)
 
 
-@pytest.mark.parametrize("delay_s", [0.3, 0.9, 1.6, 2.6, 4.0])
+def mapped(process: subprocess.Popen[str], library: str) -> bool:
+    return library in Path(f"/proc/{process.pid}/maps").read_text()
+
+
+def nodes_of(process: subprocess.Popen[str]) -> int:
+    return len(psutil.Process(process.pid).children())
+
+
+MOMENTS = {
+    "importing": lambda process: mapped(process, "pydantic_core"),
+    "checking": lambda process: mapped(process, "libpinocchio"),
+    "first process": lambda process: nodes_of(process) >= 1,
+    "all processes": lambda process: nodes_of(process) == 3,
+    "running": lambda process: nodes_of(process) == 3 and not time.sleep(3.0),
+}
+
+
+@pytest.mark.parametrize("moment", MOMENTS)
 @pytest.mark.parametrize("command", ["run", "demo"])
-def test_ctrl_c_at_any_moment_leaves_nothing(command: str, delay_s: float, tmp_path: Path) -> None:
+def test_ctrl_c_at_any_moment_leaves_nothing(command: str, moment: str, tmp_path: Path) -> None:
     before = shared_memory.segments()
     environment = child_environment(0)
     del environment["ROS_DOMAIN_ID"], environment["SLIP_VIC_EVENTS"]
-    marker = f"slip_ctrl_c_{os.getpid()}_{command}_{delay_s}"
+    marker = f"slip_ctrl_c_{os.getpid()}_{command}_{moment}"
     environment["SLIP_TEST_MARKER"] = marker
     option = ["--set", "bridge.duration_s=1000.0"]
     option += ["--out", str(tmp_path / "out")] if command == "demo" else ["--record", str(tmp_path / "bag")]
@@ -115,16 +134,15 @@ def test_ctrl_c_at_any_moment_leaves_nothing(command: str, delay_s: float, tmp_p
         stderr=subprocess.PIPE,
         text=True,
     )
-    time.sleep(delay_s)
-    process.send_signal(signal.SIGINT)
     try:
+        wait_until(lambda: MOMENTS[moment](process), moment, DEADLINE_S)
+        process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=DEADLINE_S)
     finally:
         process.kill()
-    assert process.returncode == 2 or (process.returncode == -signal.SIGINT and delay_s < 0.5), errors
+    assert process.returncode == 2, errors
+    assert [line for line in errors.splitlines() if line][-1].startswith("error: interrupted"), errors
     assert "Traceback" not in errors
-    if process.returncode == 2:
-        assert "error: interrupted" in errors.splitlines()[-1]
     assert marked(marker) == []
     assert shared_memory.orphans(shared_memory.segments() - before) == set()
     if command == "demo":
