@@ -105,6 +105,7 @@ def record(
               help="publish /clock at this rate [Hz]; 40 where no number is given")  # fmt: skip
 @click.option("-p", "--start-paused", is_flag=True, help="wait for the space key")
 @click.option("--delay", type=click.FloatRange(0.0), default=0.0, help="wait so many seconds before playing")
+@click.option("--wait-for-subscribers", is_flag=True, help="start when every topic has a subscriber")
 @click.option("--disable-keyboard-controls", is_flag=True)
 def play(
     bag_path: Path,
@@ -119,6 +120,7 @@ def play(
     clock_hz: float,
     start_paused: bool,
     delay: float,
+    wait_for_subscribers: bool,
     disable_keyboard_controls: bool,
 ) -> None:
     """Publish a bag's messages again, with their recorded spacing.
@@ -126,7 +128,7 @@ def play(
     Keys: space pause/resume, right arrow or s one message, up/down rate, q quit.
     """
     from slip_bringup.bags.keyboard import TerminalControls, raw_keys, terminal
-    from slip_bringup.bags.player import Player, PlayOptions, wait_for_subscribers
+    from slip_bringup.bags.player import Player, PlayOptions, wait_for_discovery
     from slip_bringup.bags.reader import Bag
     from slip_bringup.bags.session import StopFlag, ros_node
 
@@ -150,7 +152,7 @@ def play(
     ):
         controls = TerminalControls(None if disable_keyboard_controls else keys, terminal(), stop)
         player = Player(node, opened, options, controls, lambda text: click.echo(f"warning: {text}", err=True))
-        wait_for_subscribers(player, delay, lambda: stop.is_set)
+        wait_for_discovery(player, delay, lambda: stop.is_set, everybody=wait_for_subscribers)
         result = player.run()
         controls.finish(player)
     end = "" if result.completed else "stopped: "

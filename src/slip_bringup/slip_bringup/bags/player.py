@@ -20,6 +20,7 @@ from rosgraph_msgs.msg import Clock
 
 from slip_bringup.bags.ahead import ReadAhead
 from slip_bringup.bags.format import TopicInfo
+from slip_bringup.bags.patterns import check_patterns
 from slip_bringup.bags.reader import Bag
 from slip_bringup.bags.schedule import Schedule
 from slip_bringup.bags.typedefs import split_type_name
@@ -131,6 +132,12 @@ class Player:
         """The topics of the bag that are played."""
         return list(self._publishers)
 
+    @property
+    def heard(self) -> bool:
+        """Whether every topic has a matched subscriber."""
+        return all(publisher.get_subscription_count() for publisher in self._publishers.values())
+
+    @property
     def matched(self) -> bool:
         """Whether every subscription that is known for our topics is matched."""
         return all(
@@ -225,6 +232,7 @@ class Player:
             yield Due(message.log_time_ns, self._publishers[message.topic], message.data)
 
     def _selected(self) -> list[str]:
+        check_patterns(regex=self._options.regex, exclude_regex=self._options.exclude_regex)
         options, names = self._options, list(self._bag.topics)
         if options.topics or options.regex:
             wanted = {self._bag.topic(name).name for name in options.topics}
@@ -264,12 +272,15 @@ def playing_qos(topic: TopicInfo) -> QoSProfile:
     )
 
 
-def wait_for_subscribers(player: Player, delay_s: float, stop: Callable[[], bool]) -> None:
-    """Give discovery time: at least `SETTLE_S`, until known subscriptions are matched, and `delay_s` on top."""
+def wait_for_discovery(player: Player, delay_s: float, stop: Callable[[], bool], *, everybody: bool) -> None:
+    """Wait until the subscriptions that are known are matched, and `delay_s` on top.
+
+    At least `SETTLE_S`, so that they can become known; with `everybody` until each topic has one, however long.
+    """
     start = time.monotonic()
     while not stop():
         elapsed = time.monotonic() - start
-        if elapsed >= SETTLE_S and (player.matched() or elapsed >= MATCH_LIMIT_S):
+        if elapsed >= SETTLE_S and (player.heard if everybody else player.matched or elapsed >= MATCH_LIMIT_S):
             break
         time.sleep(0.01)
     end = time.monotonic() + delay_s

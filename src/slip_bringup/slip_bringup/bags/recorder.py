@@ -19,6 +19,7 @@ from rclpy.node import Node
 from slip_bringup.bags.format import QosProfile, TopicInfo
 from slip_bringup.bags.intake import Arrival
 from slip_bringup.bags.loss import LossCounter
+from slip_bringup.bags.patterns import check_patterns
 from slip_bringup.bags.subscription import Offer, TopicSubscription
 from slip_bringup.bags.typedefs import MessageDefinition, find_definition, split_type_name
 from slip_bringup.bags.writer import BagWriter
@@ -48,11 +49,7 @@ class Selection:
         for _, type_name in self.topics:
             if type_name is not None:
                 find_definition(type_name)
-        for option, pattern in (("--regex", self.regex), ("--exclude-regex", self.exclude_regex)):
-            try:
-                re.compile(pattern)
-            except re.error as error:
-                raise InputError(option, got=pattern, expected="a regular expression", fix=str(error)) from None
+        check_patterns(regex=self.regex, exclude_regex=self.exclude_regex)
 
     def wants(self, topic: str) -> bool:
         """Whether a discovered topic is to be recorded."""
