@@ -90,6 +90,11 @@ class TickDiagnostics:
         object.__setattr__(self, "_terms", evaluated)
 
     @property
+    def working_terms(self) -> TickTerms | None:
+        """As `terms`, for the cycle's own use: not read-only yet, and not to be changed."""
+        return self._terms
+
+    @property
     def terms(self) -> TickTerms | None:
         """Every symbol of the law, None where it was not evaluated.
 

@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
+from slip_vic_controller.core.input_monitor import UNANSWERED, USABLE, InputMonitor
+from slip_vic_controller.core.trouble import Trouble
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +51,17 @@ class InputBuffer:
         contacts: number of contacts n_C.
         lockstep: True waits for exactly the samples of a manifest, so that runs are repeatable; False takes
             whatever is newest when a joint state arrives.
+        monitor: judges every sample, and keeps bad ones out; None takes all.
+        slip_needed: whether a set without a good slip velocity is incomplete.
     """
 
-    def __init__(self, contacts: int, *, lockstep: bool) -> None:
+    def __init__(
+        self, contacts: int, *, lockstep: bool, monitor: InputMonitor | None = None, slip_needed: bool = True
+    ) -> None:
         self._lockstep = lockstep
+        self._monitor = monitor
+        self._slip_needed = slip_needed
+        self.joint_trouble = Trouble.NONE
         self._joint: JointSample | None = None
         self._manifest: Manifest | None = None
         self._wrenches: list[list[WrenchSample]] = [[] for _ in range(contacts)]
@@ -61,26 +72,41 @@ class InputBuffer:
         self._slip_counts = [0] * contacts
         self.skipped = 0
 
-    def add_joint(self, sample: JointSample) -> None:
-        """Take a joint state; one that was never used is skipped, newest wins."""
+    def add_joint(self, sample: JointSample, now_ns: int | None = None) -> None:
+        """Take a joint state; one that was never used is skipped, newest wins. `now_ns`: steady time of its arrival."""
+        trouble = Trouble.NONE
+        if self._monitor is not None:
+            trouble = self._monitor.joint_state(sample, sample.stamp_ns if now_ns is None else now_ns)
+            if trouble in UNANSWERED and not self._lockstep:
+                return
         if self._joint is not None:
             self.skipped += 1
-        self._joint = sample
+            if self.joint_trouble == Trouble.RESTARTED and trouble in USABLE:
+                trouble = Trouble.RESTARTED
+        self._joint, self.joint_trouble = sample, trouble
 
-    def add_wrench(self, contact: int, sample: WrenchSample) -> None:
+    def add_wrench(self, contact: int, sample: WrenchSample, now_ns: int | None = None) -> None:
         """Take a wrench of one contact; the newest by stamp counts, whatever the order of arrival."""
         self._wrench_counts[contact] += 1
+        if self._monitor is not None:
+            trouble = self._monitor.wrench(contact, sample, sample.stamp_ns if now_ns is None else now_ns)
+            if trouble not in USABLE:
+                return
         self._wrenches[contact].append(sample)
         newest = self._newest_wrench[contact]
-        if newest is None or sample.stamp_ns >= newest.stamp_ns:
+        if self._monitor is not None or newest is None or sample.stamp_ns >= newest.stamp_ns:
             self._newest_wrench[contact] = sample
 
-    def add_slip(self, contact: int, sample: SlipSample) -> None:
+    def add_slip(self, contact: int, sample: SlipSample, now_ns: int | None = None) -> None:
         """Take a slip velocity of one contact; the newest by stamp counts, whatever the order of arrival."""
         self._slip_counts[contact] += 1
+        if self._monitor is not None:
+            trouble = self._monitor.slip(contact, sample, sample.stamp_ns if now_ns is None else now_ns)
+            if trouble not in USABLE:
+                return
         self._slips[contact].append(sample)
         newest = self._newest_slip[contact]
-        if newest is None or sample.stamp_ns >= newest.stamp_ns:
+        if self._monitor is not None or newest is None or sample.stamp_ns >= newest.stamp_ns:
             self._newest_slip[contact] = sample
 
     def add_manifest(self, manifest: Manifest) -> None:
@@ -101,7 +127,8 @@ class InputBuffer:
         """
         names = ["joint_states"] if self._joint is None else []
         names += [f"wrench of contact {i}" for i, sample in enumerate(self._newest_wrench) if sample is None]
-        return names + [f"slip of contact {i}" for i, sample in enumerate(self._newest_slip) if sample is None]
+        slips = self._newest_slip if self._slip_needed else ()
+        return names + [f"slip of contact {i}" for i, sample in enumerate(slips) if sample is None]
 
     def complete(self) -> bool:
         """Return whether a cycle can be answered now: a joint state, and in lockstep all that belongs to its stamp.
@@ -127,7 +154,8 @@ class InputBuffer:
         """
         joint = self._joint
         wrenches = tuple(sample for sample in self._newest_wrench if sample is not None)
-        slips = tuple(sample for sample in self._newest_slip if sample is not None)
+        known = (sample if self._slip_needed else sample or _NO_SLIP for sample in self._newest_slip)
+        slips = tuple(sample for sample in known if sample is not None)
         if joint is None or len(wrenches) != len(self._newest_wrench) or len(slips) != len(self._newest_slip):
             self._joint = None
             self._manifest = None
@@ -140,3 +168,6 @@ class InputBuffer:
         for slip_samples in self._slips:
             slip_samples.clear()
         return inputs
+
+
+_NO_SLIP = SlipSample(0, np.full(6, np.nan), valid=False)

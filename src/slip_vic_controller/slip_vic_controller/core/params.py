@@ -9,6 +9,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from slip_msgs_py.params import ParameterModel, parameter
+from slip_vic_controller.core.safety_params import SafetyParams
 
 QUATERNION_TOLERANCE = 1e-3
 """How far a quaternion's norm may be from 1: typed with four digits it is still accepted, and normalised."""
@@ -92,12 +93,6 @@ class SingularityParams(ParameterModel):
 
     sigma_min: float = parameter(0.04, "singular value of J below which damping starts", runtime=True, gt=0.0)
     damping: float = parameter(0.1, "largest damping on J B^-1 J^T, squared when added", unit="kg^-1/2", gt=0.0)
-
-
-class SafetyParams(ParameterModel):
-    """The command that is given where the law cannot be evaluated."""
-
-    joint_damping: float = parameter(2.0, "joint damping of the safe command", unit="N m s/rad", ge=0.0)
 
 
 class TrajectoryParams(ParameterModel):

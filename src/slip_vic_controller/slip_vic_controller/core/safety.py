@@ -65,6 +65,16 @@ def safe_torque(gravity: Array, velocity: Array | None, damping: float) -> Array
     return gravity if velocity is None else gravity - damping * velocity
 
 
+def hold_torque(
+    gravity: Array, M: Array, q: Array, qd: Array, posture: Array, stiffness: float, damping: float
+) -> Array:
+    """Return g + M (k (q_0 - q) - d qd); (n,) [N m], (n, n) [kg m2], (n,) [rad], [rad/s], k [1/s^2], d [1/s].
+
+    Implements: ours: the command of HOLD; with the inertia in it one stiffness suits all joints and postures.
+    """
+    return gravity + M.dot(stiffness * (posture - q) - damping * qd)
+
+
 def limit_effort(torque: Array, limit: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Return the torque clipped to +-limit and which joints were clipped; (n,) [N m] -> (n,) [N m], (n,) bool.
 

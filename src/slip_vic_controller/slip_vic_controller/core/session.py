@@ -1,4 +1,4 @@
-"""The controller between ticks: collected inputs, the law's memory, and one cycle after the other.
+"""The controller between ticks: collected inputs, the memories of law and supervision, one cycle after the other.
 
 The node, the in-process loop and bag replay all run this same class.
 """
@@ -14,8 +14,12 @@ from slip_msgs_py.stamps import split_ns
 from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.diagnostics import TickDiagnostics
-from slip_vic_controller.core.inputs import InputBuffer
+from slip_vic_controller.core.input_monitor import GOOD, USABLE, Health, InputMonitor
+from slip_vic_controller.core.inputs import InputBuffer, TickInputs
+from slip_vic_controller.core.modes import Mode, ModeState, Request
 from slip_vic_controller.core.state import ControllerState
+from slip_vic_controller.core.supervision import Supervised, Supervisor, SupervisorState
+from slip_vic_controller.core.trouble import Trouble, say
 
 NO_EFFORT = readonly(np.zeros(0))
 NO_STAMP = (0, 0)
@@ -26,6 +30,8 @@ class CycleResult:
     """One answered cycle; an empty effort means "no command": an input has never been seen.
 
     ledger: [cycle, state sec, nanosec, then per contact the newest wrench's and slip's sec, nanosec].
+    decision: [controller's clock sec, nanosec, mode, worth of the inputs, request]: with the ledger all that a cycle
+    depends on. path_speed: 1 = the trajectory as planned.
     """
 
     cycle: int
@@ -33,28 +39,44 @@ class CycleResult:
     command: EffortCommand
     ledger: tuple[int, ...]
     diagnostics: TickDiagnostics | None
+    mode: ModeState
+    decision: tuple[int, ...]
+    path_speed: float = 1.0
 
 
 class ControllerSession:
-    """Runs the law whenever a set of inputs is complete.
+    """Runs the law, under supervision, whenever a set of inputs is complete.
 
     Args:
         controller: the law with its parameters.
-        lockstep: whether to wait for exactly the samples the bridge lists.
+        lockstep: whether to wait for exactly the samples the bridge lists, and to take its stamps as the clock.
     """
 
     def __init__(self, controller: VicController, *, lockstep: bool) -> None:
+        params = controller.params
         self._controller = controller
         self.contacts = len(controller.contacts)
-        self.inputs = InputBuffer(self.contacts, lockstep=lockstep)
+        self.monitor = InputMonitor(controller.arm, params.safety.inputs, self.contacts, lockstep=lockstep)
+        self.inputs = InputBuffer(
+            self.contacts, lockstep=lockstep, monitor=self.monitor, slip_needed=params.controller == "vic"
+        )
+        self.supervisor = Supervisor(controller)
         self.state: ControllerState | None = None
+        self.safety: SupervisorState | None = None
         self.cycles = 0
+        self._lockstep = lockstep
         self._reference: CartesianReference | None = None
+        self._request = Request.NONE
 
     @property
     def reference_from_topic(self) -> bool:
         """Whether the reference comes from outside instead of the built-in trajectory."""
         return self._controller.params.trajectory.kind == "topic"
+
+    @property
+    def mode(self) -> Mode:
+        """The mode of the last cycle."""
+        return Mode.WAITING_INPUT if self.safety is None else self.safety.mode.mode
 
     def set_reference(self, reference: CartesianReference) -> None:
         """Use this reference from the next cycle on.
@@ -63,28 +85,90 @@ class ControllerSession:
         """
         self._reference = reference
 
-    def cycle(self) -> CycleResult | None:
+    def request(self, request: Request) -> None:
+        """Ask for a mode; the next cycle decides."""
+        self._request = request
+
+    def cycle(self, now_ns: int | None = None, health: Health | None = None) -> CycleResult | None:
         """Answer the collected inputs, or return None where the set is not complete yet.
+
+        Args:
+            now_ns: steady time; None, and lockstep, take the joint state's stamp.
+            health: what the inputs are worth; None asks the monitor, replay gives what the run's monitor said.
 
         Implements: ours: one output per joint state.
         """
         if not self.inputs.complete():
             return None
-        joint = self.inputs.newest_joint
+        joint, trouble = self.inputs.newest_joint, self.inputs.joint_trouble
+        missing = self.inputs.missing()
         inputs = self.inputs.take()
-        cycle = self.cycles
-        self.cycles += 1
-        if inputs is None:
-            ledger = (cycle, *split_ns(joint.stamp_ns), *(NO_STAMP * 2 * self.contacts))
-            return CycleResult(cycle, joint, EffortCommand(joint.stamp_ns, NO_EFFORT), ledger, None)
+        now = joint.stamp_ns if now_ns is None or self._lockstep else now_ns
+        request, self._request = self._request, Request.NONE
+        safety = self.supervisor.initial_state(now) if self.safety is None else self.safety
+        if trouble == Trouble.RESTARTED and self.state is not None:
+            self.state = None
+            safety = self.supervisor.waiting(safety, say("joint state", trouble), request, now)
+        if self.state is None and trouble not in USABLE:
+            missing.insert(0, "a good joint state")
+        if inputs is None or missing:
+            self.safety = self.supervisor.waiting(safety, f"waits for {', '.join(missing)}", request, now)
+            return self._waiting(joint, now, GOOD if health is None else health, request)
+        if health is None:
+            health = self.monitor.health(trouble, joint.stamp_ns, now)
         if self.state is None:
             self.state = self._controller.initial_state(joint)
-        result = self._controller.step(self.state, joint, inputs.wrenches, inputs.slips, self._reference)
-        self.state = result.state
+        done = self.supervisor.step(
+            safety, self.state, now, joint, inputs.wrenches, inputs.slips, health, self.monitor.joint.frozen(now),
+            request, self._reference,
+        )  # fmt: skip
+        return self._done(done, joint, self._used(joint, inputs), now, health, request)
+
+    def watchdog(self, now_ns: int) -> CycleResult | None:
+        """Return a command where joint states have stayed away for too long, None where all is well.
+
+        It repeats until the effort has come down to gravity compensation; the bridge's command timeout does the rest.
+
+        Implements: ours: a watchdog on the steady clock, so that it bites when every other clock stands still.
+        """
+        if self._lockstep or self.state is None or self.safety is None or not self.monitor.joint.silent(now_ns):
+            return None
+        newest = self.monitor.joint.newest
+        if newest is None or self.safety.mode.mode == Mode.WAITING_INPUT:
+            return None
+        health = Health(joint=Trouble.SILENT)
+        request, self._request = self._request, Request.NONE
+        before = self.safety
+        done = self.supervisor.without_joint_state(before, self.state, now_ns, request)
+        settled = before.gate is not None and (before.gate.effort == done.command.effort).all()
+        if settled and before.mode == done.state.mode:
+            return None
+        ledger = (self.cycles, *split_ns(newest.stamp_ns), *(NO_STAMP * 2 * self.contacts))
+        return self._done(done, newest, ledger, now_ns, health, request)
+
+    def _used(self, joint: JointSample, inputs: TickInputs) -> tuple[int, ...]:
         used = [
             number
             for wrench, slip in zip(inputs.wrenches, inputs.slips, strict=True)
             for number in (*split_ns(wrench.stamp_ns), *split_ns(slip.stamp_ns))
         ]
-        ledger = (cycle, *split_ns(joint.stamp_ns), *used)
-        return CycleResult(cycle, joint, result.command, ledger, result.diagnostics)
+        return (self.cycles, *split_ns(joint.stamp_ns), *used)
+
+    def _done(
+        self, done: Supervised, joint: JointSample, ledger: tuple[int, ...], now: int, health: Health, request: Request
+    ) -> CycleResult:
+        self.state, self.safety = done.control, done.state
+        cycle = self.cycles
+        self.cycles += 1
+        mode = done.state.mode
+        decision = (*split_ns(now), int(mode.mode), health.code(), int(request))
+        return CycleResult(cycle, joint, done.command, ledger, done.diagnostics, mode, decision, done.state.path.scale)
+
+    def _waiting(self, joint: JointSample, now: int, health: Health, request: Request) -> CycleResult:
+        assert self.safety is not None
+        cycle = self.cycles
+        self.cycles += 1
+        mode = self.safety.mode
+        ledger = (cycle, *split_ns(joint.stamp_ns), *(NO_STAMP * 2 * self.contacts))
+        decision = (*split_ns(now), int(mode.mode), health.code(), int(request))
+        return CycleResult(cycle, joint, EffortCommand(joint.stamp_ns, NO_EFFORT), ledger, None, mode, decision)

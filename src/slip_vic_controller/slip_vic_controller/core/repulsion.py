@@ -1,0 +1,107 @@
+"""Soft walls: torques that keep joints from their stops and limit speeds, before the output gate."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from slip_msgs_py.arrays import Array
+from slip_vic_controller.core.arm import ArmModel
+from slip_vic_controller.core.safety_params import LimitParams
+
+PAD_BRAKE = np.repeat((100.0, 10.0), 3)  # [N s/m], [N m s/rad]
+PAD_BRAKE.flags.writeable = False
+TRIP = 4.0 / 3.0  # of the pad's speed limits
+BRAKED_FROM = 0.75
+
+
+class Walls(NamedTuple):
+    """Where the walls stand.
+
+    lower, upper (n,) [rad] of the joints' stops, margin [rad]; velocity, brake_from, trip (n,) [rad/s]; effort (n,)
+    [N m]; speed: linear [m/s] and angular [rad/s] speed limit of the pad.
+    """
+
+    lower: Array
+    upper: Array
+    margin: float
+    velocity: Array
+    brake_from: Array
+    trip: Array
+    effort: Array
+    speed: tuple[float, float]
+
+
+def make_walls(arm: ArmModel, params: LimitParams) -> Walls:
+    """Return the walls of an arm: the URDF's limits and the parameters.
+
+    Implements: ours: limits come from one place.
+    """
+    velocity = arm.velocity_limit * params.velocity_scale
+    return Walls(
+        arm.position_lower,
+        arm.position_upper,
+        params.position_margin,
+        velocity,
+        velocity * params.velocity_brake,
+        velocity * params.velocity_trip,
+        arm.effort_limit,
+        (params.speed_linear, params.speed_angular),
+    )
+
+
+def joint_repulsion(walls: Walls, q: Array, qd: Array) -> Array | None:
+    """Return the torque away from the stops and against too high velocities; (n,) [rad], [rad/s] -> (n,) [N m].
+
+    None where no wall is touched, which is nearly always. Grows from zero with the square of the depth, to the full
+    effort at the stop, and in proportion from the braking velocity on, to the full effort at the velocity limit.
+
+    Implements: ours: continuous, bounded by the effort limits, no gains to tune.
+    """
+    low = walls.lower + walls.margin - q
+    high = q - (walls.upper - walls.margin)
+    over = np.abs(qd) - walls.brake_from
+    if not ((low > 0.0) | (high > 0.0) | (over > 0.0)).any():
+        return None
+    low, high = _share(low / walls.margin), _share(high / walls.margin)
+    brake = _share(over / (walls.velocity - walls.brake_from))
+    return np.asarray(walls.effort * (low * low - high * high - np.sign(qd) * brake))
+
+
+def pad_brake(walls: Walls, J: Array, twist: Array) -> Array | None:
+    """Return the torque that brakes a pad near its speed limits; J (6, n), twist (6,) [m/s, rad/s] {w} -> (n,) [N m].
+
+    None below three quarters of the limits.
+
+    Implements: ours: a Cartesian damper on what is too fast.
+    """
+    force = None
+    for half, limit in ((slice(0, 3), walls.speed[0]), (slice(3, 6), walls.speed[1])):
+        v = twist[half]
+        speed = float(np.sqrt(v.dot(v)))
+        if speed > BRAKED_FROM * limit:
+            force = np.zeros(6) if force is None else force
+            force[half] = -PAD_BRAKE[half] * v * (1.0 - BRAKED_FROM * limit / speed)
+    return None if force is None else J.T.dot(force)
+
+
+def too_fast(walls: Walls, names: tuple[str, ...], qd: Array, twist: Array | None) -> str:
+    """Return which joint or pad speed is beyond what braking should have allowed; (n,) [rad/s], (6,) {w}.
+
+    Implements: ours: a control loop that runs away ends here.
+    """
+    over = np.abs(qd) > walls.trip
+    if over.any():
+        i = int(over.argmax())
+        return f"{names[i]} turns at {abs(qd[i]):.1f} rad/s, the limit is {walls.velocity[i]:.1f}"
+    if twist is not None:
+        for half, limit, unit in ((twist[:3], walls.speed[0], "m/s"), (twist[3:], walls.speed[1], "rad/s")):
+            speed = float(np.sqrt(half.dot(half)))
+            if speed > TRIP * limit:
+                return f"the pad moves at {speed:.1f} {unit}, the limit is {limit:.1f}"
+    return ""
+
+
+def _share(x: Array) -> Array:
+    return np.minimum(np.maximum(x, 0.0), 1.0)
