@@ -15,7 +15,7 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from slip_msgs_py import forms, from_msgs, to_msgs
-from slip_msgs_py.errors import InputError, ProtocolError
+from slip_msgs_py.errors import InputError, ProtocolError, SlipVicError
 from slip_msgs_py.fast_io import Refusals, Sender, create_receiver, create_sender
 from slip_msgs_py.node_main import emit, run_node
 from slip_msgs_py.peers import Peers, wait_until
@@ -23,6 +23,7 @@ from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.resources import read_text
 from slip_msgs_py.ros_params import declare
+from slip_msgs_py.spinning import Spinner
 from slip_msgs_py.stamps import split_ns
 from slip_msgs_py.timing import Window, spread
 from slip_msgs_py.topics import contact_topic
@@ -33,6 +34,7 @@ from slip_sim_bridge.pacing import Pacer
 from slip_sim_bridge.session import BridgeSession, TickOutputs
 
 PROGRESS_EVERY_S = 0.1
+STOP_CHECK_S = 0.1
 FIRST_TICK_S = 0.05  # real time: how long the first state waits for its command before it is sent again
 LATENCIES_KEPT = 100_000
 LATENCY = pacing.SCALARS.index("latency_s")
@@ -52,11 +54,14 @@ class SlipSimBridge(Node):
         self._order = from_msgs.JointOrder(self.params.joint_names)
         self._command: EffortCommand | None = None
         self._stamp_ns = -1
+        self._over = False
+        self._failure: SlipVicError | None = None
         self._pacer: Pacer | None = None
         self._latencies = Window(LATENCIES_KEPT)
         self._refusals = Refusals(self.get_logger().error)
         self._peers_ready: set[str] = set()
         self._executor = executor or EventsExecutor()
+        self._spinner = Spinner(self._executor)
         self._create_endpoints(urdf)
         self._executor.add_node(self)
 
@@ -101,8 +106,13 @@ class SlipSimBridge(Node):
 
     def _on_command(self, command: EffortCommand) -> None:
         self._command = command
-        if self._pacer is not None and command.stamp_ns == self._stamp_ns and len(command.effort):
+        if command.stamp_ns != self._stamp_ns:
+            return
+        if self._lockstep:
+            self._finish_lockstep_tick(command)
+        elif self._pacer is not None and len(command.effort):
             self._pacer.answered(time.monotonic())
+            self._spinner.enough()
 
     def _on_grip_force(self, message: Any) -> None:
         try:
@@ -167,35 +177,48 @@ class SlipSimBridge(Node):
         )
 
     def _run_lockstep(self, should_stop: Callable[[], bool]) -> None:
-        while not should_stop() and not self.session.finished:
-            outputs = self.session.observe()
-            self._publish(outputs)
-            self._publish_truth(outputs)
-            if not self._wait_for_command(outputs, should_stop):
-                return
-            self.session.advance(self._command)
-            self._report_progress()
+        """Publish the first state; from then on every command brings the next one, in its callback."""
+        if self.session.finished:
+            return
+        self._begin_lockstep_tick()
+        while not should_stop() and not self._over:
+            self._spinner.spin(STOP_CHECK_S)
+            if not self._over and time.monotonic() - self._began_wall > self.params.lockstep_timeout_s:
+                raise ProtocolError(self._missing_command())
+        if self._failure is not None:
+            raise self._failure
 
-    def _wait_for_command(self, outputs: TickOutputs, should_stop: Callable[[], bool]) -> bool:
-        """Wait for the command of this stamp; False where the process was asked to stop."""
-        deadline = time.monotonic() + self.params.lockstep_timeout_s
-        spin_once = self._executor.spin_once
-        while self._command is None or self._command.stamp_ns != outputs.stamp_ns:
-            if should_stop():
-                return False
-            if time.monotonic() > deadline:
-                last = "none" if self._command is None else f"stamp {self._command.stamp_ns} ns"
-                refused = self._refusals.last("effort_command")
-                raise ProtocolError(
-                    f"lockstep: no effort_command for tick {outputs.tick} (stamp {outputs.stamp_ns} ns) within "
-                    f"{self.params.lockstep_timeout_s:g} s; last command: {last}" + (f"; {refused}" if refused else "")
-                )
-            spin_once(0.1)
-        return True
+    def _begin_lockstep_tick(self) -> None:
+        outputs = self.session.observe()
+        self._publish(outputs)
+        self._publish_truth(outputs)
+        self._began_wall = time.monotonic()
+
+    def _finish_lockstep_tick(self, command: EffortCommand) -> None:
+        try:
+            self.session.advance(command)
+            if self.session.finished:
+                self._over = True
+            else:
+                self._begin_lockstep_tick()
+        except SlipVicError as error:
+            self._failure, self._over = error, True
+        self._report_progress()
+        if self._over:
+            self._stamp_ns = -1
+            self._spinner.enough()
+
+    def _missing_command(self) -> str:
+        last = "none" if self._command is None else f"stamp {self._command.stamp_ns} ns"
+        refused = self._refusals.last("effort_command")
+        return (
+            f"lockstep: no effort_command for tick {self.session.tick} (stamp {self._stamp_ns} ns) within "
+            f"{self.params.lockstep_timeout_s:g} s; last command: {last}" + (f"; {refused}" if refused else "")
+        )
 
     def _run_realtime(self, should_stop: Callable[[], bool]) -> None:
         outputs = self._first_tick(should_stop)
-        pacer, spin_once, clock = self._pacer, self._executor.spin_once, time.monotonic
+        pacer, clock = self._pacer, time.monotonic
         while outputs is not None and pacer is not None:
             truth_is_due = True  # in the time that is left once the command is there
             while (left := pacer.left(clock())) > 0.0 and not should_stop():
@@ -203,7 +226,7 @@ class SlipSimBridge(Node):
                     truth_is_due = False
                     self._publish_truth(outputs)
                 else:
-                    spin_once(left)
+                    self._spinner.spin(left)
             if should_stop():
                 return
             if truth_is_due:
@@ -221,7 +244,7 @@ class SlipSimBridge(Node):
             self._report_progress()
 
     def _first_tick(self, should_stop: Callable[[], bool]) -> TickOutputs | None:
-        """Publish tick 0 with the present time until its command comes back: only then everybody is warm and connected."""
+        """Publish tick 0 with the present time until its command comes back: then everybody is warm and connected."""
         deadline = time.monotonic() + self.params.peer_timeout_s
         while not should_stop():
             self.session.start_at(time.time_ns())
@@ -233,7 +256,7 @@ class SlipSimBridge(Node):
                 return outputs
             attempt = time.monotonic() + FIRST_TICK_S
             while not self._pacer.is_answered and (left := attempt - time.monotonic()) > 0.0:
-                self._executor.spin_once(left)
+                self._spinner.spin(left)
             if self._pacer.is_answered:
                 self._started_wall = time.monotonic()
                 return outputs

@@ -23,6 +23,7 @@ from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.resources import read_text
 from slip_msgs_py.ros_params import declare
+from slip_msgs_py.spinning import Spinner
 from slip_msgs_py.topics import contact_topic
 from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import VicController
@@ -33,6 +34,7 @@ from slip_vic_controller.publishing import DiagnosticsPublisher, TimingPublisher
 
 STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only the newest state matters
 READY_CHECK_S = 0.02
+STOP_CHECK_S = 0.1
 
 
 class SlipVicController(Node):
@@ -49,6 +51,7 @@ class SlipVicController(Node):
         self._ready = False
         self._refusals = Refusals(self.get_logger().error)
         self._executor = executor or EventsExecutor()
+        self._spinner = Spinner(self._executor)
         self._create_endpoints()
         self._executor.add_node(self)
 
@@ -164,7 +167,7 @@ class SlipVicController(Node):
     def run(self, should_stop: Callable[[], bool]) -> None:
         """Run until asked to stop."""
         while not should_stop():
-            self._executor.spin_once(0.1 if self._ready else READY_CHECK_S)
+            self._spinner.spin(STOP_CHECK_S if self._ready else READY_CHECK_S)
             self.announce_when_ready()
         emit("done", cycles=self.session.cycles, skipped=self.session.inputs.skipped)
 
