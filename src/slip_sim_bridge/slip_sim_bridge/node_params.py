@@ -16,7 +16,10 @@ class BridgeNodeParams(BridgeParams):
     peer_timeout_s: float = parameter(15.0, "how long to wait for the peers", unit="s", gt=0.0)
     lockstep_timeout_s: float = parameter(5.0, "longest wait for the command of a lockstep tick", unit="s", gt=0.0)
     command_timeout_s: float = parameter(
-        0.1, "realtime: age above which the last command is dropped and the arm holds itself", unit="s", gt=0.0
+        0.1, "age of the last command above which the arm holds its posture by itself", unit="s", gt=0.0
+    )
+    effort_rate: float = parameter(
+        1000.0, "largest change of a joint's effort where holding and obeying take turns", unit="N m/s", gt=0.0
     )
     duration_s: float = parameter(8.0, "simulated time of a run", unit="s", gt=0.0)
     stop_after_duration: bool = parameter(True, "end the process after duration_s; false runs until stopped")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slip_msgs_py.arrays import readonly
+from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.stamps import seconds_to_ns
 from slip_msgs_py.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.node_params import BridgeNodeParams
@@ -52,6 +52,8 @@ class BridgeSession:
         self._wrench_count = 0
         self._slip_count = 0
         self._reset_wanted = False
+        self._held, self._catching_up = True, False
+        self.switches = 0
         self.tick = 0
         self.contacts = 1
 
@@ -87,6 +89,7 @@ class BridgeSession:
         if self._reset_wanted:
             self._reset_wanted = False
             self.simulation.reset()
+            self._held, self._catching_up = True, False
             self._sensors.reset()
         simulation = self.simulation
         wrenches = tuple(self._sensors.wrench.update(simulation.true_wrench()))
@@ -104,11 +107,26 @@ class BridgeSession:
         )
 
     def advance(self, command: EffortCommand | None) -> None:
-        """Apply a command for one control period; None, an empty one, or one too old holds the arm."""
-        effort = None
-        if command is not None and len(command.effort):
-            age_ns = self.simulation.stamp_ns - command.stamp_ns
-            if 0 <= age_ns <= seconds_to_ns(self._params.command_timeout_s):
-                effort = command.effort
-        self.simulation.step(effort)
+        """Apply a command for one control period; None, an empty one, or one too old or not finite holds the arm.
+
+        Where holding and obeying take turns the effort changes no faster than `effort_rate`, until it has caught up.
+        """
+        effort = self._accepted(command)
+        changes = (effort is None) != self._held
+        if changes:
+            self._held, self._catching_up = effort is None, True
+            self.switches += 1
+        simulation = self.simulation
+        if self._catching_up:
+            simulation.step(effort, self._params.effort_rate * self._params.control_period_s)
+            self._catching_up = simulation.effort_limited
+        else:
+            simulation.step(effort)
         self.tick += 1
+
+    def _accepted(self, command: EffortCommand | None) -> Array | None:
+        """Return the effort of a command that counts."""
+        if command is None or not len(command.effort) or not np.isfinite(command.effort).all():
+            return None
+        age_ns = self.simulation.stamp_ns - command.stamp_ns
+        return command.effort if 0 <= age_ns <= seconds_to_ns(self._params.command_timeout_s) else None

@@ -34,7 +34,7 @@ class GraspSimulation:
         self._stamp_ns = 0
         self._hold_posture: Array | None = None
         self._applied = np.zeros_like(self._limit)
-        self._refused = self._saturated = self._diverged = False
+        self._refused = self._saturated = self._limited = self._diverged = False
         self._start()
 
     @property
@@ -72,6 +72,11 @@ class GraspSimulation:
         return self._saturated
 
     @property
+    def effort_limited(self) -> bool:
+        """True where the last effort was kept near the one before it."""
+        return self._limited
+
+    @property
     def grip_force(self) -> float:
         """Normal force of the friction limit, summed over both pads [N]."""
         return self._grip
@@ -88,8 +93,10 @@ class GraspSimulation:
             raise InputError("grip force", got=force, expected="a finite number >= 0")
         self._grip = float(force)
 
-    def step(self, effort: Array | None) -> None:
+    def step(self, effort: Array | None, largest_change: float | None = None) -> None:
         """Advance one control period under `effort`; (n,) [N m], clipped to the URDF's limits; None holds the arm.
+
+        `largest_change` [N m] bounds how far the applied effort may be from the last one.
 
         Raises:
             InputError: where the effort has the wrong size.
@@ -170,7 +177,7 @@ class GraspSimulation:
         self._applied = np.clip(
             self._plant.holding_effort(self._hold_posture, 0.0, 0.0), self._lower_limit, self._limit
         )
-        self._refused = self._saturated = self._diverged = False
+        self._refused = self._saturated = self._limited = self._diverged = False
 
     def _accept(self, effort: Array | None) -> Array | None:
         self._refused = False
