@@ -31,7 +31,7 @@ from slip_bringup.bags.writer import BagWriter, StorageError, WriterOptions
 from slip_msgs_py.errors import InputError, SlipVicError
 
 READY_TOPIC: Final = "recorder/ready"
-POLL_S: Final = 0.005
+POLL_S: Final = 0.01
 QUEUE_DEPTH: Final = 2000
 MIN_FREE_BYTES: Final = 64 << 20
 
@@ -88,8 +88,10 @@ def _record(node: Node, options: RecordOptions, listener: Listener, stop: Callab
             warn=listener.warning,
             ignored=(READY_TOPIC,),
         )
+        start, start_cpu = time.monotonic(), time.process_time()
         _loop(node, recorder, writer, options, listener, stop)
-        summary = recorder.finish()
+        cpu_share = (time.process_time() - start_cpu) / max(time.monotonic() - start, 1e-9)
+        summary = {**recorder.finish(), "cpu_share": round(cpu_share, 4)}
         writer.custom_data["recorder"] = json.dumps(summary)
         return {"bag": str(options.output), **summary}
     finally:

@@ -16,17 +16,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from mcap.writer import CompressionType, Writer
+from mcap.records import Metadata
 
 from slip_bringup.bags.format import INFINITE_NS, BagMetadata, FileInfo, TopicInfo, metadata_text, qos_text
-from slip_bringup.bags.repair import close_in_place
-from slip_bringup.bags.scan import DAMAGE
+from slip_bringup.bags.mcap_writer import COMPRESSIONS, Contents, McapWriter
 from slip_msgs_py.errors import InputError, SlipVicError
 
-CHUNK_BYTES: Final = 786432  # rosbag2's chunk size
 LIBRARY: Final = "slip-vic bag"
-COMPRESSIONS: Final = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}
-_BUFFER_BYTES: Final = 1 << 20
 _METADATA_ROOM: Final = 16384  # blocks that metadata.yaml, its temporary copy and their folder entries take
 
 
@@ -54,6 +50,7 @@ class BagWriter:
 
     Raises:
         InputError: where the folder exists or cannot be made.
+        StorageError: where nothing can be written into it.
     """
 
     def __init__(self, folder: Path, options: WriterOptions) -> None:
@@ -63,27 +60,29 @@ class BagWriter:
         self.folder = folder
         self.custom_data = dict(options.custom_data)
         self._options = options
+        self._attachments = {name: (media_type(name), data) for name, data in options.attachments.items()}
         self._topics: dict[str, tuple[TopicInfo, str]] = {}
-        self._files: list[FileInfo] = []
-        self._finished_counts: Counter[str] = Counter()
-        self._closed = False
-        self._counts: Counter[str] = Counter()
-        self._start_ns, self._end_ns = INFINITE_NS, 0
-        self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
-        self._path: Path | None = None
+        self._finished: list[tuple[str, Contents]] = []
+        self._current: _OpenFile | None = None
+        self._file_start_ns: int | None = None
+        self._closed = False
         self._open_next()
 
     @property
     def message_count(self) -> int:
         """Messages written so far, over all files."""
-        return self._finished_counts.total() + self._counts.total()
+        return sum(contents.counts.total() for _, contents in self._all_files())
+
+    def has_topic(self, name: str) -> bool:
+        """Whether the topic was announced."""
+        return name in self._topics
 
     def add_topic(self, topic: TopicInfo, schema_text: str) -> None:
         """Announce a topic; its QoS and hash are frozen here, in channel and ``metadata.yaml`` alike."""
         self._topics[topic.name] = (topic, schema_text)
-        with self._guarded():
-            self._register(topic, schema_text)
+        with self._guarded() as file:
+            self._register(file.writer, topic, schema_text)
 
     def write(self, topic: str, log_time_ns: int, publish_time_ns: int, sequence: int, data: bytes) -> None:
         """Append one CDR message.
@@ -93,19 +92,15 @@ class BagWriter:
         """
         if self._must_split(log_time_ns):
             self.split()
-        if self._closed:
+        if self._file_start_ns is None:
+            self._file_start_ns = log_time_ns
+        file = self._current
+        if file is None:
             raise self._already_closed()
         try:
-            self._writer.add_message(self._channels[topic], log_time_ns, data, publish_time_ns, sequence & 0xFFFFFFFF)
+            file.writer.add_message(self._channels[topic], log_time_ns, publish_time_ns, sequence, data)
         except OSError as error:
             raise self._failed(error) from None
-        self._counts[topic] += 1
-        self._start_ns = min(self._start_ns, log_time_ns)
-        self._end_ns = max(self._end_ns, log_time_ns)
-
-    def has_topic(self, name: str) -> bool:
-        """Whether the topic was announced."""
-        return name in self._topics
 
     def split(self) -> None:
         """Go on in the next file.
@@ -113,8 +108,8 @@ class BagWriter:
         Raises:
             StorageError: where the disk refuses; the bag is closed then.
         """
-        with self._guarded():
-            self._finish_file()
+        with self._guarded() as file:
+            self._finish(file)
         self._open_next()
 
     def flush(self) -> None:
@@ -123,9 +118,9 @@ class BagWriter:
         Raises:
             StorageError: where the disk refuses; the bag is closed then.
         """
-        with self._guarded():
-            self._writer.flush()
-        self._syncer.request()
+        with self._guarded() as file:
+            file.writer.flush()
+        file.syncer.request()
 
     def close(self) -> BagMetadata:
         """Finish the file and write ``metadata.yaml``; returns what it says. Further calls only return it.
@@ -134,21 +129,22 @@ class BagWriter:
             StorageError: where the disk refuses; the bag is readable then.
         """
         if not self._closed:
-            with self._guarded():
-                self._finish_file()
+            with self._guarded() as file:
+                self._finish(file)
                 write_metadata(self.folder, self.metadata())
             self._closed = True
         return self.metadata()
 
     def metadata(self) -> BagMetadata:
         """What ``metadata.yaml`` would say now."""
-        files = list(self._files)
-        if self._path is not None:
-            duration = self._end_ns - self._start_ns if self._counts else 0
-            files.append(FileInfo(self._path.name, self._start_ns, duration, self._counts.total()))
+        files, counts = [], Counter[str]()
+        for name, contents in self._all_files():
+            total = contents.counts.total()
+            start, duration = (contents.start_ns, contents.end_ns - contents.start_ns) if total else (INFINITE_NS, 0)
+            files.append(FileInfo(name, start, duration, total))
+            counts += contents.counts
         filled = [file for file in files if file.message_count]
         start = min((file.start_ns for file in filled), default=INFINITE_NS)
-        counts = self._finished_counts + self._counts
         return BagMetadata(
             files=tuple(files),
             topics=tuple(
@@ -160,65 +156,52 @@ class BagWriter:
             custom_data=self.custom_data,
         )
 
+    def _all_files(self) -> list[tuple[str, Contents]]:
+        current = self._current
+        return [*self._finished, *([(current.path.name, current.writer.contents)] if current else [])]
+
     def _open_next(self) -> None:
-        self._counts, self._schemas, self._channels = Counter(), {}, {}
-        self._start_ns, self._end_ns = INFINITE_NS, 0
-        self._path = self.folder / f"{self.folder.resolve().name}_{len(self._files)}.mcap"
-        with self._guarded():
-            self._raw = io.FileIO(self._path, "xb")
-            self._stream = io.BufferedWriter(self._raw, _BUFFER_BYTES)
-            self._syncer = _Syncer(self._raw)
-            compression = COMPRESSIONS[self._options.compression]
-            self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=compression)
-            self._writer.start(profile="ros2", library=LIBRARY)
-            self._add_metadata_record()
-            for name, data in self._options.attachments.items():
-                self._writer.add_attachment(0, 0, name, media_type(name), data)
+        path = self.folder / f"{self.folder.resolve().name}_{len(self._finished)}.mcap"
+        self._channels, self._file_start_ns = {}, None
+        try:
+            file = self._current = _OpenFile(path, self._options.compression)
+            file.writer.start("ros2", LIBRARY, self._attachments, self._metadata_record())
             for topic, schema_text in self._topics.values():
-                self._register(topic, schema_text)
-            self._writer.flush()
+                self._register(file.writer, topic, schema_text)
+        except OSError as error:
+            raise self._failed(error) from None
 
-    def _register(self, topic: TopicInfo, schema_text: str) -> None:
-        if topic.type_name not in self._schemas:
-            text = schema_text.encode("utf-8")
-            self._schemas[topic.type_name] = self._writer.register_schema(topic.type_name, "ros2msg", text)
-        self._channels[topic.name] = self._writer.register_channel(
-            topic.name,
-            topic.encoding,
-            self._schemas[topic.type_name],
-            {"offered_qos_profiles": qos_text(topic.qos), "topic_type_hash": topic.type_hash},
-        )
+    def _register(self, writer: McapWriter, topic: TopicInfo, schema_text: str) -> None:
+        schema_id = writer.schema_id(topic.type_name)
+        if schema_id is None:
+            schema_id = writer.add_schema(topic.type_name, "ros2msg", schema_text.encode("utf-8"))
+        metadata = {"offered_qos_profiles": qos_text(topic.qos), "topic_type_hash": topic.type_hash}
+        self._channels[topic.name] = writer.add_channel(topic.name, topic.encoding, schema_id, metadata)
 
-    def _add_metadata_record(self) -> None:
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata_text(self.metadata(), root=False)})
+    def _metadata_record(self) -> Metadata:
+        return Metadata("rosbag2", {"serialized_metadata": metadata_text(self.metadata(), root=False)})
 
     def _must_split(self, log_time_ns: int) -> bool:
-        size, duration = self._options.split_bytes, self._options.split_duration_ns
-        if not self._counts:
+        if self._file_start_ns is None:
             return False
-        return bool((size and self._stream.tell() >= size) or (duration and log_time_ns - self._start_ns > duration))
+        size, duration = self._options.split_bytes, self._options.split_duration_ns
+        if duration and log_time_ns - self._file_start_ns > duration:
+            return True
+        return bool(size and self._current is not None and self._current.writer.size >= size)
 
-    def _finish_file(self) -> None:
-        self._writer.flush()
-        self._add_metadata_record()
-        self._writer.finish()
-        self._stream.flush()
-        self._syncer.stop()
-        os.fsync(self._raw.fileno())
-        self._stream.close()
-        self._retire()
-
-    def _retire(self) -> None:
-        self._files = list(self.metadata().files)
-        self._finished_counts += self._counts
-        self._counts, self._path = Counter(), None
+    def _finish(self, file: _OpenFile) -> None:
+        file.writer.flush()
+        file.writer.finish(self._metadata_record())
+        file.close(sync=True)
+        self._finished.append((file.path.name, file.writer.contents))
+        self._current = None
 
     @contextlib.contextmanager
-    def _guarded(self) -> Iterator[None]:
-        if self._closed:
+    def _guarded(self) -> Iterator[_OpenFile]:
+        if self._current is None:
             raise self._already_closed()
         try:
-            yield
+            yield self._current
         except OSError as error:
             raise self._failed(error) from None
 
@@ -231,29 +214,43 @@ class BagWriter:
 
     def _rescue(self) -> str:
         """Make what is on the disk readable without needing more space than the bag has; say what became of it."""
-        recover = f"run `slip-vic bag recover {self.folder}`"
+        spare = len(metadata_text(self.metadata(), root=True)) + _METADATA_ROOM
+        file, self._current = self._current, None
         try:
-            if self._path is not None and self._path.exists():
-                self._syncer.stop()
-                self._raw.close()
-                self._close_cut_file(self._path)
-            self._path = None
+            if file is not None:
+                self._rescue_file(file, spare)
             write_metadata(self.folder, self.metadata())
-        except DAMAGE as error:
-            return f"closing it failed as well ({error}); {recover}"
+        except OSError as error:
+            return f"closing it failed as well ({error.strerror}); run `slip-vic bag recover {self.folder}`"
         return f"closed with the {self.message_count} messages before, readable"
 
-    def _close_cut_file(self, path: Path) -> None:
-        spare = len(metadata_text(self.metadata(), root=True)) + _METADATA_ROOM
+    def _rescue_file(self, file: _OpenFile, spare: int) -> None:
         try:
-            kept = close_in_place(path, spare)
+            contents = file.writer.finish_in_place(spare)
         except ValueError:
-            path.unlink()  # not even the head of the file was written
-            self._counts = Counter()
+            file.close(sync=False)
+            file.path.unlink()
             return
-        self._counts = Counter(kept.counts)
-        self._start_ns, self._end_ns = (kept.start_ns, kept.end_ns) if kept.counts else (INFINITE_NS, 0)
-        self._retire()
+        file.close(sync=True)
+        self._finished.append((file.path.name, contents))
+
+
+class _OpenFile:
+    """The MCAP file being written."""
+
+    def __init__(self, path: Path, compression: str) -> None:
+        self.path = path
+        self._file = io.FileIO(path, "xb+")
+        self.writer = McapWriter(self._file, compression)
+        self.syncer = _Syncer(self._file)
+
+    def close(self, *, sync: bool) -> None:
+        self.syncer.stop()
+        try:
+            if sync:
+                os.fsync(self._file.fileno())
+        finally:
+            self._file.close()
 
 
 def write_metadata(folder: Path, metadata: BagMetadata) -> None:
