@@ -75,7 +75,8 @@ def run(
     if result.timing:
         timing = result.timing
         click.echo(
-            f"fresh ticks {100.0 * timing['fresh_share']:.2f} %, overruns {timing['overruns']:.0f}; state to command "
+            f"fresh ticks {100.0 * timing['fresh_share']:.2f} %, overruns {timing['overruns']:.0f}, "
+            f"missed {timing.get('missed', 0.0):.0f}; state to command "
             f"{1e3 * timing['latency_p50_s']:.2f} ms (p99 {1e3 * timing['latency_p99_s']:.2f}, "
             f"max {1e3 * timing['latency_max_s']:.2f})"
         )
@@ -114,6 +115,40 @@ def params(scenarios: tuple[str, ...], out: Path, reference: bool) -> None:
 
 
 cli.add_command(bag)
+
+
+@cli.command()
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out"), show_default=True, help="output folder")
+@click.option("--quick", is_flag=True, help="about half a minute, for a first look; numbers are rough")
+@click.option("--rounds", type=click.IntRange(1), help="rounds of everything side by side")
+@click.option("--free-s", type=click.FloatRange(0.1), help="length of each real-time run [s]")
+@click.option(
+    "--compare",
+    "files",
+    nargs=2,
+    type=click.Path(path_type=Path),
+    help="measure nothing: say what changed between two bench.json beyond the noise",
+)
+def bench(out: Path, quick: bool, rounds: int | None, free_s: float | None, files: tuple[Path, Path] | None) -> None:
+    """Measure what a control cycle costs on this machine: table, bench.json, bench.png; about five minutes."""
+    if files is not None:
+        from slip_bringup.bench.compare import compare, comparison_table, read_metrics
+
+        Console().print(comparison_table(compare(*map(read_metrics, files))))
+        return
+    from dataclasses import replace
+
+    from slip_bringup.bench.measure import QUICK, Effort, run_bench
+    from slip_bringup.bench.report import print_results, write_results
+
+    effort = QUICK if quick else Effort()
+    effort = replace(effort, rounds=rounds or effort.rounds, free_s=free_s or effort.free_s)
+    with CONSOLE.status("measuring") as status:
+        result = run_bench(effort, status.update)
+    numbers, picture = write_results(out, result)
+    console = Console()
+    print_results(console, result)
+    console.print(f"numbers: {numbers}\npicture: {picture}", soft_wrap=True)
 
 
 def main() -> int:

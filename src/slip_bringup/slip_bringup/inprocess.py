@@ -20,23 +20,42 @@ class Tick:
     result: CycleResult
 
 
-def run_in_process(scenario: Scenario) -> Iterator[Tick]:
-    """Run a scenario in lockstep and yield every tick, until its duration is over."""
-    bridge = BridgeSession(scenario.bridge, scenario.urdf)
-    controller = ControllerSession(VicController(scenario.controller, scenario.urdf), lockstep=True)
-    while not bridge.finished:
-        outputs = bridge.observe()
-        for contact in range(bridge.contacts):
+class ClosedLoop:
+    """Bridge and controller of a scenario, joined by function calls.
+
+    Args:
+        scenario: parameters of both.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.bridge = BridgeSession(scenario.bridge, scenario.urdf)
+        self.controller = ControllerSession(VicController(scenario.controller, scenario.urdf), lockstep=True)
+
+    def observe(self) -> TickOutputs:
+        """Return what the bridge measures now."""
+        return self.bridge.observe()
+
+    def control(self, outputs: TickOutputs) -> CycleResult:
+        """Return the controller's answer to a tick's outputs."""
+        inputs = self.controller.inputs
+        for contact in range(self.bridge.contacts):
             for wrench in outputs.wrenches[contact]:
-                controller.inputs.add_wrench(contact, wrench)
+                inputs.add_wrench(contact, wrench)
             for slip in outputs.slips[contact]:
-                controller.inputs.add_slip(contact, slip)
-        controller.inputs.add_joint(outputs.joint)
-        controller.inputs.add_manifest(
-            Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2])
-        )
-        result = controller.cycle()
+                inputs.add_slip(contact, slip)
+        inputs.add_joint(outputs.joint)
+        inputs.add_manifest(Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2]))
+        result = self.controller.cycle()
         if result is None:
             raise RuntimeError("the controller did not answer a complete tick")
+        return result
+
+
+def run_in_process(scenario: Scenario) -> Iterator[Tick]:
+    """Run a scenario in lockstep and yield every tick, until its duration is over."""
+    loop = ClosedLoop(scenario)
+    while not loop.bridge.finished:
+        outputs = loop.observe()
+        result = loop.control(outputs)
         yield Tick(outputs, result)
-        bridge.advance(result.command)
+        loop.bridge.advance(result.command)

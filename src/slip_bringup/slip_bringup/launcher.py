@@ -24,7 +24,7 @@ from slip_msgs_py.realtime import ProcessOptions
 READY_TIMEOUT_S = 20.0
 NO_OPTIONS = ProcessOptions()
 POLL_S = 0.02
-TIMING = ("fresh", "overruns", "latency")
+TIMING = ("fresh", "overruns", "missed", "latency")
 
 
 class Interrupted(InputError):
@@ -38,7 +38,8 @@ class Interrupted(InputError):
 class RunResult:
     """What a finished run reports: ticks, simulated and wall time, recorder's counts, where the bag is.
 
-    timing: in real time the share of fresh ticks, overruns and state-to-command latencies [s]; else empty.
+    timing: in real time the share of fresh ticks, overruns, states missed by the controller and state-to-command
+    latencies [s]; else empty. memory_mib: the most that each process had resident.
     warnings: what the system refused, one line each.
     """
 
@@ -49,6 +50,7 @@ class RunResult:
     messages: int
     lost: int
     timing: Mapping[str, float]
+    memory_mib: Mapping[str, float]
     warnings: tuple[str, ...]
 
     @property
@@ -227,9 +229,21 @@ class Launcher:
             bag=self._bag,
             messages=int(recorded.get("messages", 0)),
             lost=int(recorded.get("lost", 0)),
-            timing={key: float(value) for key, value in done.items() if key.startswith(TIMING)},
+            timing=self._timing(children),
+            memory_mib={
+                name: float(child.events["done"]["memory_mib"])
+                for name, child in children.items()
+                if "memory_mib" in child.events.get("done", {})
+            },
             warnings=tuple(self._warnings),
         )
+
+    def _timing(self, children: dict[str, Child]) -> dict[str, float]:
+        """Collect what bridge and controller said of a real-time run."""
+        if self._scenario.bridge.mode != "realtime":
+            return {}
+        said = {**children["bridge"].events["done"], **children["controller"].events.get("done", {})}
+        return {key: float(value) for key, value in said.items() if key.startswith(TIMING)}
 
 
 def _with_cores(options: ProcessOptions, mode: str) -> ProcessOptions:

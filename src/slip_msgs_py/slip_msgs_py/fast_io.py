@@ -39,7 +39,7 @@ class Sender:
         self._others: dict[tuple[int, ...], CdrCodec] = {}
 
     def _codec(self, sizes: tuple[int, ...]) -> CdrCodec:
-        template = self._form.make(0, *(np.zeros(size) for size in sizes))
+        template = self._form.make(0, *self._form.zeros(sizes))
         return CdrCodec(template, self._form.fields, self._form.stamp)
 
     def encode(self, stamp_ns: int, *numbers: Any) -> bytes:

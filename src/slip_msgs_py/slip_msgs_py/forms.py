@@ -6,6 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from slip_msgs_py import to_msgs
 
 
@@ -16,12 +19,19 @@ class Form:
     make: (stamp_ns, *numbers) -> typed message, one array of numbers per field.
     fields, sizes: paths of the numbers, and how many each usually has.
     stamp: path of the stamp; empty where the message has none.
+    whole: whether the numbers are int64 instead of float64.
     """
 
     make: Callable[..., Any]
     fields: tuple[str, ...]
     sizes: tuple[int, ...]
     stamp: str = "header.stamp"
+    whole: bool = False
+
+    def zeros(self, sizes: tuple[int, ...] | None = None) -> list[NDArray[Any]]:
+        """Return zeros for every field, of its usual size or of the sizes given."""
+        kind = np.int64 if self.whole else np.float64
+        return [np.zeros(size, kind) for size in (self.sizes if sizes is None else sizes)]
 
 
 def joint_state(names: Sequence[str]) -> Form:
@@ -71,7 +81,7 @@ def clock() -> Form:
 
 def whole_numbers(count: int) -> Form:
     """Whole numbers without stamp."""
-    return Form(lambda _, values: to_msgs.int64_array(values), ("data",), (count,), stamp="")
+    return Form(lambda _, values: to_msgs.int64_array(values), ("data",), (count,), stamp="", whole=True)
 
 
 def numbers(count: int) -> Form:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -46,6 +47,11 @@ def emit(event: str, **values: object) -> None:
     """Print one line of JSON for the launcher; silent unless it asked for events."""
     if os.environ.get("SLIP_VIC_EVENTS") == "1":
         print(json.dumps({"event": event, **values}), flush=True)
+
+
+def memory_mib() -> float:
+    """Return the most memory this process has had resident so far [MiB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
 def run_node(factory: Callable[[], RunnableNode], args: Sequence[str] | None = None) -> int:

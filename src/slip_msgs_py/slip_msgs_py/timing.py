@@ -56,15 +56,16 @@ class Window:
 
 
 def spread(values: Array) -> dict[str, float]:
-    """Return mean, standard deviation, median, 99th percentile and maximum; (k,), NaN where there is no value."""
+    """Return mean, standard deviation, percentiles 50, 99, 99.9 and maximum; (k,), NaN where there is no value."""
     if not len(values):
-        return dict.fromkeys(("mean", "deviation", "p50", "p99", "max"), float("nan"))
-    p50, p99 = np.percentile(values, (50.0, 99.0)).tolist()
+        return dict.fromkeys(("mean", "deviation", "p50", "p99", "p999", "max"), float("nan"))
+    p50, p99, p999 = np.percentile(values, (50.0, 99.0, 99.9)).tolist()
     return {
         "mean": float(values.mean()),
         "deviation": float(values.std()),
         "p50": p50,
         "p99": p99,
+        "p999": p999,
         "max": float(values.max()),
     }
 

@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 from slip_msgs_py import forms, from_msgs, to_msgs
 from slip_msgs_py.errors import InputError, ProtocolError, SlipVicError
 from slip_msgs_py.fast_io import Refusals, Sender, create_receiver, create_sender
-from slip_msgs_py.node_main import emit, run_node
+from slip_msgs_py.node_main import emit, memory_mib, run_node
 from slip_msgs_py.peers import Peers, wait_until
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
@@ -140,7 +140,14 @@ class SlipSimBridge(Node):
         else:
             self._run_realtime(should_stop)
         wall = time.monotonic() - self._started_wall
-        emit("done", ticks=self.session.tick, sim_time_s=self.session.elapsed_s, wall_time_s=wall, **self._timing())
+        emit(
+            "done",
+            ticks=self.session.tick,
+            sim_time_s=self.session.elapsed_s,
+            wall_time_s=wall,
+            memory_mib=memory_mib(),
+            **self._timing(),
+        )
 
     def _timing(self) -> dict[str, object]:
         """Return how a real-time run went, for the launcher."""
