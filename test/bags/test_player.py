@@ -17,6 +17,7 @@ from geometry_msgs.msg import WrenchStamped
 
 from slip_bringup.bags.intake import Arrival, DirectIntake, recording_qos
 from slip_bringup.bags.reader import Bag
+from slip_bringup.bags.session import request_realtime
 from test.support.ros import DEADLINE_S, wait_until
 
 from .bag_maker import PERIOD_NS, START_NS, make_bag
@@ -180,3 +181,11 @@ def test_quit_key_and_terminal_restored(processes, bag):
     terminal.press("q")
     terminal.wait("stopped: 0 messages")
     assert terminal.close() == 0
+
+
+def test_without_privilege_it_plays_all_the_same(monkeypatch):
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    assert request_realtime() is False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import sys
 from pathlib import Path
@@ -105,6 +106,7 @@ def record(
               help="publish /clock at this rate [Hz]; 40 where no number is given")  # fmt: skip
 @click.option("-p", "--start-paused", is_flag=True, help="wait for the space key")
 @click.option("--delay", type=click.FloatRange(0.0), default=0.0, help="wait so many seconds before playing")
+@click.option("--realtime/--no-realtime", default=True, show_default=True, help="real-time priority where permitted")
 @click.option("--wait-for-subscribers", is_flag=True, help="start when every topic has a subscriber")
 @click.option("--disable-keyboard-controls", is_flag=True)
 def play(
@@ -120,6 +122,7 @@ def play(
     clock_hz: float,
     start_paused: bool,
     delay: float,
+    realtime: bool,
     wait_for_subscribers: bool,
     disable_keyboard_controls: bool,
 ) -> None:
@@ -130,7 +133,7 @@ def play(
     from slip_bringup.bags.keyboard import TerminalControls, raw_keys, terminal
     from slip_bringup.bags.player import Player, PlayOptions, wait_for_discovery
     from slip_bringup.bags.reader import Bag
-    from slip_bringup.bags.session import StopFlag, ros_node
+    from slip_bringup.bags.session import StopFlag, request_realtime, ros_node
 
     options = PlayOptions(
         rate=rate,
@@ -147,6 +150,7 @@ def play(
     with (
         Bag(bag_path) as opened,
         StopFlag().installed() as stop,
+        contextlib.nullcontext(realtime and request_realtime()) as prioritised,
         ros_node("player") as node,
         raw_keys(sys.stdin) as keys,
     ):
@@ -159,6 +163,7 @@ def play(
     click.echo(
         f"{end}{result.messages} messages, timing error p50 {result.error_p50_us:.1f} us, "
         f"p99 {result.error_p99_us:.1f} us, max {result.error_max_us:.1f} us"
+        + ("" if prioritised else " (without real-time priority)")
     )
 
 
