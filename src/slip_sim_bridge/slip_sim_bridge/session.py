@@ -13,6 +13,7 @@ from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.stamps import seconds_to_ns
 from slip_msgs_py.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.node_params import BridgeNodeParams
+from slip_sim_bridge.sim.sensor_params import SensorsParams
 from slip_sim_bridge.sim.sensors import SensorSuite
 from slip_sim_bridge.sim.simulation import GraspSimulation
 
@@ -79,6 +80,10 @@ class BridgeSession:
             InputError: negative or not finite.
         """
         self.simulation.set_grip_force(force)
+
+    def set_faults(self, sensors: SensorsParams) -> None:
+        """Switch sensor faults on and off from the next measurement on."""
+        self._sensors.set_faults(sensors)
 
     def request_reset(self) -> None:
         """Put everything back before the next tick; time goes on."""

@@ -8,6 +8,7 @@ from pydantic import model_validator
 
 from slip_msgs_py.arrays import inertia_from_six
 from slip_msgs_py.params import ParameterModel, parameter
+from slip_sim_bridge.sim.sensor_params import SensorsParams
 
 _CLOCK_TICKS_PER_S = 1_000_000_000
 
@@ -95,39 +96,6 @@ class FrictionParams(ParameterModel):
         if self.mu_s < self.mu_k:
             raise ValueError(f"friction.mu_s {self.mu_s} must not be below friction.mu_k {self.mu_k}")
         return self
-
-
-class SlipSensorParams(ParameterModel):
-    """Slip velocity sensor."""
-
-    rate_hz: float = parameter(0.0, "measuring rate; 0 measures at every control tick", unit="Hz", ge=0.0)
-    latency_s: float = parameter(0.0, "time from measurement to publication", unit="s", ge=0.0)
-    noise_linear: float = parameter(0.0, "standard deviation of each linear axis that can slip", unit="m/s", ge=0.0)
-    noise_angular: float = parameter(0.0, "standard deviation of each angular axis that can slip", unit="rad/s", ge=0.0)
-
-
-class WrenchSensorParams(ParameterModel):
-    """Force and torque sensor at the pad centre."""
-
-    rate_hz: float = parameter(0.0, "measuring rate; 0 measures at every control tick", unit="Hz", ge=0.0)
-    latency_s: float = parameter(0.0, "time from measurement to publication", unit="s", ge=0.0)
-    noise_force: float = parameter(0.0, "standard deviation of each force axis", unit="N", ge=0.0)
-    noise_torque: float = parameter(0.0, "standard deviation of each torque axis", unit="N m", ge=0.0)
-
-
-class JointSensorParams(ParameterModel):
-    """Joint encoders; measured at every control tick without delay, as the arm's own servo sees them."""
-
-    noise_position: float = parameter(0.0, "standard deviation of each joint position", unit="rad", ge=0.0)
-    noise_velocity: float = parameter(0.0, "standard deviation of each joint velocity", unit="rad/s", ge=0.0)
-
-
-class SensorsParams(ParameterModel):
-    """What the sensors make of the truth."""
-
-    slip: SlipSensorParams = SlipSensorParams()
-    wrench: WrenchSensorParams = WrenchSensorParams()
-    joint: JointSensorParams = JointSensorParams()
 
 
 class HoldParams(ParameterModel):

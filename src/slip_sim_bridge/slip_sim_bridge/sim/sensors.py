@@ -12,22 +12,29 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
 from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
-from slip_sim_bridge.sim.params import BridgeParams, JointSensorParams
+from slip_sim_bridge.sim.params import BridgeParams
+from slip_sim_bridge.sim.sensor_params import JointSensorParams, SensorsParams, WrenchSensorParams
+from slip_sim_bridge.sim.slip_measure import SlipMeasurement
 
-Sample = TypeVar("Sample", WrenchSample, SlipSample)
-Measure = Callable[[Sample, np.random.Generator], Sample]
+Sample = TypeVar("Sample", WrenchSample, SlipSample, JointSample)
+Measure = Callable[[Sample, np.random.Generator], Sample | None]
 
 _NS_PER_S = 1_000_000_000
-_STREAMS = {"slip": 0, "wrench": 1, "joint": 2}  # never renumber: the numbers are part of what a seed means
+_STREAMS = {
+    "slip": 0,
+    "wrench": 1,
+    "joint": 2,
+    "slip faults": 3,
+    "wrench faults": 4,
+}  # never renumber: the numbers are part of what a seed means
 
 
 class Sensor(Generic[Sample]):
     """Measures the truth at its own rate and hands a measurement over once its latency has passed.
 
     Args:
-        measure: makes a measured sample of a true one.
+        measure: makes a measured sample of a true one, or None where the sample is lost.
         rate_hz: measuring rate; 0 measures at every update. The first update is a measurement.
         latency_s: time from measurement to publication.
         rng: makes the sensor's random stream from its beginning.
@@ -55,7 +62,9 @@ class Sensor(Generic[Sample]):
         Implements: ours: measurement k at the first tick not before k / rate; published latency later.
         """
         if self._due(truth.stamp_ns):
-            self._pending.append(self._measure(truth, self._rng))
+            sample = self._measure(truth, self._rng)
+            if sample is not None:
+                self._pending.append(sample)
         published = []
         while self._pending and self._pending[0].stamp_ns + self._latency_ns <= truth.stamp_ns:
             published.append(self._pending.popleft())
@@ -74,31 +83,41 @@ class Sensor(Generic[Sample]):
 
 
 class JointSensor:
-    """Joint encoders: every tick, without delay."""
+    """Joint encoders: a joint state every tick, its values as old and as rough as the parameters say."""
 
     def __init__(self, params: JointSensorParams, rng: Callable[[], np.random.Generator]) -> None:
         self._params = params
         self._make_rng = rng
+        self._held = params.rate_hz > 0.0 or params.latency_s > 0.0
+        self._bias = np.array(params.bias_position) if params.bias_position else None
         self.reset()
 
     def reset(self) -> None:
-        """Start the noise afresh."""
+        """Start noise and measuring times afresh."""
         self._rng = self._make_rng()
+        self._source: Sensor[JointSample] = Sensor(
+            lambda truth, _rng: truth, self._params.rate_hz, self._params.latency_s, self._make_rng
+        )
+        self._newest: JointSample | None = None
 
     def update(self, truth: JointSample) -> JointSample:
         """Return the measured joint state of this tick; the effort is the applied one.
 
-        Implements: ours: white noise on positions [rad] and velocities [rad/s].
+        Implements: ours: white noise and bias on positions [rad], white noise on velocities [rad/s].
         """
-        position, velocity = self._params.noise_position, self._params.noise_velocity
-        if position == 0.0 and velocity == 0.0:
+        source = truth
+        if self._held:
+            self._newest = next(reversed(self._source.update(truth)), self._newest)
+            source = truth if self._newest is None else self._newest
+        noise_position, noise_velocity = self._params.noise_position, self._params.noise_velocity
+        if source is truth and self._bias is None and noise_position == 0.0 and noise_velocity == 0.0:
             return truth
         size = truth.position.size
-        return dataclasses.replace(
-            truth,
-            position=truth.position + position * self._rng.standard_normal(size),
-            velocity=truth.velocity + velocity * self._rng.standard_normal(size),
-        )
+        position = source.position + noise_position * self._rng.standard_normal(size)
+        velocity = source.velocity + noise_velocity * self._rng.standard_normal(size)
+        if self._bias is not None:
+            position += self._bias
+        return dataclasses.replace(truth, position=position, velocity=velocity)
 
 
 class SensorSuite:
@@ -111,28 +130,58 @@ class SensorSuite:
             return lambda: np.random.default_rng(np.random.SeedSequence(params.seed, spawn_key=(_STREAMS[name],)))
 
         slip, wrench = sensors.slip, sensors.wrench
-        slip_noise = np.repeat((slip.noise_linear, slip.noise_angular), 3) * params.contacts.slip_axes[:6]
-        wrench_noise = np.repeat((wrench.noise_force, wrench.noise_torque), 3)
-        self.slip: Sensor[SlipSample] = Sensor(_noisy_slip(slip_noise), slip.rate_hz, slip.latency_s, stream("slip"))
+        self._measure_slip = SlipMeasurement(slip, np.array(params.contacts.slip_axes[:6]) * 1.0, stream("slip faults"))
+        self._measure_wrench = WrenchMeasurement(wrench, stream("wrench faults"))
+        self.slip: Sensor[SlipSample] = Sensor(self._measure_slip, slip.rate_hz, slip.latency_s, stream("slip"))
         self.wrench: Sensor[WrenchSample] = Sensor(
-            _noisy_wrench(wrench_noise), wrench.rate_hz, wrench.latency_s, stream("wrench")
+            self._measure_wrench, wrench.rate_hz, wrench.latency_s, stream("wrench")
         )
         self.joint = JointSensor(sensors.joint, stream("joint"))
 
+    def set_faults(self, params: SensorsParams) -> None:
+        """Switch faults on and off from the next measurement on; what is under way stays as it is.
+
+        Implements: ours: faults that come and go during a run.
+        """
+        self._measure_slip.faults = params.slip.faults
+        self._measure_wrench.params = params.wrench
+
     def reset(self) -> None:
-        """Put all sensors back to their start, noise included."""
+        """Put all sensors back to their start, noise included; faults stay as they are switched."""
+        self._measure_slip.reset()
+        self._measure_wrench.reset()
         self.slip.reset()
         self.wrench.reset()
         self.joint.reset()
 
 
-def _noisy_slip(deviation: Array) -> Measure[SlipSample]:
-    if not deviation.any():
-        return lambda truth, rng: truth
-    return lambda truth, rng: dataclasses.replace(truth, twist=truth.twist + deviation * rng.standard_normal(6))
+class WrenchMeasurement:
+    """Measures the wrench with noise and bias; `params` may be replaced at any time.
 
+    Args:
+        params: the sensor.
+        fault_rng: makes the random stream of the losses from its beginning.
+    """
 
-def _noisy_wrench(deviation: Array) -> Measure[WrenchSample]:
-    if not deviation.any():
-        return lambda truth, rng: truth
-    return lambda truth, rng: dataclasses.replace(truth, wrench=truth.wrench + deviation * rng.standard_normal(6))
+    def __init__(self, params: WrenchSensorParams, fault_rng: Callable[[], np.random.Generator]) -> None:
+        self.params = params
+        self._make_rng = fault_rng
+        self.reset()
+
+    def reset(self) -> None:
+        """Start the losses' random stream afresh."""
+        self._rng = self._make_rng()
+
+    def __call__(self, truth: WrenchSample, rng: np.random.Generator) -> WrenchSample | None:
+        """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""
+        params, chance = self.params, self._rng.random()
+        noisy = params.noise_force > 0.0 or params.noise_torque > 0.0
+        noise = rng.standard_normal(6) if noisy else None
+        if params.silent or chance < params.dropout_probability:
+            return None
+        if noise is None and not any(params.bias):
+            return truth
+        wrench = truth.wrench + np.array(params.bias)
+        if noise is not None:
+            wrench += np.repeat((params.noise_force, params.noise_torque), 3) * noise
+        return dataclasses.replace(truth, wrench=wrench)

@@ -9,21 +9,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_msgs_py.arrays import Array, inertia_from_six, matrix_from_quat_xyzw, readonly, rotate6, vector
+from slip_msgs_py.arrays import Array, readonly, rotate6, vector
 from slip_msgs_py.errors import InputError
 from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
-from slip_vic_controller.core.arm import ArmModel
+from slip_vic_controller.core.arm import ArmModel, ArmTerms
 from slip_vic_controller.core.attitude import log_error, rpy_error
+from slip_vic_controller.core.delays import Delays, measure_delays, stable_slip_gain
 from slip_vic_controller.core.diagnostics import Status, TickDiagnostics, TickTerms
 from slip_vic_controller.core.grasp import Contact, SlipDisplacement, integrate_slip
-from slip_vic_controller.core.impedance import Gains
 from slip_vic_controller.core.law import control_law, grasp_terms
-from slip_vic_controller.core.object_dynamics import ObjectModel
+from slip_vic_controller.core.observer import Motion, ObserverState, SlipEstimate, initial_observer, last_twist, observe
+from slip_vic_controller.core.observer_config import observer_config
 from slip_vic_controller.core.operational import SingularityPolicy, joint_torque, posture_torque
-from slip_vic_controller.core.params import ControllerParams, GainParams
+from slip_vic_controller.core.params import ControllerParams
+from slip_vic_controller.core.ramp import Tuning, make_ramp, tuning_at
 from slip_vic_controller.core.safety import finite, limit_effort, refusal, safe_torque
 from slip_vic_controller.core.state import ControllerState
 from slip_vic_controller.core.trajectory import make_path, reference_at
+from slip_vic_controller.core.tuning import gain_report, make_contacts, make_tuning, measured_twist
 
 
 class TickResult(NamedTuple):
@@ -49,10 +52,12 @@ class VicController:
         self.params = params
         self.arm = ArmModel(urdf_text, params.ee_frame, params.joint_names, params.gravity)
         self.joint_names = self.arm.joint_names
-        self.gains = make_gains(params.gains, classical=params.controller == "classical")
         self.contacts = make_contacts(params)
-        inertia = readonly(inertia_from_six(params.object.inertia, "parameter object.inertia"))
-        self.object_model = ObjectModel(params.object.mass, inertia, vector(params.gravity, 3, "gravity"))
+        self.report = gain_report(params)
+        self.tuning = make_tuning(params, self.report.used)
+        self.gains, self.object_model = self.tuning.gains, self.tuning.object_model
+        self._period_ns = round(1e9 * params.control_period_s)
+        self._observer = observer_config(params) if params.slip_estimator == "observer" else None
         self.policy = SingularityPolicy(params.singularity.sigma_min, params.singularity.damping)
         self.path = make_path(params.trajectory)
         self._slip_needed = params.controller == "vic"
@@ -79,7 +84,19 @@ class VicController:
             slips=(SlipDisplacement(readonly(np.zeros(3)), readonly(np.eye(3))),) * len(self.contacts),
             attitude_error=readonly(np.zeros(3)),
             position=q,
+            delays=Delays(),
+            observer=None if self._observer is None else initial_observer(self._observer, joint.stamp_ns, arm.twist),
+            ramp=None,
         )
+
+    def retune(self, state: ControllerState, params: ControllerParams) -> ControllerState:
+        """Return the state from which gains and payload ramp to those of `params`; what else differs is ignored.
+
+        Raises:
+            InputError: the new values are refused as a whole, and nothing has changed.
+        """
+        target = make_tuning(params, gain_report(params).used)
+        return state._replace(ramp=make_ramp(self._tuning(state), target, state.stamp_ns, params.gains.ramp_s))
 
     def step(
         self,
@@ -88,6 +105,7 @@ class VicController:
         wrenches: tuple[WrenchSample, ...],
         slips: tuple[SlipSample, ...],
         reference: CartesianReference | None = None,
+        new_slips: tuple[SlipSample, ...] | None = None,
     ) -> TickResult:
         """Return command, next state and diagnostics of one tick; never raises, the command is always finite.
 
@@ -97,11 +115,14 @@ class VicController:
             wrenches: the latest of every contact, in the axes of its pad.
             slips: the latest of every contact, in the axes of its pad.
             reference: desired motion, or None for the built-in trajectory.
+            new_slips: of the own contact, all that came since the last tick, in any order; None = the latest one.
 
         Implements: Eq. (21), (28), (29), the whole law.
         """
         with np.errstate(all="ignore"):  # overflow and NaN are looked for by value, a warning could be an exception
-            return self._step(state, joint, wrenches, slips, reference)
+            if new_slips is None:
+                new_slips = tuple(s for s in slips[:1] if s.stamp_ns != state.delays.newest_ns)
+            return self._step(state, joint, wrenches, slips, reference, new_slips)
 
     def _step(
         self,
@@ -110,6 +131,7 @@ class VicController:
         wrenches: tuple[WrenchSample, ...],
         slips: tuple[SlipSample, ...],
         reference: CartesianReference | None,
+        new_slips: tuple[SlipSample, ...],
     ) -> TickResult:
         joints, contacts = len(self.joint_names), len(self.contacts)
         reason = refusal(state.stamp_ns, joints, contacts, self._slip_needed, joint, wrenches, slips, reference)
@@ -120,11 +142,23 @@ class VicController:
             sample.twist * contact.slip_axes if sample.valid else _NO_SLIP
             for sample, contact in zip(slips, self.contacts, strict=True)
         ]
+        tuning = self._tuning(state)
+        arm = self.arm.terms(joint.position, joint.velocity)
+        delays = measure_delays(state.delays, joint.stamp_ns, new_slips)
+        observer, estimate = state.observer, None
+        if self._observer is not None and observer is not None:
+            observer, estimate = self._observe(state, observer, tuning, joint.stamp_ns, arm, wrenches, new_slips)
+            slip_twists[0] = estimate.twist
+        else:
+            slip_twists[0] = measured_twist(self.params.measured, slip_twists[0])
+            tuning = self._slowed(tuning, delays)
         displacements = tuple(integrate_slip(s, twist, dt) for s, twist in zip(state.slips, slip_twists, strict=True))
         if reference is None:
             t = (joint.stamp_ns - state.start_ns) * 1e-9 - self.params.trajectory.start_s
             reference = reference_at(self.path, t, state.start_position, state.start_rotation)
-        terms = self._evaluate(state, joint, [w.wrench for w in wrenches], slip_twists[0], displacements, reference)
+        terms = self._evaluate(
+            state, tuning, joint, arm, [w.wrench for w in wrenches], slip_twists[0], estimate, displacements, reference
+        )
         if not (terms.torque.solved and finite(terms.torque.torque)):
             return self._safe(state, joint, "the law gave no finite torque")
         effort, saturated = limit_effort(terms.torque.torque, self.arm.effort_limit)
@@ -134,25 +168,70 @@ class VicController:
             slips=displacements,
             attitude_error=terms.attitude.error,
             position=joint.position,
+            delays=delays,
+            observer=observer,
+            ramp=None if state.ramp is None else state.ramp.after(joint.stamp_ns),
         )
         return _result(joint, following, "ok", "", near, effort, saturated, terms)
+
+    def _tuning(self, state: ControllerState) -> Tuning:
+        return self.tuning if state.ramp is None else tuning_at(state.ramp, state.stamp_ns)
+
+    def _slowed(self, tuning: Tuning, delays: Delays) -> Tuning:
+        """Return the tuning with the k_s that the delays allow that were measured, where it is free to be chosen."""
+        if self.params.gains.k_s_mode == "fixed":
+            return tuning
+        accepted = stable_slip_gain(delays, self._period_ns) / self.params.gains.k_s_margin
+        return tuning if accepted >= tuning.gains.k_s else tuning._replace(gains=tuning.gains._replace(k_s=accepted))
+
+    def _observe(
+        self,
+        state: ControllerState,
+        observer: ObserverState,
+        tuning: Tuning,
+        stamp_ns: int,
+        arm: ArmTerms,
+        wrenches: tuple[WrenchSample, ...],
+        samples: tuple[SlipSample, ...],
+    ) -> tuple[ObserverState, SlipEstimate]:
+        """Predict slip from the wrench and the motion of this tick, and correct it with the samples."""
+        assert self._observer is not None
+        R_ee = arm.rotation
+        v_s = rotate6(R_ee, last_twist(self._observer, observer))
+        own = [w.wrench for w in wrenches]
+        grasp = grasp_terms(tuning.object_model, self._contacts(tuning), state.slips, own, R_ee, arm.twist, v_s)
+        force = grasp.follow.copy()
+        force[:3] -= tuning.object_model.gravity
+        drag = -(R_ee @ own[0][:3]) / tuning.object_model.mass
+        motion = Motion(stamp_ns, R_ee, arm.twist, grasp.follow + grasp.Phi2, force, drag, grasp.v_o[3:])
+        return observe(self._observer, observer, motion, samples)
+
+    def _contacts(self, tuning: Tuning) -> tuple[Contact, ...]:
+        if tuning is self.tuning:
+            return self.contacts
+        return (self.contacts[0]._replace(position=tuning.contact_position), *self.contacts[1:])
 
     def _evaluate(
         self,
         state: ControllerState,
+        tuning: Tuning,
         joint: JointSample,
+        arm: ArmTerms,
         wrenches: Sequence[Array],
         slip_twist: Array,
+        estimate: SlipEstimate | None,
         displacements: tuple[SlipDisplacement, ...],
         reference: CartesianReference,
     ) -> TickTerms:
         """Evaluate the law for a slip velocity (6,) on pad axes, wherever it comes from."""
-        params, gains, q, qd = self.params, self.gains, joint.position, joint.velocity
-        arm = self.arm.terms(q, qd)
+        params, q, qd = self.params, joint.position, joint.velocity
         R_ee, v_ee = arm.rotation, arm.twist
         v_s = rotate6(R_ee, slip_twist)
         h_ee = rotate6(R_ee, wrenches[0])
-        grasp = grasp_terms(self.object_model, self.contacts, displacements, wrenches, R_ee, v_ee, v_s)
+        contacts = self._contacts(tuning)
+        grasp = grasp_terms(tuning.object_model, contacts, displacements, wrenches, R_ee, v_ee, v_s)
+        if estimate is not None and params.observer.correct_follow:
+            grasp = grasp._replace(follow=grasp.follow + rotate6(R_ee, estimate.error))
         a_d = reference.acceleration if params.feed_forward else _NO_SLIP
         R_d, w_d = reference.rotation, reference.twist[3:]
         if params.attitude == "rpy":
@@ -160,10 +239,22 @@ class VicController:
         else:
             attitude = log_error(R_ee, R_d, v_ee[3:], w_d, a_d[3:], state.attitude_error)
         e_p, e_p_dot = arm.position - reference.position, v_ee[:3] - reference.twist[:3]
-        law = control_law(gains, self.contacts[0].slip_axes, attitude, e_p, e_p_dot, a_d, R_ee, v_s, grasp)
+        law = control_law(tuning.gains, contacts[0].slip_axes, attitude, e_p, e_p_dot, a_d, R_ee, v_s, grasp)
         tau_0 = posture_torque(q, qd, state.posture, params.nullspace.stiffness, params.nullspace.damping)
         torque = joint_torque(arm.M, arm.bias, arm.J, arm.jdot_qd, law.a_C, h_ee, tau_0, self.policy)
-        return TickTerms(gains, self.object_model, arm, reference, attitude, displacements[0], h_ee, grasp, law, torque)
+        return TickTerms(
+            tuning.gains,
+            tuning.object_model,
+            arm,
+            reference,
+            attitude,
+            displacements[0],
+            h_ee,
+            grasp,
+            law,
+            torque,
+            estimate,
+        )
 
     def _safe(self, state: ControllerState, joint: JointSample, reason: str) -> TickResult:
         """Hold the arm against gravity and brake its joints, from the last finite joint state."""
@@ -191,40 +282,6 @@ def _result(
         array.flags.writeable = False
     diagnostics = TickDiagnostics(status, reason, near_singular, effort, saturated, terms)
     return TickResult(EffortCommand(joint.stamp_ns, effort), state, diagnostics)
-
-
-def make_gains(params: GainParams, *, classical: bool) -> Gains:
-    """Return the gains of the law; classical impedance control has gate and fading off.
-
-    Implements: ours: the paper's baseline is the same code with alpha = 0 and gamma = 0.
-    """
-    on = 0.0 if classical else 1.0
-    return Gains(
-        K_D=readonly(params.stiffness),
-        D_D=readonly(params.damping),
-        M_D=readonly(params.inertia),
-        gamma_k=readonly([on * params.gamma_kp] * 3 + [on * params.gamma_ko] * 3),
-        gamma_d=readonly([on * params.gamma_dp] * 3 + [on * params.gamma_do] * 3),
-        alpha=on * params.alpha,
-        k_s=params.k_s,
-    )
-
-
-def make_contacts(params: ControllerParams) -> tuple[Contact, ...]:
-    """Return the contacts from their flat lists; the first is the own arm's.
-
-    Implements: ours: ROS parameters have no nested lists.
-    """
-    flat = params.contacts
-    count = len(flat.position) // 3
-    return tuple(
-        Contact(
-            position=readonly(flat.position[3 * i : 3 * i + 3]),
-            rotation=readonly(matrix_from_quat_xyzw(flat.orientation_xyzw[4 * i : 4 * i + 4])),
-            slip_axes=readonly(flat.slip_axes[6 * i : 6 * i + 6]),
-        )
-        for i in range(count)
-    )
 
 
 _NO_SLIP = readonly(np.zeros(6))

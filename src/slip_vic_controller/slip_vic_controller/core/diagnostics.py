@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_msgs_py.arrays import Array
+from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.types import CartesianReference
 from slip_vic_controller.core.arm import ArmTerms
 from slip_vic_controller.core.attitude import AttitudeError
@@ -19,6 +19,7 @@ from slip_vic_controller.core.impedance import Gains
 from slip_vic_controller.core.law import GraspTerms, LawTerms
 from slip_vic_controller.core.lyapunov import V_e, V_s
 from slip_vic_controller.core.object_dynamics import ObjectModel, P
+from slip_vic_controller.core.observer import SlipEstimate
 from slip_vic_controller.core.operational import TorqueTerms
 from slip_vic_controller.core.rotation import log_so3
 
@@ -39,6 +40,7 @@ class TickTerms(NamedTuple):
     grasp: GraspTerms
     law: LawTerms
     torque: TorqueTerms
+    estimate: SlipEstimate | None
 
     @property
     def G(self) -> Array:
@@ -117,10 +119,11 @@ class TickDiagnostics:
 
 
 _FLAGS = ("safe", "near_singular_arm", "near_singular_attitude")
-_ONE = ("gate", "V_e", "V_s", "sigma_min", "damping_squared")
+_ONE = ("gate", "V_e", "V_s", "sigma_min", "damping_squared", "k_s", "sliding", "slip_significance")
 _POSES = ("position", "desired", "s")
 _LAW = ("v_s", "e", "e_dot", "K", "D", "comp", "Lambda", "Theta", "Z", "a_d", "a_C")
 _GRASP = ("h_o", "v_o", "a_o", "Phi2")
+_ESTIMATE = ("slip_deviation", "slip_error")
 _JOINT = ("tau_task", "tau_null", "tau_bias")
 
 
@@ -129,7 +132,7 @@ def _names(joints: int) -> tuple[str, ...]:
     def each_joint(*names: str) -> list[str]:
         return [f"{name}_{i + 1}" for name in names for i in range(joints)]
 
-    six = [f"{name}_{axis}" for name in (*_POSES, "twist", "h_ee", *_LAW, *_GRASP) for axis in AXES]
+    six = [f"{name}_{axis}" for name in (*_POSES, "twist", "h_ee", *_LAW, *_GRASP, *_ESTIMATE) for axis in AXES]
     return (*_FLAGS, *each_joint("effort", "saturated"), *_ONE, *six, *each_joint(*_JOINT))
 
 
@@ -142,9 +145,14 @@ def _numbers(t: TickTerms) -> list[float]:
         t.h_ee,
         *(getattr(t.law, name) for name in _LAW),
         *(getattr(t.grasp, name) for name in _GRASP),
+        *((_NOT_ESTIMATED, _NOT_ESTIMATED) if t.estimate is None else (np.sqrt(t.estimate.variance), t.estimate.error)),
         t.torque.task,
         t.torque.null,
         t.arm.bias,
     )
-    ones = [t.law.gate, t.V_e, t.V_s, t.torque.sigma_min, t.torque.damping_squared]
+    ones = [t.law.gate, t.V_e, t.V_s, t.torque.sigma_min, t.torque.damping_squared, t.gains.k_s]
+    ones += [0.0, 0.0] if t.estimate is None else [float(t.estimate.sliding), t.estimate.significance]
     return ones + list(np.concatenate(arrays).tolist())
+
+
+_NOT_ESTIMATED = readonly(np.zeros(6))

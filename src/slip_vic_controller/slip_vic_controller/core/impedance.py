@@ -14,7 +14,8 @@ class Gains(NamedTuple):
     """Gains of the law, diagonals as vectors, linear part first.
 
     K_D (6,) [N/m, N m/rad]; D_D (6,) [N s/m, N m s/rad]; M_D (6,) [kg, kg m2]; gamma_k, gamma_d (6,) [s/m, s/rad];
-    alpha [s/m]; k_s [1/s]. Classical impedance control has alpha = 0 and gamma = 0.
+    alpha [s/m]; k_s [1/s]. Classical impedance control has alpha = 0 and gamma = 0. spin_lever [m]: what makes turning
+    a slip speed in the gate; spin_limit [rad/s^2]: most that the compensation may turn; printed: 1 and infinite.
     """
 
     K_D: Array
@@ -24,6 +25,8 @@ class Gains(NamedTuple):
     gamma_d: Array
     alpha: float
     k_s: float
+    spin_lever: float = 1.0
+    spin_limit: float = math.inf
 
 
 def fading_gain(full: Array, gamma: Array, v_s: Array) -> Array:
@@ -36,12 +39,33 @@ def fading_gain(full: Array, gamma: Array, v_s: Array) -> Array:
     return full * np.exp(-gamma * np.abs(v_s))
 
 
-def gate(alpha: float, v_s: Array) -> float:
+def gate(alpha: float, v_s: Array, spin_lever: float = 1.0) -> float:
     """Return tanh(alpha |v_s|), |.| the norm of the 6-vector; (6,) [m/s, rad/s] any axes -> [0, 1].
+
+    Args:
+        alpha: steepness [s/m].
+        v_s: slip velocity.
+        spin_lever: metres that turn rad/s into m/s; 1 as printed.
 
     Implements: Eq. (29), tanh(alpha |v_s|).
     """
-    return math.tanh(alpha * math.sqrt(v_s.dot(v_s)))
+    if spin_lever == 1.0:
+        return math.tanh(alpha * math.sqrt(v_s.dot(v_s)))
+    linear, angular = v_s[:3], v_s[3:]
+    return math.tanh(alpha * math.sqrt(linear.dot(linear) + spin_lever**2 * angular.dot(angular)))
+
+
+def limit_spin(limit: float, gated: Array) -> Array:
+    """Return the gated compensation with its angular part shortened to `limit` [rad/s^2]; (6,) {w} -> (6,) {w}.
+
+    With an angular stiffness that does not fade, K_o e_o = M_o limit bounds how far the attitude gives way.
+
+    Implements: ours: the printed law follows the object's spin wherever it goes.
+    """
+    size = math.sqrt(gated[3:].dot(gated[3:]))
+    if size <= limit:
+        return gated
+    return np.concatenate((gated[:3], (limit / size) * gated[3:]))
 
 
 def compensation(k_s: float, v_s: Array, Phi2: Array, follow: Array, Theta: Array) -> Array:

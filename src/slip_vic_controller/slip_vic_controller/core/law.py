@@ -119,10 +119,10 @@ def control_law(
     Z = impedance.impedance(gains, K, D, e, e_dot)
     Z[3:] = attitude.T_e.dot(Z[3:])
     Theta = np.concatenate((_ZERO, attitude.Theta))
-    gate = impedance.gate(gains.alpha, v_s)
+    gate = impedance.gate(gains.alpha, v_s, gains.spin_lever)
     comp = impedance.compensation(gains.k_s, v_s, terms.Phi2, terms.follow, Theta)
     comp = impedance.project(R_ee, slip_axes, comp)
-    gated = gate * comp
+    gated = impedance.limit_spin(gains.spin_limit, gate * comp)
     a_C = a_d + Z + Theta + gated
     Lambda = gains.M_D * np.concatenate((gated[:3], attitude.T_e_inverse.dot(gated[3:])))
     return LawTerms(v_s, e, e_dot, K, D, gate, comp, Lambda, Theta, Z, a_d, a_C)

@@ -1,9 +1,9 @@
 """Slip observer: the model predicts slip at control rate, sensor samples correct it at their own time stamps.
 
-Two hypotheses share one filter per axis. In stick the slip velocity is zero at every tick, and that pseudo-measurement
-teaches the filter the model's errors (wrench bias, wrong mass). In slip the velocity is free, and a sample with stamp t_m
-corrects the estimate as it was at t_m; the ticks since then are run again. A significance test on the estimate and one on
-the samples decide between the two, so that noise cannot open the gate.
+Two hypotheses share one filter per axis. In stick the slip velocity is zero at every tick, which teaches the filter the
+model's errors (wrench bias, wrong mass). In slip the velocity is free, and a sample of stamp t_m corrects the estimate
+as it was at t_m; the ticks since then are run again. A significance test on what the model says and one on the samples
+decide between the two, so that noise cannot open the gate.
 
 On pad axes throughout; only the axes in which the contact can slip are filtered.
 """
@@ -18,7 +18,7 @@ import numpy as np
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.types import SlipSample
-from slip_vic_controller.core.slip_filter import AxisFilter, correct, predict, robust_variance
+from slip_vic_controller.core.slip_filter import AxisFilter, correct, correct_within, learn, predict, robust_variance
 
 Floats = tuple[float, ...]
 
@@ -26,17 +26,17 @@ Floats = tuple[float, ...]
 class ObserverConfig(NamedTuple):
     """Tuning of the observer; tuples are per filtered axis.
 
-    axes: indices of the filtered axes, of 6; noise: variance of a sensor sample; force_noise: variance of v per tick from
-    wrench noise and model; stick_noise: variance of the pseudo-measurement v = 0; floor: variance below which a slip
+    axes: indices of the filtered axes, of 6; noise: variance of a sensor sample; force_noise: variance of v per tick
+    from wrench noise and model; floor: variance below which a slip
     velocity means nothing; prior_b, prior_c: variances of the model's errors; drift_b: variance that b gains per tick;
     dead_band: linear, angular; chi_on, chi_off: thresholds on the significance; dwell: ticks below chi_off until stick;
-    memory_ns: how late a sample may be; smoothing: weight of a new sample in the mean that is tested; outlier: deviations.
+    memory_ns: how late a sample may be; smoothing: weight of a new sample in the mean that is tested; window: ticks
+    over which slip must show in the model; outlier: deviations.
     """
 
     axes: tuple[int, ...]
     noise: Floats
     force_noise: Floats
-    stick_noise: Floats
     floor: Floats
     prior_b: Floats
     prior_c: Floats
@@ -47,7 +47,10 @@ class ObserverConfig(NamedTuple):
     dwell: int
     memory_ns: int
     smoothing: float
+    window: int
     outlier: float
+    drag_spread: float
+    drag_memory: float
 
 
 class Sample(NamedTuple):
@@ -66,12 +69,14 @@ class Moment(NamedTuple):
     turn_linear: Floats
     turn_angular: Floats
     force: Floats
+    drag: Floats
     samples: tuple[Sample, ...]
     estimate: tuple[AxisFilter, ...]
 
 
 class ObserverState(NamedTuple):
-    """What the observer remembers. twist (6,) {w}: of {ee} at the last tick; mean: of the samples, weighted.
+    """What the observer remembers. twist (6,) {w}: of {ee} at the last tick; mean: of the samples that were
+    measured in stick, after since_ns, weighted;
 
     quiet: ticks in a row without significant slip; late: samples that came too late to be used.
     """
@@ -81,9 +86,9 @@ class ObserverState(NamedTuple):
     estimate: tuple[AxisFilter, ...]
     twist: Array
     mean: Floats
+    since_ns: int
     quiet: int
     history: tuple[Moment, ...]
-    newest_ns: int
     late: int
 
 
@@ -91,7 +96,8 @@ class Motion(NamedTuple):
     """What a tick tells the observer; (6,) unless said otherwise.
 
     stamp_ns; R_ee (3, 3); v_ee {w}; follow: G^T a_o + Phi2 from the wrench [m/s^2, rad/s^2] {w}; force: the part of it
-    that the wrench gives, without gravity {w}; w_o (3,) [rad/s] {w}.
+    that the wrench gives, without gravity {w};
+    drag (3,): acceleration that the pad gives to the centre of mass [m/s^2] {w}; w_o (3,) [rad/s] {w}.
     """
 
     stamp_ns: int
@@ -99,11 +105,12 @@ class Motion(NamedTuple):
     v_ee: Array
     follow: Array
     force: Array
+    drag: Array
     w_o: Array
 
 
 class SlipEstimate(NamedTuple):
-    """twist (6,): significant slip velocity, zero in stick; error (6,): of `follow`; variance (6,): of twist; {ee} axes.
+    """twist (6,): significant slip velocity, zero in stick; error (6,): of `follow`; variance (6,): of twist; on {ee}.
 
     significance: v^T P^-1 v, to be compared with chi_on; sliding: which hypothesis holds.
     """
@@ -121,11 +128,10 @@ def initial_observer(config: ObserverConfig, stamp_ns: int, v_ee: Array) -> Obse
     Implements: ours: a grasp begins without slip.
     """
     estimate = tuple(
-        AxisFilter(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, b, 0.0, c)
-        for b, c in zip(config.prior_b, config.prior_c, strict=True)
+        AxisFilter(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, b, 0.0, c) for b, c in zip(config.prior_b, config.prior_c, strict=True)
     )
     zero = (0.0,) * len(config.axes)
-    return ObserverState(stamp_ns, False, estimate, v_ee, zero, 0, (), -(2**63), 0)
+    return ObserverState(stamp_ns, False, estimate, v_ee, zero, stamp_ns, 0, (), 0)
 
 
 def observe(
@@ -135,50 +141,79 @@ def observe(
 
     Implements: ours: v_s[k+1] = v_s[k] + dv_ee - T (G^T a_o + Phi1' v_s + Phi2), corrected at the samples' stamps.
     """
-    moment = _predict(config, state, motion)
-    fresh = sorted(
-        (Sample(s.stamp_ns, tuple(s.twist[list(config.axes)].tolist())) for s in samples if s.valid),
-        key=lambda sample: sample.stamp_ns,
-    )
-    mean, newest = _mean(config, state, fresh)
-    late = state.late
-    if not state.sliding:
-        estimate = tuple(
-            correct(x, 0.0, variance) for x, variance in zip(moment.estimate, config.stick_noise, strict=True)
-        )
-        history: tuple[Moment, ...] = ()
-    else:
-        oldest = motion.stamp_ns - config.memory_ns
-        first = next((i for i, m in enumerate(state.history) if m.stamp_ns >= oldest), 0)
-        history = (*state.history[first:], moment)
-        usable = [s for s in fresh if s.stamp_ns > history[0].stamp_ns]
-        late += len(fresh) - len(usable)
-        if usable:
-            history = _replay(config, history, usable)
-        estimate = history[-1].estimate
-    significance = _significance(estimate, config.floor)
-    seen = bool(fresh) and _seen(config, mean)
-    sliding, quiet = state.sliding, 0
-    if not sliding and (significance > config.chi_on or seen):
-        sliding = True
-        if significance <= config.chi_on:
-            estimate = _restart(config, estimate, mean)
-        history = (moment._replace(samples=(), estimate=estimate),)
-    elif sliding and significance < config.chi_off and not _seen(config, mean):
-        quiet = state.quiet + 1
-        if quiet >= config.dwell:
-            sliding, quiet, history = False, 0, ()
-            estimate = tuple(
-                correct(x, 0.0, floor) for x, floor in zip(estimate, config.floor, strict=True)
+    fresh = sorted(Sample(s.stamp_ns, tuple(s.twist[list(config.axes)].tolist())) for s in samples if s.valid)
+    moment = _moment(config, state, motion)
+    state = state._replace(stamp_ns=motion.stamp_ns, twist=motion.v_ee)
+    state, significance = (_in_slip if state.sliding else _in_stick)(config, state, moment, fresh)
+    return state, _estimate(config, state, moment.force, significance)
+
+
+def last_twist(config: ObserverConfig, state: ObserverState) -> Array:
+    """Return the slip velocity of the last tick as the law was given it; (6,) [m/s, rad/s] {ee}.
+
+    Implements: ours: what the next prediction starts from.
+    """
+    twist = np.zeros(6)
+    if state.sliding:
+        for i, x in zip(config.axes, state.estimate, strict=True):
+            twist[i] = x.v
+    return twist
+
+
+def _in_stick(
+    config: ObserverConfig, state: ObserverState, moment: Moment, fresh: list[Sample]
+) -> tuple[ObserverState, float]:
+    """Test whether slip has begun. What the model says of the last ticks counts only once they have passed as stick.
+
+    Were it taken in at once, the beginning of a slip would be learnt as an error of the model.
+    """
+    window, known = (*state.history, moment), state.estimate
+    if len(window) > config.window:
+        oldest, window = window[0], window[1:]
+        known = tuple(
+            learn(x, step, f, oldest.dt, q_v, q_b)
+            for x, step, f, q_v, q_b in zip(
+                known, oldest.step, oldest.force, config.force_noise, config.drift_b, strict=True
             )
-    following = ObserverState(
-        motion.stamp_ns, sliding, estimate, motion.v_ee, mean, quiet, history, newest, late
-    )
-    return following, _estimate(config, following, moment.force, significance)
+        )
+    significance = _window_significance(config, window, known)
+    mean = _mean(config, state.mean, [s for s in fresh if s.stamp_ns > state.since_ns])
+    if significance > config.chi_on:
+        history = _run(config, window, 0, known)
+        return state._replace(sliding=True, estimate=history[-1].estimate, history=history, mean=mean), significance
+    if _seen(config, mean):
+        known = _restart(config, known, mean)
+        history = (moment._replace(estimate=known),)
+        return state._replace(sliding=True, estimate=known, history=history, mean=mean), significance
+    return state._replace(estimate=known, history=window, mean=mean), significance
 
 
-def _predict(config: ObserverConfig, state: ObserverState, motion: Motion) -> Moment:
-    """Return this tick with the estimate before any correction."""
+def _in_slip(
+    config: ObserverConfig, state: ObserverState, moment: Moment, fresh: list[Sample]
+) -> tuple[ObserverState, float]:
+    """Predict, correct, and test whether the slip is over."""
+    oldest = moment.stamp_ns - config.memory_ns
+    keep = next((i for i, m in enumerate(state.history) if m.stamp_ns >= oldest), len(state.history) - 1)
+    history = (*state.history[keep:], moment)
+    usable = [s for s in fresh if s.stamp_ns > history[0].stamp_ns]
+    first = len(history) - 1
+    if usable:
+        history, first = _insert(history, usable)
+    history = _run(config, history, first, history[first - 1].estimate)
+    estimate = history[-1].estimate
+    late = state.late + len(fresh) - len(usable)
+    significance = _significance(estimate, config.floor)
+    quiet = state.quiet + 1 if significance < config.chi_off else 0
+    if quiet < config.dwell:
+        return state._replace(estimate=estimate, history=history, quiet=quiet, late=late), significance
+    rest = tuple(correct(x, 0.0, floor) for x, floor in zip(estimate, config.floor, strict=True))
+    rest = tuple(x._replace(v=0.0, P_vv=0.0, P_vb=0.0, P_vc=0.0) for x in rest)
+    zero = (0.0,) * len(rest)
+    return ObserverState(moment.stamp_ns, False, rest, state.twist, zero, moment.stamp_ns, 0, (), late), significance
+
+
+def _moment(config: ObserverConfig, state: ObserverState, motion: Motion) -> Moment:
+    """Return what this tick does to the slip velocity, whatever that is; the estimate is filled in later."""
     dt = (motion.stamp_ns - state.stamp_ns) * 1e-9
     R = motion.R_ee
     change = (((motion.v_ee - state.twist) - dt * motion.follow).reshape(2, 3) @ R).ravel().tolist()
@@ -188,8 +223,22 @@ def _predict(config: ObserverConfig, state: ObserverState, motion: Motion) -> Mo
     turn_angular = tuple(a + b for a, b in zip(w_ee, w_o, strict=True))
     step = tuple(change[i] for i in config.axes)
     force = tuple(force_pad[i] for i in config.axes)
-    moment = Moment(motion.stamp_ns, dt, step, turn_linear, turn_angular, force, (), state.estimate)
-    return moment._replace(estimate=_advance(config, moment, state.estimate))
+    drag_pad = (motion.drag @ R).tolist()
+    drag = tuple(drag_pad[i] for i in config.axes if i < 3)
+    return Moment(motion.stamp_ns, dt, step, turn_linear, turn_angular, force, drag, (), ())
+
+
+def _window_significance(config: ObserverConfig, window: tuple[Moment, ...], known: tuple[AxisFilter, ...]) -> float:
+    """Return the significance of the velocity that the window adds up to, from v = 0 at its beginning."""
+    time = sum(m.dt for m in window)
+    total = 0.0
+    for k, (x, q_v, floor) in enumerate(zip(known, config.force_noise, config.floor, strict=True)):
+        v = sum(m.step[k] for m in window)
+        impulse = sum(m.dt * m.force[k] for m in window)
+        v -= time * x.b + impulse * x.c
+        variance = time * time * x.P_bb + 2.0 * time * impulse * x.P_bc + impulse * impulse * x.P_cc
+        total += v * v / (variance + len(window) * q_v + floor)
+    return total
 
 
 def _advance(config: ObserverConfig, m: Moment, before: tuple[AxisFilter, ...]) -> tuple[AxisFilter, ...]:
@@ -199,6 +248,28 @@ def _advance(config: ObserverConfig, m: Moment, before: tuple[AxisFilter, ...]) 
         for x, step, turn, f, q_v, q_b in zip(
             before, m.step, turning, m.force, config.force_noise, config.drift_b, strict=True
         )
+    )
+
+
+def _opposed(config: ObserverConfig, m: Moment, estimate: tuple[AxisFilter, ...]) -> tuple[AxisFilter, ...]:
+    """Take in that friction opposes slip: the pad slides over the object in the direction in which it drags it.
+
+    The friction coefficient does not matter. Where the estimate says otherwise it is pulled to the nearest velocity
+    that fits, weakly, because pads are not alike in all directions.
+    """
+    count = len(m.drag)
+    if count == 0 or config.drag_spread == 0.0:
+        return estimate
+    v = [x.v for x in estimate[:count]]
+    d = [drag + x.b + x.c * f for drag, x, f in zip(m.drag, estimate, m.force, strict=False)]
+    along = sum(a * b for a, b in zip(v, d, strict=True)) / max(sum(a * a for a in d), _TINY)
+    target = [max(along, 0.0) * a for a in d]
+    speed = math.sqrt(sum(a * a for a in v))
+    return tuple(
+        correct(x, target[k], config.drag_memory * ((config.drag_spread * speed) ** 2 + config.floor[k]))
+        if k < count
+        else x
+        for k, x in enumerate(estimate)
     )
 
 
@@ -219,54 +290,46 @@ def _turning(axes: tuple[int, ...], estimate: tuple[AxisFilter, ...], linear: Fl
     return tuple(cross[i] for i in axes)
 
 
-def _replay(config: ObserverConfig, history: tuple[Moment, ...], samples: list[Sample]) -> tuple[Moment, ...]:
-    """Put the samples where they belong and run the ticks from the first of them again."""
-    moments = list(history)
-    first = len(moments)
+def _insert(history: tuple[Moment, ...], samples: list[Sample]) -> tuple[tuple[Moment, ...], int]:
+    """Put the samples at the first tick not before their stamps; return the history and the first tick that changed."""
+    moments, first = list(history), len(history)
     for sample in samples:
         index = next(i for i, m in enumerate(moments) if m.stamp_ns >= sample.stamp_ns)
-        known = moments[index].samples
-        moments[index] = moments[index]._replace(samples=tuple(sorted((*known, sample))))
+        moments[index] = moments[index]._replace(samples=tuple(sorted((*moments[index].samples, sample))))
         first = min(first, index)
-    for index in range(first, len(moments)):
-        m = moments[index]
-        # The first moment has nothing before it: its own estimate is what it starts from.
-        before = m.estimate if index == 0 else _advance(config, m, moments[index - 1].estimate)
+    return tuple(moments), first
+
+
+def _run(
+    config: ObserverConfig, history: tuple[Moment, ...], first: int, before: tuple[AxisFilter, ...]
+) -> tuple[Moment, ...]:
+    """Run the ticks from number `first` on, again or for the first time; `before` is the estimate ahead of it."""
+    done = list(history[:first])
+    for m in history[first:]:
+        before = _opposed(config, m, _advance(config, m, before))
         for sample in m.samples:
             before = _correct(config, before, sample)
-        moments[index] = m._replace(estimate=before)
-    return tuple(moments)
+        done.append(m._replace(estimate=before))
+    return tuple(done)
 
 
 def _correct(config: ObserverConfig, estimate: tuple[AxisFilter, ...], sample: Sample) -> tuple[AxisFilter, ...]:
-    measured = _outside_dead_band(config, estimate, sample.values)
+    """Take a sample in; a half that reads zero only says that it is within the dead band."""
+    reads = [0.0, 0.0]
+    for i, value in zip(config.axes, sample.values, strict=True):
+        reads[i // 3] += abs(value)
     return tuple(
-        x if z is None else correct(x, z, robust_variance(x, z, R, config.outlier))
-        for x, z, R in zip(estimate, measured, config.noise, strict=True)
+        correct_within(x, config.dead_band[i // 3], R)
+        if reads[i // 3] == 0.0 and config.dead_band[i // 3] > 0.0
+        else correct(x, z, robust_variance(x, z, R, config.outlier))
+        for i, x, z, R in zip(config.axes, estimate, sample.values, config.noise, strict=True)
     )
 
 
-def _outside_dead_band(
-    config: ObserverConfig, estimate: tuple[AxisFilter, ...], values: Floats
-) -> list[float | None]:
-    """Return what a sample says: zeros from a dead band say only that the speed is below it."""
-    out: list[float | None] = list(values)
-    for half, band in enumerate(config.dead_band):
-        members = [k for k, i in enumerate(config.axes) if i // 3 == half]
-        if band == 0.0 or any(values[k] for k in members):
-            continue
-        speed = math.sqrt(sum(estimate[k].v ** 2 for k in members))
-        for k in members:
-            out[k] = None if speed <= band else estimate[k].v * band / speed
-    return out
-
-
-def _mean(config: ObserverConfig, state: ObserverState, fresh: list[Sample]) -> tuple[Floats, int]:
-    mean, newest, weight = state.mean, state.newest_ns, config.smoothing
+def _mean(config: ObserverConfig, mean: Floats, fresh: list[Sample]) -> Floats:
     for sample in fresh:
-        newest = max(newest, sample.stamp_ns)
-        mean = tuple(m + weight * (value - m) for m, value in zip(mean, sample.values, strict=True))
-    return mean, newest
+        mean = tuple(m + config.smoothing * (value - m) for m, value in zip(mean, sample.values, strict=True))
+    return mean
 
 
 def _seen(config: ObserverConfig, mean: Floats) -> bool:
@@ -278,9 +341,7 @@ def _significance(estimate: tuple[AxisFilter, ...], floor: Floats) -> float:
     return sum(x.v * x.v / (x.P_vv + least) for x, least in zip(estimate, floor, strict=True))
 
 
-def _restart(
-    config: ObserverConfig, estimate: tuple[AxisFilter, ...], mean: Floats
-) -> tuple[AxisFilter, ...]:
+def _restart(config: ObserverConfig, estimate: tuple[AxisFilter, ...], mean: Floats) -> tuple[AxisFilter, ...]:
     """Return an estimate that believes the samples: the model has missed a slip, so its errors are unknown again."""
     share = config.smoothing / (2.0 - config.smoothing)
     return tuple(
@@ -297,3 +358,6 @@ def _estimate(config: ObserverConfig, state: ObserverState, force: Floats, signi
         error[i] = x.b + x.c * f
         variance[i] = x.P_vv
     return SlipEstimate(twist, error, variance, significance, state.sliding)
+
+
+_TINY = 1e-12

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from slip_msgs_py.params import ParameterModel, parameter
 from slip_vic_controller.core.safety_params import SafetyParams
+from slip_vic_controller.core.slip_params import MeasuredParams, ObserverParams, SlipSensorModel, WrenchSensorModel
 
 QUATERNION_TOLERANCE = 1e-3
 """How far a quaternion's norm may be from 1: typed with four digits it is still accepted, and normalised."""
@@ -36,6 +37,27 @@ class GainParams(ParameterModel):
     gamma_do: float = parameter(100.0, "fading of angular damping with slip", unit="s/rad", runtime=True, ge=0.0)
     alpha: float = parameter(100.0, "steepness of the gate tanh(alpha |v_s|)", unit="s/m", runtime=True, gt=0.0)
     k_s: float = parameter(1000.0, "decay rate of slip while the gate is open", unit="1/s", runtime=True, gt=0.0)
+    k_s_mode: Literal["auto", "fixed"] = parameter(
+        "auto", "k_s beyond what delays allow: auto uses what is accepted, fixed refuses", runtime=True
+    )
+    k_s_margin: float = parameter(
+        2.0, "gain margin of the slip loop: k_s stays below its stability limit over this", runtime=True, ge=1.0
+    )
+    spin: Literal["follow", "bounded"] = parameter(
+        "follow", "attitude in slip: follow the object's spin (the printed law), or only within spin_excursion"
+    )
+    spin_excursion: float = parameter(
+        0.2, "spin bounded: static attitude error that following the object may cost", unit="rad", runtime=True, ge=0.0
+    )
+    spin_lever: float = parameter(
+        0.03, "spin bounded: lever that makes turning a slip speed in the gate (the printed law has 1 m)", unit="m",
+        runtime=True, ge=0.0,
+    )  # fmt: skip
+
+    ramp_s: float = parameter(
+        0.2, "shortest time that a change of gains or payload at run time takes; stability may ask for more", unit="s",
+        runtime=True, gt=0.0,
+    )  # fmt: skip
 
     @model_validator(mode="after")
     def _positive(self) -> GainParams:
@@ -51,14 +73,17 @@ class ObjectParams(ParameterModel):
 
     mass: float = parameter(0.5, "mass", unit="kg", runtime=True, gt=0.0)
     inertia: Six = parameter(
-        (2e-3, 2e-3, 2e-3, 0.0, 0.0, 0.0), "ixx iyy izz ixy ixz iyz about the centre of mass on {o}", unit="kg m2"
+        (2e-3, 2e-3, 2e-3, 0.0, 0.0, 0.0),
+        "ixx iyy izz ixy ixz iyz about the centre of mass on {o}",
+        unit="kg m2",
+        runtime=True,
     )
 
 
 class ContactParams(ParameterModel):
     """Contacts on the object, flat lists; contact 0 is this controller's own arm."""
 
-    position: tuple[float, ...] = parameter((0.02, 0.0, 0.0), "o_x_p, 3 per contact", unit="m")
+    position: tuple[float, ...] = parameter((0.02, 0.0, 0.0), "o_x_p, 3 per contact", unit="m", runtime=True)
     orientation_xyzw: tuple[float, ...] = parameter((0.0, 0.0, 0.0, 1.0), "o_R_p as quaternion, 4 per contact")
     slip_axes: tuple[bool, ...] = parameter(
         (True,) * 6, "directions on pad axes in which the contact can slip, 6 per contact; all true = the printed law"
@@ -160,6 +185,13 @@ class ControllerParams(ParameterModel):
     object: ObjectParams = Field(default_factory=ObjectParams)
     contacts: ContactParams = Field(default_factory=ContactParams)
     gains: GainParams = Field(default_factory=GainParams)
+    slip_estimator: Literal["measured", "observer"] = parameter(
+        "measured", "slip velocity of the law: newest sample (with dead band 0 the printed law), or observer"
+    )
+    slip_sensor: SlipSensorModel = Field(default_factory=SlipSensorModel)
+    wrench_sensor: WrenchSensorModel = Field(default_factory=WrenchSensorModel)
+    measured: MeasuredParams = Field(default_factory=MeasuredParams)
+    observer: ObserverParams = Field(default_factory=ObserverParams)
     nullspace: NullspaceParams = Field(default_factory=NullspaceParams)
     singularity: SingularityParams = Field(default_factory=SingularityParams)
     safety: SafetyParams = Field(default_factory=SafetyParams)

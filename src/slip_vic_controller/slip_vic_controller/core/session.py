@@ -64,6 +64,7 @@ class ControllerSession:
         self.state: ControllerState | None = None
         self.safety: SupervisorState | None = None
         self.cycles = 0
+        self.active = True
         self._lockstep = lockstep
         self._reference: CartesianReference | None = None
         self._request = Request.NONE
@@ -84,6 +85,10 @@ class ControllerSession:
         Implements: ours: reference by topic.
         """
         self._reference = reference
+
+    def set_active(self, active: bool) -> None:
+        """Start anew, or answer without effort until then; a fault stays."""
+        self.active, self.state = active, None
 
     def request(self, request: Request) -> None:
         """Ask for a mode; the next cycle decides."""
@@ -111,6 +116,8 @@ class ControllerSession:
             safety = self.supervisor.waiting(safety, say("joint state", trouble), request, now)
         if self.state is None and trouble not in USABLE:
             missing.insert(0, "a good joint state")
+        if not self.active:
+            missing.insert(0, "activation")
         if inputs is None or missing:
             self.safety = self.supervisor.waiting(safety, f"waits for {', '.join(missing)}", request, now)
             return self._waiting(joint, now, GOOD if health is None else health, request)
@@ -120,7 +127,7 @@ class ControllerSession:
             self.state = self._controller.initial_state(joint)
         done = self.supervisor.step(
             safety, self.state, now, joint, inputs.wrenches, inputs.slips, health, self.monitor.joint.frozen(now),
-            request, self._reference,
+            request, self._reference, inputs.new_slips[0],
         )  # fmt: skip
         return self._done(done, joint, self._used(joint, inputs), now, health, request)
 
@@ -131,7 +138,13 @@ class ControllerSession:
 
         Implements: ours: a watchdog on the steady clock, so that it bites when every other clock stands still.
         """
-        if self._lockstep or self.state is None or self.safety is None or not self.monitor.joint.silent(now_ns):
+        if (
+            not self.active
+            or self._lockstep
+            or self.state is None
+            or self.safety is None
+            or not self.monitor.joint.silent(now_ns)
+        ):
             return None
         newest = self.monitor.joint.newest
         if newest is None or self.safety.mode.mode == Mode.WAITING_INPUT:

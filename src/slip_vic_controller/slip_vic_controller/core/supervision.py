@@ -126,6 +126,7 @@ class Supervisor:
         frozen: bool,
         request: Request,
         reference: CartesianReference | None,
+        new_slips: tuple[SlipSample, ...] | None = None,
     ) -> Supervised:
         """Answer one joint state; never raises.
 
@@ -138,13 +139,14 @@ class Supervisor:
             frozen: whether the joint values have been equal to the last bit for long.
             request: what a user asked for.
             reference: from a topic, or None.
+            new_slips: of the own contact, all since the last cycle; None = the newest.
         """
         with np.errstate(all="ignore"):
             if health.joint not in (Trouble.NONE, Trouble.DENORMAL, Trouble.RESTARTED, Trouble.NOT_RUN):
                 return self._blind(state, control, now_ns, joint, health.joint, request)
             return self._seeing(
                 state._replace(joint_bad_since_ns=None), control, now_ns, joint, wrenches, slips, health, frozen,
-                request, reference,
+                request, reference, new_slips,
             )  # fmt: skip
 
     def without_joint_state(
@@ -191,6 +193,7 @@ class Supervisor:
         frozen: bool,
         request: Request,
         reference: CartesianReference | None,
+        new_slips: tuple[SlipSample, ...] | None = None,
     ) -> Supervised:
         findings, rung, state = self._find(state, now_ns, joint, health, frozen)
         mode = next_mode(state.mode, findings, request, now_ns, self._policy)
@@ -211,7 +214,8 @@ class Supervisor:
             reference = scaled(self._planned(control, joint, reference), path)
         if rung in (Rung.OBSERVED, Rung.SLOWING):
             slips = tuple(SlipSample(joint.stamp_ns, np.zeros(6)) for _ in slips)
-        result = self.controller.step(control, joint, wrenches, slips, reference)
+            new_slips = ()  # an observer goes on with the model alone
+        result = self.controller.step(control, joint, wrenches, slips, reference, new_slips)
         if result.diagnostics.status != "ok":
             # The law could not be evaluated: its own safe command for this tick, and HOLD.
             mode = next_mode(mode, Findings(hold=result.diagnostics.reason), Request.NONE, now_ns, self._policy)

@@ -1,0 +1,51 @@
+"""Named sensors: the YAML files in ``presets/``, each with the controller settings that suit it."""
+
+from __future__ import annotations
+
+import importlib.resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import Field
+
+from slip_msgs_py.errors import InputError, nearest
+from slip_msgs_py.params import ParameterModel, load_yaml, validate
+from slip_sim_bridge.sim.sensor_params import SlipSensorParams, WrenchSensorParams
+
+_FILES = importlib.resources.files("slip_sim_bridge") / "presets"
+
+
+class SensorPreset(ParameterModel):
+    """A sensor by name: values of ``sensors.slip`` and ``sensors.wrench``, and settings of the controller."""
+
+    description: str
+    sources: str
+    slip: SlipSensorParams = SlipSensorParams()
+    wrench: WrenchSensorParams = WrenchSensorParams()
+    controller: dict[str, Any] = Field(default_factory=dict)
+
+
+def preset_names() -> list[str]:
+    """Return the names of the sensors that come with the package, sorted."""
+    return sorted(entry.name.removesuffix(".yaml") for entry in _FILES.iterdir() if entry.name.endswith(".yaml"))
+
+
+def load_preset(name_or_path: str) -> SensorPreset:
+    """Read a sensor by name or from a YAML file of the same form.
+
+    Raises:
+        InputError: unknown name (nearest offered), or a file that does not fit.
+    """
+    if name_or_path in preset_names():
+        content = yaml.safe_load((_FILES / f"{name_or_path}.yaml").read_text(encoding="utf-8"))
+    elif Path(name_or_path).suffix in (".yaml", ".yml"):
+        content = load_yaml(Path(name_or_path))
+    else:
+        raise InputError(
+            f"sensor {name_or_path}",
+            got="an unknown name",
+            expected=nearest(name_or_path, preset_names()),
+            fix="or give a .yaml file",
+        )
+    return validate(SensorPreset, content, f"sensor {name_or_path}")

@@ -1,0 +1,84 @@
+"""Parameters of the sensors: what a sensor is, and the faults that can be switched on and off while it runs."""
+
+from __future__ import annotations
+
+from slip_msgs_py.params import ParameterModel, parameter
+
+Six = tuple[float, float, float, float, float, float]
+NO_BIAS: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+CHIPS = 3
+
+
+class SlipFaultParams(ParameterModel):
+    """Faults seen in real slip sensors; all off by default, all changeable at run time."""
+
+    gain: float = parameter(1.0, "reading over truth; 0.7 to 0.93 was seen before calibration", runtime=True, gt=0.0)
+    bias: Six = parameter(NO_BIAS, "constant added to readings, on pad axes", unit="m/s, rad/s", runtime=True)
+    outlier_probability: float = parameter(0.0, "share of samples with a wild value", runtime=True, ge=0.0, le=1.0)
+    outlier_linear: float = parameter(
+        0.2, "standard deviation of a wild linear value", unit="m/s", runtime=True, ge=0.0
+    )
+    outlier_angular: float = parameter(
+        5.0, "standard deviation of a wild angular value", unit="rad/s", runtime=True, ge=0.0
+    )
+    dropout_probability: float = parameter(0.0, "share of samples that are lost", runtime=True, ge=0.0, le=1.0)
+    lifted_chips: int = parameter(
+        0, f"how many of {CHIPS} optical chips are off the object and read zero", runtime=True, ge=0, le=CHIPS
+    )
+    frozen: bool = parameter(False, "repeat the last reading under new stamps", runtime=True)
+    invalid: bool = parameter(
+        False, "the sensor says of itself that it does not measure: samples are NaN", runtime=True
+    )
+    silent: bool = parameter(False, "publish nothing", runtime=True)
+
+
+class SlipSensorParams(ParameterModel):
+    """Slip velocity sensor."""
+
+    rate_hz: float = parameter(0.0, "measuring rate; 0 measures at every control tick", unit="Hz", ge=0.0)
+    latency_s: float = parameter(0.0, "time from measurement to publication", unit="s", ge=0.0)
+    noise_linear: float = parameter(0.0, "standard deviation of each linear axis that can slip", unit="m/s", ge=0.0)
+    noise_angular: float = parameter(0.0, "standard deviation of each angular axis that can slip", unit="rad/s", ge=0.0)
+    quantum_linear: float = parameter(0.0, "step of the linear readings", unit="m/s", ge=0.0)
+    dead_band_linear: float = parameter(0.0, "linear speed below which the sensor reads zero", unit="m/s", ge=0.0)
+    dead_band_angular: float = parameter(0.0, "angular speed below which the sensor reads zero", unit="rad/s", ge=0.0)
+    saturation_linear: float = parameter(10.0, "largest linear reading of each axis", unit="m/s", gt=0.0)
+    saturation_angular: float = parameter(100.0, "largest angular reading of each axis", unit="rad/s", gt=0.0)
+    chip_radius: float = parameter(
+        0.01, f"circle on which {CHIPS} optical chips sit, for faults.lifted_chips", unit="m", gt=0.0
+    )
+    faults: SlipFaultParams = SlipFaultParams()
+
+
+class WrenchSensorParams(ParameterModel):
+    """Force and torque sensor at the pad centre."""
+
+    rate_hz: float = parameter(0.0, "measuring rate; 0 measures at every control tick", unit="Hz", ge=0.0)
+    latency_s: float = parameter(0.0, "time from measurement to publication", unit="s", ge=0.0)
+    noise_force: float = parameter(0.0, "standard deviation of each force axis", unit="N", ge=0.0)
+    noise_torque: float = parameter(0.0, "standard deviation of each torque axis", unit="N m", ge=0.0)
+    bias: Six = parameter(NO_BIAS, "constant added to readings, on pad axes", unit="N, N m", runtime=True)
+    dropout_probability: float = parameter(0.0, "share of samples that are lost", runtime=True, ge=0.0, le=1.0)
+    silent: bool = parameter(False, "publish nothing", runtime=True)
+
+
+class JointSensorParams(ParameterModel):
+    """Joint encoders. A joint state comes at every tick, because it starts the tick; its values may be old."""
+
+    rate_hz: float = parameter(
+        0.0, "how often positions and velocities are renewed; 0 at every tick", unit="Hz", ge=0.0
+    )
+    latency_s: float = parameter(
+        0.0, "age of the values, which their stamp does not tell: a driver's hidden delay", unit="s", ge=0.0
+    )
+    noise_position: float = parameter(0.0, "standard deviation of each joint position", unit="rad", ge=0.0)
+    noise_velocity: float = parameter(0.0, "standard deviation of each joint velocity", unit="rad/s", ge=0.0)
+    bias_position: tuple[float, ...] = parameter((), "constant added to each position; empty = none", unit="rad")
+
+
+class SensorsParams(ParameterModel):
+    """What the sensors make of the truth."""
+
+    slip: SlipSensorParams = SlipSensorParams()
+    wrench: WrenchSensorParams = WrenchSensorParams()
+    joint: JointSensorParams = JointSensorParams()

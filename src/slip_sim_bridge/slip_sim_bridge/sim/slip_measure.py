@@ -1,0 +1,112 @@
+"""What a slip sensor makes of the true slip velocity: chips, gain, noise, outliers, saturation, quantum, dead band.
+
+Noise and faults draw from two streams, and as often with a fault as without: switching one on does not change the rest.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from slip_msgs_py.arrays import Array, readonly
+from slip_msgs_py.types import SlipSample
+from slip_sim_bridge.sim.sensor_params import CHIPS, SlipSensorParams
+
+_INVALID = readonly(np.full(6, math.nan))
+
+
+class SlipMeasurement:
+    """Measures slip; `faults` may be replaced at any time.
+
+    Args:
+        params: the sensor.
+        slip_axes: where the contact can slip, and so where there is something to measure; (6,) 0 or 1 on pad axes.
+        fault_rng: makes the random stream of the faults from its beginning.
+    """
+
+    def __init__(
+        self, params: SlipSensorParams, slip_axes: Array, fault_rng: Callable[[], np.random.Generator]
+    ) -> None:
+        self.faults = params.faults
+        self._params = params
+        self._axes = slip_axes
+        self._deviation = np.repeat((params.noise_linear, params.noise_angular), 3) * slip_axes
+        self._saturation = np.repeat((params.saturation_linear, params.saturation_angular), 3)
+        self._make_rng = fault_rng
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last reading and start the faults' random stream afresh."""
+        self._rng = self._make_rng()
+        self._last: Array | None = None
+
+    def __call__(self, truth: SlipSample, rng: np.random.Generator) -> SlipSample | None:
+        """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""
+        faults = self.faults
+        noise = rng.standard_normal(6) if self._deviation.any() else None
+        chance, wild = self._rng.random(2), self._rng.standard_normal(6)
+        if faults.silent or chance[0] < faults.dropout_probability:
+            return None
+        if faults.invalid:
+            return SlipSample(truth.stamp_ns, _INVALID, valid=False)
+        if faults.frozen and self._last is not None:
+            return SlipSample(truth.stamp_ns, self._last)
+        twist = self._read(truth.twist, noise)
+        if chance[1] < faults.outlier_probability:
+            size = np.repeat((faults.outlier_linear, faults.outlier_angular), 3)
+            twist = self._digitise(size * wild * self._axes)
+        self._last = twist
+        return truth if twist is truth.twist else dataclasses.replace(truth, twist=twist)
+
+    def _read(self, truth: Array, noise: Array | None) -> Array:
+        faults, twist = self.faults, truth
+        if faults.lifted_chips:
+            twist = lifted_chip_reading(twist, faults.lifted_chips, self._params.chip_radius)
+        if faults.gain != 1.0:
+            twist = faults.gain * twist
+        if noise is not None:
+            twist = twist + self._deviation * noise
+        if any(faults.bias):
+            twist = twist + np.array(faults.bias)
+        return self._digitise(twist)
+
+    def _digitise(self, twist: Array) -> Array:
+        params = self._params
+        if (np.abs(twist) > self._saturation).any():
+            twist = np.clip(twist, -self._saturation, self._saturation)
+        if params.quantum_linear > 0.0:
+            twist = np.concatenate((params.quantum_linear * np.round(twist[:3] / params.quantum_linear), twist[3:]))
+        return dead_band(twist, params.dead_band_linear, params.dead_band_angular)
+
+
+def dead_band(twist: Array, linear: float, angular: float) -> Array:
+    """Return the twist with its linear, angular half zero where that half's norm is below the dead band.
+
+    twist (6,) [m/s, rad/s], linear [m/s], angular [rad/s], any axes; the same array where nothing is in the band.
+
+    Implements: ours: slow motion gives an optical sensor no counts.
+    """
+    keep = np.repeat((math.hypot(*twist[:3]) >= linear, math.hypot(*twist[3:]) >= angular), 3)
+    return twist if keep.all() else np.where(keep, twist, 0.0)
+
+
+def lifted_chip_reading(twist: Array, lifted: int, radius: float) -> Array:
+    """Return what optical chips on a circle make of a twist while the first `lifted` of them read zero.
+
+    Every chip reads the two linear velocities at its place; x, y and the turn about z follow by least squares, as a
+    driver does that does not know which chip is off. twist (6,) [m/s, rad/s] {ee}; radius [m].
+
+    Implements: ours: a chip off the object reads zero.
+    """
+    angles = 2.0 * math.pi * np.arange(CHIPS) / CHIPS
+    rows = np.zeros((CHIPS, 2, 3))
+    rows[:, 0, 0] = rows[:, 1, 1] = 1.0
+    rows[:, 0, 2], rows[:, 1, 2] = -radius * np.sin(angles), radius * np.cos(angles)
+    readings = rows @ twist[[0, 1, 5]]
+    readings[:lifted] = 0.0
+    out = twist.copy()
+    out[[0, 1, 5]] = np.linalg.lstsq(rows.reshape(-1, 3), readings.ravel(), rcond=None)[0]
+    return out

@@ -1,0 +1,57 @@
+"""From parameters to the numbers of the slip observer."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.stats import chi2
+
+from slip_vic_controller.core.observer import ObserverConfig
+from slip_vic_controller.core.params import ControllerParams
+
+
+def observer_config(params: ControllerParams) -> ObserverConfig:
+    """Return the variances and thresholds that follow from the configured noise levels.
+
+    Implements: ours: noise of the wrench enters the slip velocity once per tick, divided by mass or inertia.
+    """
+    tuning, sensor, wrench, model = params.observer, params.slip_sensor, params.wrench_sensor, params.object
+    T = params.control_period_s
+    axes = tuple(i for i in range(6) if params.contacts.slip_axes[i])
+    lever = math.hypot(*params.contacts.position[:3])
+    inertia = float(np.min(model.inertia[:3]))
+
+    def both(linear: float, angular: float) -> tuple[float, ...]:
+        """Squares of the two numbers, per axis."""
+        return tuple((linear if i < 3 else angular) ** 2 for i in axes)
+
+    def accelerations(force: float, torque: float) -> tuple[float, float]:
+        angular = math.hypot(torque, lever * force) / inertia
+        return math.hypot(force / model.mass, lever * angular), angular
+
+    noise = accelerations(wrench.noise_force, wrench.noise_torque)
+    bias = accelerations(wrench.bias_force, wrench.bias_torque)
+    root_T = math.sqrt(T)
+    return ObserverConfig(
+        axes=axes,
+        noise=both(
+            max(math.hypot(sensor.noise_linear, sensor.quantum_linear), tuning.floor_linear),
+            max(sensor.noise_angular, tuning.floor_angular),
+        ),
+        force_noise=both(T * math.hypot(noise[0], tuning.rough_linear), T * math.hypot(noise[1], tuning.rough_angular)),
+        floor=both(tuning.floor_linear, tuning.floor_angular),
+        prior_b=both(wrench.bias_force / model.mass, bias[1]),
+        prior_c=both(tuning.model_error, tuning.model_error),
+        drift_b=both(root_T * tuning.drift_linear, root_T * tuning.drift_angular),
+        dead_band=(sensor.dead_band_linear, sensor.dead_band_angular),
+        chi_on=float(chi2.isf(tuning.false_alarm_rate, max(len(axes), 1))),
+        chi_off=float(chi2.isf(1.0 - tuning.stick_share, max(len(axes), 1))),
+        dwell=max(1, round(tuning.dwell_s / T)),
+        memory_ns=round(tuning.memory_s * 1e9),
+        smoothing=tuning.smoothing,
+        window=max(1, round(tuning.window_s / T)),
+        outlier=tuning.outlier,
+        drag_spread=tuning.drag_spread,
+        drag_memory=tuning.drag_memory_s / T,
+    )
