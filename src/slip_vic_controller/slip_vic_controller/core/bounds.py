@@ -68,7 +68,7 @@ def held_sample_limit(held: int, delay: int) -> float:
     """Return the largest stable k_s T for a sample every `held` ticks that is `delay` ticks old when it arrives.
 
     From sample j to j + 1 the velocity loses k_s T times: the older sample for the first r ticks, then the newer one
-    for N - r, with delay = q N + r. So z^(q+2) - z^(q+1) + k_s T ((N - r) z + r) must have all its roots inside |z| = 1.
+    for N - r, with delay = q N + r. So all roots of z^(q+2) - z^(q+1) + k_s T ((N - r) z + r) must lie inside |z| = 1.
 
     Implements: ours: sampled-data stability with zero-order hold, exact for whole ticks.
     """
