@@ -11,6 +11,7 @@ import click
 from rich.console import Console
 
 from slip_bringup.bags.cli import bag
+from slip_bringup.study.cli import check, study
 from slip_msgs_py.errors import SlipVicError
 
 if TYPE_CHECKING:
@@ -115,6 +116,8 @@ def params(scenarios: tuple[str, ...], out: Path, reference: bool) -> None:
 
 
 cli.add_command(bag)
+cli.add_command(check)
+cli.add_command(study)
 
 
 @cli.command()
@@ -156,7 +159,8 @@ def main() -> int:
     # A shell that starts us in the background has SIGINT ignored; whoever sends one means it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        cli.main(prog_name="slip-vic", standalone_mode=False)
+        code = cli.main(prog_name="slip-vic", standalone_mode=False)
+        return code if isinstance(code, int) else 0
     except click.exceptions.Exit as end:
         return end.exit_code
     except click.Abort:
@@ -172,7 +176,6 @@ def main() -> int:
     except SlipVicError as error:
         click.echo(f"error: {error}", err=True)
         return error.exit_code
-    return 0
 
 
 if __name__ == "__main__":

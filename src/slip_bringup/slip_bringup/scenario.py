@@ -25,11 +25,13 @@ from slip_msgs_py.params import (
 )
 from slip_msgs_py.resources import read_text
 from slip_sim_bridge.node_params import BridgeNodeParams
+from slip_sim_bridge.presets import SensorPreset, load_preset
 from slip_sim_bridge.sim.simulation import GraspSimulation
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.node_params import ControllerNodeParams
 
 ControllerKind = Literal["vic", "classical"]
+Estimator = Literal["measured", "observer"]
 Mode = Literal["lockstep", "realtime"]
 NODES: dict[str, tuple[str, type[ParameterModel]]] = {
     "controller": ("slip_vic_controller", ControllerNodeParams),
@@ -78,11 +80,14 @@ def load_scenario(
     seed: int = 0,
     assignments: Iterable[str] = (),
     urdf_file: Path | None = None,
+    sensor: str = "",
+    estimator: Estimator | None = None,
 ) -> Scenario:
     """Read a scenario by name or path and apply ``--set`` assignments.
 
     An assignment names a node's parameter (``controller.gains.k_s=500``, ``bridge.grip.force=0.6``) or,
-    without prefix, one that both nodes share (``object.mass=0.6``).
+    without prefix, one that both nodes share (``object.mass=0.6``). A `sensor` (name or file) gives both nodes what a
+    slip sensor is, and the controller settings that suit it; `estimator` and assignments come after it.
 
     Raises:
         InputError: unknown scenario, unknown parameter (nearest names offered), bad value, unreadable URDF.
@@ -100,6 +105,10 @@ def load_scenario(
     if urdf_file is not None:
         for node in values.values():
             node["robot_description_file"] = str(urdf_file)
+    if sensor:
+        apply_sensor(values, load_preset(sensor))
+    if estimator is not None:
+        values["controller"]["slip_estimator"] = estimator
     for assignment in assignments:
         _assign(values, *parse_assignment(assignment))
     controller_params = build(ControllerNodeParams, values["controller"], f"{origin}: controller")
@@ -108,6 +117,45 @@ def load_scenario(
         bridge_params.robot_description_file, "parameter robot_description_file"
     )
     return Scenario(outer.name, outer.description, text, controller_params, bridge_params, urdf)
+
+
+def controller_values(
+    name_or_path: str,
+    sensor: str,
+    estimator: Estimator | None,
+    extra: dict[str, Any],
+    assignments: Iterable[str],
+) -> dict[str, Any]:
+    """Return the controller's parameters of a scenario, unchecked: then the sensor's, `extra`, and the assignments.
+
+    Raises:
+        InputError: unknown scenario, sensor or parameter.
+    """
+    text, origin = _read(name_or_path)
+    outer = validate(ScenarioFile, yaml.safe_load(text), origin)
+    values: dict[str, dict[str, Any]] = {"controller": {**flat_names(outer.shared), **flat_names(outer.controller)}}
+    values["bridge"] = {}
+    if sensor:
+        apply_sensor(values, load_preset(sensor))
+    facts = {key: value for key, value in values["controller"].items() if "_sensor." in key}
+    values["controller"] |= extra | facts  # gains are the file's, the sensor is the one that was named
+    if estimator is not None:
+        values["controller"]["slip_estimator"] = estimator
+    for assignment in assignments:
+        _assign(values, *parse_assignment(assignment))
+    return values["controller"]
+
+
+def apply_sensor(values: dict[str, dict[str, Any]], preset: SensorPreset) -> None:
+    """Put a sensor into the values of both nodes: the bridge simulates it, the controller knows what it is."""
+    for part in ("slip", "wrench"):
+        flat = flatten(getattr(preset, part))
+        known = {info.name for info in parameter_infos(ControllerNodeParams)}
+        values["bridge"] |= {f"sensors.{part}.{name}": value for name, value in flat.items()}
+        values["controller"] |= {
+            f"{part}_sensor.{name}": value for name, value in flat.items() if f"{part}_sensor.{name}" in known
+        }
+    values["controller"] |= flat_names(preset.controller)
 
 
 def _read(name_or_path: str) -> tuple[str, str]:

@@ -1,0 +1,96 @@
+"""What a study runs: the cases, their names, and what a mismatch changes in the simulated world."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from slip_bringup.scenario import Scenario, load_scenario
+from slip_msgs_py.errors import InputError, nearest
+
+CLASSICAL, MEASURED, OBSERVER = "classical", "measured", "observer"
+ESTIMATORS = (CLASSICAL, MEASURED, OBSERVER)
+SHARE = 0.2
+NO_MISMATCH = "none"
+MISMATCHES = (
+    NO_MISMATCH,
+    *(f"{what}{sign}" for what in ("mass", "inertia", "com", "friction", "wrench_bias") for sign in "+-"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One run. estimator "classical" is classical impedance control, which reads no slip sensor."""
+
+    scenario: str
+    sensor: str
+    estimator: str
+    mismatch: str
+    seed: int
+
+    @property
+    def controller(self) -> str:
+        """Which control law."""
+        return "classical" if self.estimator == CLASSICAL else "vic"
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """The leading columns of the table."""
+        return (self.scenario, self.controller, self.sensor, self.estimator, self.mismatch, str(self.seed))
+
+    def load(self, assignments: Sequence[str] = ()) -> Scenario:
+        """Return the scenario of this run: only the simulated world has the mismatch, the controller knows nothing."""
+        known = load_scenario(self.scenario, sensor=self.sensor, seed=self.seed, assignments=assignments)
+        return load_scenario(
+            self.scenario,
+            controller="classical" if self.estimator == CLASSICAL else "vic",
+            sensor=self.sensor,
+            seed=self.seed,
+            estimator=None
+            if self.estimator == CLASSICAL
+            else ("observer" if self.estimator == OBSERVER else "measured"),
+            assignments=(*assignments, *mismatch_assignments(self.mismatch, known)),
+        )
+
+
+def all_cases(
+    scenarios: Sequence[str],
+    sensors: Sequence[str],
+    estimators: Sequence[str],
+    mismatches: Sequence[str],
+    seeds: int,
+) -> list[Case]:
+    """Return every combination; the seed runs slowest, so that a study that is stopped early has all kinds of cases.
+
+    Raises:
+        InputError: an unknown estimator or mismatch.
+    """
+    for what, given, known in (("estimator", estimators, ESTIMATORS), ("mismatch", mismatches, MISMATCHES)):
+        for name in given:
+            if name not in known:
+                raise InputError(f"{what} {name}", got="an unknown name", expected=nearest(name, known))
+    product = itertools.product(range(seeds), scenarios, mismatches, sensors, estimators)
+    return [
+        Case(scenario, sensor, estimator, mismatch, seed) for seed, scenario, mismatch, sensor, estimator in product
+    ]
+
+
+def mismatch_assignments(name: str, known: Scenario) -> list[str]:
+    """Return what a mismatch sets in the bridge; a wrench bias is a share of the grip force along the pad's x."""
+    if name == NO_MISMATCH:
+        return []
+    what, factor = name[:-1], 1.0 + SHARE * (1.0 if name[-1] == "+" else -1.0)
+    bridge = known.bridge
+    if what == "mass":
+        return [f"bridge.object.mass={bridge.object.mass * factor}"]
+    if what == "inertia":
+        return [f"bridge.object.inertia={[value * factor for value in bridge.object.inertia]}"]
+    if what == "com":
+        own = [value * factor for value in bridge.contacts.position[:3]]
+        return [f"bridge.contacts.position={own + list(bridge.contacts.position[3:])}"]
+    if what == "friction":
+        friction = bridge.friction
+        return [f"bridge.friction.mu_s={friction.mu_s * factor}", f"bridge.friction.mu_k={friction.mu_k * factor}"]
+    bias = bridge.grip.force * (factor - 1.0)
+    return [f"bridge.sensors.wrench.bias={[bias, 0.0, 0.0, 0.0, 0.0, 0.0]}"]
