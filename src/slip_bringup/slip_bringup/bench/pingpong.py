@@ -28,6 +28,7 @@ from std_msgs.msg import Int64MultiArray
 
 from slip_msgs_py import forms
 from slip_msgs_py.cdr import CdrCodec
+from slip_msgs_py.spinning import Spinner
 from slip_msgs_py.stamps import stamp_to_ns
 
 NAMES = tuple(f"arm_joint{i}" for i in range(1, 8))
@@ -66,9 +67,21 @@ class Side:
     def __init__(self, name: str, *, fast: bool, reliable: bool) -> None:
         self.node = Node(name)
         self.executor = EventsExecutor() if fast else SingleThreadedExecutor()
+        self._spinner = Spinner(self.executor)
         self.fast = fast
         reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
         self._qos = QoSProfile(depth=100, reliability=reliability)
+
+    def wait(self, timeout_s: float) -> None:
+        """Run callbacks: at most for this time; the fast path until `enough`, the default one a callback at a time."""
+        if self.fast:
+            self._spinner.spin(timeout_s)
+        else:
+            self.executor.spin_once(timeout_sec=timeout_s)
+
+    def enough(self) -> None:
+        """End the present `wait` after this callback."""
+        self._spinner.enough()
 
     def publisher(self, name: str, kind: Any, form: forms.Form) -> Any:
         """Return (stamp_ns, *numbers) -> None that publishes."""
@@ -120,7 +133,7 @@ def answer(side: Side) -> None:
         side.subscribe(name, kind, form, partial(deliver, name))
     side.executor.add_node(side.node)
     while rclpy.ok():
-        side.executor.spin_once(timeout_sec=1.0)
+        side.wait(1.0)
 
 
 def ask(side: Side, rounds: int, warm_up: int) -> list[float]:
@@ -131,6 +144,7 @@ def ask(side: Side, rounds: int, warm_up: int) -> list[float]:
     def deliver(tick: int) -> None:
         nonlocal answered
         answered = tick
+        side.enough()
 
     subscription = side.subscribe(EFFORT, JointState, JOINTS, deliver)
     side.executor.add_node(side.node)
@@ -138,7 +152,7 @@ def ask(side: Side, rounds: int, warm_up: int) -> list[float]:
     while not subscription.get_publisher_count() or not all(side.node.count_subscribers(name) for name in NEEDED):
         if time.monotonic() > deadline:
             raise TimeoutError("no partner")
-        side.executor.spin_once(timeout_sec=0.05)
+        side.wait(0.05)
     times = []
     for tick in range(rounds + warm_up):
         start = time.perf_counter()
@@ -148,7 +162,7 @@ def ask(side: Side, rounds: int, warm_up: int) -> list[float]:
                 repeat = time.perf_counter() + REPEAT_S
                 for send in sends:
                     send(tick)
-            side.executor.spin_once(timeout_sec=REPEAT_S)
+            side.wait(REPEAT_S)
         times.append(time.perf_counter() - start)
     return times[warm_up:]
 
