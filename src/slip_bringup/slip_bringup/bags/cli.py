@@ -1,4 +1,4 @@
-"""``slip-vic bag``: record, play, info, export, recover."""
+"""``slip-vic bag``: record, play, info, verify, export, recover."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
+from rich.progress import Progress
 from rich.table import Table
 
 from slip_msgs_py.errors import InputError
@@ -24,7 +25,7 @@ _PLAIN_WIDTH = 160
 
 @click.group()
 def bag() -> None:
-    """Record, inspect, play and export ROS 2 bags (rosbag2 folders with MCAP files)."""
+    """Record, inspect, play, verify and export ROS 2 bags (rosbag2 folders with MCAP files)."""
 
 
 @bag.command()
@@ -190,6 +191,33 @@ def info(bag_path: Path, as_json: bool, no_scan: bool, attachment: str | None) -
         click.echo(report.as_json())
     else:
         print_report(report, _table_console())
+
+
+@bag.command()
+@_BAG
+@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="replace a stored parameter; repeatable")
+def verify(bag_path: Path, assignments: tuple[str, ...]) -> None:
+    """Run the controller again on the recorded inputs and compare every effort bit by bit.
+
+    Exit code 0: identical. 1: not, with the first difference. 2: this bag cannot be verified.
+    """
+    from slip_bringup.bags.reader import Bag
+    from slip_bringup.bags.run_data import read_run
+    from slip_bringup.bags.verify import other_software, verify_run
+    from slip_msgs_py.params import parse_assignment
+
+    console = Console(stderr=True)
+    with Bag(bag_path) as opened:
+        run = read_run(opened, dict(parse_assignment(text) for text in assignments))
+        notes = other_software(opened.custom_data)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("replaying", total=len(run.ledger))
+        verdict = verify_run(run, lambda: progress.advance(task))
+    click.echo(verdict.text())
+    if not verdict.identical:
+        for note in notes:
+            click.echo(f"note: {note}")
+        raise click.exceptions.Exit(1)
 
 
 @bag.command()
