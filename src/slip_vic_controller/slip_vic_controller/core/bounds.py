@@ -76,7 +76,7 @@ def held_sample_limit(held: int, delay: int) -> float:
     if r == 0:
         # z^(q+1) - z^q + k_s T N = 0 has its first root on the circle at this value.
         return 2.0 * math.cos(q * math.pi / (2 * q + 1)) / held
-    low, high = 0.0, 2.0 / held
+    low, high = 0.0, 1.0 / r  # the product of all roots is k_s T r
     for _ in range(60):
         middle = 0.5 * (low + high)
         coefficients = np.zeros(q + 3)

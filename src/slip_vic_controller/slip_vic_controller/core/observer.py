@@ -177,11 +177,11 @@ def _in_stick(
             )
         )
     significance = _window_significance(config, window, known)
-    mean = _mean(config, state.mean, [s for s in fresh if s.stamp_ns > state.since_ns])
+    mean, seen = _listen(config, state.mean, [s for s in fresh if s.stamp_ns > state.since_ns])
     if significance > config.chi_on:
         history = _run(config, window, 0, known)
         return state._replace(sliding=True, estimate=history[-1].estimate, history=history, mean=mean), significance
-    if _seen(config, mean):
+    if seen:
         known = _restart(config, known, mean)
         history = (moment._replace(estimate=known),)
         return state._replace(sliding=True, estimate=known, history=history, mean=mean), significance
@@ -326,15 +326,14 @@ def _correct(config: ObserverConfig, estimate: tuple[AxisFilter, ...], sample: S
     )
 
 
-def _mean(config: ObserverConfig, mean: Floats, fresh: list[Sample]) -> Floats:
+def _listen(config: ObserverConfig, mean: Floats, fresh: list[Sample]) -> tuple[Floats, bool]:
+    """Return the weighted mean with new samples in it, and whether it was significant after any of them."""
+    share = config.smoothing / (2.0 - config.smoothing)  # variance of the weighted mean over that of a sample
+    seen = False
     for sample in fresh:
         mean = tuple(m + config.smoothing * (value - m) for m, value in zip(mean, sample.values, strict=True))
-    return mean
-
-
-def _seen(config: ObserverConfig, mean: Floats) -> bool:
-    share = config.smoothing / (2.0 - config.smoothing)  # variance of the weighted mean over that of a sample
-    return sum(m * m / (share * R) for m, R in zip(mean, config.noise, strict=True)) > config.chi_on
+        seen = seen or sum(m * m / (share * R) for m, R in zip(mean, config.noise, strict=True)) > config.chi_on
+    return mean, seen
 
 
 def _significance(estimate: tuple[AxisFilter, ...], floor: Floats) -> float:
