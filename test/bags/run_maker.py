@@ -1,0 +1,93 @@
+"""A run's bag made without DDS: the in-process loop, its messages encoded by an independent library."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slip_bringup.bags.format import QosProfile, TopicInfo
+from slip_bringup.bags.typedefs import find_definition
+from slip_bringup.bags.writer import BagWriter, WriterOptions
+from slip_bringup.inprocess import Tick, run_in_process
+from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
+
+from .bag_maker import STORE, encode
+
+TYPES = STORE.types
+TOPICS = {
+    "/joint_states": "sensor_msgs/msg/JointState",
+    "/wrench": "geometry_msgs/msg/WrenchStamped",
+    "/slip_velocity": "geometry_msgs/msg/TwistStamped",
+    "/effort_command": "sensor_msgs/msg/JointState",
+    "/controller/ledger": "std_msgs/msg/Int64MultiArray",
+}
+NONE = np.zeros(0)
+
+
+def attachments(scenario: Scenario) -> dict[str, bytes]:
+    return {
+        "arm.urdf": scenario.urdf.encode(),
+        "controller.params.yaml": ros_parameter_file(scenario.controller, NODES["controller"][0]).encode(),
+    }
+
+
+def record_run(
+    folder: Path,
+    scenario: Scenario,
+    *,
+    skip: Iterable[tuple[str, int]] = (),
+    first: int = 0,
+    attached: Mapping[str, bytes] | None = None,
+    change: Any = lambda tick, effort: effort,
+) -> None:
+    """Record a run; `skip` names messages (topic, number) that are lost, `change` alters recorded efforts."""
+    options = WriterOptions(attachments=attachments(scenario) if attached is None else attached)
+    writer = BagWriter(folder, options)
+    numbers = dict.fromkeys(TOPICS, 0)
+    lost = set(skip)
+    for name, type_name in TOPICS.items():
+        definition = find_definition(type_name)
+        writer.add_topic(TopicInfo(name, type_name, (QosProfile(),), definition.type_hash), definition.text)
+    for index, tick in enumerate(run_in_process(scenario)):
+        if index < first:
+            continue
+        for offset, (topic, message) in enumerate(messages(tick, scenario, change)):
+            numbers[topic] += 1
+            time_ns = 10**18 + index * 10**6 + offset * 1000
+            if (topic, numbers[topic]) not in lost:
+                writer.write(topic, time_ns, time_ns, numbers[topic], encode(message))
+    writer.close()
+
+
+def messages(tick: Tick, scenario: Scenario, change: Any) -> Iterable[tuple[str, Any]]:
+    names = list(scenario.controller.joint_names)
+    joint, result = tick.outputs.joint, tick.result
+    yield "/joint_states", _joint_state(joint.stamp_ns, names, joint.position, joint.velocity, joint.effort)
+    for wrench in tick.outputs.wrenches[0]:
+        parts = _vectors(wrench.wrench)
+        inner = TYPES["geometry_msgs/msg/Wrench"](*parts)
+        yield "/wrench", TYPES["geometry_msgs/msg/WrenchStamped"](_header(wrench.stamp_ns), inner)
+    for slip in tick.outputs.slips[0]:
+        inner = TYPES["geometry_msgs/msg/Twist"](*_vectors(slip.twist))
+        yield "/slip_velocity", TYPES["geometry_msgs/msg/TwistStamped"](_header(slip.stamp_ns), inner)
+    effort = change(tick, np.array(result.command.effort))
+    yield "/effort_command", _joint_state(result.command.stamp_ns, names, joint.position, joint.velocity, effort)
+    layout = TYPES["std_msgs/msg/MultiArrayLayout"]([], 0)
+    numbers = np.array([*result.ledger, *result.decision], dtype=np.int64)
+    yield "/controller/ledger", TYPES["std_msgs/msg/Int64MultiArray"](layout, numbers)
+
+
+def _header(stamp_ns: int) -> Any:
+    return TYPES["std_msgs/msg/Header"](TYPES["builtin_interfaces/msg/Time"](*divmod(stamp_ns, 10**9)), "ee")
+
+
+def _vectors(six: np.ndarray) -> tuple[Any, Any]:
+    vector = TYPES["geometry_msgs/msg/Vector3"]
+    return vector(*six[:3].tolist()), vector(*six[3:].tolist())
+
+
+def _joint_state(stamp_ns: int, names: list[str], *arrays: np.ndarray) -> Any:
+    return TYPES["sensor_msgs/msg/JointState"](_header(stamp_ns), names, *(np.array(array) for array in arrays))

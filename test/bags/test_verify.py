@@ -1,0 +1,145 @@
+"""`bag verify`: the same code gives the same bits, anything else is found."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from slip_bringup.bags.cli import bag as bag_command
+from slip_bringup.bags.reader import Bag
+from slip_bringup.bags.run_data import read_run
+from slip_bringup.bags.verify import other_software, verify_run
+from slip_bringup.launcher import Launcher
+from slip_bringup.scenario import load_scenario
+from slip_msgs_py.errors import InputError
+from slip_msgs_py.params import flatten
+
+from .run_maker import attachments, record_run
+
+SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
+CYCLES = 300  # 0.3 s: in every scenario the object slips by then
+FLIPPED = 123
+# Parameters whose last bit reaches the efforts while the object slips.
+SENSITIVE = ("gains.gamma_kp", "gains.alpha", "object.mass", "nullspace.stiffness", "trajectory.duration_s")
+
+
+def scenario(name: str = "paper_planar", controller: str = "vic", **options: object):
+    assignments = (f"bridge.duration_s={CYCLES / 1000}", *options.pop("assignments", ()))
+    return load_scenario(name, controller=controller, assignments=assignments, **options)
+
+
+def verdict(folder: Path, **overrides: object):
+    with Bag(folder) as bag:
+        run = read_run(bag, overrides)
+    return verify_run(run)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("verify") / "bag"
+    record_run(folder, scenario())
+    return folder
+
+
+@pytest.mark.parametrize("controller", ["vic", "classical"])
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_lockstep_runs_are_identical(tmp_path, name, controller):
+    record_run(tmp_path / "bag", scenario(name, controller))
+    result = verdict(tmp_path / "bag")
+    assert result.text() == f"identical: {CYCLES} cycles, {7 * CYCLES} efforts, to the last bit"
+
+
+@pytest.mark.parametrize("name", SENSITIVE)
+def test_last_bit_of_a_parameter_is_caught(recorded, name):
+    with Bag(recorded) as bag:
+        value = flatten(read_run(bag, {}).params)[name]
+    result = verdict(recorded, **{name: math.nextafter(value, math.inf)})
+    assert not result.identical
+    assert result.first.topic == "effort_command"
+
+
+def test_last_bit_of_one_recorded_effort_is_caught(tmp_path):
+    def flip(tick, effort):
+        if tick.result.cycle == FLIPPED:
+            effort[4] = np.nextafter(effort[4], math.inf)
+        return effort
+
+    record_run(tmp_path / "bag", scenario(), change=flip)
+    result = verdict(tmp_path / "bag")
+    first = result.first
+    assert (result.different, first.cycle, first.field, first.ulps) == (1, FLIPPED, "arm_joint5", 1)
+    assert first.recorded == math.nextafter(first.replayed, math.inf)
+    assert f"cycle {FLIPPED}" in result.text()
+
+
+def test_command_and_exit_codes(recorded):
+    good = CliRunner().invoke(bag_command, ["verify", str(recorded)])
+    assert (good.exit_code, good.stdout.count("\n")) == (0, 1)
+    bad = CliRunner().invoke(bag_command, ["verify", str(recorded), "--set", "controller.gains.gamma_kp=99"])
+    assert bad.exit_code == 1
+    assert "effort_command, arm_joint" in bad.stdout
+
+
+def test_without_ros_installed(recorded):
+    """Every module of ROS is made impossible to import."""
+    packages = ("rclpy", *(f"{name}_msgs" for name in ("std", "sensor", "geometry", "nav", "rosgraph", "trajectory")))
+    code = (
+        f"import sys; sys.modules.update(dict.fromkeys({packages!r}))\n"
+        "from slip_bringup.bags.cli import bag\nbag(['verify', sys.argv[1]])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(recorded)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+    )
+    assert done.returncode == 0, done.stderr
+    assert "identical" in done.stdout
+
+
+@pytest.mark.parametrize(
+    "topic", ["/joint_states", "/wrench", "/slip_velocity", "/effort_command", "/controller/ledger"]
+)
+def test_a_lost_message_is_named(tmp_path, topic):
+    record_run(tmp_path / "bag", scenario(), skip=[(topic, 50)])
+    with pytest.raises(InputError, match=r"1 messages lost, the first after number 49"):
+        verdict(tmp_path / "bag")
+
+
+def test_what_cannot_be_verified_says_why(tmp_path, recorded):
+    late, bare, foreign = tmp_path / "late", tmp_path / "bare", tmp_path / "foreign"
+    record_run(late, scenario(), first=10)
+    with pytest.raises(InputError, match="a beginning at cycle 10"):
+        verdict(late)
+    record_run(bare, scenario(), attached={})
+    with pytest.raises(InputError, match="slip-vic run --record"):
+        verdict(bare)
+    record_run(foreign, scenario(), attached={**attachments(scenario()), "controller.params.yaml": b"- 1"})
+    with pytest.raises(InputError, match="a ROS parameter file"):
+        verdict(foreign)
+    with pytest.raises(InputError, match="did you mean"):
+        verdict(recorded, **{"gains.gamma_k": 1.0})
+
+
+def test_other_software_is_named():
+    assert other_software({"cpu": "abacus", "versions": '{"numpy": "0.1"}'})[0].startswith("recorded with cpu abacus")
+    assert any("numpy 0.1" in note for note in other_software({"versions": '{"numpy": "0.1"}'}))
+    assert other_software({"versions": "["}) == []
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "realtime"])
+def test_runs_over_dds_are_identical(tmp_path, mode, ros_domain):
+    """Recorded by the launcher; in real time the order of arrival is known from the ledger alone."""
+    result = Launcher(scenario(mode=mode), bag=tmp_path / "bag", wanted_domain=ros_domain).run()
+    assert result.lost == 0
+    found = verdict(tmp_path / "bag")
+    assert found.identical, found.text()
+    assert found.cycles > 0
