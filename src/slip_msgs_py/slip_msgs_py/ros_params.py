@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, TypeVar
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.parameter import Parameter
 
+from slip_msgs_py.errors import InputError
 from slip_msgs_py.params import ParameterInfo, ParameterModel, build, flatten, parameter_infos
 
 Model = TypeVar("Model", bound=ParameterModel)
@@ -72,3 +74,24 @@ def _ros_value(info: ParameterInfo, value: Any) -> Any:
         )  # fmt: skip
         return Parameter(info.name, kind, []).value
     return value
+
+
+def allow_changes(node: Any, current: Model, apply: Callable[[Model], None]) -> None:
+    """Let run-time parameters change: checked as a whole, handed to `apply`, refused with the reason where it raises.
+
+    What ROS calls read-only never gets here. Where anything is refused, all values of the request stay as they were.
+    """
+    state = {"values": current}
+
+    def on_set(parameters: list[Any]) -> SetParametersResult:
+        flat = flatten(state["values"])
+        flat |= {p.name: _plain(p.value) for p in parameters if p.name in flat}
+        try:
+            wanted = build(type(current), flat, node.get_name())
+            apply(wanted)
+        except InputError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        state["values"] = wanted
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(on_set)

@@ -22,7 +22,7 @@ from slip_msgs_py.peers import Peers, wait_until
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.resources import read_text
-from slip_msgs_py.ros_params import declare
+from slip_msgs_py.ros_params import allow_changes, declare
 from slip_msgs_py.spinning import Spinner
 from slip_msgs_py.stamps import split_ns
 from slip_msgs_py.timing import Window, spread
@@ -50,6 +50,7 @@ class SlipSimBridge(Node):
             self.params.robot_description_file, "parameter robot_description_file"
         )
         self.session = BridgeSession(self.params, urdf)
+        allow_changes(self, self.params, self._on_change)
         self._lockstep = self.params.mode == "lockstep"
         self._order = from_msgs.JointOrder(self.params.joint_names)
         self._command: EffortCommand | None = None
@@ -64,6 +65,13 @@ class SlipSimBridge(Node):
         self._spinner = Spinner(self._executor)
         self._create_endpoints(urdf)
         self._executor.add_node(self)
+
+    def _on_change(self, wanted: BridgeNodeParams) -> None:
+        """Take changed run-time parameters: sensor faults and grip force."""
+        self.session.set_faults(wanted.sensors)
+        if wanted.grip.force != self.params.grip.force:
+            self.session.set_grip_force(wanted.grip.force)
+        self.params = wanted
 
     def _create_endpoints(self, urdf: str) -> None:
         contacts = range(self.session.contacts)

@@ -38,10 +38,10 @@ class GainParams(ParameterModel):
     alpha: float = parameter(100.0, "steepness of the gate tanh(alpha |v_s|)", unit="s/m", runtime=True, gt=0.0)
     k_s: float = parameter(1000.0, "decay rate of slip while the gate is open", unit="1/s", runtime=True, gt=0.0)
     k_s_mode: Literal["auto", "fixed"] = parameter(
-        "auto", "k_s beyond what delays allow: auto uses what is accepted, fixed refuses", runtime=True
+        "auto", "k_s beyond what delays allow: auto uses what is accepted, fixed refuses"
     )
     k_s_margin: float = parameter(
-        2.0, "gain margin of the slip loop: k_s stays below its stability limit over this", runtime=True, ge=1.0
+        2.0, "gain margin of the slip loop: k_s stays below its stability limit over this", ge=1.0
     )
     spin: Literal["follow", "bounded"] = parameter(
         "follow", "attitude in slip: follow the object's spin (the printed law), or only within spin_excursion"

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from slip_msgs_py.arrays import readonly
+from slip_msgs_py.errors import InputError
+from slip_msgs_py.params import flatten
 from slip_msgs_py.stamps import split_ns
 from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample
 from slip_vic_controller.core.controller import VicController
@@ -17,9 +19,14 @@ from slip_vic_controller.core.diagnostics import TickDiagnostics
 from slip_vic_controller.core.input_monitor import GOOD, USABLE, Health, InputMonitor
 from slip_vic_controller.core.inputs import InputBuffer, TickInputs
 from slip_vic_controller.core.modes import Mode, ModeState, Request
+from slip_vic_controller.core.params import ControllerParams
 from slip_vic_controller.core.state import ControllerState
 from slip_vic_controller.core.supervision import Supervised, Supervisor, SupervisorState
 from slip_vic_controller.core.trouble import Trouble, say
+from slip_vic_controller.core.tuning import gain_report, make_tuning
+
+RETUNABLE = ("gains.", "object.", "contacts.position")
+"""Parameters that ramp while the law runs."""
 
 NO_EFFORT = readonly(np.zeros(0))
 NO_STAMP = (0, 0)
@@ -68,6 +75,7 @@ class ControllerSession:
         self._lockstep = lockstep
         self._reference: CartesianReference | None = None
         self._request = Request.NONE
+        self._tuned: ControllerParams | None = None
 
     @property
     def reference_from_topic(self) -> bool:
@@ -85,6 +93,26 @@ class ControllerSession:
         Implements: ours: reference by topic.
         """
         self._reference = reference
+
+    def retune(self, params: ControllerParams) -> None:
+        """Let gains and payload ramp to those of `params`, from the next cycle on.
+
+        Raises:
+            InputError: the values are refused as a whole, or something else has changed; nothing has happened then.
+
+        Implements: ours: gains change without a kick.
+        """
+        now, wanted = flatten(self._tuned or self._controller.params), flatten(params)
+        for name, value in wanted.items():
+            if value != now[name] and not name.startswith(RETUNABLE):
+                raise InputError(
+                    f"parameter {name}", got=value, expected=f"{now[name]!r} while the law runs", fix="restart the node"
+                )
+        if self.state is None:
+            make_tuning(params, gain_report(params).used)
+        else:
+            self.state = self._controller.retune(self.state, params)
+        self._tuned = params
 
     def set_active(self, active: bool) -> None:
         """Start anew, or answer without effort until then; a fault stays."""
@@ -125,6 +153,8 @@ class ControllerSession:
             health = self.monitor.health(trouble, joint.stamp_ns, now)
         if self.state is None:
             self.state = self._controller.initial_state(joint)
+            if self._tuned is not None:
+                self.state = self._controller.retune(self.state, self._tuned)
         done = self.supervisor.step(
             safety, self.state, now, joint, inputs.wrenches, inputs.slips, health, self.monitor.joint.frozen(now),
             request, self._reference, inputs.new_slips[0],
