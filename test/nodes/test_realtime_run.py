@@ -72,7 +72,7 @@ def test_timing_is_published_and_belongs_to_the_ticks(bag: Path) -> None:
     fresh = [value.position[pacing.SCALARS.index("fresh")] for value in ticks]
     share = ticks[-1].position[pacing.SCALARS.index("fresh_share")]
     assert share == pytest.approx(np.mean(fresh), abs=1e-12)
-    assert names == {"slip_vic_controller: law", "slip_vic_controller: timing"}
+    assert names == {f"slip_vic_controller: {part}" for part in ("law", "mode", "timing")}
 
 
 def test_real_time_needs_two_processes() -> None:

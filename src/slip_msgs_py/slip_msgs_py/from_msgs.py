@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from slip_msgs_py.arrays import Array, matrix_from_quat_xyzw, readonly
 from slip_msgs_py.errors import InputError
 from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample
+
+Sample = TypeVar("Sample")
 
 
 def vector6(linear: Any, angular: Any) -> Array:
@@ -96,6 +98,17 @@ def _picker(index: list[int]) -> Callable[[Array], Array]:
     """Return what puts numbers into order; where they are in order it hands them on."""
     in_order = index == list(range(len(index)))
     return lambda values: values if in_order and len(values) == len(index) else values[index]
+
+
+def in_frame(message: Any, *, frame: str, make: Callable[[int, Array], Sample]) -> Callable[[int, Array], Sample]:
+    """Check the frame of a stamped message, where it names one; return what makes samples of (stamp_ns, numbers).
+
+    Raises:
+        InputError: another frame; nothing here knows how to turn it.
+    """
+    if message.header.frame_id not in ("", frame):
+        raise InputError("frame_id", got=message.header.frame_id, expected=frame)
+    return make
 
 
 def slip_sample(stamp_ns: int, twist: Array) -> SlipSample:

@@ -1,4 +1,4 @@
-"""The controller node: joint states, wrench and slip velocity in, joint efforts out.
+"""The controller node: joint states, wrench and slip velocity in, joint efforts out; a managed (lifecycle) node.
 
 A thin shell around `slip_vic_controller.core`: topics, readiness and publication; no maths here.
 """
@@ -11,49 +11,127 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
 from rclpy.experimental import EventsExecutor
-from rclpy.node import Node
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from slip_msgs_py import forms, from_msgs, to_msgs
-from slip_msgs_py.errors import InputError
+from slip_msgs_py.errors import InputError, SlipVicError
 from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
-from slip_msgs_py.node_main import emit, run_node
+from slip_msgs_py.node_main import emit, memory_mib, run_node
 from slip_msgs_py.peers import Peers
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.resources import read_text
-from slip_msgs_py.ros_params import declare
+from slip_msgs_py.ros_params import allow_changes, declare
 from slip_msgs_py.spinning import Spinner
 from slip_msgs_py.topics import contact_topic
 from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.inputs import Manifest
-from slip_vic_controller.core.session import ControllerSession, CycleResult
+from slip_vic_controller.core.session import NO_EFFORT, ControllerSession, CycleResult
+from slip_vic_controller.mode_interface import ModeInterface
 from slip_vic_controller.node_params import ControllerNodeParams
 from slip_vic_controller.publishing import DiagnosticsPublisher, TimingPublisher
 
 STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only the newest state matters
+SLIP_DEPTH = 100  # every sample counts for the observer
 READY_CHECK_S = 0.02
 STOP_CHECK_S = 0.1
+WATCHDOG_S = 0.01
 
 
-class SlipVicController(Node):
-    """Answers every complete set of inputs with one effort command, stamped as the joint state it answers."""
+class SlipVicController(LifecycleNode):
+    """Answers every complete set of inputs with one effort command, stamped as the joint state it answers.
+
+    Unconfigured it has no topics; inactive it answers with empty commands, which let the arm hold itself.
+    """
 
     def __init__(self, executor: Any = None) -> None:
         super().__init__("slip_vic_controller", automatically_declare_parameters_from_overrides=True)
         self.params = declare(self, ControllerNodeParams)
-        urdf = self.params.robot_description or read_text(
-            self.params.robot_description_file, "parameter robot_description_file"
-        )
         self._lockstep = self.params.mode == "lockstep"
-        self.session = ControllerSession(VicController(self.params, urdf), lockstep=self._lockstep)
-        self._ready = False
         self._refusals = Refusals(self.get_logger().error)
         self._executor = executor or EventsExecutor()
         self._spinner = Spinner(self._executor)
-        self._create_endpoints()
+        self._own = {*self.publishers, *self.subscriptions, *self.services, *self.timers}
+        self._failure: SlipVicError | None = None
+        self._peers: Peers | None = None
+        self._finished = self._ready = False
+        allow_changes(self, self.params, self._on_change)
+        if self.params.auto_activate:
+            self.trigger_configure()
+            if self._failure is not None:
+                raise self._failure
+            self.trigger_activate()
         self._executor.add_node(self)
+
+    def _on_change(self, wanted: ControllerNodeParams) -> None:
+        """Take changed parameters; before `configure` any, later gains and payload only, which ramp."""
+        if hasattr(self, "session"):
+            self.session.retune(wanted)
+        self.params = wanted
+
+    # -- lifecycle ---------------------------------------------------------------------------------
+
+    def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """Read the arm, make the law, and create topics and services."""
+        try:
+            urdf = self.params.robot_description or read_text(
+                self.params.robot_description_file, "parameter robot_description_file"
+            )
+            self.session = ControllerSession(VicController(self.params, urdf), lockstep=self._lockstep)
+        except SlipVicError as error:
+            self._failure = error
+            if not self.params.auto_activate:
+                self.get_logger().error(str(error))
+            return TransitionCallbackReturn.FAILURE
+        self._failure = None
+        self.session.set_active(False)
+        self._create_endpoints()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """Give efforts as soon as every input has been seen."""
+        self.session.set_active(True)
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_deactivate(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """Say once that there is no command any more, and give no effort from now on."""
+        self.session.set_active(False)
+        self._say_no_command()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_cleanup(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """Remove topics and services, and forget everything."""
+        self._destroy_endpoints()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """End: as `on_deactivate` and `on_cleanup`; then the process ends."""
+        if self._peers is not None:
+            self.session.set_active(False)
+            self._say_no_command()
+            self._destroy_endpoints()
+        self._finished = True
+        self._spinner.enough()
+        return TransitionCallbackReturn.SUCCESS
+
+    def _say_no_command(self) -> None:
+        newest = self.session.monitor.joint.newest
+        if newest is not None and not self._lockstep:
+            self._send_effort.send(newest.stamp_ns, newest.position, newest.velocity, NO_EFFORT)
+
+    def _destroy_endpoints(self) -> None:
+        self._peers, self._ready = None, False
+        for kind, destroy in (
+            (self.publishers, self.destroy_publisher),
+            (self.subscriptions, self.destroy_subscription),
+            (self.services, self.destroy_service),
+            (self.timers, self.destroy_timer),
+        ):
+            for item in [item for item in kind if item not in self._own]:
+                destroy(item)
 
     def _create_endpoints(self) -> None:
         names, contacts = self.params.joint_names, self.session.contacts
@@ -63,13 +141,17 @@ class SlipVicController(Node):
             if self.params.publish_effort_array
             else None
         )
-        self._send_ledger = create_sender(self, "controller/ledger", forms.whole_numbers(3 + 4 * contacts))
+        self._send_ledger = create_sender(self, "controller/ledger", forms.whole_numbers(3 + 4 * contacts + 5))
         self._pub_ready = create_publisher(self, "controller/ready")
         self._diagnostics = DiagnosticsPublisher(self, self.params.diagnostics.decimation)
         self._timing = None if self._lockstep else TimingPublisher(self, self.params, self._diagnostics.status)
         inputs = self._create_inputs()
         if self.session.reference_from_topic:
             create_subscription(self, "reference", self._on_reference, depth=10, reliable=False)
+        self._mode = ModeInterface(self, self.session, self._refusals, self._diagnostics.status)
+        self._mode.watch(self._send_effort.publisher.topic_name, [item.topic_name for item in inputs])
+        if not self._lockstep:
+            self.create_timer(WATCHDOG_S, self._on_watchdog, clock=Clock(clock_type=ClockType.STEADY_TIME))
         published = (*self._diagnostics.publishers, *(self._timing.publishers if self._timing else ()))
         self._peers = Peers(
             self,
@@ -91,19 +173,16 @@ class SlipVicController(Node):
 
         order = from_msgs.JointOrder(self.params.joint_names)
         fields = ("position", "velocity", "effort")
-        learn = partial(from_msgs.joint_samples, order=order)
+        learn: Any = partial(from_msgs.joint_samples, order=order)
         inputs = [receive("joint_states", fields, learn, self._on_joint_state, depth=depth)]
         for contact in range(self.session.contacts):
-            for name, field, make, deliver in (
-                ("wrench", "wrench", WrenchSample, self._on_wrench),
-                ("slip_velocity", "twist", from_msgs.slip_sample, self._on_slip),
+            for name, field, make, deliver, keep in (
+                ("wrench", "wrench", WrenchSample, self._on_wrench, depth),
+                ("slip_velocity", "twist", from_msgs.slip_sample, self._on_slip, SLIP_DEPTH),
             ):
+                learn = partial(from_msgs.in_frame, frame=self.params.ee_frame, make=make)
                 actual = contact_topic(name, contact)
-                inputs.append(
-                    receive(
-                        name, (field,), lambda _, m=make: m, partial(deliver, contact), depth=100, actual_name=actual
-                    )
-                )
+                inputs.append(receive(name, (field,), learn, partial(deliver, contact), depth=keep, actual_name=actual))
         if self._lockstep:
             inputs.append(
                 receive("lockstep_tick", ("data",), lambda _: _manifest, self._on_tick, depth=depth, stamp="")
@@ -113,16 +192,16 @@ class SlipVicController(Node):
     # -- callbacks ---------------------------------------------------------------------------------
 
     def _on_joint_state(self, sample: JointSample) -> None:
-        self.session.inputs.add_joint(sample)
+        self.session.inputs.add_joint(sample, self._now_ns())
         self._cycle()
 
     def _on_wrench(self, contact: int, sample: WrenchSample) -> None:
-        self.session.inputs.add_wrench(contact, sample)
+        self.session.inputs.add_wrench(contact, sample, self._now_ns())
         if self._lockstep:
             self._cycle()
 
     def _on_slip(self, contact: int, sample: SlipSample) -> None:
-        self.session.inputs.add_slip(contact, sample)
+        self.session.inputs.add_slip(contact, sample, self._now_ns())
         if self._lockstep:
             self._cycle()
 
@@ -138,11 +217,21 @@ class SlipVicController(Node):
 
     # -- running -----------------------------------------------------------------------------------
 
+    def _now_ns(self) -> int | None:
+        """Return the controller's clock: steady time; in lockstep None, there it is the joint state's stamp."""
+        return None if self._lockstep else time.monotonic_ns()
+
     def _cycle(self) -> None:
         began_ns = time.monotonic_ns()
-        result = self.session.cycle()
+        result = self.session.cycle(began_ns)
         if result is not None:
             self._publish(result, began_ns)
+
+    def _on_watchdog(self) -> None:
+        now_ns = time.monotonic_ns()
+        result = self.session.watchdog(now_ns)
+        if result is not None:
+            self._publish(result, now_ns)
 
     def _publish(self, result: CycleResult, began_ns: int) -> None:
         command, joint = result.command, result.joint
@@ -152,13 +241,15 @@ class SlipVicController(Node):
             self._timing.publish(began_ns, result.ledger)
         if self._send_array is not None and len(command.effort):
             self._send_array.send(command.stamp_ns, command.effort)
-        self._send_ledger.send(joint.stamp_ns, result.ledger)
+        self._send_ledger.send(joint.stamp_ns, (*result.ledger, *result.decision))
+        self._mode.publish(result)
         if result.diagnostics is not None:
-            self._diagnostics.publish(result.cycle, joint.stamp_ns, result.diagnostics)
+            mode = result.mode.mode
+            self._diagnostics.publish(result.cycle, joint.stamp_ns, result.diagnostics, mode, result.path_speed)
 
     def announce_when_ready(self) -> None:
         """Tell once that every peer is matched."""
-        if not self._ready and not self._peers.missing():
+        if not self._ready and self._peers is not None and not self._peers.missing():
             set_up_interpreter()
             self._ready = True
             self._pub_ready.publish(to_msgs.string("controller"))
@@ -166,10 +257,15 @@ class SlipVicController(Node):
 
     def run(self, should_stop: Callable[[], bool]) -> None:
         """Run until asked to stop."""
-        while not should_stop():
+        while not should_stop() and not self._finished:
             self._spinner.spin(STOP_CHECK_S if self._ready else READY_CHECK_S)
             self.announce_when_ready()
-        emit("done", cycles=self.session.cycles, skipped=self.session.inputs.skipped)
+        if self._peers is None:
+            return
+        if self.session.active:
+            self._say_no_command()
+        missed = self._timing.missed if self._timing is not None else 0
+        emit("done", cycles=self.session.cycles, missed=missed, memory_mib=memory_mib())
 
 
 def _manifest(_stamp_ns: int, numbers: Any) -> Manifest:

@@ -15,6 +15,9 @@ class ControllerNodeParams(ControllerParams):
         "subscribers on `effort_command` before `controller/ready` is sent (bridge, and recorder where there is one)",
         ge=1,
     )
+    auto_activate: bool = parameter(
+        True, "configure and activate at start; false waits for the lifecycle services (a managed node)"
+    )
     publish_effort_array: bool = parameter(
         False, "also publish `effort_controller/commands` (Float64MultiArray) for ros2_control's effort controllers"
     )

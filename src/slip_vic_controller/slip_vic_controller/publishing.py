@@ -41,10 +41,10 @@ class DiagnosticsPublisher:
         self._last_status: tuple[str, str] | None = None
         self._last_status_ns = 0
 
-    def publish(self, cycle: int, stamp_ns: int, record: TickDiagnostics) -> None:
+    def publish(self, cycle: int, stamp_ns: int, record: TickDiagnostics, mode: int, path_speed: float) -> None:
         """Publish what is due in this cycle."""
         if cycle % self._decimation == 0:
-            self._publish_scalars(stamp_ns, record.scalars())
+            self._publish_scalars(stamp_ns, record.scalars() | {"mode": float(mode), "path_speed": path_speed})
             if record.terms is not None:
                 self._publish_terms(stamp_ns, record)
         status = (record.status, record.reason)
@@ -92,6 +92,11 @@ class TimingPublisher:
         self.publishers = (self._numbers.publisher,)
         self._status = status
         self._last_status_ns = 0
+
+    @property
+    def missed(self) -> int:
+        """Joint states that were never answered."""
+        return self._timing.missed
 
     def publish(self, began_ns: int, ledger: Sequence[int]) -> None:
         """Take a cycle whose effort has just been published; `began_ns` is steady time, `ledger` what it used."""

@@ -89,6 +89,13 @@ class VicController:
             ramp=None,
         )
 
+    def resume(self, state: ControllerState, joint: JointSample) -> ControllerState:
+        """Return the state with which the law goes on after a time without it: what the observer knew is void."""
+        if self._observer is None:
+            return state
+        twist = self.arm.terms(joint.position, joint.velocity).twist
+        return state._replace(observer=initial_observer(self._observer, joint.stamp_ns, twist))
+
     def retune(self, state: ControllerState, params: ControllerParams) -> ControllerState:
         """Return the state from which gains and payload ramp to those of `params`; what else differs is ignored.
 

@@ -89,15 +89,18 @@ def next_mode(state: ModeState, findings: Findings, request: Request, now_ns: in
     if findings.fault:
         return _to(state, Mode.FAULT, findings.fault, now_ns, False, good_since)
     if state.mode == Mode.FAULT:
-        state, enabled = state._replace(mode=Mode.HOLD, since_ns=now_ns), False
+        reason = f"not enabled, after a reset of: {state.reason}"
+        state, enabled = state._replace(mode=Mode.HOLD, reason=reason, since_ns=now_ns), False
     if findings.missing:
         return _to(state, Mode.WAITING_INPUT, findings.missing, now_ns, enabled, None)
     if findings.hold:
         resumes = policy.auto_resume or not state.mode.follows
-        return _to(state, Mode.HOLD, findings.hold, now_ns, enabled and resumes, None)
+        asked = request == Request.HOLD or (state.reason.startswith(ASKED) and not enabled)
+        reason = f"{ASKED}; {findings.hold}" if asked else findings.hold
+        return _to(state, Mode.HOLD, reason, now_ns, enabled and resumes, None)
     if not enabled:
-        asked = request == Request.HOLD or state.mode.follows or state.mode == Mode.WAITING_INPUT
-        reason = "asked to hold" if request == Request.HOLD else "not enabled" if asked else state.reason
+        asked = request == Request.HOLD or state.reason.startswith(ASKED)
+        reason = ASKED if asked else state.reason if state.mode == Mode.HOLD else "not enabled"
         return _to(state, Mode.HOLD, reason, now_ns, False, good_since)
     settled = good_since is not None and now_ns - good_since >= policy.resume_after_ns
     if state.mode == Mode.HOLD and not settled and request != Request.ENABLE:
@@ -105,6 +108,9 @@ def next_mode(state: ModeState, findings: Findings, request: Request, now_ns: in
     if findings.degraded:
         return _to(state, Mode.DEGRADED, findings.degraded, now_ns, True, good_since)
     return _to(state, Mode.ACTIVE, "", now_ns, True, good_since)
+
+
+ASKED = "asked to hold"
 
 
 def _cause(reason: str) -> str:

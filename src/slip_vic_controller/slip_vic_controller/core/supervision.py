@@ -98,7 +98,8 @@ class Supervisor:
         )
         self._walls = make_walls(controller.arm, limits)
         self._policy = ModePolicy(safety.auto_enable, safety.auto_resume, _ns(safety.resume_after_s))
-        self._ladder = LadderPolicy(0, _ns(safety.fallback.slow_down_s))
+        observer_s = safety.fallback.observer_s if params.slip_estimator == "observer" else 0.0
+        self._ladder = LadderPolicy(_ns(observer_s), _ns(safety.fallback.slow_down_s))
         self._load = make_load_policy(np.array(params.gravity), safety.load.drop_speed, safety.load.memory_s)
         self._bridge_ns, self._gap_ns = _ns(inputs.bridge_s), _ns(inputs.joint.age_s)
         self._saturated_ns = _ns(safety.saturated_s)
@@ -207,6 +208,7 @@ class Supervisor:
             state = state._replace(
                 path=FULL if entered == Mode.WAITING_INPUT else _STOPPED, posture=None, evidence=None, speed=1.0
             )
+            control = self.controller.resume(control, joint)
         wanted_scale = 0.0 if rung == Rung.SLOWING else state.speed
         path = advance_path_time(state.path, wanted_scale, dt_ns * 1e-9, self._safety.fallback.slow_down_s)
         control = control._replace(start_ns=control.start_ns + lost_ns(path, dt_ns))

@@ -20,6 +20,7 @@ from slip_vic_controller.core.trouble import Trouble
 
 _TINY = float(np.finfo(np.float64).tiny)
 _ARM_MOVES = 0.02  # [rad/s]
+_LONGEST_COAST_S = 0.1  # for which a velocity explains a change of position
 _WEIGHT = 0.02  # of a new period in the mean
 
 
@@ -199,7 +200,9 @@ class JointWatch:
             return Trouble.OUT_OF_ORDER if passed < 0 else Trouble.DUPLICATE
         if passed - (now_ns - last_now_ns) > self._clock_jump_ns:
             return Trouble.CLOCK_JUMP
-        reach = self._jump + 2.0 * passed * 1e-9 * np.maximum(np.abs(sample.velocity), np.abs(last.velocity))
+        reach = self._jump + 2.0 * min(passed * 1e-9, _LONGEST_COAST_S) * np.maximum(
+            np.abs(sample.velocity), np.abs(last.velocity)
+        )
         return Trouble.JUMP if (np.abs(sample.position - last.position) > reach).any() else Trouble.NONE
 
     def silent(self, now_ns: int) -> bool:

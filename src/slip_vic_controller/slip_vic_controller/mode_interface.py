@@ -1,0 +1,105 @@
+"""The mode to the outside: topic, /diagnostics, services, and who else publishes on our topics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from std_srvs.srv import Trigger
+
+from slip_msgs_py import to_msgs
+from slip_msgs_py.fast_io import Refusals
+from slip_msgs_py.qos import create_publisher
+from slip_vic_controller.core.modes import Mode, Request
+from slip_vic_controller.core.session import ControllerSession, CycleResult
+from slip_vic_controller.core.watches import JointWatch, VectorWatch
+
+DIAGNOSTICS_PERIOD_NS = 1_000_000_000
+PUBLISHERS_PERIOD_S = 0.5
+LEVELS = {Mode.ACTIVE: 0, Mode.DEGRADED: 1, Mode.HOLD: 1, Mode.WAITING_INPUT: 1, Mode.FAULT: 2}
+
+
+class ModeInterface:
+    """Publishes the mode where it changes and takes requests.
+
+    Args:
+        node: owner of topics, services and timer.
+        session: what is asked and told.
+        refusals: messages that could not be read, for the report.
+        status: the node's publisher of /diagnostics.
+    """
+
+    def __init__(self, node: Any, session: ControllerSession, refusals: Refusals, status: Any) -> None:
+        self._node = node
+        self._session = session
+        self._refusals = refusals
+        self._status = status
+        self._topic = create_publisher(node, "controller/mode")
+        self._last: tuple[Mode, str] | None = None
+        self._last_ns = 0
+        self._command_topic = ""
+        self._input_topics: tuple[str, ...] = ()
+        for name, request in (
+            ("enable", Request.ENABLE),
+            ("hold", Request.HOLD),
+            ("reset_fault", Request.RESET_FAULT),
+        ):
+            node.create_service(Trigger, f"~/{name}", lambda _, response, r=request: self._on_request(r, response))
+
+    def watch(self, command_topic: str, input_topics: Sequence[str]) -> None:
+        """Look from time to time who publishes on our command topic and on our inputs."""
+        self._command_topic, self._input_topics = command_topic, tuple(input_topics)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._node.create_timer(PUBLISHERS_PERIOD_S, self._look_for_publishers, clock=steady)
+
+    def publish(self, result: CycleResult) -> None:
+        """Publish what has changed, and the status about once a second of the joint state's clock."""
+        mode, stamp_ns = result.mode, result.joint.stamp_ns
+        now = (mode.mode, mode.reason)
+        if now == self._last and 0 <= stamp_ns - self._last_ns < DIAGNOSTICS_PERIOD_NS:
+            return
+        if now != self._last:
+            self._topic.publish(to_msgs.string(f"{mode.mode.name}: {mode.reason}" if mode.reason else mode.mode.name))
+        self._last, self._last_ns = now, stamp_ns
+        text = mode.reason or mode.mode.name
+        name = f"{self._node.get_name()}: mode"
+        self._status.publish(to_msgs.diagnostics(stamp_ns, name, LEVELS[mode.mode], text, self._values(mode.mode)))
+
+    def _values(self, mode: Mode) -> dict[str, object]:
+        monitor = self._session.monitor
+        values: dict[str, object] = {"mode": mode.name}
+        watches: dict[str, JointWatch | VectorWatch] = {
+            "joint_states": monitor.joint,
+            "wrench": monitor.wrenches[0],
+            "slip_velocity": monitor.slips[0],
+        }
+        for name, watch in watches.items():
+            if not math.isnan(watch.rhythm.period_s):
+                values[f"{name} period_ms"] = f"{1e3 * watch.rhythm.period_s:.3f}"
+                values[f"{name} jitter_ms"] = f"{1e3 * watch.rhythm.jitter_s:.3f}"
+        refused = {f"{name} refused": count for name, count in self._refusals.counts.items()}
+        return values | monitor.counts() | refused
+
+    def _on_request(self, request: Request, response: Any) -> Any:
+        session = self._session
+        if not session.active:
+            response.success, response.message = False, "not active"
+        elif session.mode == Mode.FAULT and request != Request.RESET_FAULT:
+            reason = session.safety.mode.reason if session.safety is not None else ""
+            response.success, response.message = False, f"in FAULT, reset it first: {reason}"
+        else:
+            session.request(request)
+            response.success, response.message = True, f"{request.name.lower()}: decided in the next cycle"
+        return response
+
+    def _look_for_publishers(self) -> None:
+        self._session.monitor.set_publishers(
+            {topic: self._owners(topic) for topic in self._input_topics}, self._owners(self._command_topic)
+        )
+
+    def _owners(self, topic: str) -> int:
+        """Return how many differently named nodes publish; a killed node's ghost lives on in discovery for a while."""
+        infos = self._node.get_publishers_info_by_topic(topic)
+        return len({(info.node_namespace, info.node_name) for info in infos})
