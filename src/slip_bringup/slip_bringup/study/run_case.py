@@ -61,7 +61,7 @@ def _run(case: Case, assignments: Sequence[str]) -> CaseResult:
             truth, record = tick.outputs.truth, tick.result.diagnostics
             slip = truth.slip_displacement
             speed = max(speed, math.hypot(*truth.slip_velocity[:3].tolist()))
-            terms = None if record is None else record.working_terms
+            terms = None if record is None else record.terms
             if terms is None:
                 if ticks and outcome == "ok":
                     outcome, reason = "held", f"{tick.outputs.stamp_ns * 1e-9:.3f} s: {tick.result.mode.reason}"

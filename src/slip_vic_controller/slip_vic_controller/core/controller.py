@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -13,14 +15,15 @@ from slip_msgs_py.arrays import Array, readonly, rotate6, vector
 from slip_msgs_py.errors import InputError
 from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.arm import ArmModel, ArmTerms
-from slip_vic_controller.core.attitude import log_error, rpy_error
+from slip_vic_controller.core.attitude import AttitudeError, log_error, rpy_error
 from slip_vic_controller.core.delays import Delays, measure_delays, stable_slip_gain
-from slip_vic_controller.core.diagnostics import Status, TickDiagnostics, TickTerms
+from slip_vic_controller.core.diagnostics import Glance, Status, TickDiagnostics, TickTerms
+from slip_vic_controller.core.fast_law import FastTerms, fast_law, flatten
 from slip_vic_controller.core.grasp import Contact, SlipDisplacement, integrate_slip
-from slip_vic_controller.core.law import control_law, grasp_terms
+from slip_vic_controller.core.law import GraspTerms, LawTerms, control_law, grasp_terms
 from slip_vic_controller.core.observer import Motion, ObserverState, SlipEstimate, initial_observer, last_twist, observe
 from slip_vic_controller.core.observer_config import observer_config
-from slip_vic_controller.core.operational import SingularityPolicy, joint_torque, posture_torque
+from slip_vic_controller.core.operational import SingularityPolicy, TorqueTerms, joint_torque, posture_torque
 from slip_vic_controller.core.params import ControllerParams
 from slip_vic_controller.core.ramp import Tuning, make_ramp, tuning_at
 from slip_vic_controller.core.safety import finite, limit_effort, refusal, safe_torque
@@ -35,6 +38,28 @@ class TickResult(NamedTuple):
     command: EffortCommand
     state: ControllerState
     diagnostics: TickDiagnostics
+
+
+class LawInputs(NamedTuple):
+    """All that the law depends on; previous_error (3,) [rad] {w}; slip_twist (6,) {ee}; wrenches (6,) on each pad."""
+
+    previous_error: Array
+    tuning: Tuning
+    arm: ArmTerms
+    wrenches: Sequence[Array]
+    slip_twist: Array
+    estimate: SlipEstimate | None
+    displacements: tuple[SlipDisplacement, ...]
+    reference: CartesianReference
+
+
+class PlainTerms(NamedTuple):
+    """The law by its plain form."""
+
+    attitude: AttitudeError
+    h_ee: Array
+    grasp: GraspTerms
+    law: LawTerms
 
 
 class VicController:
@@ -60,6 +85,7 @@ class VicController:
         self._observer = observer_config(params) if params.slip_estimator == "observer" else None
         self.policy = SingularityPolicy(params.singularity.sigma_min, params.singularity.damping)
         self.path = make_path(params.trajectory)
+        self._flattened = self.tuning, flatten(self.gains, self.object_model)
         self._slip_needed = params.controller == "vic"
         posture, joints = params.nullspace.posture, len(self.joint_names)
         if posture and len(posture) != joints:
@@ -163,23 +189,31 @@ class VicController:
         if reference is None:
             t = (joint.stamp_ns - state.start_ns) * 1e-9 - self.params.trajectory.start_s
             reference = reference_at(self.path, t, state.start_position, state.start_rotation)
-        terms = self._evaluate(
-            state, tuning, joint, arm, [w.wrench for w in wrenches], slip_twists[0], estimate, displacements, reference
-        )
-        if not (terms.torque.solved and finite(terms.torque.torque)):
+        inputs = LawInputs(
+            state.attitude_error, tuning, arm, [w.wrench for w in wrenches], slip_twists[0], estimate, displacements,
+            reference,
+        )  # fmt: skip
+        law = self._law(inputs)
+        if law is None:
             return self._safe(state, joint, "the law gave no finite torque")
-        effort, saturated = limit_effort(terms.torque.torque, self.arm.effort_limit)
-        near = ("arm",) * (terms.torque.damping_squared > 0.0) + ("attitude",) * terms.attitude.near_singular
+        tau_0 = self._posture_torque(state, joint)
+        torque = joint_torque(arm.M, arm.bias, arm.J, arm.jdot_qd, law.a_C, law.h_ee, tau_0, self.policy)
+        if not (torque.solved and finite(torque.torque)):
+            return self._safe(state, joint, "the law gave no finite torque")
+        effort, saturated = limit_effort(torque.torque, self.arm.effort_limit)
+        near = ("arm",) * (torque.damping_squared > 0.0) + ("attitude",) * law.near_singular
         following = state._replace(
             stamp_ns=joint.stamp_ns,
             slips=displacements,
-            attitude_error=terms.attitude.error,
+            attitude_error=law.attitude_error,
             position=joint.position,
             delays=delays,
             observer=observer,
             ramp=None if state.ramp is None else state.ramp.after(joint.stamp_ns),
         )
-        return _result(joint, following, "ok", "", near, effort, saturated, terms)
+        glance = Glance(arm, reference, law)
+        evaluate = partial(self._evaluate, inputs, torque)
+        return _result(joint, following, "ok", "", near, effort, saturated, glance, evaluate)
 
     def _tuning(self, state: ControllerState) -> Tuning:
         return self.tuning if state.ramp is None else tuning_at(state.ramp, state.stamp_ns)
@@ -218,25 +252,31 @@ class VicController:
             return self.contacts
         return (self.contacts[0]._replace(position=tuning.contact_position), *self.contacts[1:])
 
-    def _evaluate(
-        self,
-        state: ControllerState,
-        tuning: Tuning,
-        joint: JointSample,
-        arm: ArmTerms,
-        wrenches: Sequence[Array],
-        slip_twist: Array,
-        estimate: SlipEstimate | None,
-        displacements: tuple[SlipDisplacement, ...],
-        reference: CartesianReference,
-    ) -> TickTerms:
-        """Evaluate the law for a slip velocity (6,) on pad axes, wherever it comes from."""
-        params, q, qd = self.params, joint.position, joint.velocity
-        R_ee, v_ee = arm.rotation, arm.twist
-        v_s = rotate6(R_ee, slip_twist)
+    def _law(self, inputs: LawInputs) -> FastTerms | None:
+        """Evaluate the law for a tick, by its fast form where there is one; None where a number left its range."""
+        params = self.params
+        if params.attitude == "rpy":
+            return glance_of(self._plain_law(inputs))
+        tuning, estimate = inputs.tuning, inputs.estimate
+        if tuning is not self._flattened[0]:
+            self._flattened = tuning, flatten(tuning.gains, tuning.object_model)
+        error = estimate.error if estimate is not None and params.observer.correct_follow else None
+        try:
+            return fast_law(
+                self._flattened[1], self._contacts(tuning), inputs.displacements, inputs.wrenches, inputs.slip_twist,
+                error, inputs.arm, inputs.reference, params.feed_forward, inputs.previous_error,
+            )  # fmt: skip
+        except ArithmeticError:
+            return None
+
+    def _plain_law(self, inputs: LawInputs) -> PlainTerms:
+        """Evaluate the law by the formulas of the documentation, for a slip velocity wherever it comes from."""
+        params, tuning, arm, reference = self.params, inputs.tuning, inputs.arm, inputs.reference
+        R_ee, v_ee, wrenches, estimate = arm.rotation, arm.twist, inputs.wrenches, inputs.estimate
+        v_s = rotate6(R_ee, inputs.slip_twist)
         h_ee = rotate6(R_ee, wrenches[0])
         contacts = self._contacts(tuning)
-        grasp = grasp_terms(tuning.object_model, contacts, displacements, wrenches, R_ee, v_ee, v_s)
+        grasp = grasp_terms(tuning.object_model, contacts, inputs.displacements, wrenches, R_ee, v_ee, v_s)
         if estimate is not None and params.observer.correct_follow:
             grasp = grasp._replace(follow=grasp.follow + rotate6(R_ee, estimate.error))
         a_d = reference.acceleration if params.feed_forward else _NO_SLIP
@@ -244,23 +284,32 @@ class VicController:
         if params.attitude == "rpy":
             attitude = rpy_error(R_ee, R_d, v_ee[3:], w_d)
         else:
-            attitude = log_error(R_ee, R_d, v_ee[3:], w_d, a_d[3:], state.attitude_error)
+            attitude = log_error(R_ee, R_d, v_ee[3:], w_d, a_d[3:], inputs.previous_error)
         e_p, e_p_dot = arm.position - reference.position, v_ee[:3] - reference.twist[:3]
         law = control_law(tuning.gains, contacts[0].slip_axes, attitude, e_p, e_p_dot, a_d, R_ee, v_s, grasp)
-        tau_0 = posture_torque(q, qd, state.posture, params.nullspace.stiffness, params.nullspace.damping)
-        torque = joint_torque(arm.M, arm.bias, arm.J, arm.jdot_qd, law.a_C, h_ee, tau_0, self.policy)
+        return PlainTerms(attitude, h_ee, grasp, law)
+
+    def _posture_torque(self, state: ControllerState, joint: JointSample) -> Array:
+        nullspace = self.params.nullspace
+        return posture_torque(joint.position, joint.velocity, state.posture, nullspace.stiffness, nullspace.damping)
+
+    def _evaluate(self, inputs: LawInputs, torque: TorqueTerms) -> TickTerms:
+        """Make the record of a tick, when somebody looks at it."""
+        tuning = inputs.tuning
+        with np.errstate(all="ignore"):
+            plain = self._plain_law(inputs)
         return TickTerms(
             tuning.gains,
             tuning.object_model,
-            arm,
-            reference,
-            attitude,
-            displacements[0],
-            h_ee,
-            grasp,
-            law,
+            inputs.arm,
+            inputs.reference,
+            plain.attitude,
+            inputs.displacements[0],
+            plain.h_ee,
+            plain.grasp,
+            plain.law,
             torque,
-            estimate,
+            inputs.estimate,
         )
 
     def _safe(self, state: ControllerState, joint: JointSample, reason: str) -> TickResult:
@@ -271,7 +320,7 @@ class VicController:
         torque = safe_torque(self.arm.gravity(q), qd, self.params.safety.joint_damping)
         effort, saturated = limit_effort(torque, self.arm.effort_limit)
         following = state._replace(stamp_ns=max(joint.stamp_ns, state.stamp_ns), position=q)
-        return _result(joint, following, "safe", reason, (), effort, saturated, None)
+        return _result(joint, following, "safe", reason, (), effort, saturated, None, None)
 
 
 def _result(
@@ -282,13 +331,27 @@ def _result(
     near_singular: tuple[str, ...],
     effort: Array,
     saturated: NDArray[np.bool_],
-    terms: TickTerms | None,
+    glance: Glance | None,
+    evaluate: Callable[[], TickTerms] | None,
 ) -> TickResult:
     """Put a tick's result together and make all its arrays read-only."""
     for array in (effort, saturated, state.attitude_error, *itertools.chain.from_iterable(state.slips)):
         array.flags.writeable = False
-    diagnostics = TickDiagnostics(status, reason, near_singular, effort, saturated, terms)
+    diagnostics = TickDiagnostics(status, reason, near_singular, effort, saturated, glance, evaluate)
     return TickResult(EffortCommand(joint.stamp_ns, effort), state, diagnostics)
+
+
+def glance_of(plain: PlainTerms) -> FastTerms:
+    """Return what a tick needs of a law that was evaluated by its plain form.
+
+    Implements: ours: roll, pitch, yaw have no fast form.
+    """
+    law, grasp, e, v_s = plain.law, plain.grasp, plain.law.e, plain.law.v_s
+    return FastTerms(
+        law.a_C, plain.h_ee, plain.attitude.error, plain.attitude.near_singular, law.gate,
+        math.sqrt(e[:3].dot(e[:3])), math.sqrt(e[3:].dot(e[3:])), math.sqrt(v_s[:3].dot(v_s[:3])),
+        grasp.a_o[:3], (grasp.follow + grasp.Phi2)[:3],
+    )  # fmt: skip
 
 
 _NO_SLIP = readonly(np.zeros(6))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import InitVar, dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.types import CartesianReference
 from slip_vic_controller.core.arm import ArmTerms
 from slip_vic_controller.core.attitude import AttitudeError
+from slip_vic_controller.core.fast_law import FastTerms
 from slip_vic_controller.core.grasp import SlipDisplacement, grasp_matrix
 from slip_vic_controller.core.impedance import Gains
 from slip_vic_controller.core.law import GraspTerms, LawTerms
@@ -72,12 +74,21 @@ class TickTerms(NamedTuple):
             array.flags.writeable = False
 
 
+class Glance(NamedTuple):
+    """What the supervision looks at in every tick."""
+
+    arm: ArmTerms
+    reference: CartesianReference
+    law: FastTerms
+
+
 @dataclass(frozen=True, slots=True)
 class TickDiagnostics:
     """What happened in a tick.
 
     status: "ok" or "safe" (the safe command was given, and `reason` says why); near_singular: which fallbacks were at
-    work ("arm", "attitude"); effort (n,) [N m] and saturated (n,): the command and which joints were clipped.
+    work ("arm", "attitude"); effort (n,) [N m] and saturated (n,): the command and which joints were clipped; glance:
+    the few numbers that every cycle needs, None where the law was not evaluated.
     """
 
     status: Status
@@ -85,25 +96,20 @@ class TickDiagnostics:
     near_singular: tuple[str, ...]
     effort: Array
     saturated: NDArray[np.bool_]
-    evaluated: InitVar[TickTerms | None]
-    _terms: TickTerms | None = field(init=False)
-
-    def __post_init__(self, evaluated: TickTerms | None) -> None:
-        object.__setattr__(self, "_terms", evaluated)
-
-    @property
-    def working_terms(self) -> TickTerms | None:
-        """As `terms`, for the cycle's own use: not read-only yet, and not to be changed."""
-        return self._terms
+    glance: Glance | None
+    evaluate: Callable[[], TickTerms] | None = field(repr=False, compare=False)
+    _terms: TickTerms | None = field(init=False, default=None, repr=False, compare=False)
 
     @property
     def terms(self) -> TickTerms | None:
         """Every symbol of the law, None where it was not evaluated.
 
-        The arrays become read-only when first looked at, so that a tick whose inside nobody reads does not pay for it.
+        Worked out by the plain form when first looked at, so that a tick whose inside nobody reads does not pay for it.
         """
-        if self._terms is not None:
-            self._terms.freeze()
+        if self._terms is None and self.evaluate is not None:
+            terms = self.evaluate()
+            terms.freeze()
+            object.__setattr__(self, "_terms", terms)
         return self._terms
 
     def scalars(self) -> dict[str, float]:
@@ -111,10 +117,11 @@ class TickDiagnostics:
         flags = (self.status != "ok", "arm" in self.near_singular, "attitude" in self.near_singular)
         names = _names(len(self.effort))
         numbers = [*map(float, flags), *self.effort.tolist(), *map(float, self.saturated.tolist())]
-        if self._terms is None:
+        terms = self.terms
+        if terms is None:
             numbers += [math.nan] * (len(names) - len(numbers))
         else:
-            numbers += _numbers(self._terms)
+            numbers += _numbers(terms)
         return dict(zip(names, numbers, strict=True))
 
 

@@ -15,8 +15,13 @@ SERIES_BELOW = 0.01
 """theta^2 [rad^2] below which the series is used: its first left-out term is below 1e-16 there."""
 
 
-def _coefficients(t: float) -> tuple[float, float, float, float]:
-    """Return a = (1 - cos theta) / theta^2, b = (theta - sin theta) / theta^3, a'(theta) / theta, b'(theta) / theta."""
+def coefficients(t: float) -> tuple[float, float, float, float]:
+    """Return a = (1 - cos theta) / theta^2, b = (theta - sin theta) / theta^3, a'(theta) / theta, b'(theta) / theta.
+
+    t = theta^2 [rad^2].
+
+    Implements: ours: what exponential, J_l and its rate are made of.
+    """
     if t < SERIES_BELOW:
         return (
             1 / 2 - t * (1 / 24 - t * (1 / 720 - t * (1 / 40320 - t / 3628800))),
@@ -56,7 +61,7 @@ def exp_so3(phi: Array) -> Array:
     Implements: ours: Rodrigues' formula, for slip displacement and reference attitudes.
     """
     t = float(phi.dot(phi))
-    a, b, _, _ = _coefficients(t)
+    a, b, _, _ = coefficients(t)
     return _matrix(1.0 - t * a, 1.0 - t * b, a, phi)
 
 
@@ -80,7 +85,7 @@ def left_jacobian(phi: Array) -> Array:
     Implements: Eq. (5), its T_phi in rotation-vector coordinates.
     """
     t = float(phi.dot(phi))
-    a, b, _, _ = _coefficients(t)
+    a, b, _, _ = coefficients(t)
     return _matrix(1.0 - t * b, a, b, phi)
 
 
@@ -93,7 +98,7 @@ def left_jacobian_product(phi: Array, phi_dot: Array) -> Array:
     """
     x, y, z = phi.tolist()
     u, v, w = phi_dot.tolist()
-    a, b, _, _ = _coefficients(x * x + y * y + z * z)
+    a, b, _, _ = coefficients(x * x + y * y + z * z)
     nx, ny, nz = y * w - z * v, z * u - x * w, x * v - y * u
     px, py, pz = b * x, b * y, b * z
     return np.array((u + a * nx + py * nz - pz * ny, v + a * ny + pz * nx - px * nz, w + a * nz + px * ny - py * nx))
@@ -105,12 +110,19 @@ def left_jacobian_inverse(phi: Array) -> Array:
     Implements: ours: phi_dot = J_l^-1 omega without a matrix inversion.
     """
     t = float(phi.dot(phi))
-    if t < SERIES_BELOW:
-        c = 1 / 12 + t * (1 / 720 + t * (1 / 30240 + t * (1 / 1209600 + t / 47900160)))
-    else:
-        half = 0.5 * math.sqrt(t)
-        c = (1.0 - half * math.cos(half) / math.sin(half)) / t
+    c = inverse_coefficient(t)
     return _matrix(1.0 - t * c, -0.5, c, phi)
+
+
+def inverse_coefficient(t: float) -> float:
+    """Return c with J_l^-1 = I - S(phi) / 2 + c S(phi)^2; t = theta^2 [rad^2].
+
+    Implements: ours: (1 - theta/2 cot(theta/2)) / theta^2.
+    """
+    if t < SERIES_BELOW:
+        return 1 / 12 + t * (1 / 720 + t * (1 / 30240 + t * (1 / 1209600 + t / 47900160)))
+    half = 0.5 * math.sqrt(t)
+    return (1.0 - half * math.cos(half) / math.sin(half)) / t
 
 
 def left_jacobian_rate(phi: Array, phi_dot: Array) -> Array:
@@ -122,7 +134,7 @@ def left_jacobian_rate(phi: Array, phi_dot: Array) -> Array:
     """
     x, y, z = phi.tolist()
     u, v, w = phi_dot.tolist()
-    _, b, a_slope, b_slope = _coefficients(x * x + y * y + z * z)
+    _, b, a_slope, b_slope = coefficients(x * x + y * y + z * z)
     along = x * u + y * v + z * w
     a_rate, b_rate = a_slope * along, b_slope * along
     nx, ny, nz = y * w - z * v, z * u - x * w, x * v - y * u

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import TickResult, VicController
-from slip_vic_controller.core.diagnostics import TickDiagnostics, TickTerms
+from slip_vic_controller.core.diagnostics import Glance, TickDiagnostics
 from slip_vic_controller.core.fallback import LadderPolicy, LadderState, Rung, descend
 from slip_vic_controller.core.input_monitor import Health
 from slip_vic_controller.core.load_monitor import (
@@ -225,7 +225,7 @@ class Supervisor:
             return self._finish(state, result.state, now_ns, joint, result.command.effort, None, None)
         state = self._watch(state._replace(path=path), result, now_ns, dt_ns * 1e-9)
         return self._finish(
-            state, result.state, now_ns, joint, result.command.effort, result, result.diagnostics.working_terms
+            state, result.state, now_ns, joint, result.command.effort, result, result.diagnostics.glance
         )
 
     def _find(
@@ -273,20 +273,17 @@ class Supervisor:
 
     def _watch(self, state: SupervisorState, result: TickResult, now_ns: int, dt: float) -> SupervisorState:
         """Look at what the law saw: errors, fall, and whether slip and wrench agree; for the next cycle."""
-        terms = result.diagnostics.working_terms
-        if terms is None:
+        glance = result.diagnostics.glance
+        if glance is None:
             return state
-        limits, law, grasp = self._safety.limits, terms.law, terms.grasp
-        e, v_s = law.e, law.v_s
-        speed = scale_for_error(
-            math.sqrt(e[:3].dot(e[:3])), math.sqrt(e[3:].dot(e[3:])), limits.error_linear, limits.error_angular
-        )
-        R = terms.arm.rotation
+        limits, law, reference = self._safety.limits, glance.law, glance.reference
+        speed = scale_for_error(law.error_linear, law.error_angular, limits.error_linear, limits.error_angular)
+        R = glance.arm.rotation
         plane = (R * self.controller.contacts[0].slip_axes[:3]).dot(R.T)
-        v = math.sqrt(v_s[:3].dot(v_s[:3]))
+        v = law.slip_speed
         slipping = 1.0 if v > _SLIPPING else law.gate
-        fall = fall_speed(self._load, state.fall, grasp.a_o, terms.reference.acceleration, plane, slipping, dt)
-        evidence = slip_evidence(state.evidence, terms.arm.twist, grasp.follow + grasp.Phi2, plane, dt)
+        fall = fall_speed(self._load, state.fall, law.object_acceleration, reference.acceleration, plane, slipping, dt)
+        evidence = slip_evidence(state.evidence, glance.arm.twist, law.carried, plane, dt)
         shown = math.sqrt(evidence.velocity.dot(evidence.velocity))
         blind = shown > self._safety.fallback.evidence and v < 0.1 * self._safety.fallback.evidence
         since = state.contradicted_since_ns
@@ -294,7 +291,7 @@ class Supervisor:
             fall=fall,
             evidence=evidence,
             speed=speed,
-            moves=moving(terms.reference),
+            moves=moving(reference),
             contradicted_since_ns=None if not blind else now_ns if since is None else since,
         )
 
@@ -324,15 +321,15 @@ class Supervisor:
         joint: JointSample,
         wanted: Array,
         result: TickResult | None,
-        terms: TickTerms | None,
+        glance: Glance | None,
     ) -> Supervised:
         """Add the walls, pass the gate, and write the record; every command comes through here."""
         torque = wanted
         push = joint_repulsion(self._walls, joint.position, joint.velocity)
         if push is not None:
             torque = torque + push
-        if terms is not None:
-            brake = pad_brake(self._walls, terms.arm.J, terms.arm.twist)
+        if glance is not None:
+            brake = pad_brake(self._walls, glance.arm.J, glance.arm.twist)
             if brake is not None:
                 torque = torque + brake
         gate = state.gate
@@ -353,9 +350,10 @@ class Supervisor:
         mode = following.mode
         near = result.diagnostics.near_singular if result is not None else ()
         if result is not None and not out.refused:
-            record = TickDiagnostics("ok", mode.reason, near, out.effort, saturated, terms)
+            evaluate = result.diagnostics.evaluate
+            record = TickDiagnostics("ok", mode.reason, near, out.effort, saturated, glance, evaluate)
         else:
-            record = TickDiagnostics("safe", mode.reason or "bridged", near, out.effort, saturated, None)
+            record = TickDiagnostics("safe", mode.reason or "bridged", near, out.effort, saturated, None, None)
         saturated.flags.writeable = False
         return Supervised(EffortCommand(joint.stamp_ns, out.effort), control, following, record, out.limited)
 
