@@ -26,7 +26,7 @@ class Strength(NamedTuple):
     transient_local: bool
 
 
-WEAKEST: Final = Strength(False, False)
+MOST_LIKELY: Final = Strength(True, False)  # asked for while there is no publisher: mostly it can stay
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +39,10 @@ class Offer:
 
 
 def common_strength(offers: Sequence[Offer]) -> Strength:
-    """Return the strongest request that every publisher answers; the weakest where there is none."""
+    """Return the strongest request that every publisher answers."""
     return Strength(
-        bool(offers) and all(offer.qos.reliability == "reliable" for offer in offers),
-        bool(offers) and all(offer.qos.durability == "transient_local" for offer in offers),
+        all(offer.qos.reliability == "reliable" for offer in offers),
+        all(offer.qos.durability == "transient_local" for offer in offers),
     )
 
 
@@ -66,7 +66,7 @@ class TopicSubscription:
         self._seen_last = -1
         self._changed_at = 0.0
         self.offers = ask()
-        self.strength = common_strength(self.offers)
+        self.strength = common_strength(self.offers) if self.offers else MOST_LIKELY
         self._open()
         self._settled = bool(self.offers)
 
