@@ -61,10 +61,16 @@ class Sample(NamedTuple):
 
 
 class Moment(NamedTuple):
-    """One tick in slip: what led to it, the samples measured at it, and the estimate with them taken in."""
+    """One tick: what it did to the slip velocity, the samples measured at it, and in slip the estimate with them.
+
+    time, steps, impulses: dt, step and dt force added up since the last change between stick and slip.
+    """
 
     stamp_ns: int
     dt: float
+    time: float
+    steps: Floats
+    impulses: Floats
     step: Floats
     turn_linear: Floats
     turn_angular: Floats
@@ -225,17 +231,25 @@ def _moment(config: ObserverConfig, state: ObserverState, motion: Motion) -> Mom
     force = tuple(force_pad[i] for i in config.axes)
     drag_pad = (motion.drag @ R).tolist()
     drag = tuple(drag_pad[i] for i in config.axes if i < 3)
-    return Moment(motion.stamp_ns, dt, step, turn_linear, turn_angular, force, drag, (), ())
+    time, steps, impulses = dt, step, tuple(dt * f for f in force)
+    if state.history:
+        last = state.history[-1]
+        time += last.time
+        steps = tuple(a + b for a, b in zip(last.steps, steps, strict=True))
+        impulses = tuple(a + b for a, b in zip(last.impulses, impulses, strict=True))
+    return Moment(
+        motion.stamp_ns, dt, time, steps, impulses, step, turn_linear, turn_angular, force, drag, (), ()
+    )  # fmt: skip
 
 
 def _window_significance(config: ObserverConfig, window: tuple[Moment, ...], known: tuple[AxisFilter, ...]) -> float:
     """Return the significance of the velocity that the window adds up to, from v = 0 at its beginning."""
-    time = sum(m.dt for m in window)
+    first, last = window[0], window[-1]
+    time = last.time - first.time + first.dt
     total = 0.0
     for k, (x, q_v, floor) in enumerate(zip(known, config.force_noise, config.floor, strict=True)):
-        v = sum(m.step[k] for m in window)
-        impulse = sum(m.dt * m.force[k] for m in window)
-        v -= time * x.b + impulse * x.c
+        impulse = last.impulses[k] - first.impulses[k] + first.dt * first.force[k]
+        v = last.steps[k] - first.steps[k] + first.step[k] - time * x.b - impulse * x.c
         variance = time * time * x.P_bb + 2.0 * time * impulse * x.P_bc + impulse * impulse * x.P_cc
         total += v * v / (variance + len(window) * q_v + floor)
     return total
@@ -294,7 +308,9 @@ def _insert(history: tuple[Moment, ...], samples: list[Sample]) -> tuple[tuple[M
     """Put the samples at the first tick not before their stamps; return the history and the first tick that changed."""
     moments, first = list(history), len(history)
     for sample in samples:
-        index = next(i for i, m in enumerate(moments) if m.stamp_ns >= sample.stamp_ns)
+        index = len(moments) - 1  # most samples are young
+        while index > 0 and moments[index - 1].stamp_ns >= sample.stamp_ns:
+            index -= 1
         moments[index] = moments[index]._replace(samples=tuple(sorted((*moments[index].samples, sample))))
         first = min(first, index)
     return tuple(moments), first
@@ -304,13 +320,13 @@ def _run(
     config: ObserverConfig, history: tuple[Moment, ...], first: int, before: tuple[AxisFilter, ...]
 ) -> tuple[Moment, ...]:
     """Run the ticks from number `first` on, again or for the first time; `before` is the estimate ahead of it."""
-    done = list(history[:first])
+    done = []
     for m in history[first:]:
         before = _opposed(config, m, _advance(config, m, before))
         for sample in m.samples:
             before = _correct(config, before, sample)
         done.append(m._replace(estimate=before))
-    return tuple(done)
+    return (*history[:first], *done)
 
 
 def _correct(config: ObserverConfig, estimate: tuple[AxisFilter, ...], sample: Sample) -> tuple[AxisFilter, ...]:
