@@ -53,8 +53,7 @@ class BridgeSession:
         self._wrench_count = 0
         self._slip_count = 0
         self._reset_wanted = False
-        self._held, self._catching_up = True, False
-        self.switches = 0
+        self._largest_change = params.effort_rate * params.control_period_s
         self.tick = 0
         self.contacts = 1
 
@@ -94,7 +93,6 @@ class BridgeSession:
         if self._reset_wanted:
             self._reset_wanted = False
             self.simulation.reset()
-            self._held, self._catching_up = True, False
             self._sensors.reset()
         simulation = self.simulation
         wrenches = tuple(self._sensors.wrench.update(simulation.true_wrench()))
@@ -114,19 +112,9 @@ class BridgeSession:
     def advance(self, command: EffortCommand | None) -> None:
         """Apply a command for one control period; None, an empty one, or one too old or not finite holds the arm.
 
-        Where holding and obeying take turns the effort changes no faster than `effort_rate`, until it has caught up.
+        The effort at the joints changes no faster than `effort_rate`, as that of a drive.
         """
-        effort = self._accepted(command)
-        changes = (effort is None) != self._held
-        if changes:
-            self._held, self._catching_up = effort is None, True
-            self.switches += 1
-        simulation = self.simulation
-        if self._catching_up:
-            simulation.step(effort, self._params.effort_rate * self._params.control_period_s)
-            self._catching_up = simulation.effort_limited
-        else:
-            simulation.step(effort)
+        self.simulation.step(self._accepted(command), self._largest_change)
         self.tick += 1
 
     def _accepted(self, command: EffortCommand | None) -> Array | None:

@@ -34,7 +34,7 @@ class GraspSimulation:
         self._stamp_ns = 0
         self._hold_posture: Array | None = None
         self._applied = np.zeros_like(self._limit)
-        self._refused = self._saturated = self._limited = self._diverged = False
+        self._refused = self._saturated = self._diverged = False
         self._start()
 
     @property
@@ -70,11 +70,6 @@ class GraspSimulation:
     def effort_saturated(self) -> bool:
         """True where the last effort was clipped to the limits."""
         return self._saturated
-
-    @property
-    def effort_limited(self) -> bool:
-        """True where the last effort was kept near the one before it."""
-        return self._limited
 
     @property
     def grip_force(self) -> float:
@@ -114,6 +109,8 @@ class GraspSimulation:
             wanted = self._plant.holding_effort(self._hold_posture, hold.stiffness, hold.damping)
         else:
             self._hold_posture = None
+        if largest_change is not None:
+            wanted = np.minimum(np.maximum(wanted, self._applied - largest_change), self._applied + largest_change)
         applied = _own(np.minimum(np.maximum(wanted, self._lower_limit), self._limit))
         self._saturated = applied.tolist() != wanted.tolist()
         try:
@@ -177,7 +174,7 @@ class GraspSimulation:
         self._applied = np.clip(
             self._plant.holding_effort(self._hold_posture, 0.0, 0.0), self._lower_limit, self._limit
         )
-        self._refused = self._saturated = self._limited = self._diverged = False
+        self._refused = self._saturated = self._diverged = False
 
     def _accept(self, effort: Array | None) -> Array | None:
         self._refused = False
