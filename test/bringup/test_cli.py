@@ -144,7 +144,8 @@ def test_ctrl_c_at_any_moment_leaves_nothing(command: str, moment: str, tmp_path
     assert [line for line in errors.splitlines() if line][-1].startswith("error: interrupted"), errors
     assert "Traceback" not in errors
     assert marked(marker) == []
-    assert shared_memory.orphans(shared_memory.segments() - before) == set()
+    # Other runs on this machine have files of their own that come and go.
+    wait_until(lambda: not shared_memory.orphans(shared_memory.segments() - before), "no shared memory left")
     if command == "demo":
         assert not (tmp_path / "out").exists() or list((tmp_path / "out").iterdir()) == []
     elif (tmp_path / "bag").exists():

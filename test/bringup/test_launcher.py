@@ -15,6 +15,7 @@ from slip_bringup.launcher import Interrupted, Launcher
 from slip_bringup.scenario import load_scenario
 from slip_msgs_py.errors import ProtocolError
 from slip_msgs_py.stamps import stamp_to_ns
+from test.support.ros import wait_until
 
 DEADLINE_S = 30.0
 # A wall clock decides how many commands arrive in time; on a loaded machine some do not.
@@ -59,7 +60,8 @@ def test_a_killed_child_is_named_and_the_others_end(module: str, words: str, tmp
         Launcher(scenario, bag=tmp_path / "bag").run()
     thread.join()
     assert node_children() == []
-    assert shared_memory.orphans(shared_memory.segments() - before) == set()
+    # Other runs on this machine have files of their own that come and go.
+    wait_until(lambda: not shared_memory.orphans(shared_memory.segments() - before), "no shared memory left")
 
 
 def test_a_signal_ends_the_run_and_keeps_a_whole_bag(tmp_path: Path) -> None:

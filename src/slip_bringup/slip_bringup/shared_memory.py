@@ -27,7 +27,13 @@ def orphans(candidates: set[Path]) -> set[Path]:
             maps = Path(f"/proc/{process.pid}/maps").read_text()
             used.update(line.rsplit(maxsplit=1)[-1] for line in maps.splitlines())
             used.update(file.path for file in process.open_files())
-    return {path for path in left if str(path) not in used}
+    unused = {path for path in left if str(path) not in used}
+    # A port's semaphore is mapped only for a moment at a time: it lives as long as the port.
+    return {path for path in unused if not (path.name.startswith("sem.") and _port_of(path).exists())}
+
+
+def _port_of(semaphore: Path) -> Path:
+    return SHM / semaphore.name.removeprefix("sem.").removesuffix("_mutex")
 
 
 def remove_orphans(candidates: set[Path]) -> set[Path]:
