@@ -18,8 +18,5 @@ class BridgeNodeParams(BridgeParams):
     command_timeout_s: float = parameter(
         0.1, "age of the last command above which the arm holds its posture by itself", unit="s", gt=0.0
     )
-    effort_rate: float = parameter(
-        1000.0, "largest change of a joint's effort that the drives follow, whatever is commanded", unit="N m/s", gt=0.0
-    )
     duration_s: float = parameter(8.0, "simulated time of a run", unit="s", gt=0.0)
     stop_after_duration: bool = parameter(True, "end the process after duration_s; false runs until stopped")

@@ -128,6 +128,9 @@ class BridgeParams(ParameterModel):
         (-0.6, -0.6, 0.4, -2.3, 1.6, 1.6, -0.8), "joint positions at the start and after a reset", unit="rad"
     )
     control_period_s: float = parameter(0.001, "time from one command to the next", unit="s", gt=0.0, le=0.02)
+    effort_rate: float = parameter(
+        1000.0, "largest change of a joint's effort that the drives follow, whatever is commanded", unit="N m/s", gt=0.0
+    )
     seed: int = parameter(0, "seed of all sensor noise", ge=0)
     mode: Literal["lockstep", "realtime"] = parameter(
         "lockstep", "lockstep waits for the command of each stamp; realtime is paced by the wall clock"
