@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,12 +20,12 @@ BRAKED_FROM = 0.75
 class Walls(NamedTuple):
     """Where the walls stand.
 
-    lower, upper (n,) [rad] of the joints' stops, margin [rad]; velocity, brake_from, trip (n,) [rad/s]; effort (n,)
-    [N m]; speed: linear [m/s] and angular [rad/s] speed limit of the pad.
+    near_lower, near_upper (n,) [rad]: the joints' stops less the margin [rad]; velocity, brake_from, trip (n,) [rad/s];
+    effort (n,) [N m]; speed: linear [m/s] and angular [rad/s] speed limit of the pad.
     """
 
-    lower: Array
-    upper: Array
+    near_lower: Array
+    near_upper: Array
     margin: float
     velocity: Array
     brake_from: Array
@@ -40,8 +41,8 @@ def make_walls(arm: ArmModel, params: LimitParams) -> Walls:
     """
     velocity = arm.velocity_limit * params.velocity_scale
     return Walls(
-        arm.position_lower,
-        arm.position_upper,
+        arm.position_lower + params.position_margin,
+        arm.position_upper - params.position_margin,
         params.position_margin,
         velocity,
         velocity * params.velocity_brake,
@@ -59,13 +60,11 @@ def joint_repulsion(walls: Walls, q: Array, qd: Array) -> Array | None:
 
     Implements: ours: continuous, bounded by the effort limits, no gains to tune.
     """
-    low = walls.lower + walls.margin - q
-    high = q - (walls.upper - walls.margin)
-    over = np.abs(qd) - walls.brake_from
-    if not ((low > 0.0) | (high > 0.0) | (over > 0.0)).any():
+    speed = np.abs(qd)
+    if not np.count_nonzero((q < walls.near_lower) | (q > walls.near_upper) | (speed > walls.brake_from)):
         return None
-    low, high = _share(low / walls.margin), _share(high / walls.margin)
-    brake = _share(over / (walls.velocity - walls.brake_from))
+    low, high = _share((walls.near_lower - q) / walls.margin), _share((q - walls.near_upper) / walls.margin)
+    brake = _share((speed - walls.brake_from) / (walls.velocity - walls.brake_from))
     return np.asarray(walls.effort * (low * low - high * high - np.sign(qd) * brake))
 
 
@@ -79,7 +78,7 @@ def pad_brake(walls: Walls, J: Array, twist: Array) -> Array | None:
     force = None
     for half, limit in ((slice(0, 3), walls.speed[0]), (slice(3, 6), walls.speed[1])):
         v = twist[half]
-        speed = float(np.sqrt(v.dot(v)))
+        speed = math.sqrt(v.dot(v))
         if speed > BRAKED_FROM * limit:
             force = np.zeros(6) if force is None else force
             force[half] = -PAD_BRAKE[half] * v * (1.0 - BRAKED_FROM * limit / speed)
@@ -92,12 +91,12 @@ def too_fast(walls: Walls, names: tuple[str, ...], qd: Array, twist: Array | Non
     Implements: ours: a control loop that runs away ends here.
     """
     over = np.abs(qd) > walls.trip
-    if over.any():
+    if np.count_nonzero(over):
         i = int(over.argmax())
         return f"{names[i]} turns at {abs(qd[i]):.1f} rad/s, the limit is {walls.velocity[i]:.1f}"
     if twist is not None:
         for half, limit, unit in ((twist[:3], walls.speed[0], "m/s"), (twist[3:], walls.speed[1], "rad/s")):
-            speed = float(np.sqrt(half.dot(half)))
+            speed = math.sqrt(half.dot(half))
             if speed > TRIP * limit:
                 return f"the pad moves at {speed:.1f} {unit}, the limit is {limit:.1f}"
     return ""

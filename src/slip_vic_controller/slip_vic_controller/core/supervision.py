@@ -345,7 +345,7 @@ class Supervisor:
         following = state._replace(
             gate=out.state,
             now_ns=now_ns,
-            saturated_since_ns=None if not saturated.any() else now_ns if since is None else since,
+            saturated_since_ns=None if not np.count_nonzero(saturated) else now_ns if since is None else since,
         )
         mode = following.mode
         near = result.diagnostics.near_singular if result is not None else ()
