@@ -78,8 +78,9 @@ def test_spread() -> None:
 
 def test_interleaved_calls_take_turns() -> None:
     order: list[str] = []
-    cost.interleaved({"a": lambda: order.append("a"), "b": lambda: order.append("b")}, blocks=2, block=2)
-    assert "".join(order) == "ab" + "aabbaabb"
+    found = cost.interleaved({"a": lambda: order.append("a"), "b": lambda: order.append("b")}, turns=3)
+    assert "".join(order) == "ab" + "ababab"
+    assert found.keys() == {"a", "b"}
 
 
 # -- compare ------------------------------------------------------------------------------------------

@@ -22,7 +22,6 @@ from slip_vic_controller.core.state import ControllerState
 
 SCENARIO = "paper_planar"
 SETTLE_TICKS = 1200  # of the scenario: the arm moves, and the object has begun to slip
-BLOCK = 50
 Call = Callable[[], object]
 
 
@@ -57,20 +56,22 @@ def moment(scenario: Scenario, ticks: int = SETTLE_TICKS) -> Moment:
     raise ValueError(f"{scenario.name} has fewer than {ticks} ticks")
 
 
-def interleaved(calls: Mapping[str, Call], blocks: int, block: int = BLOCK) -> dict[str, float]:
-    """Time several calls turn by turn, a short block each, and return the median of each one's blocks [s per call].
+def interleaved(calls: Mapping[str, Call], turns: int) -> dict[str, float]:
+    """Time several calls in turn, one call each, and return the median of each [s].
 
-    What slows the machine for longer than a block slows all of them alike.
+    So everybody finds the caches as the others left them, as in a control loop, where a tick never repeats itself; a
+    call that is repeated alone looks two to three times cheaper than it is. What slows the machine for longer than a
+    turn slows all alike.
     """
     times: dict[str, list[float]] = {name: [] for name in calls}
     for call in calls.values():
         call()
-    for _ in range(blocks):
+    clock = time.perf_counter
+    for _ in range(turns):
         for name, call in calls.items():
-            start = time.perf_counter()
-            for _ in range(block):
-                call()
-            times[name].append((time.perf_counter() - start) / block)
+            start = clock()
+            call()
+            times[name].append(clock() - start)
     return {name: statistics.median(found) for name, found in times.items()}
 
 
@@ -90,7 +91,7 @@ def closed_loop_factor(scenario: Scenario, ticks: int) -> float:
     return count * scenario.bridge.control_period_s / (time.perf_counter() - start)
 
 
-def tick_profile(ticks: int, blocks: int) -> dict[str, float]:
+def tick_profile(ticks: int, turns: int) -> dict[str, float]:
     """Return what each part of a lockstep tick costs, without middleware [s]."""
     now = moment(load_scenario(SCENARIO))
     sent = [form for _, form in (*NEEDED.values(), *TRUTH.values())] + [JOINTS, LEDGER_FORM]
@@ -103,7 +104,7 @@ def tick_profile(ticks: int, blocks: int) -> dict[str, float]:
         "messages: encode": lambda: [encode(0, *numbers) for encode, numbers in encoders],
         "messages: decode": lambda: [decode(data) for decode, data in decoders],
     }
-    times = interleaved(calls, blocks)
+    times = interleaved(calls, turns)
     loop = _loop_parts(now.scenario, ticks)
     return {
         "controller: Pinocchio terms": times["terms"],

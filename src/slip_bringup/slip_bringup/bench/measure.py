@@ -30,11 +30,11 @@ class Effort:
     round_trips: int = 1500
     lockstep_s: float = 1.5
     loop_ticks: int = 1500
-    blocks: int = 40
+    turns: int = 600
     free_s: float = 10.0
 
 
-QUICK = Effort(rounds=2, round_trips=300, lockstep_s=0.3, loop_ticks=200, blocks=5, free_s=1.0)
+QUICK = Effort(rounds=2, round_trips=300, lockstep_s=0.3, loop_ticks=200, turns=60, free_s=1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ def run_bench(effort: Effort, say: Say) -> BenchResult:
     say("free running")
     free, memory = _free_running(effort, notes)
     say("profile and scaling")
-    profile = cost.tick_profile(effort.loop_ticks, effort.blocks)
+    profile = cost.tick_profile(effort.loop_ticks, effort.turns)
     whole = statistics.median(rounds.values["lockstep"])
     profile["middleware, waking, waiting"] = whole - sum(profile.values())
     noise = {
@@ -126,7 +126,7 @@ def _rounds(effort: Effort, library: Path | None, say: Say) -> Rounds:
         say(f"round {number + 1} of {effort.rounds}")
         rounds.add("calibration", calibration_s())
         rounds.add("stalled", stalled_share())
-        for name, value in cost.interleaved(pieces, effort.blocks).items():
+        for name, value in cost.interleaved(pieces, effort.turns).items():
             rounds.add(name, value)
         for name in rotated(list(measures), number):
             rounds.add(name, measures[name]())
@@ -194,7 +194,7 @@ def _scaling(effort: Effort) -> dict[str, dict[str, float]]:
     """Return the control step for several numbers of joints (one contact) and contacts (seven joints) [us]."""
     calls = {f"{joints} joints": cost.scaled_step(joints, 1) for joints in JOINTS}
     calls |= {f"{contacts} contacts": cost.scaled_step(7, contacts) for contacts in CONTACTS}
-    times = {name: 1e6 * value for name, value in cost.interleaved(calls, effort.blocks).items()}
+    times = {name: 1e6 * value for name, value in cost.interleaved(calls, effort.turns).items()}
     return {
         "joints": {str(joints): times[f"{joints} joints"] for joints in JOINTS},
         "contacts": {str(contacts): times[f"{contacts} contacts"] for contacts in CONTACTS},
