@@ -11,8 +11,10 @@ import numpy as np
 from slip_bringup.bags.format import QosProfile, TopicInfo
 from slip_bringup.bags.typedefs import find_definition
 from slip_bringup.bags.writer import BagWriter, WriterOptions
-from slip_bringup.inprocess import Tick, run_in_process
+from slip_bringup.inprocess import ClosedLoop, Tick
 from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
+from slip_msgs_py.params import build, flatten
+from slip_vic_controller.node_params import ControllerNodeParams
 
 from .bag_maker import STORE, encode
 
@@ -23,6 +25,7 @@ TOPICS = {
     "/slip_velocity": "geometry_msgs/msg/TwistStamped",
     "/effort_command": "sensor_msgs/msg/JointState",
     "/controller/ledger": "std_msgs/msg/Int64MultiArray",
+    "/parameter_events": "rcl_interfaces/msg/ParameterEvent",
 }
 NONE = np.zeros(0)
 
@@ -42,8 +45,12 @@ def record_run(
     first: int = 0,
     attached: Mapping[str, bytes] | None = None,
     change: Any = lambda tick, effort: effort,
+    retune: Mapping[int, Mapping[str, float]] | None = None,
 ) -> None:
-    """Record a run; `skip` names messages (topic, number) that are lost, `change` alters recorded efforts."""
+    """Record a run; `skip` names messages (topic, number) that are lost, `change` alters recorded efforts.
+
+    `retune` gives parameters that change before a tick.
+    """
     options = WriterOptions(attachments=attachments(scenario) if attached is None else attached)
     writer = BagWriter(folder, options)
     numbers = dict.fromkeys(TOPICS, 0)
@@ -51,7 +58,12 @@ def record_run(
     for name, type_name in TOPICS.items():
         definition = find_definition(type_name)
         writer.add_topic(TopicInfo(name, type_name, (QosProfile(),), definition.type_hash), definition.text)
-    for index, tick in enumerate(run_in_process(scenario)):
+    for index, tick in enumerate(run(scenario, retune or {})):
+        if index in (retune or {}):
+            time_ns = 10**18 + index * 10**6 - 5000
+            numbers["/parameter_events"] += 1
+            event = encode(_event(retune[index]))
+            writer.write("/parameter_events", time_ns, time_ns, numbers["/parameter_events"], event)
         if index < first:
             continue
         for offset, (topic, message) in enumerate(messages(tick, scenario, change)):
@@ -60,6 +72,30 @@ def record_run(
             if (topic, numbers[topic]) not in lost:
                 writer.write(topic, time_ns, time_ns, numbers[topic], encode(message))
     writer.close()
+
+
+def run(scenario: Scenario, retune: Mapping[int, Mapping[str, float]]) -> Iterable[Tick]:
+    loop = ClosedLoop(scenario)
+    values = flatten(scenario.controller)
+    while not loop.bridge.finished:
+        outputs = loop.observe()
+        if outputs.tick in retune:
+            values |= retune[outputs.tick]
+            loop.controller.retune(build(ControllerNodeParams, values, "test"))
+        result = loop.control(outputs)
+        yield Tick(outputs, result)
+        loop.bridge.advance(result.command)
+
+
+def _event(values: Mapping[str, float]) -> Any:
+    inner = TYPES["rcl_interfaces/msg/ParameterValue"]
+    empty = [False, 0, 0.0, "", NONE.astype(np.uint8), NONE.astype(bool), NONE.astype(np.int64), NONE, []]
+    changed = [
+        TYPES["rcl_interfaces/msg/Parameter"](name, inner(3, False, 0, value, *empty[3:]))
+        for name, value in values.items()
+    ]
+    time = TYPES["builtin_interfaces/msg/Time"](0, 0)
+    return TYPES["rcl_interfaces/msg/ParameterEvent"](time, "/slip_vic_controller", [], changed, [])
 
 
 def messages(tick: Tick, scenario: Scenario, change: Any) -> Iterable[tuple[str, Any]]:

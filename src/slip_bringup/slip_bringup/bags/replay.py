@@ -124,7 +124,10 @@ def replay(run: RecordedRun) -> Iterator[Divergence | None]:
     session = ControllerSession(VicController(run.params, run.urdf), lockstep=run.params.mode == "lockstep")
     inputs = ReplayInputs(run)
     session.inputs = inputs  # type: ignore[assignment]  # the same five methods
-    for entry, effort in zip(run.ledger, run.efforts, strict=True):
+    changes = {change.index: change.params for change in run.changes}
+    for index, (entry, effort) in enumerate(zip(run.ledger, run.efforts, strict=True)):
+        if index in changes:
+            session.retune(changes[index])
         inputs.give(entry)
         mode, replayed = _cycle(session, inputs, entry)
         yield _compare(run, entry, effort, replayed, mode)

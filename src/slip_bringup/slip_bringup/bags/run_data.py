@@ -15,7 +15,7 @@ from slip_bringup.bags.series import Series
 from slip_msgs_py.arrays import readonly
 from slip_msgs_py.errors import InputError
 from slip_msgs_py.from_msgs import JointOrder, slip_sample
-from slip_msgs_py.params import build, flat_names
+from slip_msgs_py.params import build, flat_names, flatten
 from slip_msgs_py.topics import contact_topic
 from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.node_params import ControllerNodeParams
@@ -23,7 +23,20 @@ from slip_vic_controller.node_params import ControllerNodeParams
 LEDGER: Final = "controller/ledger"
 PARAMETERS: Final = "controller.params.yaml"
 URDF: Final = "arm.urdf"
+EVENTS: Final = "/parameter_events"
+NODE: Final = "slip_vic_controller"
 _FIXED, _PER_CONTACT, _DECISION = 3, 4, 5  # numbers of a ledger entry: cycle and stamp, samples, decision
+_VALUE_FIELDS: Final = {
+    1: "bool",
+    2: "integer",
+    3: "double",
+    4: "string",
+    5: "byte_array",
+    6: "bool_array",
+    7: "integer_array",
+    8: "double_array",
+    9: "string_array",
+}
 _AXES: Final = ("x", "y", "z")
 
 
@@ -42,6 +55,14 @@ class LedgerEntry:
 
 
 @dataclass(frozen=True, slots=True)
+class ParameterChange:
+    """All parameters as they were from the ledger entry with this index on."""
+
+    index: int
+    params: ControllerNodeParams
+
+
+@dataclass(frozen=True, slots=True)
 class RecordedRun:
     """Everything a replay needs, and what it must reproduce.
 
@@ -49,6 +70,7 @@ class RecordedRun:
     """
 
     params: ControllerNodeParams
+    changes: tuple[ParameterChange, ...]
     urdf: str
     ledger: tuple[LedgerEntry, ...]
     joints: dict[int, JointSample]
@@ -73,6 +95,7 @@ def read_run(bag: Bag, overrides: dict[str, Any]) -> RecordedRun:
     order = JointOrder(params.joint_names)
     return RecordedRun(
         params=params,
+        changes=_changes(bag, f"{prefix}{NODE}", params, ledger_series),
         urdf=_attachment(bag, URDF),
         ledger=ledger,
         joints=_joints(_complete(bag, f"{prefix}joint_states"), order),
@@ -105,6 +128,30 @@ def _parameters(bag: Bag, overrides: dict[str, Any]) -> ControllerNodeParams:
         raise InputError(f"{PARAMETERS} of {bag.path}", got=got, expected="a ROS parameter file") from None
     named = {name.removeprefix("controller.") if name != "controller" else name: v for name, v in overrides.items()}
     return build(ControllerNodeParams, {**values, **named}, f"{PARAMETERS} of {bag.path}")
+
+
+def _changes(bag: Bag, node: str, params: ControllerNodeParams, ledger: Series) -> tuple[ParameterChange, ...]:
+    """Read what was set at run time; node and ledger share a thread and a clock, so their order is exact."""
+    if EVENTS not in bag.topics:
+        return ()
+    changes = []
+    for message in bag.messages(EVENTS):
+        event = message.value
+        if event.node != node or not event.changed_parameters:
+            continue
+        changed = {item.name: _parameter_value(item.value) for item in event.changed_parameters}
+        names = flatten(params)
+        params = build(ControllerNodeParams, names | {k: v for k, v in changed.items() if k in names}, EVENTS)
+        index = int(np.searchsorted(ledger.publish_time_ns, message.publish_time_ns))
+        changes.append(ParameterChange(index, params))
+    return tuple(changes)
+
+
+def _parameter_value(value: Any) -> Any:
+    """Return what a rcl_interfaces/ParameterValue holds, by its type number."""
+    name = _VALUE_FIELDS[value.type]
+    found = getattr(value, f"{name}_value")
+    return list(found) if name.endswith("array") else found
 
 
 def _complete(bag: Bag, topic: str) -> Series:
