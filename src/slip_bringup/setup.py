@@ -20,5 +20,10 @@ setup(
     maintainer_email="maintainers@slip-vic.example",
     description="Launcher, bags, demo, report and the slip-vic command line.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["slip-vic = slip_bringup.cli:main", "slip_bag_recorder = slip_bringup.bags.recorder_process:main"]},
+    entry_points={
+        "console_scripts": [
+            "slip-vic = slip_bringup.cli:main",
+            "slip_bag_recorder = slip_bringup.bags.recorder_process:main",
+        ]
+    },
 )

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
+
 from slip_bringup import shared_memory
 from slip_bringup.domain import domain_id
 from slip_bringup.processes import Child, ProcessGroup, child_environment
