@@ -27,8 +27,9 @@ class ObserverConfig(NamedTuple):
     """Tuning of the observer; tuples are per filtered axis.
 
     axes: indices of the filtered axes, of 6; noise: variance of a sensor sample; force_noise: variance of v per tick
-    from wrench noise and model; floor: variance below which a slip
-    velocity means nothing; prior_b, prior_c: variances of the model's errors; drift_b: variance that b gains per tick;
+    from wrench noise and model; floor: variance below which a slip velocity means nothing; rest: variance of b above
+    which nothing is taken for rest; prior_b, prior_c: variances of the model's errors; drift_b: variance that b gains
+    per tick; onset_b: deviation that b gains when slip begins, per acceleration of the object [1, 1/m];
     dead_band: linear, angular; chi_on, chi_off: thresholds on the significance; dwell: ticks below chi_off until stick;
     memory_ns: how late a sample may be; smoothing: weight of a new sample in the mean that is tested; window: ticks
     over which slip must show in the model; outlier: deviations.
@@ -38,9 +39,11 @@ class ObserverConfig(NamedTuple):
     noise: Floats
     force_noise: Floats
     floor: Floats
+    rest: Floats
     prior_b: Floats
     prior_c: Floats
     drift_b: Floats
+    onset_b: Floats
     dead_band: tuple[float, float]
     chi_on: float
     chi_off: float
@@ -185,13 +188,22 @@ def _in_stick(
     significance = _window_significance(config, window, known)
     mean, seen = _listen(config, state.mean, [s for s in fresh if s.stamp_ns > state.since_ns])
     if significance > config.chi_on:
-        history = _run(config, window, 0, known)
+        history = _run(config, window, 0, _unsettled(config, known, moment))
         return state._replace(sliding=True, estimate=history[-1].estimate, history=history, mean=mean), significance
     if seen:
         known = _restart(config, known, mean)
         history = (moment._replace(estimate=known),)
         return state._replace(sliding=True, estimate=known, history=history, mean=mean), significance
     return state._replace(estimate=known, history=window, mean=mean), significance
+
+
+def _unsettled(config: ObserverConfig, known: tuple[AxisFilter, ...], moment: Moment) -> tuple[AxisFilter, ...]:
+    """Return the estimate with the doubt that a slip begins with: what was learnt holds for the forces of stick.
+
+    Forces and torques come in other proportions now, so a wrong centre of mass shows in another way.
+    """
+    force = math.sqrt(sum(f * f for f in moment.drag))
+    return tuple(x._replace(P_bb=x.P_bb + (gain * force) ** 2) for x, gain in zip(known, config.onset_b, strict=True))
 
 
 def _in_slip(
@@ -209,7 +221,9 @@ def _in_slip(
     estimate = history[-1].estimate
     late = state.late + len(fresh) - len(usable)
     significance = _significance(estimate, config.floor)
-    quiet = state.quiet + 1 if significance < config.chi_off else 0
+    # Doubt is not rest: control holds the estimate near zero, so only a model that has been confirmed can tell.
+    known = all(x.P_bb < most for x, most in zip(estimate, config.rest, strict=True))
+    quiet = state.quiet + 1 if known and significance < config.chi_off else 0
     if quiet < config.dwell:
         return state._replace(estimate=estimate, history=history, quiet=quiet, late=late), significance
     rest = tuple(correct(x, 0.0, floor) for x, floor in zip(estimate, config.floor, strict=True))
@@ -276,15 +290,19 @@ def _opposed(config: ObserverConfig, m: Moment, estimate: tuple[AxisFilter, ...]
         return estimate
     v = [x.v for x in estimate[:count]]
     d = [drag + x.b + x.c * f for drag, x, f in zip(m.drag, estimate, m.force, strict=False)]
-    along = sum(a * b for a, b in zip(v, d, strict=True)) / max(sum(a * a for a in d), _TINY)
-    target = [max(along, 0.0) * a for a in d]
-    speed = math.sqrt(sum(a * a for a in v))
-    return tuple(
-        correct(x, target[k], config.drag_memory * ((config.drag_spread * speed) ** 2 + config.floor[k]))
-        if k < count
-        else x
-        for k, x in enumerate(estimate)
-    )
+    square = sum(a * a for a in d)
+    if square == 0.0:
+        return estimate
+    along = sum(a * b for a, b in zip(v, d, strict=True)) / square
+    spread = (config.drag_spread * math.sqrt(sum(a * a for a in v))) ** 2
+    out = list(estimate)
+    for k in range(count):
+        # Where the direction is possible nothing is said of the speed along it: only the share across counts.
+        across = 1.0 - d[k] * d[k] / square if along > 0.0 else 1.0
+        if across > _LEAST_SHARE:
+            variance = config.drag_memory * (spread + config.floor[k]) / across
+            out[k] = correct(estimate[k], max(along, 0.0) * d[k], variance)
+    return tuple(out)
 
 
 def _turning(axes: tuple[int, ...], estimate: tuple[AxisFilter, ...], linear: Floats, angular: Floats) -> Floats:
@@ -375,4 +393,5 @@ def _estimate(config: ObserverConfig, state: ObserverState, force: Floats, signi
     return SlipEstimate(twist, error, variance, significance, state.sliding)
 
 
-_TINY = 1e-12
+_LEAST_SHARE = 1e-3
+"""Share of an axis across the drag below which the drag says nothing of it."""

@@ -33,6 +33,8 @@ def observer_config(params: ControllerParams) -> ObserverConfig:
     noise = accelerations(wrench.noise_force, wrench.noise_torque)
     bias = accelerations(wrench.bias_force, wrench.bias_torque)
     root_T = math.sqrt(T)
+    # A centre of mass that is off by model_error of the lever turns a force into an angular acceleration.
+    onset = tuning.model_error * lever * model.mass / inertia
     return ObserverConfig(
         axes=axes,
         noise=both(
@@ -41,9 +43,11 @@ def observer_config(params: ControllerParams) -> ObserverConfig:
         ),
         force_noise=both(T * math.hypot(noise[0], tuning.rough_linear), T * math.hypot(noise[1], tuning.rough_angular)),
         floor=both(tuning.floor_linear, tuning.floor_angular),
+        rest=both(tuning.rest_linear, tuning.rest_angular),
         prior_b=both(wrench.bias_force / model.mass, bias[1]),
         prior_c=both(tuning.model_error, tuning.model_error),
         drift_b=both(root_T * tuning.drift_linear, root_T * tuning.drift_angular),
+        onset_b=tuple(lever * onset if i < 3 else onset for i in axes),
         dead_band=(sensor.dead_band_linear, sensor.dead_band_angular),
         chi_on=float(chi2.isf(tuning.false_alarm_rate, max(len(axes), 1))),
         chi_off=float(chi2.isf(1.0 - tuning.stick_share, max(len(axes), 1))),

@@ -69,6 +69,13 @@ class ObserverParams(ParameterModel):
     drift_angular: float = parameter(0.15, "and angular", unit="rad/s^2", ge=0.0)
     floor_linear: float = parameter(5e-5, "slip speed that never means anything, linear", unit="m/s", gt=0.0)
     floor_angular: float = parameter(2e-3, "and angular", unit="rad/s", gt=0.0)
+    rest_linear: float = parameter(
+        0.006,
+        "doubt about the object's acceleration above which nothing is taken for rest, linear",
+        unit="m/s^2",
+        gt=0.0,
+    )
+    rest_angular: float = parameter(0.3, "and angular", unit="rad/s^2", gt=0.0)
     drag_spread: float = parameter(
         0.3, "how far friction may point away from the slip, as a share of its speed; 0 = do not use its direction",
         unit="rad", ge=0.0,
