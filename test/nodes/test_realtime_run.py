@@ -62,11 +62,11 @@ def test_timing_is_published_and_belongs_to_the_ticks(bag: Path) -> None:
     with Bag(bag) as opened:
         cycles = [m.value for m in opened.messages("/controller/timing")]
         ticks = [m.value for m in opened.messages("/bridge/timing")]
-        commands = list(opened.messages("/effort_command"))
+        answers = list(opened.messages("/controller/ledger"))
         names = {m.value.status[0].name for m in opened.messages("/diagnostics")}
     assert tuple(cycles[0].name) == timing.SCALARS
     assert tuple(ticks[0].name) == pacing.SCALARS
-    assert len(cycles) == len(commands)
+    assert len(cycles) == len(answers)
     assert len(ticks) == DURATION_S * 1e9 / PERIOD_NS - 1
     assert all(value.position[pacing.SCALARS.index("period_s")] > 0.0 for value in ticks)
     fresh = [value.position[pacing.SCALARS.index("fresh")] for value in ticks]

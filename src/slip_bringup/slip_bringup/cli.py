@@ -11,6 +11,7 @@ import click
 from rich.console import Console
 
 from slip_bringup.bags.cli import bag
+from slip_bringup.faults.cli import faults
 from slip_bringup.study.cli import check, study
 from slip_msgs_py.errors import SlipVicError
 
@@ -37,7 +38,7 @@ def cli() -> None:
 @click.option("--urdf", type=click.Path(path_type=Path), help="another arm")
 @click.option("--namespace", default="", help="ROS namespace of all nodes")
 @click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
-@click.option("--cpu", type=int, help="core of bridge and controller; default in real time: the last")
+@click.option("--cpu", "cpus", help="core of bridge and controller, or two: 2,3; default in real time: the last two")
 @click.option("--fifo", type=click.IntRange(1, 99), help="their SCHED_FIFO priority, where permitted")
 @click.option("--lock-memory", is_flag=True, help="keep their memory in RAM, where permitted")
 @click.option("--one-process", is_flag=True, help="bridge and controller in one process; topics stay real")
@@ -51,7 +52,7 @@ def run(
     urdf: Path | None,
     namespace: str,
     domain_id: int | None,
-    cpu: int | None,
+    cpus: str | None,
     fifo: int | None,
     lock_memory: bool,
     one_process: bool,
@@ -60,10 +61,10 @@ def run(
     from slip_bringup.launcher import Launcher
     from slip_bringup.progress import run_progress
     from slip_bringup.scenario import load_scenario
-    from slip_msgs_py.realtime import ProcessOptions
+    from slip_msgs_py.realtime import ProcessOptions, parse_cores
 
     loaded = load_scenario(scenario, controller=kind, mode=mode, seed=seed, assignments=assignments, urdf_file=urdf)
-    process = ProcessOptions(() if cpu is None else (cpu,), fifo, lock_memory)
+    process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory)
     launcher = Launcher(
         loaded, bag=record, wanted_domain=domain_id, namespace=namespace, process=process, one_process=one_process
     )
@@ -116,6 +117,7 @@ def params(scenarios: tuple[str, ...], out: Path, reference: bool) -> None:
 
 
 cli.add_command(bag)
+cli.add_command(faults)
 cli.add_command(check)
 cli.add_command(study)
 

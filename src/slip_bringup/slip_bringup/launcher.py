@@ -76,7 +76,8 @@ class Launcher:
         bag: folder to record into, None records nothing; it must not exist yet.
         wanted_domain: ROS domain id, None takes ROS_DOMAIN_ID or a free one.
         namespace: ROS namespace of all nodes.
-        process: cores, priority and memory of bridge and controller; without cores, the last one in real time.
+        process: cores, priority and memory of bridge and controller: one core for both, or the bridge's and the
+            controller's; without cores, in real time the last two.
         one_process: bridge and controller in one process, lockstep only; their topics stay real.
 
     Raises:
@@ -152,7 +153,9 @@ class Launcher:
         if self._one_process:
             order.append(("bridge", self._command("slip_bringup.both_nodes", *arguments.values())))
         else:
-            order += [(name, self._command(f"{NODES[name][0]}.node", words)) for name, words in arguments.items()]
+            order += [
+                (name, self._command(f"{NODES[name][0]}.node", words, node=name)) for name, words in arguments.items()
+            ]
         children = {name: group.start(name, argv, environment, self._on_event) for name, argv in order}
         self._wait(group, lambda: "started" in children["bridge"].events, READY_TIMEOUT_S, "the processes to get ready")
         self._wait(group, lambda: children["bridge"].exit_code is not None, None, "")
@@ -170,14 +173,16 @@ class Launcher:
         path.write_text(ros_parameter_file(params, NODES[name][0]), encoding="utf-8")
         return ["--params-file", str(path)]
 
-    def _command(self, module: str, *arguments: list[str]) -> list[str]:
+    def _command(self, module: str, *arguments: list[str], node: str = "") -> list[str]:
         """Return the command of a process with nodes; scheduling is set before its module is imported."""
         words = ["--ros-args", *(word for part in arguments for word in part)]
         if self._namespace:
             words += ["-r", f"__ns:={self._namespace}"]
-        if self._process == NO_OPTIONS:
+        cores = self._process.cpus
+        process = replace(self._process, cpus=cores[-1:] if node == "controller" else cores[:1])
+        if process == NO_OPTIONS:
             return python_module(module, *words)
-        return python_module("slip_msgs_py.realtime", *self._process.arguments(), module, *words)
+        return python_module("slip_msgs_py.realtime", *process.arguments(), module, *words)
 
     def _on_other_cores(self, command: list[str]) -> list[str]:
         """Keep a helper process off the cores of bridge and controller, where there are others."""
@@ -247,11 +252,11 @@ class Launcher:
 
 
 def _with_cores(options: ProcessOptions, mode: str) -> ProcessOptions:
-    """Choose a core for real time: bridge and controller on one, because a wake-up across cores costs more."""
-    cores = sorted(os.sched_getaffinity(0))
+    """Choose cores for real time: one each, because together bridge and controller may be busy all the time."""
+    cores = tuple(sorted(os.sched_getaffinity(0)))
     if mode != "realtime" or options.cpus or len(cores) < 2:
         return options
-    return replace(options, cpus=(cores[-1],))
+    return replace(options, cpus=cores[-2:])
 
 
 def _check_new_folder(bag: Path) -> None:

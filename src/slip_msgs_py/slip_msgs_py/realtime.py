@@ -18,6 +18,8 @@ import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from slip_msgs_py.errors import InputError
+
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _SWITCH_INTERVAL_S = 1e-4  # a busy Python thread otherwise keeps the interpreter for 5 ms
@@ -94,8 +96,16 @@ def _list(cores: Iterable[int]) -> str:
     return ", ".join(map(str, cores))
 
 
-def _cores(text: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in text.split(","))
+def parse_cores(text: str) -> tuple[int, ...]:
+    """Read a list of cores such as ``2`` or ``2,3``.
+
+    Raises:
+        InputError: where it is none.
+    """
+    try:
+        return tuple(int(part) for part in text.split(","))
+    except ValueError:
+        raise InputError("--cpu", got=text, expected="a core or several: 2 or 2,3") from None
 
 
 def _say(module: str, line: str) -> None:
@@ -113,7 +123,7 @@ def _reason(error: Exception) -> str:
 def main(argv: Sequence[str] | None = None) -> None:
     """Set this process up and run a module in it as ``__main__``."""
     parser = argparse.ArgumentParser(prog="python -m slip_msgs_py.realtime", description=main.__doc__)
-    parser.add_argument("--cpu", type=_cores, default=(), help="core to run on, or several: 0,2")
+    parser.add_argument("--cpu", type=parse_cores, default=(), help="core to run on, or several: 0,2")
     parser.add_argument("--fifo", type=int, help="SCHED_FIFO priority, 1 to 99")
     parser.add_argument("--lock-memory", action="store_true", help="keep all memory in RAM")
     parser.add_argument("module", help="module to run, e.g. slip_sim_bridge.node")

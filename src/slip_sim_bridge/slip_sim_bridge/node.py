@@ -34,7 +34,7 @@ from slip_sim_bridge.pacing import Pacer
 from slip_sim_bridge.session import BridgeSession, TickOutputs
 
 PROGRESS_EVERY_S = 0.1
-STOP_CHECK_S = 0.1
+STOP_CHECK_S = 0.03
 FIRST_TICK_S = 0.05  # real time: how long the first state waits for its command before it is sent again
 LATENCIES_KEPT = 100_000
 LATENCY = pacing.SCALARS.index("latency_s")

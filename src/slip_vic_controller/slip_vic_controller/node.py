@@ -37,7 +37,7 @@ from slip_vic_controller.publishing import DiagnosticsPublisher, TimingPublisher
 STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only the newest state matters
 SLIP_DEPTH = 100  # every sample counts for the observer
 READY_CHECK_S = 0.02
-STOP_CHECK_S = 0.1
+STOP_CHECK_S = 0.03
 WATCHDOG_S = 0.01
 
 

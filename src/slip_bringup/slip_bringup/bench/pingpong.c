@@ -122,7 +122,7 @@ static void answer(void) {
   std_msgs__msg__Int64MultiArray__init(&tick);
   named_numbers(&effort, JOINTS, "arm_joint", 3);
   std_msgs__msg__Int64MultiArray__init(&ledger);
-  rosidl_runtime_c__int64__Sequence__init(&ledger.data, 7);
+  rosidl_runtime_c__int64__Sequence__init(&ledger.data, 12);
   void *messages[NEEDED] = {[WRENCH] = &wrench, [SLIP] = &slip, [STATE] = &state, [TICK] = &tick};
   int64_t seen[NEEDED] = {-1, -1, -1, -1};
   rcl_wait_set_t set = wait_set_for(NEEDED);

@@ -45,7 +45,7 @@ TRUTH = {
     "pp_truth": (JointState, forms.slip_truth()),
 }
 EFFORT, LEDGER = "pp_effort", "pp_ledger"
-LEDGER_FORM = forms.whole_numbers(7)
+LEDGER_FORM = forms.whole_numbers(12)
 START_TIMEOUT_S = 20.0
 REPEAT_S = 0.2  # best effort may lose a message: ask again
 
