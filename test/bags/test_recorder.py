@@ -30,7 +30,7 @@ LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 COUNT = 200
 PAUSE_S = 0.002
 FILE_BYTES = 30_000
-KILLS = 3
+KILLS = 2
 
 
 class Sender:
