@@ -9,7 +9,19 @@ import pytest
 SRC = Path(__file__).parents[2] / "src"
 PURE_MSGS = {
     f"slip_msgs_py.{m}"
-    for m in ("arrays", "errors", "from_msgs", "params", "resources", "stamps", "topics", "types", "grasp_params")
+    for m in (
+        "arrays",
+        "errors",
+        "from_msgs",
+        "params",
+        "resources",
+        "stamps",
+        "topics",
+        "types",
+        "grasp_params",
+        "timing",
+        "realtime",
+    )  # fmt: skip
 }
 ROS = {"rclpy", "rcl_interfaces", "std_srvs", "lifecycle_msgs"} | {
     f"{m}_msgs" for m in ("std", "geometry", "sensor", "nav", "diagnostic", "rosgraph", "trajectory")
