@@ -13,6 +13,8 @@ import numpy as np
 
 from slip_msgs_py.arrays import Array
 
+CANNOT_CARRY = "friction cannot carry the load"
+
 
 class LoadPolicy(NamedTuple):
     """down (3,): unit vector along gravity {w}, zeros without gravity; drop_speed [m/s]; memory_s [s]."""
@@ -59,7 +61,7 @@ def cannot_carry(policy: LoadPolicy, speed: float) -> str:
     """
     if speed <= policy.drop_speed:
         return ""
-    return f"friction cannot carry the load: it has gained {speed:.2f} m/s of fall"
+    return f"{CANNOT_CARRY}: it has gained {speed:.2f} m/s of fall"
 
 
 class EvidenceState(NamedTuple):

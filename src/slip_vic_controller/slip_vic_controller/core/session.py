@@ -141,7 +141,10 @@ class ControllerSession:
         safety = self.supervisor.initial_state(now) if self.safety is None else self.safety
         if trouble == Trouble.RESTARTED and self.state is not None:
             self.state = None
-            safety = self.supervisor.waiting(safety, say("joint state", trouble), request, now)
+            # The gate goes on from the last command, where that is recent: the joints feel it still.
+            safety = self.supervisor.waiting(safety, say("joint state", trouble), request, now)._replace(
+                gate=safety.gate
+            )
         if self.state is None and trouble not in USABLE:
             missing.insert(0, "a good joint state")
         if not self.active:

@@ -17,15 +17,26 @@ from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, S
 from slip_vic_controller.core.controller import TickResult, VicController
 from slip_vic_controller.core.diagnostics import Glance, TickDiagnostics
 from slip_vic_controller.core.fallback import LadderPolicy, LadderState, Rung, descend
+from slip_vic_controller.core.grasp import contact_arm, object_rotation
 from slip_vic_controller.core.input_monitor import Health
 from slip_vic_controller.core.load_monitor import (
+    CANNOT_CARRY,
     EvidenceState,
     cannot_carry,
     fall_speed,
     make_load_policy,
     slip_evidence,
 )
-from slip_vic_controller.core.modes import Findings, Mode, ModePolicy, ModeState, Request, initial_mode, next_mode
+from slip_vic_controller.core.modes import (
+    ASKED,
+    Findings,
+    Mode,
+    ModePolicy,
+    ModeState,
+    Request,
+    initial_mode,
+    next_mode,
+)
 from slip_vic_controller.core.output_gate import GateLimits, GateState, needs_restart, pass_gate, start_gate
 from slip_vic_controller.core.path_time import (
     FULL,
@@ -37,12 +48,14 @@ from slip_vic_controller.core.path_time import (
     scaled,
 )
 from slip_vic_controller.core.repulsion import joint_repulsion, make_walls, pad_brake, too_fast
+from slip_vic_controller.core.rotation import cross
 from slip_vic_controller.core.safety import hold_torque
 from slip_vic_controller.core.state import ControllerState
 from slip_vic_controller.core.trajectory import reference_at
 from slip_vic_controller.core.trouble import Trouble, say
 
 _EVIDENCE_NS = 50_000_000  # how long a contradiction must last
+_FAST_NS = 5_000_000  # how long a speed must be too high: a single bad sample is no speed
 _SLIPPING = 0.005  # [m/s] above which a slip velocity counts as slip, with the gate closed too
 _STOPPED = PathTime(0.0, 0.0)
 
@@ -51,8 +64,8 @@ class SupervisorState(NamedTuple):
     """The memory of the supervision; (n,) arrays, None before there is anything to remember.
 
     mode; gate; ladder; path; posture: that HOLD keeps [rad]; now_ns: of the last cycle; joint_bad_since_ns;
-    contradicted_since_ns, saturated_since_ns; fall [m/s]; evidence; speed: of the path for the last errors, 0 to 1;
-    moves: whether the last reference did.
+    contradicted_since_ns, fast_since_ns, saturated_since_ns, stopping_since_ns; fall [m/s]; evidence; speed: of the
+    path for the last errors, 0 to 1; moves: whether the last reference did.
     """
 
     mode: ModeState
@@ -63,7 +76,9 @@ class SupervisorState(NamedTuple):
     now_ns: int
     joint_bad_since_ns: int | None
     contradicted_since_ns: int | None
+    fast_since_ns: int | None
     saturated_since_ns: int | None
+    stopping_since_ns: int | None
     fall: float
     evidence: EvidenceState | None
     speed: float
@@ -108,7 +123,8 @@ class Supervisor:
     def initial_state(self, now_ns: int) -> SupervisorState:
         """Return the memory before the first cycle."""
         mode = initial_mode(self._policy, now_ns)
-        return SupervisorState(mode, None, LadderState(), FULL, None, now_ns, None, None, None, 0.0, None, 1.0, False)
+        nothing = (None,) * 5
+        return SupervisorState(mode, None, LadderState(), FULL, None, now_ns, *nothing, 0.0, None, 1.0, False)
 
     def waiting(self, state: SupervisorState, missing: str, request: Request, now_ns: int) -> SupervisorState:
         """Return the memory after a cycle that gives no effort, because of what is missing."""
@@ -196,6 +212,7 @@ class Supervisor:
         reference: CartesianReference | None,
         new_slips: tuple[SlipSample, ...] | None = None,
     ) -> Supervised:
+        request, state = self._stop_first(state, request, now_ns)
         findings, rung, state = self._find(state, now_ns, joint, health, frozen)
         mode = next_mode(state.mode, findings, request, now_ns, self._policy)
         entered = state.mode.mode
@@ -209,7 +226,8 @@ class Supervisor:
                 path=FULL if entered == Mode.WAITING_INPUT else _STOPPED, posture=None, evidence=None, speed=1.0
             )
             control = self.controller.resume(control, joint)
-        wanted_scale = 0.0 if rung == Rung.SLOWING else state.speed
+        stops = rung == Rung.SLOWING or state.stopping_since_ns is not None
+        wanted_scale = 0.0 if stops else state.speed
         path = advance_path_time(state.path, wanted_scale, dt_ns * 1e-9, self._safety.fallback.slow_down_s)
         control = control._replace(start_ns=control.start_ns + lost_ns(path, dt_ns))
         if path != FULL:
@@ -228,6 +246,17 @@ class Supervisor:
             state, result.state, now_ns, joint, result.command.effort, result, result.diagnostics.glance
         )
 
+    def _stop_first(self, state: SupervisorState, request: Request, now_ns: int) -> tuple[Request, SupervisorState]:
+        """Let a user's HOLD begin when the path has come to rest: a sudden stop throws a weakly gripped object."""
+        since = state.stopping_since_ns
+        if request in (Request.ENABLE, Request.RESET_FAULT) or not state.mode.mode.follows:
+            return request, state._replace(stopping_since_ns=None)
+        if request == Request.HOLD and since is None:
+            return Request.NONE, state._replace(stopping_since_ns=now_ns)
+        if since is not None and now_ns - since >= 2 * self._ladder.slow_down_ns:
+            return Request.HOLD, state._replace(stopping_since_ns=None)
+        return Request.NONE, state
+
     def _find(
         self, state: SupervisorState, now_ns: int, joint: JointSample, health: Health, frozen: bool
     ) -> tuple[Findings, Rung, SupervisorState]:
@@ -239,7 +268,10 @@ class Supervisor:
         unknown = say("slip velocity", slip) if self._slip_needed and slip not in _FINE else ""
         ladder, rung, words = descend(state.ladder, unknown, now_ns, self._ladder)
         twist = None if state.evidence is None else state.evidence.twist
-        fault = too_fast(self._walls, self.controller.joint_names, joint.velocity, twist)
+        fast = too_fast(self._walls, self.controller.joint_names, joint.velocity, twist)
+        fast_since = None if not fast else now_ns if state.fast_since_ns is None else state.fast_since_ns
+        state = state._replace(fast_since_ns=fast_since)
+        fault = fast if fast_since is not None and now_ns - fast_since > _FAST_NS else ""
         fault = fault or cannot_carry(self._load, state.fall)
         hold = degraded = ""
         if health.outside == Trouble.FOREIGN_COMMAND:
@@ -256,6 +288,8 @@ class Supervisor:
             hold = words
         elif words:
             degraded = words
+        elif state.stopping_since_ns is not None:
+            degraded = f"{ASKED}: comes to rest first"
         elif state.saturated_since_ns is not None and now_ns - state.saturated_since_ns > self._saturated_ns:
             degraded = "saturated: slip cannot be driven to zero"
         elif state.speed < 1.0 or state.path.scale < 1.0:
@@ -303,6 +337,8 @@ class Supervisor:
             arm.gravity, arm.M, joint.position, joint.velocity, posture,
             self._safety.hold_stiffness, self._safety.hold_damping,
         )  # fmt: skip
+        if not state.mode.reason.startswith(CANNOT_CARRY):
+            wanted = wanted - arm.J.T.dot(self._load_wrench(control, arm.rotation))
         dt_ns = max(joint.stamp_ns - control.stamp_ns, 0)
         control = control._replace(
             stamp_ns=max(joint.stamp_ns, control.stamp_ns), start_ns=control.start_ns + dt_ns, position=joint.position
@@ -312,6 +348,17 @@ class Supervisor:
             fall=0.0, moves=False,
         )  # fmt: skip
         return self._finish(state, control, now_ns, joint, wanted, None, None)
+
+    def _load_wrench(self, control: ControllerState, R_ee: Array) -> Array:
+        """Return the wrench of a resting object on the pad from what is known of it; (6,) [N, N m] {w}.
+
+        Not the measured one: HOLD must not depend on the inputs that may have caused it. Without it the wrist sags, the
+        pads tilt, and a weakly gripped object slides off.
+        """
+        contact, model = self.controller.contacts[0], self.controller.object_model
+        R_o = object_rotation(R_ee, contact, control.slips[0])
+        weight = model.mass / len(self.controller.contacts) * model.gravity
+        return np.concatenate((weight, -cross(contact_arm(R_o, contact, control.slips[0]), weight)))
 
     def _finish(
         self,

@@ -14,7 +14,6 @@ import numpy as np
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.types import JointSample
 from slip_vic_controller.core.arm import ArmModel
-from slip_vic_controller.core.safety import finite
 from slip_vic_controller.core.safety_params import InputParams, WatchParams
 from slip_vic_controller.core.trouble import Trouble
 
@@ -30,6 +29,14 @@ def has_denormal(values: Array) -> bool:
     Implements: ours: what a broken driver leaves, and what makes arithmetic slow.
     """
     return any(0.0 < x < _TINY for x in map(abs, values.tolist()))
+
+
+def finite(values: Array) -> bool:
+    """Return whether no element is NaN or infinite; (k,).
+
+    Implements: ours: without numpy's warnings, which a user may have turned into exceptions.
+    """
+    return all(map(math.isfinite, values.tolist()))
 
 
 def same(a: Array, b: Array) -> bool:
@@ -113,8 +120,8 @@ class VectorWatch:
             return Trouble.INVALID
         if not finite(values):
             return Trouble.NOT_FINITE
-        linear, angular = values[:3], values[3:]
-        if linear.dot(linear) > self._largest[0] ** 2 or angular.dot(angular) > self._largest[1] ** 2:
+        numbers = values.tolist()
+        if math.hypot(*numbers[:3]) > self._largest[0] or math.hypot(*numbers[3:]) > self._largest[1]:
             return Trouble.ABSURD
         return Trouble.DENORMAL if has_denormal(values) else Trouble.NONE
 

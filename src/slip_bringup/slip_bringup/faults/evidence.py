@@ -1,0 +1,49 @@
+"""The bag that a violation leaves: the trial run again, every message kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rclpy.serialization import serialize_message
+
+from slip_bringup.bags.format import QosProfile, TopicInfo
+from slip_bringup.bags.typedefs import find_definition
+from slip_bringup.bags.writer import BagWriter, WriterOptions
+from slip_bringup.faults.campaign import plan_of
+from slip_bringup.faults.plan import TOPICS
+from slip_bringup.faults.trial import Trial
+from slip_bringup.faults.wire import Wire
+from slip_msgs_py import to_msgs
+from slip_msgs_py.topics import topic
+
+MODE = "controller/mode"
+
+
+def leave_bag(seed: int, trial: int, out: Path) -> Path:
+    """Run an in-process trial again and write what bridge and controller sent; return the bag's folder."""
+    plan = plan_of(seed, trial)
+    again = Trial(plan, keep=True)
+    outcome = again.run()
+    folder = _new_folder(out / f"trial_{seed}_{trial}")
+    notes = {"seed": str(seed), "trial": str(trial), "plan": repr(plan), "violations": "\n".join(outcome.violations)}
+    writer = BagWriter(folder, WriterOptions(custom_data=notes))
+    controller = again.scenario.controller
+    wires = {name: Wire(name, controller.joint_names, controller.ee_frame) for name in TOPICS}
+    for name in (*TOPICS, MODE):
+        definition = find_definition(topic(name).type)
+        writer.add_topic(
+            TopicInfo(f"/{name}", topic(name).type, (QosProfile(),), definition.type_hash), definition.text
+        )
+    for sequence, (now_ns, name, content) in enumerate(outcome.record, start=1):
+        message: Any = to_msgs.string(content) if name == MODE else wires[name].message(content)
+        writer.write(f"/{name}", now_ns, now_ns, sequence, serialize_message(message))
+    writer.close()
+    return folder
+
+
+def _new_folder(wanted: Path) -> Path:
+    folder, count = wanted, 1
+    while folder.exists():
+        folder, count = wanted.with_name(f"{wanted.name}_{count}"), count + 1
+    return folder

@@ -1,0 +1,126 @@
+"""What must hold on every message, judged without the controller's own bookkeeping."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Numbers = NDArray[np.float64]
+ROUNDING = 1e-9  # [N m]: sums of a few numbers of some tens
+AT_REST = 0.1  # [rad/s]
+REST_AFTER_S = 1.0
+REACTION_S = 0.02  # beyond the age limit: the watchdog's period and one cycle
+
+
+@dataclass(frozen=True, slots=True)
+class Promise:
+    """The limits: effort (n,) [N m]; rate [N m/s]; longest_step_s, restart_after_s, period_s as in the parameters."""
+
+    effort: Numbers
+    rate: float
+    longest_step_s: float
+    restart_after_s: float
+    period_s: float
+
+
+@dataclass
+class CommandMonitor:
+    """Every command: size, finite, effort limit, slope by the controller's clock, and a start without a step."""
+
+    promise: Promise
+    violations: list[str] = field(default_factory=list)
+    commands: int = 0
+    _last: tuple[float, Numbers] | None = None
+
+    def restarted(self) -> None:
+        """The controller has lost its memory."""
+        self._last = None
+
+    def take(self, now_s: float, effort: Numbers, starts: tuple[Numbers, ...]) -> None:
+        """Take a command; `starts`: efforts from which a first command may begin: measured, gravity compensation."""
+        if len(effort) == 0:
+            self._last = None
+            return
+        self.commands += 1
+        promise = self.promise
+        if effort.shape != promise.effort.shape:
+            self.violations.append(f"{now_s:.3f} s: {len(effort)} efforts")
+            return
+        if not np.isfinite(effort).all():
+            self.violations.append(f"{now_s:.3f} s: effort {effort.tolist()}")
+            return
+        if (np.abs(effort) > promise.effort).any():
+            self.violations.append(f"{now_s:.3f} s: effort {effort.tolist()} above the limits")
+        if self._last is not None and now_s - self._last[0] <= promise.restart_after_s:
+            allowed = promise.rate * min(now_s - self._last[0], promise.longest_step_s)
+            step = float(np.abs(effort - self._last[1]).max())
+        else:
+            allowed = promise.rate * min(promise.period_s, promise.longest_step_s)
+            clipped = [np.clip(start, -promise.effort, promise.effort) for start in starts]
+            step = min((float(np.abs(effort - start).max()) for start in clipped), default=0.0)
+        if step > allowed + ROUNDING:
+            self.violations.append(f"{now_s:.3f} s: effort steps by {step:.3f} N m, allowed {allowed:.3f}")
+        self._last = (now_s, effort)
+
+
+@dataclass
+class JointMonitor:
+    """What the joints feel: no step above the drives' slope, whoever commands; and rest where nobody follows."""
+
+    largest_change: float
+    violations: list[str] = field(default_factory=list)
+    largest_seen: float = 0.0
+    _last: Numbers | None = None
+    _resting_since: float | None = None
+
+    def restarted(self) -> None:
+        """The simulation has been made anew."""
+        self._last, self._resting_since = None, None
+
+    def lost(self) -> None:
+        """What the arm holds is not an object in a grasp any more: it need not come to rest."""
+        self._resting_since = None
+
+    def take(self, now_s: float, applied: Numbers, velocity: Numbers, follows: bool) -> None:
+        """Take applied efforts and velocities of a tick; `follows`: whether the law is at work."""
+        if self._last is not None:
+            step = float(np.abs(applied - self._last).max())
+            self.largest_seen = max(self.largest_seen, step)
+            if step > self.largest_change + ROUNDING:
+                self.violations.append(f"{now_s:.3f} s: joint effort steps by {step:.3f} N m")
+        self._last = applied
+        if follows:
+            self._resting_since = None
+        elif self._resting_since is None:
+            self._resting_since = now_s
+        elif now_s - self._resting_since > REST_AFTER_S and np.abs(velocity).max() > AT_REST:
+            self.violations.append(f"{now_s:.3f} s: not at rest: {np.abs(velocity).max():.2f} rad/s")
+            self._resting_since = now_s
+
+
+@dataclass
+class SafeStateMonitor:
+    """Without an input the law must end within a stated time.
+
+    limits: input -> time [s] after its newest good sample.
+    """
+
+    limits: dict[str, float]
+    violations: list[str] = field(default_factory=list)
+    _newest: dict[str, float] = field(default_factory=dict)
+
+    def good(self, name: str, measured_s: float) -> None:
+        """A sample has arrived as it was sent; `measured_s`: when it was measured."""
+        self._newest[name] = max(measured_s, self._newest.get(name, measured_s))
+
+    def check(self, now_s: float, follows: bool) -> None:
+        """Judge the mode of a moment at which the controller ran."""
+        if not follows:
+            return
+        for name, limit in self.limits.items():
+            newest = self._newest.get(name)
+            if newest is not None and now_s - newest > limit + REACTION_S:
+                self.violations.append(f"{now_s:.3f} s: law at work {now_s - newest:.3f} s after the last good {name}")
+                self._newest[name] = now_s
