@@ -87,7 +87,7 @@ def test_real_time_mode_answers_with_the_newest_state(tmp_path: Path) -> None:
         states = {stamp_to_ns(m.value.header.stamp) for m in bag.messages("/joint_states")}
         commands = [stamp_to_ns(m.value.header.stamp) for m in bag.messages("/effort_command")]
     assert set(commands) <= states
-    assert commands == sorted(set(commands))
+    assert commands == sorted(commands)  # the watchdog may answer a state again
     assert len(commands) > LEAST_ANSWERED_SHARE * len(states)
 
 

@@ -87,11 +87,19 @@ def test_a_reference_from_a_topic_is_followed(processes: Processes, ros_node: An
     from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
     common = ["-p", "mode:=realtime"]
-    bridge_options = [*common, "-p", "stop_after_duration:=false", "-p", "control_period_s:=0.004"]
+    bridge_options = [*common, "-p", "stop_after_duration:=false", "-p", "control_period_s:=0.01"]
     processes.python(
         "bridge", "-m", "slip_sim_bridge.node", "--ros-args", "--params-file", CONFIG / "bridge.yaml", *bridge_options
     )
-    controller_options = [*common, "-p", "trajectory.kind:=topic", "-p", "gains.k_s:=100.0"]
+    controller_options = [
+        *common,
+        "-p",
+        "trajectory.kind:=topic",
+        "-p",
+        "gains.k_s:=50.0",
+        "-p",
+        "control_period_s:=0.01",
+    ]
     controller = processes.python(
         "controller",
         "-m",
