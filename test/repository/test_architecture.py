@@ -21,7 +21,7 @@ PURE_MSGS = {
         "grasp_params",
         "timing",
         "realtime",
-    )  # fmt: skip
+    )
 }
 ROS = {"rclpy", "rcl_interfaces", "std_srvs", "lifecycle_msgs"} | {
     f"{m}_msgs" for m in ("std", "geometry", "sensor", "nav", "diagnostic", "rosgraph", "trajectory")
