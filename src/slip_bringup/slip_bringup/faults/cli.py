@@ -1,4 +1,4 @@
-"""``slip-vic faults`` and ``slip-vic soak``."""
+"""``slip-vic faults``."""
 
 from __future__ import annotations
 
@@ -18,10 +18,9 @@ SHOWN_VIOLATIONS = 5
 @click.option("--trials", type=click.IntRange(1), default=100, show_default=True)
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
 @click.option("--first", type=click.IntRange(0), default=0, show_default=True, help="number of the first trial")
-@click.option("--dds", is_flag=True, help="nodes as processes over DDS: kill -9, SIGSTOP, damaged topics, full disk")
-@click.option("--workers", type=click.IntRange(1), help="processes, in process only; default one per core")
+@click.option("--workers", type=click.IntRange(1), help="worker processes; default one per core")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/faults"), show_default=True)
-def faults(trials: int, seed: int, first: int, dds: bool, workers: int | None, out: Path) -> None:
+def faults(trials: int, seed: int, first: int, workers: int | None, out: Path) -> None:
     """Seeded fault campaign: is every effort finite, inside its limits, and does the arm come to a safe state?
 
     Exit code 1 where a trial shows otherwise; it leaves a bag, and the command that runs it again.
@@ -46,13 +45,8 @@ def faults(trials: int, seed: int, first: int, dds: bool, workers: int | None, o
             failures += bool(verdict.violations)
             progress.update(task, advance=1, description=f"fault trials, {failures} with violations")
 
-        if dds:
-            from slip_bringup.faults.dds_campaign import run_over_dds
-
-            tally = run_over_dds(seed, numbers, out, on_done)
-        else:
-            count = workers or min(trials, os.cpu_count() or 1)
-            tally = campaign.run_in_process(seed, numbers, count, on_done)
+        count = workers or min(trials, os.cpu_count() or 1)
+        tally = campaign.run_in_process(seed, numbers, count, on_done)
     path = campaign.write_results(out, tally)
     _report(tally, out)
     click.echo(f"results: {path}")
