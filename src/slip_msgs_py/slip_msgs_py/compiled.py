@@ -1,0 +1,55 @@
+"""Compiled number crunching: formulas of a tick as machine code, made once and kept.
+
+A file named `*_kernel.py` holds such formulas. Each kernel has a plain form elsewhere that documents it, and a test that
+compares the two. Compilation is strict IEEE arithmetic (no fast-math, no fused operations, no linear algebra library),
+so results do not depend on the instruction set of the machine.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+from numba.core import config
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel(signature: str) -> Callable[[F], F]:
+    """Return a decorator that compiles a function for one signature when its module is imported.
+
+    The machine code is kept beside the sources, or in the user's cache folder where those are read-only, under a name
+    that changes with every `*_kernel.py` of the package: a stale one is never used.
+
+    Args:
+        signature: in numba's notation, for instance "void(f8[::1], f8[:,::1], i8)".
+    """
+
+    def compile_now(function: F) -> F:
+        config.CACHE_DIR = str(_folder(Path(function.__code__.co_filename).parent))
+        return cast(F, numba.njit(signature, cache=True, error_model="numpy", fastmath=False)(function))
+
+    return compile_now
+
+
+def part(function: F) -> F:
+    """Mark a function that only kernels call: it becomes part of them."""
+    return cast(F, numba.njit(error_model="numpy", fastmath=False)(function))
+
+
+@functools.lru_cache
+def _folder(package: Path) -> Path:
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted({*package.glob("*_kernel.py"), *Path(__file__).parent.glob("*_kernel.py")}):
+        digest.update(path.read_bytes())
+    base = package / "__pycache__" if os.access(package, os.W_OK) else _user_cache()
+    return base / f"kernels-{digest.hexdigest()[:16]}"
+
+
+def _user_cache() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "slip_vic"
