@@ -28,8 +28,9 @@ def orphans(candidates: set[Path]) -> set[Path]:
             used.update(line.rsplit(maxsplit=1)[-1] for line in maps.splitlines())
             used.update(file.path for file in process.open_files())
     unused = {path for path in left if str(path) not in used}
-    # A port's semaphore is mapped only for a moment at a time: it lives as long as the port.
-    return {path for path in unused if not (path.name.startswith("sem.") and _port_of(path).exists())}
+    # A port's semaphore is mapped only for a moment at a time: it lives as long as the port, and ends with it.
+    alive = segments() - unused
+    return {path for path in unused if not (path.name.startswith("sem.") and _port_of(path) in alive)}
 
 
 def _port_of(semaphore: Path) -> Path:
