@@ -10,6 +10,7 @@ from slip_msgs_py.types import CartesianReference, JointSample, SlipSample, Wren
 from slip_vic_controller.core.attitude import LOG_REPORT
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.grasp import SlipDisplacement
+from slip_vic_controller.core.packing import pack_memory
 from slip_vic_controller.core.params import ControllerParams
 
 from .law_referee import RefereeInput, exponential, referee_law
@@ -48,7 +49,7 @@ def random_case(rng: np.random.Generator, attitude: str, contacts: int, axes: st
     joint = JointSample(5_000_000, q, rng.normal(scale=0.4, size=7), np.zeros(7))
     state = controller.initial_state(JointSample(0, np.array(HOME), np.zeros(7), np.zeros(7)))
     moved = tuple(SlipDisplacement(rng.normal(scale=0.03, size=3), exponential(rng.normal(size=3))) for _ in quats)
-    state = state._replace(slips=moved, stamp_ns=joint.stamp_ns)
+    state = state._replace(memory=pack_memory(np.zeros(3), moved), stamp_ns=joint.stamp_ns)
     wrenches = tuple(WrenchSample(0, rng.normal(size=6)) for _ in quats)
     slips = tuple(SlipSample(0, rng.normal(scale=0.03, size=6)) for _ in quats)
     arm = controller.arm.terms(joint.position, joint.velocity)
@@ -123,7 +124,7 @@ def test_tick_equals_referee(attitude: str, contacts: int, axes: str, kind: str,
         assert_same("P", terms.P, expected["P"])
         assert_same("G", terms.G, expected["G"])
         limit = controller.arm.effort_limit
-        assert (result.command.effort == np.clip(terms.torque.torque, -limit, limit)).all()
+        assert_same("effort", result.command.effort, np.clip(terms.torque.torque, -limit, limit))
 
 
 def test_referee_tells_a_wrong_sign() -> None:

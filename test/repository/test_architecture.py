@@ -21,6 +21,8 @@ PURE_MSGS = {
         "grasp_params",
         "timing",
         "realtime",
+        "compiled",
+        "small_kernel",
     )
 }
 ROS = {"rclpy", "rcl_interfaces", "std_srvs", "lifecycle_msgs"} | {
@@ -32,9 +34,10 @@ NUMERIC = {"numpy", "yaml", "pydantic"}
 ALLOWED = {
     "slip_msgs_py": NUMERIC | ROS | {"slip_msgs_py"},
     **dict.fromkeys(PURE_MSGS, NUMERIC | PURE_MSGS),
+    "slip_msgs_py.compiled": {"numba"},  # the only file that knows the compiler
     "slip_description": set(),
     "slip_vic_controller.core": {"numpy", "scipy", "pydantic", "slip_vic_controller.core"} | PURE_MSGS,
-    "slip_vic_controller.core.arm": {"numpy", "pinocchio"} | PURE_MSGS,
+    "slip_vic_controller.core.arm": {"numpy", "pinocchio", "slip_vic_controller.core.arm_kernel"} | PURE_MSGS,
     "slip_vic_controller": {"slip_vic_controller", "slip_msgs_py"} | NUMERIC | ROS,
     "slip_sim_bridge.sim": {"numpy", "scipy", "mujoco", "pydantic", "slip_sim_bridge.sim"} | PURE_MSGS,
     "slip_sim_bridge": {"slip_sim_bridge", "slip_msgs_py"} | NUMERIC | ROS,

@@ -19,15 +19,22 @@ from numba.core import config
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+VOID, REAL, INT = numba.types.void, numba.types.float64, numba.types.int64
+IN1, IN2 = (numba.types.Array(REAL, dimensions, "C", readonly=True) for dimensions in (1, 2))
+"""Vector and matrix (by rows) that a kernel only reads; arrays that are read-only, and others too, fit."""
+OUT1, OUT2 = (numba.types.Array(REAL, dimensions, "C") for dimensions in (1, 2))
+IN2_F = numba.types.Array(REAL, 2, "F", readonly=True)
+"""Matrix by columns, as Eigen has them."""
 
-def kernel(signature: str) -> Callable[[F], F]:
+
+def kernel(signature: Any) -> Callable[[F], F]:
     """Return a decorator that compiles a function for one signature when its module is imported.
 
     The machine code is kept beside the sources, or in the user's cache folder where those are read-only, under a name
     that changes with every `*_kernel.py` of the package: a stale one is never used.
 
     Args:
-        signature: in numba's notation, for instance "void(f8[::1], f8[:,::1], i8)".
+        signature: for instance VOID(IN1, IN2, INT, OUT1), or text in numba's notation.
     """
 
     def compile_now(function: F) -> F:

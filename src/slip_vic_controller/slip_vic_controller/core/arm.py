@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -11,22 +10,68 @@ import pinocchio as pin
 
 from slip_msgs_py.arrays import Array, readonly, vector
 from slip_msgs_py.errors import InputError, nearest
+from slip_vic_controller.core.arm_kernel import gather
 
 
-class ArmTerms(NamedTuple):
-    """The arm at one state: M (n, n) [kg m2]; bias C qd + g, gravity g (n,) [N m]; J (6, n), jdot_qd (6,) at {ee}.
+class ArmTerms:
+    """The arm at one state, a view of the packed record of `arm_kernel`; all in {w}, origin at {ee}.
 
-    position (3,) [m], rotation (3, 3), twist (6,) [m/s, rad/s] of {ee}; all in {w}, origin at {ee}.
+    M (n, n) [kg m2]; bias C qd + g (n,) [N m]; J (6, n), jdot_qd (6,) at {ee}; position (3,) [m], rotation (3, 3),
+    twist (6,) [m/s, rad/s] of {ee}.
     """
 
-    M: Array
-    bias: Array
-    gravity: Array
-    J: Array
-    jdot_qd: Array
-    position: Array
-    rotation: Array
-    twist: Array
+    __slots__ = ("joints", "record")
+
+    def __init__(self, record: Array, joints: int) -> None:
+        self.record, self.joints = record, joints
+
+    @classmethod
+    def of(
+        cls, M: Array, bias: Array, J: Array, jdot_qd: Array, position: Array, rotation: Array, twist: Array
+    ) -> ArmTerms:
+        """Pack the terms.
+
+        Implements: ours: the layout of `arm_kernel`.
+        """
+        parts = (position, rotation, twist, jdot_qd, bias, J, M)
+        return cls(readonly(np.concatenate([part.ravel() for part in parts])), len(bias))
+
+    @property
+    def position(self) -> Array:
+        """Position of {ee}; (3,) [m] {w}."""
+        return self.record[:3]
+
+    @property
+    def rotation(self) -> Array:
+        """Attitude of {ee}; (3, 3) to {w}."""
+        return self.record[3:12].reshape(3, 3)
+
+    @property
+    def twist(self) -> Array:
+        """Twist of {ee}; (6,) [m/s, rad/s] {w}."""
+        return self.record[12:18]
+
+    @property
+    def jdot_qd(self) -> Array:
+        """Jdot qd; (6,) [m/s^2, rad/s^2] {w}."""
+        return self.record[18:24]
+
+    @property
+    def bias(self) -> Array:
+        """C qd + g; (n,) [N m]."""
+        return self.record[24 : 24 + self.joints]
+
+    @property
+    def J(self) -> Array:
+        """Jacobian of {ee}; (6, n) {w}."""
+        n = self.joints
+        return self.record[24 + n : 24 + 7 * n].reshape(6, n)
+
+    @property
+    def M(self) -> Array:
+        """Joint-space inertia B(q); (n, n) [kg m2]."""
+        n = self.joints
+        return self.record[24 + 7 * n :].reshape(n, n)
 
 
 class ArmModel:
@@ -83,30 +128,37 @@ class ArmModel:
         self.position_lower = readonly(model.lowerPositionLimit)
         self.position_upper = readonly(model.upperPositionLimit)
         self._model, self._data = model, model.createData()
-        self._frame = model.getFrameId(ee_frame)
+        frame = model.frames[model.getFrameId(ee_frame)]
+        self._placement = readonly(np.concatenate((frame.placement.translation, frame.placement.rotation.ravel())))
         self._rest = np.zeros(model.nv)
+        self._size = 24 + model.nv * (7 + model.nv)
+        # Views of Pinocchio's own memory: they show what was computed last, and cost nothing.
+        data, joint = self._data, frame.parentJoint
+        pose, twist, acceleration = data.oMi[joint], data.v[joint], data.a[joint]
+        motion = (pose.rotation, pose.translation, twist.linear, twist.angular)
+        self._views = (*motion, acceleration.linear, acceleration.angular, data.J, data.nle, data.M)
 
     def terms(self, q: Array, qd: Array) -> ArmTerms:
         """Return all terms of the law at one state; (n,) [rad], (n,) [rad/s].
 
         Implements: Eq. (1), (7), (8); Jdot qd is the classical acceleration at zero joint acceleration.
         """
-        model, data, frame = self._model, self._data, self._frame
+        self.evaluate(q, qd)
+        record = np.empty(self._size)
+        gather(qd, self._placement, *self._views, record)
+        record.flags.writeable = False
+        return ArmTerms(record, self._rest.size)
+
+    def evaluate(self, q: Array, qd: Array) -> None:
+        """Let Pinocchio compute what `terms` gathers, and nothing else; (n,) [rad], (n,) [rad/s].
+
+        Implements: ours: the bare terms that a control step is measured against.
+        """
+        model, data = self._model, self._data
+        pin.nonLinearEffects(model, data, q, qd)
         pin.forwardKinematics(model, data, q, qd, self._rest)
-        pose = pin.updateFramePlacement(model, data, frame)
-        jdot_qd = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED).vector
         pin.computeJointJacobians(model, data)
-        J = np.array(pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED))
-        return ArmTerms(
-            M=np.array(pin.crba(model, data, q)),
-            bias=np.array(pin.nonLinearEffects(model, data, q, qd)),
-            gravity=np.array(pin.computeGeneralizedGravity(model, data, q)),
-            J=J,
-            jdot_qd=np.array(jdot_qd),
-            position=np.array(pose.translation),
-            rotation=np.array(pose.rotation),
-            twist=J.dot(qd),
-        )
+        pin.crba(model, data, q)
 
     def gravity(self, q: Array) -> Array:
         """Return the gravity torque g(q); (n,) [rad] -> (n,) [N m].

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slip_msgs_py.arrays import Array, readonly, rotate6, vector
 from slip_msgs_py.errors import InputError
@@ -17,18 +15,27 @@ from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, S
 from slip_vic_controller.core.arm import ArmModel, ArmTerms
 from slip_vic_controller.core.attitude import AttitudeError, log_error, rpy_error
 from slip_vic_controller.core.delays import Delays, measure_delays, stable_slip_gain
-from slip_vic_controller.core.diagnostics import Glance, Status, TickDiagnostics, TickTerms
-from slip_vic_controller.core.fast_law import FastTerms, fast_law, flatten
-from slip_vic_controller.core.grasp import Contact, SlipDisplacement, integrate_slip
+from slip_vic_controller.core.diagnostics import Glance, TickDiagnostics, TickTerms
+from slip_vic_controller.core.grasp import Contact, SlipDisplacement
 from slip_vic_controller.core.law import GraspTerms, LawTerms, control_law, grasp_terms
 from slip_vic_controller.core.observer import Motion, ObserverState, SlipEstimate, initial_observer, last_twist, observe
 from slip_vic_controller.core.observer_config import observer_config
 from slip_vic_controller.core.operational import SingularityPolicy, TorqueTerms, joint_torque, posture_torque
+from slip_vic_controller.core.packing import (
+    LawOutcome,
+    pack_contacts,
+    pack_memory,
+    pack_reference,
+    pack_tuning,
+    slips_of,
+    unpack_reference,
+)
 from slip_vic_controller.core.params import ControllerParams
 from slip_vic_controller.core.ramp import Tuning, make_ramp, tuning_at
 from slip_vic_controller.core.safety import finite, limit_effort, refusal, safe_torque
 from slip_vic_controller.core.state import ControllerState
-from slip_vic_controller.core.trajectory import make_path, reference_at
+from slip_vic_controller.core.tick_kernel import evaluate, predict_motion
+from slip_vic_controller.core.trajectory import make_path, packed_reference_at
 from slip_vic_controller.core.tuning import gain_report, make_contacts, make_tuning, measured_twist
 
 
@@ -41,16 +48,21 @@ class TickResult(NamedTuple):
 
 
 class LawInputs(NamedTuple):
-    """All that the law depends on; previous_error (3,) [rad] {w}; slip_twist (6,) {ee}; wrenches (6,) on each pad."""
+    """All that the law depends on.
 
-    previous_error: Array
+    before, after: packed memory; slip_twist (6,) {ee}; wrenches (6,) on each pad; reference packed (24,); posture (n,).
+    """
+
+    before: Array
+    after: Array
     tuning: Tuning
     arm: ArmTerms
+    joint: JointSample
     wrenches: Sequence[Array]
     slip_twist: Array
     estimate: SlipEstimate | None
-    displacements: tuple[SlipDisplacement, ...]
-    reference: CartesianReference
+    reference: Array
+    posture: Array
 
 
 class PlainTerms(NamedTuple):
@@ -85,8 +97,15 @@ class VicController:
         self._observer = observer_config(params) if params.slip_estimator == "observer" else None
         self.policy = SingularityPolicy(params.singularity.sigma_min, params.singularity.damping)
         self.path = make_path(params.trajectory)
-        self._flattened = self.tuning, flatten(self.gains, self.object_model)
+        self._packed = self._pack(self.tuning)
+        self._slow_tuning: tuple[Tuning, Tuning] = self.tuning, self.tuning
+        singularity, nullspace = params.singularity, params.nullspace
+        settings = (float(params.feed_forward), nullspace.stiffness, nullspace.damping)
+        self._settings = readonly((*settings, singularity.sigma_min, singularity.damping, *self.arm.effort_limit))
         self._slip_needed = params.controller == "vic"
+        self._dead_band = bool(params.measured.dead_band_linear or params.measured.dead_band_angular)
+        self._unsaturated = np.zeros(len(self.joint_names), dtype=bool)
+        self._unsaturated.flags.writeable = False
         posture, joints = params.nullspace.posture, len(self.joint_names)
         if posture and len(posture) != joints:
             raise InputError("parameter nullspace.posture", got=f"{len(posture)} values", expected=f"{joints} or none")
@@ -107,8 +126,7 @@ class VicController:
             start_position=readonly(arm.position),
             start_rotation=readonly(arm.rotation),
             posture=vector(posture, count, "posture") if posture else q,
-            slips=(SlipDisplacement(readonly(np.zeros(3)), readonly(np.eye(3))),) * len(self.contacts),
-            attitude_error=readonly(np.zeros(3)),
+            memory=pack_memory(np.zeros(3), [SlipDisplacement(np.zeros(3), np.eye(3))] * len(self.contacts)),
             position=q,
             delays=Delays(),
             observer=None if self._observer is None else initial_observer(self._observer, joint.stamp_ns, arm.twist),
@@ -166,54 +184,89 @@ class VicController:
         reference: CartesianReference | None,
         new_slips: tuple[SlipSample, ...],
     ) -> TickResult:
-        joints, contacts = len(self.joint_names), len(self.contacts)
-        reason = refusal(state.stamp_ns, joints, contacts, self._slip_needed, joint, wrenches, slips, reference)
-        if reason:
-            return self._safe(state, joint, reason)
-        dt = (joint.stamp_ns - state.stamp_ns) * 1e-9
-        slip_twists = [
-            sample.twist * contact.slip_axes if sample.valid else _NO_SLIP
-            for sample, contact in zip(slips, self.contacts, strict=True)
-        ]
+        q, qd, n, count = joint.position, joint.velocity, len(self.joint_names), len(self.contacts)
+        samples = self._samples(wrenches, slips)
+        if (
+            samples is None
+            or reference is not None
+            or joint.stamp_ns < state.stamp_ns
+            or not q.shape == qd.shape == (n,)
+            or not (finite(samples) and finite(q) and finite(qd))
+        ):
+            reason = refusal(state.stamp_ns, n, count, self._slip_needed, joint, wrenches, slips, reference)
+            if reason or samples is None:
+                return self._safe(state, joint, reason)
         tuning = self._tuning(state)
-        arm = self.arm.terms(joint.position, joint.velocity)
+        arm = self.arm.terms(q, qd)
         delays = measure_delays(state.delays, joint.stamp_ns, new_slips)
-        observer, estimate = state.observer, None
+        observer, estimate, follow_error = state.observer, None, _NO_SLIP
         if self._observer is not None and observer is not None:
-            observer, estimate = self._observe(state, observer, tuning, joint.stamp_ns, arm, wrenches, new_slips)
-            slip_twists[0] = estimate.twist
+            observer, estimate = self._observe(state, observer, tuning, joint.stamp_ns, arm, samples, new_slips)
+            samples[6:12] = estimate.twist
+            if self.params.observer.correct_follow:
+                follow_error = estimate.error
         else:
-            slip_twists[0] = measured_twist(self.params.measured, slip_twists[0])
+            if self._dead_band:
+                samples[6:12] = measured_twist(self.params.measured, samples[6:12])
             tuning = self._slowed(tuning, delays)
-        displacements = tuple(integrate_slip(s, twist, dt) for s, twist in zip(state.slips, slip_twists, strict=True))
         if reference is None:
             t = (joint.stamp_ns - state.start_ns) * 1e-9 - self.params.trajectory.start_s
-            reference = reference_at(self.path, t, state.start_position, state.start_rotation)
-        inputs = LawInputs(
-            state.attitude_error, tuning, arm, [w.wrench for w in wrenches], slip_twists[0], estimate, displacements,
-            reference,
+            desired = packed_reference_at(self.path, t, state.start_position, state.start_rotation)
+        else:
+            desired = pack_reference(reference)
+        memory, out = np.empty(3 + 12 * count), np.empty(LawOutcome.size(n))
+        packed = self._packed if tuning is self._packed[0] else self._pack(tuning)
+        self._packed = packed
+        dt = (joint.stamp_ns - state.stamp_ns) * 1e-9
+        evaluate(
+            arm.record, packed[1], packed[2], self._settings, samples, follow_error, state.memory, desired, q, qd,
+            state.posture, dt, memory, out,
         )  # fmt: skip
-        law = self._law(inputs)
-        if law is None:
+        inputs = LawInputs(
+            state.memory, memory, tuning, arm, joint, [w.wrench for w in wrenches], samples[6:12], estimate, desired,
+            state.posture,
+        )  # fmt: skip
+        if self.params.attitude == "rpy":
+            self._overwrite(inputs, memory, out)
+        if out[0] != 1.0:
             return self._safe(state, joint, "the law gave no finite torque")
-        tau_0 = self._posture_torque(state, joint)
-        torque = joint_torque(arm.M, arm.bias, arm.J, arm.jdot_qd, law.a_C, law.h_ee, tau_0, self.policy)
-        if not (torque.solved and finite(torque.torque)):
-            return self._safe(state, joint, "the law gave no finite torque")
-        effort, saturated = limit_effort(torque.torque, self.arm.effort_limit)
-        near = ("arm",) * (torque.damping_squared > 0.0) + ("attitude",) * law.near_singular
-        following = state._replace(
-            stamp_ns=joint.stamp_ns,
-            slips=displacements,
-            attitude_error=law.attitude_error,
-            position=joint.position,
-            delays=delays,
-            observer=observer,
-            ramp=None if state.ramp is None else state.ramp.after(joint.stamp_ns),
+        for array in (samples, memory, out):
+            array.flags.writeable = False
+        law = LawOutcome(out, n)
+        following = ControllerState(
+            joint.stamp_ns,
+            state.start_ns,
+            state.start_position,
+            state.start_rotation,
+            state.posture,
+            memory,
+            q,
+            delays,
+            observer,
+            None if state.ramp is None else state.ramp.after(joint.stamp_ns),
         )
-        glance = Glance(arm, reference, law)
-        evaluate = partial(self._evaluate, inputs, torque)
-        return _result(joint, following, "ok", "", near, effort, saturated, glance, evaluate)
+        near = ("arm",) * (law.damping_squared > 0.0) + ("attitude",) * law.near_singular
+        effort = law.effort
+        saturated = np.abs(law.torque) > self.arm.effort_limit if law.saturated else self._unsaturated
+        record = TickDiagnostics(
+            "ok", "", near, effort, saturated, Glance(arm, desired, law), partial(self._evaluate, inputs)
+        )
+        return TickResult(EffortCommand(joint.stamp_ns, effort), following, record)
+
+    def _samples(self, wrenches: tuple[WrenchSample, ...], slips: tuple[SlipSample, ...]) -> Array | None:
+        """Return wrench and slip twist of every contact in one array, or None where something is wrong with them."""
+        if not len(wrenches) == len(slips) == len(self.contacts):
+            return None
+        parts = []
+        for wrench, slip, contact in zip(wrenches, slips, self.contacts, strict=True):
+            twist = slip.twist * contact.slip_axes if slip.valid and slip.twist.shape == (6,) else _NO_SLIP
+            if wrench.wrench.shape != (6,) or (twist is _NO_SLIP and (slip.valid or self._slip_needed)):
+                return None
+            parts += [wrench.wrench, twist]
+        return np.concatenate(parts)
+
+    def _pack(self, tuning: Tuning) -> tuple[Tuning, Array, Array]:
+        return tuning, pack_tuning(tuning.gains, tuning.object_model), pack_contacts(self._contacts(tuning))
 
     def _tuning(self, state: ControllerState) -> Tuning:
         return self.tuning if state.ramp is None else tuning_at(state.ramp, state.stamp_ns)
@@ -223,7 +276,13 @@ class VicController:
         if self.params.gains.k_s_mode == "fixed":
             return tuning
         accepted = stable_slip_gain(delays, self._period_ns) / self.params.gains.k_s_margin
-        return tuning if accepted >= tuning.gains.k_s else tuning._replace(gains=tuning.gains._replace(k_s=accepted))
+        if accepted >= tuning.gains.k_s:
+            return tuning
+        base, slowed = self._slow_tuning
+        if base is not tuning or slowed.gains.k_s != accepted:
+            slowed = tuning._replace(gains=tuning.gains._replace(k_s=accepted))
+            self._slow_tuning = tuning, slowed
+        return slowed
 
     def _observe(
         self,
@@ -232,51 +291,32 @@ class VicController:
         tuning: Tuning,
         stamp_ns: int,
         arm: ArmTerms,
-        wrenches: tuple[WrenchSample, ...],
-        samples: tuple[SlipSample, ...],
+        samples: Array,
+        new_slips: tuple[SlipSample, ...],
     ) -> tuple[ObserverState, SlipEstimate]:
         """Predict slip from the wrench and the motion of this tick, and correct it with the samples."""
         assert self._observer is not None
-        R_ee = arm.rotation
-        v_s = rotate6(R_ee, last_twist(self._observer, observer))
-        own = [w.wrench for w in wrenches]
-        grasp = grasp_terms(tuning.object_model, self._contacts(tuning), state.slips, own, R_ee, arm.twist, v_s)
-        force = grasp.follow.copy()
-        force[:3] -= tuning.object_model.gravity
-        drag = -(R_ee @ own[0][:3]) / tuning.object_model.mass
-        motion = Motion(stamp_ns, R_ee, arm.twist, grasp.follow + grasp.Phi2, force, drag, grasp.v_o[3:])
-        return observe(self._observer, observer, motion, samples)
+        if tuning is not self._packed[0]:
+            self._packed = self._pack(tuning)
+        out = np.empty(18)
+        v_s = last_twist(self._observer, observer)
+        predict_motion(arm.record, self._packed[1], self._packed[2], samples, state.memory, v_s, out)
+        motion = Motion(stamp_ns, arm.rotation, arm.twist, out[:6], out[6:12], out[12:15], out[15:])
+        return observe(self._observer, observer, motion, new_slips)
 
     def _contacts(self, tuning: Tuning) -> tuple[Contact, ...]:
         if tuning is self.tuning:
             return self.contacts
         return (self.contacts[0]._replace(position=tuning.contact_position), *self.contacts[1:])
 
-    def _law(self, inputs: LawInputs) -> FastTerms | None:
-        """Evaluate the law for a tick, by its fast form where there is one; None where a number left its range."""
-        params = self.params
-        if params.attitude == "rpy":
-            return glance_of(self._plain_law(inputs))
-        tuning, estimate = inputs.tuning, inputs.estimate
-        if tuning is not self._flattened[0]:
-            self._flattened = tuning, flatten(tuning.gains, tuning.object_model)
-        error = estimate.error if estimate is not None and params.observer.correct_follow else None
-        try:
-            return fast_law(
-                self._flattened[1], self._contacts(tuning), inputs.displacements, inputs.wrenches, inputs.slip_twist,
-                error, inputs.arm, inputs.reference, params.feed_forward, inputs.previous_error,
-            )  # fmt: skip
-        except ArithmeticError:
-            return None
-
     def _plain_law(self, inputs: LawInputs) -> PlainTerms:
         """Evaluate the law by the formulas of the documentation, for a slip velocity wherever it comes from."""
-        params, tuning, arm, reference = self.params, inputs.tuning, inputs.arm, inputs.reference
+        params, tuning, arm, reference = self.params, inputs.tuning, inputs.arm, unpack_reference(inputs.reference)
         R_ee, v_ee, wrenches, estimate = arm.rotation, arm.twist, inputs.wrenches, inputs.estimate
         v_s = rotate6(R_ee, inputs.slip_twist)
         h_ee = rotate6(R_ee, wrenches[0])
         contacts = self._contacts(tuning)
-        grasp = grasp_terms(tuning.object_model, contacts, inputs.displacements, wrenches, R_ee, v_ee, v_s)
+        grasp = grasp_terms(tuning.object_model, contacts, slips_of(inputs.after), wrenches, R_ee, v_ee, v_s)
         if estimate is not None and params.observer.correct_follow:
             grasp = grasp._replace(follow=grasp.follow + rotate6(R_ee, estimate.error))
         a_d = reference.acceleration if params.feed_forward else _NO_SLIP
@@ -284,27 +324,45 @@ class VicController:
         if params.attitude == "rpy":
             attitude = rpy_error(R_ee, R_d, v_ee[3:], w_d)
         else:
-            attitude = log_error(R_ee, R_d, v_ee[3:], w_d, a_d[3:], inputs.previous_error)
+            attitude = log_error(R_ee, R_d, v_ee[3:], w_d, a_d[3:], inputs.before[:3])
         e_p, e_p_dot = arm.position - reference.position, v_ee[:3] - reference.twist[:3]
         law = control_law(tuning.gains, contacts[0].slip_axes, attitude, e_p, e_p_dot, a_d, R_ee, v_s, grasp)
         return PlainTerms(attitude, h_ee, grasp, law)
 
-    def _posture_torque(self, state: ControllerState, joint: JointSample) -> Array:
-        nullspace = self.params.nullspace
-        return posture_torque(joint.position, joint.velocity, state.posture, nullspace.stiffness, nullspace.damping)
+    def _torque(self, inputs: LawInputs, plain: PlainTerms) -> TorqueTerms:
+        """Return the joint torque of a law by its plain form."""
+        arm, joint, nullspace = inputs.arm, inputs.joint, self.params.nullspace
+        tau_0 = posture_torque(joint.position, joint.velocity, inputs.posture, nullspace.stiffness, nullspace.damping)
+        return joint_torque(arm.M, arm.bias, arm.J, arm.jdot_qd, plain.law.a_C, plain.h_ee, tau_0, self.policy)
 
-    def _evaluate(self, inputs: LawInputs, torque: TorqueTerms) -> TickTerms:
+    def _overwrite(self, inputs: LawInputs, memory: Array, out: Array) -> None:
+        """Put the plain form's results in the place of the kernel's: roll, pitch, yaw have no kernel."""
+        plain = self._plain_law(inputs)
+        torque = self._torque(inputs, plain)
+        law, grasp, e, v_s = plain.law, plain.grasp, plain.law.e, plain.law.v_s
+        sizes = [math.sqrt(part.dot(part)) for part in (e[:3], e[3:], v_s[:3])]
+        ok = torque.solved and finite(torque.torque) and finite(memory)
+        effort, saturated = limit_effort(torque.torque, self.arm.effort_limit)
+        memory[:3] = plain.attitude.error
+        out[:7] = ok, torque.damping_squared, plain.attitude.near_singular, law.gate, *sizes
+        carried = (grasp.follow + grasp.Phi2)[:3]
+        out[7:] = np.concatenate(
+            (grasp.a_o[:3], carried, law.a_C, plain.h_ee, effort, torque.torque, [np.count_nonzero(saturated)])
+        )
+
+    def _evaluate(self, inputs: LawInputs) -> TickTerms:
         """Make the record of a tick, when somebody looks at it."""
         tuning = inputs.tuning
         with np.errstate(all="ignore"):
             plain = self._plain_law(inputs)
+            torque = self._torque(inputs, plain)
         return TickTerms(
             tuning.gains,
             tuning.object_model,
             inputs.arm,
-            inputs.reference,
+            unpack_reference(inputs.reference),
             plain.attitude,
-            inputs.displacements[0],
+            slips_of(inputs.after)[0],
             plain.h_ee,
             plain.grasp,
             plain.law,
@@ -319,39 +377,11 @@ class VicController:
         qd = joint.velocity if joint.velocity.shape == size and finite(joint.velocity) else None
         torque = safe_torque(self.arm.gravity(q), qd, self.params.safety.joint_damping)
         effort, saturated = limit_effort(torque, self.arm.effort_limit)
-        following = state._replace(stamp_ns=max(joint.stamp_ns, state.stamp_ns), position=q)
-        return _result(joint, following, "safe", reason, (), effort, saturated, None, None)
-
-
-def _result(
-    joint: JointSample,
-    state: ControllerState,
-    status: Status,
-    reason: str,
-    near_singular: tuple[str, ...],
-    effort: Array,
-    saturated: NDArray[np.bool_],
-    glance: Glance | None,
-    evaluate: Callable[[], TickTerms] | None,
-) -> TickResult:
-    """Put a tick's result together and make all its arrays read-only."""
-    for array in (effort, saturated, state.attitude_error, *itertools.chain.from_iterable(state.slips)):
-        array.flags.writeable = False
-    diagnostics = TickDiagnostics(status, reason, near_singular, effort, saturated, glance, evaluate)
-    return TickResult(EffortCommand(joint.stamp_ns, effort), state, diagnostics)
-
-
-def glance_of(plain: PlainTerms) -> FastTerms:
-    """Return what a tick needs of a law that was evaluated by its plain form.
-
-    Implements: ours: roll, pitch, yaw have no fast form.
-    """
-    law, grasp, e, v_s = plain.law, plain.grasp, plain.law.e, plain.law.v_s
-    return FastTerms(
-        law.a_C, plain.h_ee, plain.attitude.error, plain.attitude.near_singular, law.gate,
-        math.sqrt(e[:3].dot(e[:3])), math.sqrt(e[3:].dot(e[3:])), math.sqrt(v_s[:3].dot(v_s[:3])),
-        grasp.a_o[:3], (grasp.follow + grasp.Phi2)[:3],
-    )  # fmt: skip
+        following = state._replace(stamp_ns=max(joint.stamp_ns, state.stamp_ns), position=readonly(q))
+        for array in (effort, saturated):
+            array.flags.writeable = False
+        record = TickDiagnostics("safe", reason, (), effort, saturated, None, None)
+        return TickResult(EffortCommand(joint.stamp_ns, effort), following, record)
 
 
 _NO_SLIP = readonly(np.zeros(6))

@@ -15,7 +15,6 @@ from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.types import CartesianReference
 from slip_vic_controller.core.arm import ArmTerms
 from slip_vic_controller.core.attitude import AttitudeError
-from slip_vic_controller.core.fast_law import FastTerms
 from slip_vic_controller.core.grasp import SlipDisplacement, grasp_matrix
 from slip_vic_controller.core.impedance import Gains
 from slip_vic_controller.core.law import GraspTerms, LawTerms
@@ -23,6 +22,7 @@ from slip_vic_controller.core.lyapunov import V_e, V_s
 from slip_vic_controller.core.object_dynamics import ObjectModel, P
 from slip_vic_controller.core.observer import SlipEstimate
 from slip_vic_controller.core.operational import TorqueTerms
+from slip_vic_controller.core.packing import LawOutcome
 from slip_vic_controller.core.rotation import log_so3
 
 Status = Literal["ok", "safe"]
@@ -70,16 +70,16 @@ class TickTerms(NamedTuple):
         own = (self.h_ee, law.v_s, law.e, law.e_dot, law.K, law.D, law.comp, law.Lambda, law.Theta, law.Z, law.a_C)
         parts = (attitude.error, attitude.rate, attitude.T_e, attitude.T_e_inverse, attitude.Theta)
         torques = (torque.torque, torque.task, torque.null, torque.force)
-        for array in (*self.arm, *self.grasp, *own, *parts, *torques):
+        for array in (*self.grasp, *own, *parts, *torques):
             array.flags.writeable = False
 
 
 class Glance(NamedTuple):
-    """What the supervision looks at in every tick."""
+    """What the supervision looks at in every tick; the reference is packed."""
 
     arm: ArmTerms
-    reference: CartesianReference
-    law: FastTerms
+    reference: Array
+    law: LawOutcome
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
+from slip_msgs_py.arrays import Array
 from slip_msgs_py.types import CartesianReference
 
 
@@ -62,9 +61,9 @@ def lost_ns(time: PathTime, dt_ns: int) -> int:
     return 0 if time.scale == 1.0 else round((1.0 - time.scale) * dt_ns)
 
 
-def moving(reference: CartesianReference, slowest: float = 0.01) -> bool:
-    """Return whether a reference asks for motion: above `slowest` [m/s] or [rad/s].
+def moving(twist: Array, slowest: float = 0.01) -> bool:
+    """Return whether a reference's twist (6,) asks for motion: above `slowest` [m/s] or [rad/s].
 
     Implements: ours: an arm that should move and whose joint values stay equal to the last bit is not measured.
     """
-    return math.sqrt(float(np.dot(reference.twist, reference.twist))) > slowest
+    return math.sqrt(twist.dot(twist)) > slowest

@@ -10,30 +10,7 @@ import math
 import numpy as np
 
 from slip_msgs_py.arrays import Array, quat_xyzw_from_matrix
-
-SERIES_BELOW = 0.01
-"""theta^2 [rad^2] below which the series is used: its first left-out term is below 1e-16 there."""
-
-
-def coefficients(t: float) -> tuple[float, float, float, float]:
-    """Return a = (1 - cos theta) / theta^2, b = (theta - sin theta) / theta^3, a'(theta) / theta, b'(theta) / theta.
-
-    t = theta^2 [rad^2].
-
-    Implements: ours: what exponential, J_l and its rate are made of.
-    """
-    if t < SERIES_BELOW:
-        return (
-            1 / 2 - t * (1 / 24 - t * (1 / 720 - t * (1 / 40320 - t / 3628800))),
-            1 / 6 - t * (1 / 120 - t * (1 / 5040 - t * (1 / 362880 - t / 39916800))),
-            -1 / 12 + t * (1 / 180 - t * (1 / 6720 - t / 453600)),
-            -1 / 60 + t * (1 / 1260 - t * (1 / 60480 - t / 4989600)),
-        )
-    theta = math.sqrt(t)
-    sinc = math.sin(theta) / theta
-    a = (1.0 - math.cos(theta)) / t
-    b = (1.0 - sinc) / t
-    return a, b, (sinc - 2.0 * a) / t, (a - 3.0 * b) / t
+from slip_vic_controller.core.rotation_kernel import coefficients, inverse_coefficient
 
 
 def _matrix(d: float, k: float, c: float, phi: Array) -> Array:
@@ -112,17 +89,6 @@ def left_jacobian_inverse(phi: Array) -> Array:
     t = float(phi.dot(phi))
     c = inverse_coefficient(t)
     return _matrix(1.0 - t * c, -0.5, c, phi)
-
-
-def inverse_coefficient(t: float) -> float:
-    """Return c with J_l^-1 = I - S(phi) / 2 + c S(phi)^2; t = theta^2 [rad^2].
-
-    Implements: ours: (1 - theta/2 cot(theta/2)) / theta^2.
-    """
-    if t < SERIES_BELOW:
-        return 1 / 12 + t * (1 / 720 + t * (1 / 30240 + t * (1 / 1209600 + t / 47900160)))
-    half = 0.5 * math.sqrt(t)
-    return (1.0 - half * math.cos(half) / math.sin(half)) / t
 
 
 def left_jacobian_rate(phi: Array, phi_dot: Array) -> Array:

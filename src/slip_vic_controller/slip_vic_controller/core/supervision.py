@@ -316,7 +316,7 @@ class Supervisor:
         plane = (R * self.controller.contacts[0].slip_axes[:3]).dot(R.T)
         v = law.slip_speed
         slipping = 1.0 if v > _SLIPPING else law.gate
-        fall = fall_speed(self._load, state.fall, law.object_acceleration, reference.acceleration, plane, slipping, dt)
+        fall = fall_speed(self._load, state.fall, law.object_acceleration, reference[18:], plane, slipping, dt)
         evidence = slip_evidence(state.evidence, glance.arm.twist, law.carried, plane, dt)
         shown = math.sqrt(evidence.velocity.dot(evidence.velocity))
         blind = shown > self._safety.fallback.evidence and v < 0.1 * self._safety.fallback.evidence
@@ -325,7 +325,7 @@ class Supervisor:
             fall=fall,
             evidence=evidence,
             speed=speed,
-            moves=moving(reference),
+            moves=moving(reference[12:18]),
             contradicted_since_ns=None if not blind else now_ns if since is None else since,
         )
 
@@ -334,7 +334,7 @@ class Supervisor:
         posture = joint.position if state.posture is None else state.posture
         arm = self.controller.arm.terms(joint.position, joint.velocity)
         wanted = hold_torque(
-            arm.gravity, arm.M, joint.position, joint.velocity, posture,
+            self.controller.arm.gravity(joint.position), arm.M, joint.position, joint.velocity, posture,
             self._safety.hold_stiffness, self._safety.hold_damping,
         )  # fmt: skip
         if not state.mode.reason.startswith(CANNOT_CARRY):

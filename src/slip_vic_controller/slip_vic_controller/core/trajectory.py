@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import bisect
 import math
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -17,16 +17,33 @@ from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.types import CartesianReference
 from slip_vic_controller.core.params import TrajectoryParams
 from slip_vic_controller.core.rotation import exp_so3, left_jacobian_product, left_jacobian_rate
+from slip_vic_controller.core.tick_kernel import place_reference
 
 PLANES = {"xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}
 
 
-class PathPoint(NamedTuple):
-    """Displacement and rotation vector (6,) [m, rad] {w} with first and second time derivative."""
+class PathPoint:
+    """Displacement and rotation vector (6,) [m, rad] {w} with first and second time derivative; packed (18,)."""
 
-    value: Array
-    rate: Array
-    rate_rate: Array
+    __slots__ = ("packed",)
+
+    def __init__(self, packed: Array) -> None:
+        self.packed = packed
+
+    @property
+    def value(self) -> Array:
+        """The point; (6,)."""
+        return self.packed[:6]
+
+    @property
+    def rate(self) -> Array:
+        """Its first derivative; (6,)."""
+        return self.packed[6:12]
+
+    @property
+    def rate_rate(self) -> Array:
+        """Its second derivative; (6,)."""
+        return self.packed[12:]
 
 
 class Path(Protocol):
@@ -37,7 +54,7 @@ class Path(Protocol):
         ...
 
 
-_REST = PathPoint(readonly(np.zeros(6)), readonly(np.zeros(6)), readonly(np.zeros(6)))
+_REST = PathPoint(readonly(np.zeros(18)))
 
 
 class Hold:
@@ -67,7 +84,7 @@ class PiecewiseQuintic:
             )
             for i in range(len(times) - 1)
         ]
-        self._last = PathPoint(readonly(values[-1]), _REST.rate, _REST.rate_rate)
+        self._last = PathPoint(readonly(np.concatenate((values[-1], np.zeros(12)))))
 
     def at(self, t: float) -> PathPoint:
         """Return the point at time t [s].
@@ -83,7 +100,7 @@ class PiecewiseQuintic:
         u2 = u * u
         u3, u4 = u2 * u, u2 * u2
         powers = np.array((1.0, u, u2, u3, u4, u4 * u))
-        return PathPoint(*self._polynomials[i].dot(powers).reshape(3, 6))
+        return PathPoint(self._polynomials[i].dot(powers))
 
 
 def _quintic(h: float, p0: Array, v0: Array, a0: Array, p1: Array, v1: Array, a1: Array) -> Array:
@@ -136,7 +153,9 @@ class Curve:
             f, f_p, f_pp = s * c, c * c - s * s, -4.0 * s * c
         along = (s, c * p_dot, c * p_ddot - s * p_dot * p_dot)
         across = (f, f_p * p_dot, f_p * p_ddot + f_pp * p_dot * p_dot)
-        return PathPoint(*(a * self._along + b * self._across for a, b in zip(along, across, strict=True)))
+        return PathPoint(
+            np.concatenate([a * self._along + b * self._across for a, b in zip(along, across, strict=True)])
+        )
 
 
 def smooth_phase(t: float, speed: float, ramp: float, duration: float) -> tuple[float, float, float]:
@@ -182,19 +201,27 @@ def make_path(params: TrajectoryParams) -> Path:
 
 
 def reference_at(path: Path, t: float, position: Array, rotation: Array) -> CartesianReference:
-    """Return the desired motion at time t [s], starting from pose (3,) [m], (3, 3) {w}.
+    """Return the desired motion at time t [s], starting from pose (3,) [m], (3, 3) {w}; the plain form.
 
     Implements: ours: R_d = exp(phi) R_0, omega_d = J_l phi_dot, alpha_d = J_l phi_ddot + Jdot_l phi_dot.
     """
-    value, rate, rate_rate = path.at(t)
-    phi, phi_dot = value[3:], rate[3:]
-    x_d, R_d = position + value[:3], exp_so3(phi).dot(rotation)
-    if rate is _REST.rate:
-        twist, acceleration = rate, rate_rate
-    else:
-        twist = np.concatenate((rate[:3], left_jacobian_product(phi, phi_dot)))
-        alpha = left_jacobian_product(phi, rate_rate[3:]) + left_jacobian_rate(phi, phi_dot)
-        acceleration = np.concatenate((rate_rate[:3], alpha))
-    for array in (x_d, R_d, twist, acceleration):
-        array.flags.writeable = False
-    return CartesianReference(x_d, R_d, twist, acceleration)
+    point = path.at(t)
+    phi, phi_dot = point.value[3:], point.rate[3:]
+    alpha = left_jacobian_product(phi, point.rate_rate[3:]) + left_jacobian_rate(phi, phi_dot)
+    return CartesianReference(
+        position + point.value[:3],
+        exp_so3(phi).dot(rotation),
+        np.concatenate((point.rate[:3], left_jacobian_product(phi, phi_dot))),
+        np.concatenate((point.rate_rate[:3], alpha)),
+    )
+
+
+def packed_reference_at(path: Path, t: float, position: Array, rotation: Array) -> Array:
+    """Return `reference_at` packed; (24,) {w}.
+
+    Implements: ours: the form that the tick's kernel takes.
+    """
+    out = np.empty(24)
+    place_reference(path.at(t).packed, position, rotation.ravel(), out)
+    out.flags.writeable = False
+    return out

@@ -1,4 +1,4 @@
-"""The fast form of the law against its plain form, which is the documentation and its referee."""
+"""The tick's kernels against the plain forms, which are the documentation and their referee."""
 
 from __future__ import annotations
 
@@ -12,17 +12,30 @@ from slip_msgs_py.arrays import Array, rotate6
 from slip_msgs_py.types import CartesianReference
 from slip_vic_controller.core.arm import ArmTerms
 from slip_vic_controller.core.attitude import log_error
-from slip_vic_controller.core.fast_law import FastTerms, fast_law, flatten
-from slip_vic_controller.core.grasp import Contact, SlipDisplacement
+from slip_vic_controller.core.grasp import Contact, SlipDisplacement, integrate_slip
 from slip_vic_controller.core.impedance import Gains
 from slip_vic_controller.core.law import GraspTerms, LawTerms, control_law, grasp_terms
 from slip_vic_controller.core.object_dynamics import ObjectModel
+from slip_vic_controller.core.operational import SingularityPolicy, joint_torque, posture_torque
+from slip_vic_controller.core.packing import (
+    LawOutcome,
+    pack_contacts,
+    pack_memory,
+    pack_reference,
+    pack_tuning,
+    slips_of,
+)
 from slip_vic_controller.core.rotation import exp_so3
+from slip_vic_controller.core.tick_kernel import evaluate, predict_motion
 
 # Relative to the largest intermediate of the case: the fast form adds the same numbers in another order and frame.
 EQUAL = 1e-12
 SEEDS = range(40)
 PI = math.pi
+JOINTS = 7
+REGULAR = SingularityPolicy(1e-9, 0.1)
+STIFFNESS, DAMPING, LIMIT = 10.0, 2.0, 87.0
+Q, QD, POSTURE = np.linspace(-1.0, 1.0, JOINTS), np.linspace(0.4, -0.3, JOINTS), np.linspace(0.5, -0.2, JOINTS)
 
 
 @dataclass(frozen=True)
@@ -72,8 +85,12 @@ def random_case(
         spin_lever=lever,
         spin_limit=spin_limit,
     )
-    arm = ArmTerms(
-        *(np.zeros(0),) * 5,  # what the law does not look at
+    root = rng.standard_normal((JOINTS, JOINTS))
+    arm = ArmTerms.of(
+        M=root @ root.T + np.eye(JOINTS),
+        bias=rng.standard_normal(JOINTS),
+        J=rng.standard_normal((6, JOINTS)),
+        jdot_qd=rng.standard_normal(6),
         position=rng.standard_normal(3),
         rotation=R_ee,
         twist=rng.standard_normal(6),
@@ -116,23 +133,22 @@ def plain(case: Case) -> tuple[GraspTerms, LawTerms, Array, bool]:
     return grasp, law, rotate6(R_ee, case.wrenches[0]), attitude.near_singular
 
 
-def fast(case: Case) -> FastTerms:
-    return fast_law(
-        flatten(case.gains, case.model),
-        case.contacts,
-        case.slips,
-        case.wrenches,
-        case.slip_twist,
-        case.follow_error,
-        case.arm,
-        case.reference,
-        case.feed_forward,
-        case.previous,
-    )
+def fast(case: Case, policy: SingularityPolicy = REGULAR, dt: float = 0.0) -> tuple[LawOutcome, Array]:
+    """Return outcome and memory of the kernel."""
+    samples = np.concatenate([np.concatenate((h, np.zeros(6))) for h in case.wrenches])
+    samples[6:12] = case.slip_twist
+    out, memory = np.empty(LawOutcome.size(JOINTS)), np.empty(3 + 12 * len(case.contacts))
+    settings = np.array((float(case.feed_forward), STIFFNESS, DAMPING, *policy, *(LIMIT,) * JOINTS))
+    evaluate(
+        case.arm.record, pack_tuning(case.gains, case.model), pack_contacts(case.contacts), settings, samples,
+        np.zeros(6) if case.follow_error is None else case.follow_error, pack_memory(case.previous, case.slips),
+        pack_reference(case.reference), Q, QD, POSTURE, dt, memory, out,
+    )  # fmt: skip
+    return LawOutcome(out, JOINTS), memory
 
 
 def assert_equal(case: Case) -> None:
-    found = fast(case)
+    found, memory = fast(case)
     grasp, law, h_ee, near = plain(case)
     carried = grasp.follow + grasp.Phi2
     # The compensation k_s v_s, the impedance and a_o are what rounding errors of a_C come from.
@@ -143,12 +159,13 @@ def assert_equal(case: Case) -> None:
     np.testing.assert_allclose(found.object_acceleration, grasp.a_o[:3], rtol=0.0, atol=EQUAL * scale)
     np.testing.assert_allclose(found.carried, carried[:3], rtol=0.0, atol=EQUAL * scale)
     np.testing.assert_allclose(found.h_ee, h_ee, rtol=0.0, atol=EQUAL)
-    np.testing.assert_allclose(found.attitude_error, law.e[3:], rtol=0.0, atol=EQUAL)
     assert found.gate == pytest.approx(law.gate, abs=EQUAL)
     assert found.error_linear == pytest.approx(np.linalg.norm(law.e[:3]), abs=EQUAL)
     assert found.error_angular == pytest.approx(np.linalg.norm(law.e[3:]), abs=EQUAL)
     assert found.slip_speed == pytest.approx(np.linalg.norm(law.v_s[:3]), abs=EQUAL)
     assert found.near_singular == near
+    assert found.ok
+    np.testing.assert_allclose(memory[:3], law.e[3:], rtol=0.0, atol=EQUAL)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -191,6 +208,72 @@ def test_observer_and_no_feed_forward(seed: int) -> None:
 
 def test_the_comparison_sees_a_difference() -> None:
     case = random_case(0)
-    other = fast(Case(**{**case.__dict__, "gains": case.gains._replace(k_s=case.gains.k_s * (1.0 + 1e-9))}))
+    other, _ = fast(Case(**{**case.__dict__, "gains": case.gains._replace(k_s=case.gains.k_s * (1.0 + 1e-9))}))
     with pytest.raises(AssertionError):
         np.testing.assert_allclose(other.a_C, plain(case)[1].a_C, rtol=0.0, atol=EQUAL)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("sigma_min", [1e-9, 0.5, 3.0])
+def test_torque(seed: int, sigma_min: float) -> None:
+    """From the kernel's own a_C on, so that only the torque map is compared; sigma of these J is around 0.3 to 1.5."""
+    case, policy = random_case(seed), SingularityPolicy(sigma_min, 0.1)
+    found, _ = fast(case, policy)
+    arm, tau_0 = case.arm, posture_torque(Q, QD, POSTURE, STIFFNESS, DAMPING)
+    expected = joint_torque(arm.M, arm.bias, arm.J, arm.jdot_qd, found.a_C, found.h_ee, tau_0, policy)
+    scale = np.abs(expected.force).max() * np.abs(arm.J).max()
+    np.testing.assert_allclose(found.torque, expected.torque, rtol=0.0, atol=100 * EQUAL * scale)
+    assert found.damping_squared == pytest.approx(expected.damping_squared, abs=EQUAL)
+    np.testing.assert_array_equal(found.effort, np.clip(found.torque, -LIMIT, LIMIT))
+    assert found.saturated == np.count_nonzero(np.abs(found.torque) > LIMIT)
+
+
+def test_torque_near_and_at_singularities() -> None:
+    case = random_case(3)
+    J = case.arm.J.copy()
+    for shrink in (1e-3, 1e-6, 0.0):
+        u, sigma, v = np.linalg.svd(J, full_matrices=False)
+        sigma[-1] *= shrink
+        arm = case.arm
+        singular = ArmTerms.of(arm.M, arm.bias, (u * sigma) @ v, arm.jdot_qd, arm.position, arm.rotation, arm.twist)
+        policy = SingularityPolicy(0.05, 0.1)
+        found, _ = fast(Case(**{**case.__dict__, "arm": singular}), policy)
+        tau_0 = posture_torque(Q, QD, POSTURE, STIFFNESS, DAMPING)
+        expected = joint_torque(arm.M, arm.bias, singular.J, arm.jdot_qd, found.a_C, found.h_ee, tau_0, policy)
+        assert found.damping_squared == pytest.approx(expected.damping_squared, rel=1e-6)
+        np.testing.assert_allclose(found.torque, expected.torque, rtol=1e-9, atol=1e-9 * np.abs(expected.force).max())
+
+
+def test_a_mass_matrix_that_is_none_is_reported() -> None:
+    case = random_case(0)
+    arm = case.arm
+    bad = ArmTerms.of(-arm.M, arm.bias, arm.J, arm.jdot_qd, arm.position, arm.rotation, arm.twist)
+    assert not fast(Case(**{**case.__dict__, "arm": bad}))[0].ok
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("contacts", [1, 3])
+def test_slip_displacement(seed: int, contacts: int) -> None:
+    case, dt = random_case(seed, contacts=contacts, slip=1.0), 0.01
+    _, memory = fast(case, dt=dt)
+    twists = [case.slip_twist] + [np.zeros(6)] * (contacts - 1)
+    for found, before, twist in zip(slips_of(memory), case.slips, twists, strict=True):
+        expected = integrate_slip(before, twist, dt)
+        np.testing.assert_allclose(found.position, expected.position, rtol=0.0, atol=EQUAL)
+        np.testing.assert_allclose(found.rotation, expected.rotation, rtol=0.0, atol=EQUAL)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("contacts", [1, 3])
+def test_motion_for_the_observer(seed: int, contacts: int) -> None:
+    case, out = random_case(seed, contacts=contacts), np.empty(18)
+    samples = np.concatenate([np.concatenate((h, np.zeros(6))) for h in case.wrenches])
+    tuning, grips = pack_tuning(case.gains, case.model), pack_contacts(case.contacts)
+    predict_motion(
+        case.arm.record, tuning, grips, samples, pack_memory(case.previous, case.slips), case.slip_twist, out
+    )
+    grasp, _, h_ee, _ = plain(Case(**{**case.__dict__, "follow_error": None}))
+    force = grasp.follow - np.concatenate((case.model.gravity, np.zeros(3)))
+    expected = (grasp.follow + grasp.Phi2, force, -h_ee[:3] / case.model.mass, grasp.v_o[3:])
+    scale = max(1.0, np.abs(grasp.a_o).max())
+    np.testing.assert_allclose(out, np.concatenate(expected), rtol=0.0, atol=EQUAL * scale)
