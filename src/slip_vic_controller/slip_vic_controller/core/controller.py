@@ -171,19 +171,20 @@ class VicController:
         Implements: Eq. (21), (28), (29), the whole law.
         """
         with np.errstate(all="ignore"):  # overflow and NaN are looked for by value, a warning could be an exception
-            if new_slips is None:
-                new_slips = tuple(s for s in slips[:1] if s.stamp_ns != state.delays.newest_ns)
-            return self._step(state, joint, wrenches, slips, reference, new_slips)
+            return self.step_quietly(state, joint, wrenches, slips, reference, new_slips)
 
-    def _step(
+    def step_quietly(
         self,
         state: ControllerState,
         joint: JointSample,
         wrenches: tuple[WrenchSample, ...],
         slips: tuple[SlipSample, ...],
         reference: CartesianReference | None,
-        new_slips: tuple[SlipSample, ...],
+        new_slips: tuple[SlipSample, ...] | None,
     ) -> TickResult:
+        """Do what `step` does; the caller has switched numpy's warnings off."""
+        if new_slips is None:
+            new_slips = tuple(s for s in slips[:1] if s.stamp_ns != state.delays.newest_ns)
         q, qd, n, count = joint.position, joint.velocity, len(self.joint_names), len(self.contacts)
         samples = self._samples(wrenches, slips)
         if (

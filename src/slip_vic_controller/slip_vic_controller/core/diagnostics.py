@@ -82,7 +82,7 @@ class Glance(NamedTuple):
     law: LawOutcome
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class TickDiagnostics:
     """What happened in a tick.
 
@@ -109,7 +109,7 @@ class TickDiagnostics:
         if self._terms is None and self.evaluate is not None:
             terms = self.evaluate()
             terms.freeze()
-            object.__setattr__(self, "_terms", terms)
+            self._terms = terms
         return self._terms
 
     def scalars(self) -> dict[str, float]:

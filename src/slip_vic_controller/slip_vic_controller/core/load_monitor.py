@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slip_msgs_py.arrays import Array
+from slip_vic_controller.core.guard_kernel import EVIDENCE_MEMORY_S
 
 CANNOT_CARRY = "friction cannot carry the load"
 
@@ -72,7 +73,12 @@ class EvidenceState(NamedTuple):
 
 
 def slip_evidence(
-    state: EvidenceState | None, twist: Array, follow: Array, slip_axes_world: Array, dt: float, memory_s: float = 0.1
+    state: EvidenceState | None,
+    twist: Array,
+    follow: Array,
+    slip_axes_world: Array,
+    dt: float,
+    memory_s: float = EVIDENCE_MEMORY_S,
 ) -> EvidenceState:
     """Add up a_ee - G^T a_o over the last `memory_s`; twist of {ee} (6,), follow = G^T a_o + Phi2 (6,) {w}.
 

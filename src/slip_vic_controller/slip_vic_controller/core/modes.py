@@ -81,6 +81,14 @@ def next_mode(state: ModeState, findings: Findings, request: Request, now_ns: in
     Implements: ours: a fault wins over all, and latches; a request to hold wins over one to go on; what the inputs
     caused ends with its cause, what a user or a fault caused ends by a user.
     """
+    if (
+        findings == _NOTHING
+        and request == Request.NONE
+        and state.mode == Mode.ACTIVE
+        and state.enabled
+        and state.good_since_ns is not None
+    ):
+        return state  # nearly always
     enabled = request == Request.ENABLE or (state.enabled and request != Request.HOLD)
     bad = findings.missing or findings.hold
     good_since = None if bad else now_ns if state.good_since_ns is None else state.good_since_ns
@@ -111,6 +119,7 @@ def next_mode(state: ModeState, findings: Findings, request: Request, now_ns: in
 
 
 ASKED = "asked to hold"
+_NOTHING = Findings()
 
 
 def _cause(reason: str) -> str:

@@ -64,19 +64,27 @@ def pass_gate(limits: GateLimits, state: GateState, wanted: Array, now_ns: int) 
     The step since the last command is at most rate * min(time passed, longest step): the same slope at every control
     rate. A clock that goes back allows no step.
 
-    Implements: ours: finite, clipped, slope-limited, in this order.
+    Implements: ours: finite, clipped, slope-limited, in this order. The plain form of `guard_kernel.guard`.
     """
     refused = wanted.shape != limits.effort.shape or not finite(wanted)
     if refused:
         wanted = state.effort
     inside = np.minimum(np.maximum(wanted, -limits.effort), limits.effort)
-    step = limits.rate * NS * min(max(now_ns - state.now_ns, 0), limits.longest_step_ns)
+    step = largest_step(limits, state, now_ns)
     effort = np.minimum(np.maximum(inside, state.effort - step), state.effort + step)
     # Where the rate does not bind this is `inside` to the last bit. Rounding may not carry it over the effort limit.
     effort = np.minimum(np.maximum(effort, -limits.effort), limits.effort)
     limited = effort != inside
     effort.flags.writeable = False
     return GateResult(effort, inside != wanted, limited, refused, GateState(effort, max(now_ns, state.now_ns)))
+
+
+def largest_step(limits: GateLimits, state: GateState, now_ns: int) -> float:
+    """Return by how much an effort may differ at `now_ns` from the last one [N m].
+
+    Implements: ours: the same slope at every control rate, and none for a clock that goes back.
+    """
+    return limits.rate * NS * min(max(now_ns - state.now_ns, 0), limits.longest_step_ns)
 
 
 def needs_restart(limits: GateLimits, state: GateState | None, now_ns: int) -> bool:

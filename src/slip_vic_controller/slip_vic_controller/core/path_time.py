@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.types import CartesianReference
+from slip_vic_controller.core.guard_kernel import MOVING
 
 
 class PathTime(NamedTuple):
@@ -61,7 +62,7 @@ def lost_ns(time: PathTime, dt_ns: int) -> int:
     return 0 if time.scale == 1.0 else round((1.0 - time.scale) * dt_ns)
 
 
-def moving(twist: Array, slowest: float = 0.01) -> bool:
+def moving(twist: Array, slowest: float = MOVING) -> bool:
     """Return whether a reference's twist (6,) asks for motion: above `slowest` [m/s] or [rad/s].
 
     Implements: ours: an arm that should move and whose joint values stay equal to the last bit is not measured.

@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
+from slip_msgs_py.arrays import Array, readonly
 from slip_vic_controller.core.arm import ArmModel
+from slip_vic_controller.core.guard_kernel import BRAKE_ANGULAR, BRAKE_LINEAR, BRAKED_FROM
 from slip_vic_controller.core.safety_params import LimitParams
 
-PAD_BRAKE = np.repeat((100.0, 10.0), 3)  # [N s/m], [N m s/rad]
+PAD_BRAKE = np.repeat((BRAKE_LINEAR, BRAKE_ANGULAR), 3)  # [N s/m], [N m s/rad]
 PAD_BRAKE.flags.writeable = False
 TRIP = 4.0 / 3.0  # of the pad's speed limits
-BRAKED_FROM = 0.75
 
 
 class Walls(NamedTuple):
@@ -50,6 +50,15 @@ def make_walls(arm: ArmModel, params: LimitParams) -> Walls:
         arm.effort_limit,
         (params.speed_linear, params.speed_angular),
     )
+
+
+def pack_walls(walls: Walls) -> tuple[Array, Array]:
+    """Return the walls as `guard_kernel` takes them: one row per kind, and margin and speed limits of the pad.
+
+    Implements: ours: packed once.
+    """
+    rows = (walls.near_lower, walls.near_upper, walls.brake_from, walls.velocity, walls.trip, walls.effort)
+    return readonly(rows), readonly((walls.margin, *walls.speed))
 
 
 def joint_repulsion(walls: Walls, q: Array, qd: Array) -> Array | None:

@@ -6,27 +6,20 @@ Pure like the law: the memory is a frozen value, time is an argument. Every comm
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_msgs_py.arrays import Array
+from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import TickResult, VicController
-from slip_vic_controller.core.diagnostics import Glance, TickDiagnostics
+from slip_vic_controller.core.diagnostics import TickDiagnostics
 from slip_vic_controller.core.fallback import LadderPolicy, LadderState, Rung, descend
 from slip_vic_controller.core.grasp import contact_arm, object_rotation
+from slip_vic_controller.core.guard_kernel import WATCHED, guard, too_fast_index, watch
 from slip_vic_controller.core.input_monitor import Health
-from slip_vic_controller.core.load_monitor import (
-    CANNOT_CARRY,
-    EvidenceState,
-    cannot_carry,
-    fall_speed,
-    make_load_policy,
-    slip_evidence,
-)
+from slip_vic_controller.core.load_monitor import CANNOT_CARRY, cannot_carry, make_load_policy
 from slip_vic_controller.core.modes import (
     ASKED,
     Findings,
@@ -37,17 +30,9 @@ from slip_vic_controller.core.modes import (
     initial_mode,
     next_mode,
 )
-from slip_vic_controller.core.output_gate import GateLimits, GateState, needs_restart, pass_gate, start_gate
-from slip_vic_controller.core.path_time import (
-    FULL,
-    PathTime,
-    advance_path_time,
-    lost_ns,
-    moving,
-    scale_for_error,
-    scaled,
-)
-from slip_vic_controller.core.repulsion import joint_repulsion, make_walls, pad_brake, too_fast
+from slip_vic_controller.core.output_gate import GateLimits, GateState, largest_step, needs_restart, start_gate
+from slip_vic_controller.core.path_time import FULL, PathTime, advance_path_time, lost_ns, scaled
+from slip_vic_controller.core.repulsion import TRIP, make_walls, pack_walls, too_fast
 from slip_vic_controller.core.rotation import cross
 from slip_vic_controller.core.safety import hold_torque
 from slip_vic_controller.core.state import ControllerState
@@ -64,8 +49,8 @@ class SupervisorState(NamedTuple):
     """The memory of the supervision; (n,) arrays, None before there is anything to remember.
 
     mode; gate; ladder; path; posture: that HOLD keeps [rad]; now_ns: of the last cycle; joint_bad_since_ns;
-    contradicted_since_ns, fast_since_ns, saturated_since_ns, stopping_since_ns; fall [m/s]; evidence; speed: of the
-    path for the last errors, 0 to 1; moves: whether the last reference did.
+    contradicted_since_ns, fast_since_ns, saturated_since_ns, stopping_since_ns; watched: what the last evaluation of
+    the law looked like, packed as in `guard_kernel`, UNWATCHED before there is one.
     """
 
     mode: ModeState
@@ -79,10 +64,7 @@ class SupervisorState(NamedTuple):
     fast_since_ns: int | None
     saturated_since_ns: int | None
     stopping_since_ns: int | None
-    fall: float
-    evidence: EvidenceState | None
-    speed: float
-    moves: bool
+    watched: Array
 
 
 class Supervised(NamedTuple):
@@ -112,6 +94,9 @@ class Supervisor:
             controller.arm.effort_limit, limits.effort_rate, _ns(limits.longest_step_s), _ns(limits.restart_after_s)
         )
         self._walls = make_walls(controller.arm, limits)
+        self._packed_walls, self._speeds = pack_walls(self._walls)
+        self._unlimited = np.zeros(len(controller.joint_names), dtype=bool)
+        self._unlimited.flags.writeable = False
         self._policy = ModePolicy(safety.auto_enable, safety.auto_resume, _ns(safety.resume_after_s))
         observer_s = safety.fallback.observer_s if params.slip_estimator == "observer" else 0.0
         self._ladder = LadderPolicy(_ns(observer_s), _ns(safety.fallback.slow_down_s))
@@ -119,12 +104,15 @@ class Supervisor:
         self._bridge_ns, self._gap_ns = _ns(inputs.bridge_s), _ns(inputs.joint.age_s)
         self._saturated_ns = _ns(safety.saturated_s)
         self._slip_needed = params.controller == "vic"
+        axes = controller.contacts[0].slip_axes[:3]
+        bounds = (limits.error_linear, limits.error_angular, _SLIPPING)
+        self._watching = readonly((*self._load.down, self._load.memory_s, *bounds, *axes))
 
     def initial_state(self, now_ns: int) -> SupervisorState:
         """Return the memory before the first cycle."""
         mode = initial_mode(self._policy, now_ns)
         nothing = (None,) * 5
-        return SupervisorState(mode, None, LadderState(), FULL, None, now_ns, *nothing, 0.0, None, 1.0, False)
+        return SupervisorState(mode, None, LadderState(), FULL, None, now_ns, *nothing, UNWATCHED)
 
     def waiting(self, state: SupervisorState, missing: str, request: Request, now_ns: int) -> SupervisorState:
         """Return the memory after a cycle that gives no effort, because of what is missing."""
@@ -161,10 +149,11 @@ class Supervisor:
         with np.errstate(all="ignore"):
             if health.joint not in (Trouble.NONE, Trouble.DENORMAL, Trouble.RESTARTED, Trouble.NOT_RUN):
                 return self._blind(state, control, now_ns, joint, health.joint, request)
+            if state.joint_bad_since_ns is not None:
+                state = state._replace(joint_bad_since_ns=None)
             return self._seeing(
-                state._replace(joint_bad_since_ns=None), control, now_ns, joint, wrenches, slips, health, frozen,
-                request, reference, new_slips,
-            )  # fmt: skip
+                state, control, now_ns, joint, wrenches, slips, health, frozen, request, reference, new_slips
+            )
 
     def without_joint_state(
         self, state: SupervisorState, control: ControllerState, now_ns: int, request: Request
@@ -175,7 +164,7 @@ class Supervisor:
         state = state._replace(mode=mode, path=_STOPPED, posture=None)
         rest = np.zeros_like(control.position)
         joint = JointSample(control.stamp_ns, control.position, rest, rest)
-        return self._finish(state, control, now_ns, joint, self.controller.arm.gravity(control.position), None, None)
+        return self._finish(state, control, now_ns, joint, self.controller.arm.gravity(control.position), None)
 
     # -- one cycle ---------------------------------------------------------------------------------
 
@@ -196,7 +185,7 @@ class Supervisor:
             state = state._replace(path=_STOPPED, posture=None)
         state = state._replace(mode=mode, joint_bad_since_ns=since)
         stand_in = JointSample(joint.stamp_ns, control.position, np.zeros_like(control.position), np.zeros(0))
-        return self._finish(state, control, now_ns, stand_in, wanted, None, None)
+        return self._finish(state, control, now_ns, stand_in, wanted, None)
 
     def _seeing(
         self,
@@ -216,41 +205,42 @@ class Supervisor:
         findings, rung, state = self._find(state, now_ns, joint, health, frozen)
         mode = next_mode(state.mode, findings, request, now_ns, self._policy)
         entered = state.mode.mode
-        state = state._replace(mode=mode)
+        if mode is not state.mode:
+            state = state._replace(mode=mode)
         if not mode.mode.follows:
             return self._hold(state, control, now_ns, joint)
         dt_ns = max(joint.stamp_ns - control.stamp_ns, 0)
         if not entered.follows:
             # After a HOLD the path starts from rest; and the time that passed in it is not part of the path.
             state = state._replace(
-                path=FULL if entered == Mode.WAITING_INPUT else _STOPPED, posture=None, evidence=None, speed=1.0
+                path=FULL if entered == Mode.WAITING_INPUT else _STOPPED, posture=None, watched=UNWATCHED
             )
             control = self.controller.resume(control, joint)
         stops = rung == Rung.SLOWING or state.stopping_since_ns is not None
-        wanted_scale = 0.0 if stops else state.speed
-        path = advance_path_time(state.path, wanted_scale, dt_ns * 1e-9, self._safety.fallback.slow_down_s)
-        control = control._replace(start_ns=control.start_ns + lost_ns(path, dt_ns))
+        wanted_scale = 0.0 if stops else float(state.watched[1])
+        path = FULL
+        if wanted_scale < 1.0 or state.path != FULL:
+            path = advance_path_time(state.path, wanted_scale, dt_ns * 1e-9, self._safety.fallback.slow_down_s)
         if path != FULL:
+            control = control._replace(start_ns=control.start_ns + lost_ns(path, dt_ns))
             reference = scaled(self._planned(control, joint, reference), path)
         if rung in (Rung.OBSERVED, Rung.SLOWING):
             slips = tuple(SlipSample(joint.stamp_ns, np.zeros(6)) for _ in slips)
             new_slips = ()  # an observer goes on with the model alone
-        result = self.controller.step(control, joint, wrenches, slips, reference, new_slips)
+        result = self.controller.step_quietly(control, joint, wrenches, slips, reference, new_slips)
         if result.diagnostics.status != "ok":
             # The law could not be evaluated: its own safe command for this tick, and HOLD.
             mode = next_mode(mode, Findings(hold=result.diagnostics.reason), Request.NONE, now_ns, self._policy)
             state = state._replace(mode=mode, path=_STOPPED, posture=joint.position)
-            return self._finish(state, result.state, now_ns, joint, result.command.effort, None, None)
-        state = self._watch(state._replace(path=path), result, now_ns, dt_ns * 1e-9)
-        return self._finish(
-            state, result.state, now_ns, joint, result.command.effort, result, result.diagnostics.glance
-        )
+            return self._finish(state, result.state, now_ns, joint, result.command.effort, None)
+        state = self._watch(state, path, result, now_ns, dt_ns * 1e-9)
+        return self._finish(state, result.state, now_ns, joint, result.command.effort, result)
 
     def _stop_first(self, state: SupervisorState, request: Request, now_ns: int) -> tuple[Request, SupervisorState]:
         """Let a user's HOLD begin when the path has come to rest: a sudden stop throws a weakly gripped object."""
         since = state.stopping_since_ns
         if request in (Request.ENABLE, Request.RESET_FAULT) or not state.mode.mode.follows:
-            return request, state._replace(stopping_since_ns=None)
+            return request, state if since is None else state._replace(stopping_since_ns=None)
         if request == Request.HOLD and since is None:
             return Request.NONE, state._replace(stopping_since_ns=now_ns)
         if since is not None and now_ns - since >= 2 * self._ladder.slow_down_ns:
@@ -265,14 +255,20 @@ class Supervisor:
         contradicted = state.contradicted_since_ns
         if slip == Trouble.NONE and contradicted is not None and now_ns - contradicted > _EVIDENCE_NS:
             slip = Trouble.IMPLAUSIBLE
-        unknown = say("slip velocity", slip) if self._slip_needed and slip not in _FINE else ""
-        ladder, rung, words = descend(state.ladder, unknown, now_ns, self._ladder)
-        twist = None if state.evidence is None else state.evidence.twist
-        fast = too_fast(self._walls, self.controller.joint_names, joint.velocity, twist)
-        fast_since = None if not fast else now_ns if state.fast_since_ns is None else state.fast_since_ns
-        state = state._replace(fast_since_ns=fast_since)
-        fault = fast if fast_since is not None and now_ns - fast_since > _FAST_NS else ""
-        fault = fault or cannot_carry(self._load, state.fall)
+        rung, words = Rung.MEASURED, ""
+        if (slip not in _FINE and self._slip_needed) or state.ladder.since_ns is not None:
+            unknown = say("slip velocity", slip) if self._slip_needed and slip not in _FINE else ""
+            ladder, rung, words = descend(state.ladder, unknown, now_ns, self._ladder)
+            state = state._replace(ladder=ladder)
+        fault, watched = "", state.watched
+        fastest = too_fast_index(joint.velocity, self._packed_walls, self._speeds, watched, TRIP)
+        if fastest >= 0 or state.fast_since_ns is not None:
+            since = None if fastest < 0 else now_ns if state.fast_since_ns is None else state.fast_since_ns
+            state = state._replace(fast_since_ns=since)
+            if since is not None and now_ns - since > _FAST_NS:
+                fault = too_fast(self._walls, self.controller.joint_names, joint.velocity, watched[7:])
+        if watched[0] > self._load.drop_speed:
+            fault = fault or cannot_carry(self._load, float(watched[0]))
         hold = degraded = ""
         if health.outside == Trouble.FOREIGN_COMMAND:
             fault = fault or say("effort command", health.outside)
@@ -282,7 +278,7 @@ class Supervisor:
             hold = say("wrench", health.wrench)
         elif now_ns - state.now_ns > self._gap_ns and state.mode.mode != Mode.WAITING_INPUT:
             hold = say("joint state", Trouble.NOT_RUN)
-        elif frozen and state.moves and state.mode.mode.follows:
+        elif frozen and watched[2] and state.mode.mode.follows:
             hold = say("joint state", Trouble.FROZEN)
         elif rung == Rung.HOLD:
             hold = words
@@ -292,9 +288,11 @@ class Supervisor:
             degraded = f"{ASKED}: comes to rest first"
         elif state.saturated_since_ns is not None and now_ns - state.saturated_since_ns > self._saturated_ns:
             degraded = "saturated: slip cannot be driven to zero"
-        elif state.speed < 1.0 or state.path.scale < 1.0:
+        elif watched[1] < 1.0 or state.path.scale < 1.0:
             degraded = "the path waits for the arm"
-        return Findings("", fault, hold, degraded), rung, state._replace(ladder=ladder)
+        if not (fault or hold or degraded):
+            return _NOTHING, rung, state
+        return Findings("", fault, hold, degraded), rung, state
 
     def _planned(
         self, control: ControllerState, joint: JointSample, reference: CartesianReference | None
@@ -305,29 +303,23 @@ class Supervisor:
         t = (joint.stamp_ns - control.start_ns) * 1e-9 - self.controller.params.trajectory.start_s
         return reference_at(self.controller.path, t, control.start_position, control.start_rotation)
 
-    def _watch(self, state: SupervisorState, result: TickResult, now_ns: int, dt: float) -> SupervisorState:
+    def _watch(
+        self, state: SupervisorState, path: PathTime, result: TickResult, now_ns: int, dt: float
+    ) -> SupervisorState:
         """Look at what the law saw: errors, fall, and whether slip and wrench agree; for the next cycle."""
         glance = result.diagnostics.glance
-        if glance is None:
-            return state
-        limits, law, reference = self._safety.limits, glance.law, glance.reference
-        speed = scale_for_error(law.error_linear, law.error_angular, limits.error_linear, limits.error_angular)
-        R = glance.arm.rotation
-        plane = (R * self.controller.contacts[0].slip_axes[:3]).dot(R.T)
-        v = law.slip_speed
-        slipping = 1.0 if v > _SLIPPING else law.gate
-        fall = fall_speed(self._load, state.fall, law.object_acceleration, reference[18:], plane, slipping, dt)
-        evidence = slip_evidence(state.evidence, glance.arm.twist, law.carried, plane, dt)
-        shown = math.sqrt(evidence.velocity.dot(evidence.velocity))
-        blind = shown > self._safety.fallback.evidence and v < 0.1 * self._safety.fallback.evidence
+        assert glance is not None
+        packed, before = np.empty(WATCHED), state.watched
+        watch(
+            glance.arm.record, glance.law.packed, glance.reference, self._watching, before, before is not UNWATCHED, dt,
+            packed,
+        )  # fmt: skip
+        packed.flags.writeable = False
+        evidence = self._safety.fallback.evidence
+        blind = packed[3] > evidence and glance.law.slip_speed < 0.1 * evidence
         since = state.contradicted_since_ns
-        return state._replace(
-            fall=fall,
-            evidence=evidence,
-            speed=speed,
-            moves=moving(reference[12:18]),
-            contradicted_since_ns=None if not blind else now_ns if since is None else since,
-        )
+        since = None if not blind else now_ns if since is None else since
+        return state._replace(path=path, watched=packed, contradicted_since_ns=since)
 
     def _hold(self, state: SupervisorState, control: ControllerState, now_ns: int, joint: JointSample) -> Supervised:
         """Keep the posture in which HOLD began."""
@@ -344,10 +336,9 @@ class Supervisor:
             stamp_ns=max(joint.stamp_ns, control.stamp_ns), start_ns=control.start_ns + dt_ns, position=joint.position
         )
         state = state._replace(
-            posture=posture, path=_STOPPED, evidence=None, contradicted_since_ns=None, saturated_since_ns=None,
-            fall=0.0, moves=False,
-        )  # fmt: skip
-        return self._finish(state, control, now_ns, joint, wanted, None, None)
+            posture=posture, path=_STOPPED, watched=UNWATCHED, contradicted_since_ns=None, saturated_since_ns=None
+        )
+        return self._finish(state, control, now_ns, joint, wanted, None)
 
     def _load_wrench(self, control: ControllerState, R_ee: Array) -> Array:
         """Return the wrench of a resting object on the pad from what is known of it; (6,) [N, N m] {w}.
@@ -368,43 +359,45 @@ class Supervisor:
         joint: JointSample,
         wanted: Array,
         result: TickResult | None,
-        glance: Glance | None,
     ) -> Supervised:
         """Add the walls, pass the gate, and write the record; every command comes through here."""
-        torque = wanted
-        push = joint_repulsion(self._walls, joint.position, joint.velocity)
-        if push is not None:
-            torque = torque + push
-        if glance is not None:
-            brake = pad_brake(self._walls, glance.arm.J, glance.arm.twist)
-            if brake is not None:
-                torque = torque + brake
-        gate = state.gate
-        if gate is None or needs_restart(self._limits, gate, now_ns):
-            start = start_gate(self._limits, joint.effort, self.controller.arm.gravity(control.position), now_ns)
+        limits, gate, n = self._limits, state.gate, self._unlimited.size
+        if gate is None or needs_restart(limits, gate, now_ns):
+            start = start_gate(limits, joint.effort, self.controller.arm.gravity(control.position), now_ns)
             # The first step counts one control period.
             gate = start._replace(now_ns=now_ns - _ns(self.controller.params.control_period_s))
-        out = pass_gate(self._limits, gate, torque, now_ns)
-        saturated = out.clipped | out.limited
-        if result is not None:
-            saturated = saturated | result.diagnostics.saturated
+        law = None if result is None else result.diagnostics
+        arm = None if law is None or law.glance is None else law.glance.arm
+        out = np.empty(3 * n + 3)
+        guard(
+            joint.position, joint.velocity, wanted if arm is None else arm.record, arm is not None,
+            wanted if wanted.shape == (n,) else np.full(n, np.nan), self._packed_walls, self._speeds, gate.effort,
+            largest_step(limits, gate, now_ns), out,
+        )  # fmt: skip
+        out.flags.writeable = False
+        effort, limited = out[:n], out[2 * n : 3 * n] > 0.0 if out[-1] else self._unlimited
+        saturated = self._unlimited if law is None else law.saturated
+        if out[-2]:
+            saturated = saturated | (out[n : 2 * n] > 0.0)
+            saturated.flags.writeable = False
         since = state.saturated_since_ns
-        following = state._replace(
-            gate=out.state,
-            now_ns=now_ns,
-            saturated_since_ns=None if not np.count_nonzero(saturated) else now_ns if since is None else since,
-        )
-        mode = following.mode
-        near = result.diagnostics.near_singular if result is not None else ()
-        if result is not None and not out.refused:
-            evaluate = result.diagnostics.evaluate
-            record = TickDiagnostics("ok", mode.reason, near, out.effort, saturated, glance, evaluate)
+        if out[-2] or saturated is not self._unlimited:
+            since = None if not saturated.any() else now_ns if since is None else since
         else:
-            record = TickDiagnostics("safe", mode.reason or "bridged", near, out.effort, saturated, None, None)
-        saturated.flags.writeable = False
-        return Supervised(EffortCommand(joint.stamp_ns, out.effort), control, following, record, out.limited)
+            since = None
+        gate = GateState(effort, max(now_ns, gate.now_ns))
+        following = state._replace(gate=gate, now_ns=now_ns, saturated_since_ns=since)
+        reason = state.mode.reason
+        if law is not None and out[-3] == 0.0:
+            record = TickDiagnostics("ok", reason, law.near_singular, effort, saturated, law.glance, law.evaluate)
+        else:
+            near = () if law is None else law.near_singular
+            record = TickDiagnostics("safe", reason or "bridged", near, effort, saturated, None, None)
+        return Supervised(EffortCommand(joint.stamp_ns, effort), control, following, record, limited)
 
 
+UNWATCHED = readonly([0.0, 1.0, *([0.0] * (WATCHED - 2))])
+_NOTHING = Findings()
 _FINE = (Trouble.NONE, Trouble.DENORMAL)
 
 

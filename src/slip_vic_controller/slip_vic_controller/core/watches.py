@@ -11,40 +11,24 @@ from collections import Counter
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
+from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.types import JointSample
 from slip_vic_controller.core.arm import ArmModel
 from slip_vic_controller.core.safety_params import InputParams, WatchParams
 from slip_vic_controller.core.trouble import Trouble
+from slip_vic_controller.core.watch_kernel import (
+    ABSURD,
+    DENORMAL,
+    JUMP,
+    MOVES,
+    NOT_FINITE,
+    SAME,
+    judge_joints,
+    judge_six,
+)
 
-_TINY = float(np.finfo(np.float64).tiny)
-_ARM_MOVES = 0.02  # [rad/s]
 _LONGEST_COAST_S = 0.1  # for which a velocity explains a change of position
 _WEIGHT = 0.02  # of a new period in the mean
-
-
-def has_denormal(values: Array) -> bool:
-    """Return whether a number is neither zero nor normal; (k,), finite.
-
-    Implements: ours: what a broken driver leaves, and what makes arithmetic slow.
-    """
-    return any(0.0 < x < _TINY for x in map(abs, values.tolist()))
-
-
-def finite(values: Array) -> bool:
-    """Return whether no element is NaN or infinite; (k,).
-
-    Implements: ours: without numpy's warnings, which a user may have turned into exceptions.
-    """
-    return all(map(math.isfinite, values.tolist()))
-
-
-def same(a: Array, b: Array) -> bool:
-    """Return whether two arrays are equal to the last bit; (k,), (k,), contiguous.
-
-    Implements: ours: frozen values; a tenth of what numpy's own comparison costs.
-    """
-    return a.tobytes() == b.tobytes()
 
 
 class Rhythm:
@@ -59,10 +43,11 @@ class Rhythm:
         """Take an arrival."""
         if self._last_ns is not None:
             period = (now_ns - self._last_ns) * 1e-9
-            if math.isnan(self.period_s):
-                self.period_s = period
-            self.jitter_s += _WEIGHT * (abs(period - self.period_s) - self.jitter_s)
-            self.period_s += _WEIGHT * (period - self.period_s)
+            change = period - self.period_s
+            if change != change:  # the first period
+                self.period_s, change = period, 0.0
+            self.jitter_s += _WEIGHT * (abs(change) - self.jitter_s)
+            self.period_s += _WEIGHT * change
         self._last_ns = now_ns
 
 
@@ -98,32 +83,32 @@ class VectorWatch:
 
     def judge(self, stamp_ns: int, values: Array, valid: bool, now_ns: int, joint_stamp_ns: int | None) -> Trouble:
         """Return what is wrong with a sample (6,); only NONE and DENORMAL are to be used."""
-        trouble = self._judge(stamp_ns, values, valid, joint_stamp_ns)
-        self._invalid = trouble == Trouble.INVALID or (self._invalid and trouble != Trouble.NONE)
-        if trouble in (Trouble.NONE, Trouble.DENORMAL):
-            if self._values is None or not same(values, self._values):
+        trouble, bits = self._judge(stamp_ns, values, valid, joint_stamp_ns)
+        if trouble == Trouble.NONE or trouble == Trouble.DENORMAL:
+            if not bits & SAME:
                 self._equal_since_ns = stamp_ns
             self._stamp_ns, self._values, self._arrival_ns = stamp_ns, values, now_ns
             self.rhythm.beat(now_ns)
         if trouble != Trouble.NONE:
+            self._invalid = self._invalid or trouble == Trouble.INVALID
             self.counts[trouble] += 1
+        else:
+            self._invalid = False
         return trouble
 
-    def _judge(self, stamp_ns: int, values: Array, valid: bool, joint_stamp_ns: int | None) -> Trouble:
+    def _judge(self, stamp_ns: int, values: Array, valid: bool, joint_stamp_ns: int | None) -> tuple[Trouble, int]:
         if values.shape != (6,):
-            return Trouble.REFUSED
+            return Trouble.REFUSED, 0
         if self._stamp_ns is not None and stamp_ns <= self._stamp_ns:
-            return Trouble.DUPLICATE if stamp_ns == self._stamp_ns else Trouble.OUT_OF_ORDER
+            return (Trouble.DUPLICATE if stamp_ns == self._stamp_ns else Trouble.OUT_OF_ORDER), 0
         if joint_stamp_ns is not None and stamp_ns > joint_stamp_ns + self._future_ns:
-            return Trouble.FUTURE
+            return Trouble.FUTURE, 0
         if not valid:
-            return Trouble.INVALID
-        if not finite(values):
-            return Trouble.NOT_FINITE
-        numbers = values.tolist()
-        if math.hypot(*numbers[:3]) > self._largest[0] or math.hypot(*numbers[3:]) > self._largest[1]:
-            return Trouble.ABSURD
-        return Trouble.DENORMAL if has_denormal(values) else Trouble.NONE
+            return Trouble.INVALID, 0
+        bits = judge_six(values, _UNKNOWN_SIX if self._values is None else self._values, *self._largest)
+        if bits & _BAD_NUMBERS:
+            return (Trouble.NOT_FINITE if bits & NOT_FINITE else Trouble.ABSURD), bits
+        return (Trouble.DENORMAL if bits & DENORMAL else Trouble.NONE), bits
 
     def rebase(self, joint_stamp_ns: int) -> None:
         """Take the joint state's new clock: a sample ahead of it belongs to the old one."""
@@ -158,9 +143,9 @@ class JointWatch:
     def __init__(self, arm: ArmModel, params: InputParams, *, lockstep: bool) -> None:
         joint = params.joint
         slack = joint.position_slack
-        lower, upper = (arm.position_lower - slack).tolist(), (arm.position_upper + slack).tolist()
-        # Plain floats: seven of them are looked at sooner than numpy is called.
-        self._limits = list(zip(lower, upper, (arm.velocity_limit * joint.velocity_factor).tolist(), strict=True))
+        fastest = arm.velocity_limit * joint.velocity_factor
+        self._limits = readonly((arm.position_lower - slack, arm.position_upper + slack, fastest))
+        self._unknown = readonly(np.full(arm.position_lower.shape, np.nan))
         self._jump = joint.jump
         self._clock_jump_ns = round(params.clock_jump_s * 1e9)
         self._age_ns, self._frozen_ns = round(joint.age_s * 1e9), round(joint.frozen_s * 1e9)
@@ -172,6 +157,7 @@ class JointWatch:
         self._candidate: tuple[JointSample, int] | None = None
         self._agreeing = 0
         self._equal_since_ns = 0
+        self._moves = False
 
     @property
     def newest(self) -> JointSample | None:
@@ -180,10 +166,10 @@ class JointWatch:
 
     def judge(self, sample: JointSample, now_ns: int) -> Trouble:
         """Return what is wrong with a joint state; RESTARTED is good, and everything before it is void."""
-        trouble = self._judge(sample, now_ns)
+        trouble, bits = self._judge(sample, now_ns, self._last)
         if trouble in (Trouble.CLOCK_JUMP, Trouble.JUMP):
             before = self._candidate
-            agrees = before is not None and self._compare(sample, now_ns, before) == Trouble.NONE
+            agrees = before is not None and self._judge(sample, now_ns, before)[0] in (Trouble.NONE, Trouble.DENORMAL)
             self._agreeing = self._agreeing + 1 if agrees else 1
             self._candidate = sample, now_ns
             if self._agreeing >= self._accept_after:
@@ -191,44 +177,40 @@ class JointWatch:
         if trouble != Trouble.NONE:
             self.counts[trouble] += 1
         if trouble in (Trouble.NONE, Trouble.RESTARTED, Trouble.DENORMAL):
-            last = self.newest
-            if last is None or not (same(last.position, sample.position) and same(last.velocity, sample.velocity)):
+            if not bits & SAME:
                 self._equal_since_ns = now_ns
+            self._moves = bool(bits & MOVES)
             self._last, self._candidate, self._agreeing = (sample, now_ns), None, 0
             self.rhythm.beat(now_ns)
         return trouble
 
-    def _judge(self, sample: JointSample, now_ns: int) -> Trouble:
+    def _judge(self, sample: JointSample, now_ns: int, before: tuple[JointSample, int] | None) -> tuple[Trouble, int]:
+        """Return what is wrong with a sample in itself, or as one that follows another; and the bits of its numbers."""
         q, qd = sample.position, sample.velocity
         if q.shape != self._size or qd.shape != self._size:
-            return Trouble.REFUSED
-        if not (finite(q) and finite(qd)):
-            return Trouble.NOT_FINITE
-        for x, v, (lower, upper, fastest) in zip(q.tolist(), qd.tolist(), self._limits, strict=True):
-            if not (lower <= x <= upper and abs(v) <= fastest):
-                return Trouble.ABSURD
-        if self._last is not None:
-            trouble = self._compare(sample, now_ns, self._last)
-            if trouble != Trouble.NONE:
-                return trouble
-        return Trouble.DENORMAL if has_denormal(q) or has_denormal(qd) else Trouble.NONE
+            return Trouble.REFUSED, 0
+        if before is None:
+            bits = judge_joints(q, qd, self._limits, self._unknown, self._unknown, 0.0, 0.0)
+            trouble = Trouble.NONE
+        else:
+            last, last_now_ns = before
+            passed = sample.stamp_ns - last.stamp_ns
+            coast_s = 2.0 * min(passed * 1e-9, _LONGEST_COAST_S)
+            bits = judge_joints(q, qd, self._limits, last.position, last.velocity, self._jump, coast_s)
+            trouble = self._clock_trouble(passed, now_ns - last_now_ns)
+        if bits & _BAD_NUMBERS:
+            return (Trouble.NOT_FINITE if bits & NOT_FINITE else Trouble.ABSURD), bits
+        if trouble == Trouble.NONE and bits & (JUMP | DENORMAL):
+            trouble = Trouble.JUMP if bits & JUMP else Trouble.DENORMAL
+        return trouble, bits
 
-    def _compare(self, sample: JointSample, now_ns: int, before: tuple[JointSample, int]) -> Trouble:
-        """Return how a sample does not follow another one."""
-        last, last_now_ns = before
-        passed = sample.stamp_ns - last.stamp_ns
+    def _clock_trouble(self, passed: int, waited: int) -> Trouble:
+        """Return how a stamp does not follow another one [ns], while `waited` passed on the steady clock [ns]."""
         if passed <= 0:
             if passed <= -self._clock_jump_ns:
                 return Trouble.CLOCK_JUMP
             return Trouble.OUT_OF_ORDER if passed < 0 else Trouble.DUPLICATE
-        if passed - (now_ns - last_now_ns) > self._clock_jump_ns:
-            return Trouble.CLOCK_JUMP
-        coast_s = 2.0 * min(passed * 1e-9, _LONGEST_COAST_S)
-        arrays = (sample.position, sample.velocity, last.position, last.velocity)
-        for x, v, last_x, last_v in zip(*(array.tolist() for array in arrays), strict=True):
-            if abs(x - last_x) > self._jump + coast_s * max(abs(v), abs(last_v)):
-                return Trouble.JUMP
-        return Trouble.NONE
+        return Trouble.CLOCK_JUMP if passed - waited > self._clock_jump_ns else Trouble.NONE
 
     def silent(self, now_ns: int) -> bool:
         """Return whether no good joint state has come for the age limit."""
@@ -240,5 +222,8 @@ class JointWatch:
 
     def arm_moves(self) -> bool:
         """Return whether the last good joint state says so."""
-        last = self.newest
-        return last is not None and bool(np.count_nonzero(np.abs(last.velocity) > _ARM_MOVES))
+        return self._moves
+
+
+_UNKNOWN_SIX = readonly(np.full(6, np.nan))
+_BAD_NUMBERS = NOT_FINITE | ABSURD
