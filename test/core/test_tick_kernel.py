@@ -121,7 +121,7 @@ def random_case(
 def plain(case: Case) -> tuple[GraspTerms, LawTerms, Array, bool]:
     """Evaluate the plain form as the controller does."""
     R_ee, v_ee = case.arm.rotation, case.arm.twist
-    v_s = rotate6(R_ee, case.slip_twist)
+    v_s = rotate6(R_ee, case.slip_twist * case.contacts[0].slip_axes)
     grasp = grasp_terms(case.model, case.contacts, case.slips, case.wrenches, R_ee, v_ee, v_s)
     if case.follow_error is not None:
         grasp = grasp._replace(follow=grasp.follow + rotate6(R_ee, case.follow_error))
@@ -256,7 +256,7 @@ def test_a_mass_matrix_that_is_none_is_reported() -> None:
 def test_slip_displacement(seed: int, contacts: int) -> None:
     case, dt = random_case(seed, contacts=contacts, slip=1.0), 0.01
     _, memory = fast(case, dt=dt)
-    twists = [case.slip_twist] + [np.zeros(6)] * (contacts - 1)
+    twists = [case.slip_twist * case.contacts[0].slip_axes] + [np.zeros(6)] * (contacts - 1)
     for found, before, twist in zip(slips_of(memory), case.slips, twists, strict=True):
         expected = integrate_slip(before, twist, dt)
         np.testing.assert_allclose(found.position, expected.position, rtol=0.0, atol=EQUAL)
@@ -267,11 +267,10 @@ def test_slip_displacement(seed: int, contacts: int) -> None:
 @pytest.mark.parametrize("contacts", [1, 3])
 def test_motion_for_the_observer(seed: int, contacts: int) -> None:
     case, out = random_case(seed, contacts=contacts), np.empty(18)
+    slip = case.slip_twist * case.contacts[0].slip_axes
     samples = np.concatenate([np.concatenate((h, np.zeros(6))) for h in case.wrenches])
     tuning, grips = pack_tuning(case.gains, case.model), pack_contacts(case.contacts)
-    predict_motion(
-        case.arm.record, tuning, grips, samples, pack_memory(case.previous, case.slips), case.slip_twist, out
-    )
+    predict_motion(case.arm.record, tuning, grips, samples, pack_memory(case.previous, case.slips), slip, out)
     grasp, _, h_ee, _ = plain(Case(**{**case.__dict__, "follow_error": None}))
     force = grasp.follow - np.concatenate((case.model.gravity, np.zeros(3)))
     expected = (grasp.follow + grasp.Phi2, force, -h_ee[:3] / case.model.mass, grasp.v_o[3:])

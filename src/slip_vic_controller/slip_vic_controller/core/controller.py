@@ -103,6 +103,8 @@ class VicController:
         settings = (float(params.feed_forward), nullspace.stiffness, nullspace.damping)
         self._settings = readonly((*settings, singularity.sigma_min, singularity.damping, *self.arm.effort_limit))
         self._slip_needed = params.controller == "vic"
+        # An observer has a memory of its own, so bad numbers must not reach it; nor the plain form.
+        self._looks_first = self._observer is not None or params.attitude == "rpy"
         self._dead_band = bool(params.measured.dead_band_linear or params.measured.dead_band_angular)
         self._unsaturated = np.zeros(len(self.joint_names), dtype=bool)
         self._unsaturated.flags.writeable = False
@@ -184,15 +186,15 @@ class VicController:
     ) -> TickResult:
         """Do what `step` does; the caller has switched numpy's warnings off."""
         if new_slips is None:
-            new_slips = tuple(s for s in slips[:1] if s.stamp_ns != state.delays.newest_ns)
+            new_slips = slips[:1]
         q, qd, n, count = joint.position, joint.velocity, len(self.joint_names), len(self.contacts)
         samples = self._samples(wrenches, slips)
         if (
             samples is None
             or reference is not None
             or joint.stamp_ns < state.stamp_ns
+            or self._looks_first
             or not q.shape == qd.shape == (n,)
-            or not (finite(samples) and finite(q) and finite(qd))
         ):
             reason = refusal(state.stamp_ns, n, count, self._slip_needed, joint, wrenches, slips, reference)
             if reason or samples is None:
@@ -208,7 +210,8 @@ class VicController:
                 follow_error = estimate.error
         else:
             if self._dead_band:
-                samples[6:12] = measured_twist(self.params.measured, samples[6:12])
+                seen = samples[6:12] * self.contacts[0].slip_axes
+                samples[6:12] = measured_twist(self.params.measured, seen)
             tuning = self._slowed(tuning, delays)
         if reference is None:
             t = (joint.stamp_ns - state.start_ns) * 1e-9 - self.params.trajectory.start_s
@@ -230,9 +233,10 @@ class VicController:
         if self.params.attitude == "rpy":
             self._overwrite(inputs, memory, out)
         if out[0] != 1.0:
-            return self._safe(state, joint, "the law gave no finite torque")
-        for array in (samples, memory, out):
-            array.flags.writeable = False
+            # What is not finite comes out as not finite: only then it is worth while to look for the cause.
+            reason = refusal(state.stamp_ns, n, count, self._slip_needed, joint, wrenches, slips, reference)
+            return self._safe(state, joint, reason or "the law gave no finite torque")
+        memory.flags.writeable = out.flags.writeable = samples.flags.writeable = False
         law = LawOutcome(out, n)
         following = ControllerState(
             joint.stamp_ns,
@@ -258,12 +262,12 @@ class VicController:
         """Return wrench and slip twist of every contact in one array, or None where something is wrong with them."""
         if not len(wrenches) == len(slips) == len(self.contacts):
             return None
-        parts = []
-        for wrench, slip, contact in zip(wrenches, slips, self.contacts, strict=True):
-            twist = slip.twist * contact.slip_axes if slip.valid and slip.twist.shape == (6,) else _NO_SLIP
-            if wrench.wrench.shape != (6,) or (twist is _NO_SLIP and (slip.valid or self._slip_needed)):
+        parts: list[Array] = []
+        for wrench, slip in zip(wrenches, slips, strict=True):
+            twist = slip.twist if slip.valid else _NO_SLIP
+            if wrench.wrench.shape != (6,) or twist.shape != (6,) or (self._slip_needed and not slip.valid):
                 return None
-            parts += [wrench.wrench, twist]
+            parts += (wrench.wrench, twist)
         return np.concatenate(parts)
 
     def _pack(self, tuning: Tuning) -> tuple[Tuning, Array, Array]:
@@ -314,9 +318,9 @@ class VicController:
         """Evaluate the law by the formulas of the documentation, for a slip velocity wherever it comes from."""
         params, tuning, arm, reference = self.params, inputs.tuning, inputs.arm, unpack_reference(inputs.reference)
         R_ee, v_ee, wrenches, estimate = arm.rotation, arm.twist, inputs.wrenches, inputs.estimate
-        v_s = rotate6(R_ee, inputs.slip_twist)
-        h_ee = rotate6(R_ee, wrenches[0])
         contacts = self._contacts(tuning)
+        v_s = rotate6(R_ee, inputs.slip_twist * contacts[0].slip_axes)
+        h_ee = rotate6(R_ee, wrenches[0])
         grasp = grasp_terms(tuning.object_model, contacts, slips_of(inputs.after), wrenches, R_ee, v_ee, v_s)
         if estimate is not None and params.observer.correct_follow:
             grasp = grasp._replace(follow=grasp.follow + rotate6(R_ee, estimate.error))

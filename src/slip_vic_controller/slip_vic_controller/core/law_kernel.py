@@ -43,6 +43,13 @@ def move_slip(p: Three, R: Matrix, twist_linear: Three, twist_angular: Three, dt
 
 
 @part
+def where_it_slips(contact: Array, samples: Array, i: int) -> tuple[Three, Three]:
+    """Return the slip velocity that begins at samples[i], zero on axes on which the contact cannot slip; {ee}."""
+    v, w, a, b = three(samples, i), three(samples, i + 3), three(contact, 12), three(contact, 15)
+    return (a[0] * v[0], a[1] * v[1], a[2] * v[2]), (b[0] * w[0], b[1] * w[1], b[2] * w[2])
+
+
+@part
 def arm_of(pad: Matrix, contacts: Array, i: int, slip: Three) -> Three:
     """Return r = x_c - x_o of contact i on the axes of the own pad, from which `pad` leads to {o}."""
     return turn_back(pad, add(three(contacts[i], 0), turn(nine(contacts[i], 3), slip)))

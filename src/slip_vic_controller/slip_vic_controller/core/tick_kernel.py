@@ -10,10 +10,6 @@ from slip_vic_controller.core import law_kernel as law
 from slip_vic_controller.core.arm_kernel import BIAS, JDOT_QD, TWIST
 from slip_vic_controller.core.rotation_kernel import (
     add,
-    exponential,
-    jacobian_product,
-    jacobian_rate_product,
-    matmul,
     minus,
     nine,
     norm,
@@ -60,7 +56,7 @@ def evaluate(
     slips = memory_out[3:].reshape(k, 12)
     for i in range(k):
         first = 3 + 12 * i
-        linear, angular = three(samples, 12 * i + 6), three(samples, 12 * i + 9)
+        linear, angular = law.where_it_slips(contacts[i], samples, 12 * i + 6)
         s, R_s = law.move_slip(three(memory, first), nine(memory, first + 3), linear, angular, dt)
         put(slips[i], 0, s)
         put_matrix(slips[i], 3, R_s)
@@ -68,7 +64,7 @@ def evaluate(
     # -- the object, on pad axes
     R_ee = nine(arm, 3)
     v_ee, w_ee = three(arm, TWIST), three(arm, TWIST + 3)
-    slip = three(samples, 6), three(samples, 9)
+    slip = law.where_it_slips(contacts[0], samples, 6)
     w_o, r, fall, turning = law.object_motion(tuning, contacts, samples, slips, R_ee, w_ee, slip[1])
     carried = add(add(fall, vec_cross(turning, r)), law.centripetal(w_o, r))
     carried, turning = add(carried, three(follow_error, 0)), add(turning, three(follow_error, 3))
@@ -148,23 +144,3 @@ def predict_motion(
     put(out, 9, turning)
     put(out, 12, times(-1.0 / tuning[34], turn(R_ee, three(samples, 0))))
     put(out, 15, turn(R_ee, w))
-
-
-@kernel(VOID(IN1, IN1, IN1, OUT1))
-def place_reference(point: Array, position: Array, rotation: Array, out: Array) -> None:
-    """Write the packed reference of a point of a path, as `trajectory.reference_at` does.
-
-    Args:
-        point: displacement and rotation vector, and their two derivatives; (18,) {w}.
-        position, rotation: where the path starts; (3,) [m], (9,) by rows.
-        out: (24,).
-
-    Implements: ours: R_d = exp(phi) R_0, omega_d = J_l phi_dot, alpha_d = J_l phi_ddot + Jdot_l phi_dot.
-    """
-    phi, rate = three(point, 3), three(point, 9)
-    put(out, 0, add(three(position, 0), three(point, 0)))
-    put_matrix(out, 3, matmul(exponential(phi), nine(rotation, 0)))
-    put(out, 12, three(point, 6))
-    put(out, 15, jacobian_product(phi, rate))
-    put(out, 18, three(point, 12))
-    put(out, 21, add(jacobian_product(phi, three(point, 15)), jacobian_rate_product(phi, rate)))

@@ -16,8 +16,8 @@ from scipy.interpolate import CubicSpline
 from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.types import CartesianReference
 from slip_vic_controller.core.params import TrajectoryParams
+from slip_vic_controller.core.path_kernel import place_reference, quintic_point
 from slip_vic_controller.core.rotation import exp_so3, left_jacobian_product, left_jacobian_rate
-from slip_vic_controller.core.tick_kernel import place_reference
 
 PLANES = {"xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}
 
@@ -96,11 +96,9 @@ class PiecewiseQuintic:
         if t >= self._times[-1]:
             return self._last
         i = bisect.bisect_right(self._times, t) - 1
-        u = t - self._times[i]
-        u2 = u * u
-        u3, u4 = u2 * u, u2 * u2
-        powers = np.array((1.0, u, u2, u3, u4, u4 * u))
-        return PathPoint(self._polynomials[i].dot(powers))
+        point = np.empty(18)
+        quintic_point(self._polynomials[i], t - self._times[i], point)
+        return PathPoint(point)
 
 
 def _quintic(h: float, p0: Array, v0: Array, a0: Array, p1: Array, v1: Array, a1: Array) -> Array:
