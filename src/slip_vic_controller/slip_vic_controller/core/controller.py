@@ -74,6 +74,10 @@ class PlainTerms(NamedTuple):
     law: LawTerms
 
 
+_QUIET = np.errstate(all="ignore")
+"""Overflow and NaN are looked for by value; a warning could be an exception."""
+
+
 class VicController:
     """The controller of one arm. It holds configuration only; what changes is in `ControllerState`.
 
@@ -106,8 +110,8 @@ class VicController:
         # An observer has a memory of its own, so bad numbers must not reach it; nor the plain form.
         self._looks_first = self._observer is not None or params.attitude == "rpy"
         self._dead_band = bool(params.measured.dead_band_linear or params.measured.dead_band_angular)
-        self._unsaturated = np.zeros(len(self.joint_names), dtype=bool)
-        self._unsaturated.flags.writeable = False
+        self.unsaturated = np.zeros(len(self.joint_names), dtype=bool)
+        self.unsaturated.flags.writeable = False
         posture, joints = params.nullspace.posture, len(self.joint_names)
         if posture and len(posture) != joints:
             raise InputError("parameter nullspace.posture", got=f"{len(posture)} values", expected=f"{joints} or none")
@@ -172,19 +176,6 @@ class VicController:
 
         Implements: Eq. (21), (28), (29), the whole law.
         """
-        with np.errstate(all="ignore"):  # overflow and NaN are looked for by value, a warning could be an exception
-            return self.step_quietly(state, joint, wrenches, slips, reference, new_slips)
-
-    def step_quietly(
-        self,
-        state: ControllerState,
-        joint: JointSample,
-        wrenches: tuple[WrenchSample, ...],
-        slips: tuple[SlipSample, ...],
-        reference: CartesianReference | None,
-        new_slips: tuple[SlipSample, ...] | None,
-    ) -> TickResult:
-        """Do what `step` does; the caller has switched numpy's warnings off."""
         if new_slips is None:
             new_slips = slips[:1]
         q, qd, n, count = joint.position, joint.velocity, len(self.joint_names), len(self.contacts)
@@ -210,8 +201,7 @@ class VicController:
                 follow_error = estimate.error
         else:
             if self._dead_band:
-                seen = samples[6:12] * self.contacts[0].slip_axes
-                samples[6:12] = measured_twist(self.params.measured, seen)
+                samples[6:12] = self._beyond_dead_band(samples[6:12])
             tuning = self._slowed(tuning, delays)
         if reference is None:
             t = (joint.stamp_ns - state.start_ns) * 1e-9 - self.params.trajectory.start_s
@@ -252,7 +242,7 @@ class VicController:
         )
         near = ("arm",) * (law.damping_squared > 0.0) + ("attitude",) * law.near_singular
         effort = law.effort
-        saturated = np.abs(law.torque) > self.arm.effort_limit if law.saturated else self._unsaturated
+        saturated = np.abs(law.torque) > self.arm.effort_limit if law.saturated else self.unsaturated
         record = TickDiagnostics(
             "ok", "", near, effort, saturated, Glance(arm, desired, law), partial(self._evaluate, inputs)
         )
@@ -269,6 +259,10 @@ class VicController:
                 return None
             parts += (wrench.wrench, twist)
         return np.concatenate(parts)
+
+    @_QUIET
+    def _beyond_dead_band(self, twist: Array) -> Array:
+        return measured_twist(self.params.measured, twist * self.contacts[0].slip_axes)
 
     def _pack(self, tuning: Tuning) -> tuple[Tuning, Array, Array]:
         return tuning, pack_tuning(tuning.gains, tuning.object_model), pack_contacts(self._contacts(tuning))
@@ -289,6 +283,7 @@ class VicController:
             self._slow_tuning = tuning, slowed
         return slowed
 
+    @_QUIET
     def _observe(
         self,
         state: ControllerState,
@@ -340,6 +335,7 @@ class VicController:
         tau_0 = posture_torque(joint.position, joint.velocity, inputs.posture, nullspace.stiffness, nullspace.damping)
         return joint_torque(arm.M, arm.bias, arm.J, arm.jdot_qd, plain.law.a_C, plain.h_ee, tau_0, self.policy)
 
+    @_QUIET
     def _overwrite(self, inputs: LawInputs, memory: Array, out: Array) -> None:
         """Put the plain form's results in the place of the kernel's: roll, pitch, yaw have no kernel."""
         plain = self._plain_law(inputs)
@@ -355,12 +351,12 @@ class VicController:
             (grasp.a_o[:3], carried, law.a_C, plain.h_ee, effort, torque.torque, [np.count_nonzero(saturated)])
         )
 
+    @_QUIET
     def _evaluate(self, inputs: LawInputs) -> TickTerms:
         """Make the record of a tick, when somebody looks at it."""
         tuning = inputs.tuning
-        with np.errstate(all="ignore"):
-            plain = self._plain_law(inputs)
-            torque = self._torque(inputs, plain)
+        plain = self._plain_law(inputs)
+        torque = self._torque(inputs, plain)
         return TickTerms(
             tuning.gains,
             tuning.object_model,
@@ -375,6 +371,7 @@ class VicController:
             inputs.estimate,
         )
 
+    @_QUIET
     def _safe(self, state: ControllerState, joint: JointSample, reason: str) -> TickResult:
         """Hold the arm against gravity and brake its joints, from the last finite joint state."""
         size = state.position.shape

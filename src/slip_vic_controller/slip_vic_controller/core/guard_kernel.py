@@ -91,7 +91,7 @@ def guard(
             for i in range(3):
                 torque += arm[BIAS + n + i * n + j] * linear[i] + arm[BIAS + n + (3 + i) * n + j] * angular[i]
         out[j] = torque
-        finite = finite and abs(torque) < LARGEST
+        finite = finite and abs(torque) <= LARGEST
     clipped = limited = 0.0
     for j in range(n):
         limit = walls[5, j]

@@ -83,12 +83,11 @@ class InputMonitor:
     def health(self, joint_trouble: Trouble, joint_stamp_ns: int, now_ns: int) -> Health:
         """Return what the inputs are worth in a cycle that answers a joint state with this trouble."""
         moves = self.joint.arm_moves()
-        return Health(
-            joint_trouble,
-            max(watch.worth(now_ns, joint_stamp_ns, moves) for watch in self.wrenches),
-            max(watch.worth(now_ns, joint_stamp_ns, moves) for watch in self.slips),
-            self.outside,
-        )
+        wrench = slip = Trouble.NONE
+        for wrenches, slips in zip(self.wrenches, self.slips, strict=True):
+            wrench = max(wrench, wrenches.worth(now_ns, joint_stamp_ns, moves))
+            slip = max(slip, slips.worth(now_ns, joint_stamp_ns, moves))
+        return Health(joint_trouble, wrench, slip, self.outside)
 
     def set_publishers(self, counts: dict[str, int], own_topic_publishers: int) -> None:
         """Take how many publishers each input topic has, and how many our command topic has."""

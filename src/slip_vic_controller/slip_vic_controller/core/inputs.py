@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -12,8 +12,7 @@ from slip_vic_controller.core.input_monitor import UNANSWERED, USABLE, InputMoni
 from slip_vic_controller.core.trouble import Trouble
 
 
-@dataclass(frozen=True, slots=True)
-class TickInputs:
+class TickInputs(NamedTuple):
     """What one cycle uses: the joint state, and per contact the samples that came since the last cycle, oldest first.
 
     `wrenches` and `slips` hold the newest sample of each contact.
@@ -26,8 +25,7 @@ class TickInputs:
     new_slips: tuple[tuple[SlipSample, ...], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Manifest:
+class Manifest(NamedTuple):
     """The bridge's list of what belongs to a lockstep tick: samples published so far, per contact."""
 
     tick: int
@@ -71,6 +69,7 @@ class InputBuffer:
         self._wrench_counts = [0] * contacts
         self._slip_counts = [0] * contacts
         self.skipped = 0
+        self._all_seen = False
 
     def add_joint(self, sample: JointSample, now_ns: int | None = None) -> None:
         """Take a joint state; one that was never used is skipped, newest wins. `now_ns`: steady time of its arrival."""
@@ -125,6 +124,8 @@ class InputBuffer:
 
         Implements: ours: no command before every input was seen once.
         """
+        if self._all_seen and self._joint is not None:
+            return []
         names = ["joint_states"] if self._joint is None else []
         names += [f"wrench of contact {i}" for i, sample in enumerate(self._newest_wrench) if sample is None]
         slips = self._newest_slip if self._slip_needed else ()
@@ -153,14 +154,20 @@ class InputBuffer:
         Implements: ours: no command before every input was seen once.
         """
         joint = self._joint
-        wrenches = tuple(sample for sample in self._newest_wrench if sample is not None)
-        known = (sample if self._slip_needed else sample or _NO_SLIP for sample in self._newest_slip)
-        slips = tuple(sample for sample in known if sample is not None)
-        if joint is None or len(wrenches) != len(self._newest_wrench) or len(slips) != len(self._newest_slip):
+        if not self._all_seen:
+            newest = (*self._newest_wrench, *(self._newest_slip if self._slip_needed else ()))
+            self._all_seen = all(sample is not None for sample in newest)
+        if joint is None or not self._all_seen:
             self._joint = None
             self._manifest = None
             return None
-        inputs = TickInputs(joint, wrenches, slips, tuple(map(tuple, self._wrenches)), tuple(map(tuple, self._slips)))
+        inputs = TickInputs(
+            joint,
+            cast("tuple[WrenchSample, ...]", tuple(self._newest_wrench)),
+            tuple([sample or _NO_SLIP for sample in self._newest_slip]),
+            tuple([tuple(samples) for samples in self._wrenches]),
+            tuple([tuple(samples) for samples in self._slips]),
+        )
         self._joint = None
         self._manifest = None
         for wrench_samples in self._wrenches:

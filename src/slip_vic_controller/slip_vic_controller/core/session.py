@@ -5,7 +5,7 @@ The node, the in-process loop and bag replay all run this same class.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,8 +32,7 @@ NO_EFFORT = readonly(np.zeros(0))
 NO_STAMP = (0, 0)
 
 
-@dataclass(frozen=True, slots=True)
-class CycleResult:
+class CycleResult(NamedTuple):
     """One answered cycle; an empty effort means "no command": an input has never been seen.
 
     ledger: [cycle, state sec, nanosec, then per contact the newest wrench's and slip's sec, nanosec].

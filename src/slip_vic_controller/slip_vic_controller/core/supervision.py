@@ -6,7 +6,7 @@ Pure like the law: the memory is a frozen value, time is an argument. Every comm
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,8 +95,7 @@ class Supervisor:
         )
         self._walls = make_walls(controller.arm, limits)
         self._packed_walls, self._speeds = pack_walls(self._walls)
-        self._unlimited = np.zeros(len(controller.joint_names), dtype=bool)
-        self._unlimited.flags.writeable = False
+        self._unlimited = controller.unsaturated
         self._policy = ModePolicy(safety.auto_enable, safety.auto_resume, _ns(safety.resume_after_s))
         observer_s = safety.fallback.observer_s if params.slip_estimator == "observer" else 0.0
         self._ladder = LadderPolicy(_ns(observer_s), _ns(safety.fallback.slow_down_s))
@@ -146,15 +145,15 @@ class Supervisor:
             reference: from a topic, or None.
             new_slips: of the own contact, all since the last cycle; None = the newest.
         """
-        with np.errstate(all="ignore"):
-            if health.joint not in (Trouble.NONE, Trouble.DENORMAL, Trouble.RESTARTED, Trouble.NOT_RUN):
-                return self._blind(state, control, now_ns, joint, health.joint, request)
-            if state.joint_bad_since_ns is not None:
-                state = state._replace(joint_bad_since_ns=None)
-            return self._seeing(
-                state, control, now_ns, joint, wrenches, slips, health, frozen, request, reference, new_slips
-            )
+        if health.joint not in _ANSWERED:
+            return self._blind(state, control, now_ns, joint, health.joint, request)
+        if state.joint_bad_since_ns is not None:
+            state = state._replace(joint_bad_since_ns=None)
+        return self._seeing(
+            state, control, now_ns, joint, wrenches, slips, health, frozen, request, reference, new_slips
+        )
 
+    @np.errstate(all="ignore")  # what is not finite is looked for by value
     def without_joint_state(
         self, state: SupervisorState, control: ControllerState, now_ns: int, request: Request
     ) -> Supervised:
@@ -168,6 +167,7 @@ class Supervisor:
 
     # -- one cycle ---------------------------------------------------------------------------------
 
+    @np.errstate(all="ignore")  # what is not finite is looked for by value
     def _blind(
         self, state: SupervisorState, control: ControllerState, now_ns: int, joint: JointSample, trouble: Trouble,
         request: Request,
@@ -227,14 +227,17 @@ class Supervisor:
         if rung in (Rung.OBSERVED, Rung.SLOWING):
             slips = tuple(SlipSample(joint.stamp_ns, np.zeros(6)) for _ in slips)
             new_slips = ()  # an observer goes on with the model alone
-        result = self.controller.step_quietly(control, joint, wrenches, slips, reference, new_slips)
+        result = self.controller.step(control, joint, wrenches, slips, reference, new_slips)
         if result.diagnostics.status != "ok":
             # The law could not be evaluated: its own safe command for this tick, and HOLD.
             mode = next_mode(mode, Findings(hold=result.diagnostics.reason), Request.NONE, now_ns, self._policy)
             state = state._replace(mode=mode, path=_STOPPED, posture=joint.position)
             return self._finish(state, result.state, now_ns, joint, result.command.effort, None)
-        state = self._watch(state, path, result, now_ns, dt_ns * 1e-9)
-        return self._finish(state, result.state, now_ns, joint, result.command.effort, result)
+        watched, contradicted_since_ns = self._watch(state, result, now_ns, dt_ns * 1e-9)
+        return self._finish(
+            state, result.state, now_ns, joint, result.command.effort, result, path=path, watched=watched,
+            contradicted_since_ns=contradicted_since_ns,
+        )  # fmt: skip
 
     def _stop_first(self, state: SupervisorState, request: Request, now_ns: int) -> tuple[Request, SupervisorState]:
         """Let a user's HOLD begin when the path has come to rest: a sudden stop throws a weakly gripped object."""
@@ -303,9 +306,7 @@ class Supervisor:
         t = (joint.stamp_ns - control.start_ns) * 1e-9 - self.controller.params.trajectory.start_s
         return reference_at(self.controller.path, t, control.start_position, control.start_rotation)
 
-    def _watch(
-        self, state: SupervisorState, path: PathTime, result: TickResult, now_ns: int, dt: float
-    ) -> SupervisorState:
+    def _watch(self, state: SupervisorState, result: TickResult, now_ns: int, dt: float) -> tuple[Array, int | None]:
         """Look at what the law saw: errors, fall, and whether slip and wrench agree; for the next cycle."""
         glance = result.diagnostics.glance
         assert glance is not None
@@ -318,9 +319,9 @@ class Supervisor:
         evidence = self._safety.fallback.evidence
         blind = packed[3] > evidence and glance.law.slip_speed < 0.1 * evidence
         since = state.contradicted_since_ns
-        since = None if not blind else now_ns if since is None else since
-        return state._replace(path=path, watched=packed, contradicted_since_ns=since)
+        return packed, None if not blind else now_ns if since is None else since
 
+    @np.errstate(all="ignore")
     def _hold(self, state: SupervisorState, control: ControllerState, now_ns: int, joint: JointSample) -> Supervised:
         """Keep the posture in which HOLD began."""
         posture = joint.position if state.posture is None else state.posture
@@ -359,6 +360,7 @@ class Supervisor:
         joint: JointSample,
         wanted: Array,
         result: TickResult | None,
+        **changes: Any,
     ) -> Supervised:
         """Add the walls, pass the gate, and write the record; every command comes through here."""
         limits, gate, n = self._limits, state.gate, self._unlimited.size
@@ -386,7 +388,7 @@ class Supervisor:
         else:
             since = None
         gate = GateState(effort, max(now_ns, gate.now_ns))
-        following = state._replace(gate=gate, now_ns=now_ns, saturated_since_ns=since)
+        following = state._replace(gate=gate, now_ns=now_ns, saturated_since_ns=since, **changes)
         reason = state.mode.reason
         if law is not None and out[-3] == 0.0:
             record = TickDiagnostics("ok", reason, law.near_singular, effort, saturated, law.glance, law.evaluate)
@@ -399,6 +401,7 @@ class Supervisor:
 UNWATCHED = readonly([0.0, 1.0, *([0.0] * (WATCHED - 2))])
 _NOTHING = Findings()
 _FINE = (Trouble.NONE, Trouble.DENORMAL)
+_ANSWERED = (Trouble.NONE, Trouble.DENORMAL, Trouble.RESTARTED, Trouble.NOT_RUN)
 
 
 def _ns(seconds: float) -> int:

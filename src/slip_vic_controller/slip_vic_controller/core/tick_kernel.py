@@ -101,11 +101,11 @@ def evaluate(
         limit = settings[5 + j]
         saturated += 1.0 if abs(torque[j]) > limit else 0.0
         out[25 + j] = min(max(torque[j], -limit), limit)
-        finite = finite and abs(torque[j]) < _LARGEST
+        finite = finite and abs(torque[j]) <= _LARGEST
     for i in range(memory_out.shape[0]):
         if i < 3:
             memory_out[i] = e_o[i]
-        finite = finite and abs(memory_out[i]) < _LARGEST
+        finite = finite and abs(memory_out[i]) <= _LARGEST
     out[0] = 1.0 if solved and finite else 0.0
     out[1], out[2], out[3] = damping, (1.0 if law.far_turned(e_o) else 0.0), gate
     out[4], out[5], out[6] = norm(x_e), norm(e_o), norm(slip[0])

@@ -16,6 +16,22 @@ ARM_MOVES = 0.02
 """[rad/s]"""
 
 
+LARGEST = 1e154
+"""Beyond it squares overflow."""
+
+
+@kernel(INT(IN1))
+def all_finite(values: Array) -> int:
+    """Return 1 where all numbers (k,) are finite and not beyond LARGEST, else 0.
+
+    Implements: ours: NaN is not below a limit either.
+    """
+    for x in values:
+        if not abs(x) <= LARGEST:
+            return 0
+    return 1
+
+
 @part
 def _same(a: Array, b: Array) -> bool:
     """Return whether all bits are equal: 0 and -0 are not, as no frozen sensor changes a sign."""
