@@ -12,6 +12,7 @@ from rich.console import Console
 
 from slip_bringup.bags.cli import bag
 from slip_bringup.faults.cli import faults
+from slip_bringup.soak.cli import soak
 from slip_bringup.study.cli import check, study
 from slip_msgs_py.errors import SlipVicError
 
@@ -118,6 +119,7 @@ def params(scenarios: tuple[str, ...], out: Path, reference: bool) -> None:
 
 cli.add_command(bag)
 cli.add_command(faults)
+cli.add_command(soak)
 cli.add_command(check)
 cli.add_command(study)
 
