@@ -3,7 +3,9 @@
 The contact twist v = (vx, vy, wz) is the velocity of one surface over the other at the pad centre, on pad axes;
 f = (fx, fy, tau_z) is the friction on the moving surface. With S = diag(1, 1, rho) all motions share one speed
 s = |S v| and all loads one limit |S^-1 f| <= F(s). `Coulomb` and `Stribeck` are rigid laws: F is all they have.
-`LuGre` (in `lugre.py`) puts elastic bristles in front of the same F. Hot path: plain floats, no numpy.linalg.
+`LuGre` (in `lugre.py`) puts elastic bristles in front of the same F.
+
+These are the formulas to read, and the referee of their compiled form in `friction_kernel`, which runs in every step.
 """
 
 from __future__ import annotations
@@ -16,14 +18,12 @@ import numpy as np
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.errors import InputError
-from slip_sim_bridge.sim import sym3
-from slip_sim_bridge.sim.sym3 import Sym3, Vec3
+from slip_sim_bridge.sim import sym3_kernel as sym3
+from slip_sim_bridge.sim.friction_kernel import ROOT_ITERATIONS, ROOT_TOLERANCE
+from slip_sim_bridge.sim.sym3_kernel import Sym3, Vec3
 
 NO_STATE: Vec3 = (0.0, 0.0, 0.0)
 """State of a contact before its first step; rigid laws never change it."""
-
-_ROOT_TOLERANCE = 1e-13  # of |.| = 1: rounding level of the secular equation
-_ROOT_ITERATIONS = 80  # bisection alone would need 45
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,12 +189,12 @@ def project(law: FrictionLaw, u_free: Vec3, A_hat: Sym3, normal_force: float) ->
     if not low < speed <= high:
         speed = 0.5 * high
     xx, xy, xz, yy, yz, zz = A_hat
-    for _ in range(_ROOT_ITERATIONS):
+    for _ in range(ROOT_ITERATIONS):
         force, slope = law.limit(speed, normal_force)
         M = (speed + force * xx, force * xy, force * xz, speed + force * yy, force * yz, speed + force * zz)
         w = sym3.solve(M, u_free)
         norm = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
-        if abs(norm - 1.0) <= _ROOT_TOLERANCE:
+        if abs(norm - 1.0) <= ROOT_TOLERANCE:
             break
         if norm > 1.0:
             low = speed
@@ -206,7 +206,7 @@ def project(law: FrictionLaw, u_free: Vec3, A_hat: Sym3, normal_force: float) ->
         following = speed + step
         if not low < following < high:
             following = 0.5 * (low + high)
-        if abs(following - speed) <= _ROOT_TOLERANCE * speed:
+        if abs(following - speed) <= ROOT_TOLERANCE * speed:
             break
         speed = following
     scale = 1.0 / norm

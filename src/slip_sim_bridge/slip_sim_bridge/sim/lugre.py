@@ -9,7 +9,7 @@ original LuGre model does not manage. Taking the slip rate along z_hat makes the
 bristle towards the slip without shortening it; on a straight line both forms are the same. Steady sliding gives F(s).
 
 Backward Euler gives z' = kappa (z + dt u) with one unknown kappa in (0, 1], 1 = elastic. It is bounded,
-|z'| <= max(|z|, z_ss), at any step; a stiff bristle needs no small step.
+|z'| <= max(|z|, z_ss), at any step; a stiff bristle needs no small step. Compiled form: `lugre_kernel`.
 """
 
 from __future__ import annotations
@@ -18,13 +18,10 @@ import math
 from dataclasses import dataclass
 
 from slip_msgs_py.errors import InputError
-from slip_sim_bridge.sim import sym3
+from slip_sim_bridge.sim import sym3_kernel as sym3
 from slip_sim_bridge.sim.friction import Stribeck
-from slip_sim_bridge.sim.sym3 import Sym3, Vec3
-
-_ROOT_TOLERANCE = 1e-12  # of kappa
-_ROOT_ITERATIONS = 100
-_SHORTEST = 1e-12  # m: full stretch where there is no dry friction; its force is nil
+from slip_sim_bridge.sim.lugre_kernel import ROOT_ITERATIONS, ROOT_TOLERANCE, SHORTEST
+from slip_sim_bridge.sim.sym3_kernel import Sym3, Vec3
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,11 +95,11 @@ class LuGre:
         """Find kappa by regula falsi (Illinois): the residual is 1 at kappa = 0 and negative at 1."""
         low, high, r_low, r_high = 0.0, 1.0, 1.0, at_one[0]
         step, side = at_one, 0
-        for _ in range(_ROOT_ITERATIONS):
+        for _ in range(ROOT_ITERATIONS):
             kappa = (low * r_high - high * r_low) / (r_high - r_low)
             step = self._trial(kappa, u_free, A_hat, normal_force, dt, z)
             r = step[0]
-            if abs(r) <= _ROOT_TOLERANCE or high - low <= _ROOT_TOLERANCE * kappa:
+            if abs(r) <= ROOT_TOLERANCE or high - low <= ROOT_TOLERANCE * kappa:
                 break
             if r > 0.0:
                 low, r_low = kappa, r
@@ -133,7 +130,7 @@ class LuGre:
         along = u[0] * z_next[0] + u[1] * z_next[1] + u[2] * z_next[2]
         speed = math.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
         dry = self.curve.limit(speed, normal_force)[0] - self.curve.viscous * speed
-        z_ss = max(dry / self.stiffness, _SHORTEST)
+        z_ss = max(dry / self.stiffness, SHORTEST)
         if along <= 0.0 or length <= self.breakaway_fraction * z_ss:
             return 1.0 - kappa, u, z_next
         flow = dt * self._alpha(length / z_ss) * along / (length * z_ss)

@@ -18,7 +18,7 @@ from slip_sim_bridge.sim.laws import friction_law
 from slip_sim_bridge.sim.model import FORCE_SENSOR, OBJECT, PAD, TORQUE_SENSOR
 from slip_sim_bridge.sim.native_model import FRICTION_PAIRS, OBJECT_JOINTS, PAD_JOINTS, build_native_model
 from slip_sim_bridge.sim.params import BridgeParams
-from slip_sim_bridge.sim.plant import DivergenceError
+from slip_sim_bridge.sim.plant import DivergenceError, gather
 
 _FATAL_WARNINGS = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 _LONGEST_STEP_S = 0.00025
@@ -124,6 +124,13 @@ class NativePlant:
         mujoco.mj_fullM(model, data, full)
         pull = stiffness * (target - data.qpos[self._arm_q]) - damping * data.qvel[self._arm]
         return np.array(data.qfrc_bias[self._arm] + full[np.ix_(self._arm, self._arm)] @ pull)
+
+    def read(self) -> Array:
+        """Return everything that can be read, laid out by `Record`; (2 n + 36,).
+
+        Implements: ours: all read-out methods in turn.
+        """
+        return gather(self)
 
     def joint_position(self) -> Array:
         """Joint positions; (n,) [rad].

@@ -1,10 +1,11 @@
-"""Closed forms for symmetric 3x3 matrices in plain floats: 1-2 us each, where numpy.linalg takes 7-15."""
+"""Closed forms for symmetric 3x3 matrices in plain floats: for plain formulas and for kernels."""
 
 from __future__ import annotations
 
 import math
 
 from slip_msgs_py.arrays import Array
+from slip_msgs_py.compiled import part
 
 Vec3 = tuple[float, float, float]
 Sym3 = tuple[float, float, float, float, float, float]
@@ -62,3 +63,8 @@ def largest_eigenvalue(matrix: Sym3) -> float:
         2.0 * spread * spread * spread
     )
     return mean + 2.0 * spread * math.cos(math.acos(max(-1.0, min(1.0, half_det))) / 3.0)
+
+
+solve_of = part(solve)
+multiply_of = part(multiply)
+largest_eigenvalue_of = part(largest_eigenvalue)
