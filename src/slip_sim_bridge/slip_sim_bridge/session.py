@@ -5,7 +5,7 @@ The node and the in-process loop run this same class.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,7 @@ from slip_sim_bridge.sim.simulation import GraspSimulation
 NO_EFFORT = readonly(np.zeros(0))
 
 
-@dataclass(frozen=True, slots=True)
-class TickOutputs:
+class TickOutputs(NamedTuple):
     """What the bridge publishes at one tick; wrenches and slips per contact, those that are due now, oldest first.
 
     counts: per contact, wrench and slip samples published so far: what a lockstep controller waits for.
@@ -50,6 +49,7 @@ class BridgeSession:
         self._sensors = SensorSuite(params)
         self._start_ns = self.simulation.stamp_ns
         self._duration_ns = seconds_to_ns(params.duration_s)
+        self._oldest_ns = seconds_to_ns(params.command_timeout_s)
         self._wrench_count = 0
         self._slip_count = 0
         self._reset_wanted = False
@@ -94,20 +94,14 @@ class BridgeSession:
             self._reset_wanted = False
             self.simulation.reset()
             self._sensors.reset()
-        simulation = self.simulation
-        wrenches = tuple(self._sensors.wrench.update(simulation.true_wrench()))
-        slips = tuple(self._sensors.slip.update(simulation.true_slip()))
+        sensors, (joint, wrench, slip, truth) = self._sensors, self.simulation.observe()
+        wrenches = tuple(sensors.wrench.update(wrench))
+        slips = tuple(sensors.slip.update(slip))
         self._wrench_count += len(wrenches)
         self._slip_count += len(slips)
-        return TickOutputs(
-            tick=self.tick,
-            stamp_ns=simulation.stamp_ns,
-            joint=self._sensors.joint.update(simulation.joint_sample()),
-            wrenches=(wrenches,),
-            slips=(slips,),
-            counts=(self._wrench_count, self._slip_count),
-            truth=simulation.truth(),
-        )
+        counts = self._wrench_count, self._slip_count
+        measured = sensors.joint.update(joint)
+        return TickOutputs(self.tick, truth.stamp_ns, measured, (wrenches,), (slips,), counts, truth)
 
     def advance(self, command: EffortCommand | None) -> None:
         """Apply a command for one control period; None, an empty one, or one too old or not finite holds the arm.
@@ -119,7 +113,7 @@ class BridgeSession:
 
     def _accepted(self, command: EffortCommand | None) -> Array | None:
         """Return the effort of a command that counts."""
-        if command is None or not len(command.effort) or not np.isfinite(command.effort).all():
+        if command is None or not len(command.effort):
             return None
         age_ns = self.simulation.stamp_ns - command.stamp_ns
-        return command.effort if 0 <= age_ns <= seconds_to_ns(self._params.command_timeout_s) else None
+        return command.effort if 0 <= age_ns <= self._oldest_ns else None

@@ -5,9 +5,8 @@ Every sensor draws from a random stream of its own, so that switching one on doe
 
 from __future__ import annotations
 
-import dataclasses
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -21,6 +20,7 @@ Sample = TypeVar("Sample", WrenchSample, SlipSample, JointSample)
 Measure = Callable[[Sample, np.random.Generator], Sample | None]
 
 _NS_PER_S = 1_000_000_000
+_DRAWN_AHEAD = 256
 _STREAMS = {
     "slip": 0,
     "wrench": 1,
@@ -47,6 +47,7 @@ class Sensor(Generic[Sample]):
         self._rate_hz = rate_hz
         self._latency_ns = round(latency_s * _NS_PER_S)
         self._make_rng = rng
+        self._prompt = rate_hz == 0.0 and latency_s == 0.0
         self.reset()
 
     def reset(self) -> None:
@@ -61,6 +62,9 @@ class Sensor(Generic[Sample]):
 
         Implements: ours: measurement k at the first tick not before k / rate; published latency later.
         """
+        if self._prompt:
+            measured = self._measure(truth, self._rng)
+            return [] if measured is None else [measured]
         if self._due(truth.stamp_ns):
             sample = self._measure(truth, self._rng)
             if sample is not None:
@@ -90,6 +94,8 @@ class JointSensor:
         self._make_rng = rng
         self._held = params.rate_hz > 0.0 or params.latency_s > 0.0
         self._bias = np.array(params.bias_position) if params.bias_position else None
+        noisy = params.noise_position > 0.0 or params.noise_velocity > 0.0
+        self._ideal = not self._held and self._bias is None and not noisy
         self.reset()
 
     def reset(self) -> None:
@@ -105,6 +111,8 @@ class JointSensor:
 
         Implements: ours: white noise and bias on positions [rad], white noise on velocities [rad/s].
         """
+        if self._ideal:
+            return truth
         source = truth
         if self._held:
             self._newest = next(reversed(self._source.update(truth)), self._newest)
@@ -117,7 +125,7 @@ class JointSensor:
         velocity = source.velocity + noise_velocity * self._rng.standard_normal(size)
         if self._bias is not None:
             position += self._bias
-        return dataclasses.replace(truth, position=position, velocity=velocity)
+        return JointSample(truth.stamp_ns, position, velocity, truth.effort)
 
 
 class SensorSuite:
@@ -164,24 +172,39 @@ class WrenchMeasurement:
     """
 
     def __init__(self, params: WrenchSensorParams, fault_rng: Callable[[], np.random.Generator]) -> None:
-        self.params = params
         self._make_rng = fault_rng
+        self.params = params
         self.reset()
+
+    @property
+    def params(self) -> WrenchSensorParams:
+        """What the sensor is, faults included."""
+        return self._params
+
+    @params.setter
+    def params(self, params: WrenchSensorParams) -> None:
+        self._params = params
+        self._bias = np.array(params.bias) if any(params.bias) else None
+        self._noisy = params.noise_force > 0.0 or params.noise_torque > 0.0
+        self._deviation = np.repeat((params.noise_force, params.noise_torque), 3)
 
     def reset(self) -> None:
         """Start the losses' random stream afresh."""
         self._rng = self._make_rng()
+        self._chances: Iterator[float] = iter(())
 
     def __call__(self, truth: WrenchSample, rng: np.random.Generator) -> WrenchSample | None:
         """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""
-        params, chance = self.params, self._rng.random()
-        noisy = params.noise_force > 0.0 or params.noise_torque > 0.0
-        noise = rng.standard_normal(6) if noisy else None
+        params, chance = self._params, next(self._chances, None)
+        if chance is None:  # drawn ahead: the same numbers as one by one
+            self._chances = iter(self._rng.random(_DRAWN_AHEAD).tolist())
+            chance = next(self._chances)
+        noise = rng.standard_normal(6) if self._noisy else None
         if params.silent or chance < params.dropout_probability:
             return None
-        if noise is None and not any(params.bias):
+        if noise is None and self._bias is None:
             return truth
-        wrench = truth.wrench + np.array(params.bias)
+        wrench = truth.wrench if self._bias is None else truth.wrench + self._bias
         if noise is not None:
-            wrench += np.repeat((params.noise_force, params.noise_torque), 3) * noise
-        return dataclasses.replace(truth, wrench=wrench)
+            wrench = wrench + self._deviation * noise
+        return WrenchSample(truth.stamp_ns, wrench)

@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
+from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.errors import InputError
 from slip_msgs_py.types import JointSample, ObjectTruth, SlipSample, WrenchSample
+from slip_sim_bridge.sim.drive_kernel import CLIPPED, NOT_FINITE, drive
 from slip_sim_bridge.sim.implicit import ImplicitPlant
 from slip_sim_bridge.sim.params import BridgeParams
-from slip_sim_bridge.sim.plant import DivergenceError, Plant
+from slip_sim_bridge.sim.plant import DivergenceError, Plant, Record
+
+
+class Readings(NamedTuple):
+    """The true samples of one stamp: joints, wrench h_ee and slip velocity on {ee} axes, object."""
+
+    joint: JointSample
+    wrench: WrenchSample
+    slip: SlipSample
+    truth: ObjectTruth
 
 
 class GraspSimulation:
@@ -28,7 +39,7 @@ class GraspSimulation:
         self.params = params
         self._plant: Plant = _plant(params, urdf_text)
         self._limit = self._plant.effort_limit
-        self._lower_limit = -self._limit
+        self._record = Record(len(self._limit))
         self._period_ns = params.control_period_ns
         self._grip = params.grip.force
         self._stamp_ns = 0
@@ -101,18 +112,25 @@ class GraspSimulation:
         """
         if self._diverged:
             raise DivergenceError("simulation has diverged; reset it")
-        wanted = self._accept(effort)
-        if wanted is None:
+        if effort is not None and effort.shape != self._limit.shape:
+            raise InputError("effort", got=f"{effort.size} numbers", expected=f"{self._limit.size}, one per joint")
+        bound = math.inf if largest_change is None else largest_change
+        applied = np.empty(len(self._limit))
+        outcome = NOT_FINITE if effort is None else drive(effort, self._applied, bound, self._limit, applied)
+        self._refused = effort is not None and outcome == NOT_FINITE
+        if outcome != NOT_FINITE:
+            self._hold_posture = None
+        else:
             if self._hold_posture is None:
                 self._hold_posture = self._plant.joint_position()
             hold = self.params.hold
-            wanted = self._plant.holding_effort(self._hold_posture, hold.stiffness, hold.damping)
-        else:
-            self._hold_posture = None
-        if largest_change is not None:
-            wanted = np.minimum(np.maximum(wanted, self._applied - largest_change), self._applied + largest_change)
-        applied = _own(np.minimum(np.maximum(wanted, self._lower_limit), self._limit))
-        self._saturated = applied.tolist() != wanted.tolist()
+            holding = self._plant.holding_effort(self._hold_posture, hold.stiffness, hold.damping)
+            outcome = drive(holding, self._applied, bound, self._limit, applied)
+        if outcome == NOT_FINITE:
+            self._diverged = True
+            raise DivergenceError("simulation diverged: no finite effort holds the arm; reset it")
+        self._saturated = outcome == CLIPPED
+        applied.setflags(write=False)
         try:
             self._plant.advance(applied, self._grip)
         except DivergenceError:
@@ -131,67 +149,73 @@ class GraspSimulation:
         self._stamp_ns += self._period_ns
         self._start()
 
+    def observe(self) -> Readings:
+        """Return everything at the present stamp, without noise or delay; all samples share one array.
+
+        Implements: ours: state read-out; h_ee of Eq. (1) is that of the step that just ended, v_s that of Eq. (14).
+        """
+        stamp_ns, at, numbers = self._stamp_ns, self._record, self._plant.read()
+        numbers.setflags(write=False)
+        slip_velocity = numbers[at.slip_velocity]
+        return Readings(
+            JointSample(stamp_ns, numbers[at.position], numbers[at.velocity], self._applied),
+            WrenchSample(stamp_ns, numbers[at.wrench]),
+            SlipSample(stamp_ns, slip_velocity),
+            ObjectTruth(
+                stamp_ns,
+                numbers[at.object_position],
+                numbers[at.object_rotation].reshape(3, 3),
+                numbers[at.object_twist],
+                numbers[at.slip_displacement],
+                slip_velocity,
+            ),
+        )
+
     def joint_sample(self) -> JointSample:
         """Return joint positions, velocities and the applied effort at the present stamp.
 
         Implements: ours: state read-out.
         """
-        plant = self._plant
-        return JointSample(self._stamp_ns, _own(plant.joint_position()), _own(plant.joint_velocity()), self._applied)
+        return self.observe().joint
 
     def true_wrench(self) -> WrenchSample:
         """Return h_ee in the step that ended at the present stamp, without noise or delay; {ee} axes.
 
         Implements: h_ee of Eq. (1).
         """
-        return WrenchSample(self._stamp_ns, _own(self._plant.wrench()))
+        return self.observe().wrench
 
     def true_slip(self) -> SlipSample:
         """Return v_s at the present stamp, without noise or delay; {ee} axes.
 
         Implements: v_s of Eq. (14).
         """
-        return SlipSample(self._stamp_ns, _own(self._plant.slip_velocity()))
+        return self.observe().slip
 
     def truth(self) -> ObjectTruth:
         """Return pose and twist of the object and the slip at the present stamp.
 
         Implements: ours: ground truth of the simulation.
         """
-        plant = self._plant
-        position, rotation = plant.object_pose()
-        return ObjectTruth(
-            stamp_ns=self._stamp_ns,
-            position=_own(position),
-            rotation=_own(rotation),
-            twist=_own(plant.object_twist()),
-            slip_displacement=_own(plant.slip_displacement()),
-            slip_velocity=_own(plant.slip_velocity()),
-        )
+        return self.observe().truth
 
     def _start(self) -> None:
         self._hold_posture = self._plant.joint_position()
-        self._applied = np.clip(
-            self._plant.holding_effort(self._hold_posture, 0.0, 0.0), self._lower_limit, self._limit
-        )
+        holding = self._plant.holding_effort(self._hold_posture, 0.0, 0.0)
+        self._applied = readonly(np.clip(holding, -self._limit, self._limit))
         self._refused = self._saturated = self._diverged = False
 
-    def _accept(self, effort: Array | None) -> Array | None:
-        self._refused = False
-        if effort is None:
-            return None
-        if effort.shape != self._limit.shape:
-            raise InputError("effort", got=f"{effort.size} numbers", expected=f"{self._limit.size}, one per joint")
-        if not all(map(math.isfinite, effort.tolist())):
-            self._refused = True
-            return None
-        return effort
 
+def driven_effort(wanted: Array, last: Array, largest_change: float, limit: Array) -> tuple[Array, bool]:
+    """Return the effort that the drives apply, and whether the limits clipped it; (n,) [N m].
 
-def _own(fresh: Array) -> Array:
-    """Make an array that nobody else holds read-only, which spares the sample its copy."""
-    fresh.flags.writeable = False
-    return fresh
+    A drive follows at most `largest_change` [N m] from its last effort to this one.
+
+    Implements: ours: the plain form of the kernel `drive`.
+    """
+    followed = np.clip(wanted, last - largest_change, last + largest_change)
+    applied = np.clip(followed, -limit, limit)
+    return applied, bool((applied != followed).any())
 
 
 def _plant(params: BridgeParams, urdf_text: str) -> Plant:

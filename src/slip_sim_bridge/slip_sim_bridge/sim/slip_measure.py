@@ -5,7 +5,6 @@ Noise and faults draw from two streams, and as often with a fault as without: sw
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable
 
@@ -13,9 +12,11 @@ import numpy as np
 
 from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.types import SlipSample
-from slip_sim_bridge.sim.sensor_params import CHIPS, SlipSensorParams
+from slip_sim_bridge.sim.sensor_kernel import draw_chances, exceeds
+from slip_sim_bridge.sim.sensor_params import CHIPS, SlipFaultParams, SlipSensorParams
 
 _INVALID = readonly(np.full(6, math.nan))
+_DRAWN_AHEAD = 256
 
 
 class SlipMeasurement:
@@ -30,7 +31,6 @@ class SlipMeasurement:
     def __init__(
         self, params: SlipSensorParams, slip_axes: Array, fault_rng: Callable[[], np.random.Generator]
     ) -> None:
-        self.faults = params.faults
         self._params = params
         self._axes = slip_axes
         self._deviation = np.repeat((params.noise_linear, params.noise_angular), 3) * slip_axes
@@ -38,33 +38,62 @@ class SlipMeasurement:
         self._noisy = bool(self._deviation.any())
         self._exact = max(params.quantum_linear, params.dead_band_linear, params.dead_band_angular) == 0.0
         self._make_rng = fault_rng
+        self._drawn = np.empty((_DRAWN_AHEAD, 8))
+        self.faults = params.faults
         self.reset()
+
+    @property
+    def faults(self) -> SlipFaultParams:
+        """The faults that are switched on."""
+        return self._faults
+
+    @faults.setter
+    def faults(self, faults: SlipFaultParams) -> None:
+        self._faults = faults
+        lossy = faults.silent or faults.invalid or faults.frozen or faults.dropout_probability > 0.0
+        self._keeps_all = not lossy and faults.outlier_probability == 0.0
+        self._true_to_scale = not faults.lifted_chips and faults.gain == 1.0 and not any(faults.bias)
 
     def reset(self) -> None:
         """Forget the last reading and start the faults' random stream afresh."""
         self._rng = self._make_rng()
+        self._next = _DRAWN_AHEAD
         self._last: Array | None = None
 
     def __call__(self, truth: SlipSample, rng: np.random.Generator) -> SlipSample | None:
         """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""
-        faults = self.faults
         noise = rng.standard_normal(6) if self._noisy else None
-        chance, wild = self._rng.random(2), self._rng.standard_normal(6)
-        if faults.silent or chance[0] < faults.dropout_probability:
-            return None
-        if faults.invalid:
-            return SlipSample(truth.stamp_ns, _INVALID, valid=False)
-        if faults.frozen and self._last is not None:
-            return SlipSample(truth.stamp_ns, self._last)
-        twist = self._read(truth.twist, noise)
-        if chance[1] < faults.outlier_probability:
-            size = np.repeat((faults.outlier_linear, faults.outlier_angular), 3)
-            twist = self._digitise(size * wild * self._axes)
+        chance = self._draw()
+        if self._keeps_all:
+            twist = self._read(truth.twist, noise)
+        else:
+            faults = self._faults
+            if faults.silent or chance[0] < faults.dropout_probability:
+                return None
+            if faults.invalid:
+                return SlipSample(truth.stamp_ns, _INVALID, valid=False)
+            if faults.frozen and self._last is not None:
+                return SlipSample(truth.stamp_ns, self._last)
+            twist = self._read(truth.twist, noise)
+            if chance[1] < faults.outlier_probability:
+                size = np.repeat((faults.outlier_linear, faults.outlier_angular), 3)
+                twist = self._digitise(size * chance[2:] * self._axes)
         self._last = twist
-        return truth if twist is truth.twist else dataclasses.replace(truth, twist=twist)
+        return truth if twist is truth.twist else SlipSample(truth.stamp_ns, twist, truth.valid)
+
+    def _draw(self) -> Array:
+        """Return the next two uniform and six normal numbers of the faults' stream, the same as without drawing ahead."""
+        if self._next == _DRAWN_AHEAD:
+            draw_chances(self._rng, self._drawn)
+            self._next = 0
+        self._next += 1
+        row: Array = self._drawn[self._next - 1]
+        return row
 
     def _read(self, truth: Array, noise: Array | None) -> Array:
-        faults, twist = self.faults, truth
+        faults, twist = self._faults, truth
+        if self._true_to_scale:
+            return self._digitise(twist if noise is None else twist + self._deviation * noise)
         if faults.lifted_chips:
             twist = lifted_chip_reading(twist, faults.lifted_chips, self._params.chip_radius)
         if faults.gain != 1.0:
@@ -77,7 +106,7 @@ class SlipMeasurement:
 
     def _digitise(self, twist: Array) -> Array:
         params = self._params
-        if np.count_nonzero(np.abs(twist) > self._saturation):  # a fifth of what any() costs
+        if exceeds(twist, self._saturation):
             twist = np.clip(twist, -self._saturation, self._saturation)
         if self._exact:
             return twist
