@@ -184,7 +184,9 @@ class Supervisor:
             mode = next_mode(mode, findings, request, now_ns, self._policy)
             state = state._replace(path=_STOPPED, posture=None)
         state = state._replace(mode=mode, joint_bad_since_ns=since)
-        stand_in = JointSample(joint.stamp_ns, control.position, np.zeros_like(control.position), np.zeros(0))
+        # After a pause the gate starts at what the joints feel; a jump of the positions leaves the efforts believable.
+        felt = joint.effort if trouble == Trouble.JUMP else np.zeros(0)
+        stand_in = JointSample(joint.stamp_ns, control.position, np.zeros_like(control.position), felt)
         return self._finish(state, control, now_ns, stand_in, wanted, None)
 
     def _seeing(
