@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import Any
 
 from rclpy.experimental import EventsExecutor
 
@@ -28,6 +30,11 @@ class BothNodes:
             return should_stop()
 
         self._bridge.run(stop_or_announce)
+
+    @property
+    def publishers(self) -> Iterator[Any]:
+        """All publishers of both."""
+        return itertools.chain(self._bridge.publishers, self._controller.publishers)
 
     def destroy_node(self) -> None:
         """Release everything."""

@@ -1,8 +1,8 @@
 """Compiled number crunching: formulas of a tick as machine code, made once and kept.
 
 A file named `*_kernel.py` holds such formulas. Each kernel has a plain form elsewhere that documents it, and a test
-that compares the two. Compilation is strict IEEE arithmetic (no fast-math, no fused operations, no linear algebra library),
-so results do not depend on the instruction set of the machine.
+that compares the two. Compilation is strict IEEE arithmetic (no fast-math, no fused operations, no linear algebra
+library), so results do not depend on the instruction set of the machine.
 """
 
 from __future__ import annotations

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import resource
 import signal
 import sys
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
 import rclpy
+from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
@@ -23,8 +26,16 @@ class RunnableNode(Protocol):
     def run(self, should_stop: Callable[[], bool]) -> None:
         """Run until the work is done or `should_stop` says so."""
 
+    @property
+    def publishers(self) -> Iterator[Any]:
+        """All publishers."""
+
     def destroy_node(self) -> None:
         """Release everything."""
+
+
+DELIVERY_S = 2.0
+STOP_DELIVERY_S = 0.1  # somebody waits for the process to end
 
 
 class StopFlag:
@@ -79,6 +90,19 @@ def run_node(factory: Callable[[], RunnableNode], args: Sequence[str] | None = N
         return 2
     finally:
         if node is not None:
+            deliver(node, STOP_DELIVERY_S if stop() else DELIVERY_S)
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def deliver(node: RunnableNode, timeout_s: float) -> None:
+    """Wait until reliable subscribers have all that was published, for `timeout_s` at most.
+
+    What a publisher has not delivered when it is destroyed is lost, and a recorder would miss the end of a run.
+    """
+    end = time.monotonic() + timeout_s
+    for publisher in node.publishers:
+        left = max(0.0, end - time.monotonic())
+        with contextlib.suppress(rclpy._rclpy_pybind11.RCLError):
+            publisher.wait_for_all_acked(Duration(seconds=left))

@@ -10,7 +10,7 @@ import subprocess
 from pathlib import Path
 from typing import Final
 
-_PACKAGES: Final = ("numpy", "scipy", "pin", "mujoco", "mcap", "ros-jazzy-rclpy", "ros-jazzy-rmw-fastrtps-cpp")
+_PACKAGES: Final = ("numpy", "scipy", "numba", "pin", "mujoco", "mcap", "ros-jazzy-rclpy", "ros-jazzy-rmw-fastrtps-cpp")
 _GIT_TIMEOUT_S: Final = 5.0
 
 

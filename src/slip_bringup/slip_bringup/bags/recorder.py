@@ -27,6 +27,8 @@ from slip_msgs_py.errors import InputError
 
 DISCOVERY_EAGER_S: Final = 0.02  # while a requested topic is missing
 DISCOVERY_S: Final = 0.1  # while any topic may still appear
+_QUIET_S: Final = 0.03  # nothing for so long: nothing more is under way
+_LAST_S: Final = 0.5
 _UNANNOUNCED_S: Final = 1.0  # a message may precede the discovery data of its publisher by less than this
 
 
@@ -138,7 +140,12 @@ class Recorder:
 
     def finish(self) -> dict[str, Any]:
         """Drain a last time, unsubscribe, announce topics without messages; returns the summary. The bag stays open."""
-        self.poll()
+        now = self._clock()
+        end, quiet = now + _LAST_S, now + _QUIET_S
+        while (now := self._clock()) < min(quiet, end):
+            if self.poll():
+                quiet = now + _QUIET_S
+            time.sleep(_QUIET_S / 10.0)
         for topic in self._topics.values():
             if topic.subscription.offers or topic.held:
                 for arrival in self._release(topic):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,13 +12,22 @@ from slip_bringup.bags.reader import Bag
 from slip_bringup.bags.run_data import read_run
 from slip_bringup.bags.verify import verify_run
 from slip_bringup.launcher import Launcher
+from slip_bringup.metrics import summarise
 from slip_bringup.scenario import ControllerKind, load_scenario
+from slip_bringup.series import read_series
 from slip_description import scenario_names
 from slip_msgs_py.errors import ProtocolError
 
 DURATION_S: Final = 2.0
 SEED: Final = 0
 COMMAND: Final = "slip-vic bag references"
+EVERY_TICK: Final = ("/clock", "/joint_states", "/effort_command", "/controller/ledger", "/object_state", "/slip_truth")
+LARGEST_BYTES: Final = 2_000_000
+SHORT: Final = f"--set bridge.duration_s={DURATION_S}"
+CONTROLLERS: Final = {
+    "classical": "Classical impedance control: the arm keeps its path, and the object slips.",
+    "vic": "Variable impedance control: stiffness fades with slip and compensation drives it to zero.",
+}
 
 
 def reference_names() -> Iterator[tuple[str, ControllerKind, str]]:
@@ -46,11 +56,17 @@ def make_references(folder: Path, tell: Callable[[str], None]) -> None:
             with Bag(staging / name) as bag:
                 verdict = verify_run(read_run(bag, {}))
                 size = bag.size_bytes
-            if result.lost or not verdict.identical:
-                raise ProtocolError(f"reference bag {name}: {result.lost} messages lost; {verdict.text()}")
+                short = [t for t in EVERY_TICK if bag.topic(t).message_count != result.ticks]
+            if size > LARGEST_BYTES:
+                raise ProtocolError(f"reference bag {name}: {size} bytes, expected at most {LARGEST_BYTES}")
+            if result.lost or short or not verdict.identical:
+                raise ProtocolError(f"reference bag {name}: {result.lost} lost, short: {short}; {verdict.text()}")
             tell(f"{name}: {verdict.text()}")
-            what = " ".join(loaded.description.split())
-            rows.append(f"| `{name}` | {size / 2**20:.1f} MiB | {result.messages} | {what} |")
+            numbers = summarise(read_series(staging / name))
+            slip = f"{1e3 * numbers['slip_linear_m']:.2f} mm, {math.degrees(numbers['slip_angular_rad']):.2f} deg"
+            what = f"{' '.join(loaded.description.split())} {CONTROLLERS[controller]}"
+            command = f"slip-vic run --scenario {scenario} --controller {controller} --seed {SEED} {SHORT} --record {name}"
+            rows.append(f"| `{name}` | {size / 2**20:.2f} MiB | {result.messages} | {slip} | {what} | `{command}` |")
         (staging / "README.md").write_text(_readme(rows), encoding="utf-8")
         for item in sorted(staging.iterdir()):
             target = folder / item.name
@@ -65,12 +81,13 @@ def _readme(rows: list[str]) -> str:
         [
             "# Reference bags",
             "",
-            f"Made by `{COMMAND}` (seed {SEED}, the first {DURATION_S:g} s of each scenario, lockstep). Each is",
-            "what `slip-vic run --record` writes; a test verifies every one to the last bit, so any change of numbers",
-            "in the controller is noticed. Where it is wanted, run the command and commit the result.",
+            f"Made by `{COMMAND}`: seed {SEED}, the first {DURATION_S:g} s of each scenario with each controller, in",
+            "lockstep over DDS, ideal sensors. Each is what the command beside it writes. A test verifies every one to",
+            "the last bit, so any change of numbers in the controller is noticed. Where it is wanted, run the command",
+            "and commit the result. Open them with `slip-vic bag info`, `ros2 bag play`, Foxglove or PlotJuggler.",
             "",
-            "| bag | size | messages | what it shows |",
-            "|---|---|---|---|",
+            "| bag | size | messages | slip at the end | what it shows | command |",
+            "|---|---|---|---|---|---|",
             *rows,
             "",
         ]
