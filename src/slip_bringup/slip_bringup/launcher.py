@@ -21,7 +21,7 @@ from slip_msgs_py.errors import InputError, ProtocolError, SlipVicError
 from slip_msgs_py.params import ParameterModel
 from slip_msgs_py.realtime import ProcessOptions
 
-READY_TIMEOUT_S = 20.0
+READY_TIMEOUT_S = 60.0  # the very first start may have to compile
 NO_OPTIONS = ProcessOptions()
 POLL_S = 0.02
 TIMING = ("fresh", "overruns", "missed", "latency")

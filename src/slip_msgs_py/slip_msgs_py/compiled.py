@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -55,7 +56,10 @@ def _folder(package: Path) -> Path:
     for path in sorted({*package.glob("*_kernel.py"), *Path(__file__).parent.glob("*_kernel.py")}):
         digest.update(path.read_bytes())
     base = package / "__pycache__" if os.access(package, os.W_OK) else _user_cache()
-    return base / f"kernels-{digest.hexdigest()[:16]}"
+    folder = base / f"kernels-{digest.hexdigest()[:16]}"
+    if not folder.exists():
+        print(f"compiling {package.parent.name} for this machine, once: half a minute", file=sys.stderr, flush=True)
+    return folder
 
 
 def _user_cache() -> Path:
