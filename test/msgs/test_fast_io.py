@@ -30,8 +30,9 @@ class Wire:
 
     def __init__(self) -> None:
         self.sent: list[bytes] = []
+        self.handle = self
 
-    def publish(self, data: bytes) -> None:
+    def publish_raw(self, data: bytes) -> None:
         assert type(data) is bytes
         self.sent.append(data)
 

@@ -14,7 +14,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, Int64MultiArray, String
 
-from slip_msgs_py.arrays import Array, quat_xyzw_from_matrix, readonly, rotate6
+from slip_msgs_py import pose_kernel
+from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.stamps import split_ns
 from slip_msgs_py.types import ObjectTruth, SlipSample
 
@@ -113,12 +114,16 @@ def slip_numbers(sample: SlipSample) -> Array:
 
 def pose_numbers(position: Array, rotation: Array) -> Array:
     """Return position and quaternion x y z w; (3,) [m], (3, 3) -> (7,)."""
-    return np.concatenate((position, quat_xyzw_from_matrix(rotation)))
+    numbers = np.empty(7)
+    pose_kernel.pose(position, np.ascontiguousarray(rotation), numbers)
+    return numbers
 
 
 def odometry_numbers(truth: ObjectTruth) -> tuple[Array, Array]:
     """Return the object's pose (7,) in `world` and its twist (6,) in object axes."""
-    return pose_numbers(truth.position, truth.rotation), rotate6(truth.rotation.T, truth.twist)
+    numbers = np.empty(13)
+    pose_kernel.odometry(truth.position, np.ascontiguousarray(truth.rotation), truth.twist, numbers)
+    return numbers[:7], numbers[7:]
 
 
 # -- parts of messages --------------------------------------------------------------------------------

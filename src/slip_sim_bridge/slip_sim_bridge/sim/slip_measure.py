@@ -82,7 +82,7 @@ class SlipMeasurement:
         return truth if twist is truth.twist else SlipSample(truth.stamp_ns, twist, truth.valid)
 
     def _draw(self) -> Array:
-        """Return the next two uniform and six normal numbers of the faults' stream, the same as without drawing ahead."""
+        """Return the next two uniform and six normal numbers of the faults' stream, as without drawing ahead."""
         if self._next == _DRAWN_AHEAD:
             draw_chances(self._rng, self._drawn)
             self._next = 0
