@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import statistics
 import time
 from collections.abc import Callable, Mapping
@@ -81,14 +82,41 @@ def bare_terms(arm: ArmModel, joint: JointSample) -> Call:
 
 
 def closed_loop_factor(scenario: Scenario, ticks: int) -> float:
-    """Return simulated over wall time of bridge and controller in one loop without middleware."""
+    """Return simulated over wall time of simulator, sensors and law in one loop, without supervision or middleware."""
+    bridge, controller = (
+        BridgeSession(scenario.bridge, scenario.urdf),
+        VicController(scenario.controller, scenario.urdf),
+    )
+    outputs = bridge.observe()
+    state = controller.initial_state(outputs.joint)
+
+    def tick() -> None:
+        nonlocal outputs, state
+        wrenches, slips = (outputs.wrenches[0][-1],), (outputs.slips[0][-1],)
+        result = controller.step(state, outputs.joint, wrenches, slips, None, slips)
+        state = result.state
+        bridge.advance(result.command)
+        outputs = bridge.observe()
+
+    return _factor(tick, scenario, ticks)
+
+
+def supervised_loop_factor(scenario: Scenario, ticks: int) -> float:
+    """Return the same with all that the controller does in a cycle: input watches, mode machine, walls, gate."""
     run = run_in_process(scenario)
-    next(run)
+    return _factor(lambda: next(run), scenario, ticks)
+
+
+def _factor(tick: Call, scenario: Scenario, ticks: int) -> float:
+    tick()
+    gc.collect()
+    gc.freeze()  # as the nodes do
     start = time.perf_counter()
-    for count, _ in enumerate(run, start=1):
-        if count == ticks:
-            break
-    return count * scenario.bridge.control_period_s / (time.perf_counter() - start)
+    for _ in range(ticks):
+        tick()
+    factor = ticks * scenario.bridge.control_period_s / (time.perf_counter() - start)
+    gc.unfreeze()
+    return factor
 
 
 def tick_profile(ticks: int, turns: int) -> dict[str, float]:

@@ -118,6 +118,7 @@ def _rounds(effort: Effort, library: Path | None, say: Say) -> Rounds:
         "lockstep, one process": lambda: dds.lockstep_tick_s(scenario, one_process=True),
         "lockstep, recorded": lambda: dds.lockstep_tick_s(scenario, record=True),
         "closed loop": lambda: cost.closed_loop_factor(vic, effort.loop_ticks),
+        "supervised loop": lambda: cost.supervised_loop_factor(vic, effort.loop_ticks),
     }
     if library is not None:
         floor = dds.c_floor(library)
@@ -142,7 +143,8 @@ def _metrics(rounds: Rounds) -> dict[str, Metric]:
     metrics = [
         ratio("control_step_ratio", "control step", bare, "low", "control step / Pinocchio terms it needs"),
         ratio("control_step_observer_ratio", "control step, observer", bare, "low", "the same with slip observer"),
-        rounds.metric("closed_loop_real_time_factor", "closed loop", "x", "high", "one loop, no middleware"),
+        rounds.metric("closed_loop_real_time_factor", "closed loop", "x", "high", "simulator, sensors, law"),
+        rounds.metric("supervised_loop_real_time_factor", "supervised loop", "x", "high", "with the whole cycle"),
         ratio("lockstep_ratio", "r0", "lockstep", "high", "R0 round trip / lockstep tick, two processes"),
         ratio("lockstep_one_process_ratio", "r0", "lockstep, one process", "high", "the same in one process"),
         ratio("raw_ratio", "r0", "raw", "high", "R0 / the same messages on this suite's path, nothing computed"),
