@@ -240,9 +240,11 @@ class VicController:
             observer,
             None if state.ramp is None else state.ramp.after(joint.stamp_ns),
         )
-        near = ("arm",) * (law.damping_squared > 0.0) + ("attitude",) * law.near_singular
+        near: tuple[str, ...] = ()
+        if out[1] > 0.0 or out[2]:
+            near = ("arm",) * (law.damping_squared > 0.0) + ("attitude",) * law.near_singular
         effort = law.effort
-        saturated = np.abs(law.torque) > self.arm.effort_limit if law.saturated else self.unsaturated
+        saturated = np.abs(law.torque) > self.arm.effort_limit if out[-1] else self.unsaturated
         record = TickDiagnostics(
             "ok", "", near, effort, saturated, Glance(arm, desired, law), partial(self._evaluate, inputs)
         )
@@ -252,6 +254,10 @@ class VicController:
         """Return wrench and slip twist of every contact in one array, or None where something is wrong with them."""
         if not len(wrenches) == len(slips) == len(self.contacts):
             return None
+        if len(wrenches) == 1:  # nearly always
+            h, v = wrenches[0].wrench, slips[0].twist
+            if slips[0].valid and h.shape == v.shape == (6,):
+                return np.concatenate((h, v))
         parts: list[Array] = []
         for wrench, slip in zip(wrenches, slips, strict=True):
             twist = slip.twist if slip.valid else _NO_SLIP

@@ -116,7 +116,8 @@ class Supervisor:
     def waiting(self, state: SupervisorState, missing: str, request: Request, now_ns: int) -> SupervisorState:
         """Return the memory after a cycle that gives no effort, because of what is missing."""
         mode = next_mode(state.mode, Findings(missing=missing), request, now_ns, self._policy)
-        return state._replace(mode=mode, gate=None, now_ns=now_ns)
+        # Without effort the arm goes anywhere: HOLD, also that of a fault, begins anew where it is then.
+        return state._replace(mode=mode, gate=None, now_ns=now_ns, posture=None)
 
     def step(
         self,
@@ -326,7 +327,8 @@ class Supervisor:
     @np.errstate(all="ignore")
     def _hold(self, state: SupervisorState, control: ControllerState, now_ns: int, joint: JointSample) -> Supervised:
         """Keep the posture in which HOLD began."""
-        posture = joint.position if state.posture is None else state.posture
+        paused = now_ns - state.now_ns > self._gap_ns  # somebody else held the arm meanwhile
+        posture = joint.position if state.posture is None or paused else state.posture
         arm = self.controller.arm.terms(joint.position, joint.velocity)
         wanted = hold_torque(
             self.controller.arm.gravity(joint.position), arm.M, joint.position, joint.velocity, posture,

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.types import CartesianReference
 from slip_vic_controller.core.params import TrajectoryParams
-from slip_vic_controller.core.path_kernel import place_reference, quintic_point
+from slip_vic_controller.core.path_kernel import place_quintic, place_reference, quintic_point
 from slip_vic_controller.core.rotation import exp_so3, left_jacobian_product, left_jacobian_rate
 
 PLANES = {"xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}
@@ -95,10 +95,21 @@ class PiecewiseQuintic:
             return _REST
         if t >= self._times[-1]:
             return self._last
-        i = bisect.bisect_right(self._times, t) - 1
+        i = self._segment(t)
         point = np.empty(18)
         quintic_point(self._polynomials[i], t - self._times[i], point)
         return PathPoint(point)
+
+    def place(self, t: float, position: Array, rotation: Array, out: Array) -> bool:
+        """Write the packed reference at time t [s] where the path moves; return whether it does."""
+        if not 0.0 < t < self._times[-1]:
+            return False
+        i = self._segment(t)
+        place_quintic(self._polynomials[i], t - self._times[i], position, rotation, out)
+        return True
+
+    def _segment(self, t: float) -> int:
+        return bisect.bisect_right(self._times, t) - 1
 
 
 def _quintic(h: float, p0: Array, v0: Array, a0: Array, p1: Array, v1: Array, a1: Array) -> Array:
@@ -219,7 +230,8 @@ def packed_reference_at(path: Path, t: float, position: Array, rotation: Array) 
 
     Implements: ours: the form that the tick's kernel takes.
     """
-    out = np.empty(24)
-    place_reference(path.at(t).packed, position, rotation.ravel(), out)
+    out, start = np.empty(24), rotation.ravel()
+    if not (isinstance(path, PiecewiseQuintic) and path.place(t, position, start, out)):
+        place_reference(path.at(t).packed, position, start, out)
     out.flags.writeable = False
     return out
