@@ -15,7 +15,7 @@ from slip_msgs_py.types import EffortCommand, JointSample, ObjectTruth, SlipSamp
 from slip_sim_bridge.node_params import BridgeNodeParams
 from slip_sim_bridge.sim.sensor_params import SensorsParams
 from slip_sim_bridge.sim.sensors import SensorSuite
-from slip_sim_bridge.sim.simulation import GraspSimulation
+from slip_sim_bridge.sim.simulation import GraspSimulation, Readings
 
 NO_EFFORT = readonly(np.zeros(0))
 
@@ -24,6 +24,7 @@ class TickOutputs(NamedTuple):
     """What the bridge publishes at one tick; wrenches and slips per contact, those that are due now, oldest first.
 
     counts: per contact, wrench and slip samples published so far: what a lockstep controller waits for.
+    readings: what the sensors were shown.
     """
 
     tick: int
@@ -32,7 +33,12 @@ class TickOutputs(NamedTuple):
     wrenches: tuple[tuple[WrenchSample, ...], ...]
     slips: tuple[tuple[SlipSample, ...], ...]
     counts: tuple[int, ...]
-    truth: ObjectTruth
+    readings: Readings
+
+    @property
+    def truth(self) -> ObjectTruth:
+        """Ground truth of the object at this tick."""
+        return self.readings.truth
 
 
 class BridgeSession:
@@ -94,14 +100,14 @@ class BridgeSession:
             self._reset_wanted = False
             self.simulation.reset()
             self._sensors.reset()
-        sensors, (joint, wrench, slip, truth) = self._sensors, self.simulation.observe()
-        wrenches = tuple(sensors.wrench.update(wrench))
-        slips = tuple(sensors.slip.update(slip))
+        sensors, readings = self._sensors, self.simulation.observe()
+        wrenches = tuple(sensors.wrench.update(readings.wrench))
+        slips = tuple(sensors.slip.update(readings.slip))
         self._wrench_count += len(wrenches)
         self._slip_count += len(slips)
         counts = self._wrench_count, self._slip_count
-        measured = sensors.joint.update(joint)
-        return TickOutputs(self.tick, truth.stamp_ns, measured, (wrenches,), (slips,), counts, truth)
+        joint, stamp_ns = sensors.joint.update(readings.joint), readings.joint.stamp_ns
+        return TickOutputs(self.tick, stamp_ns, joint, (wrenches,), (slips,), counts, readings)
 
     def advance(self, command: EffortCommand | None) -> None:
         """Apply a command for one control period; None, an empty one, or one too old or not finite holds the arm.

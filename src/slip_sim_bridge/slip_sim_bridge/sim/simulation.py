@@ -17,12 +17,29 @@ from slip_sim_bridge.sim.plant import DivergenceError, Plant, Record
 
 
 class Readings(NamedTuple):
-    """The true samples of one stamp: joints, wrench h_ee and slip velocity on {ee} axes, object."""
+    """The true samples of one stamp: joints, wrench h_ee and slip velocity on {ee} axes; the object when asked for.
+
+    numbers, layout: all numbers of the stamp in one read-only array, and where they lie in it.
+    """
 
     joint: JointSample
     wrench: WrenchSample
     slip: SlipSample
-    truth: ObjectTruth
+    numbers: Array
+    layout: Record
+
+    @property
+    def truth(self) -> ObjectTruth:
+        """Pose and twist of the object and the slip; made when asked for, as a controller does not wait for it."""
+        numbers, at = self.numbers, self.layout
+        return ObjectTruth(
+            self.slip.stamp_ns,
+            numbers[at.object_position],
+            numbers[at.object_rotation].reshape(3, 3),
+            numbers[at.object_twist],
+            numbers[at.slip_displacement],
+            self.slip.twist,
+        )
 
 
 class GraspSimulation:
@@ -156,19 +173,12 @@ class GraspSimulation:
         """
         stamp_ns, at, numbers = self._stamp_ns, self._record, self._plant.read()
         numbers.setflags(write=False)
-        slip_velocity = numbers[at.slip_velocity]
         return Readings(
             JointSample(stamp_ns, numbers[at.position], numbers[at.velocity], self._applied),
             WrenchSample(stamp_ns, numbers[at.wrench]),
-            SlipSample(stamp_ns, slip_velocity),
-            ObjectTruth(
-                stamp_ns,
-                numbers[at.object_position],
-                numbers[at.object_rotation].reshape(3, 3),
-                numbers[at.object_twist],
-                numbers[at.slip_displacement],
-                slip_velocity,
-            ),
+            SlipSample(stamp_ns, numbers[at.slip_velocity]),
+            numbers,
+            at,
         )
 
     def joint_sample(self) -> JointSample:

@@ -63,11 +63,11 @@ class SlipMeasurement:
     def __call__(self, truth: SlipSample, rng: np.random.Generator) -> SlipSample | None:
         """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""
         noise = rng.standard_normal(6) if self._noisy else None
-        chance = self._draw()
+        drawn = self._draw()
         if self._keeps_all:
             twist = self._read(truth.twist, noise)
         else:
-            faults = self._faults
+            faults, chance = self._faults, self._drawn[drawn]
             if faults.silent or chance[0] < faults.dropout_probability:
                 return None
             if faults.invalid:
@@ -81,14 +81,13 @@ class SlipMeasurement:
         self._last = twist
         return truth if twist is truth.twist else SlipSample(truth.stamp_ns, twist, truth.valid)
 
-    def _draw(self) -> Array:
-        """Return the next two uniform and six normal numbers of the faults' stream, as without drawing ahead."""
+    def _draw(self) -> int:
+        """Return the row with the next two uniform and six normal numbers of the faults' stream, drawn ahead."""
         if self._next == _DRAWN_AHEAD:
             draw_chances(self._rng, self._drawn)
             self._next = 0
         self._next += 1
-        row: Array = self._drawn[self._next - 1]
-        return row
+        return self._next - 1
 
     def _read(self, truth: Array, noise: Array | None) -> Array:
         faults, twist = self._faults, truth
