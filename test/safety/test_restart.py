@@ -10,6 +10,7 @@ import pytest
 from slip_bringup.faults.trial import PERIOD_S, START_NS, STEADY_NS, prepared
 from slip_msgs_py.types import JointSample
 from slip_sim_bridge.session import BridgeSession
+from slip_vic_controller.core.modes import Mode
 from slip_vic_controller.core.session import ControllerSession
 from slip_vic_controller.core.trouble import Trouble
 
@@ -88,3 +89,22 @@ def test_after_a_pause_efforts_begin_where_the_joints_are_though_positions_jumpe
     assert loop.controller.inputs.joint_trouble == Trouble.JUMP
     limit = loop.law.arm.effort_limit
     assert np.abs(effort - np.clip(jumped.effort, -limit, limit)).max() <= STEP + ROUNDING
+
+
+def test_hold_begins_anew_where_the_arm_is_after_a_pause() -> None:
+    """Somebody else held the arm while the controller did not run: it is not pulled back to where it was before."""
+    loop = Loop()
+    loop.run(60)
+    loop.controller.monitor.set_publishers({}, 2)
+    loop.run(100)
+    assert loop.controller.mode == Mode.FAULT
+    loop.now_ns += PAUSE_NS
+    joint = loop.observe()
+    moved = dataclasses.replace(
+        joint, position=joint.position + 0.01, velocity=joint.velocity + 0.025, stamp_ns=joint.stamp_ns + PAUSE_NS
+    )
+    loop.cycle(moved)
+    assert loop.controller.inputs.joint_trouble == Trouble.NONE
+    assert loop.controller.safety is not None
+    assert loop.controller.safety.posture is not None
+    np.testing.assert_array_equal(loop.controller.safety.posture, moved.position)

@@ -37,6 +37,7 @@ class Tally:
     seed: int
     over_dds: bool
     verdicts: list[Verdict] = field(default_factory=list)
+    notes: dict[str, Any] = field(default_factory=dict)
 
     @property
     def failed(self) -> list[Verdict]:
@@ -57,6 +58,7 @@ class Tally:
             "modes": _added(verdict.modes for verdict in self.verdicts),
             "by_fault": {name: _by_fault([v for v in self.verdicts if name in v.faults]) for name in names},
             "failed": [asdict(verdict) for verdict in failed],
+            **self.notes,
         }
 
 
@@ -120,7 +122,7 @@ def _verdicts(seed: int, trials: Iterator[int], workers: int) -> Iterator[Verdic
         yield from (judge(seed, trial) for trial in trials)
         return
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_quiet) as pool:
         pending = {
             pool.submit(judge, seed, trial) for trial in itertools.islice(trials, IN_FLIGHT_PER_WORKER * workers)
         }
@@ -131,6 +133,11 @@ def _verdicts(seed: int, trials: Iterator[int], workers: int) -> Iterator[Verdic
                 trial = next(trials, None)
                 if trial is not None:
                     pending.add(pool.submit(judge, seed, trial))
+
+
+def _quiet() -> None:
+    """Drop what the middleware's decoder prints about every damaged message; errors come back as exceptions."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 
 def plan_of(seed: int, trial: int) -> Plan:

@@ -1,4 +1,4 @@
-"""One topic between two nodes, in virtual time, with its faults."""
+"""One topic between two nodes, with its faults; time is an argument, virtual or real."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from slip_bringup.faults.carriers import Carrier
 from slip_bringup.faults.plan import Fault
-from slip_bringup.faults.wire import Wire
 
 _DAMAGED = ("corrupt_values", "corrupt_bytes", "wrong_names", "wrong_frame")
 _LONGEST_DELAY_S = 0.3
@@ -29,13 +29,13 @@ class Channel:
     """Carries samples.
 
     Args:
-        wire: for damage.
+        carrier: of what is carried.
         faults: those of this topic.
         rng: this channel's randomness.
     """
 
-    def __init__(self, wire: Wire, faults: tuple[Fault, ...], rng: np.random.Generator) -> None:
-        self._wire, self._faults, self._rng = wire, faults, rng
+    def __init__(self, carrier: Carrier, faults: tuple[Fault, ...], rng: np.random.Generator) -> None:
+        self._carrier, self._faults, self._rng = carrier, faults, rng
         self._waiting: list[Delivery] = []
         self._held: tuple[Any, int] | None = None
         self._frozen: Any = None
@@ -66,9 +66,11 @@ class Channel:
             self._frozen = sample if self._frozen is None else self._frozen
             same = self._frozen
             if kind == "freeze_values":
-                same = dataclasses.replace(same, stamp_ns=sample.stamp_ns)
+                same = self._carrier.restamp(same, sample)
             # Frozen values have time limits of their own; a message that is repeated is no new sample.
             self._put(same, now_ns, kind == "freeze_values")
+        elif kind == "cut":
+            pass  # nothing comes through
         elif not hit:
             self._put(sample, now_ns, True)
         elif kind == "duplicate":
@@ -83,9 +85,9 @@ class Channel:
                 self._put(sample, now_ns, True)
                 self._release(now_ns)
         elif kind in _DAMAGED:
-            damaged = self._wire.damaged(sample, kind, rng)
+            damaged = self._carrier.damage(sample, kind, rng)
             if damaged is not None:
-                self._put(damaged, now_ns, not plainly_bad(damaged))
+                self._put(damaged, now_ns, not self._carrier.plainly_bad(damaged))
 
     def _release(self, now_ns: int) -> None:
         if self._held is not None:
@@ -97,9 +99,3 @@ class Channel:
         self._count += 1
         due_ns = sent_ns + delay_ns
         self._waiting.append(Delivery(due_ns, sent_ns, self._count, sample, clean))
-
-
-def plainly_bad(sample: Any) -> bool:
-    """Return whether a damaged sample cannot be taken for a good one by anybody."""
-    arrays = (getattr(sample, name) for name in ("position", "velocity", "wrench", "twist") if hasattr(sample, name))
-    return not all(np.isfinite(array).all() for array in arrays)

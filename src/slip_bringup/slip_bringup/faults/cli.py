@@ -18,15 +18,18 @@ SHOWN_VIOLATIONS = 5
 @click.option("--trials", type=click.IntRange(1), default=100, show_default=True)
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
 @click.option("--first", type=click.IntRange(0), default=0, show_default=True, help="number of the first trial")
-@click.option("--workers", type=click.IntRange(1), help="worker processes; default one per core")
+@click.option("--dds", is_flag=True, help="real DDS and node processes; default in process, in virtual time")
+@click.option("--workers", type=click.IntRange(1), help="worker processes, in process; default one per core")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/faults"), show_default=True)
-def faults(trials: int, seed: int, first: int, workers: int | None, out: Path) -> None:
+def faults(trials: int, seed: int, first: int, dds: bool, workers: int | None, out: Path) -> None:
     """Seeded fault campaign: is every effort finite, inside its limits, and does the arm come to a safe state?
 
     Exit code 1 where a trial shows otherwise; it leaves a bag, and the command that runs it again.
     """
-    from slip_bringup.faults import campaign
+    from slip_bringup.faults import campaign, network
 
+    if dds:
+        network.enter()
     console = Console(stderr=True)
     numbers = range(first, first + trials)
     columns = (
@@ -45,8 +48,12 @@ def faults(trials: int, seed: int, first: int, workers: int | None, out: Path) -
             failures += bool(verdict.violations)
             progress.update(task, advance=1, description=f"fault trials, {failures} with violations")
 
-        count = workers or min(trials, os.cpu_count() or 1)
-        tally = campaign.run_in_process(seed, numbers, count, on_done)
+        if dds:
+            from slip_bringup.faults.dds_campaign import run_over_dds
+
+            tally = run_over_dds(seed, numbers, out, on_done)
+        else:
+            tally = campaign.run_in_process(seed, numbers, workers or min(trials, os.cpu_count() or 1), on_done)
     path = campaign.write_results(out, tally)
     _report(tally, out)
     click.echo(f"results: {path}")

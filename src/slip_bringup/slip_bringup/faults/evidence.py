@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from slip_bringup.bags.format import QosProfile, TopicInfo
 from slip_bringup.bags.typedefs import find_definition
 from slip_bringup.bags.writer import BagWriter, WriterOptions
 from slip_bringup.faults.campaign import plan_of
-from slip_bringup.faults.plan import TOPICS
+from slip_bringup.faults.plan import TOPICS, Plan
 from slip_bringup.faults.trial import Trial
 from slip_bringup.faults.wire import Wire
 from slip_msgs_py import to_msgs
@@ -25,19 +26,38 @@ def leave_bag(seed: int, trial: int, out: Path) -> Path:
     plan = plan_of(seed, trial)
     again = Trial(plan, keep=True)
     outcome = again.run()
-    folder = _new_folder(out / f"trial_{seed}_{trial}")
-    notes = {"seed": str(seed), "trial": str(trial), "plan": repr(plan), "violations": "\n".join(outcome.violations)}
-    writer = BagWriter(folder, WriterOptions(custom_data=notes))
     controller = again.scenario.controller
     wires = {name: Wire(name, controller.joint_names, controller.ee_frame) for name in TOPICS}
+
+    def messages() -> Iterator[tuple[int, str, bytes]]:
+        for now_ns, name, content in outcome.record:
+            message: Any = to_msgs.string(content) if name == MODE else wires[name].message(content)
+            yield now_ns, name, serialize_message(message)
+
+    return write_bag(out / f"trial_{seed}_{trial}", messages(), notes_of(plan, outcome.violations))
+
+
+def notes_of(plan: Plan, violations: Sequence[str]) -> dict[str, str]:
+    """Return what the bag of a violation says of itself."""
+    return {
+        "seed": str(plan.seed),
+        "trial": str(plan.trial),
+        "plan": repr(plan),
+        "violations": "\n".join(violations),
+    }
+
+
+def write_bag(wanted: Path, messages: Iterable[tuple[int, str, bytes]], notes: Mapping[str, str]) -> Path:
+    """Write messages (time [ns], topic, bytes) into a new bag; return its folder."""
+    folder = _new_folder(wanted)
+    writer = BagWriter(folder, WriterOptions(custom_data=notes))
     for name in (*TOPICS, MODE):
         definition = find_definition(topic(name).type)
         writer.add_topic(
             TopicInfo(f"/{name}", topic(name).type, (QosProfile(),), definition.type_hash), definition.text
         )
-    for sequence, (now_ns, name, content) in enumerate(outcome.record, start=1):
-        message: Any = to_msgs.string(content) if name == MODE else wires[name].message(content)
-        writer.write(f"/{name}", now_ns, now_ns, sequence, serialize_message(message))
+    for sequence, (now_ns, name, data) in enumerate(messages, start=1):
+        writer.write(f"/{name}", now_ns, now_ns, sequence, data)
     writer.close()
     return folder
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Numbers = NDArray[np.float64]
+NS = 1e-9
 ROUNDING = 1e-9  # [N m]: sums of a few numbers of some tens
 AT_REST = 0.1  # [rad/s]
 REST_AFTER_S = 1.0
@@ -32,37 +33,51 @@ class CommandMonitor:
     promise: Promise
     violations: list[str] = field(default_factory=list)
     commands: int = 0
-    _last: tuple[float, Numbers] | None = None
+    _last: tuple[int, Numbers] | None = None
 
     def restarted(self) -> None:
-        """The controller has lost its memory."""
+        """The controller has lost its memory, or the command before the next one was not seen."""
         self._last = None
 
-    def take(self, now_s: float, effort: Numbers, starts: tuple[Numbers, ...]) -> None:
-        """Take a command; `starts`: efforts from which a first command may begin: measured, gravity compensation."""
+    def inside(self, now_ns: int, effort: Numbers) -> bool:
+        """Judge a command by itself; return whether the slope to it can be judged too."""
+        now_s = NS * now_ns
+        if effort.shape != self.promise.effort.shape:
+            self.violations.append(f"{now_s:.3f} s: {len(effort)} efforts")
+            return False
+        if not np.isfinite(effort).all():
+            self.violations.append(f"{now_s:.3f} s: effort {effort.tolist()}")
+            return False
+        if (np.abs(effort) > self.promise.effort).any():
+            self.violations.append(f"{now_s:.3f} s: effort {effort.tolist()} above the limits")
+        return True
+
+    def take(self, now_ns: int, effort: Numbers, starts: tuple[Numbers, ...]) -> None:
+        """Take a command.
+
+        now_ns: when it was given, of a steady clock; starts: efforts from which a first command, or the first after a
+        pause, may begin: those measured, gravity compensation.
+        """
         if len(effort) == 0:
             self._last = None
             return
         self.commands += 1
         promise = self.promise
-        if effort.shape != promise.effort.shape:
-            self.violations.append(f"{now_s:.3f} s: {len(effort)} efforts")
+        if not self.inside(now_ns, effort):
             return
-        if not np.isfinite(effort).all():
-            self.violations.append(f"{now_s:.3f} s: effort {effort.tolist()}")
-            return
-        if (np.abs(effort) > promise.effort).any():
-            self.violations.append(f"{now_s:.3f} s: effort {effort.tolist()} above the limits")
-        if self._last is not None and now_s - self._last[0] <= promise.restart_after_s:
-            allowed = promise.rate * min(now_s - self._last[0], promise.longest_step_s)
-            step = float(np.abs(effort - self._last[1]).max())
-        else:
-            allowed = promise.rate * min(promise.period_s, promise.longest_step_s)
-            clipped = [np.clip(start, -promise.effort, promise.effort) for start in starts]
-            step = min((float(np.abs(effort - start).max()) for start in clipped), default=0.0)
+        passed_s = np.inf if self._last is None else NS * (now_ns - self._last[0])
+        known = None if self._last is None or passed_s > promise.restart_after_s else self._last[1]
+        passed_s = promise.period_s if known is None else passed_s
+        allowed = promise.rate * min(passed_s, promise.longest_step_s)
+        clipped = [np.clip(start, -promise.effort, promise.effort) for start in (starts if known is None else (known,))]
+        step = min((float(np.abs(effort - start).max()) for start in clipped), default=0.0)
         if step > allowed + ROUNDING:
-            self.violations.append(f"{now_s:.3f} s: effort steps by {step:.3f} N m, allowed {allowed:.3f}")
-        self._last = (now_s, effort)
+            kind = "from what the joints feel" if known is None else f"in {1e3 * passed_s:.3f} ms"
+            self.violations.append(
+                f"{NS * now_ns:.3f} s: effort steps {kind} by {step:.6g} N m, allowed {allowed:.6g}: {effort.tolist()}"
+                f" after {[start.tolist() for start in clipped]}"
+            )
+        self._last = (now_ns, effort)
 
 
 @dataclass
@@ -79,8 +94,8 @@ class JointMonitor:
         """The simulation has been made anew."""
         self._last, self._resting_since = None, None
 
-    def lost(self) -> None:
-        """What the arm holds is not an object in a grasp any more: it need not come to rest."""
+    def begin_again(self) -> None:
+        """The time to come to rest begins anew: another one holds the arm, or the object has left the grasp."""
         self._resting_since = None
 
     def take(self, now_s: float, applied: Numbers, velocity: Numbers, follows: bool) -> None:

@@ -13,7 +13,6 @@ ON_TOPICS = (
     "drop", "duplicate", "delay", "reorder", "corrupt_values", "corrupt_bytes", "freeze_values", "freeze_message",
 )  # fmt: skip
 ON_NODES = ("kill", "stop")
-OTHERS = ("wrong_names", "wrong_frame", "reset", "clock_jump", "clock_stop", "grip", "gains", "request")
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +52,14 @@ def all_faults() -> tuple[tuple[str, str], ...]:
     return (
         *cases, ("clock_jump", BRIDGE), ("clock_stop", BRIDGE), ("grip", ""), ("gains", CONTROLLER),
         ("request", CONTROLLER),
+    )  # fmt: skip
+
+
+def all_faults_over_dds() -> tuple[tuple[str, str], ...]:
+    """Return every (kind, target) there is over DDS: as in process, and those of processes, network and graph."""
+    return (
+        *all_faults(), ("kill", RECORDER), ("stop", RECORDER), ("disk_full", RECORDER), ("cut", BRIDGE),
+        ("bad_parameter", CONTROLLER), ("second_publisher", JOINT), ("second_publisher", EFFORT),
     )  # fmt: skip
 
 

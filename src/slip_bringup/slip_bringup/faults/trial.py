@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from slip_bringup.faults.carriers import SampleCarrier
 from slip_bringup.faults.channel import Channel, Delivery
 from slip_bringup.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
 from slip_bringup.faults.plan import BRIDGE, CONTROLLER, EFFORT, JOINT, SLIP, TOPICS, WRENCH, Fault, Plan
@@ -80,7 +81,7 @@ class Trial:
         controller, safety = self.scenario.controller, self.scenario.controller.safety
         self._channels = {
             name: Channel(
-                Wire(name, controller.joint_names, controller.ee_frame),
+                SampleCarrier(Wire(name, controller.joint_names, controller.ee_frame)),
                 tuple(fault for fault in plan.faults if fault.target == name),
                 np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 2 + i))),
             )
@@ -232,7 +233,7 @@ class Trial:
         controller = self._controller
         follows = controller is not None and controller.mode.follows and not self._stopped(CONTROLLER, t)
         if np.abs(outputs.truth.slip_displacement[:3]).max() > LOST_M:
-            self._joints.lost()  # the pads of the simulation are endless; a real object would have fallen
+            self._joints.begin_again()  # the pads of the simulation are endless; a real object would have fallen
         self._joints.take(t, outputs.joint.effort, outputs.joint.velocity, follows)
         if self._keep:
             self._record += [(self._now_ns, name, sample) for name, sample in sent]
@@ -269,7 +270,7 @@ class Trial:
         starts = [result.joint.effort] if np.isfinite(result.joint.effort).all() else []
         if self._controller.state is not None:
             starts.append(self._law.arm.gravity(self._controller.state.position))
-        self._commands.take(t, result.command.effort, tuple(starts))
+        self._commands.take(self._now_ns, result.command.effort, tuple(starts))
         self._channels[EFFORT].send(result.command, t, self._now_ns)
         if self._keep:
             self._record.append((self._now_ns, EFFORT, result.command))

@@ -8,12 +8,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 
 from slip_bringup.faults.plan import EFFORT, JOINT, SLIP, WRENCH
 from slip_msgs_py import from_msgs, to_msgs
 from slip_msgs_py.errors import InputError
 from slip_msgs_py.fast_io import Receiver
+from slip_msgs_py.qos import message_class
 from slip_msgs_py.topics import topic
 from slip_msgs_py.types import WrenchSample
 
@@ -44,6 +45,7 @@ class Wire:
             WRENCH: partial(from_msgs.in_frame, frame=frame, make=WrenchSample),
             SLIP: partial(from_msgs.in_frame, frame=frame, make=from_msgs.slip_sample),
         }
+        self._class = message_class(topic(name).type)
         self._receiver: Receiver[Any] = Receiver(topic(name).type, _FIELDS[name], learn[name])
 
     def message(self, sample: Any) -> Any:
@@ -63,17 +65,20 @@ class Wire:
         except InputError:
             return None
 
-    def damaged(self, sample: Any, kind: str, rng: np.random.Generator) -> Any | None:
-        """Return what arrives of a sample whose message is damaged, None where nothing does."""
-        message = self.message(sample)
+    def typed(self, data: bytes) -> Any:
+        """Return the typed message of bytes that are one."""
+        return deserialize_message(data, self._class)
+
+    def damaged(self, message: Any, kind: str, rng: np.random.Generator) -> bytes:
+        """Damage a typed message and return its bytes."""
         if kind == "corrupt_values":
             damage_numbers(message, rng)
         elif kind == "wrong_frame":
             message.header.frame_id = "somewhere_else"
         elif kind == "wrong_names":
             damage_names(message, rng)
-        data = serialize_message(message)
-        return self.receive(damage_bytes(data, rng) if kind == "corrupt_bytes" else data)
+        data: bytes = serialize_message(message)
+        return damage_bytes(data, rng) if kind == "corrupt_bytes" else data
 
 
 def damage_numbers(message: Any, rng: np.random.Generator) -> None:
