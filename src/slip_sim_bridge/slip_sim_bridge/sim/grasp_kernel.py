@@ -9,16 +9,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 
 from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
+from slip_msgs_py.compiled import IN1, IN2, INT, OUT1, REAL, VOID, WHOLE1, kernel, part
 from slip_sim_bridge.sim.friction_kernel import RHO, STIFFNESS, project, substeps_needed
 from slip_sim_bridge.sim.lugre_kernel import bristles
 from slip_sim_bridge.sim.sym3_kernel import Sym3, Vec3
 
-WHOLE1 = numba.types.Array(INT, 1, "C", readonly=True)
 ROOT_MARGIN, MOST_SUBSTEPS = 0.5, 64  # see `friction.substeps_needed`
 
 

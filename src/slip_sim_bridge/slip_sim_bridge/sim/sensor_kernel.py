@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from numba import types
 from numpy.random import Generator
 
 from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import IN1, OUT2, VOID, kernel
+from slip_msgs_py.compiled import BOOL, IN1, OUT2, RNG, VOID, kernel
 
 
-@kernel(VOID(types.npy_rng, OUT2))
+@kernel(VOID(RNG, OUT2))
 def draw_chances(rng: Generator, out: Array) -> None:
     """Fill each row with two uniform numbers from [0, 1) and normal ones; (m, 2 + k).
 
@@ -22,7 +21,7 @@ def draw_chances(rng: Generator, out: Array) -> None:
             out[i, j] = rng.standard_normal()
 
 
-@kernel(types.boolean(IN1, IN1))
+@kernel(BOOL(IN1, IN1))
 def exceeds(values: Array, bounds: Array) -> bool:
     """Return whether any value is beyond its bound in size; (n,), (n,), one unit.
 
