@@ -6,6 +6,7 @@ hash are frozen when its first message is written.
 
 from __future__ import annotations
 
+import functools
 import importlib
 import re
 import time
@@ -15,6 +16,7 @@ from operator import itemgetter
 from typing import Any, Final
 
 from rclpy.node import Node
+from rclpy.type_hash import TypeHash
 
 from slip_bringup.bags.format import QosProfile, TopicInfo
 from slip_bringup.bags.intake import Arrival
@@ -27,6 +29,7 @@ from slip_msgs_py.errors import InputError
 
 DISCOVERY_EAGER_S: Final = 0.02  # while a requested topic is missing
 DISCOVERY_S: Final = 0.1  # while any topic may still appear
+LOOK_S: Final = 0.5  # for publishers that took another's place unnoticed
 _QUIET_S: Final = 0.03  # nothing for so long: nothing more is under way
 _LAST_S: Final = 0.5
 _UNANNOUNCED_S: Final = 1.0  # a message may precede the discovery data of its publisher by less than this
@@ -109,7 +112,7 @@ class Recorder:
         self._ignored = {node.resolve_topic_name(name) for name in ignored}
         self._topics: dict[str, _Topic] = {}
         self._warned: set[str] = set()
-        self._next_discovery = 0.0
+        self._next_discovery = self._next_look = 0.0
         self._last_poll: float | None = None
         self._longest_gap_s = 0.0
         for name, type_name in self._named.items():
@@ -194,9 +197,14 @@ class Recorder:
                     self._subscribe(name, type_names[0])
                 else:
                     self._warn_once(f"topic {name} has several types ({', '.join(type_names)}): not recorded")
+        whole = now >= self._next_look
+        if whole:
+            self._next_look = now + LOOK_S
         for topic in self._topics.values():
-            topic.subscription.follow(now)
-            topic.loss.see_publishers(len(topic.subscription.offers))
+            # To ask for everything about every publisher costs more than to record; their number is cheap.
+            if whole or self._node.count_publishers(topic.name) != len(topic.subscription.offers):
+                topic.subscription.follow(now)
+                topic.loss.see_publishers(len(topic.subscription.offers))
 
     def _subscribe(self, name: str, type_name: str) -> None:
         try:
@@ -262,9 +270,15 @@ class Recorder:
             self._warn(text)
 
 
+@functools.lru_cache
+def _hash_text(version: int, value: bytes) -> str:
+    return str(TypeHash(version=version, value=value))
+
+
 def _offer(info: Any) -> Offer:
     """Turn rclpy's description of a publisher into ours."""
-    qos, type_hash = info.qos_profile, str(info.topic_type_hash)
+    qos, found = info.qos_profile, info.topic_type_hash
+    type_hash = _hash_text(found.version, bytes(found.value))
     return Offer(
         gid=tuple(info.endpoint_gid),
         type_hash=type_hash if type_hash.startswith("RIHS") else "",

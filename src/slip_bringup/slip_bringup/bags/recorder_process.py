@@ -31,7 +31,7 @@ from slip_bringup.bags.writer import BagWriter, StorageError, WriterOptions
 from slip_msgs_py.errors import InputError, SlipVicError
 
 READY_TOPIC: Final = "recorder/ready"
-POLL_S: Final = 0.01
+POLL_S: Final = 0.02
 QUEUE_DEPTH: Final = 2000
 MIN_FREE_BYTES: Final = 64 << 20
 
@@ -113,7 +113,7 @@ def _loop(
     next_flush = start + options.flush_period_s
     while not stop() and not (options.duration_s and now - start >= options.duration_s):
         recorder.poll()
-        if recorder.ready and not announced:
+        if not announced and recorder.ready:
             announced = True
             ready_publisher.publish(String(data="ready"))
             listener.ready()

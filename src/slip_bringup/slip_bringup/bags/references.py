@@ -65,7 +65,9 @@ def make_references(folder: Path, tell: Callable[[str], None]) -> None:
             numbers = summarise(read_series(staging / name))
             slip = f"{1e3 * numbers['slip_linear_m']:.2f} mm, {math.degrees(numbers['slip_angular_rad']):.2f} deg"
             what = f"{' '.join(loaded.description.split())} {CONTROLLERS[controller]}"
-            command = f"slip-vic run --scenario {scenario} --controller {controller} --seed {SEED} {SHORT} --record {name}"
+            command = (
+                f"slip-vic run --scenario {scenario} --controller {controller} --seed {SEED} {SHORT} --record {name}"
+            )
             rows.append(f"| `{name}` | {size / 2**20:.2f} MiB | {result.messages} | {slip} | {what} | `{command}` |")
         (staging / "README.md").write_text(_readme(rows), encoding="utf-8")
         for item in sorted(staging.iterdir()):
