@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -51,6 +52,7 @@ def faults(trials: int, seed: int, first: int, dds: bool, workers: int | None, o
         if dds:
             from slip_bringup.faults.dds_campaign import run_over_dds
 
+            signal.signal(signal.SIGTERM, signal.default_int_handler)  # its processes end with it in any case
             tally = run_over_dds(seed, numbers, out, on_done)
         else:
             tally = campaign.run_in_process(seed, numbers, workers or min(trials, os.cpu_count() or 1), on_done)

@@ -21,7 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from slip_bringup.domain import domain_id
 from slip_bringup.faults import network
-from slip_bringup.faults.campaign import Tally, Verdict
+from slip_bringup.faults.campaign import Tally, Verdict, write_results
 from slip_bringup.faults.dds_faults import GRIP_N, FaultActions, remote
 from slip_bringup.faults.dds_session import Nodes
 from slip_bringup.faults.dds_watch import Watch
@@ -47,7 +47,7 @@ ASK_EVERY_S = 0.5
 DISK_FULL_S = 15.0
 LOST_M = 0.05
 SPIN_S = 0.002
-TRUTH_EVERY = 25
+TRUTH_EVERY = 3
 
 
 def plan_over_dds(seed: int, trial: int) -> Plan:
@@ -87,8 +87,9 @@ def run_over_dds(
         for trial in trials:
             verdict = campaign.run(plan_over_dds(seed, trial))
             tally.verdicts.append(verdict)
+            tally.notes = campaign.notes()
+            write_results(out, tally)  # an hour of trials is not lost with the last one
             on_done(verdict)
-        tally.notes = campaign.notes()
     return tally
 
 
@@ -157,6 +158,7 @@ class DdsCampaign:
         self._actions = FaultActions(node, self._nodes, self._watch, scenario, cable)
         self._proxy = Proxy(node, wires, self._watch.forwarded, self._on_state)
         self._lost = False
+        self.lost = 0
         self._since_truth = 0
         self._last_ask = 0.0
         for name, take, reliable in (
@@ -174,6 +176,7 @@ class DdsCampaign:
         """Return what is worth knowing of the whole campaign."""
         return {
             "process_starts": self._nodes.starts,
+            "objects_lost": self.lost,
             "commands_without_predecessor": self._watch.not_judged,
             "network_cut": "namespaces" if self._cable else "not permitted here: the proxy drops everything instead",
         }
@@ -215,17 +218,13 @@ class DdsCampaign:
     def _operate(self) -> None:
         """Do what an operator would do until the law is at work."""
         now = time.monotonic()
+        self._lost = False
         for name in (CONTROLLER, BRIDGE):
             if not self._nodes.runs(name):
                 self._nodes.start(name)
         if now - self._last_ask < ASK_EVERY_S:
             return
         self._last_ask = now
-        if self._lost:
-            # The simulation's pads are endless: what is lost acts on with ever longer levers. Begin with a new one.
-            self._nodes.end(BRIDGE)
-            self._nodes.start(BRIDGE)
-            self._lost = False
         if self._watch.mode == Mode.FAULT:
             self._nodes.trigger("reset_fault")
         elif self._watch.mode == Mode.HOLD:
@@ -296,6 +295,10 @@ class DdsCampaign:
         self._since_truth += 1
         if self._since_truth % TRUTH_EVERY == 0:
             message = deserialize_message(data, self._truth)
-            if max(map(abs, message.position[:3]), default=0.0) > LOST_M:
+            if max(map(abs, message.position[:3]), default=0.0) > LOST_M and self._nodes.runs(BRIDGE):
+                # A real object would fall. The simulation's pads are endless: it acts on with ever longer levers, until
+                # the arm whirls. Its simulation ends here; the operator starts another one.
                 self._lost = True
+                self.lost += 1
                 self._watch.joints.begin_again()
+                self._nodes.let_go(BRIDGE)

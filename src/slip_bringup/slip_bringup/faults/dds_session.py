@@ -142,6 +142,13 @@ class Nodes:
             child.send(signal.SIGKILL)
             child.wait(5.0)
 
+    def let_go(self, name: str) -> None:
+        """Ask a process to end, without waiting for it; it does not count as one that should run any more."""
+        child = self._children.pop(name, None)
+        if child is not None:
+            child.send(signal.SIGCONT)
+            child.send(signal.SIGINT)
+
     def end(self, name: str) -> None:
         """End a process as a user would, where it runs."""
         child = self._children.pop(name, None)

@@ -7,6 +7,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
+from slip_msgs_py.errors import InputError
 from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.input_monitor import UNANSWERED, USABLE, InputMonitor
 from slip_vic_controller.core.trouble import Trouble
@@ -37,8 +38,13 @@ class Manifest(NamedTuple):
     def decode(data: Sequence[int]) -> Manifest:
         """Read [tick, sec, nanosec, wrench count, slip count, ... per contact]; [ns] inside.
 
+        Raises:
+            InputError: a list of another length.
+
         Implements: ours: the lockstep protocol of the topic table.
         """
+        if len(data) < 5 or len(data) % 2 == 0:
+            raise InputError("lockstep tick", got=f"{len(data)} numbers", expected="3, and 2 more per contact")
         return Manifest(data[0], data[1] * 1_000_000_000 + data[2], tuple(data[3::2]), tuple(data[4::2]))
 
 

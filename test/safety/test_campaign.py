@@ -1,0 +1,140 @@
+"""The fault campaign in process: it holds, it is repeatable, and its monitors can fail."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.stats import beta
+
+from slip_bringup.bags.reader import Bag
+from slip_bringup.faults.campaign import Tally, Verdict, judge, upper_bound_95
+from slip_bringup.faults.cli import faults
+from slip_bringup.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
+from slip_bringup.faults.plan import all_faults
+from slip_bringup.faults.trial import run_trial
+from slip_vic_controller.core import supervision
+
+SEED = 7
+PROMISE = Promise(np.array([87.0, 12.0]), 1000.0, 0.005, 0.05, 0.004)
+MS = 1_000_000
+ZERO = np.zeros(2)
+
+
+@pytest.mark.parametrize("trial", range(0, len(all_faults()), 4))
+def test_promise_holds(trial: int) -> None:
+    verdict = judge(SEED, trial)
+    assert verdict.violations == ()
+    assert verdict.commands > 100
+
+
+def test_a_trial_can_be_run_again() -> None:
+    assert judge(SEED, 5) == judge(SEED, 5)
+
+
+def test_a_gate_without_slope_limit_is_caught_and_leaves_its_bag(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    real = supervision.guard
+
+    def broken(*args: Any) -> None:
+        *front, before, _step, out = args
+        real(*front, before, 1e9, out)
+
+    monkeypatch.setattr(supervision, "guard", broken)
+    trial = 33  # the controller is killed in motion, and another one starts
+    words = ["--trials", "1", "--first", str(trial), "--seed", str(SEED), "--workers", "1", "--out", str(tmp_path)]
+    result = CliRunner().invoke(faults, words)
+    assert result.exit_code == 1, result.output
+    assert f"--seed {SEED} --first {trial} --trials 1" in result.output
+    summary = json.loads((tmp_path / "faults.json").read_text())
+    assert (summary["trials"], summary["violations"]) == (1, 1)
+    assert "effort steps" in summary["failed"][0]["violations"][0]
+    with Bag(tmp_path / f"trial_{SEED}_{trial}") as bag:
+        assert bag.topics["/effort_command"].message_count > 100
+        assert bag.custom_data["violations"]
+
+
+def test_a_gate_that_lets_bad_numbers_through_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = supervision.guard
+    calls = 0
+
+    def broken(*args: Any) -> None:
+        nonlocal calls
+        real(*args)
+        calls += 1
+        if calls == 100:
+            args[-1][3] = np.nan
+
+    monkeypatch.setattr(supervision, "guard", broken)
+    from slip_bringup.faults.campaign import plan_of
+
+    assert any("nan" in text for text in run_trial(plan_of(SEED, 0)).violations)
+
+
+@pytest.mark.parametrize(
+    ("commands", "what"),
+    [
+        ([(0, [0.0, 0.0]), (4, [4.1, 0.0])], "steps in 4.000 ms"),
+        ([(0, [0.0, 0.0]), (40, [5.1, 0.0])], "steps in 40.000 ms"),  # no more than the longest step
+        ([(0, [0.0, 0.0]), (60, [4.1, 0.0])], "from what the joints feel"),
+        ([(0, [4.1, 0.0])], "from what the joints feel"),
+        ([(0, [0.0, np.inf])], "inf"),
+        ([(0, [0.0])], "1 efforts"),
+        ([(t, [min(4.0 * t / 4, 90.0), 0.0]) for t in range(0, 100, 4)], "above the limits"),
+    ],
+)
+def test_command_monitor_sees(commands: list[tuple[int, list[float]]], what: str) -> None:
+    monitor = CommandMonitor(PROMISE)
+    for t, effort in commands:
+        monitor.take(t * MS, np.array(effort), (ZERO,))
+    assert len(monitor.violations) >= 1
+    assert what in monitor.violations[0]
+
+
+def test_command_monitor_lets_the_fastest_allowed_pass() -> None:
+    monitor = CommandMonitor(PROMISE)
+    for t in range(0, 80, 4):
+        monitor.take(t * MS, np.array([4.0 + t, 0.0]), (ZERO,))
+    monitor.take(0, np.zeros(0), ())
+    monitor.take(90 * MS, np.array([20.0, 1.0]), (np.array([19.0, 0.0]), ZERO))
+    assert monitor.violations == []
+
+
+def test_joint_monitor_sees_steps_and_unrest() -> None:
+    monitor = JointMonitor(4.0)
+    monitor.take(0.0, ZERO, ZERO, False)
+    monitor.take(0.004, np.array([4.1, 0.0]), ZERO, False)
+    assert "joint effort steps by 4.100" in monitor.violations[0]
+    for t in range(1, 300):
+        monitor.take(0.004 * t, np.array([4.1, 0.0]), np.array([0.0, 0.2]), False)
+    assert "not at rest" in monitor.violations[1]
+
+
+def test_safe_state_monitor_sees_a_law_without_input() -> None:
+    monitor = SafeStateMonitor({"wrench": 0.1})
+    monitor.good("wrench", 1.0)
+    monitor.check(1.1, True)
+    monitor.check(5.0, False)
+    assert monitor.violations == []
+    monitor.check(1.2, True)
+    assert "after the last good wrench" in monitor.violations[0]
+
+
+def test_bound_is_that_of_clopper_and_pearson() -> None:
+    for trials, failures in ((300, 0), (3000, 0), (300, 1), (3000, 7)):
+        expected = beta.ppf(0.95, failures + 1, trials - failures)
+        assert upper_bound_95(trials, failures) == pytest.approx(expected, rel=1e-9)
+    assert upper_bound_95(0, 0) == upper_bound_95(3, 3) == 1.0
+
+
+def test_summary_says_how_long_recovery_took() -> None:
+    verdicts = [Verdict(i, ("drop wrench",), (), r, 10, {"ACTIVE": 5}) for i, r in enumerate((0.1, 0.3, 0.2, None))]
+    both = Verdict(4, ("drop wrench", "grip"), ("step",), 9.0, 10, {"HOLD": 5})
+    row = Tally(1, False, [*verdicts, both]).summary()["by_fault"]["drop wrench"]
+    assert (row["trials"], row["violations"], row["recovered"]) == (5, 1, 4)
+    assert (row["recovery_median_s"], row["recovery_max_s"]) == (0.2, 0.3)
