@@ -47,7 +47,7 @@ class GainParams(ParameterModel):
         "follow", "attitude in slip: follow the object's spin (the printed law), or only within spin_excursion"
     )
     spin_excursion: float = parameter(
-        0.2, "spin bounded: static attitude error that following the object may cost", unit="rad", runtime=True, ge=0.0
+        0.05, "spin bounded: static attitude error that following the object may cost", unit="rad", runtime=True, ge=0.0
     )
     spin_lever: float = parameter(
         0.03, "spin bounded: lever that makes turning a slip speed in the gate (the printed law has 1 m)", unit="m",
