@@ -84,7 +84,7 @@ def test_too_fast(seed: int) -> None:
     qd, twist = ARM.velocity_limit * rng.uniform(-1.0, 1.0, N), 0.5 * rng.normal(size=6)
     qd[seed % N] *= rng.uniform(0.5, 3.0)
     twist *= rng.uniform(0.5, 6.0)
-    index = too_fast_index(qd, ROWS, SPEEDS, np.concatenate((np.zeros(7), twist)), TRIP)
+    index = too_fast_index(qd, ROWS, SPEEDS, np.concatenate((np.zeros(7), twist, np.ones(1))), TRIP)
     words = too_fast(WALLS, JOINT_NAMES, qd, twist)
     assert (index < 0) == (words == "")
     if index >= 0:
@@ -100,17 +100,17 @@ def test_watch(seed: int, known: bool) -> None:
     packed[4:7] = np.abs(packed[4:7]) * (0.1, 0.3, 0.01)
     packed[3] = rng.uniform()
     before, axes = rng.normal(size=WATCHED), rng.integers(0, 2, 3).astype(float)
-    before[0] = abs(before[0])
+    before[0], before[13] = abs(before[0]), known
     policy = LoadPolicy(np.array((0.0, 0.0, -1.0)), 0.2, 0.3)
     bounds = (0.1, 0.5)
     watching = np.concatenate((policy.down, [policy.memory_s, *bounds, 0.005], axes))
     out = np.empty(WATCHED)
-    watch(arm.record, packed, reference, watching, before, known, dt, out)
+    watch(arm.record, packed, reference, watching, before, dt, out)
     law = LawOutcome(packed, N)
     plane = (arm.rotation * axes) @ arm.rotation.T
     slipping = 1.0 if law.slip_speed > 0.005 else law.gate
     evidence = slip_evidence(
-        EvidenceState(before[4:7], before[7:]) if known else None, arm.twist, law.carried, plane, dt
+        EvidenceState(before[4:7], before[7:13]) if known else None, arm.twist, law.carried, plane, dt
     )
     expected = (
         fall_speed(policy, before[0], law.object_acceleration, reference[18:], plane, slipping, dt),
@@ -119,6 +119,7 @@ def test_watch(seed: int, known: bool) -> None:
         np.linalg.norm(evidence.velocity),
         *evidence.velocity,
         *evidence.twist,
+        1.0,
     )
     np.testing.assert_allclose(out, expected, rtol=0.0, atol=EQUAL)
 

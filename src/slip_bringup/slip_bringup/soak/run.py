@@ -137,13 +137,14 @@ def _watch(
             next_sample += every_s
             for name, process in watched.items():
                 with contextlib.suppress(psutil.NoSuchProcess):
-                    result.samples.setdefault(name, []).append(_sample(process, t))
+                    result.samples.setdefault(name, []).append(sample_process(process, t))
             result.shared_memory_files.append(len(shared_memory.segments()))
         time.sleep(min(LOOK_S, every_s))
     on_time(seconds)
 
 
-def _sample(process: psutil.Process, t: float) -> Sample:
+def sample_process(process: psutil.Process, t: float) -> Sample:
+    """Look at a process now, t [s] after the start."""
     with process.oneshot():
         return Sample(t, process.memory_info().rss, process.num_fds(), process.num_threads())
 
