@@ -52,6 +52,7 @@ _TABLE = (
     Topic("controller/reference_pose", "geometry_msgs/msg/PoseStamped", "controller", "desired pose of the pad centre in `world`"),
     Topic("controller/reference_twist", "geometry_msgs/msg/TwistStamped", "controller", "desired twist of the pad centre in `world`"),
     Topic("controller/ledger", "std_msgs/msg/Int64MultiArray", "controller", "per cycle: number, stamps of the samples used; then the controller's clock, mode, worth of the inputs, request"),
+    Topic("controller/state", "std_msgs/msg/String", "controller", "once a second: the controller's whole memory after the cycle just answered, as JSON; a replay can begin there", depth=10),
     Topic("controller/timing", "sensor_msgs/msg/JointState", "controller", "real time only, per cycle: period, ages, compute time, latency [s]; overruns, missed, stale"),
     Topic("bridge/timing", "sensor_msgs/msg/JointState", "bridge", "real time only, per tick: period, lateness, state-to-command latency [s]; fresh share, overruns, real-time factor"),
     Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "controller", "status and reason of the law and of the mode, in real time also of the timing, about once a second", depth=10),

@@ -32,7 +32,7 @@ from slip_vic_controller.core.inputs import Manifest
 from slip_vic_controller.core.session import NO_EFFORT, ControllerSession, CycleResult
 from slip_vic_controller.mode_interface import ModeInterface
 from slip_vic_controller.node_params import ControllerNodeParams
-from slip_vic_controller.publishing import DiagnosticsPublisher, TimingPublisher
+from slip_vic_controller.publishing import DiagnosticsPublisher, StatePublisher, TimingPublisher
 
 STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only the newest state matters
 SLIP_DEPTH = 100  # every sample counts for the observer
@@ -124,6 +124,7 @@ class SlipVicController(LifecycleNode):
 
     def _destroy_endpoints(self) -> None:
         self._peers, self._ready = None, False
+        self._state_publisher.close()
         for kind, destroy in (
             (self.publishers, self.destroy_publisher),
             (self.subscriptions, self.destroy_subscription),
@@ -142,6 +143,7 @@ class SlipVicController(LifecycleNode):
             else None
         )
         self._send_ledger = create_sender(self, "controller/ledger", forms.whole_numbers(3 + 4 * contacts + 5))
+        self._state_publisher = StatePublisher(self, self.params.control_period_s, in_background=not self._lockstep)
         self._pub_ready = create_publisher(self, "controller/ready")
         self._diagnostics = DiagnosticsPublisher(self, self.params.diagnostics.decimation)
         self._timing = None if self._lockstep else TimingPublisher(self, self.params, self._diagnostics.status)
@@ -158,6 +160,7 @@ class SlipVicController(LifecycleNode):
             publishers=[
                 (self._send_effort.publisher, self.params.expected_subscribers),
                 (self._send_ledger.publisher, self.params.expected_subscribers - 1),
+                (self._state_publisher.publisher, self.params.expected_subscribers - 1),
                 *((publisher, self.params.expected_subscribers - 1) for publisher in published),
             ],
             subscriptions=inputs,
@@ -242,6 +245,7 @@ class SlipVicController(LifecycleNode):
         if self._send_array is not None and len(command.effort):
             self._send_array.send(command.stamp_ns, command.effort)
         self._send_ledger.send(joint.stamp_ns, (*result.ledger, *result.decision))
+        self._state_publisher.publish(self.session)
         self._mode.publish(result)
         if result.diagnostics is not None:
             mode = result.mode.mode

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from slip_msgs_py import forms, to_msgs
 from slip_msgs_py.fast_io import Sender, create_sender
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.core.diagnostics import TickDiagnostics
+from slip_vic_controller.core.session import ControllerSession
+from slip_vic_controller.core.snapshot import to_text
 from slip_vic_controller.node_params import ControllerNodeParams
 from slip_vic_controller.timing import SCALARS, CycleTiming
 
+STATE_PERIOD_S = 1.0
 DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 OK, WARN, ERROR = 0, 1, 2
 
@@ -107,3 +111,36 @@ class TimingPublisher:
             self._last_status_ns = now_ns
             level, text, values = self._timing.status()
             self._status.publish(to_msgs.diagnostics(wall_ns, f"{self._name}: timing", level, text, values))
+
+
+class StatePublisher:
+    """Publishes the controller's memory once a second, so that a replay can begin in the middle of a bag.
+
+    Args:
+        node: owner of the publisher.
+        period_s: control period.
+        in_background: whether another thread writes the text: a memory is a value, so the next cycle need not wait.
+    """
+
+    def __init__(self, node: Any, period_s: float, *, in_background: bool) -> None:
+        self.publisher = create_publisher(node, "controller/state")
+        self._every = max(1, round(STATE_PERIOD_S / period_s))
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="state") if in_background else None
+
+    def publish(self, session: ControllerSession) -> None:
+        """Publish after every so many cycles."""
+        if session.cycles % self._every:
+            return
+        memory = session.snapshot()
+        if self._worker is None:
+            self._send(memory)
+        else:
+            self._worker.submit(self._send, memory)
+
+    def close(self) -> None:
+        """Wait for a text that is being written."""
+        if self._worker is not None:
+            self._worker.shutdown(wait=True)
+
+    def _send(self, memory: tuple[Any, ...]) -> None:
+        self.publisher.publish(to_msgs.string(to_text(memory)))

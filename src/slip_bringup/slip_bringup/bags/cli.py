@@ -55,7 +55,8 @@ def info(bag_path: Path, as_json: bool, no_scan: bool, attachment: str | None) -
 @bag.command()
 @_BAG
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="replace a stored parameter; repeatable")
-def verify(bag_path: Path, assignments: tuple[str, ...]) -> None:
+@click.option("--from", "from_s", type=click.FloatRange(min=0.0), default=0.0, help="begin so many seconds in [s]")
+def verify(bag_path: Path, assignments: tuple[str, ...], from_s: float) -> None:
     """Run the controller again on the recorded inputs and compare every effort bit by bit.
 
     Exit code 0: identical. 1: not, with the first difference. 2: this bag cannot be verified.
@@ -71,7 +72,7 @@ def verify(bag_path: Path, assignments: tuple[str, ...]) -> None:
         notes = other_software(opened.custom_data)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("replaying", total=len(run.ledger))
-        verdict = verify_run(run, lambda: progress.advance(task))
+        verdict = verify_run(run, lambda: progress.advance(task), from_s)
     click.echo(verdict.text())
     if not verdict.identical:
         for note in notes:

@@ -18,6 +18,7 @@ from slip_vic_controller.core.input_monitor import Health
 from slip_vic_controller.core.inputs import TickInputs
 from slip_vic_controller.core.modes import Mode, Request
 from slip_vic_controller.core.session import ControllerSession
+from slip_vic_controller.core.snapshot import from_text
 from slip_vic_controller.core.trouble import Trouble
 
 
@@ -52,6 +53,10 @@ class ReplayInputs:
         """Name the cycle that comes next."""
         self._entry = entry
         self.joint_trouble = Health.from_code(entry.health).joint
+
+    def previous(self, entry: LedgerEntry) -> None:
+        """Name the cycle before the first one: the slip samples up to it are not new."""
+        self._previous_slip = list(entry.slip_ns)
 
     @property
     def newest_joint(self) -> JointSample:
@@ -109,23 +114,53 @@ class ReplayInputs:
             ) from None
 
 
-def replay(run: RecordedRun) -> Iterator[Divergence | None]:
+def first_index(run: RecordedRun, from_s: float = 0.0) -> int:
+    """Return where in the ledger a replay begins: at its first cycle, or where the memory of the controller is known.
+
+    Args:
+        run: the run.
+        from_s: begin no earlier than this many seconds after the first cycle.
+
+    Raises:
+        InputError: there is no such place.
+    """
+    if run.ledger[0].cycle == 0 and from_s <= 0.0:
+        return 0
+    earliest = run.ledger[0].joint_ns + round(1e9 * from_s)
+    # The cycle before is needed too: it says which slip samples are new.
+    for index, entry in enumerate(run.ledger[1:], start=1):
+        if entry.joint_ns >= earliest and entry.cycle in run.states:
+            return index
+    raise InputError(
+        "the ledger",
+        got=f"a beginning at cycle {run.ledger[0].cycle}, and no controller/state at {from_s:g} s or later",
+        expected="the run from its first cycle, or a state to begin with (one each second)",
+    )
+
+
+def replay(run: RecordedRun, begin: int = 0) -> Iterator[Divergence | None]:
     """Yield per cycle None where effort and mode are the recorded ones to the last bit, else the first difference.
+
+    Args:
+        run: the run.
+        begin: index in the ledger, of `first_index`.
 
     Raises:
         InputError: the run cannot be replayed from this bag.
 
     Implements: ours: the ledger gives the inputs, clock, verdicts and requests of every cycle; the rest is code.
     """
-    if run.ledger[0].cycle != 0:
-        raise InputError(
-            "the ledger", got=f"a beginning at cycle {run.ledger[0].cycle}", expected="the run from its first cycle"
-        )
     session = ControllerSession(VicController(run.params, run.urdf), lockstep=run.params.mode == "lockstep")
     inputs = ReplayInputs(run)
     session.inputs = inputs  # type: ignore[assignment]  # the same five methods
     changes = {change.index: change.params for change in run.changes}
-    for index, (entry, effort) in enumerate(zip(run.ledger, run.efforts, strict=True)):
+    if begin > 0:
+        session.restore(from_text(run.states[run.ledger[begin].cycle]))
+        inputs.previous(run.ledger[begin - 1])
+        for index in [index for index in changes if index < begin]:
+            session.know(changes.pop(index))
+    for index in range(begin, len(run.ledger)):
+        entry, effort = run.ledger[index], run.efforts[index]
         if index in changes:
             session.retune(changes[index])
         inputs.give(entry)

@@ -18,9 +18,11 @@ from slip_msgs_py.from_msgs import JointOrder, slip_sample
 from slip_msgs_py.params import build, flat_names, flatten
 from slip_msgs_py.topics import contact_topic
 from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
+from slip_vic_controller.core.snapshot import from_text
 from slip_vic_controller.node_params import ControllerNodeParams
 
 LEDGER: Final = "controller/ledger"
+STATE: Final = "controller/state"
 PARAMETERS: Final = "controller.params.yaml"
 URDF: Final = "arm.urdf"
 EVENTS: Final = "/parameter_events"
@@ -67,6 +69,7 @@ class RecordedRun:
     """Everything a replay needs, and what it must reproduce.
 
     joints, wrenches, slips: by stamp [ns], the last two per contact. efforts: per ledger entry, (n,) [N m] or (0,).
+    states: the controller's memory as text, by the cycle that begins with it.
     """
 
     params: ControllerNodeParams
@@ -77,6 +80,7 @@ class RecordedRun:
     wrenches: tuple[dict[int, WrenchSample], ...]
     slips: tuple[dict[int, SlipSample], ...]
     efforts: tuple[NDArray[np.float64], ...]
+    states: dict[int, str]
 
 
 def read_run(bag: Bag, overrides: dict[str, Any]) -> RecordedRun:
@@ -102,7 +106,14 @@ def read_run(bag: Bag, overrides: dict[str, Any]) -> RecordedRun:
         wrenches=tuple(_wrenches(bag, prefix + contact_topic("wrench", index)) for index in range(contacts)),
         slips=tuple(_slips(bag, prefix + contact_topic("slip_velocity", index)) for index in range(contacts)),
         efforts=_efforts(_complete(bag, f"{prefix}effort_command"), ledger_series, order),
+        states=_states(bag, prefix + STATE),
     )
+
+
+def _states(bag: Bag, topic: str) -> dict[int, str]:
+    if topic not in bag.topics:
+        return {}
+    return {from_text(message.value.data)[0]: message.value.data for message in bag.messages(topic)}
 
 
 def _namespace(bag: Bag) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from slip_bringup.bags.provenance import provenance
-from slip_bringup.bags.replay import Divergence, replay
+from slip_bringup.bags.replay import Divergence, first_index, replay
 from slip_bringup.bags.run_data import RecordedRun
 
 
@@ -38,19 +38,20 @@ class Verdict:
         )
 
 
-def verify_run(run: RecordedRun, on_cycle: Callable[[], None] = lambda: None) -> Verdict:
-    """Replay a run; `on_cycle` is called after every cycle.
+def verify_run(run: RecordedRun, on_cycle: Callable[[], None] = lambda: None, from_s: float = 0.0) -> Verdict:
+    """Replay a run; `on_cycle` is called after every cycle; from_s: begin so many seconds after the first cycle.
 
     Raises:
         InputError: the run cannot be replayed from its bag.
     """
     different, first = 0, None
-    for divergence in replay(run):
+    begin = first_index(run, from_s)
+    for divergence in replay(run, begin):
         on_cycle()
         if divergence is not None:
             different += 1
             first = first or divergence
-    return Verdict(len(run.ledger), sum(len(effort) for effort in run.efforts), different, first)
+    return Verdict(len(run.ledger) - begin, sum(len(effort) for effort in run.efforts[begin:]), different, first)
 
 
 def other_software(custom_data: Mapping[str, str]) -> list[str]:

@@ -5,7 +5,8 @@ Plain forms: `repulsion`, `output_gate`, `load_monitor`, `path_time`.
 walls       rows of near_lower, near_upper, brake_from, velocity, trip, effort (n each); see `repulsion.Walls`
 speeds      margin [rad], linear [m/s] and angular [rad/s] speed limit of the pad
 watching    down (3), fall memory [s], error bounds [m], [rad], slip speed that counts as slip [m/s], slip axes (3)
-watched     fall [m/s], path speed, whether the reference moves, shown slip [m/s], velocity of evidence (3), twist (6)
+watched     fall [m/s], path speed, whether the reference moves, shown slip [m/s], velocity of evidence (3), twist (6),
+            1 where there is evidence
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from slip_msgs_py.compiled import IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
 from slip_vic_controller.core.arm_kernel import BIAS, TWIST
 from slip_vic_controller.core.rotation_kernel import add, dot, minus, nine, norm, put, three, times, turn, turn_back
 
-WATCHED = 13
+WATCHED = 14
 BRAKED_FROM = 0.75
 """Part of the pad's speed limits from which it is braked."""
 BRAKE_LINEAR, BRAKE_ANGULAR = 100.0, 10.0
@@ -129,10 +130,8 @@ def too_fast_index(qd: Array, walls: Array, speeds: Array, watched: Array, trip:
     return n if norm(three(watched, 7)) > trip * speeds[1] else fastest
 
 
-@kernel(VOID(IN1, IN1, IN1, IN1, IN1, INT, REAL, OUT1))
-def watch(
-    arm: Array, outcome: Array, reference: Array, watching: Array, before: Array, known: int, dt: float, out: Array
-) -> None:
+@kernel(VOID(IN1, IN1, IN1, IN1, IN1, REAL, OUT1))
+def watch(arm: Array, outcome: Array, reference: Array, watching: Array, before: Array, dt: float, out: Array) -> None:
     """Look at what the law saw: errors, fall, and whether slip and wrench agree.
 
     Args:
@@ -141,7 +140,6 @@ def watch(
         reference: packed.
         watching: see the module.
         before: watched one cycle earlier.
-        known: whether `before` has evidence.
         dt: since then [s].
         out: watched; see the module.
 
@@ -161,7 +159,7 @@ def watch(
         else 0.0
     )
     velocity = (0.0, 0.0, 0.0)
-    if known != 0 and dt > 0.0:
+    if before[13] > 0.0 and dt > 0.0:
         change = minus(minus(three(arm, TWIST), three(before, 7)), times(dt, three(outcome, 10)))
         faded = times(math.exp(-dt / EVIDENCE_MEMORY_S), three(before, 4))
         velocity = add(faded, _in_plane(R, axes, change))
@@ -169,3 +167,4 @@ def watch(
     put(out, 4, velocity)
     for i in range(6):
         out[7 + i] = arm[TWIST + i]
+    out[13] = 1.0

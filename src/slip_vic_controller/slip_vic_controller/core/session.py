@@ -5,7 +5,7 @@ The node, the in-process loop and bag replay all run this same class.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -111,6 +111,22 @@ class ControllerSession:
             make_tuning(params, gain_report(params).used)
         else:
             self.state = self._controller.retune(self.state, params)
+        self._tuned = params
+
+    def snapshot(self) -> tuple[Any, ...]:
+        """Return the whole memory with which the next cycle begins, as values; `snapshot.to_text` writes it.
+
+        Implements: ours: a replay can begin at any of them.
+        """
+        return self.cycles, self.state, self.safety, self.monitor.joint.memory()
+
+    def restore(self, memory: tuple[Any, ...]) -> None:
+        """Go on from a snapshot."""
+        self.cycles, self.state, self.safety, joint = memory
+        self.monitor.joint.recall(joint)
+
+    def know(self, params: ControllerParams) -> None:
+        """Take parameters that were set before the state which `restore` was given: their ramp is part of it."""
         self._tuned = params
 
     def set_active(self, active: bool) -> None:

@@ -272,7 +272,7 @@ class Supervisor:
             since = None if fastest < 0 else now_ns if state.fast_since_ns is None else state.fast_since_ns
             state = state._replace(fast_since_ns=since)
             if since is not None and now_ns - since > _FAST_NS:
-                fault = too_fast(self._walls, self.controller.joint_names, joint.velocity, watched[7:])
+                fault = too_fast(self._walls, self.controller.joint_names, joint.velocity, watched[7:13])
         if watched[0] > self._load.drop_speed:
             fault = fault or cannot_carry(self._load, float(watched[0]))
         hold = degraded = ""
@@ -315,8 +315,7 @@ class Supervisor:
         assert glance is not None
         packed, before = np.empty(WATCHED), state.watched
         watch(
-            glance.arm.record, glance.law.packed, glance.reference, self._watching, before, before is not UNWATCHED, dt,
-            packed,
+            glance.arm.record, glance.law.packed, glance.reference, self._watching, before, dt, packed
         )  # fmt: skip
         packed.flags.writeable = False
         evidence = self._safety.fallback.evidence

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from typing import Any
 
 import numpy as np
 
@@ -211,6 +212,21 @@ class JointWatch:
                 return Trouble.CLOCK_JUMP
             return Trouble.OUT_OF_ORDER if passed < 0 else Trouble.DUPLICATE
         return Trouble.CLOCK_JUMP if passed - waited > self._clock_jump_ns else Trouble.NONE
+
+    def memory(self) -> tuple[Any, ...]:
+        """Return what the watch knows of the last good joint state."""
+        if self._last is None:
+            return ()
+        last, now_ns = self._last
+        parts = (last.stamp_ns, last.position, last.velocity, last.effort)
+        return (*parts, now_ns, self._equal_since_ns, self._moves)
+
+    def recall(self, memory: tuple[Any, ...]) -> None:
+        """Go on from what `memory` gave."""
+        self._last = None
+        if memory:
+            stamp_ns, position, velocity, effort, now_ns, self._equal_since_ns, self._moves = memory
+            self._last = JointSample(stamp_ns, position, velocity, effort), now_ns
 
     def silent(self, now_ns: int) -> bool:
         """Return whether no good joint state has come for the age limit."""
