@@ -62,6 +62,7 @@ def test_a_short_soak_runs_and_reports(tmp_path: Path, monkeypatch: pytest.Monke
     content = json.loads((tmp_path / "soak.json").read_text())
     assert set(content["growth"]) == {"bridge", "controller", "recorder", "soak"}
     assert content["said"]["bridge"]["ticks"] > 300
+    assert 0.5 < content["law_share"] <= 1.0
     for name, series in content["series"].items():
         assert len(series) >= 5, name
         assert all(rss > 1 << 20 and files > 3 for _, rss, files, _ in series)

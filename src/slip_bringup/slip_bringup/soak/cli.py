@@ -44,7 +44,10 @@ def soak(minutes: float, rate: float, scenario: str, out: Path) -> None:
     Console().print(table)
     done = result.said.get("bridge", {})
     if done:
-        click.echo(f"{done['ticks']} ticks, {done['sim_time_s']:.1f} s simulated in {done['wall_time_s']:.1f} s")
+        click.echo(
+            f"{done['ticks']} ticks, {done['sim_time_s']:.1f} s simulated in {done['wall_time_s']:.1f} s; "
+            f"law at work in {100.0 * result.law_share():.0f} % of the cycles"
+        )
     for line in result.warnings:
         click.echo(f"warning: {line}", err=True)
     click.echo(f"results: {path}")

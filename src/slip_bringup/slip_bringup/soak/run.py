@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import tempfile
 import time
@@ -44,12 +45,21 @@ class SoakResult:
         """Return the growth of every process."""
         return {name: growth_of(samples) for name, samples in self.samples.items()}
 
+    def law_share(self) -> float:
+        """Return the share of cycles in which the law was at work; NaN where the recorder has not said."""
+        topics = self.said.get("recorder", {}).get("summary", {}).get("topics", {})
+        law, all_of_them = (
+            topics.get(f"/controller/{name}", {}).get("messages", 0) for name in ("stiffness", "scalars")
+        )
+        return law / all_of_them if all_of_them else math.nan
+
     def summary(self, limits: Limits) -> dict[str, Any]:
         """Return what soak.json holds."""
         growth = self.growth()
         return {
             "minutes": self.minutes,
             "rate_hz": self.rate_hz,
+            "law_share": self.law_share(),
             "samples": len(next(iter(self.samples.values()), [])),
             "growth": {name: grown.as_dict() for name, grown in growth.items()},
             "grows": {name: words for name, grown in growth.items() if (words := grown.grows(limits))},
