@@ -300,4 +300,4 @@ def test_scalars_carry_the_records_values() -> None:
         "tau_null_7": terms.torque.null[6],
         "tau_bias_4": terms.arm.bias[3],
     }
-    assert {name: scalars[name] for name in expected} == expected
+    assert {name: scalars[name] for name in expected} == pytest.approx(expected, rel=1e-12, abs=1e-15)

@@ -10,7 +10,8 @@ from typing import Any
 from slip_msgs_py import forms, to_msgs
 from slip_msgs_py.fast_io import Sender, create_sender
 from slip_msgs_py.qos import create_publisher
-from slip_vic_controller.core.diagnostics import TickDiagnostics
+from slip_vic_controller.core.diagnostics import AXES, Glance, TickDiagnostics
+from slip_vic_controller.core.packing import unpack_reference
 from slip_vic_controller.core.session import ControllerSession
 from slip_vic_controller.core.snapshot import to_text
 from slip_vic_controller.node_params import ControllerNodeParams
@@ -48,9 +49,10 @@ class DiagnosticsPublisher:
     def publish(self, cycle: int, stamp_ns: int, record: TickDiagnostics, mode: int, path_speed: float) -> None:
         """Publish what is due in this cycle."""
         if cycle % self._decimation == 0:
-            self._publish_scalars(stamp_ns, record.scalars() | {"mode": float(mode), "path_speed": path_speed})
-            if record.terms is not None:
-                self._publish_terms(stamp_ns, record)
+            scalars = record.scalars()
+            self._publish_scalars(stamp_ns, scalars | {"mode": float(mode), "path_speed": path_speed})
+            if record.glance is not None:
+                self._publish_glance(stamp_ns, record.glance, scalars)
         status = (record.status, record.reason)
         if status != self._last_status or stamp_ns - self._last_status_ns >= DIAGNOSTICS_PERIOD_NS:
             self._last_status, self._last_status_ns = status, stamp_ns
@@ -68,14 +70,11 @@ class DiagnosticsPublisher:
             self._scalars = Sender(self._scalars_publisher, forms.scalars(tuple(values)))
         self._scalars.send(stamp_ns, tuple(values.values()))
 
-    def _publish_terms(self, stamp_ns: int, record: TickDiagnostics) -> None:
-        terms = record.terms
-        if terms is None:
-            return
-        self._stiffness.send(stamp_ns, terms.law.K)
-        self._damping.send(stamp_ns, terms.law.D)
-        self._ee_pose.send(stamp_ns, to_msgs.pose_numbers(terms.arm.position, terms.arm.rotation))
-        reference = terms.reference
+    def _publish_glance(self, stamp_ns: int, glance: Glance, scalars: Mapping[str, float]) -> None:
+        self._stiffness.send(stamp_ns, [scalars[f"K_{axis}"] for axis in AXES])
+        self._damping.send(stamp_ns, [scalars[f"D_{axis}"] for axis in AXES])
+        self._ee_pose.send(stamp_ns, to_msgs.pose_numbers(glance.arm.position, glance.arm.rotation))
+        reference = unpack_reference(glance.reference)
         self._reference_pose.send(stamp_ns, to_msgs.pose_numbers(reference.position, reference.rotation))
         self._reference_twist.send(stamp_ns, reference.twist)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.compiled import IN1, IN2_F, OUT1, VOID, kernel
-from slip_vic_controller.core.rotation_kernel import add, matmul, nine, put, put_matrix, three, turn, vec_cross
+from slip_msgs_py.vector_kernel import add, matmul, nine, put, put_matrix, rows, three, turn, vec_cross
 
 TWIST, JDOT_QD, BIAS = 12, 18, 24
 """Where these begin; J begins at BIAS + n, M at BIAS + 7 n."""
@@ -33,10 +33,7 @@ def gather(
     Implements: ours: Jdot qd is the classical acceleration of {ee} at zero joint acceleration.
     """
     n = qd.shape[0]
-    R = (
-        R_joint[0, 0], R_joint[0, 1], R_joint[0, 2], R_joint[1, 0], R_joint[1, 1], R_joint[1, 2],
-        R_joint[2, 0], R_joint[2, 1], R_joint[2, 2],
-    )  # fmt: skip
+    R = rows(R_joint)
     lever = three(placement, 0)
     x = add(three(p_joint, 0), turn(R, lever))
     put(out, 0, x)

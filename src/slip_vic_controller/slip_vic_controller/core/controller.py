@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, readonly, rotate6, vector
+from slip_msgs_py.arrays import Array, readonly, vector
 from slip_msgs_py.errors import InputError
 from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.arm import ArmModel, ArmTerms
-from slip_vic_controller.core.attitude import AttitudeError, log_error, rpy_error
 from slip_vic_controller.core.delays import Delays, measure_delays, stable_slip_gain
-from slip_vic_controller.core.diagnostics import Glance, TickDiagnostics, TickTerms
-from slip_vic_controller.core.grasp import Contact, SlipDisplacement
-from slip_vic_controller.core.law import GraspTerms, LawTerms, control_law, grasp_terms
+from slip_vic_controller.core.diagnostics import Glance, TickDiagnostics
+from slip_vic_controller.core.grasp import SlipDisplacement
+from slip_vic_controller.core.inspection import NO_SLIP, Inspector, LawInputs
 from slip_vic_controller.core.observer import Motion, ObserverState, SlipEstimate, initial_observer, last_twist, observe
 from slip_vic_controller.core.observer_config import observer_config
-from slip_vic_controller.core.operational import SingularityPolicy, TorqueTerms, joint_torque, posture_torque
+from slip_vic_controller.core.operational import SingularityPolicy
 from slip_vic_controller.core.packing import (
     LawOutcome,
     pack_contacts,
     pack_memory,
     pack_reference,
     pack_tuning,
-    slips_of,
-    unpack_reference,
 )
 from slip_vic_controller.core.params import ControllerParams
 from slip_vic_controller.core.ramp import Tuning, make_ramp, tuning_at
@@ -36,7 +31,7 @@ from slip_vic_controller.core.safety import finite, limit_effort, refusal, safe_
 from slip_vic_controller.core.state import ControllerState
 from slip_vic_controller.core.tick_kernel import evaluate, predict_motion
 from slip_vic_controller.core.trajectory import make_path, packed_reference_at
-from slip_vic_controller.core.tuning import gain_report, make_contacts, make_tuning, measured_twist
+from slip_vic_controller.core.tuning import gain_report, make_contacts, make_tuning, measured_twist, moved_contacts
 
 
 class TickResult(NamedTuple):
@@ -45,33 +40,6 @@ class TickResult(NamedTuple):
     command: EffortCommand
     state: ControllerState
     diagnostics: TickDiagnostics
-
-
-class LawInputs(NamedTuple):
-    """All that the law depends on.
-
-    before, after: packed memory; slip_twist (6,) {ee}; wrenches (6,) on each pad; reference packed (24,); posture (n,).
-    """
-
-    before: Array
-    after: Array
-    tuning: Tuning
-    arm: ArmTerms
-    joint: JointSample
-    wrenches: Sequence[Array]
-    slip_twist: Array
-    estimate: SlipEstimate | None
-    reference: Array
-    posture: Array
-
-
-class PlainTerms(NamedTuple):
-    """The law by its plain form."""
-
-    attitude: AttitudeError
-    h_ee: Array
-    grasp: GraspTerms
-    law: LawTerms
 
 
 _QUIET = np.errstate(all="ignore")
@@ -106,6 +74,7 @@ class VicController:
         singularity, nullspace = params.singularity, params.nullspace
         settings = (float(params.feed_forward), nullspace.stiffness, nullspace.damping)
         self._settings = readonly((*settings, singularity.sigma_min, singularity.damping, *self.arm.effort_limit))
+        self._inspector = Inspector(params, self.contacts, self.policy, self._settings, self.arm.effort_limit)
         self._slip_needed = params.controller == "vic"
         # An observer has a memory of its own, so bad numbers must not reach it; nor the plain form.
         self._looks_first = self._observer is not None or params.attitude == "rpy"
@@ -193,7 +162,7 @@ class VicController:
         tuning = self._tuning(state)
         arm = self.arm.terms(q, qd)
         delays = measure_delays(state.delays, joint.stamp_ns, new_slips)
-        observer, estimate, follow_error = state.observer, None, _NO_SLIP
+        observer, estimate, follow_error = state.observer, None, NO_SLIP
         if self._observer is not None and observer is not None:
             observer, estimate = self._observe(state, observer, tuning, joint.stamp_ns, arm, samples, new_slips)
             samples[6:12] = estimate.twist
@@ -217,11 +186,11 @@ class VicController:
             state.posture, dt, memory, out,
         )  # fmt: skip
         inputs = LawInputs(
-            state.memory, memory, tuning, arm, joint, [w.wrench for w in wrenches], samples[6:12], estimate, desired,
+            state.memory, memory, tuning, packed[1:], arm, joint, samples, follow_error, estimate, desired,
             state.posture,
         )  # fmt: skip
         if self.params.attitude == "rpy":
-            self._overwrite(inputs, memory, out)
+            self._inspector.overwrite(inputs, memory, out)
         if out[0] != 1.0:
             # What is not finite comes out as not finite: only then it is worth while to look for the cause.
             reason = refusal(state.stamp_ns, n, count, self._slip_needed, joint, wrenches, slips, reference)
@@ -246,8 +215,9 @@ class VicController:
         effort = law.effort
         saturated = np.abs(law.torque) > self.arm.effort_limit if out[-1] else self.unsaturated
         record = TickDiagnostics(
-            "ok", "", near, effort, saturated, Glance(arm, desired, law), partial(self._evaluate, inputs)
-        )
+            "ok", "", near, effort, saturated, Glance(arm, desired, law), partial(self._inspector.terms, inputs),
+            partial(self._inspector.numbers, inputs),
+        )  # fmt: skip
         return TickResult(EffortCommand(joint.stamp_ns, effort), following, record)
 
     def _samples(self, wrenches: tuple[WrenchSample, ...], slips: tuple[SlipSample, ...]) -> Array | None:
@@ -260,7 +230,7 @@ class VicController:
                 return np.concatenate((h, v))
         parts: list[Array] = []
         for wrench, slip in zip(wrenches, slips, strict=True):
-            twist = slip.twist if slip.valid else _NO_SLIP
+            twist = slip.twist if slip.valid else NO_SLIP
             if wrench.wrench.shape != (6,) or twist.shape != (6,) or (self._slip_needed and not slip.valid):
                 return None
             parts += (wrench.wrench, twist)
@@ -271,7 +241,11 @@ class VicController:
         return measured_twist(self.params.measured, twist * self.contacts[0].slip_axes)
 
     def _pack(self, tuning: Tuning) -> tuple[Tuning, Array, Array]:
-        return tuning, pack_tuning(tuning.gains, tuning.object_model), pack_contacts(self._contacts(tuning))
+        return (
+            tuning,
+            pack_tuning(tuning.gains, tuning.object_model),
+            pack_contacts(moved_contacts(self.contacts, tuning)),
+        )
 
     def _tuning(self, state: ControllerState) -> Tuning:
         return self.tuning if state.ramp is None else tuning_at(state.ramp, state.stamp_ns)
@@ -310,73 +284,6 @@ class VicController:
         motion = Motion(stamp_ns, arm.rotation, arm.twist, out[:6], out[6:12], out[12:15], out[15:])
         return observe(self._observer, observer, motion, new_slips)
 
-    def _contacts(self, tuning: Tuning) -> tuple[Contact, ...]:
-        if tuning is self.tuning:
-            return self.contacts
-        return (self.contacts[0]._replace(position=tuning.contact_position), *self.contacts[1:])
-
-    def _plain_law(self, inputs: LawInputs) -> PlainTerms:
-        """Evaluate the law by the formulas of the documentation, for a slip velocity wherever it comes from."""
-        params, tuning, arm, reference = self.params, inputs.tuning, inputs.arm, unpack_reference(inputs.reference)
-        R_ee, v_ee, wrenches, estimate = arm.rotation, arm.twist, inputs.wrenches, inputs.estimate
-        contacts = self._contacts(tuning)
-        v_s = rotate6(R_ee, inputs.slip_twist * contacts[0].slip_axes)
-        h_ee = rotate6(R_ee, wrenches[0])
-        grasp = grasp_terms(tuning.object_model, contacts, slips_of(inputs.after), wrenches, R_ee, v_ee, v_s)
-        if estimate is not None and params.observer.correct_follow:
-            grasp = grasp._replace(follow=grasp.follow + rotate6(R_ee, estimate.error))
-        a_d = reference.acceleration if params.feed_forward else _NO_SLIP
-        R_d, w_d = reference.rotation, reference.twist[3:]
-        if params.attitude == "rpy":
-            attitude = rpy_error(R_ee, R_d, v_ee[3:], w_d)
-        else:
-            attitude = log_error(R_ee, R_d, v_ee[3:], w_d, a_d[3:], inputs.before[:3])
-        e_p, e_p_dot = arm.position - reference.position, v_ee[:3] - reference.twist[:3]
-        law = control_law(tuning.gains, contacts[0].slip_axes, attitude, e_p, e_p_dot, a_d, R_ee, v_s, grasp)
-        return PlainTerms(attitude, h_ee, grasp, law)
-
-    def _torque(self, inputs: LawInputs, plain: PlainTerms) -> TorqueTerms:
-        """Return the joint torque of a law by its plain form."""
-        arm, joint, nullspace = inputs.arm, inputs.joint, self.params.nullspace
-        tau_0 = posture_torque(joint.position, joint.velocity, inputs.posture, nullspace.stiffness, nullspace.damping)
-        return joint_torque(arm.M, arm.bias, arm.J, arm.jdot_qd, plain.law.a_C, plain.h_ee, tau_0, self.policy)
-
-    @_QUIET
-    def _overwrite(self, inputs: LawInputs, memory: Array, out: Array) -> None:
-        """Put the plain form's results in the place of the kernel's: roll, pitch, yaw have no kernel."""
-        plain = self._plain_law(inputs)
-        torque = self._torque(inputs, plain)
-        law, grasp, e, v_s = plain.law, plain.grasp, plain.law.e, plain.law.v_s
-        sizes = [math.sqrt(part.dot(part)) for part in (e[:3], e[3:], v_s[:3])]
-        ok = torque.solved and finite(torque.torque) and finite(memory)
-        effort, saturated = limit_effort(torque.torque, self.arm.effort_limit)
-        memory[:3] = plain.attitude.error
-        out[:7] = ok, torque.damping_squared, plain.attitude.near_singular, law.gate, *sizes
-        carried = (grasp.follow + grasp.Phi2)[:3]
-        out[7:] = np.concatenate(
-            (grasp.a_o[:3], carried, law.a_C, plain.h_ee, effort, torque.torque, [np.count_nonzero(saturated)])
-        )
-
-    @_QUIET
-    def _evaluate(self, inputs: LawInputs) -> TickTerms:
-        """Make the record of a tick, when somebody looks at it."""
-        tuning = inputs.tuning
-        plain = self._plain_law(inputs)
-        torque = self._torque(inputs, plain)
-        return TickTerms(
-            tuning.gains,
-            tuning.object_model,
-            inputs.arm,
-            unpack_reference(inputs.reference),
-            plain.attitude,
-            slips_of(inputs.after)[0],
-            plain.h_ee,
-            plain.grasp,
-            plain.law,
-            torque,
-            inputs.estimate,
-        )
-
     @_QUIET
     def _safe(self, state: ControllerState, joint: JointSample, reason: str) -> TickResult:
         """Hold the arm against gravity and brake its joints, from the last finite joint state."""
@@ -388,8 +295,5 @@ class VicController:
         following = state._replace(stamp_ns=max(joint.stamp_ns, state.stamp_ns), position=readonly(q))
         for array in (effort, saturated):
             array.flags.writeable = False
-        record = TickDiagnostics("safe", reason, (), effort, saturated, None, None)
+        record = TickDiagnostics("safe", reason, (), effort, saturated, None, None, None)
         return TickResult(EffortCommand(joint.stamp_ns, effort), following, record)
-
-
-_NO_SLIP = readonly(np.zeros(6))

@@ -98,6 +98,7 @@ class TickDiagnostics:
     saturated: NDArray[np.bool_]
     glance: Glance | None
     evaluate: Callable[[], TickTerms] | None = field(repr=False, compare=False)
+    describe: Callable[[], Array] | None = field(repr=False, compare=False)
     _terms: TickTerms | None = field(init=False, default=None, repr=False, compare=False)
 
     @property
@@ -117,11 +118,10 @@ class TickDiagnostics:
         flags = (self.status != "ok", "arm" in self.near_singular, "attitude" in self.near_singular)
         names = _names(len(self.effort))
         numbers = [*map(float, flags), *self.effort.tolist(), *map(float, self.saturated.tolist())]
-        terms = self.terms
-        if terms is None:
-            numbers += [math.nan] * (len(names) - len(numbers))
+        if self.describe is not None:
+            numbers += self.describe().tolist()
         else:
-            numbers += _numbers(terms)
+            numbers += [math.nan] * (len(names) - len(numbers))
         return dict(zip(names, numbers, strict=True))
 
 
@@ -143,8 +143,19 @@ def _names(joints: int) -> tuple[str, ...]:
     return (*_FLAGS, *each_joint("effort", "saturated"), *_ONE, *six, *each_joint(*_JOINT))
 
 
-def _numbers(t: TickTerms) -> list[float]:
-    """Return the values of a law that was evaluated, in the order of `_names` after the command."""
+def described(joints: int) -> int:
+    """Return how many numbers `numbers_of` gives.
+
+    Implements: ours: the size of what `record_kernel.describe` writes.
+    """
+    return len(_names(joints)) - len(_FLAGS) - 2 * joints
+
+
+def numbers_of(t: TickTerms) -> Array:
+    """Return the numbers of a law that was evaluated, in the order of the names after the command; (described(n),).
+
+    Implements: ours: what `record_kernel.describe` works out without the record.
+    """
     poses = ((t.arm.position, t.arm.rotation), (t.reference.position, t.reference.rotation), t.slip)
     arrays = (
         *(part for position, rotation in poses for part in (position, log_so3(rotation))),
@@ -159,7 +170,7 @@ def _numbers(t: TickTerms) -> list[float]:
     )
     ones = [t.law.gate, t.V_e, t.V_s, t.torque.sigma_min, t.torque.damping_squared, t.gains.k_s]
     ones += [0.0, 0.0] if t.estimate is None else [float(t.estimate.sliding), t.estimate.significance]
-    return ones + list(np.concatenate(arrays).tolist())
+    return np.concatenate((ones, *arrays))
 
 
 _NOT_ESTIMATED = readonly(np.zeros(6))

@@ -15,8 +15,8 @@ import math
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.compiled import IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
+from slip_msgs_py.vector_kernel import Matrix, Three, add, dot, minus, nine, norm, put, three, times, turn, turn_back
 from slip_vic_controller.core.arm_kernel import BIAS, TWIST
-from slip_vic_controller.core.rotation_kernel import add, dot, minus, nine, norm, put, three, times, turn, turn_back
 
 WATCHED = 14
 BRAKED_FROM = 0.75
@@ -43,7 +43,7 @@ def _repulsion(q: float, qd: float, walls: Array, margin: float) -> float:
 
 
 @part
-def _brake(v: tuple[float, float, float], limit: float, damping: float) -> tuple[float, float, float]:
+def _brake(v: Three, limit: float, damping: float) -> Three:
     speed = norm(v)
     if not speed > BRAKED_FROM * limit:
         return 0.0, 0.0, 0.0
@@ -51,11 +51,7 @@ def _brake(v: tuple[float, float, float], limit: float, damping: float) -> tuple
 
 
 @part
-def _in_plane(
-    R: tuple[float, float, float, float, float, float, float, float, float],
-    axes: tuple[float, float, float],
-    v: tuple[float, float, float],
-) -> tuple[float, float, float]:
+def _in_plane(R: Matrix, axes: Three, v: Three) -> Three:
     a = turn_back(R, v)
     return turn(R, (axes[0] * a[0], axes[1] * a[1], axes[2] * a[2]))
 

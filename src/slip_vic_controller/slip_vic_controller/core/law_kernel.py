@@ -8,20 +8,15 @@ Logarithm coordinates only. The layouts of the packed arrays are in `packing`.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.compiled import part
-from slip_vic_controller.core.attitude import LOG_BRANCH_LIMIT, LOG_REPORT
-from slip_vic_controller.core.rotation_kernel import (
+from slip_msgs_py.vector_kernel import (
     Matrix,
     Three,
     add,
-    coefficients_of,
     dot,
-    exponential,
-    inverse_coefficient_of,
-    jacobian_product,
-    logarithm,
     matmul,
     minus,
     nine,
@@ -33,6 +28,28 @@ from slip_vic_controller.core.rotation_kernel import (
     turn_back,
     vec_cross,
 )
+from slip_vic_controller.core.attitude import LOG_BRANCH_LIMIT, LOG_REPORT
+from slip_vic_controller.core.rotation_kernel import (
+    coefficients_of,
+    exponential,
+    inverse_coefficient_of,
+    jacobian_product,
+    logarithm,
+)
+
+
+class ObjectMotion(NamedTuple):
+    """The object as the law knows it; on the axes of the own pad.
+
+    w: w_o; r: x_c - x_o; force, torque: h_o; linear, turning: a_o, without gravity's part taken out.
+    """
+
+    w: Three
+    r: Three
+    force: Three
+    torque: Three
+    linear: Three
+    turning: Three
 
 
 @part
@@ -58,8 +75,8 @@ def arm_of(pad: Matrix, contacts: Array, i: int, slip: Three) -> Three:
 @part
 def object_motion(
     tuning: Array, contacts: Array, wrenches: Array, slips: Array, R_ee: Matrix, w_ee: Three, slip_angular: Three
-) -> tuple[Three, Three, Three, Three]:
-    """Return w_o, r, and a_o (linear, angular), on the axes of the own pad.
+) -> ObjectMotion:
+    """Return what the object does, on the axes of the own pad.
 
     Args:
         tuning: gains and object.
@@ -86,7 +103,7 @@ def object_motion(
     moment = add(torque, vec_cross(w, turn(inertia, w)))
     turning = times(-1.0, solve_symmetric(inertia, moment))
     linear = minus(turn_back(R_ee, three(tuning, 44)), times(1.0 / tuning[34], force))
-    return w, r, linear, turning
+    return ObjectMotion(w, r, force, torque, linear, turning)
 
 
 @part
@@ -172,13 +189,21 @@ def gate_of(tuning: Array, linear: Three, angular: Three) -> float:
 
 @part
 def compensation(
-    tuning: Array, axes: Array, gate: float, slip: tuple[Three, Three], carried: tuple[Three, Three], Theta: Three
+    tuning: Array, axes: Array, slip: tuple[Three, Three], carried: tuple[Three, Three], Theta: Three
 ) -> tuple[Three, Three]:
-    """Return the gated compensation, where the contact can slip; all on pad axes; axes: slip axes from 12 on."""
+    """Return the compensation where the contact can slip; all on pad axes; axes: slip axes from 12 on."""
     k_s = tuning[31]
     a, b = minus(carried[0], times(k_s, slip[0])), minus(minus(carried[1], times(k_s, slip[1])), Theta)
-    linear = (gate * axes[12] * a[0], gate * axes[13] * a[1], gate * axes[14] * a[2])
-    angular = (gate * axes[15] * b[0], gate * axes[16] * b[1], gate * axes[17] * b[2])
+    return (
+        (axes[12] * a[0], axes[13] * a[1], axes[14] * a[2]),
+        (axes[15] * b[0], axes[16] * b[1], axes[17] * b[2]),
+    )
+
+
+@part
+def gated(tuning: Array, gate: float, comp: tuple[Three, Three]) -> tuple[Three, Three]:
+    """Return gate times the compensation, its angular part shortened to the limit."""
+    linear, angular = times(gate, comp[0]), times(gate, comp[1])
     size = norm(angular)
     if size > tuning[33]:
         angular = times(tuning[33] / size, angular)

@@ -6,17 +6,8 @@ import numpy as np
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.compiled import IN1, IN2, OUT1, REAL, VOID, kernel, part
-from slip_vic_controller.core.rotation_kernel import (
-    add,
-    exponential,
-    jacobian_product,
-    jacobian_rate_product,
-    matmul,
-    nine,
-    put,
-    put_matrix,
-    three,
-)
+from slip_msgs_py.vector_kernel import add, matmul, nine, put, put_matrix, three
+from slip_vic_controller.core.rotation_kernel import exponential, jacobian_product, jacobian_rate_product
 
 
 @part

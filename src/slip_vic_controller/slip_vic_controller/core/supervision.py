@@ -394,10 +394,12 @@ class Supervisor:
         following = state._replace(gate=gate, now_ns=now_ns, saturated_since_ns=since, **changes)
         reason = state.mode.reason
         if law is not None and out[-3] == 0.0:
-            record = TickDiagnostics("ok", reason, law.near_singular, effort, saturated, law.glance, law.evaluate)
+            record = TickDiagnostics(
+                "ok", reason, law.near_singular, effort, saturated, law.glance, law.evaluate, law.describe
+            )
         else:
             near = () if law is None else law.near_singular
-            record = TickDiagnostics("safe", reason or "bridged", near, effort, saturated, None, None)
+            record = TickDiagnostics("safe", reason or "bridged", near, effort, saturated, None, None, None)
         return Supervised(EffortCommand(joint.stamp_ns, effort), control, following, record, limited)
 
 

@@ -14,7 +14,7 @@ from slip_msgs_py.small_kernel import back_substitute, cholesky, forward_substit
 @part
 def torque_of(
     M: Array, bias: Array, J: Array, force: Array, h_ee: Array, tau_0: Array, sigma_min: float, most_damping: float,
-    torque: Array,
+    task: Array, null: Array, torque: Array,
 ) -> tuple[bool, float]:  # fmt: skip
     """Write the joint torque to `torque`; return whether all factors exist, and the damping^2 that was added.
 
@@ -22,6 +22,7 @@ def torque_of(
         M, bias, J, h_ee, tau_0: as of `joint_torque`.
         force: a_C - Jdot qd; (6,).
         sigma_min, most_damping: the singularity policy.
+        task, null: B_x (a_C - Jdot qd), and what the task would feel of tau_0; (6,) [N, N m] {w}.
         torque: (n,) [N m].
     """
     n = M.shape[0]
@@ -47,7 +48,7 @@ def torque_of(
     if not cholesky(A, C):
         return False, damping_squared
     # tau_0 - J^T A^-1 J M^-1 tau_0: what of it the task does not feel
-    y, task, null = np.empty(n), np.empty(6), np.empty(6)
+    y = np.empty(n)
     forward_substitute(L, tau_0, y)
     for i in range(6):
         total = 0.0
@@ -74,18 +75,38 @@ def smallest_singular_value_below(J: Array, limit: float) -> float:
     always the case. The value itself comes from Jacobi rotations, cyclic until nothing is left beside the diagonal.
     """
     S, L = np.empty((6, 6)), np.empty((6, 6))
-    for i in range(6):
-        for j in range(i + 1):
-            total = 0.0
-            for k in range(J.shape[1]):
-                total += J[i, k] * J[j, k]
-            S[i, j] = S[j, i] = total
+    _gram(J, S)
     for i in range(6):
         S[i, i] -= limit * limit
     if cholesky(S, L):
         return limit
     for i in range(6):
         S[i, i] += limit * limit
+    return min(_root_of_smallest(S), limit)
+
+
+@part
+def smallest_singular_value(J: Array) -> float:
+    """Return the smallest singular value of J (6, n)."""
+    S = np.empty((6, 6))
+    _gram(J, S)
+    return _root_of_smallest(S)
+
+
+@part
+def _gram(J: Array, S: Array) -> None:
+    """Write J J^T to `S`."""
+    for i in range(6):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(J.shape[1]):
+                total += J[i, k] * J[j, k]
+            S[i, j] = S[j, i] = total
+
+
+@part
+def _root_of_smallest(S: Array) -> float:
+    """Return the square root of the smallest eigenvalue of S (6, 6), which is made diagonal."""
     for _ in range(_SWEEPS):
         off, size = 0.0, 0.0
         for p in range(6):
@@ -100,7 +121,7 @@ def smallest_singular_value_below(J: Array, limit: float) -> float:
     smallest = S[0, 0]
     for i in range(1, 6):
         smallest = min(smallest, S[i, i])
-    return min(math.sqrt(max(smallest, 0.0)), limit)
+    return math.sqrt(max(smallest, 0.0))
 
 
 @part

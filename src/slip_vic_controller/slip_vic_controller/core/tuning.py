@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -72,6 +73,14 @@ def make_contacts(params: ControllerParams) -> tuple[Contact, ...]:
         )
         for i in range(count)
     )
+
+
+def moved_contacts(contacts: Sequence[Contact], tuning: Tuning) -> tuple[Contact, ...]:
+    """Return the contacts with the own one where the tuning has it; o_x_p changes at run time with the payload's COM.
+
+    Implements: ours: gains and payload change while the law runs.
+    """
+    return (contacts[0]._replace(position=tuning.contact_position), *contacts[1:])
 
 
 def gain_report(params: ControllerParams) -> GainReport:
