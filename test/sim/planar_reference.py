@@ -20,10 +20,11 @@ def carried_object(
     *, mass=0.5, inertia=2e-3, lever=0.02, way=(0.4, 0.3, 0.8), duration=2.0, end=3.0, grip=0.5, mu_s=0.5, mu_k=0.4,
     stribeck=0.05, viscous=0.05, rho=0.03, dt=1e-3,
 ):  # fmt: skip
-    """Return (slip distance [m], slip angle [rad], peak slip speed [m/s]) of the pad over the object at `end` [s]."""
+    """Return slip distance [m], angle [rad] of the pad over the object at `end` [s], peak slip speed, |v_x| [m/s]."""
     way, S = np.array(way), np.diag([1.0, 1.0, rho])
     M_inv = np.diag([1 / mass, 1 / mass, 1 / inertia])
-    pose, twist, peak = np.array([-lever, 0.0, 0.0]), np.zeros(3), 0.0  # of the centre of mass
+    pose, twist = np.array([-lever, 0.0, 0.0]), np.zeros(3)  # of the centre of mass
+    peak, peak_x = 0.0, 0.0
 
     def limit(s):
         return grip * (mu_k + (mu_s - mu_k) * math.exp(-((s / stribeck) ** 2))) + viscous * s
@@ -46,9 +47,10 @@ def carried_object(
                 too_slow = sum((c / (s + F * a)) ** 2 for a, c in pairs) > 1.0
                 low, high = (s, high) if too_slow else (low, s)
             f = -F * np.linalg.solve(s * np.eye(3) + F * A, u_free)
-            peak = max(peak, float(np.hypot(*(u_free + A @ f)[:2])))
+            u = u_free + A @ f
+            peak, peak_x = max(peak, float(np.hypot(*u[:2]))), max(peak_x, abs(float(u[0])))
         twist = twist + dt * M_inv @ G_T.T @ (S @ f)
         pose = pose + dt * twist
     c, s = np.cos(pose[2]), np.sin(pose[2])
     grasped = pose[:2] + lever * np.array([c, s])
-    return float(np.hypot(*(pad[:2] - grasped))), float(pad[2] - pose[2]), peak
+    return float(np.hypot(*(pad[:2] - grasped))), float(pad[2] - pose[2]), peak, peak_x
