@@ -23,6 +23,8 @@ PURE_MSGS = {
         "realtime",
         "compiled",
         "small_kernel",
+        "vector_kernel",
+        "pose_kernel",
     )
 }
 ROS = {"rclpy", "rcl_interfaces", "std_srvs", "lifecycle_msgs"} | {

@@ -18,11 +18,12 @@ import numpy as np
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.errors import InputError
+from slip_msgs_py.vector_kernel import Three
 from slip_sim_bridge.sim import sym3_kernel as sym3
 from slip_sim_bridge.sim.friction_kernel import ROOT_ITERATIONS, ROOT_TOLERANCE
-from slip_sim_bridge.sim.sym3_kernel import Sym3, Vec3
+from slip_sim_bridge.sim.sym3_kernel import Sym3
 
-NO_STATE: Vec3 = (0.0, 0.0, 0.0)
+NO_STATE: Three = (0.0, 0.0, 0.0)
 """State of a contact before its first step; rigid laws never change it."""
 
 
@@ -37,7 +38,7 @@ class ContactSolution:
     force: Array
     velocity: Array
     stick: bool
-    state: Vec3
+    state: Three
 
 
 class FrictionLaw(Protocol):
@@ -52,8 +53,8 @@ class FrictionLaw(Protocol):
         ...
 
     def solve(
-        self, u_free: Vec3, A_hat: Sym3, normal_force: float, dt: float, state: Vec3
-    ) -> tuple[Vec3, Vec3, bool, Vec3]:
+        self, u_free: Three, A_hat: Sym3, normal_force: float, dt: float, state: Three
+    ) -> tuple[Three, Three, bool, Three]:
         """Return (f_hat = S^-1 f, u = S v, stick, next state) of one implicit step in scaled coordinates."""
         ...
 
@@ -82,8 +83,8 @@ class Coulomb:
         return 0.0
 
     def solve(
-        self, u_free: Vec3, A_hat: Sym3, normal_force: float, dt: float, state: Vec3
-    ) -> tuple[Vec3, Vec3, bool, Vec3]:
+        self, u_free: Three, A_hat: Sym3, normal_force: float, dt: float, state: Three
+    ) -> tuple[Three, Three, bool, Three]:
         """Project on the limit surface; scaled (3,), 6 floats, [N], [s], (3,) -> (f_hat, u, stick, state).
 
         Implements: ours: rigid friction has no memory.
@@ -130,8 +131,8 @@ class Stribeck:
         return max(0.0, fall - self.viscous)
 
     def solve(
-        self, u_free: Vec3, A_hat: Sym3, normal_force: float, dt: float, state: Vec3
-    ) -> tuple[Vec3, Vec3, bool, Vec3]:
+        self, u_free: Three, A_hat: Sym3, normal_force: float, dt: float, state: Three
+    ) -> tuple[Three, Three, bool, Three]:
         """Project on the limit surface; scaled (3,), 6 floats, [N], [s], (3,) -> (f_hat, u, stick, state).
 
         Implements: ours: rigid friction has no memory.
@@ -140,7 +141,7 @@ class Stribeck:
 
 
 def solve_contact(
-    v_free: Array, A: Array, normal_force: float, dt: float, law: FrictionLaw, state: Vec3, rho: float
+    v_free: Array, A: Array, normal_force: float, dt: float, law: FrictionLaw, state: Three, rho: float
 ) -> ContactSolution:
     """Solve one implicit friction step: v = v_free + A f with f admissible and of maximum dissipation.
 
@@ -167,7 +168,7 @@ def solve_contact(
     )
 
 
-def project(law: FrictionLaw, u_free: Vec3, A_hat: Sym3, normal_force: float) -> tuple[Vec3, Vec3, bool]:
+def project(law: FrictionLaw, u_free: Three, A_hat: Sym3, normal_force: float) -> tuple[Three, Three, bool]:
     """Solve a rigid law in scaled coordinates; (3,) [m/s], 6 floats [m/s/N], [N] -> (f_hat [N], u [m/s], stick).
 
     Stick where F(0) holds the load. Otherwise the speed is the root of |(s I + F(s) A_hat)^-1 u_free| = 1,

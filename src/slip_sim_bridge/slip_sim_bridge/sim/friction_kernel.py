@@ -10,18 +10,13 @@ import math
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.compiled import part
-from slip_sim_bridge.sim.sym3_kernel import Sym3, Vec3, largest_eigenvalue_of, multiply_of, solve_of
+from slip_msgs_py.vector_kernel import Three, norm
+from slip_sim_bridge.sim.sym3_kernel import Sym3, largest_eigenvalue_of, multiply_of, solve_of
 
 ROOT_TOLERANCE = 1e-13  # of |.| = 1: rounding level of the secular equation
 ROOT_ITERATIONS = 80  # bisection alone would need 45
 
 MU_S, MU_K, STRIBECK_VELOCITY, VISCOUS, STIFFNESS, DAMPING, BREAKAWAY, RHO = range(8)
-
-
-@part
-def length_of(v: Vec3) -> float:
-    """Return |v|."""
-    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
 @part
@@ -34,7 +29,7 @@ def limit(law: Array, speed: float, normal_force: float) -> tuple[float, float]:
 
 
 @part
-def project(law: Array, u_free: Vec3, A_hat: Sym3, normal_force: float) -> tuple[Vec3, Vec3]:
+def project(law: Array, u_free: Three, A_hat: Sym3, normal_force: float) -> tuple[Three, Three]:
     """Return the first two of `friction.project`."""
     hold = solve_of(A_hat, u_free)
     breakaway, _ = limit(law, 0.0, normal_force)
@@ -42,7 +37,7 @@ def project(law: Array, u_free: Vec3, A_hat: Sym3, normal_force: float) -> tuple
         return (-hold[0], -hold[1], -hold[2]), (0.0, 0.0, 0.0)
 
     ux, uy, uz = u_free
-    free_speed = length_of(u_free)
+    free_speed = norm(u_free)
     pushed = multiply_of(A_hat, u_free)
     low, high = 0.0, free_speed
     force, _ = limit(law, free_speed, normal_force)
@@ -50,28 +45,28 @@ def project(law: Array, u_free: Vec3, A_hat: Sym3, normal_force: float) -> tuple
     if not low < speed <= high:
         speed = 0.5 * high
     xx, xy, xz, yy, yz, zz = A_hat
-    w, norm = u_free, 1.0
+    w, size = u_free, 1.0
     for _ in range(ROOT_ITERATIONS):
         force, slope = limit(law, speed, normal_force)
         M = (speed + force * xx, force * xy, force * xz, speed + force * yy, force * yz, speed + force * zz)
         w = solve_of(M, u_free)
-        norm = length_of(w)
-        if abs(norm - 1.0) <= ROOT_TOLERANCE:
+        size = norm(w)
+        if abs(size - 1.0) <= ROOT_TOLERANCE:
             break
-        if norm > 1.0:
+        if size > 1.0:
             low = speed
         else:
             high = speed
         q, p = solve_of(M, w), multiply_of(A_hat, w)
         gain = q[0] * (w[0] + slope * p[0]) + q[1] * (w[1] + slope * p[1]) + q[2] * (w[2] + slope * p[2])
-        step = (norm - 1.0) * norm * norm / gain if gain > 0.0 else math.inf
+        step = (size - 1.0) * size * size / gain if gain > 0.0 else math.inf
         following = speed + step
         if not low < following < high:
             following = 0.5 * (low + high)
         if abs(following - speed) <= ROOT_TOLERANCE * speed:
             break
         speed = following
-    scale = 1.0 / norm
+    scale = 1.0 / size
     x, y, z = w[0] * scale, w[1] * scale, w[2] * scale
     return (-force * x, -force * y, -force * z), (speed * x, speed * y, speed * z)
 

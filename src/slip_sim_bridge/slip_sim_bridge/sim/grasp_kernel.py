@@ -13,17 +13,12 @@ import numpy as np
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.compiled import IN1, IN2, INT, OUT1, REAL, VOID, WHOLE1, kernel, part
+from slip_msgs_py.vector_kernel import Three, three
 from slip_sim_bridge.sim.friction_kernel import RHO, STIFFNESS, project, substeps_needed
 from slip_sim_bridge.sim.lugre_kernel import bristles
-from slip_sim_bridge.sim.sym3_kernel import Sym3, Vec3
+from slip_sim_bridge.sim.sym3_kernel import Sym3
 
 ROOT_MARGIN, MOST_SUBSTEPS = 0.5, 64  # see `friction.substeps_needed`
-
-
-@part
-def three(v: Array, i: int) -> Vec3:
-    """Return v[i : i + 3] as floats."""
-    return v[i], v[i + 1], v[i + 2]
 
 
 @part
@@ -66,8 +61,8 @@ def contact_motion(factor: Array, inverse_diagonal: Array, tree: Any, force: Arr
 
 @part
 def contact_force(
-    law: Array, v_free: Vec3, A_hat: Sym3, normal_force: float, dt: float, state: Vec3
-) -> tuple[Vec3, Vec3]:
+    law: Array, v_free: Three, A_hat: Sym3, normal_force: float, dt: float, state: Three
+) -> tuple[Three, Three]:
     """Return force and next state of `friction.solve_contact`."""
     if normal_force <= 0.0:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from slip_msgs_py.arrays import Array
+from slip_msgs_py.vector_kernel import Three
 from slip_sim_bridge.sim.friction import FrictionLaw, solve_contact, substeps_needed
-from slip_sim_bridge.sim.sym3_kernel import Vec3
 
 
 def slip_joint_friction(
@@ -21,9 +21,9 @@ def slip_joint_friction(
     period: float,
     substeps: int,
     law: FrictionLaw,
-    state: Vec3,
+    state: Three,
     rho: float,
-) -> tuple[Array, Vec3, int]:
+) -> tuple[Array, Three, int]:
     """Return J^T f of the coming sub-step on the relative joints (3,) [N, N m], the law's next state, and sub-steps.
 
     Args:

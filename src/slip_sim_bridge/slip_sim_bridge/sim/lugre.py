@@ -18,10 +18,11 @@ import math
 from dataclasses import dataclass
 
 from slip_msgs_py.errors import InputError
+from slip_msgs_py.vector_kernel import Three
 from slip_sim_bridge.sim import sym3_kernel as sym3
 from slip_sim_bridge.sim.friction import Stribeck
 from slip_sim_bridge.sim.lugre_kernel import ROOT_ITERATIONS, ROOT_TOLERANCE, SHORTEST
-from slip_sim_bridge.sim.sym3_kernel import Sym3, Vec3
+from slip_sim_bridge.sim.sym3_kernel import Sym3
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +64,8 @@ class LuGre:
         return self.curve.steepest_fall(normal_force)
 
     def solve(
-        self, u_free: Vec3, A_hat: Sym3, normal_force: float, dt: float, state: Vec3
-    ) -> tuple[Vec3, Vec3, bool, Vec3]:
+        self, u_free: Three, A_hat: Sym3, normal_force: float, dt: float, state: Three
+    ) -> tuple[Three, Three, bool, Three]:
         """Step the bristles; scaled (3,), 6 floats, [N], [s], (3,) [m] -> (f_hat, u, elastic, next z).
 
         Implements: ours: backward Euler of the equations above, root of the flow rule in kappa.
@@ -85,13 +86,13 @@ class LuGre:
 
     def _flow(
         self,
-        at_one: tuple[float, Vec3, Vec3],
-        u_free: Vec3,
+        at_one: tuple[float, Three, Three],
+        u_free: Three,
         A_hat: Sym3,
         normal_force: float,
         dt: float,
-        z: Vec3,
-    ) -> tuple[float, Vec3, Vec3]:
+        z: Three,
+    ) -> tuple[float, Three, Three]:
         """Find kappa by regula falsi (Illinois): the residual is 1 at kappa = 0 and negative at 1."""
         low, high, r_low, r_high = 0.0, 1.0, 1.0, at_one[0]
         step, side = at_one, 0
@@ -114,8 +115,8 @@ class LuGre:
         return step
 
     def _trial(
-        self, kappa: float, u_free: Vec3, A_hat: Sym3, normal_force: float, dt: float, z: Vec3
-    ) -> tuple[float, Vec3, Vec3]:
+        self, kappa: float, u_free: Three, A_hat: Sym3, normal_force: float, dt: float, z: Three
+    ) -> tuple[float, Three, Three]:
         """Return (residual of the flow rule, u, z') for a given kappa; the motion is a linear solve."""
         xx, xy, xz, yy, yz, zz = A_hat
         a = kappa * (self.stiffness * dt + self.damping) + self.curve.viscous
@@ -143,7 +144,7 @@ class LuGre:
             return 1.0
         return 0.5 + 0.5 * math.sin(math.pi * (stretch - 0.5 * (1.0 + start)) / (1.0 - start))
 
-    def _shortened(self, z: Vec3, normal_force: float) -> Vec3:
+    def _shortened(self, z: Three, normal_force: float) -> Three:
         """Let go what a smaller normal force cannot hold any more."""
         longest = self.curve.mu_s * normal_force / self.stiffness
         length = math.sqrt(z[0] * z[0] + z[1] * z[1] + z[2] * z[2])

@@ -9,8 +9,9 @@ import math
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.compiled import part
-from slip_sim_bridge.sim.friction_kernel import BREAKAWAY, DAMPING, MU_S, STIFFNESS, VISCOUS, length_of, limit
-from slip_sim_bridge.sim.sym3_kernel import Sym3, Vec3, multiply_of, solve_of
+from slip_msgs_py.vector_kernel import Three, norm
+from slip_sim_bridge.sim.friction_kernel import BREAKAWAY, DAMPING, MU_S, STIFFNESS, VISCOUS, limit
+from slip_sim_bridge.sim.sym3_kernel import Sym3, multiply_of, solve_of
 
 ROOT_TOLERANCE = 1e-12  # of kappa
 ROOT_ITERATIONS = 100
@@ -18,10 +19,10 @@ SHORTEST = 1e-12  # m: full stretch where there is no dry friction; its force is
 
 
 @part
-def shortened(law: Array, z: Vec3, normal_force: float) -> Vec3:
+def shortened(law: Array, z: Three, normal_force: float) -> Three:
     """Let go what a smaller normal force cannot hold any more."""
     longest = law[MU_S] * normal_force / law[STIFFNESS]
-    length = length_of(z)
+    length = norm(z)
     if length <= longest:
         return z
     scale = longest / length
@@ -38,8 +39,8 @@ def flowing_share(start: float, stretch: float) -> float:
 
 @part
 def trial(
-    law: Array, kappa: float, u_free: Vec3, A_hat: Sym3, normal_force: float, dt: float, z: Vec3
-) -> tuple[float, Vec3, Vec3]:
+    law: Array, kappa: float, u_free: Three, A_hat: Sym3, normal_force: float, dt: float, z: Three
+) -> tuple[float, Three, Three]:
     """Return (residual of the flow rule, u, z') for a given kappa; the motion is a linear solve."""
     xx, xy, xz, yy, yz, zz = A_hat
     a = kappa * (law[STIFFNESS] * dt + law[DAMPING]) + law[VISCOUS]
@@ -50,9 +51,9 @@ def trial(
         (u_free[0] - b * pull[0], u_free[1] - b * pull[1], u_free[2] - b * pull[2]),
     )
     z_next = (kappa * (z[0] + dt * u[0]), kappa * (z[1] + dt * u[1]), kappa * (z[2] + dt * u[2]))
-    length = length_of(z_next)
+    length = norm(z_next)
     along = u[0] * z_next[0] + u[1] * z_next[1] + u[2] * z_next[2]
-    speed = length_of(u)
+    speed = norm(u)
     dry = limit(law, speed, normal_force)[0] - law[VISCOUS] * speed
     z_ss = max(dry / law[STIFFNESS], SHORTEST)
     if along <= 0.0 or length <= law[BREAKAWAY] * z_ss:
@@ -63,8 +64,8 @@ def trial(
 
 @part
 def bristles(
-    law: Array, u_free: Vec3, A_hat: Sym3, normal_force: float, dt: float, state: Vec3
-) -> tuple[Vec3, Vec3, Vec3]:
+    law: Array, u_free: Three, A_hat: Sym3, normal_force: float, dt: float, state: Three
+) -> tuple[Three, Three, Three]:
     """Return f_hat, u and the next state of `LuGre.solve`; kappa by regula falsi (Illinois)."""
     z = shortened(law, state, normal_force)
     r, u, z_next = trial(law, 1.0, u_free, A_hat, normal_force, dt, z)

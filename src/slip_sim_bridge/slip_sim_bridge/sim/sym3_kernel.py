@@ -6,8 +6,8 @@ import math
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.compiled import part
+from slip_msgs_py.vector_kernel import Three
 
-Vec3 = tuple[float, float, float]
 Sym3 = tuple[float, float, float, float, float, float]
 """Upper triangle (xx, xy, xz, yy, yz, zz)."""
 
@@ -21,7 +21,7 @@ def scaled_upper(A: Array, rho: float) -> Sym3:
     return xx, xy, rho * xz, yy, rho * yz, rho * rho * zz
 
 
-def solve(matrix: Sym3, right: Vec3) -> Vec3:
+def solve(matrix: Sym3, right: Three) -> Three:
     """Return x with matrix x = right by cofactors; 6 floats, (3,) -> (3,), any unit and frame.
 
     Implements: ours: Cramer's rule; the matrices here are positive definite and of order 3.
@@ -38,7 +38,7 @@ def solve(matrix: Sym3, right: Vec3) -> Vec3:
     )
 
 
-def multiply(matrix: Sym3, x: Vec3) -> Vec3:
+def multiply(matrix: Sym3, x: Three) -> Three:
     """Return matrix x; 6 floats, (3,) -> (3,), any unit and frame.
 
     Implements: ours: product with an upper triangle.
