@@ -7,25 +7,8 @@ import math
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.compiled import part
 
-
-@part
-def product(A: Array, x: Array, out: Array) -> None:
-    """Write A x to `out`; (m, n) (n,) -> (m,)."""
-    for i in range(A.shape[0]):
-        total = 0.0
-        for j in range(A.shape[1]):
-            total += A[i, j] * x[j]
-        out[i] = total
-
-
-@part
-def transposed_product(A: Array, x: Array, out: Array) -> None:
-    """Write A^T x to `out`; (m, n) (m,) -> (n,)."""
-    for j in range(A.shape[1]):
-        total = 0.0
-        for i in range(A.shape[0]):
-            total += A[i, j] * x[i]
-        out[j] = total
+LARGEST = 1e154
+"""Beyond it squares overflow; NaN is not below it either."""
 
 
 @part

@@ -15,6 +15,7 @@ import math
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.compiled import IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
+from slip_msgs_py.small_kernel import LARGEST
 from slip_msgs_py.vector_kernel import Matrix, Three, add, dot, minus, nine, norm, put, three, times, turn, turn_back
 from slip_vic_controller.core.arm_kernel import BIAS, TWIST
 
@@ -26,8 +27,6 @@ BRAKE_LINEAR, BRAKE_ANGULAR = 100.0, 10.0
 EVIDENCE_MEMORY_S = 0.1
 MOVING = 0.01
 """[m/s] or [rad/s] above which a reference asks for motion."""
-LARGEST = 1e154
-"""Beyond it squares overflow; NaN is not below it either."""
 
 
 @part

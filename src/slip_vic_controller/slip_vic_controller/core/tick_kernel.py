@@ -8,6 +8,7 @@ import numpy as np
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.compiled import IN1, IN2, OUT1, REAL, VOID, kernel, part
+from slip_msgs_py.small_kernel import LARGEST
 from slip_msgs_py.vector_kernel import (
     Three,
     add,
@@ -25,9 +26,6 @@ from slip_msgs_py.vector_kernel import (
 from slip_vic_controller.core import law_kernel as law
 from slip_vic_controller.core.arm_kernel import BIAS, JDOT_QD, TWIST
 from slip_vic_controller.core.torque_kernel import torque_of
-
-_LARGEST = 1e154
-"""Beyond it squares overflow; NaN is not below it either."""
 
 
 class Law(NamedTuple):
@@ -144,11 +142,11 @@ def evaluate(
         limit = settings[5 + j]
         saturated += 1.0 if abs(torque[j]) > limit else 0.0
         out[25 + j] = min(max(torque[j], -limit), limit)
-        finite = finite and abs(torque[j]) <= _LARGEST
+        finite = finite and abs(torque[j]) <= LARGEST
     for i in range(memory_out.shape[0]):
         if i < 3:
             memory_out[i] = t.e_o[i]
-        finite = finite and abs(memory_out[i]) <= _LARGEST
+        finite = finite and abs(memory_out[i]) <= LARGEST
     out[0] = 1.0 if solved and finite else 0.0
     out[1], out[2], out[3] = damping, (1.0 if law.far_turned(t.e_o) else 0.0), t.gate
     out[4], out[5], out[6] = norm(t.x_e), norm(t.e_o), norm(t.slip[0])

@@ -8,16 +8,13 @@ import numpy as np
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.compiled import IN1, IN2, INT, REAL, kernel, part
+from slip_msgs_py.small_kernel import LARGEST
 
 NOT_FINITE, ABSURD, DENORMAL, JUMP, MOVES, SAME = 1, 2, 4, 8, 16, 32
 """SAME: equal to the last bit to the sample before."""
 TINY = float(np.finfo(np.float64).tiny)
 ARM_MOVES = 0.02
 """[rad/s]"""
-
-
-LARGEST = 1e154
-"""Beyond it squares overflow."""
 
 
 @kernel(INT(IN1))
