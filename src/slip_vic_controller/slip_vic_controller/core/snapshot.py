@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from enum import IntEnum
+from importlib import import_module
 from types import ModuleType
 from typing import Any
 
@@ -14,34 +15,23 @@ import numpy as np
 
 from slip_msgs_py.arrays import readonly
 from slip_msgs_py.errors import InputError
-from slip_vic_controller.core import (
-    delays,
-    fallback,
-    impedance,
-    modes,
-    object_dynamics,
-    observer,
-    output_gate,
-    path_time,
-    ramp,
-    slip_filter,
-    state,
-    supervision,
-)
 
-_MODULES = (
-    delays,
-    fallback,
-    impedance,
-    modes,
-    object_dynamics,
-    observer,
-    output_gate,
-    path_time,
-    ramp,
-    slip_filter,
-    state,
-    supervision,
+_MODULES = tuple(
+    import_module(f"slip_vic_controller.core.{name}")
+    for name in (
+        "delays",
+        "fallback",
+        "impedance",
+        "modes",
+        "object_dynamics",
+        "observer",
+        "output_gate",
+        "path_time",
+        "ramp",
+        "slip_filter",
+        "state",
+        "supervision",
+    )
 )
 
 
