@@ -6,21 +6,10 @@ import importlib.metadata
 import platform
 from pathlib import Path
 
+from slip_bringup.bags.provenance import VERSIONED
 from slip_bringup.processes import python_module
 from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
 from slip_msgs_py.topics import TOPICS
-
-VERSIONED = (
-    "numpy",
-    "scipy",
-    "numba",
-    "pin",
-    "mujoco",
-    "ros-jazzy-rclpy",
-    "mcap",
-    "slip-vic-controller",
-    "slip-sim-bridge",
-)
 
 
 def recorded_topics(scenario: Scenario) -> list[tuple[str, str]]:

@@ -10,7 +10,19 @@ import subprocess
 from pathlib import Path
 from typing import Final
 
-_PACKAGES: Final = ("numpy", "scipy", "numba", "pin", "mujoco", "mcap", "ros-jazzy-rclpy", "ros-jazzy-rmw-fastrtps-cpp")
+VERSIONED: Final = (
+    "numpy",
+    "scipy",
+    "numba",
+    "pin",
+    "mujoco",
+    "mcap",
+    "ros-jazzy-rclpy",
+    "ros-jazzy-rmw-fastrtps-cpp",
+    "slip-vic-controller",
+    "slip-sim-bridge",
+)
+"""Packages that a result depends on."""
 _GIT_TIMEOUT_S: Final = 5.0
 
 
@@ -22,7 +34,7 @@ def provenance() -> dict[str, str]:
     return {
         "versions": json.dumps(versions()),
         "platform": f"{platform.system()} {platform.release()} {platform.machine()}",
-        "cpu": _cpu_model(),
+        "cpu": cpu_model(),
         "threads": json.dumps({name: os.environ.get(name, "") for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}),
         "git_revision": git_revision(),
     }
@@ -31,7 +43,7 @@ def provenance() -> dict[str, str]:
 def versions() -> dict[str, str]:
     """Return the versions of Python and of the installed packages that matter for the numbers."""
     found = {"python": platform.python_version()}
-    for package in _PACKAGES:
+    for package in VERSIONED:
         try:
             found[package] = importlib.metadata.version(package)
         except importlib.metadata.PackageNotFoundError:
@@ -60,7 +72,8 @@ def git_revision() -> str:
         return ""
 
 
-def _cpu_model() -> str:
+def cpu_model() -> str:
+    """Return the processor's name, "" where the system does not tell."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import platform
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import psutil
 
+from slip_bringup.bags.provenance import cpu_model
 from slip_bringup.recording import versions
 
 _LOOP = 20_000
@@ -20,7 +20,7 @@ _STALL_S = 1e-4
 def machine() -> dict[str, Any]:
     """Return processor, cores, kernel, and what real time is permitted."""
     return {
-        "processor": _processor(),
+        "processor": cpu_model() or platform.processor() or platform.machine(),
         "cores": len(os.sched_getaffinity(0)),
         "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
         "kernel": platform.release(),
@@ -64,16 +64,6 @@ def stalled_share(duration_s: float = 0.2) -> float:
             stalled += now - last
         last = now
     return stalled / (last - start)
-
-
-def _processor() -> str:
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
 
 
 def _preemption() -> str:
