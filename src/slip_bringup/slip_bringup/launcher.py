@@ -14,11 +14,11 @@ from types import FrameType
 from typing import Any
 
 from slip_bringup.domain import check_domain, domain_from_environment, domain_id
+from slip_bringup.node_command import node_module, parameter_arguments
 from slip_bringup.processes import Child, Event, ProcessGroup, child_environment, python_module
 from slip_bringup.recording import recorder_command
-from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
-from slip_msgs_py.errors import InputError, ProtocolError, SlipVicError
-from slip_msgs_py.params import ParameterModel
+from slip_bringup.scenario import Scenario
+from slip_msgs_py.errors import InputError, ProtocolError
 from slip_msgs_py.realtime import ProcessOptions
 
 READY_TIMEOUT_S = 60.0  # the very first start may have to compile
@@ -57,15 +57,6 @@ class RunResult:
     def real_time_factor(self) -> float:
         """Simulated over wall time."""
         return self.sim_time_s / self.wall_time_s if self.wall_time_s > 0.0 else 0.0
-
-
-class RefusedByChild(SlipVicError):
-    """A child refused its input; its own line says what is wrong."""
-
-    exit_code = 2
-
-    def __init__(self, child: Child) -> None:
-        super().__init__(f"{child.name}: {child.lines[-1].removeprefix('error: ')}")
 
 
 class Launcher:
@@ -147,15 +138,13 @@ class Launcher:
             recorder = recorder_command(scenario, self._bag, folder, self._namespace)
             order.append(("recorder", self._on_other_cores(recorder)))
         arguments = {
-            "controller": self._node_arguments("controller", controller, folder),
-            "bridge": self._node_arguments("bridge", bridge, folder),
+            "controller": parameter_arguments("controller", controller, folder),
+            "bridge": parameter_arguments("bridge", bridge, folder),
         }
         if self._one_process:
             order.append(("bridge", self._command("slip_bringup.both_nodes", *arguments.values())))
         else:
-            order += [
-                (name, self._command(f"{NODES[name][0]}.node", words, node=name)) for name, words in arguments.items()
-            ]
+            order += [(name, self._command(node_module(name), words, node=name)) for name, words in arguments.items()]
         children = {name: group.start(name, argv, environment, self._on_event) for name, argv in order}
         self._wait(group, lambda: "started" in children["bridge"].events, READY_TIMEOUT_S, "the processes to get ready")
         self._wait(group, lambda: children["bridge"].exit_code is not None, None, "")
@@ -163,15 +152,10 @@ class Launcher:
             group.stop([children["controller"]])
         if recording:
             group.stop([children["recorder"]])
-        self._check(group)
+        group.check()
         result = self._result(children)
         self._on_progress(result.sim_time_s)
         return result
-
-    def _node_arguments(self, name: str, params: ParameterModel, folder: Path) -> list[str]:
-        path = folder / f"{name}.yaml"
-        path.write_text(ros_parameter_file(params, NODES[name][0]), encoding="utf-8")
-        return ["--params-file", str(path)]
 
     def _command(self, module: str, *arguments: list[str], node: str = "") -> list[str]:
         """Return the command of a process with nodes; scheduling is set before its module is imported."""
@@ -204,18 +188,10 @@ class Launcher:
                 group.stop([child for child in group.children if child.name != "recorder"])
                 group.stop(group.children)
                 raise Interrupted(f"a signal{self._progress_text(group)}")
-            self._check(group)
+            group.check()
             if deadline is not None and time.monotonic() > deadline:
                 states = "\n".join(f"  {child.name}:\n{child.tail()}" for child in group.children)
                 raise ProtocolError(f"waited {timeout_s:g} s for {what}; last lines:\n{states}")
-
-    def _check(self, group: ProcessGroup) -> None:
-        failed = group.first_failed()
-        if failed is not None:
-            failed.wait(1.0)
-            if failed.exit_code == InputError.exit_code and failed.lines:
-                raise RefusedByChild(failed)
-            raise ProtocolError(f"{failed.name} failed with exit code {failed.exit_code}; last lines:\n{failed.tail()}")
 
     def _progress_text(self, group: ProcessGroup) -> str:
         done = next((child.events.get("done") for child in group.children if child.name == "bridge"), None)

@@ -17,6 +17,7 @@ from typing import Any
 import psutil
 
 from slip_bringup import shared_memory
+from slip_msgs_py.errors import InputError, ProtocolError, SlipVicError
 
 LAST_LINES = 12
 GRACE_S = 5.0
@@ -109,6 +110,15 @@ def _as_event(line: str) -> Event | None:
     return value if isinstance(value, dict) and "event" in value else None
 
 
+class RefusedByChild(SlipVicError):
+    """A child refused its input; its own line says what is wrong."""
+
+    exit_code = 2
+
+    def __init__(self, child: Child) -> None:
+        super().__init__(f"{child.name}: {child.lines[-1].removeprefix('error: ')}")
+
+
 class ProcessGroup:
     """Children that live and die together; a context manager whose end leaves no process and no shared memory."""
 
@@ -133,9 +143,19 @@ class ProcessGroup:
         self.children.append(child)
         return child
 
-    def first_failed(self) -> Child | None:
-        """Return the first child in order of start that ended with a code other than 0."""
-        return next((child for child in self.children if child.exit_code not in (None, 0)), None)
+    def check(self) -> None:
+        """Look whether a child has failed.
+
+        Raises:
+            RefusedByChild: the first child in order of start that ended with a code other than 0 refused its input.
+            ProtocolError: it failed otherwise; with its exit code and last lines.
+        """
+        failed = next((child for child in self.children if child.exit_code not in (None, 0)), None)
+        if failed is not None:
+            failed.wait(1.0)
+            if failed.exit_code == InputError.exit_code and failed.lines:
+                raise RefusedByChild(failed)
+            raise ProtocolError(f"{failed.name} failed with exit code {failed.exit_code}; last lines:\n{failed.tail()}")
 
     def stop(self, children: Sequence[Child]) -> None:
         """End these children: SIGINT, SIGTERM, then SIGKILL with all their descendants, each after a grace time."""

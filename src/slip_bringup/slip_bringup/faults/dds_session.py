@@ -18,8 +18,9 @@ from slip_bringup.bags.reader import Bag
 from slip_bringup.faults.network import Cable
 from slip_bringup.faults.plan import BRIDGE, CONTROLLER, RECORDER
 from slip_bringup.faults.proxy import remappings
+from slip_bringup.node_command import node_command
 from slip_bringup.processes import Child, ProcessGroup, python_module
-from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
+from slip_bringup.scenario import Scenario
 from slip_msgs_py.errors import InputError
 
 BLOCK_BYTES = 4096  # of a file system: what a file has beyond its end when the disk is full
@@ -72,11 +73,8 @@ class Nodes:
         self.starts += 1
         if name in self._leaving:  # two of them would be heard
             self._group.stop([self._leaving.pop(name)])
-        node_name, _ = NODES[name]
-        path = self._folder / f"{name}.yaml"
-        path.write_text(ros_parameter_file(getattr(self._scenario, name), node_name), encoding="utf-8")
         extra = remappings() if name == BRIDGE else []
-        argv = python_module(f"{node_name}.node", "--ros-args", "--params-file", str(path), *extra)
+        argv = node_command(name, getattr(self._scenario, name), self._folder, *extra)
         if name == BRIDGE and self._remote and self._cable is not None:
             argv = self._cable.behind(argv)
         self._children[name] = self._group.start(name, argv, self._environment, lambda *_: None)

@@ -17,9 +17,10 @@ import psutil
 
 from slip_bringup import shared_memory
 from slip_bringup.domain import domain_id
-from slip_bringup.processes import Child, ProcessGroup, child_environment, python_module
+from slip_bringup.node_command import node_command
+from slip_bringup.processes import Child, ProcessGroup, child_environment
 from slip_bringup.recording import recorder_command
-from slip_bringup.scenario import NODES, Scenario, load_scenario, ros_parameter_file
+from slip_bringup.scenario import Scenario, load_scenario
 from slip_bringup.soak.growth import Limits, ProcessGrowth, Sample, growth_of
 from slip_msgs_py.errors import ProtocolError
 
@@ -100,7 +101,7 @@ def run_soak(scenario: Scenario, minutes: float, on_time: Callable[[float], None
         children = _start(group, scenario, child_environment(domain), Path(folder), result)
         deadline = time.monotonic() + START_S
         while "started" not in children["bridge"].events:
-            _check(group)
+            group.check()
             if time.monotonic() > deadline:
                 raise ProtocolError(f"bridge did not start within {START_S:g} s:\n{children['bridge'].tail()}")
             time.sleep(LOOK_S)
@@ -108,7 +109,7 @@ def run_soak(scenario: Scenario, minutes: float, on_time: Callable[[float], None
         for name in ("bridge", "controller", "recorder"):
             group.stop([children[name]])
             result.said[name] = children[name].events.get("done", {})
-        _check(group)
+        group.check()
     return result
 
 
@@ -120,9 +121,7 @@ def _start(
     recorder = recorder_command(scenario, folder / "bag", folder, "")
     commands = {"recorder": [*recorder, "--split-duration", str(SPLIT_S)]}
     for name, params in (("controller", controller), ("bridge", bridge)):
-        path = folder / f"{name}.yaml"
-        path.write_text(ros_parameter_file(params, NODES[name][0]), encoding="utf-8")
-        commands[name] = python_module(f"{NODES[name][0]}.node", "--ros-args", "--params-file", str(path))
+        commands[name] = node_command(name, params, folder)
 
     def on_event(name: str, event: Mapping[str, Any]) -> None:
         if event["event"] == "warning":
@@ -141,7 +140,7 @@ def _watch(
     start = time.monotonic()
     next_sample = 0.0
     while (t := time.monotonic() - start) < seconds:
-        _check(group)
+        group.check()
         on_time(t)
         if t >= next_sample:
             next_sample += every_s
@@ -157,13 +156,6 @@ def sample_process(process: psutil.Process, t: float) -> Sample:
     """Look at a process now, t [s] after the start."""
     with process.oneshot():
         return Sample(t, process.memory_info().rss, process.num_fds(), process.num_threads())
-
-
-def _check(group: ProcessGroup) -> None:
-    ended = next((child for child in group.children if child.exit_code not in (None, 0)), None)
-    if ended is not None:
-        ended.wait(1.0)
-        raise ProtocolError(f"{ended.name} ended with exit code {ended.exit_code}; last lines:\n{ended.tail()}")
 
 
 def write_result(out: Path, result: SoakResult, limits: Limits) -> Path:
