@@ -1,0 +1,131 @@
+"""Measurements of docs/performance.md: ``python test/nodes/measure.py starts|slip|fresh``; nothing is asserted here.
+
+starts   start bridge and controller, stop them with SIGINT after a moment: exit codes, time to stop, files left behind
+slip     how much the object slips in real time and in lockstep, several runs
+fresh    a long run in real time with the recorder: fresh ticks, missed states, latency, messages lost
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import signal
+import statistics
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from slip_bringup import shared_memory
+from slip_bringup.domain import domain_id
+from slip_bringup.launcher import Launcher
+from slip_bringup.metrics import summarise
+from slip_bringup.processes import ProcessGroup, child_environment, python_module
+from slip_bringup.scenario import NODES, Scenario, load_scenario, ros_parameter_file
+from slip_bringup.series import read_series
+from slip_msgs_py.realtime import ProcessOptions
+
+START_S, STOP_S = 60.0, 10.0
+
+
+def starts(times: int, seed: int) -> None:
+    """Start and stop both nodes so many times, at a random moment of a run in real time."""
+    scenario, moments = load_scenario("paper_planar", mode="realtime"), random.Random(seed)
+    before, took, codes = shared_memory.segments(), [], []
+    for number in range(times):
+        with domain_id() as domain, tempfile.TemporaryDirectory() as folder, ProcessGroup() as group:
+            environment = child_environment(domain)
+            bridge = scenario.bridge.model_copy(update={"wait_for": ("controller",)})
+            children = {}
+            for name, params in (("controller", scenario.controller), ("bridge", bridge)):
+                path = Path(folder) / f"{name}.yaml"
+                path.write_text(ros_parameter_file(params, NODES[name][0]), encoding="utf-8")
+                command = python_module(f"{NODES[name][0]}.node", "--ros-args", "--params-file", str(path))
+                children[name] = group.start(name, command, environment, lambda _name, _event: None)
+            deadline = time.monotonic() + START_S
+            while "started" not in children["bridge"].events and time.monotonic() < deadline:
+                time.sleep(0.02)
+            time.sleep(moments.uniform(0.0, 0.5))
+            began = time.monotonic()
+            for child in children.values():
+                child.send(signal.SIGINT)
+            for child in children.values():
+                child.wait(STOP_S)
+            took.append(time.monotonic() - began)
+            codes += [child.exit_code for child in children.values()]
+            for name, child in children.items():
+                if child.exit_code != 0:
+                    print(f"\n{name}: exit code {child.exit_code}; last lines:\n{child.tail()}")
+        print(f"\r{number + 1}/{times}", end="", flush=True)
+    left = shared_memory.segments() - before
+    print(
+        f"\n{times} starts and stops: exit codes other than 0: {sum(code != 0 for code in codes)}; both stopped after "
+        f"{1e3 * statistics.median(took):.0f} ms (median), {1e3 * max(took):.0f} ms (longest); "
+        f"above 300 ms: {sum(t > 0.3 for t in took)}; left in /dev/shm: {len(left)}"
+    )
+
+
+def slip(runs: int, fifo: int | None) -> None:
+    """Compare the slip of paper_planar in real time with that in lockstep."""
+    found: dict[str, list[float]] = {"lockstep": [], "realtime": []}
+    for number in range(runs + 1):
+        mode = "realtime" if number else "lockstep"
+        with tempfile.TemporaryDirectory() as folder:
+            process = ProcessOptions(fifo=fifo) if number else ProcessOptions()
+            result = Launcher(scenario_in(mode, None), bag=Path(folder) / "bag", process=process).run()
+            metrics = summarise(read_series(Path(folder) / "bag"))
+        found[mode].append(metrics["slip_linear_m"])
+        print(f"{mode}: {1e3 * metrics['slip_linear_m']:.3f} mm", *timing_words(result.timing))
+    ratios = [value / found["lockstep"][0] for value in found["realtime"]]
+    print(f"real time / lockstep: {', '.join(f'{ratio:.3f}' for ratio in ratios)}")
+
+
+def fresh(seconds: float, rate_hz: float, fifo: int | None) -> None:
+    """Run for so long in real time with the recorder as a third process."""
+    scenario = scenario_in("realtime", seconds, rate_hz)
+    with tempfile.TemporaryDirectory() as folder:
+        result = Launcher(scenario, bag=Path(folder) / "bag", process=ProcessOptions(fifo=fifo)).run()
+    print(f"{rate_hz:g} Hz, {seconds:g} s, {'SCHED_FIFO' if fifo else 'unprivileged'}: {result.ticks} ticks;", end=" ")
+    print(*timing_words(result.timing), f"{result.messages} messages, {result.lost} lost")
+
+
+def scenario_in(mode: str, seconds: float | None, rate_hz: float = 1000.0) -> Scenario:
+    """Return paper_planar in a mode, for so many seconds at a control rate."""
+    period = 1.0 / rate_hz
+    changes = [f"controller.control_period_s={period}", f"bridge.control_period_s={period}"]
+    if seconds is not None:
+        changes.append(f"bridge.duration_s={seconds}")
+    return load_scenario("paper_planar", mode=mode, assignments=tuple(changes))
+
+
+def timing_words(timing: Mapping[str, float]) -> list[str]:
+    """Return what a real-time run says of its timing."""
+    if not timing:
+        return []
+    return [
+        f"fresh {100.0 * timing['fresh_share']:.3f} %, missed {timing['missed']:.0f}, latency",
+        " / ".join(f"{key} {1e3 * timing[f'latency_{key}_s']:.2f}" for key in ("p50", "p99", "max")) + " ms;",
+    ]
+
+
+def main() -> None:
+    """Run one measurement."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=["starts", "slip", "fresh"])
+    parser.add_argument("--times", type=int, default=100)
+    parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--rate", type=float, default=1000.0)
+    parser.add_argument("--fifo", type=int)
+    parser.add_argument("--seed", type=int, default=1)
+    words = parser.parse_args()
+    if words.what == "starts":
+        starts(words.times, words.seed)
+    elif words.what == "slip":
+        slip(words.runs, words.fifo)
+    else:
+        fresh(words.seconds, words.rate, words.fifo)
+
+
+if __name__ == "__main__":
+    main()
