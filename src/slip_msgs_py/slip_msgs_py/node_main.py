@@ -79,12 +79,12 @@ def run_node(factory: Callable[[], RunnableNode], args: Sequence[str] | None = N
         node = factory()
         node.run(stop)
     except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+        pass  # a wanted end
     except SlipVicError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
         return error.exit_code
     except rclpy.exceptions.ROSInterruptException:
-        pass
+        pass  # a wanted end too, within a wait
     except (rclpy._rclpy_pybind11.RCLError, rclpy._rclpy_pybind11.UnknownROSArgsError) as error:
         print(f"error: ROS refused to start: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
         return 2

@@ -110,7 +110,7 @@ def _definitions(data: mmap.mmap, found: Salvage) -> None:
     for record in records(data, summary_start, footer):
         if record.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             for _ in _record(record, found):
-                pass
+                pass  # what it holds goes to `found`
 
 
 def _next(data: mmap.mmap, position: int, found: Salvage) -> tuple[RawRecord | None, int | None]:

@@ -6,6 +6,7 @@ reader is used for whole files, this module for the others.
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import zlib
 from collections.abc import Iterator
@@ -134,7 +135,7 @@ def partial_chunk(body: bytes) -> bytes:
 
     Implements: ours: the messages before the cut are whole.
     """
-    try:
+    with contextlib.suppress(*DAMAGE, RuntimeError):
         compression, position = _string(body, _CHUNK.size)
         packed = body[position + 8 :]
         if compression == "":
@@ -143,8 +144,6 @@ def partial_chunk(body: bytes) -> bytes:
             return zstandard.ZstdDecompressor().decompressobj().decompress(packed)
         if compression == "lz4":
             return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=MAX_CHUNK_BYTES))
-    except (*DAMAGE, RuntimeError):
-        pass
     return b""
 
 

@@ -89,7 +89,7 @@ class Schedule:
             self._sleep((remaining - SPIN_NS) * 1e-9)
         due = self.due(bag_time_ns)
         while self._now() < due:
-            pass
+            pass  # no sleep ends that exactly
         return True
 
     def lateness(self, bag_time_ns: int) -> int:

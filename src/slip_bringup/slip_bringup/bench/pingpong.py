@@ -184,7 +184,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         else:
             answer(side)
     except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
-        pass
+        pass  # the usual end of the side that answers
     finally:
         rclpy.try_shutdown()
     return 0
