@@ -11,12 +11,13 @@ from std_srvs.srv import Trigger
 
 from slip_msgs_py import to_msgs
 from slip_msgs_py.fast_io import Refusals
+from slip_msgs_py.once_every import OnceEvery
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.core.modes import Mode, Request
 from slip_vic_controller.core.session import ControllerSession, CycleResult
 from slip_vic_controller.core.watches import JointWatch, VectorWatch
+from slip_vic_controller.publishing import DIAGNOSTICS_PERIOD_NS, MODE_PHASE
 
-DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 PUBLISHERS_PERIOD_S = 0.5
 LEVELS = {Mode.ACTIVE: 0, Mode.DEGRADED: 1, Mode.HOLD: 1, Mode.WAITING_INPUT: 1, Mode.FAULT: 2}
 
@@ -38,9 +39,9 @@ class ModeInterface:
         self._status = status
         self._topic = create_publisher(node, "controller/mode")
         self._last: tuple[Mode, str] | None = None
-        self._last_ns = 0
+        self._each_second = OnceEvery(DIAGNOSTICS_PERIOD_NS, MODE_PHASE)
         self._command_topic = ""
-        self._input_topics: tuple[str, ...] = ()
+        self._inputs: tuple[Any, ...] = ()
         for name, request in (
             ("enable", Request.ENABLE),
             ("hold", Request.HOLD),
@@ -48,9 +49,9 @@ class ModeInterface:
         ):
             node.create_service(Trigger, f"~/{name}", lambda _, response, r=request: self._on_request(r, response))
 
-    def watch(self, command_topic: str, input_topics: Sequence[str]) -> None:
-        """Look from time to time who publishes on our command topic and on our inputs."""
-        self._command_topic, self._input_topics = command_topic, tuple(input_topics)
+    def watch(self, command_topic: str, inputs: Sequence[Any]) -> None:
+        """Look from time to time who publishes on our command topic and on what our subscriptions take."""
+        self._command_topic, self._inputs = command_topic, tuple(inputs)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._node.create_timer(PUBLISHERS_PERIOD_S, self._look_for_publishers, clock=steady)
 
@@ -58,11 +59,11 @@ class ModeInterface:
         """Publish what has changed, and the status about once a second of the joint state's clock."""
         mode, stamp_ns = result.mode, result.joint.stamp_ns
         now = (mode.mode, mode.reason)
-        if now == self._last and 0 <= stamp_ns - self._last_ns < DIAGNOSTICS_PERIOD_NS:
+        if not self._each_second.due(stamp_ns) and now == self._last:
             return
         if now != self._last:
             self._topic.publish(to_msgs.string(f"{mode.mode.name}: {mode.reason}" if mode.reason else mode.mode.name))
-        self._last, self._last_ns = now, stamp_ns
+        self._last = now
         text = mode.reason or mode.mode.name
         name = f"{self._node.get_name()}: mode"
         self._status.publish(to_msgs.diagnostics(stamp_ns, name, LEVELS[mode.mode], text, self._values(mode.mode)))
@@ -95,11 +96,14 @@ class ModeInterface:
         return response
 
     def _look_for_publishers(self) -> None:
-        self._session.monitor.set_publishers(
-            {topic: self._owners(topic) for topic in self._input_topics}, self._owners(self._command_topic)
-        )
+        # Counting is quick; who they are takes a good part of a control period, and matters for two only.
+        inputs = {item.topic_name: self._owners(item.topic_name, item.get_publisher_count()) for item in self._inputs}
+        on_commands = self._owners(self._command_topic, self._node.count_publishers(self._command_topic))
+        self._session.monitor.set_publishers(inputs, on_commands)
 
-    def _owners(self, topic: str) -> int:
+    def _owners(self, topic: str, publishers: int) -> int:
         """Return how many differently named nodes publish; a killed node's ghost lives on in discovery for a while."""
+        if publishers < 2:
+            return publishers
         infos = self._node.get_publishers_info_by_topic(topic)
         return len({(info.node_namespace, info.node_name) for info in infos})

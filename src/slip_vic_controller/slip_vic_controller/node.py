@@ -151,7 +151,7 @@ class SlipVicController(LifecycleNode):
         if self.session.reference_from_topic:
             create_subscription(self, "reference", self._on_reference, depth=10, reliable=False)
         self._mode = ModeInterface(self, self.session, self._refusals, self._diagnostics.status)
-        self._mode.watch(self._send_effort.publisher.topic_name, [item.topic_name for item in inputs])
+        self._mode.watch(self._send_effort.publisher.topic_name, inputs)
         if not self._lockstep:
             self.create_timer(WATCHDOG_S, self._on_watchdog, clock=Clock(clock_type=ClockType.STEADY_TIME))
         published = (*self._diagnostics.publishers, *(self._timing.publishers if self._timing else ()))

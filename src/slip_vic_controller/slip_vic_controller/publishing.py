@@ -9,6 +9,7 @@ from typing import Any
 
 from slip_msgs_py import forms, to_msgs
 from slip_msgs_py.fast_io import Sender, create_sender
+from slip_msgs_py.once_every import OnceEvery
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.core.diagnostics import AXES, Glance, TickDiagnostics
 from slip_vic_controller.core.packing import unpack_reference
@@ -19,6 +20,8 @@ from slip_vic_controller.timing import SCALARS, CycleTiming
 
 STATE_PERIOD_S = 1.0
 DIAGNOSTICS_PERIOD_NS = 1_000_000_000
+LAW_PHASE, MODE_PHASE, TIMING_PHASE, STATE_PHASE = 0.0, 0.25, 0.5, 0.75
+"""When in a second what is published; of the state, in a second of cycles."""
 OK, WARN, ERROR = 0, 1, 2
 
 
@@ -44,7 +47,7 @@ class DiagnosticsPublisher:
         senders = (self._stiffness, self._damping, self._ee_pose, self._reference_pose, self._reference_twist)
         self.publishers = (self._scalars_publisher, *(sender.publisher for sender in senders))
         self._last_status: tuple[str, str] | None = None
-        self._last_status_ns = 0
+        self._each_second = OnceEvery(DIAGNOSTICS_PERIOD_NS, LAW_PHASE)
 
     def publish(self, cycle: int, stamp_ns: int, record: TickDiagnostics, mode: int, path_speed: float) -> None:
         """Publish what is due in this cycle."""
@@ -54,8 +57,8 @@ class DiagnosticsPublisher:
             if record.glance is not None:
                 self._publish_glance(stamp_ns, record.glance, scalars)
         status = (record.status, record.reason)
-        if status != self._last_status or stamp_ns - self._last_status_ns >= DIAGNOSTICS_PERIOD_NS:
-            self._last_status, self._last_status_ns = status, stamp_ns
+        if self._each_second.due(stamp_ns) or status != self._last_status:
+            self._last_status = status
             level = ERROR if record.status != "ok" else WARN if record.near_singular or record.saturated.any() else OK
             values = {
                 "cycle": cycle,
@@ -94,7 +97,7 @@ class TimingPublisher:
         self._numbers = create_sender(node, "controller/timing", forms.scalars(SCALARS))
         self.publishers = (self._numbers.publisher,)
         self._status = status
-        self._last_status_ns = 0
+        self._each_second = OnceEvery(DIAGNOSTICS_PERIOD_NS, TIMING_PHASE)
 
     @property
     def missed(self) -> int:
@@ -106,8 +109,7 @@ class TimingPublisher:
         now_ns, wall_ns = time.monotonic_ns(), time.time_ns()
         numbers = self._timing.add(began_ns, now_ns, wall_ns, ledger)
         self._numbers.send(wall_ns, numbers)
-        if now_ns - self._last_status_ns >= DIAGNOSTICS_PERIOD_NS:
-            self._last_status_ns = now_ns
+        if self._each_second.due(wall_ns):
             level, text, values = self._timing.status()
             self._status.publish(to_msgs.diagnostics(wall_ns, f"{self._name}: timing", level, text, values))
 
@@ -124,11 +126,12 @@ class StatePublisher:
     def __init__(self, node: Any, period_s: float, *, in_background: bool) -> None:
         self.publisher = create_publisher(node, "controller/state")
         self._every = max(1, round(STATE_PERIOD_S / period_s))
+        self._ahead = round((1.0 - STATE_PHASE) * self._every)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="state") if in_background else None
 
     def publish(self, session: ControllerSession) -> None:
         """Publish after every so many cycles."""
-        if session.cycles % self._every:
+        if (session.cycles + self._ahead) % self._every:
             return
         memory = session.snapshot()
         if self._worker is None:
