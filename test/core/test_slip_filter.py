@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from slip_vic_controller.core.slip_filter import (
+from slip_vic_controller.core.slip_filter_kernel import (
     AxisFilter,
     correct,
     correct_within,

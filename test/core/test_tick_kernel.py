@@ -16,6 +16,7 @@ from slip_vic_controller.core.grasp import Contact, SlipDisplacement, integrate_
 from slip_vic_controller.core.impedance import Gains
 from slip_vic_controller.core.law import GraspTerms, LawTerms, control_law, grasp_terms
 from slip_vic_controller.core.object_dynamics import ObjectModel
+from slip_vic_controller.core.observer_run_kernel import MOTION
 from slip_vic_controller.core.operational import SingularityPolicy, joint_torque, posture_torque
 from slip_vic_controller.core.packing import (
     LawOutcome,
@@ -266,13 +267,14 @@ def test_slip_displacement(seed: int, contacts: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("contacts", [1, 3])
 def test_motion_for_the_observer(seed: int, contacts: int) -> None:
-    case, out = random_case(seed, contacts=contacts), np.empty(18)
+    case, out = random_case(seed, contacts=contacts), np.empty(MOTION)
     slip = case.slip_twist * case.contacts[0].slip_axes
     samples = np.concatenate([np.concatenate((h, np.zeros(6))) for h in case.wrenches])
     tuning, grips = pack_tuning(case.gains, case.model), pack_contacts(case.contacts)
     predict_motion(case.arm.record, tuning, grips, samples, pack_memory(case.previous, case.slips), slip, out)
     grasp, _, h_ee, _ = plain(Case(**{**case.__dict__, "follow_error": None}))
     force = grasp.follow - np.concatenate((case.model.gravity, np.zeros(3)))
-    expected = (grasp.follow + grasp.Phi2, force, -h_ee[:3] / case.model.mass, grasp.v_o[3:])
+    known = (case.arm.rotation.ravel(), case.arm.twist)
+    expected = (*known, grasp.follow + grasp.Phi2, force, -h_ee[:3] / case.model.mass, grasp.v_o[3:])
     scale = max(1.0, np.abs(grasp.a_o).max())
     np.testing.assert_allclose(out, np.concatenate(expected), rtol=0.0, atol=EQUAL * scale)

@@ -15,8 +15,9 @@ from slip_vic_controller.core.delays import Delays, measure_delays, stable_slip_
 from slip_vic_controller.core.diagnostics import Glance, TickDiagnostics
 from slip_vic_controller.core.grasp import SlipDisplacement
 from slip_vic_controller.core.inspection import NO_SLIP, Inspector, LawInputs
-from slip_vic_controller.core.observer import Motion, ObserverState, SlipEstimate, initial_observer, last_twist, observe
 from slip_vic_controller.core.observer_config import observer_config
+from slip_vic_controller.core.observer_memory import ObserverMemory, SlipObserver
+from slip_vic_controller.core.observer_run_kernel import ERROR, MOTION, VARIANCE
 from slip_vic_controller.core.operational import SingularityPolicy
 from slip_vic_controller.core.packing import (
     LawOutcome,
@@ -66,7 +67,7 @@ class VicController:
         self.tuning = make_tuning(params, self.report.used)
         self.gains, self.object_model = self.tuning.gains, self.tuning.object_model
         self._period_ns = round(1e9 * params.control_period_s)
-        self._observer = observer_config(params) if params.slip_estimator == "observer" else None
+        self._observer = SlipObserver(observer_config(params)) if params.slip_estimator == "observer" else None
         self.policy = SingularityPolicy(params.singularity.sigma_min, params.singularity.damping)
         self.path = make_path(params.trajectory)
         self._packed = self._pack(self.tuning)
@@ -104,7 +105,7 @@ class VicController:
             memory=pack_memory(np.zeros(3), [SlipDisplacement(np.zeros(3), np.eye(3))] * len(self.contacts)),
             position=q,
             delays=Delays(),
-            observer=None if self._observer is None else initial_observer(self._observer, joint.stamp_ns, arm.twist),
+            observer=None if self._observer is None else self._observer.initial(joint.stamp_ns, arm.twist),
             ramp=None,
         )
 
@@ -113,7 +114,7 @@ class VicController:
         if self._observer is None:
             return state
         twist = self.arm.terms(joint.position, joint.velocity).twist
-        return state._replace(observer=initial_observer(self._observer, joint.stamp_ns, twist))
+        return state._replace(observer=self._observer.initial(joint.stamp_ns, twist))
 
     def retune(self, state: ControllerState, params: ControllerParams) -> ControllerState:
         """Return the state from which gains and payload ramp to those of `params`; what else differs is ignored.
@@ -162,12 +163,14 @@ class VicController:
         tuning = self._tuning(state)
         arm = self.arm.terms(q, qd)
         delays = measure_delays(state.delays, joint.stamp_ns, new_slips)
-        observer, estimate, follow_error = state.observer, None, NO_SLIP
+        observer, follow_error = state.observer, NO_SLIP
         if self._observer is not None and observer is not None:
-            observer, estimate = self._observe(state, observer, tuning, joint.stamp_ns, arm, samples, new_slips)
-            samples[6:12] = estimate.twist
+            observer = self._observe(state, observer, tuning, joint.stamp_ns, arm, samples, new_slips)
+            if observer is None:
+                return self._safe(state, joint, "the slip observer gave no finite estimate")
+            samples[6:12] = observer.now[:ERROR]
             if self.params.observer.correct_follow:
-                follow_error = estimate.error
+                follow_error = observer.now[ERROR:VARIANCE]
         else:
             if self._dead_band:
                 samples[6:12] = self._beyond_dead_band(samples[6:12])
@@ -186,7 +189,7 @@ class VicController:
             state.posture, dt, memory, out,
         )  # fmt: skip
         inputs = LawInputs(
-            state.memory, memory, tuning, packed[1:], arm, joint, samples, follow_error, estimate, desired,
+            state.memory, memory, tuning, packed[1:], arm, joint, samples, follow_error, observer, desired,
             state.posture,
         )  # fmt: skip
         if self.params.attitude == "rpy":
@@ -267,22 +270,20 @@ class VicController:
     def _observe(
         self,
         state: ControllerState,
-        observer: ObserverState,
+        observer: ObserverMemory,
         tuning: Tuning,
         stamp_ns: int,
         arm: ArmTerms,
         samples: Array,
         new_slips: tuple[SlipSample, ...],
-    ) -> tuple[ObserverState, SlipEstimate]:
+    ) -> ObserverMemory | None:
         """Predict slip from the wrench and the motion of this tick, and correct it with the samples."""
         assert self._observer is not None
         if tuning is not self._packed[0]:
             self._packed = self._pack(tuning)
-        out = np.empty(18)
-        v_s = last_twist(self._observer, observer)
-        predict_motion(arm.record, self._packed[1], self._packed[2], samples, state.memory, v_s, out)
-        motion = Motion(stamp_ns, arm.rotation, arm.twist, out[:6], out[6:12], out[12:15], out[15:])
-        return observe(self._observer, observer, motion, new_slips)
+        motion = np.empty(MOTION)
+        predict_motion(arm.record, self._packed[1], self._packed[2], samples, state.memory, observer.now, motion)
+        return self._observer.observe(observer, stamp_ns, motion, new_slips)
 
     @_QUIET
     def _safe(self, state: ControllerState, joint: JointSample, reason: str) -> TickResult:

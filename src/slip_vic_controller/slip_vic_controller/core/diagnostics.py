@@ -20,7 +20,7 @@ from slip_vic_controller.core.impedance import Gains
 from slip_vic_controller.core.law import GraspTerms, LawTerms
 from slip_vic_controller.core.lyapunov import V_e, V_s
 from slip_vic_controller.core.object_dynamics import ObjectModel, P
-from slip_vic_controller.core.observer import SlipEstimate
+from slip_vic_controller.core.observer_types import SlipEstimate
 from slip_vic_controller.core.operational import TorqueTerms
 from slip_vic_controller.core.packing import LawOutcome
 from slip_vic_controller.core.rotation import log_so3

@@ -15,7 +15,7 @@ from slip_vic_controller.core.attitude import AttitudeError, log_error, rpy_erro
 from slip_vic_controller.core.diagnostics import TickTerms, described, numbers_of
 from slip_vic_controller.core.grasp import Contact
 from slip_vic_controller.core.law import GraspTerms, LawTerms, control_law, grasp_terms
-from slip_vic_controller.core.observer import SlipEstimate
+from slip_vic_controller.core.observer_memory import ObserverMemory
 from slip_vic_controller.core.operational import SingularityPolicy, TorqueTerms, joint_torque, posture_torque
 from slip_vic_controller.core.packing import slips_of, unpack_reference
 from slip_vic_controller.core.params import ControllerParams
@@ -40,7 +40,7 @@ class LawInputs(NamedTuple):
     joint: JointSample
     samples: Array
     follow_error: Array
-    estimate: SlipEstimate | None
+    observer: ObserverMemory | None
     reference: Array
     posture: Array
 
@@ -141,7 +141,7 @@ class Inspector:
             plain.grasp,
             plain.law,
             torque,
-            inputs.estimate,
+            None if inputs.observer is None else inputs.observer.estimate,
         )
 
     @_QUIET
@@ -149,9 +149,10 @@ class Inspector:
         """Work out the numbers of a tick that are plotted, when somebody does."""
         if self._params.attitude == "rpy":
             return numbers_of(self.terms(inputs))
-        estimate, joint = inputs.estimate, inputs.joint
+        joint = inputs.joint
         known = NO_ESTIMATE
-        if estimate is not None:
+        if inputs.observer is not None:
+            estimate = inputs.observer.estimate
             deviation = np.sqrt(estimate.variance)
             known = np.concatenate(((estimate.sliding, estimate.significance), deviation, estimate.error))
         out = np.empty(described(len(self._effort_limit)))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy.special import chdtri  # scipy.stats has the same under a clearer name, and takes half a second to import
 
-from slip_vic_controller.core.observer import ObserverConfig
+from slip_vic_controller.core.observer_types import ObserverConfig
 from slip_vic_controller.core.params import ControllerParams
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from slip_msgs_py.arrays import Array
 from slip_vic_controller.core.delays import Delays
 from slip_vic_controller.core.grasp import SlipDisplacement
-from slip_vic_controller.core.observer import ObserverState
+from slip_vic_controller.core.observer_memory import ObserverMemory
 from slip_vic_controller.core.packing import slips_of
 from slip_vic_controller.core.ramp import Ramp
 
@@ -29,7 +29,7 @@ class ControllerState(NamedTuple):
     memory: Array
     position: Array
     delays: Delays
-    observer: ObserverState | None
+    observer: ObserverMemory | None
     ramp: Ramp | None
 
     @property

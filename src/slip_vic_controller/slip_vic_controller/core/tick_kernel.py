@@ -164,23 +164,27 @@ def evaluate(
 def predict_motion(
     arm: Array, tuning: Array, contacts: Array, samples: Array, memory: Array, slip_twist: Array, out: Array
 ) -> None:
-    """Write what an observer needs of the object: G^T a_o + Phi2 (6), G^T a_o - gravity (6), drag (3), w_o (3); {w}.
+    """Write what an observer is told: R_ee (9), v_ee, G^T a_o + Phi2, G^T a_o - gravity (6), drag, w_o (3); {w}.
 
     Args:
         arm, tuning, contacts, samples, memory: as of `evaluate`, before the slip of this tick is known.
-        slip_twist: v_s that the observer knows; (6,) [m/s, rad/s] {ee}.
-        out: (18,).
+        slip_twist: v_s that the observer knows, and perhaps more; (6 ...,) [m/s, rad/s] {ee}.
+        out: (33,).
 
     Implements: ours: `grasp_terms` for an observer.
     """
     R_ee = nine(arm, 3)
     slips = memory[3:].reshape(contacts.shape[0], 12)
     o = law.object_motion(tuning, contacts, samples, slips, R_ee, three(arm, TWIST + 3), three(slip_twist, 3))
+    for i in range(9):
+        out[i] = arm[3 + i]
+    for i in range(6):
+        out[9 + i] = arm[TWIST + i]
     follow = turn(R_ee, add(o.linear, vec_cross(o.turning, o.r)))
     turning = turn(R_ee, o.turning)
-    put(out, 0, add(follow, turn(R_ee, law.centripetal(o.w, o.r))))
-    put(out, 3, turning)
-    put(out, 6, minus(follow, three(tuning, 44)))
-    put(out, 9, turning)
-    put(out, 12, times(-1.0 / tuning[34], turn(R_ee, three(samples, 0))))
-    put(out, 15, turn(R_ee, o.w))
+    put(out, 15, add(follow, turn(R_ee, law.centripetal(o.w, o.r))))
+    put(out, 18, turning)
+    put(out, 21, minus(follow, three(tuning, 44)))
+    put(out, 24, turning)
+    put(out, 27, times(-1.0 / tuning[34], turn(R_ee, three(samples, 0))))
+    put(out, 30, turn(R_ee, o.w))

@@ -3,12 +3,16 @@
 State (v, b, c): slip velocity; constant error of the predicted object acceleration, from a wrench bias; and its error
 in proportion to the measured specific force f, from a wrong mass or inertia. Axes are filtered apart: what couples them
 (the turning of the pad) is small over the time the filter remembers, and is in the prediction that it is given.
+
+Scalars throughout, so the same functions serve as the plain form and, as `..._of`, as parts of kernels.
 """
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
+
+from slip_msgs_py.compiled import part
 
 
 class AxisFilter(NamedTuple):
@@ -112,14 +116,33 @@ def correct_within(x: AxisFilter, band: float, variance: float) -> AxisFilter:
 
     Implements: ours: Kalman correction with mean and variance of the truncated normal distribution.
     """
+    inside = share_inside(x, band, variance)
+    if inside < RARE:
+        # So far outside that only the near edge matters.
+        return correct(x, math.copysign(band, x.v), variance)
+    return truncated(x, band, variance, inside)
+
+
+def share_inside(x: AxisFilter, band: float, variance: float) -> float:
+    """Return the probability of a measurement within +-`band`; arguments of `correct_within`.
+
+    Implements: ours: Phi(high) - Phi(low) of the normal distribution.
+    """
+    deviation = math.sqrt(x.P_vv + variance)
+    low, high = (-band - x.v) / deviation, (band - x.v) / deviation
+    return 0.5 * (math.erf(high * _SQRT_HALF) - math.erf(low * _SQRT_HALF))
+
+
+def truncated(x: AxisFilter, band: float, variance: float, inside: float) -> AxisFilter:
+    """Return `correct_within` where the share `inside` of the band is not tiny.
+
+    Implements: ours: moments of the truncated normal distribution.
+    """
     S = x.P_vv + variance
     deviation = math.sqrt(S)
     low, high = (-band - x.v) / deviation, (band - x.v) / deviation
-    inside = 0.5 * (math.erf(high * _SQRT_HALF) - math.erf(low * _SQRT_HALF))
-    if inside < _RARE:
-        # So far outside that only the near edge matters.
-        return correct(x, math.copysign(band, x.v), variance)
-    at_low, at_high = _density(low), _density(high)
+    at_low = math.exp(-0.5 * low * low) * _INVERSE_SQRT_TWO_PI
+    at_high = math.exp(-0.5 * high * high) * _INVERSE_SQRT_TWO_PI
     shift = (at_low - at_high) / inside
     spread = 1.0 + (low * at_low - high * at_high) / inside - shift * shift
     gain = (1.0 - spread) / S  # of the variance; a plain correction has spread 0
@@ -138,10 +161,19 @@ def correct_within(x: AxisFilter, band: float, variance: float) -> AxisFilter:
     )
 
 
-def _density(z: float) -> float:
-    return math.exp(-0.5 * z * z) * _INVERSE_SQRT_TWO_PI
-
-
+RARE = 1e-6
+"""Share of the band below which only its near edge matters."""
 _SQRT_HALF = math.sqrt(0.5)
 _INVERSE_SQRT_TWO_PI = 1.0 / math.sqrt(2.0 * math.pi)
-_RARE = 1e-6
+
+predict_of, correct_of, learn_of = part(predict), part(correct), part(learn)
+robust_variance_of, share_inside_of, truncated_of = part(robust_variance), part(share_inside), part(truncated)
+
+
+@part
+def correct_within_of(x: AxisFilter, band: float, variance: float) -> AxisFilter:
+    """Return `correct_within`."""
+    inside = share_inside_of(x, band, variance)
+    if inside < RARE:
+        return correct_of(x, math.copysign(band, x.v), variance)
+    return truncated_of(x, band, variance, inside)
