@@ -6,7 +6,6 @@ from pathlib import Path
 
 from slip_bringup.faults.plan import ON_NODES, ON_TOPICS
 from slip_vic_controller.core.modes import Mode
-from slip_vic_controller.core.safety import HELD_INERTIA
 from slip_vic_controller.core.safety_params import SafetyParams
 from slip_vic_controller.core.trouble import reaction_table
 
@@ -36,7 +35,8 @@ def test_limits_are_the_defaults() -> None:
         f"HOLD after {1e3 * safety.inputs.joint.age_s:g} ms",
         f"after {1e3 * safety.inputs.slip.age_s:g} ms {safety.fallback.observer_s:g} s on the observer, "
         f"{safety.fallback.slow_down_s:g} s to slow down",
-        f"HOLD's damping ({safety.hold_damping:g} 1/s of the inertia, and of {HELD_INERTIA:g} kg m^2",
+        f"stiffness {safety.hold_stiffness:g} 1/s^2 and damping {safety.hold_damping:g} 1/s over the inertia",
+        f"{1e3 * safety.inputs.joint.late_s:g} ms later than the best",
     ):
         assert text in PAGE, text
     assert safety.inputs.wrench.age_s == safety.inputs.joint.age_s

@@ -11,7 +11,6 @@ from slip_msgs_py.arrays import Array
 from slip_msgs_py.types import CartesianReference, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.watch_kernel import all_finite
 
-HELD_INERTIA = 0.02  # [kg m2] per joint
 _REFERENCE_SHAPES = (("position", (3,)), ("rotation", (3, 3)), ("twist", (6,)), ("acceleration", (6,)))
 
 
@@ -64,18 +63,6 @@ def safe_torque(gravity: Array, velocity: Array | None, damping: float) -> Array
     Implements: ours: the command given where the law gives none.
     """
     return gravity if velocity is None else gravity - damping * velocity
-
-
-def hold_torque(
-    gravity: Array, M: Array, q: Array, qd: Array, posture: Array, stiffness: float, damping: float
-) -> Array:
-    """Return g + M (k (q_0 - q) - d qd); (n,) [N m], (n, n) [kg m2], (n,) [rad], [rad/s], k [1/s^2], d [1/s].
-
-    Implements: ours: the command of HOLD; with the inertia in it one stiffness suits all joints and postures. What is
-    held is not in M and may be much of what a wrist joint turns: HELD_INERTIA stands for it.
-    """
-    wanted = stiffness * (posture - q) - damping * qd
-    return gravity + M.dot(wanted) + HELD_INERTIA * wanted
 
 
 def limit_effort(torque: Array, limit: Array) -> tuple[Array, NDArray[np.bool_]]:

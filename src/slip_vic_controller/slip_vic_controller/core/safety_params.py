@@ -62,6 +62,9 @@ class SlipWatchParams(WatchParams):
 class JointWatchParams(WatchParams):
     """Limits of the joint state; positions and velocities are judged against the URDF's limits."""
 
+    late_s: float = parameter(
+        0.012, "time from stamp to answer above the least one that is too late for the law", unit="s", gt=0.0
+    )
     position_slack: float = parameter(0.5, "how far beyond a stop a position is absurd", unit="rad", gt=0.0)
     velocity_factor: float = parameter(50.0, "multiple of the URDF's velocity limit that is absurd", gt=1.0)
     jump: float = parameter(
@@ -122,12 +125,15 @@ class SafetyParams(ParameterModel):
 
     joint_damping: float = parameter(2.0, "joint damping where only gravity is held", unit="N m s/rad", ge=0.0)
     hold_stiffness: float = parameter(
-        400.0,
+        225.0,
         "joint stiffness over joint inertia in HOLD: square of the loop's natural frequency",
         unit="1/s^2",
         ge=0.0,
     )
-    hold_damping: float = parameter(40.0, "joint damping over joint inertia in HOLD", unit="1/s", ge=0.0)
+    hold_damping: float = parameter(30.0, "joint damping over joint inertia in HOLD", unit="1/s", ge=0.0)
+    hold_load_s: float = parameter(
+        0.1, "how fast HOLD takes the load from the wrench where the model does not explain it", unit="s", gt=0.0
+    )
     auto_enable: bool = parameter(True, "go to ACTIVE as soon as the inputs are good; false waits for ~/enable")
     auto_resume: bool = parameter(True, "return from a HOLD that an input caused; false waits for ~/enable")
     resume_after_s: float = parameter(0.1, "how long inputs must be good before that", unit="s", ge=0.0)

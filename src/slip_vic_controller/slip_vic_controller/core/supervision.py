@@ -11,14 +11,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_msgs_py.arrays import Array, readonly
+from slip_msgs_py.arrays import Array, readonly, rotate6
 from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import TickResult, VicController
 from slip_vic_controller.core.diagnostics import TickDiagnostics
 from slip_vic_controller.core.fallback import LadderPolicy, LadderState, Rung, descend
-from slip_vic_controller.core.grasp import contact_arm, object_rotation
+from slip_vic_controller.core.grasp import Contact, contact_arm, object_rotation
 from slip_vic_controller.core.guard_kernel import WATCHED, guard, too_fast_index, watch
+from slip_vic_controller.core.hold import bearable_gains, held_inertia, hold_torque, load_error
 from slip_vic_controller.core.input_monitor import Health
+from slip_vic_controller.core.lateness import Lateness, answered
 from slip_vic_controller.core.load_monitor import CANNOT_CARRY, cannot_carry, make_load_policy
 from slip_vic_controller.core.modes import (
     ASKED,
@@ -30,11 +32,11 @@ from slip_vic_controller.core.modes import (
     initial_mode,
     next_mode,
 )
+from slip_vic_controller.core.object_dynamics import ObjectModel
 from slip_vic_controller.core.output_gate import GateLimits, GateState, largest_step, needs_restart, start_gate
 from slip_vic_controller.core.path_time import FULL, PathTime, advance_path_time, lost_ns, scaled
 from slip_vic_controller.core.repulsion import TRIP, make_walls, pack_walls, too_fast
 from slip_vic_controller.core.rotation import cross
-from slip_vic_controller.core.safety import hold_torque
 from slip_vic_controller.core.state import ControllerState
 from slip_vic_controller.core.trajectory import reference_at
 from slip_vic_controller.core.trouble import Trouble, say
@@ -65,6 +67,8 @@ class SupervisorState(NamedTuple):
     saturated_since_ns: int | None
     stopping_since_ns: int | None
     watched: Array
+    load_error: Array
+    lateness: Lateness
 
 
 class Supervised(NamedTuple):
@@ -101,6 +105,7 @@ class Supervisor:
         self._ladder = LadderPolicy(_ns(observer_s), _ns(safety.fallback.slow_down_s))
         self._load = make_load_policy(np.array(params.gravity), safety.load.drop_speed, safety.load.memory_s)
         self._bridge_ns, self._gap_ns = _ns(inputs.bridge_s), _ns(inputs.joint.age_s)
+        self._late_ns, self._late_after = _ns(inputs.joint.late_s), inputs.accept_after
         self._saturated_ns = _ns(safety.saturated_s)
         self._slip_needed = params.controller == "vic"
         axes = controller.contacts[0].slip_axes[:3]
@@ -111,13 +116,15 @@ class Supervisor:
         """Return the memory before the first cycle."""
         mode = initial_mode(self._policy, now_ns)
         nothing = (None,) * 5
-        return SupervisorState(mode, None, LadderState(), FULL, None, now_ns, *nothing, UNWATCHED)
+        return SupervisorState(
+            mode, None, LadderState(), FULL, None, now_ns, *nothing, UNWATCHED, _NO_ERROR, Lateness()
+        )
 
     def waiting(self, state: SupervisorState, missing: str, request: Request, now_ns: int) -> SupervisorState:
         """Return the memory after a cycle that gives no effort, because of what is missing."""
         mode = next_mode(state.mode, Findings(missing=missing), request, now_ns, self._policy)
         # Without effort the arm goes anywhere: HOLD, also that of a fault, begins anew where it is then.
-        return state._replace(mode=mode, gate=None, now_ns=now_ns, posture=None)
+        return state._replace(mode=mode, gate=None, now_ns=now_ns, posture=None, lateness=Lateness())
 
     def step(
         self,
@@ -204,6 +211,11 @@ class Supervisor:
         reference: CartesianReference | None,
         new_slips: tuple[SlipSample, ...] | None = None,
     ) -> Supervised:
+        late = state.lateness
+        if request == Request.ENABLE:
+            late = Lateness()  # whoever asks for the law has seen to it that a clock was set, and nothing is late
+        late = answered(late, now_ns, joint.stamp_ns, now_ns - state.now_ns, self._late_ns)
+        state = state._replace(lateness=late)
         request, state = self._stop_first(state, request, now_ns)
         findings, rung, state = self._find(state, now_ns, joint, health, frozen)
         mode = next_mode(state.mode, findings, request, now_ns, self._policy)
@@ -211,7 +223,8 @@ class Supervisor:
         if mode is not state.mode:
             state = state._replace(mode=mode)
         if not mode.mode.follows:
-            return self._hold(state, control, now_ns, joint)
+            measured = wrenches[0].wrench if health.wrench in _FINE and not frozen else None
+            return self._hold(state, control, now_ns, joint, measured)
         dt_ns = max(joint.stamp_ns - control.stamp_ns, 0)
         if not entered.follows:
             # After a HOLD the path starts from rest; and the time that passed in it is not part of the path.
@@ -284,6 +297,8 @@ class Supervisor:
             hold = say("wrench", health.wrench)
         elif now_ns - state.now_ns > self._gap_ns and state.mode.mode != Mode.WAITING_INPUT:
             hold = say("joint state", Trouble.NOT_RUN)
+        elif state.lateness.in_a_row >= self._late_after:
+            hold = say("joint state", Trouble.LATE)
         elif frozen and watched[2] and state.mode.mode.follows:
             hold = say("joint state", Trouble.FROZEN)
         elif rung == Rung.HOLD:
@@ -324,36 +339,44 @@ class Supervisor:
         return packed, None if not blind else now_ns if since is None else since
 
     @np.errstate(all="ignore")
-    def _hold(self, state: SupervisorState, control: ControllerState, now_ns: int, joint: JointSample) -> Supervised:
-        """Keep the posture in which HOLD began."""
+    def _hold(
+        self, state: SupervisorState, control: ControllerState, now_ns: int, joint: JointSample, measured: Array | None
+    ) -> Supervised:
+        """Keep the posture in which HOLD began; `measured` is the wrench on the own pad, None where it is not good."""
         paused = now_ns - state.now_ns > self._gap_ns  # somebody else held the arm meanwhile
-        posture = joint.position if state.posture is None or paused else state.posture
-        arm = self.controller.arm.terms(joint.position, joint.velocity)
+        anew = state.posture is None or paused
+        posture = joint.position if anew or state.posture is None else state.posture
+        error = _NO_ERROR if anew else state.load_error
+        dt_ns = max(joint.stamp_ns - control.stamp_ns, 0)
+        arm, contact, model = self.controller.arm.terms(joint.position, joint.velocity), *self._held()
+        R_o = object_rotation(arm.rotation, contact, control.slips[0])
+        r = contact_arm(R_o, contact, control.slips[0])
+        # Of a resting object: HOLD begins with what is known of it, whatever the wrench says.
+        weight = model.mass * model.gravity
+        load = rotate6(arm.rotation.T, np.concatenate((weight, -cross(r, weight))))
+        if measured is not None:
+            error = readonly(load_error(error, load, measured, dt_ns * 1e-9, self._safety.hold_load_s))
+        inertia = held_inertia(arm.M, arm.J, r, model.mass, R_o.dot(model.inertia).dot(R_o.T))
         wanted = hold_torque(
-            self.controller.arm.gravity(joint.position), arm.M, joint.position, joint.velocity, posture,
-            self._safety.hold_stiffness, self._safety.hold_damping,
+            self.controller.arm.gravity(joint.position), inertia, joint.position, joint.velocity, posture,
+            *bearable_gains(self._safety.hold_stiffness, self._safety.hold_damping, state.lateness.most_ns * 1e-9),
         )  # fmt: skip
         if not state.mode.reason.startswith(CANNOT_CARRY):
-            wanted = wanted - arm.J.T.dot(self._load_wrench(control, arm.rotation))
-        dt_ns = max(joint.stamp_ns - control.stamp_ns, 0)
+            wanted = wanted - arm.J.T.dot(rotate6(arm.rotation, load + error))
         control = control._replace(
             stamp_ns=max(joint.stamp_ns, control.stamp_ns), start_ns=control.start_ns + dt_ns, position=joint.position
         )
         state = state._replace(
-            posture=posture, path=_STOPPED, watched=UNWATCHED, contradicted_since_ns=None, saturated_since_ns=None
-        )
+            posture=posture, path=_STOPPED, watched=UNWATCHED, contradicted_since_ns=None, saturated_since_ns=None,
+            load_error=error,
+        )  # fmt: skip
         return self._finish(state, control, now_ns, joint, wanted, None)
 
-    def _load_wrench(self, control: ControllerState, R_ee: Array) -> Array:
-        """Return the wrench of a resting object on the pad from what is known of it; (6,) [N, N m] {w}.
-
-        Not the measured one: HOLD must not depend on the inputs that may have caused it. Without it the wrist sags, the
-        pads tilt, and a weakly gripped object slides off.
-        """
-        contact, model = self.controller.contacts[0], self.controller.object_model
-        R_o = object_rotation(R_ee, contact, control.slips[0])
-        weight = model.mass / len(self.controller.contacts) * model.gravity
-        return np.concatenate((weight, -cross(contact_arm(R_o, contact, control.slips[0]), weight)))
+    def _held(self) -> tuple[Contact, ObjectModel]:
+        """Return the own contact and this arm's share of the object."""
+        contacts, model = self.controller.contacts, self.controller.object_model
+        share = 1.0 / len(contacts)
+        return contacts[0], model._replace(mass=share * model.mass, inertia=share * model.inertia)
 
     def _finish(
         self,
@@ -403,6 +426,7 @@ class Supervisor:
         return Supervised(EffortCommand(joint.stamp_ns, effort), control, following, record, limited)
 
 
+_NO_ERROR = readonly(np.zeros(6))
 UNWATCHED = readonly([0.0, 1.0, *([0.0] * (WATCHED - 2))])
 _NOTHING = Findings()
 _FINE = (Trouble.NONE, Trouble.DENORMAL)

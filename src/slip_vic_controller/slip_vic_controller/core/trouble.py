@@ -31,6 +31,7 @@ class Trouble(IntEnum):
     SECOND_PUBLISHER = 17
     FOREIGN_COMMAND = 18
     NOT_RUN = 19
+    LATE = 20
 
 
 class Reaction(NamedTuple):
@@ -82,6 +83,11 @@ REACTIONS: Mapping[tuple[str, Trouble], Reaction] = MappingProxyType(
         ("joint state", Trouble.NOT_RUN): Reaction(
             "the controller itself did not run for `inputs.joint.age_s`", "used", "HOLD, then resumes"
         ),
+        ("joint state", Trouble.LATE): Reaction(
+            "`inputs.joint.late_s` more between stamp and answer than at best, `inputs.accept_after` times in a row",
+            "used",
+            "HOLD, softer the later they are; a clock that was set back: until `~/enable`",
+        ),
         ("wrench", Trouble.NOT_FINITE): Reaction("NaN or infinity", "dropped", _AGE),
         ("wrench", Trouble.ABSURD): Reaction("above `inputs.wrench.force`, `torque`", "dropped", _AGE),
         ("wrench", Trouble.FUTURE): Reaction("stamp ahead of the joint state", "dropped", _AGE),
@@ -122,6 +128,7 @@ WORDS: Mapping[Trouble, str] = MappingProxyType(
         Trouble.SECOND_PUBLISHER: "has two publishers",
         Trouble.FOREIGN_COMMAND: "is published by somebody else too",
         Trouble.NOT_RUN: "was not answered for too long",
+        Trouble.LATE: "is late",
     }
 )
 
