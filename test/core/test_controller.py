@@ -76,6 +76,18 @@ def test_bad_input_gives_a_safe_command_and_a_reason(reason: str) -> None:
     assert good.diagnostics.status == "ok"
 
 
+@pytest.mark.parametrize("reason", bad_inputs())
+def test_bad_input_does_not_reach_the_memory_of_an_observer(reason: str) -> None:
+    controller = make(slip_estimator="observer")
+    start = controller.initial_state(JointSample(0, np.array(HOME), np.zeros(7), np.zeros(7)))
+    joint, wrenches, slips, reference = bad_inputs()[reason]
+    result = controller.step(start, joint, wrenches, slips, reference)
+    assert result.diagnostics.status == "safe"
+    assert reason.replace("torque", "").strip() in result.diagnostics.reason
+    assert result.state.observer is start.observer
+    assert controller.step(result.state, JOINT, WRENCH, SLIP).diagnostics.status == "ok"
+
+
 def test_safe_command_holds_against_gravity_and_brakes() -> None:
     invalid = (SlipSample(0, np.full(6, NAN), valid=False),)
     result = CONTROLLER.step(START, JOINT, WRENCH, invalid)

@@ -278,3 +278,13 @@ def test_motion_for_the_observer(seed: int, contacts: int) -> None:
     expected = (*known, grasp.follow + grasp.Phi2, force, -h_ee[:3] / case.model.mass, grasp.v_o[3:])
     scale = max(1.0, np.abs(grasp.a_o).max())
     np.testing.assert_allclose(out, np.concatenate(expected), rtol=0.0, atol=EQUAL * scale)
+
+
+@pytest.mark.parametrize("place", [0, 6, 13])
+def test_samples_that_are_not_finite_are_seen_before_the_observer_is_told(place: int) -> None:
+    case, out = random_case(1, contacts=2), np.empty(MOTION)
+    tuning, grips = pack_tuning(case.gains, case.model), pack_contacts(case.contacts)
+    samples, memory = np.zeros(24), pack_memory(case.previous, case.slips)
+    assert predict_motion(case.arm.record, tuning, grips, samples, memory, np.zeros(6), out) == 1
+    samples[place] = math.nan
+    assert predict_motion(case.arm.record, tuning, grips, samples, memory, np.zeros(6), out) == 0

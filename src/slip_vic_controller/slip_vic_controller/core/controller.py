@@ -77,8 +77,7 @@ class VicController:
         self._settings = readonly((*settings, singularity.sigma_min, singularity.damping, *self.arm.effort_limit))
         self._inspector = Inspector(params, self.contacts, self.policy, self._settings, self.arm.effort_limit)
         self._slip_needed = params.controller == "vic"
-        # An observer has a memory of its own, so bad numbers must not reach it; nor the plain form.
-        self._looks_first = self._observer is not None or params.attitude == "rpy"
+        self._looks_first = params.attitude == "rpy"  # bad numbers must not reach the plain form
         self._dead_band = bool(params.measured.dead_band_linear or params.measured.dead_band_angular)
         self.unsaturated = np.zeros(len(self.joint_names), dtype=bool)
         self.unsaturated.flags.writeable = False
@@ -167,7 +166,8 @@ class VicController:
         if self._observer is not None and observer is not None:
             observer = self._observe(state, observer, tuning, joint.stamp_ns, arm, samples, new_slips)
             if observer is None:
-                return self._safe(state, joint, "the slip observer gave no finite estimate")
+                reason = refusal(state.stamp_ns, n, count, self._slip_needed, joint, wrenches, slips, reference)
+                return self._safe(state, joint, reason or "the slip observer gave no finite estimate")
             samples[6:12] = observer.now[:ERROR]
             if self.params.observer.correct_follow:
                 follow_error = observer.now[ERROR:VARIANCE]
@@ -266,7 +266,6 @@ class VicController:
             self._slow_tuning = tuning, slowed
         return slowed
 
-    @_QUIET
     def _observe(
         self,
         state: ControllerState,
@@ -277,12 +276,16 @@ class VicController:
         samples: Array,
         new_slips: tuple[SlipSample, ...],
     ) -> ObserverMemory | None:
-        """Predict slip from the wrench and the motion of this tick, and correct it with the samples."""
+        """Predict slip from the wrench and the motion of this tick, and correct it with the samples.
+
+        An observer has a memory of its own, so bad numbers must not reach it: None where there are any.
+        """
         assert self._observer is not None
         if tuning is not self._packed[0]:
             self._packed = self._pack(tuning)
-        motion = np.empty(MOTION)
-        predict_motion(arm.record, self._packed[1], self._packed[2], samples, state.memory, observer.now, motion)
+        motion, packed = np.empty(MOTION), self._packed
+        if not predict_motion(arm.record, packed[1], packed[2], samples, state.memory, observer.now, motion):
+            return None
         return self._observer.observe(observer, stamp_ns, motion, new_slips)
 
     @_QUIET

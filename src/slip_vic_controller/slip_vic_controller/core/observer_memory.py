@@ -133,6 +133,10 @@ class SlipObserver:
         return ObserverMemory(stamp_ns, origin, now, rows) if rows else None
 
     def _packed(self, samples: Sequence[SlipSample], origin_ns: int) -> Array:
+        if len(samples) == 1 and samples[0].valid:  # nearly always
+            fresh = np.empty((1, 7))
+            fresh[0, 0], fresh[0, 1:] = samples[0].stamp_ns - origin_ns, samples[0].twist
+            return fresh
         valid = [sample for sample in samples if sample.valid]
         fresh = np.empty((len(valid), 7))
         for row, sample in zip(fresh, valid, strict=True):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import IN1, IN2, OUT1, REAL, VOID, kernel, part
+from slip_msgs_py.compiled import IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
 from slip_msgs_py.small_kernel import LARGEST
 from slip_msgs_py.vector_kernel import (
     Three,
@@ -160,11 +160,13 @@ def evaluate(
     out[25 + 2 * n] = saturated
 
 
-@kernel(VOID(IN1, IN1, IN2, IN1, IN1, IN1, OUT1))
+@kernel(INT(IN1, IN1, IN2, IN1, IN1, IN1, OUT1))
 def predict_motion(
     arm: Array, tuning: Array, contacts: Array, samples: Array, memory: Array, slip_twist: Array, out: Array
-) -> None:
+) -> int:
     """Write what an observer is told: R_ee (9), v_ee, G^T a_o + Phi2, G^T a_o - gravity (6), drag, w_o (3); {w}.
+
+    Returns 1 where every sample is finite, else 0.
 
     Args:
         arm, tuning, contacts, samples, memory: as of `evaluate`, before the slip of this tick is known.
@@ -188,3 +190,7 @@ def predict_motion(
     put(out, 24, turning)
     put(out, 27, times(-1.0 / tuning[34], turn(R_ee, three(samples, 0))))
     put(out, 30, turn(R_ee, o.w))
+    finite = True
+    for i in range(samples.shape[0]):
+        finite = finite and abs(samples[i]) <= LARGEST
+    return 1 if finite else 0
