@@ -28,6 +28,7 @@ class Verdict:
     recovery_s: float | None
     commands: int
     modes: dict[str, int]
+    objects_lost: int = 0
 
 
 @dataclass
@@ -56,6 +57,7 @@ class Tally:
             "over_dds": self.over_dds,
             "commands": sum(verdict.commands for verdict in self.verdicts),
             "modes": _added(verdict.modes for verdict in self.verdicts),
+            "objects_lost": sum(verdict.objects_lost for verdict in self.verdicts),
             "by_fault": {name: _by_fault([v for v in self.verdicts if name in v.faults]) for name in names},
             "failed": [asdict(verdict) for verdict in failed],
             **self.notes,
@@ -159,6 +161,7 @@ def judge(seed: int, trial: int) -> Verdict:
         outcome.recovery_s,
         outcome.commands,
         dict(outcome.modes),
+        outcome.objects_lost,
     )
 
 

@@ -26,6 +26,7 @@ from slip_bringup.faults.dds_faults import GRIP_N, FaultActions, remote
 from slip_bringup.faults.dds_session import Nodes
 from slip_bringup.faults.dds_watch import Watch
 from slip_bringup.faults.evidence import notes_of, write_bag
+from slip_bringup.faults.monitors import LOST_M
 from slip_bringup.faults.plan import BRIDGE, CONTROLLER, RECORDER, TOPICS, Fault, Plan, all_faults_over_dds, make_plan
 from slip_bringup.faults.proxy import Proxy
 from slip_bringup.faults.wire import Wire
@@ -45,7 +46,6 @@ STAYS_S = 2.0  # a mode without the law that lasts so long, with all processes a
 BACK_S = 60.0
 ASK_EVERY_S = 0.5
 DISK_FULL_S = 15.0
-LOST_M = 0.05
 SPIN_S = 0.002
 TRUTH_EVERY = 3
 

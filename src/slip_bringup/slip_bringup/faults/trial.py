@@ -12,7 +12,7 @@ import numpy as np
 
 from slip_bringup.faults.carriers import SampleCarrier
 from slip_bringup.faults.channel import Channel, Delivery
-from slip_bringup.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
+from slip_bringup.faults.monitors import LOST_M, CommandMonitor, JointMonitor, Promise, SafeStateMonitor
 from slip_bringup.faults.plan import BRIDGE, CONTROLLER, EFFORT, JOINT, SLIP, TOPICS, WRENCH, Fault, Plan
 from slip_bringup.faults.wire import Wire
 from slip_bringup.scenario import Scenario, load_scenario
@@ -32,13 +32,15 @@ DURATION_S = 1.8
 LATEST_START_S, LONGEST_S = 0.6, 0.4
 START_NS = 1_000_000_000_000  # of the wall clock
 STEADY_NS = 5_000_000_000
-LOST_M = 0.1  # slip at which an object has left the pads
 RESTART_S = 0.2  # time from the start of a node to its first message
 
 
 @dataclass
 class Outcome:
-    """What a trial showed: violations, seconds from the last fault's end to the law (None: not), modes and samples."""
+    """What a trial showed: violations, seconds from the last fault's end to the law (None: not), modes and samples.
+
+    objects_lost: how often the object left the pads; the simulation is then started anew, as an operator would.
+    """
 
     plan: Plan
     violations: list[str]
@@ -47,6 +49,7 @@ class Outcome:
     commands: int
     troubles: Counter[str]
     record: list[tuple[int, str, Any]] = field(default_factory=list)
+    objects_lost: int = 0
 
 
 @cache
@@ -111,6 +114,7 @@ class Trial:
         self._newest_command: EffortCommand | None = None
         self._recovered: float | None = None
         self._stand_still_ns: int | None = None
+        self._lost = 0
 
     def run(self) -> Outcome:
         """Run to the end; what the code raises is a violation too."""
@@ -122,8 +126,9 @@ class Trial:
             self._commands.violations.append(f"{type(error).__name__}: {error}")
         violations = self._commands.violations + self._joints.violations + self._safe.violations
         return Outcome(
-            self._plan, violations, self._recovered, self._modes, self._commands.commands, self._troubles, self._record
-        )
+            self._plan, violations, self._recovered, self._modes, self._commands.commands, self._troubles, self._record,
+            self._lost,
+        )  # fmt: skip
 
     def _run(self) -> None:
         self._bridge = self._new_bridge(self.scenario.bridge, START_NS)
@@ -141,6 +146,9 @@ class Trial:
                 self._newest_command = delivery.sample
             if self._bridge_runs(t):
                 self._bridge.advance(self._shifted(self._newest_command))
+                if np.abs(self._bridge.simulation.truth().slip_displacement[:3]).max() > LOST_M:
+                    self._lost += 1
+                    self._restart_bridge(t + PERIOD_S + RESTART_S)
             follows = self._controller is not None and self._controller.mode.follows
             if t >= last_end and follows and self._recovered is None:
                 self._recovered = t - last_end
@@ -167,13 +175,7 @@ class Trial:
                 self._commands.restarted()
             elif fault.kind == "kill":
                 self._done.add(fault)
-                self._bridge_back = t + fault.duration_s + RESTART_S
-                stamp_ns = START_NS + round(self._bridge_back * 1e9)
-                posture = self._bridge.simulation.joint_sample().position
-                params = self.scenario.bridge.model_copy(update={"initial_position": tuple(posture.tolist())})
-                self._bridge = self._new_bridge(params, stamp_ns)
-                self._newest_command = None
-                self._joints.restarted()
+                self._restart_bridge(t + fault.duration_s + RESTART_S)
             elif fault.kind in ("reset", "clock_jump", "gains", "request", "grip"):
                 self._happen(fault)
         if self._controller is None and t >= self._controller_back:
@@ -206,6 +208,15 @@ class Trial:
         except InputError:
             self._troubles["gains refused"] += 1
 
+    def _restart_bridge(self, back: float) -> None:
+        """Let the bridge be away until `back` [s] and then begin where the arm is, with the object in the grasp."""
+        self._bridge_back = back
+        posture = self._bridge.simulation.joint_sample().position
+        params = self.scenario.bridge.model_copy(update={"initial_position": tuple(posture.tolist())})
+        self._bridge = self._new_bridge(params, START_NS + round(back * 1e9))
+        self._newest_command = None
+        self._joints.restarted()
+
     def _new_bridge(self, params: BridgeNodeParams, stamp_ns: int) -> BridgeSession:
         bridge = BridgeSession(params, self.scenario.urdf)
         bridge.start_at(stamp_ns)
@@ -232,8 +243,6 @@ class Trial:
             self._channels[name].send(shown, t, self._now_ns)
         controller = self._controller
         follows = controller is not None and controller.mode.follows and not self._stopped(CONTROLLER, t)
-        if np.abs(outputs.truth.slip_displacement[:3]).max() > LOST_M:
-            self._joints.begin_again()  # the pads of the simulation are endless; a real object would have fallen
         self._joints.take(t, outputs.joint.effort, outputs.joint.velocity, follows)
         if self._keep:
             self._record += [(self._now_ns, name, sample) for name, sample in sent]

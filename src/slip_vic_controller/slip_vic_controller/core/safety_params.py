@@ -132,7 +132,7 @@ class SafetyParams(ParameterModel):
     )
     hold_damping: float = parameter(30.0, "joint damping over joint inertia in HOLD", unit="1/s", ge=0.0)
     hold_load_s: float = parameter(
-        0.1, "how fast HOLD takes the load from the wrench where the model does not explain it", unit="s", gt=0.0
+        0.05, "how fast HOLD takes the load from the wrench where the model does not explain it", unit="s", gt=0.0
     )
     auto_enable: bool = parameter(True, "go to ACTIVE as soon as the inputs are good; false waits for ~/enable")
     auto_resume: bool = parameter(True, "return from a HOLD that an input caused; false waits for ~/enable")
