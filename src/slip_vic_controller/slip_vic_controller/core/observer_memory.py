@@ -26,8 +26,8 @@ from slip_vic_controller.core.observer_types import Motion, ObserverConfig, Slip
 from slip_vic_controller.core.slip_filter_kernel import AxisFilter
 
 BLOCK = 16
-"""Rows of a slip that are copied per tick at most: older ones are shared between memories, and only late samples
-touch them."""
+"""Rows of a slip that a sample may be late by without touching older blocks, which memories share; each tick copies
+less than twice as many."""
 
 
 class ObserverMemory(NamedTuple):
@@ -96,7 +96,7 @@ class SlipObserver:
         )  # fmt: skip
         self._tuning = readonly(np.concatenate((ones, *per_axis)))
         self._stick_row, self._slip_row = STEP + 4 * n + 1, STEP + 11 * n
-        self._no_tick, self._no_slip = readonly(np.empty((0, self._stick_row))), readonly(np.empty((0, self._slip_row)))
+        self._no_tick = readonly(np.empty((0, self._stick_row)))
         self._no_sample = readonly(np.empty((0, 7)))
 
     def initial(self, stamp_ns: int, v_ee: Array) -> ObserverMemory:
@@ -162,35 +162,36 @@ class SlipObserver:
         self, memory: ObserverMemory, motion: Array, fresh: Array, stamp: int, dt: float, now: Array
     ) -> tuple[Array, ...]:
         earlier, rows = memory.rows[:-1], memory.rows[-1]
-        if len(rows) >= BLOCK:
-            earlier, rows = memory.rows, self._no_slip
         if len(fresh) and earlier:
-            earlier, rows = _reaching_back(earlier, rows, float(fresh[:, 0].min()))
+            earliest = float(fresh[0, 0] if len(fresh) == 1 else fresh[:, 0].min())
+            if rows[0, STAMP] >= earliest:
+                earlier, rows = _reaching_back(earlier, rows, earliest)
         after = np.empty((len(rows) + 1 + len(fresh), self._slip_row))
         count = observe_slip(self._tuning, motion, memory.now, rows, fresh, stamp, dt, now, after)
         if count < 0:
             return ()
         if count == 0:
             return (self._no_tick,)
-        while not len(rows) and len(earlier) > 1 and earlier[0][-1, STAMP] < stamp - self._memory_ns:
-            earlier = earlier[1:]
-        return (*earlier, *_blocks(after[:count]))
+        blocks = _blocks(after[:count])
+        if len(blocks) > 1:
+            while earlier and earlier[0][-1, STAMP] < stamp - self._memory_ns:
+                earlier = earlier[1:]
+        return (*earlier, *blocks)
 
 
 def _reaching_back(earlier: tuple[Array, ...], rows: Array, stamp: float) -> tuple[tuple[Array, ...], Array]:
-    """Join so many blocks that the first row is of a tick before `stamp`, or all; none where all ticks are before."""
+    """Join so many blocks that the first row is of a tick before `stamp`, or all."""
     keep, joined = len(earlier), [rows]
-    if not len(rows) and earlier[-1][-1, STAMP] < stamp:
-        return earlier, rows
-    while keep and not (len(joined[0]) and joined[0][0, STAMP] < stamp):
+    while keep and joined[0][0, STAMP] >= stamp:
         keep -= 1
         joined.insert(0, earlier[keep])
-    return earlier[:keep], np.concatenate(joined) if len(joined) > 1 else rows
+    return earlier[:keep], np.concatenate(joined)
 
 
 def _blocks(rows: Array) -> tuple[Array, ...]:
-    """Return rows in read-only blocks."""
+    """Return rows in read-only blocks, at least BLOCK rows in the last one where there are so many."""
     rows.flags.writeable = False
-    if len(rows) <= 2 * BLOCK:
+    if len(rows) < 2 * BLOCK:
         return (rows,)
-    return tuple(rows[i : i + BLOCK] for i in range(0, len(rows), BLOCK))
+    last = (len(rows) // BLOCK - 1) * BLOCK
+    return (*(rows[i : i + BLOCK] for i in range(0, last, BLOCK)), rows[last:])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from slip_msgs_py.arrays import Array
@@ -86,8 +84,8 @@ def observe_slip(
 
     Args:
         tuning, motion, now, fresh: see the layouts.
-        rows: of the last ticks in slip and their samples; either all, or so many that the first is of a tick before
-            every fresh sample, or none where all samples are later than the last tick.
+        rows: of the last ticks in slip and their samples, one at least; either all, or so many that the first is of a
+            tick before every fresh sample.
         stamp: of this tick [ns].
         dt: since the last one [s].
         after: `now` after it.
@@ -105,13 +103,11 @@ def observe_slip(
     keep(motion, now, after)
 
     # -- samples at the ticks at which they were measured
-    begin = -math.inf
-    if had > 0:
-        begin = rows[had - 1, STAMP]
-        for r in range(had):
-            if rows[r, STAMP] >= stamp - tuning[MEMORY]:
-                begin = rows[r, STAMP]
-                break
+    begin = rows[had - 1, STAMP]
+    for r in range(had):
+        if rows[r, STAMP] >= stamp - tuning[MEMORY]:
+            begin = rows[r, STAMP]
+            break
     first = had
     for sample in ordered(tuning, fresh):
         if fresh[sample, 0] > begin:
@@ -125,7 +121,7 @@ def observe_slip(
     # -- the ticks since then
     start = np.empty(6 + 9 * n)
     for j in range(9 * n):
-        start[6 + j] = rows_after[first - 1, e + j] if first > 0 else now[known + j]
+        start[6 + j] = rows_after[first - 1, e + j]
     run_rows(tuning, rows_after, first, count, start)
     significance = 0.0
     sure = True
