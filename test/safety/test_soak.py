@@ -6,15 +6,26 @@ import json
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import psutil
 import pytest
+import rclpy
 from click.testing import CliRunner
+from std_srvs.srv import Trigger
 
+from slip_bringup.domain import domain_id
+from slip_bringup.inprocess import run_in_process
 from slip_bringup.soak.cli import soak
 from slip_bringup.soak.growth import Limits, Sample, growth_of, robust_slope
-from slip_bringup.soak.run import sample_process
+from slip_bringup.soak.operator import STEPS, operator_of
+from slip_bringup.soak.run import sample_process, soak_scenario
+from slip_msgs_py import to_msgs
+from slip_msgs_py.qos import create_publisher
+from slip_vic_controller.core.modes import Mode
 
 LEAK = """
 import os, sys, time
@@ -55,6 +66,48 @@ def test_a_process_that_leaks_is_seen() -> None:
     assert [word.split(" by ")[0] for word in words] == ["memory", "open files"]
 
 
+def test_the_law_bears_the_scenario_of_a_soak() -> None:
+    """Without wall clocks: an hour of these rounds must not lose the object or latch a fault by itself."""
+    scenario = soak_scenario("paper_planar", 60.0, 250.0)
+    assert scenario.controller.trajectory.duration_s > 3600.0
+    modes = set()
+    for tick in run_in_process(scenario):
+        modes.add(tick.result.mode.mode)
+        if tick.outputs.tick == 250 * 20:
+            break
+    assert modes == {Mode.ACTIVE}
+    assert np.abs(tick.outputs.truth.slip_displacement).max() < 1e-3
+
+
+def test_an_operator_ends_a_fault_that_lasts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
+    asked: list[str] = []
+
+    def answer(name: str, _request: Any, response: Any) -> Any:
+        asked.append(name)
+        response.success = True
+        return response
+
+    with domain_id() as domain, operator_of(domain) as (operator, executor):
+        context = executor.context
+        node = rclpy.create_node("stand_in", context=context)
+        for owner, service in STEPS:
+            node.create_service(Trigger, f"{owner}/{service}", partial(answer, service))
+        mode = create_publisher(node, "controller/mode")
+        executor.add_node(node)
+        for text in ("ACTIVE", "FAULT: a joint is too fast"):
+            mode.publish(to_msgs.string(text))
+            deadline = time.monotonic() + 20.0
+            while operator.mode != text.partition(":")[0] and time.monotonic() < deadline:
+                executor.spin_once(timeout_sec=0.05)
+        while len(asked) < len(STEPS) and time.monotonic() < deadline:
+            executor.spin_once(timeout_sec=0.05)
+            operator.act()
+        node.destroy_node()
+    assert asked == [service for _, service in STEPS]
+    assert operator.faults == ["a joint is too fast"]
+
+
 def test_a_short_soak_runs_and_reports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
     result = CliRunner().invoke(soak, ["--minutes", "0.1", "--rate", "250", "--out", str(tmp_path)])
@@ -62,7 +115,7 @@ def test_a_short_soak_runs_and_reports(tmp_path: Path, monkeypatch: pytest.Monke
     content = json.loads((tmp_path / "soak.json").read_text())
     assert set(content["growth"]) == {"bridge", "controller", "recorder", "soak"}
     assert content["said"]["bridge"]["ticks"] > 300
-    assert 0.0 < content["law_share"] <= 1.0  # how much of it is a matter of the machine's timing
+    assert 0.0 <= content["law_share"] <= 1.0  # how much of it is a matter of the machine's timing
     for name, series in content["series"].items():
         assert len(series) >= 5, name
         assert all(rss > 1 << 20 and files > 3 for _, rss, files, _ in series)

@@ -1,4 +1,4 @@
-"""Runs bridge, controller and recorder in real time, and looks at their processes now and then."""
+"""Runs bridge, controller and recorder in real time, with an operator, and looks at their processes now and then."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import psutil
+from rclpy.executors import Executor
 
 from slip_bringup import shared_memory
 from slip_bringup.domain import domain_id
@@ -22,6 +23,7 @@ from slip_bringup.processes import Child, ProcessGroup, child_environment
 from slip_bringup.recording import recorder_command
 from slip_bringup.scenario import Scenario, load_scenario
 from slip_bringup.soak.growth import Limits, ProcessGrowth, Sample, growth_of
+from slip_bringup.soak.operator import Operator, operator_of
 from slip_msgs_py.errors import ProtocolError
 
 START_S = 30.0
@@ -41,6 +43,7 @@ class SoakResult:
     shared_memory_files: list[int] = field(default_factory=list)
     said: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
 
     def growth(self) -> dict[str, ProcessGrowth]:
         """Return the growth of every process."""
@@ -61,6 +64,7 @@ class SoakResult:
             "minutes": self.minutes,
             "rate_hz": self.rate_hz,
             "law_share": self.law_share(),
+            "faults": self.faults,
             "samples": len(next(iter(self.samples.values()), [])),
             "growth": {name: grown.as_dict() for name, grown in growth.items()},
             "grows": {name: words for name, grown in growth.items() if (words := grown.grows(limits))},
@@ -97,6 +101,7 @@ def run_soak(scenario: Scenario, minutes: float, on_time: Callable[[float], None
         domain_id() as domain,
         tempfile.TemporaryDirectory(prefix="slip_vic_soak_") as folder,
         ProcessGroup() as group,
+        operator_of(domain) as (operator, executor),
     ):
         children = _start(group, scenario, child_environment(domain), Path(folder), result)
         deadline = time.monotonic() + START_S
@@ -105,7 +110,8 @@ def run_soak(scenario: Scenario, minutes: float, on_time: Callable[[float], None
             if time.monotonic() > deadline:
                 raise ProtocolError(f"bridge did not start within {START_S:g} s:\n{children['bridge'].tail()}")
             time.sleep(LOOK_S)
-        _watch(group, children, result, on_time)
+        _watch(group, children, result, on_time, operator, executor)
+        result.faults = operator.faults
         for name in ("bridge", "controller", "recorder"):
             group.stop([children[name]])
             result.said[name] = children[name].events.get("done", {})
@@ -131,7 +137,12 @@ def _start(
 
 
 def _watch(
-    group: ProcessGroup, children: Mapping[str, Child], result: SoakResult, on_time: Callable[[float], None]
+    group: ProcessGroup,
+    children: Mapping[str, Child],
+    result: SoakResult,
+    on_time: Callable[[float], None],
+    operator: Operator,
+    executor: Executor,
 ) -> None:
     seconds = 60.0 * result.minutes
     every_s = max(seconds / SAMPLES, SHORTEST_S)
@@ -148,7 +159,8 @@ def _watch(
                 with contextlib.suppress(psutil.NoSuchProcess):
                     result.samples.setdefault(name, []).append(sample_process(process, t))
             result.shared_memory_files.append(len(shared_memory.segments()))
-        time.sleep(min(LOOK_S, every_s))
+        executor.spin_once(timeout_sec=min(LOOK_S, every_s))
+        operator.act()
     on_time(seconds)
 
 
