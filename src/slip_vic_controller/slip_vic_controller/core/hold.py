@@ -10,6 +10,7 @@ from slip_msgs_py.arrays import Array, skew
 
 EXCESS = 1.5  # times that `held_inertia` may be what is moved
 LOAD_LEVER = 0.1  # [m]: how far off the pad centre the unknown part of a load may pull
+SLOWEST = 0.45  # of the loop in slow motion: with the default gains no joint gives way under a load that slides
 
 
 def hold_torque(
@@ -71,10 +72,13 @@ def _shortened(v: Array, most: float) -> Array:
 def bearable_gains(stiffness: float, damping: float, delay_s: float) -> tuple[float, float]:
     """Return the gains for joint states that are late: the same loop in slow motion, so that its margin stays.
 
+    No slower than `SLOWEST`: a simulation that is behind the wall clock has old stamps without any delay in the loop,
+    and an arm without damping does not come to rest.
+
     Implements: ours: k s^2 and d s have the delay margin of k and d over s; a quarter is left for the rest of the way.
     """
     margin = 0.75 * delay_margin(stiffness, damping, EXCESS)
-    s = min(1.0, margin / delay_s) if delay_s > 0.0 else 1.0
+    s = max(SLOWEST, min(1.0, margin / delay_s)) if delay_s > 0.0 else 1.0
     return s * s * stiffness, s * damping
 
 
