@@ -215,3 +215,32 @@ class TestLateness:
             stamp_ns = k * 4 * MS
             memory = answered(memory, stamp_ns + round(2e-4 * stamp_ns), stamp_ns, 4 * MS, 12 * MS)
         assert memory.most_ns < 1 * MS
+
+
+def test_late_joint_states_end_the_law_where_that_is_asked_for() -> None:
+    """And the law comes back with them; without the parameter it stays at work."""
+    for late_s, expected in ((0.012, Mode.HOLD), (0.0, Mode.ACTIVE)):
+        changes = [f"{node}.control_period_s=0.004" for node in ("bridge", "controller")]
+        changes += ["controller.gains.k_s=20.0", f"controller.safety.inputs.joint.late_s={late_s}"]
+        scenario = load_scenario("paper_planar", mode="realtime", assignments=tuple(changes))
+        bridge = BridgeSession(scenario.bridge, scenario.urdf)
+        bridge.start_at(START_NS)
+        controller = ControllerSession(VicController(scenario.controller, scenario.urdf), lockstep=False)
+        modes = []
+        for tick in range(200):
+            behind_ns = 20 * MS if 50 <= tick < 70 else 0
+            now_ns = STEADY_NS + tick * 4 * MS + behind_ns
+            outputs = bridge.observe()
+            for wrench in outputs.wrenches[0]:
+                controller.inputs.add_wrench(0, wrench, now_ns)
+            for sample in outputs.slips[0]:
+                controller.inputs.add_slip(0, sample, now_ns)
+            controller.inputs.add_joint(outputs.joint, now_ns)
+            result = controller.cycle(now_ns)
+            assert result is not None
+            modes.append(result.mode)
+            bridge.advance(result.command)
+        assert modes[49].mode == Mode.ACTIVE
+        assert modes[60].mode == expected
+        assert ("joint state is late" in modes[60].reason) == (late_s > 0.0)
+        assert modes[-1].mode == Mode.ACTIVE

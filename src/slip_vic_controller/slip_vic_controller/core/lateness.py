@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 DRIFT = 5e-4  # by which two clocks may run apart; more is not taken back
+STEADY_NS = 5_000_000  # below which a growing time from stamp to answer may be clocks that drift
 DECAY_S = 0.5  # in which a delay that is over is forgotten
 
 
@@ -31,16 +32,16 @@ def answered(before: Lateness, now_ns: int, stamp_ns: int, dt_ns: int, late_ns: 
         now_ns: the controller's clock.
         stamp_ns: of the joint state.
         dt_ns: of the controller's clock.
-        late_ns: what is late.
+        late_ns: what is too late for the law; 0 = nothing.
 
     Implements: ours: one-way delay above its minimum.
     """
     took_ns = now_ns - stamp_ns
     least = took_ns if before.least_ns is None else before.least_ns
-    if before.last_ns < late_ns // 2:
+    if before.last_ns < STEADY_NS:
         least += round(DRIFT * dt_ns)
     least = min(least, took_ns)
     last = took_ns - least
     sure = min(last, before.last_ns)
     fading = before.most_ns - round(before.most_ns * min(1.0, dt_ns * 1e-9 / DECAY_S))
-    return Lateness(least, last, max(sure, fading), before.in_a_row + 1 if sure >= late_ns else 0)
+    return Lateness(least, last, max(sure, fading), before.in_a_row + 1 if 0 < late_ns <= sure else 0)

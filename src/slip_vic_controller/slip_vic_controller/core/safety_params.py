@@ -63,7 +63,11 @@ class JointWatchParams(WatchParams):
     """Limits of the joint state; positions and velocities are judged against the URDF's limits."""
 
     late_s: float = parameter(
-        0.012, "time from stamp to answer above the least one that is too late for the law", unit="s", gt=0.0
+        0.0,
+        "time from stamp to answer, above the least one, that is too late for the law; 0 = not looked at, because the "
+        "stamps of a simulation fall behind where the machine is too slow for it",
+        unit="s",
+        ge=0.0,
     )
     position_slack: float = parameter(0.5, "how far beyond a stop a position is absurd", unit="rad", gt=0.0)
     velocity_factor: float = parameter(50.0, "multiple of the URDF's velocity limit that is absurd", gt=1.0)
