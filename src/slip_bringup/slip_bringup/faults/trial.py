@@ -142,6 +142,9 @@ class Trial:
                 self._observe(t)
             if self._controller is not None and not self._stopped(CONTROLLER, t):
                 self._control(t)
+            elif self._controller is None:
+                for name in (JOINT, WRENCH, SLIP):  # what is sent while nobody is there is gone
+                    self._channels[name].arrivals(self._now_ns)
             for delivery in self._channels[EFFORT].arrivals(self._now_ns):
                 self._newest_command = delivery.sample
             if self._bridge_runs(t):
