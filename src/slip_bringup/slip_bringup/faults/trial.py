@@ -140,11 +140,11 @@ class Trial:
             self._nodes(t)
             if self._bridge_runs(t):
                 self._observe(t)
-            if self._controller is not None and not self._stopped(CONTROLLER, t):
-                self._control(t)
-            elif self._controller is None:
+            if not self._controller_lives():
                 for name in (JOINT, WRENCH, SLIP):  # what is sent while nobody is there is gone
                     self._channels[name].arrivals(self._now_ns)
+            elif not self._stopped(CONTROLLER, t):
+                self._control(t)
             for delivery in self._channels[EFFORT].arrivals(self._now_ns):
                 self._newest_command = delivery.sample
             if self._bridge_runs(t):
@@ -164,6 +164,9 @@ class Trial:
 
     def _stopped(self, node: str, t: float) -> bool:
         return any(fault.kind == "stop" and fault.target == node and fault.at(t) for fault in self._plan.faults)
+
+    def _controller_lives(self) -> bool:
+        return self._controller is not None
 
     def _bridge_runs(self, t: float) -> bool:
         return t >= self._bridge_back and not self._stopped(BRIDGE, t)
