@@ -182,7 +182,7 @@ def test_the_false_alarm_test_sees_a_gate_that_opens() -> None:
     ("rate_hz", "dead_band"), [(25.0, 0.0), (60.0, 0.0), (120.0, 0.0), (1000.0, 0.0), (25.0, 0.005)]
 )
 def test_samples_prevail_over_a_model_that_is_sure_and_wrong(rate_hz: float, dead_band: float) -> None:
-    """Found with a 25 Hz sensor: sure of itself after a long slip, the model drifted for seconds, and the arm with it."""
+    """Found with a 25 Hz sensor: sure of itself after a long slip, the model drifted, and the arm with it."""
     tuning = config(
         **{
             "slip_sensor.rate_hz": rate_hz,
