@@ -54,23 +54,23 @@ def run_case(case: Case, assignments: Sequence[str]) -> CaseResult:
 
 def _run(case: Case, assignments: Sequence[str]) -> CaseResult:
     ticks, squares, excursion, speed = 0, 0.0, 0.0, 0.0
-    slip, error = np.zeros(6), np.zeros(6)
+    linear = angular = 0.0
+    slip = np.zeros(6)
     outcome, reason = "ok", ""
     try:
         for tick in run_in_process(case.load(assignments)):
             truth, record = tick.outputs.truth, tick.result.diagnostics
             slip = truth.slip_displacement
             speed = max(speed, math.hypot(*truth.slip_velocity[:3].tolist()))
-            terms = None if record is None else record.terms
-            if terms is None:
+            glance = None if record is None else record.glance
+            if glance is None:
                 if ticks and outcome == "ok":
                     outcome, reason = "held", f"{tick.outputs.stamp_ns * 1e-9:.3f} s: {tick.result.mode.reason}"
                 continue
             ticks += 1
-            error = terms.law.e
-            linear = math.hypot(*error[:3].tolist())
+            linear, angular = glance.law.error_linear, glance.law.error_angular
             squares += linear * linear
-            excursion = max(excursion, math.hypot(*error[3:].tolist()))
+            excursion = max(excursion, angular)
             if not linear < LOST_ERROR_M or not math.hypot(*slip[:3].tolist()) < LOST_SLIP_M:
                 outcome, reason = "diverged", f"at {tick.outputs.stamp_ns * 1e-9:.3f} s"
                 break
@@ -81,8 +81,8 @@ def _run(case: Case, assignments: Sequence[str]) -> CaseResult:
         math.hypot(*slip[3:].tolist()),
         speed,
         math.sqrt(squares / max(ticks, 1)),
-        math.hypot(*error[:3].tolist()),
-        math.hypot(*error[3:].tolist()),
+        linear,
+        angular,
         excursion,
     )
     return CaseResult(case, outcome, reason, dict(zip(METRICS, values, strict=True)))
