@@ -8,10 +8,6 @@ import numpy as np
 import pytest
 
 from slip_msgs_py.types import SlipSample
-from slip_vic_controller.core.observer_run import _correct
-from slip_vic_controller.core.observer_types import Sample
-from slip_vic_controller.core.params import ControllerParams
-from slip_vic_controller.core.slip_filter_kernel import AxisFilter, correct
 
 from .observer_bench import MS, Bench, config, six
 
@@ -176,30 +172,3 @@ def test_the_false_alarm_test_sees_a_gate_that_opens() -> None:
         sample = SlipSample((bench.tick + 1) * MS, six(3e-3, 3e-3, 0.06) * rng.standard_normal(6))
         opened = opened or bench.step(np.zeros(6), samples=[sample]).sliding
     assert opened
-
-
-@pytest.mark.parametrize(
-    ("rate_hz", "dead_band"), [(25.0, 0.0), (60.0, 0.0), (120.0, 0.0), (1000.0, 0.0), (25.0, 0.005)]
-)
-def test_samples_prevail_over_a_model_that_is_sure_and_wrong(rate_hz: float, dead_band: float) -> None:
-    """Found with a 25 Hz sensor: sure of itself after a long slip, the model drifted, and the arm with it."""
-    tuning = config(
-        **{
-            "slip_sensor.rate_hz": rate_hz,
-            "slip_sensor.noise_linear": 3e-3,
-            "slip_sensor.noise_angular": 6e-2,
-            "slip_sensor.dead_band_linear": dead_band,
-        }
-    )
-    prevail_s = ControllerParams().observer.prevail_s
-    sure = tuple(AxisFilter(0.0, 0.0, 0.0, 1e-14, 0.0, 0.0, 1e-14, 0.0, 1e-14) for _ in tuning.axes)
-    truth = tuple(0.01 if i < 3 else 0.2 for i in tuning.axes)
-    estimate = sure
-    for number in range(round(2.0 * prevail_s * rate_hz)):
-        estimate = _correct(tuning, estimate, Sample(number, truth))
-    for x, v in zip(estimate, truth, strict=True):
-        assert 0.8 * v < x.v < 1.001 * v
-    plain = sure
-    for _ in range(round(2.0 * prevail_s * rate_hz)):
-        plain = tuple(correct(x, v, R) for x, v, R in zip(plain, truth, tuning.noise, strict=True))
-    assert all(x.v < 0.01 * v for x, v in zip(plain, truth, strict=True)), "without that they would not"

@@ -35,15 +35,12 @@ def observer_config(params: ControllerParams) -> ObserverConfig:
     root_T = math.sqrt(T)
     # A centre of mass that is off by model_error of the lever turns a force into an angular acceleration.
     onset = tuning.model_error * lever * model.mass / inertia
-    sensor_noise = both(
-        max(math.hypot(sensor.noise_linear, sensor.quantum_linear), tuning.floor_linear),
-        max(sensor.noise_angular, tuning.floor_angular),
-    )
-    # A sample moves the estimate by this share at least, so that samples prevail within prevail_s.
-    share = max(sensor.period_s, T) / tuning.prevail_s
     return ObserverConfig(
         axes=axes,
-        noise=sensor_noise,
+        noise=both(
+            max(math.hypot(sensor.noise_linear, sensor.quantum_linear), tuning.floor_linear),
+            max(sensor.noise_angular, tuning.floor_angular),
+        ),
         force_noise=both(T * math.hypot(noise[0], tuning.rough_linear), T * math.hypot(noise[1], tuning.rough_angular)),
         floor=both(tuning.floor_linear, tuning.floor_angular),
         rest=both(tuning.rest_linear, tuning.rest_angular),
@@ -51,7 +48,6 @@ def observer_config(params: ControllerParams) -> ObserverConfig:
         prior_c=both(tuning.model_error, tuning.model_error),
         drift_b=both(root_T * tuning.drift_linear, root_T * tuning.drift_angular),
         onset_b=tuple(lever * onset if i < 3 else onset for i in axes),
-        least=tuple(share * R for R in sensor_noise),
         dead_band=(sensor.dead_band_linear, sensor.dead_band_angular),
         chi_on=float(chdtri(max(len(axes), 1), tuning.false_alarm_rate)),
         chi_off=float(chdtri(max(len(axes), 1), 1.0 - tuning.stick_share)),

@@ -5,14 +5,7 @@ from __future__ import annotations
 import math
 
 from slip_vic_controller.core.observer_types import Floats, Moment, ObserverConfig, Sample
-from slip_vic_controller.core.slip_filter_kernel import (
-    AxisFilter,
-    correct,
-    correct_within,
-    predict,
-    robust_variance,
-    wary,
-)
+from slip_vic_controller.core.slip_filter_kernel import AxisFilter, correct, correct_within, predict, robust_variance
 
 
 def advance(config: ObserverConfig, m: Moment, before: tuple[AxisFilter, ...]) -> tuple[AxisFilter, ...]:
@@ -110,12 +103,11 @@ def _correct(config: ObserverConfig, estimate: tuple[AxisFilter, ...], sample: S
     reads = [0.0, 0.0]
     for i, value in zip(config.axes, sample.values, strict=True):
         reads[i // 3] += abs(value)
-    sure = [wary(x, least) for x, least in zip(estimate, config.least, strict=True)]
     return tuple(
         correct_within(x, config.dead_band[i // 3], R)
         if reads[i // 3] == 0.0 and config.dead_band[i // 3] > 0.0
         else correct(x, z, robust_variance(x, z, R, config.outlier))
-        for i, x, z, R in zip(config.axes, sure, sample.values, config.noise, strict=True)
+        for i, x, z, R in zip(config.axes, estimate, sample.values, config.noise, strict=True)
     )
 
 

@@ -1,7 +1,7 @@
 """`observer_run` once more, as parts of the observer's kernels, and what these share; n filtered axes.
 
 tuning   n, number of linear ones, chi_on, chi_off, dwell, memory [ns], smoothing, outlier, drag_spread, drag_memory,
-         dead band (2), then n each of AXIS ... LEAST, in the order of the constants below
+         dead band (2), then n each of AXIS ... ONSET_B, in the order of the constants below
 motion   R_ee (9), v_ee, follow, force (6 each), drag (3), w_o (3); {w}, see `Motion`
 now      what the law is given: slip twist, error, variance (6 each, {ee}), significance; then sliding 0 or 1,
          since [ns], quiet, late, v_ee of the last tick (6), mean of the samples (n), estimate (9 n, see `AxisFilter`)
@@ -31,12 +31,11 @@ from slip_vic_controller.core.slip_filter_kernel import (
     correct_within_of,
     predict_of,
     robust_variance_of,
-    wary_of,
 )
 
 ONES = 12
 COUNT, LINEAR, CHI_ON, CHI_OFF, DWELL, MEMORY, SMOOTHING, OUTLIER, DRAG_SPREAD, DRAG_MEMORY, DEAD_BAND = range(11)
-AXIS, NOISE, FORCE_NOISE, FLOOR, REST, PRIOR_B, PRIOR_C, DRIFT_B, ONSET_B, LEAST = range(10)
+AXIS, NOISE, FORCE_NOISE, FLOOR, REST, PRIOR_B, PRIOR_C, DRIFT_B, ONSET_B = range(9)
 MOTION = 33
 ERROR, VARIANCE, SIGNIFICANCE, SLIDING, SINCE, QUIET, LATE, LAST_TWIST, MEAN = 6, 12, 18, 19, 20, 21, 22, 23, 29
 STAMP, KIND, DT, TURN_LINEAR, TURN_ANGULAR, DRAG, STEP = 0, 1, 2, 3, 6, 9, 12
@@ -141,8 +140,7 @@ def correct_row(tuning: Array, before: Array, b: int, row: Array) -> None:
         else:
             angular += abs(row[VALUES + k])
     for k in range(n):
-        z, R = row[VALUES + k], of_axis(tuning, NOISE, k)
-        x = wary_of(axis(before, b + 9 * k), of_axis(tuning, LEAST, k))
+        x, z, R = axis(before, b + 9 * k), row[VALUES + k], of_axis(tuning, NOISE, k)
         is_linear = of_axis(tuning, AXIS, k) < 3.0
         band = tuning[DEAD_BAND] if is_linear else tuning[DEAD_BAND + 1]
         if (linear if is_linear else angular) == 0.0 and band > 0.0:

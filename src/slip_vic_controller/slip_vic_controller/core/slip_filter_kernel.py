@@ -49,15 +49,6 @@ def predict(x: AxisFilter, step: float, f: float, dt: float, q_v: float, q_b: fl
     return AxisFilter(v + step - dt * (b + c * f), b, c, P_vv, P_vb - dt * u_b, P_vc - dt * u_c, P_bb + q_b, P_bc, P_cc)
 
 
-def wary(x: AxisFilter, least: float) -> AxisFilter:
-    """Return the estimate with a variance of v that is not below `least`; [m/s or rad/s] squared.
-
-    Implements: ours: samples prevail within a bounded time, however sure the model is of itself.
-    """
-    v, b, c, P_vv, P_vb, P_vc, P_bb, P_bc, P_cc = x
-    return AxisFilter(v, b, c, max(P_vv, least), P_vb, P_vc, P_bb, P_bc, P_cc)
-
-
 def correct(x: AxisFilter, measured: float, variance: float) -> AxisFilter:
     """Return the estimate with a measurement of v taken in; [m/s or rad/s] and its square.
 
@@ -175,7 +166,7 @@ RARE = 1e-6
 _SQRT_HALF = math.sqrt(0.5)
 _INVERSE_SQRT_TWO_PI = 1.0 / math.sqrt(2.0 * math.pi)
 
-predict_of, correct_of, learn_of, wary_of = part(predict), part(correct), part(learn), part(wary)
+predict_of, correct_of, learn_of = part(predict), part(correct), part(learn)
 robust_variance_of, share_inside_of, truncated_of = part(robust_variance), part(share_inside), part(truncated)
 
 

@@ -81,9 +81,6 @@ class ObserverParams(ParameterModel):
         unit="rad", ge=0.0,
     )  # fmt: skip
     drag_memory_s: float = parameter(0.03, "time over which that error stays the same", unit="s", gt=0.0)
-    prevail_s: float = parameter(
-        0.6, "time within which samples prevail over a model that contradicts them", unit="s", gt=0.0
-    )
     correct_follow: bool = parameter(
         True, "use the estimated error of the object's acceleration in the compensation too"
     )
