@@ -121,8 +121,11 @@ def _in_slip(
     estimate = history[-1].estimate
     late = state.late + len(fresh) - len(usable)
     significance = _significance(estimate, config.floor)
-    # Doubt is not rest: control holds the estimate near zero, so only a model that has been confirmed can tell.
-    known = all(x.P_bb < most for x, most in zip(estimate, config.rest, strict=True))
+    # Doubt is not rest: control holds the estimate near zero, so only a model that has been confirmed can tell. Nor is
+    # an insignificant speed a small one where the doubt about it is large: v = 0 would be believed without a reason.
+    known = all(
+        x.P_bb < most and x.P_vv < speed for x, most, speed in zip(estimate, config.rest, config.calm, strict=True)
+    )
     quiet = state.quiet + 1 if known and significance < config.chi_off else 0
     if quiet < config.dwell:
         return state._replace(estimate=estimate, history=history, quiet=quiet, late=late), significance

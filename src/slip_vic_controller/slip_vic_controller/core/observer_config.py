@@ -48,6 +48,7 @@ def observer_config(params: ControllerParams) -> ObserverConfig:
         prior_c=both(tuning.model_error, tuning.model_error),
         drift_b=both(root_T * tuning.drift_linear, root_T * tuning.drift_angular),
         onset_b=tuple(lever * onset if i < 3 else onset for i in axes),
+        calm=both(tuning.calm_linear, tuning.calm_angular),
         dead_band=(sensor.dead_band_linear, sensor.dead_band_angular),
         chi_on=float(chdtri(max(len(axes), 1), tuning.false_alarm_rate)),
         chi_off=float(chdtri(max(len(axes), 1), 1.0 - tuning.stick_share)),

@@ -92,7 +92,7 @@ class SlipObserver:
         )  # fmt: skip
         per_axis = (
             config.axes, config.noise, config.force_noise, config.floor, config.rest, config.prior_b, config.prior_c,
-            config.drift_b, config.onset_b,
+            config.drift_b, config.onset_b, config.calm,
         )  # fmt: skip
         self._tuning = readonly(np.concatenate((ones, *per_axis)))
         self._stick_row, self._slip_row = STEP + 4 * n + 1, STEP + 11 * n

@@ -1,7 +1,7 @@
 """`observer_run` once more, as parts of the observer's kernels, and what these share; n filtered axes.
 
 tuning   n, number of linear ones, chi_on, chi_off, dwell, memory [ns], smoothing, outlier, drag_spread, drag_memory,
-         dead band (2), then n each of AXIS ... ONSET_B, in the order of the constants below
+         dead band (2), then n each of AXIS ... CALM, in the order of the constants below
 motion   R_ee (9), v_ee, follow, force (6 each), drag (3), w_o (3); {w}, see `Motion`
 now      what the law is given: slip twist, error, variance (6 each, {ee}), significance; then sliding 0 or 1,
          since [ns], quiet, late, v_ee of the last tick (6), mean of the samples (n), estimate (9 n, see `AxisFilter`)
@@ -35,7 +35,7 @@ from slip_vic_controller.core.slip_filter_kernel import (
 
 ONES = 12
 COUNT, LINEAR, CHI_ON, CHI_OFF, DWELL, MEMORY, SMOOTHING, OUTLIER, DRAG_SPREAD, DRAG_MEMORY, DEAD_BAND = range(11)
-AXIS, NOISE, FORCE_NOISE, FLOOR, REST, PRIOR_B, PRIOR_C, DRIFT_B, ONSET_B = range(9)
+AXIS, NOISE, FORCE_NOISE, FLOOR, REST, PRIOR_B, PRIOR_C, DRIFT_B, ONSET_B, CALM = range(10)
 MOTION = 33
 ERROR, VARIANCE, SIGNIFICANCE, SLIDING, SINCE, QUIET, LATE, LAST_TWIST, MEAN = 6, 12, 18, 19, 20, 21, 22, 23, 29
 STAMP, KIND, DT, TURN_LINEAR, TURN_ANGULAR, DRAG, STEP = 0, 1, 2, 3, 6, 9, 12

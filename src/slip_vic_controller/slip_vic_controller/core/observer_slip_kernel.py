@@ -8,6 +8,7 @@ from slip_msgs_py.arrays import Array
 from slip_msgs_py.compiled import IN1, IN2, INT, OUT1, OUT2, REAL, kernel, part
 from slip_vic_controller.core.observer_run_kernel import (
     AXIS,
+    CALM,
     CHI_OFF,
     COUNT,
     DWELL,
@@ -129,7 +130,7 @@ def observe_slip(
         x = axis(rows_after[count - 1], e + 9 * k)
         put_axis(after, known + 9 * k, x)
         significance += x.v * x.v / (x.P_vv + of_axis(tuning, FLOOR, k))
-        sure = sure and x.P_bb < of_axis(tuning, REST, k)
+        sure = sure and x.P_bb < of_axis(tuning, REST, k) and x.P_vv < of_axis(tuning, CALM, k)
     after[SIGNIFICANCE] = significance
     after[QUIET] = now[QUIET] + 1.0 if sure and significance < tuning[CHI_OFF] else 0.0
     if after[QUIET] >= tuning[DWELL]:

@@ -17,6 +17,7 @@ class ObserverConfig(NamedTuple):
     from wrench noise and model; floor: variance below which a slip velocity means nothing; rest: variance of b above
     which nothing is taken for rest; prior_b, prior_c: variances of the model's errors; drift_b: variance that b gains
     per tick; onset_b: deviation that b gains when slip begins, per acceleration of the object [1, 1/m];
+    calm: variance of v above which nothing is taken for rest;
     dead_band: linear, angular; chi_on, chi_off: thresholds on the significance; dwell: ticks below chi_off until stick;
     memory_ns: how late a sample may be; smoothing: weight of a new sample in the mean that is tested; window: ticks
     over which slip must show in the model; outlier: deviations.
@@ -31,6 +32,7 @@ class ObserverConfig(NamedTuple):
     prior_c: Floats
     drift_b: Floats
     onset_b: Floats
+    calm: Floats
     dead_band: tuple[float, float]
     chi_on: float
     chi_off: float

@@ -76,6 +76,10 @@ class ObserverParams(ParameterModel):
         gt=0.0,
     )
     rest_angular: float = parameter(0.3, "and angular", unit="rad/s^2", gt=0.0)
+    calm_linear: float = parameter(
+        3e-4, "doubt about the slip speed above which nothing is taken for rest, linear", unit="m/s", gt=0.0
+    )
+    calm_angular: float = parameter(0.1, "and angular", unit="rad/s", gt=0.0)
     drag_spread: float = parameter(
         0.3, "how far friction may point away from the slip, as a share of its speed; 0 = do not use its direction",
         unit="rad", ge=0.0,
