@@ -77,7 +77,7 @@ class ObserverParams(ParameterModel):
     )
     rest_angular: float = parameter(0.3, "and angular", unit="rad/s^2", gt=0.0)
     calm_linear: float = parameter(
-        3e-4, "doubt about the slip speed above which nothing is taken for rest, linear", unit="m/s", gt=0.0
+        6e-4, "doubt about the slip speed above which nothing is taken for rest, linear", unit="m/s", gt=0.0
     )
     calm_angular: float = parameter(0.1, "and angular", unit="rad/s", gt=0.0)
     drag_spread: float = parameter(
