@@ -21,7 +21,8 @@ from slip_vic_controller.core.inputs import InputBuffer, TickInputs
 from slip_vic_controller.core.modes import Mode, ModeState, Request
 from slip_vic_controller.core.params import ControllerParams
 from slip_vic_controller.core.state import ControllerState
-from slip_vic_controller.core.supervision import Supervised, Supervisor, SupervisorState
+from slip_vic_controller.core.supervision import Supervisor
+from slip_vic_controller.core.supervisor_state import Supervised, SupervisorState
 from slip_vic_controller.core.trouble import Trouble, say
 from slip_vic_controller.core.tuning import gain_report, make_tuning
 

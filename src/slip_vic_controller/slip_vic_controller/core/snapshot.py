@@ -30,7 +30,7 @@ _MODULES = tuple(
         "path_time",
         "ramp",
         "state",
-        "supervision",
+        "supervisor_state",
     )
 )
 

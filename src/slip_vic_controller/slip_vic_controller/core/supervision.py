@@ -6,19 +6,17 @@ Pure like the law: the memory is a frozen value, time is an argument. Every comm
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slip_msgs_py.arrays import Array, readonly, rotate6
+from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import TickResult, VicController
 from slip_vic_controller.core.diagnostics import TickDiagnostics
 from slip_vic_controller.core.fallback import LadderPolicy, LadderState, Rung, descend
-from slip_vic_controller.core.grasp import Contact, contact_arm, object_rotation
 from slip_vic_controller.core.guard_kernel import WATCHED, guard, too_fast_index, watch
-from slip_vic_controller.core.hold import bearable_gains, held_inertia, hold_torque, load_error
+from slip_vic_controller.core.holder import Holder
 from slip_vic_controller.core.input_monitor import Health
 from slip_vic_controller.core.lateness import Lateness, answered
 from slip_vic_controller.core.load_monitor import CANNOT_CARRY, cannot_carry, make_load_policy
@@ -27,17 +25,15 @@ from slip_vic_controller.core.modes import (
     Findings,
     Mode,
     ModePolicy,
-    ModeState,
     Request,
     initial_mode,
     next_mode,
 )
-from slip_vic_controller.core.object_dynamics import ObjectModel
 from slip_vic_controller.core.output_gate import GateLimits, GateState, largest_step, needs_restart, start_gate
 from slip_vic_controller.core.path_time import FULL, PathTime, advance_path_time, lost_ns, scaled
 from slip_vic_controller.core.repulsion import TRIP, make_walls, pack_walls, too_fast
-from slip_vic_controller.core.rotation import cross
 from slip_vic_controller.core.state import ControllerState
+from slip_vic_controller.core.supervisor_state import NO_ERROR, UNWATCHED, Supervised, SupervisorState
 from slip_vic_controller.core.trajectory import reference_at
 from slip_vic_controller.core.trouble import Trouble, say
 
@@ -45,40 +41,6 @@ _EVIDENCE_NS = 50_000_000  # how long a contradiction must last
 _FAST_NS = 5_000_000  # how long a speed must be too high: a single bad sample is no speed
 _SLIPPING = 0.005  # [m/s] above which a slip velocity counts as slip, with the gate closed too
 _STOPPED = PathTime(0.0, 0.0)
-
-
-class SupervisorState(NamedTuple):
-    """The memory of the supervision; (n,) arrays, None before there is anything to remember.
-
-    mode; gate; ladder; path; posture: that HOLD keeps [rad]; now_ns: of the last cycle; joint_bad_since_ns;
-    contradicted_since_ns, fast_since_ns, saturated_since_ns, stopping_since_ns; watched: what the last evaluation of
-    the law looked like, packed as in `guard_kernel`, UNWATCHED before there is one.
-    """
-
-    mode: ModeState
-    gate: GateState | None
-    ladder: LadderState
-    path: PathTime
-    posture: Array | None
-    now_ns: int
-    joint_bad_since_ns: int | None
-    contradicted_since_ns: int | None
-    fast_since_ns: int | None
-    saturated_since_ns: int | None
-    stopping_since_ns: int | None
-    watched: Array
-    load_error: Array
-    lateness: Lateness
-
-
-class Supervised(NamedTuple):
-    """One cycle: command, memories, the record of the tick, and which joints were at the rate limit (n,)."""
-
-    command: EffortCommand
-    control: ControllerState
-    state: SupervisorState
-    diagnostics: TickDiagnostics
-    limited: NDArray[np.bool_]
 
 
 class Supervisor:
@@ -94,6 +56,7 @@ class Supervisor:
         safety = params.safety
         limits, inputs = safety.limits, safety.inputs
         self._safety = safety
+        self._holder = Holder(controller)
         self._limits = GateLimits(
             controller.arm.effort_limit, limits.effort_rate, _ns(limits.longest_step_s), _ns(limits.restart_after_s)
         )
@@ -116,9 +79,7 @@ class Supervisor:
         """Return the memory before the first cycle."""
         mode = initial_mode(self._policy, now_ns)
         nothing = (None,) * 5
-        return SupervisorState(
-            mode, None, LadderState(), FULL, None, now_ns, *nothing, UNWATCHED, _NO_ERROR, Lateness()
-        )
+        return SupervisorState(mode, None, LadderState(), FULL, None, now_ns, *nothing, UNWATCHED, NO_ERROR, Lateness())
 
     def waiting(self, state: SupervisorState, missing: str, request: Request, now_ns: int) -> SupervisorState:
         """Return the memory after a cycle that gives no effort, because of what is missing."""
@@ -346,23 +307,13 @@ class Supervisor:
         paused = now_ns - state.now_ns > self._gap_ns  # somebody else held the arm meanwhile
         anew = state.posture is None or paused
         posture = joint.position if anew or state.posture is None else state.posture
-        error = _NO_ERROR if anew else state.load_error
+        error = NO_ERROR if anew else state.load_error
         dt_ns = max(joint.stamp_ns - control.stamp_ns, 0)
-        arm, contact, model = self.controller.arm.terms(joint.position, joint.velocity), *self._held()
-        R_o = object_rotation(arm.rotation, contact, control.slips[0])
-        r = contact_arm(R_o, contact, control.slips[0])
-        # Of a resting object: HOLD begins with what is known of it, whatever the wrench says.
-        weight = model.mass * model.gravity
-        load = rotate6(arm.rotation.T, np.concatenate((weight, -cross(r, weight))))
-        if measured is not None:
-            error = readonly(load_error(error, load, measured, dt_ns * 1e-9, self._safety.hold_load_s))
-        inertia = held_inertia(arm.M, arm.J, r, model.mass, R_o.dot(model.inertia).dot(R_o.T))
-        wanted = hold_torque(
-            self.controller.arm.gravity(joint.position), inertia, joint.position, joint.velocity, posture,
-            *bearable_gains(self._safety.hold_stiffness, self._safety.hold_damping, state.lateness.most_ns * 1e-9),
-        )  # fmt: skip
-        if not state.mode.reason.startswith(CANNOT_CARRY):
-            wanted = wanted - arm.J.T.dot(rotate6(arm.rotation, load + error))
+        carries = not state.mode.reason.startswith(CANNOT_CARRY)
+        late_s = state.lateness.most_ns * 1e-9
+        wanted, error = self._holder.effort(
+            joint, control.slips[0], posture, error, measured, dt_ns * 1e-9, late_s, carries=carries
+        )
         control = control._replace(
             stamp_ns=max(joint.stamp_ns, control.stamp_ns), start_ns=control.start_ns + dt_ns, position=joint.position
         )
@@ -371,12 +322,6 @@ class Supervisor:
             load_error=error,
         )  # fmt: skip
         return self._finish(state, control, now_ns, joint, wanted, None)
-
-    def _held(self) -> tuple[Contact, ObjectModel]:
-        """Return the own contact and this arm's share of the object."""
-        contacts, model = self.controller.contacts, self.controller.object_model
-        share = 1.0 / len(contacts)
-        return contacts[0], model._replace(mass=share * model.mass, inertia=share * model.inertia)
 
     def _finish(
         self,
@@ -408,11 +353,9 @@ class Supervisor:
         if out[-2]:
             saturated = saturated | (out[n : 2 * n] > 0.0)
             saturated.flags.writeable = False
-        since = state.saturated_since_ns
-        if out[-2] or saturated is not self._unlimited:
-            since = None if not saturated.any() else now_ns if since is None else since
-        else:
-            since = None
+        since = None
+        if saturated is not self._unlimited and saturated.any():
+            since = now_ns if state.saturated_since_ns is None else state.saturated_since_ns
         gate = GateState(effort, max(now_ns, gate.now_ns))
         following = state._replace(gate=gate, now_ns=now_ns, saturated_since_ns=since, **changes)
         reason = state.mode.reason
@@ -426,8 +369,6 @@ class Supervisor:
         return Supervised(EffortCommand(joint.stamp_ns, effort), control, following, record, limited)
 
 
-_NO_ERROR = readonly(np.zeros(6))
-UNWATCHED = readonly([0.0, 1.0, *([0.0] * (WATCHED - 2))])
 _NOTHING = Findings()
 _FINE = (Trouble.NONE, Trouble.DENORMAL)
 _ANSWERED = (Trouble.NONE, Trouble.DENORMAL, Trouble.RESTARTED, Trouble.NOT_RUN)
