@@ -46,7 +46,7 @@ def test_a_gate_without_slope_limit_is_caught_and_leaves_its_bag(
         real(*front, before, 1e9, out)
 
     monkeypatch.setattr(supervision, "guard", broken)
-    trial = 33  # the controller is killed in motion, and another one starts
+    trial = 16  # joint states with wrong numbers, in motion
     words = ["--trials", "1", "--first", str(trial), "--seed", str(SEED), "--workers", "1", "--out", str(tmp_path)]
     result = CliRunner().invoke(faults, words)
     assert result.exit_code == 1, result.output
