@@ -91,7 +91,7 @@ def running(bag: Path, count: int, rate_hz: float, seconds: float, compression: 
     source = subprocess.Popen([sys.executable, *source_command], **pipes)
     try:
         while json.loads(recorder.stdout.readline() or '{"event": "ready"}')["event"] != "ready":
-            pass
+            pass  # the line that is read is all there is to do
         source.stdin.write("go\n")
         source.stdin.flush()
         yield source, recorder

@@ -45,7 +45,7 @@ def test_bags_too_large_to_preload_are_played_the_same(ros_node, tmp_path, monke
     make_bag(tmp_path / "bag", count=100, topics={"/a": "std_msgs/msg/String"})
 
     class Nobody(Controls):
-        pass
+        pass  # nobody at the keyboard: `Controls` itself asks for nothing
 
     with Bag(tmp_path / "bag") as bag:
         result = Player(ros_node, bag, PlayOptions(rate=10.0), Nobody(), pytest.fail).run()

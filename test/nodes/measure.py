@@ -20,8 +20,9 @@ from slip_bringup import shared_memory
 from slip_bringup.domain import domain_id
 from slip_bringup.launcher import Launcher
 from slip_bringup.metrics import summarise
-from slip_bringup.processes import ProcessGroup, child_environment, python_module
-from slip_bringup.scenario import NODES, Scenario, load_scenario, ros_parameter_file
+from slip_bringup.node_command import node_command
+from slip_bringup.processes import ProcessGroup, child_environment
+from slip_bringup.scenario import Scenario, load_scenario
 from slip_bringup.series import read_series
 from slip_msgs_py.realtime import ProcessOptions
 
@@ -38,9 +39,7 @@ def starts(times: int, seed: int) -> None:
             bridge = scenario.bridge.model_copy(update={"wait_for": ("controller",)})
             children = {}
             for name, params in (("controller", scenario.controller), ("bridge", bridge)):
-                path = Path(folder) / f"{name}.yaml"
-                path.write_text(ros_parameter_file(params, NODES[name][0]), encoding="utf-8")
-                command = python_module(f"{NODES[name][0]}.node", "--ros-args", "--params-file", str(path))
+                command = node_command(name, params, Path(folder))
                 children[name] = group.start(name, command, environment, lambda _name, _event: None)
             deadline = time.monotonic() + START_S
             while "started" not in children["bridge"].events and time.monotonic() < deadline:

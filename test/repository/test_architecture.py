@@ -24,6 +24,7 @@ PURE_MSGS = {
         "compiled",
         "small_kernel",
         "vector_kernel",
+        "sym3_kernel",
         "pose_kernel",
     )
 }

@@ -11,7 +11,7 @@ import pytest
 from slip_bringup.faults.trial import START_NS, STEADY_NS
 from slip_bringup.scenario import load_scenario
 from slip_msgs_py.arrays import skew
-from slip_sim_bridge.session import BridgeSession
+from slip_sim_bridge.session import BridgeSession, TickOutputs
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.hold import (
     EXCESS,
@@ -26,6 +26,8 @@ from slip_vic_controller.core.lateness import DECAY_S, Lateness, answered
 from slip_vic_controller.core.modes import Mode
 from slip_vic_controller.core.safety_params import SafetyParams
 from slip_vic_controller.core.session import ControllerSession
+
+from .delivery import answered_outputs
 
 SAFETY = SafetyParams()
 BORNE_S = 0.020  # docs/safety.md
@@ -50,7 +52,7 @@ def hold_in_motion(name: str, rate_hz: float, delay_s: float, behind_s: float = 
     bridge = BridgeSession(scenario.bridge, scenario.urdf)
     bridge.start_at(START_NS)
     controller = ControllerSession(VicController(scenario.controller, scenario.urdf), lockstep=False)
-    way, delay = deque[object](), round(delay_s * rate_hz)
+    way, delay = deque[TickOutputs](), round(delay_s * rate_hz)
     stopped, rested, end = (round(t * rate_hz) for t in (0.4, 1.4, 1.8))
     fastest = slip = 0.0
     command = None
@@ -64,14 +66,7 @@ def hold_in_motion(name: str, rate_hz: float, delay_s: float, behind_s: float = 
             fastest = max(fastest, float(np.abs(outputs.joint.velocity).max()))
         slip = max(slip, float(np.abs(outputs.truth.slip_displacement[:3]).max()))
         while len(way) > (delay if tick >= stopped else 0):
-            arrived = way.popleft()
-            for wrench in arrived.wrenches[0]:
-                controller.inputs.add_wrench(0, wrench, now_ns)
-            for sample in arrived.slips[0]:
-                controller.inputs.add_slip(0, sample, now_ns)
-            controller.inputs.add_joint(arrived.joint, now_ns)
-            result = controller.cycle(now_ns)
-            command = None if result is None else result.command
+            command = answered_outputs(controller, way.popleft(), now_ns).command
         bridge.advance(command)
     assert controller.mode == Mode.FAULT
     assert controller.safety is not None
@@ -231,13 +226,7 @@ def test_late_joint_states_end_the_law_where_that_is_asked_for() -> None:
             behind_ns = 20 * MS if 50 <= tick < 70 else 0
             now_ns = STEADY_NS + tick * 4 * MS + behind_ns
             outputs = bridge.observe()
-            for wrench in outputs.wrenches[0]:
-                controller.inputs.add_wrench(0, wrench, now_ns)
-            for sample in outputs.slips[0]:
-                controller.inputs.add_slip(0, sample, now_ns)
-            controller.inputs.add_joint(outputs.joint, now_ns)
-            result = controller.cycle(now_ns)
-            assert result is not None
+            result = answered_outputs(controller, outputs, now_ns)
             modes.append(result.mode)
             bridge.advance(result.command)
         assert modes[49].mode == Mode.ACTIVE

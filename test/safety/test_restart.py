@@ -14,6 +14,8 @@ from slip_vic_controller.core.modes import Mode
 from slip_vic_controller.core.session import ControllerSession
 from slip_vic_controller.core.trouble import Trouble
 
+from .delivery import deliver
+
 ROUNDING = 1e-9  # [N m]
 STEP = PERIOD_S * 1000.0  # [N m]: what the default slope allows in a control period
 PAUSE_NS = 400_000_000
@@ -34,10 +36,7 @@ class Loop:
     def observe(self) -> JointSample:
         """Deliver all samples but the joint state, which is returned."""
         outputs = self.bridge.observe()
-        for wrench in outputs.wrenches[0]:
-            self.controller.inputs.add_wrench(0, wrench, self.now_ns)
-        for slip in outputs.slips[0]:
-            self.controller.inputs.add_slip(0, slip, self.now_ns)
+        deliver(self.controller, outputs, self.now_ns)
         return outputs.joint
 
     def cycle(self, joint: JointSample) -> np.ndarray:

@@ -88,21 +88,19 @@ def test_an_operator_ends_a_fault_that_lasts(monkeypatch: pytest.MonkeyPatch) ->
         response.success = True
         return response
 
-    with domain_id() as domain, operator_of(domain) as (operator, executor):
-        context = executor.context
-        node = rclpy.create_node("stand_in", context=context)
+    with domain_id() as domain, operator_of(domain) as operator:
+        node = rclpy.create_node("stand_in", context=operator.executor.context)
         for owner, service in STEPS:
             node.create_service(Trigger, f"{owner}/{service}", partial(answer, service))
         mode = create_publisher(node, "controller/mode")
-        executor.add_node(node)
+        operator.executor.add_node(node)
         for text in ("ACTIVE", "FAULT: a joint is too fast"):
             mode.publish(to_msgs.string(text))
             deadline = time.monotonic() + 20.0
             while operator.mode != text.partition(":")[0] and time.monotonic() < deadline:
-                executor.spin_once(timeout_sec=0.05)
+                operator.attend(0.05)
         while len(asked) < len(STEPS) and time.monotonic() < deadline:
-            executor.spin_once(timeout_sec=0.05)
-            operator.act()
+            operator.attend(0.05)
         node.destroy_node()
     assert asked == [service for _, service in STEPS]
     assert operator.faults == ["a joint is too fast"]

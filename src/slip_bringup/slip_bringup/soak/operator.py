@@ -24,9 +24,11 @@ class Operator:
 
     Args:
         node: an rclpy node of the operator's own.
+        executor: runs its callbacks.
     """
 
-    def __init__(self, node: Any) -> None:
+    def __init__(self, node: Any, executor: Any) -> None:
+        self.executor = executor
         self._clients = {
             (owner, service): node.create_client(Trigger, f"{owner}/{service}") for owner, service in STEPS
         }
@@ -43,16 +45,17 @@ class Operator:
             self._steps, self._next_s = list(STEPS), time.monotonic() + PATIENCE_S
         self.mode = mode
 
-    def act(self) -> None:
-        """Do the next step where one is due."""
+    def attend(self, timeout_s: float) -> None:
+        """Hear what comes, for this time at most, and do the next step where one is due."""
+        self.executor.spin_once(timeout_sec=timeout_s)
         if self._steps and time.monotonic() >= self._next_s:
             self._clients[self._steps.pop(0)].call_async(Trigger.Request())
             self._next_s = time.monotonic() + AGAIN_S
 
 
 @contextmanager
-def operator_of(domain: int) -> Iterator[tuple[Operator, SingleThreadedExecutor]]:
-    """Give an operator in a ROS domain, and the executor that lets it hear; both end with the block."""
+def operator_of(domain: int) -> Iterator[Operator]:
+    """Give an operator in a ROS domain, who leaves with the block."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     context = rclpy.Context()
     rclpy.init(args=[], context=context, domain_id=domain)
@@ -60,7 +63,7 @@ def operator_of(domain: int) -> Iterator[tuple[Operator, SingleThreadedExecutor]
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:
-        yield Operator(node), executor
+        yield Operator(node, executor)
     finally:
         executor.shutdown()
         node.destroy_node()

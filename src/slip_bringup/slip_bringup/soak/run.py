@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import psutil
-from rclpy.executors import Executor
 
 from slip_bringup import shared_memory
 from slip_bringup.domain import domain_id
@@ -101,7 +100,7 @@ def run_soak(scenario: Scenario, minutes: float, on_time: Callable[[float], None
         domain_id() as domain,
         tempfile.TemporaryDirectory(prefix="slip_vic_soak_") as folder,
         ProcessGroup() as group,
-        operator_of(domain) as (operator, executor),
+        operator_of(domain) as operator,
     ):
         children = _start(group, scenario, child_environment(domain), Path(folder), result)
         deadline = time.monotonic() + START_S
@@ -110,7 +109,7 @@ def run_soak(scenario: Scenario, minutes: float, on_time: Callable[[float], None
             if time.monotonic() > deadline:
                 raise ProtocolError(f"bridge did not start within {START_S:g} s:\n{children['bridge'].tail()}")
             time.sleep(LOOK_S)
-        _watch(group, children, result, on_time, operator, executor)
+        _watch(group, children, result, on_time, operator)
         result.faults = operator.faults
         for name in ("bridge", "controller", "recorder"):
             group.stop([children[name]])
@@ -142,7 +141,6 @@ def _watch(
     result: SoakResult,
     on_time: Callable[[float], None],
     operator: Operator,
-    executor: Executor,
 ) -> None:
     seconds = 60.0 * result.minutes
     every_s = max(seconds / SAMPLES, SHORTEST_S)
@@ -159,8 +157,7 @@ def _watch(
                 with contextlib.suppress(psutil.NoSuchProcess):
                     result.samples.setdefault(name, []).append(sample_process(process, t))
             result.shared_memory_files.append(len(shared_memory.segments()))
-        executor.spin_once(timeout_sec=min(LOOK_S, every_s))
-        operator.act()
+        operator.attend(min(LOOK_S, every_s))
     on_time(seconds)
 
 

@@ -16,12 +16,12 @@ from typing import Protocol
 
 import numpy as np
 
+from slip_msgs_py import sym3_kernel as sym3
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.errors import InputError
+from slip_msgs_py.sym3_kernel import Sym3
 from slip_msgs_py.vector_kernel import Three
-from slip_sim_bridge.sim import sym3_kernel as sym3
 from slip_sim_bridge.sim.friction_kernel import ROOT_ITERATIONS, ROOT_TOLERANCE
-from slip_sim_bridge.sim.sym3_kernel import Sym3
 
 NO_STATE: Three = (0.0, 0.0, 0.0)
 """State of a contact before its first step; rigid laws never change it."""

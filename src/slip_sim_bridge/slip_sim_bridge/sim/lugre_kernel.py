@@ -9,9 +9,9 @@ import math
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.compiled import part
+from slip_msgs_py.sym3_kernel import Sym3, multiply_of, solve_of
 from slip_msgs_py.vector_kernel import Three, norm
 from slip_sim_bridge.sim.friction_kernel import BREAKAWAY, DAMPING, MU_S, STIFFNESS, VISCOUS, limit
-from slip_sim_bridge.sim.sym3_kernel import Sym3, multiply_of, solve_of
 
 ROOT_TOLERANCE = 1e-12  # of kappa
 ROOT_ITERATIONS = 100

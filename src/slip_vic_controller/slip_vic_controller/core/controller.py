@@ -70,7 +70,7 @@ class VicController:
         self._observer = SlipObserver(observer_config(params)) if params.slip_estimator == "observer" else None
         self.policy = SingularityPolicy(params.singularity.sigma_min, params.singularity.damping)
         self.path = make_path(params.trajectory)
-        self._packed = self._pack(self.tuning)
+        self._packed: tuple[Tuning, Array, Array] | None = None
         self._slow_tuning: tuple[Tuning, Tuning] = self.tuning, self.tuning
         singularity, nullspace = params.singularity, params.nullspace
         settings = (float(params.feed_forward), nullspace.stiffness, nullspace.damping)
@@ -181,8 +181,7 @@ class VicController:
         else:
             desired = pack_reference(reference)
         memory, out = np.empty(3 + 12 * count), np.empty(LawOutcome.size(n))
-        packed = self._packed if tuning is self._packed[0] else self._pack(tuning)
-        self._packed = packed
+        packed = self._pack(tuning)
         dt = (joint.stamp_ns - state.stamp_ns) * 1e-9
         evaluate(
             arm.record, packed[1], packed[2], self._settings, samples, follow_error, state.memory, desired, q, qd,
@@ -244,11 +243,11 @@ class VicController:
         return measured_twist(self.params.measured, twist * self.contacts[0].slip_axes)
 
     def _pack(self, tuning: Tuning) -> tuple[Tuning, Array, Array]:
-        return (
-            tuning,
-            pack_tuning(tuning.gains, tuning.object_model),
-            pack_contacts(moved_contacts(self.contacts, tuning)),
-        )
+        """Return a tuning with its packed numbers; those of the last one are kept, because it seldom changes."""
+        if self._packed is None or self._packed[0] is not tuning:
+            numbers = pack_tuning(tuning.gains, tuning.object_model)
+            self._packed = tuning, numbers, pack_contacts(moved_contacts(self.contacts, tuning))
+        return self._packed
 
     def _tuning(self, state: ControllerState) -> Tuning:
         return self.tuning if state.ramp is None else tuning_at(state.ramp, state.stamp_ns)
@@ -281,10 +280,9 @@ class VicController:
         An observer has a memory of its own, so bad numbers must not reach it: None where there are any.
         """
         assert self._observer is not None
-        if tuning is not self._packed[0]:
-            self._packed = self._pack(tuning)
-        motion, packed = np.empty(MOTION), self._packed
-        if not predict_motion(arm.record, packed[1], packed[2], samples, state.memory, observer.now, motion):
+        _, gains, contacts = self._pack(tuning)
+        motion = np.empty(MOTION)
+        if not predict_motion(arm.record, gains, contacts, samples, state.memory, observer.now, motion):
             return None
         return self._observer.observe(observer, stamp_ns, motion, new_slips)
 

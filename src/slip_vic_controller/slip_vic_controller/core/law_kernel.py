@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from slip_msgs_py.arrays import Array
 from slip_msgs_py.compiled import part
+from slip_msgs_py.sym3_kernel import solve_of
 from slip_msgs_py.vector_kernel import (
     Matrix,
     Three,
@@ -101,23 +102,10 @@ def object_motion(
         torque = add(torque, add(n, vec_cross(arm_of(pad, contacts, i, three(slips[i], 0)), f)))
         force = add(force, f)
     moment = add(torque, vec_cross(w, turn(inertia, w)))
-    turning = times(-1.0, solve_symmetric(inertia, moment))
+    xx, xy, xz, _, yy, yz, _, _, zz = inertia
+    turning = times(-1.0, solve_of((xx, xy, xz, yy, yz, zz), moment))
     linear = minus(turn_back(R_ee, three(tuning, 44)), times(1.0 / tuning[34], force))
     return ObjectMotion(w, r, force, torque, linear, turning)
-
-
-@part
-def solve_symmetric(A: Matrix, b: Three) -> Three:
-    """Return A^-1 b of a symmetric A by its adjugate."""
-    xx, xy, xz, _, yy, yz, _, _, zz = A
-    cxx, cxy, cxz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-    cyy, cyz, czz = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-    k = 1.0 / (xx * cxx + xy * cxy + xz * cxz)
-    return (
-        k * (cxx * b[0] + cxy * b[1] + cxz * b[2]),
-        k * (cxy * b[0] + cyy * b[1] + cyz * b[2]),
-        k * (cxz * b[0] + cyz * b[1] + czz * b[2]),
-    )
 
 
 @part

@@ -1,0 +1,23 @@
+"""What a bridge measures, handed to a controller without topics."""
+
+from __future__ import annotations
+
+from slip_sim_bridge.session import TickOutputs
+from slip_vic_controller.core.session import ControllerSession, CycleResult
+
+
+def deliver(controller: ControllerSession, outputs: TickOutputs, now_ns: int) -> None:
+    """Hand over wrenches and slip velocities; the joint state, which starts a cycle, is left to the caller."""
+    for wrench in outputs.wrenches[0]:
+        controller.inputs.add_wrench(0, wrench, now_ns)
+    for slip in outputs.slips[0]:
+        controller.inputs.add_slip(0, slip, now_ns)
+
+
+def answered_outputs(controller: ControllerSession, outputs: TickOutputs, now_ns: int) -> CycleResult:
+    """Hand over everything and return the answer."""
+    deliver(controller, outputs, now_ns)
+    controller.inputs.add_joint(outputs.joint, now_ns)
+    result = controller.cycle(now_ns)
+    assert result is not None
+    return result
