@@ -44,6 +44,7 @@ class Reaction(NamedTuple):
 
 _BRIDGED = "the last effort is repeated for `inputs.bridge_s`, then HOLD from the last good position"
 _AGE = "none by itself; the age limit decides"
+_AHEAD = "stamp more than `inputs.future_s` ahead of the joint state: two clocks, or joint states that come late"
 _LADDER = "slip ladder: observer alone, then slow down along the path, then HOLD"
 
 # (input, trouble) -> reaction. "any" stands for all three inputs.
@@ -90,7 +91,7 @@ REACTIONS: Mapping[tuple[str, Trouble], Reaction] = MappingProxyType(
         ),
         ("wrench", Trouble.NOT_FINITE): Reaction("NaN or infinity", "dropped", _AGE),
         ("wrench", Trouble.ABSURD): Reaction("above `inputs.wrench.force`, `torque`", "dropped", _AGE),
-        ("wrench", Trouble.FUTURE): Reaction("stamp ahead of the joint state", "dropped", _AGE),
+        ("wrench", Trouble.FUTURE): Reaction(_AHEAD, "dropped", "HOLD from the second in a row on"),
         ("wrench", Trouble.SILENT): Reaction("nothing for `inputs.wrench.age_s`", "-", "HOLD"),
         ("wrench", Trouble.STALE): Reaction("newest stamp older than `inputs.wrench.age_s`", "not used", "HOLD"),
         ("wrench", Trouble.FROZEN): Reaction(
@@ -98,7 +99,7 @@ REACTIONS: Mapping[tuple[str, Trouble], Reaction] = MappingProxyType(
         ),
         ("slip", Trouble.INVALID): Reaction("the sensor says so: NaN", "not used", _LADDER),
         ("slip", Trouble.ABSURD): Reaction("above `inputs.slip.linear`, `angular`", "dropped", _AGE),
-        ("slip", Trouble.FUTURE): Reaction("stamp ahead of the joint state", "dropped", _AGE),
+        ("slip", Trouble.FUTURE): Reaction(_AHEAD, "dropped", f"from the second in a row on {_LADDER}"),
         ("slip", Trouble.SILENT): Reaction("nothing for `inputs.slip.age_s`", "-", _LADDER),
         ("slip", Trouble.STALE): Reaction("newest stamp older than `inputs.slip.age_s`", "not used", _LADDER),
         ("slip", Trouble.FROZEN): Reaction(
@@ -117,6 +118,10 @@ WORDS: Mapping[Trouble, str] = MappingProxyType(
         Trouble.REFUSED: "is refused",
         Trouble.NOT_FINITE: "is not finite",
         Trouble.ABSURD: "is absurdly large",
+        Trouble.DENORMAL: "has denormal numbers",
+        Trouble.OUT_OF_ORDER: "is out of order",
+        Trouble.DUPLICATE: "comes twice",
+        Trouble.FUTURE: "is ahead of the joint state",
         Trouble.JUMP: "has jumped",
         Trouble.CLOCK_JUMP: "has a stamp that has jumped",
         Trouble.RESTARTED: "comes from a source that has started anew",
@@ -138,7 +143,7 @@ def say(name: str, trouble: Trouble) -> str:
 
     Implements: ours: one wording for topics, diagnostics and tests.
     """
-    return f"{name} {WORDS[trouble]}" if trouble in WORDS else ""
+    return f"{name} {WORDS[trouble]}" if trouble != Trouble.NONE else ""
 
 
 def reaction_table() -> str:

@@ -30,6 +30,7 @@ from slip_vic_controller.core.watch_kernel import (
 
 _LONGEST_COAST_S = 0.1  # for which a velocity explains a change of position
 _WEIGHT = 0.02  # of a new period in the mean
+_TWICE = 2  # stamps in a row that are ahead of the joint state's: one alone is the sample's own fault
 
 
 class Rhythm:
@@ -81,10 +82,12 @@ class VectorWatch:
         self._values: Array | None = None
         self._equal_since_ns = 0
         self._invalid = False
+        self._ahead = 0
 
     def judge(self, stamp_ns: int, values: Array, valid: bool, now_ns: int, joint_stamp_ns: int | None) -> Trouble:
         """Return what is wrong with a sample (6,); only NONE and DENORMAL are to be used."""
         trouble, bits = self._judge(stamp_ns, values, valid, joint_stamp_ns)
+        self._ahead = self._ahead + 1 if trouble == Trouble.FUTURE else 0
         if trouble == Trouble.NONE or trouble == Trouble.DENORMAL:
             if not bits & SAME:
                 self._equal_since_ns = stamp_ns
@@ -122,6 +125,9 @@ class VectorWatch:
             return Trouble.NEVER_SEEN
         if self._invalid:
             return Trouble.INVALID
+        if self._ahead >= _TWICE or self._stamp_ns > joint_stamp_ns + self._future_ns:
+            # Two clocks that differ, or joint states that were long on their way: not to wait for the age limit.
+            return Trouble.FUTURE
         if now_ns - self._arrival_ns > self._age_ns:
             return Trouble.SILENT
         if joint_stamp_ns - self._stamp_ns > self._age_ns:
