@@ -24,6 +24,9 @@ from slip_bringup.scenario import Scenario
 from slip_msgs_py.errors import InputError
 
 BLOCK_BYTES = 4096  # of a file system: what a file has beyond its end when the disk is full
+END_BYTES = (
+    1 << 16
+)  # a full disk refuses to grow in sum, this limit each file: metadata.yaml needs more than a young bag has
 
 
 class Nodes:
@@ -105,7 +108,7 @@ class Nodes:
         child = self._children.get(RECORDER)
         if child is not None and child.exit_code is None:
             largest = max((file.stat().st_size for file in self._bag.iterdir()), default=0)
-            limit = -(-max(largest, 1) // BLOCK_BYTES) * BLOCK_BYTES
+            limit = -(-max(largest, END_BYTES) // BLOCK_BYTES) * BLOCK_BYTES
             with contextlib.suppress(ProcessLookupError):
                 resource.prlimit(child.pid, resource.RLIMIT_FSIZE, (limit, limit))
 
@@ -122,7 +125,7 @@ class Nodes:
                 said = f"with the {bag.message_count} messages before" in str(child.events["error"])
                 return "" if said else f"bag holds {bag.message_count} messages, but: {child.events['error']}"
         except InputError as error:
-            return f"bag is not readable after a full disk: {error}"
+            return f"bag is not readable after a full disk: {error}; the recorder said: {child.events['error']}"
 
     def ended(self, name: str) -> str:
         """Return how a node ended that should run, an empty text where it runs."""

@@ -141,6 +141,13 @@ class SafetyParams(ParameterModel):
     auto_enable: bool = parameter(True, "go to ACTIVE as soon as the inputs are good; false waits for ~/enable")
     auto_resume: bool = parameter(True, "return from a HOLD that an input caused; false waits for ~/enable")
     resume_after_s: float = parameter(0.1, "how long inputs must be good before that", unit="s", ge=0.0)
+    resume_slip_linear: float = parameter(
+        0.05,
+        "slip speed above which the law does not begin: the object must come to rest in HOLD first",
+        unit="m/s",
+        gt=0.0,
+    )
+    resume_slip_angular: float = parameter(1.0, "the same for the angular slip speed", unit="rad/s", gt=0.0)
     saturated_s: float = parameter(0.1, "time in saturation after which the mode is DEGRADED", unit="s", gt=0.0)
     limits: LimitParams = Field(default_factory=LimitParams)
     inputs: InputParams = Field(default_factory=InputParams)

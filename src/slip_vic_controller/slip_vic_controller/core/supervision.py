@@ -41,6 +41,7 @@ _EVIDENCE_NS = 50_000_000  # how long a contradiction must last
 _FAST_NS = 5_000_000  # how long a speed must be too high: a single bad sample is no speed
 _SLIPPING = 0.005  # [m/s] above which a slip velocity counts as slip, with the gate closed too
 _STOPPED = PathTime(0.0, 0.0)
+SLIDES = "the object slides: it comes to rest first"
 
 
 class Supervisor:
@@ -178,7 +179,7 @@ class Supervisor:
         late = answered(late, now_ns, joint.stamp_ns, now_ns - state.now_ns, self._late_ns)
         state = state._replace(lateness=late)
         request, state = self._stop_first(state, request, now_ns)
-        findings, rung, state = self._find(state, now_ns, joint, health, frozen)
+        findings, rung, state = self._find(state, now_ns, joint, slips, health, frozen)
         mode = next_mode(state.mode, findings, request, now_ns, self._policy)
         entered = state.mode.mode
         if mode is not state.mode:
@@ -228,7 +229,13 @@ class Supervisor:
         return Request.NONE, state
 
     def _find(
-        self, state: SupervisorState, now_ns: int, joint: JointSample, health: Health, frozen: bool
+        self,
+        state: SupervisorState,
+        now_ns: int,
+        joint: JointSample,
+        slips: tuple[SlipSample, ...],
+        health: Health,
+        frozen: bool,
     ) -> tuple[Findings, Rung, SupervisorState]:
         """Collect what speaks against the law."""
         slip = health.slip
@@ -264,6 +271,9 @@ class Supervisor:
             hold = say("joint state", Trouble.FROZEN)
         elif rung == Rung.HOLD:
             hold = words
+        elif not state.mode.mode.follows and self._slip_needed and slip in _FINE and self._slides(slips):
+            # With the delay of its loop the law would swing instead of catching what already slides fast.
+            hold = SLIDES
         elif words:
             degraded = words
         elif state.stopping_since_ns is not None:
@@ -275,6 +285,13 @@ class Supervisor:
         if not (fault or hold or degraded):
             return _NOTHING, rung, state
         return Findings("", fault, hold, degraded), rung, state
+
+    def _slides(self, slips: tuple[SlipSample, ...]) -> bool:
+        """Return whether an object slides too fast for the law to begin."""
+        linear, angular = self._safety.resume_slip_linear, self._safety.resume_slip_angular
+        return any(
+            linear * linear < v[:3].dot(v[:3]) or angular * angular < v[3:].dot(v[3:]) for v in (s.twist for s in slips)
+        )
 
     def _planned(
         self, control: ControllerState, joint: JointSample, reference: CartesianReference | None
