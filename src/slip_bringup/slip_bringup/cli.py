@@ -42,6 +42,7 @@ def cli() -> None:
 @click.option("--cpu", "cpus", help="core of bridge and controller, or two: 2,3; default in real time: the last two")
 @click.option("--fifo", type=click.IntRange(1, 99), help="their SCHED_FIFO priority, where permitted")
 @click.option("--lock-memory", is_flag=True, help="keep their memory in RAM, where permitted")
+@click.option("--awake/--no-awake", default=None, help="keep their cores from sleeping; default in real time: yes")
 @click.option("--one-process", is_flag=True, help="bridge and controller in one process; topics stay real")
 def run(
     scenario: str,
@@ -56,6 +57,7 @@ def run(
     cpus: str | None,
     fifo: int | None,
     lock_memory: bool,
+    awake: bool | None,
     one_process: bool,
 ) -> None:
     """Run one scenario: bridge, controller and, with --record, recorder as processes on DDS."""
@@ -65,7 +67,7 @@ def run(
     from slip_msgs_py.realtime import ProcessOptions, parse_cores
 
     loaded = load_scenario(scenario, controller=kind, mode=mode, seed=seed, assignments=assignments, urdf_file=urdf)
-    process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory)
+    process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory, awake)
     launcher = Launcher(
         loaded, bag=record, wanted_domain=domain_id, namespace=namespace, process=process, one_process=one_process
     )

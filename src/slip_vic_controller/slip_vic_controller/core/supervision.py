@@ -242,7 +242,7 @@ class Supervisor:
         contradicted = state.contradicted_since_ns
         if slip == Trouble.NONE and contradicted is not None and now_ns - contradicted > _EVIDENCE_NS:
             slip = Trouble.IMPLAUSIBLE
-        rung, words = Rung.MEASURED, ""
+        rung, words, unknown = Rung.MEASURED, "", ""
         if (slip not in _FINE and self._slip_needed) or state.ladder.since_ns is not None:
             unknown = say("slip velocity", slip) if self._slip_needed and slip not in _FINE else ""
             ladder, rung, words = descend(state.ladder, unknown, now_ns, self._ladder)
@@ -271,7 +271,9 @@ class Supervisor:
             hold = say("joint state", Trouble.FROZEN)
         elif rung == Rung.HOLD:
             hold = words
-        elif not state.mode.mode.follows and self._slip_needed and slip in _FINE and self._slides(slips):
+        elif unknown and not state.mode.mode.follows:
+            hold = unknown  # the ladder is for a law that is at work
+        elif not state.mode.mode.follows and self._slip_needed and self._slides(slips):
             # With the delay of its loop the law would swing instead of catching what already slides fast.
             hold = SLIDES
         elif words:

@@ -1,0 +1,73 @@
+"""Keep cores awake: one that sleeps between two messages wakes up late, in a virtual machine by milliseconds."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import signal
+import struct
+
+LATENCY_FILE = "/dev/cpu_dma_latency"
+_PR_SET_PDEATHSIG = 1
+
+
+class Awake:
+    """While this process lives, its cores do not sleep.
+
+    The kernel's own way is a request for a wake-up latency of 0, which lasts as long as a file is open that is root's.
+    Anybody may do with a process of idle priority on each core: it runs only where nobody else wants to.
+
+    Args:
+        cores: to keep awake where the file may not be opened; empty: all that this process may use.
+        latency_file: of the kernel.
+    """
+
+    def __init__(self, cores: tuple[int, ...] = (), latency_file: str = LATENCY_FILE) -> None:
+        self._file: int | None = None
+        self.pids: tuple[int, ...] = ()
+        try:
+            self._file = os.open(latency_file, os.O_WRONLY)
+            os.write(self._file, struct.pack("i", 0))
+        except OSError:
+            self._close_file()
+            self.pids = tuple(_idle_process(core) for core in cores or sorted(os.sched_getaffinity(0)))
+
+    @property
+    def by_kernel(self) -> bool:
+        """Whether the kernel does it."""
+        return self._file is not None
+
+    def end(self) -> None:
+        """Let the cores sleep again."""
+        self._close_file()
+        for pid in self.pids:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+            with contextlib.suppress(ChildProcessError):
+                os.waitpid(pid, 0)
+        self.pids = ()
+
+    def _close_file(self) -> None:
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+
+def _idle_process(core: int) -> int:
+    """Start a process that runs on a core whenever nobody else does, and ends with this one."""
+    parent = os.getpid()
+    pid = os.fork()
+    if pid:
+        return pid
+    try:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_DFL)
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+        os.sched_setaffinity(0, (core,))
+        while os.getppid() == parent:  # it may have ended before the line above
+            for _ in range(1_000_000):
+                pass
+    finally:
+        os._exit(0)

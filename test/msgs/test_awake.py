@@ -1,0 +1,82 @@
+"""Cores that do not sleep: by the kernel where its file may be opened, else by processes that end with their owner."""
+
+from __future__ import annotations
+
+import os
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import psutil
+
+from slip_msgs_py.awake import Awake
+from slip_msgs_py.realtime import ProcessOptions
+
+ENOUGH_S = 10.0
+REFUSED = "/nowhere/cpu_dma_latency"
+
+
+def eventually(condition: Callable[[], bool]) -> bool:
+    deadline = time.monotonic() + ENOUGH_S
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+def gone(pid: int) -> bool:
+    return not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+
+
+def test_the_kernel_is_asked_for_no_latency_for_as_long_as_it_lasts(tmp_path: Path) -> None:
+    file = tmp_path / "cpu_dma_latency"
+    file.touch()
+    opened = lambda: [f.path for f in psutil.Process().open_files() if f.path == str(file)]  # noqa: E731
+    awake = Awake(latency_file=str(file))
+    assert awake.by_kernel
+    assert awake.pids == ()
+    assert struct.unpack("i", file.read_bytes()) == (0,)
+    # psutil lists files that are open for writing too
+    assert opened()
+    awake.end()
+    assert not opened()
+
+
+def test_else_a_process_of_idle_priority_runs_on_each_core() -> None:
+    cores = tuple(sorted(os.sched_getaffinity(0)))
+    awake = Awake(cores[-1:], REFUSED)
+    try:
+        assert not awake.by_kernel
+        (pid,) = awake.pids
+        assert eventually(lambda: os.sched_getscheduler(pid) == os.SCHED_IDLE)
+        assert eventually(lambda: os.sched_getaffinity(pid) == set(cores[-1:]))
+        assert eventually(lambda: psutil.Process(pid).cpu_times().user > 0.0)
+    finally:
+        awake.end()
+    assert not psutil.pid_exists(pid)
+    assert awake.pids == ()
+
+
+def test_without_a_choice_all_cores_stay_awake() -> None:
+    awake = Awake(latency_file=REFUSED)
+    assert len(awake.pids) == len(os.sched_getaffinity(0))
+    awake.end()
+
+
+def test_they_end_with_their_owner() -> None:
+    code = f"from slip_msgs_py.awake import Awake; print(*Awake(latency_file={REFUSED!r}).pids, flush=True)"
+    owner = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert owner.stdout is not None
+    pids = [int(word) for word in owner.stdout.readline().split()]
+    assert pids
+    assert owner.wait(ENOUGH_S) == 0
+    assert eventually(lambda: all(map(gone, pids)))
+
+
+def test_the_option_is_an_argument() -> None:
+    assert ProcessOptions(awake=True).arguments() == ["--awake"]
+    assert ProcessOptions(awake=False).arguments() == ProcessOptions().arguments() == []

@@ -1,0 +1,122 @@
+"""The law does not begin onto an object that slides fast; and real time does not follow its spin."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from slip_bringup.faults.trial import PERIOD_S, START_NS, STEADY_NS
+from slip_bringup.scenario import ControllerKind, Mode, load_scenario
+from slip_sim_bridge.session import BridgeSession, TickOutputs
+from slip_vic_controller.core.controller import VicController
+from slip_vic_controller.core.modes import Mode as ControllerMode
+from slip_vic_controller.core.modes import Request
+from slip_vic_controller.core.safety_params import SafetyParams
+from slip_vic_controller.core.session import ControllerSession
+from slip_vic_controller.core.supervision import SLIDES
+from slip_vic_controller.core.trouble import Trouble, say
+
+from .delivery import answered_outputs
+
+SAFETY = SafetyParams()
+RESUME_TICKS = round(SAFETY.resume_after_s / PERIOD_S)
+
+
+class Loop:
+    """Bridge and controller without topics, with whatever slip velocity a sensor may say."""
+
+    def __init__(self, kind: ControllerKind = "vic") -> None:
+        changes = [f"{node}.control_period_s={PERIOD_S}" for node in ("bridge", "controller")]
+        scenario = load_scenario(
+            "paper_planar", controller=kind, mode="realtime", assignments=(*changes, "controller.gains.k_s=100.0")
+        )
+        self.bridge = BridgeSession(scenario.bridge, scenario.urdf)
+        self.bridge.start_at(START_NS)
+        self.controller = ControllerSession(VicController(scenario.controller, scenario.urdf), lockstep=False)
+        self.now_ns = STEADY_NS
+
+    def run(self, ticks: int, linear: float = 0.0, angular: float = 0.0, *, valid: bool = True) -> str:
+        """Run with this slip velocity measured; return mode and reason."""
+        for tick in range(ticks):
+            outputs = self.bridge.observe()
+            # No sensor says the same to the last bit, but where there is no slip.
+            twist = np.array([0.0, -linear, 0.0, 0.0, 0.0, angular]) * (1.0 + 1e-6 * tick)
+            slips = [dataclasses.replace(slip, twist=twist, valid=valid) for slip in outputs.slips[0]]
+            result = answered_outputs(self.controller, outputs._replace(slips=(slips,)), self.now_ns)
+            self.bridge.advance(result.command)
+            self.now_ns += round(1e9 * PERIOD_S)
+        return f"{result.mode.mode.name} {result.mode.reason}".strip()
+
+
+@pytest.mark.parametrize(("linear", "angular"), [(1.01, 0.0), (0.0, 1.01)])
+def test_it_begins_when_the_object_has_come_to_rest(linear: float, angular: float) -> None:
+    fast = linear * SAFETY.resume_slip_linear, angular * SAFETY.resume_slip_angular
+    loop = Loop()
+    assert loop.run(3 * RESUME_TICKS, *fast) == f"HOLD {SLIDES}"
+    assert loop.run(RESUME_TICKS) == f"HOLD resumes after: {SLIDES}"
+    assert loop.run(1).startswith(("ACTIVE", "DEGRADED the path waits"))
+    # A user does not enable it earlier; and while it works, slip is its business.
+    loop.controller.request(Request.HOLD)
+    loop.run(round(3 * SAFETY.fallback.slow_down_s / PERIOD_S))
+    loop.controller.request(Request.ENABLE)
+    assert loop.run(5, *fast) == f"HOLD {SLIDES}"
+    loop.controller.request(Request.ENABLE)
+    assert loop.run(1).startswith(("ACTIVE", "DEGRADED"))
+    loop.run(1, *fast)
+    assert loop.controller.mode.follows
+
+
+def test_it_does_not_begin_without_a_slip_sensor_either() -> None:
+    """The ladder is for a law that is at work."""
+    loop = Loop()
+    assert loop.run(1) == "ACTIVE"
+    loop.controller.monitor.set_publishers({"wrench": 2}, 1)
+    loop.run(RESUME_TICKS)
+    loop.controller.monitor.set_publishers({}, 1)
+    words = say("slip velocity", Trouble.INVALID)
+    assert loop.run(3 * RESUME_TICKS, valid=False) == f"HOLD {words}"
+    assert loop.run(RESUME_TICKS) == f"HOLD resumes after: {words}"
+    assert loop.run(1).startswith(("ACTIVE", "DEGRADED"))
+    assert loop.run(1, valid=False).startswith(f"DEGRADED {words}")
+
+
+def test_slow_slip_and_the_classical_law_begin_at_once() -> None:
+    assert Loop().run(1, 0.9 * SAFETY.resume_slip_linear, 0.9 * SAFETY.resume_slip_angular) == "ACTIVE"
+    assert Loop("classical").run(1, 10 * SAFETY.resume_slip_linear) == "ACTIVE"
+
+
+def slip_with_delay(name: str, mode: Mode, delay_ticks: int) -> float:
+    """Run a scenario with joint states, wrench and slip so many ticks late; return the largest slip [m]."""
+    scenario = load_scenario(name, mode=mode)
+    spin = scenario.controller.gains.spin
+    loop = load_scenario(name, mode="realtime", assignments=(f"controller.gains.spin={spin}",))
+    bridge = BridgeSession(loop.bridge, loop.urdf)
+    bridge.start_at(START_NS)
+    controller = ControllerSession(VicController(loop.controller, loop.urdf), lockstep=False)
+    way: list[TickOutputs] = []
+    command, largest = None, 0.0
+    period_s = loop.bridge.control_period_s
+    for tick in range(round(0.6 * loop.bridge.duration_s / period_s)):
+        way.append(bridge.observe())
+        largest = max(largest, float(np.abs(way[-1].truth.slip_displacement[:3]).max()))
+        if len(way) > delay_ticks:
+            command = answered_outputs(controller, way.pop(0), STEADY_NS + round(1e9 * tick * period_s)).command
+        bridge.advance(command)
+        if controller.mode != ControllerMode.ACTIVE and tick > delay_ticks:
+            return np.inf
+    return largest
+
+
+def test_real_time_bears_delays_that_the_printed_law_does_not() -> None:
+    prompt = slip_with_delay("paper_planar", "realtime", 0)
+    assert slip_with_delay("paper_planar", "realtime", 1) < 1.05 * prompt
+    assert slip_with_delay("paper_planar", "realtime", 2) < 1.05 * prompt
+    assert slip_with_delay("paper_planar", "lockstep", 1) > 5.0 * prompt
+
+
+@pytest.mark.parametrize("name", ["vertical_plane", "glass_transport"])
+def test_so_in_other_scenarios(name: str) -> None:
+    prompt = slip_with_delay(name, "realtime", 0)
+    assert slip_with_delay(name, "realtime", 2) < 1.1 * prompt
