@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -74,13 +75,6 @@ def test_every_round_has_all_names_and_over_the_rounds_everybody_is_first(names:
 def test_spread() -> None:
     assert relative_spread([1.0, 2.0, 3.0]) == 1.0
     assert relative_spread([7.0]) == 0.0
-
-
-def test_interleaved_calls_take_turns() -> None:
-    order: list[str] = []
-    found = cost.interleaved({"a": lambda: order.append("a"), "b": lambda: order.append("b")}, turns=3)
-    assert "".join(order) == "ab" + "ababab"
-    assert found.keys() == {"a", "b"}
 
 
 # -- compare ------------------------------------------------------------------------------------------
@@ -208,6 +202,29 @@ def test_the_slipping_scenario_slips_and_the_other_sticks() -> None:
             step.advance(None)
         speed = max(abs(step.simulation.true_slip().twist))
         assert (speed > 1e-3) == slips
+
+
+def test_the_sliding_object_is_put_back_before_it_is_far_away() -> None:
+    bridge = cost.holding_bridge(cost.slipping_scenario())
+    step = cost.sliding_step(bridge)
+    slips = []
+    for _ in range(2 * cost.SLIDE_TICKS + 10):
+        step()
+        slips.append(max(abs(bridge.simulation.truth().slip_displacement[:3])))
+    assert max(slips) > 0.005
+    assert max(slips) < 0.1
+    assert slips[-1] < 0.01 * max(slips)
+
+
+def test_calls_are_timed_in_every_order() -> None:
+    seen: list[str] = []
+    calls = {name: partial(seen.append, name) for name in "abc"}
+    assert set(cost.interleaved(calls, 60)) == set("abc")
+    turns = ["".join(seen[i : i + 3]) for i in range(0, len(seen), 3)]
+    assert turns[0] == "abc"  # not timed
+    assert len(turns) == 61
+    assert {"".join(sorted(turn)) for turn in turns} == {"abc"}
+    assert len(set(turns)) == 6
 
 
 def test_the_c_floor_is_built_or_says_why_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,13 +1,15 @@
-"""Measurements of docs/performance.md: ``python test/nodes/measure.py starts|slip|fresh``; nothing is asserted here.
+"""Measurements of docs/performance.md: ``python test/nodes/measure.py starts|slip|fresh|wakes``; nothing is asserted.
 
 starts   start bridge and controller, stop them with SIGINT after a moment: exit codes, time to stop, files left behind
 slip     how much the object slips in real time and in lockstep, several runs
 fresh    a long run in real time with the recorder: fresh ticks, missed states, latency, messages lost
+wakes    how late the machine wakes a thread that sleeps for a millisecond, cores asleep and awake
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import random
 import signal
 import statistics
@@ -16,7 +18,10 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from slip_bringup import shared_memory
+from slip_bringup.bench.machine import fifo_permitted
 from slip_bringup.domain import domain_id
 from slip_bringup.launcher import Launcher
 from slip_bringup.metrics import summarise
@@ -24,9 +29,13 @@ from slip_bringup.node_command import node_command
 from slip_bringup.processes import ProcessGroup, child_environment
 from slip_bringup.scenario import IN_REAL_TIME, Scenario, load_scenario
 from slip_bringup.series import read_series
-from slip_msgs_py.realtime import ProcessOptions
+from slip_msgs_py.awake import LATENCY_FILE, Awake
+from slip_msgs_py.realtime import ProcessOptions, set_up_interpreter
 
 START_S, STOP_S = 60.0, 10.0
+HIGHEST = 95
+LATE_S = 0.4e-3  # what a tick of a millisecond has left
+NOWHERE = "/nowhere"
 
 
 def starts(times: int, seed: int) -> None:
@@ -88,6 +97,29 @@ def fresh(seconds: float, rate_hz: float, fifo: int | None) -> None:
     print(*timing_words(result.timing), f"{result.messages} messages, {result.lost} lost")
 
 
+def wakes(seconds: float) -> None:
+    """Sleep to the next millisecond again and again on one core, at the highest priority there is."""
+    if fifo_permitted():
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(HIGHEST))
+    set_up_interpreter()
+    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[-1:])
+    for name, awake in (
+        ("asleep", None),
+        ("awake, by idle processes", NOWHERE),
+        ("awake, by the kernel", LATENCY_FILE),
+    ):
+        keeper = None if awake is None else Awake(latency_file=awake)
+        late, start = [], time.monotonic()
+        for tick in range(1, round(1e3 * seconds) + 1):
+            time.sleep(max(0.0, start + 1e-3 * tick - time.monotonic()))
+            late.append(time.monotonic() - start - 1e-3 * tick)
+        if keeper is not None:
+            keeper.end()
+        found = " / ".join(f"{1e3 * value:.2f}" for value in np.quantile(late, (0.5, 0.99, 0.999, 1.0)))
+        share = 100.0 * sum(value > LATE_S for value in late) / len(late)
+        print(f"core {name}: late p50 / p99 / p99.9 / max {found} ms; by more than {1e3 * LATE_S:g} ms: {share:.3f} %")
+
+
 def scenario_in(mode: str, seconds: float | None, rate_hz: float = 1000.0) -> Scenario:
     """Return paper_planar in a mode, for so many seconds at a control rate."""
     period = 1.0 / rate_hz
@@ -111,7 +143,7 @@ def timing_words(timing: Mapping[str, float]) -> list[str]:
 def main() -> None:
     """Run one measurement."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["starts", "slip", "fresh"])
+    parser.add_argument("what", choices=["starts", "slip", "fresh", "wakes"])
     parser.add_argument("--times", type=int, default=100)
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--seconds", type=float, default=60.0)
@@ -123,6 +155,8 @@ def main() -> None:
         starts(words.times, words.seed)
     elif words.what == "slip":
         slip(words.runs, words.fifo)
+    elif words.what == "wakes":
+        wakes(words.seconds)
     else:
         fresh(words.seconds, words.rate, words.fifo)
 

@@ -21,6 +21,7 @@ PURE_MSGS = {
         "grasp_params",
         "timing",
         "realtime",
+        "awake",
         "compiled",
         "small_kernel",
         "vector_kernel",

@@ -11,11 +11,11 @@ from slip_bringup.faults.trial import PERIOD_S, START_NS, STEADY_NS
 from slip_bringup.scenario import ControllerKind, Mode, load_scenario
 from slip_sim_bridge.session import BridgeSession, TickOutputs
 from slip_vic_controller.core.controller import VicController
+from slip_vic_controller.core.findings import SLIDES
 from slip_vic_controller.core.modes import Mode as ControllerMode
 from slip_vic_controller.core.modes import Request
 from slip_vic_controller.core.safety_params import SafetyParams
 from slip_vic_controller.core.session import ControllerSession
-from slip_vic_controller.core.supervision import SLIDES
 from slip_vic_controller.core.trouble import Trouble, say
 
 from .delivery import answered_outputs

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import random
 import statistics
 import time
 from collections.abc import Callable, Mapping
@@ -23,6 +24,7 @@ from slip_vic_controller.core.state import ControllerState
 
 SCENARIO = "paper_planar"
 SETTLE_TICKS = 1200  # of the scenario: the arm moves, and the object has begun to slip
+SLIDE_TICKS = 500
 Call = Callable[[], object]
 
 
@@ -58,18 +60,19 @@ def moment(scenario: Scenario, ticks: int = SETTLE_TICKS) -> Moment:
 
 
 def interleaved(calls: Mapping[str, Call], turns: int) -> dict[str, float]:
-    """Time several calls in turn, one call each, and return the median of each [s].
+    """Time several calls in turn, one call each, in an order that changes, and return the median of each [s].
 
-    So everybody finds the caches as the others left them, as in a control loop, where a tick never repeats itself; a
-    call that is repeated alone looks two to three times cheaper than it is. What slows the machine for longer than a
-    turn slows all alike.
+    So everybody finds the caches as any of the others left them, as in a control loop, where a tick never repeats
+    itself; a call that is repeated alone looks two to three times cheaper than it is, and one that always follows
+    another that needs the same code looks cheaper too. What slows the machine for longer than a turn slows all alike.
     """
     times: dict[str, list[float]] = {name: [] for name in calls}
     for call in calls.values():
         call()
-    clock = time.perf_counter
+    clock, order, dice = time.perf_counter, list(calls.items()), random.Random(0)
     for _ in range(turns):
-        for name, call in calls.items():
+        dice.shuffle(order)
+        for name, call in order:
             start = clock()
             call()
             times[name].append(clock() - start)
@@ -168,6 +171,18 @@ def holding_bridge(scenario: Scenario) -> BridgeSession:
     bridge = BridgeSession(scenario.bridge, scenario.urdf)
     bridge.observe()
     return bridge
+
+
+def sliding_step(bridge: BridgeSession) -> Call:
+    """Return the simulator step of a bridge whose object slides, and is put back before it is far away."""
+
+    def step() -> None:
+        if bridge.tick % SLIDE_TICKS == 0:
+            bridge.request_reset()
+            bridge.observe()
+        bridge.advance(None)
+
+    return step
 
 
 def observer_scenario() -> Scenario:

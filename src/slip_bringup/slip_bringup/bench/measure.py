@@ -107,9 +107,9 @@ def _rounds(effort: Effort, library: Path | None, say: Say) -> Rounds:
         "pinocchio terms": cost.bare_terms(step.controller.arm, step.tick.outputs.joint),
     }
     pieces["control step, observer"] = cost.moment(cost.observer_scenario()).step
-    sticking, slipping = cost.holding_bridge(vic), cost.holding_bridge(cost.slipping_scenario())
+    sticking = cost.holding_bridge(vic)
     pieces["simulator step, stick"] = lambda: sticking.advance(None)
-    pieces["simulator step, slip"] = lambda: slipping.advance(None)
+    pieces["simulator step, slip"] = cost.sliding_step(cost.holding_bridge(cost.slipping_scenario()))
     measures: dict[str, Callable[[], float]] = {
         "r0": lambda: dds.round_trip_s(dds.R0, effort.round_trips),
         "raw": lambda: dds.round_trip_s(dds.RAW, effort.round_trips),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from typing import NamedTuple
 
@@ -71,6 +72,7 @@ class VicController:
         self.policy = SingularityPolicy(params.singularity.sigma_min, params.singularity.damping)
         self.path = make_path(params.trajectory)
         self._packed: tuple[Tuning, Array, Array] | None = None
+        self._accepted = math.nan, math.nan, math.nan
         self._slow_tuning: tuple[Tuning, Tuning] = self.tuning, self.tuning
         singularity, nullspace = params.singularity, params.nullspace
         settings = (float(params.feed_forward), nullspace.stiffness, nullspace.damping)
@@ -256,7 +258,11 @@ class VicController:
         """Return the tuning with the k_s that the delays allow that were measured, where it is free to be chosen."""
         if self.params.gains.k_s_mode == "fixed":
             return tuning
-        accepted = stable_slip_gain(delays, self._period_ns) / self.params.gains.k_s_margin
+        latency, period, _ = delays
+        if self._accepted[:2] != (latency, period):  # they seldom change
+            limit = stable_slip_gain(delays, self._period_ns)
+            self._accepted = latency, period, limit / self.params.gains.k_s_margin
+        accepted = self._accepted[2]
         if accepted >= tuning.gains.k_s:
             return tuning
         base, slowed = self._slow_tuning

@@ -14,14 +14,14 @@ from slip_msgs_py.arrays import Array, readonly
 from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import TickResult, VicController
 from slip_vic_controller.core.diagnostics import TickDiagnostics
-from slip_vic_controller.core.fallback import LadderPolicy, LadderState, Rung, descend
-from slip_vic_controller.core.guard_kernel import WATCHED, guard, too_fast_index, watch
+from slip_vic_controller.core.fallback import LadderState, Rung
+from slip_vic_controller.core.findings import FINE, Examiner
+from slip_vic_controller.core.guard_kernel import WATCHED, guard, watch
 from slip_vic_controller.core.holder import Holder
 from slip_vic_controller.core.input_monitor import Health
 from slip_vic_controller.core.lateness import Lateness, answered
-from slip_vic_controller.core.load_monitor import CANNOT_CARRY, cannot_carry, make_load_policy
+from slip_vic_controller.core.load_monitor import CANNOT_CARRY
 from slip_vic_controller.core.modes import (
-    ASKED,
     Findings,
     Mode,
     ModePolicy,
@@ -31,17 +31,13 @@ from slip_vic_controller.core.modes import (
 )
 from slip_vic_controller.core.output_gate import GateLimits, GateState, largest_step, needs_restart, start_gate
 from slip_vic_controller.core.path_time import FULL, PathTime, advance_path_time, lost_ns, scaled
-from slip_vic_controller.core.repulsion import TRIP, make_walls, pack_walls, too_fast
 from slip_vic_controller.core.state import ControllerState
 from slip_vic_controller.core.supervisor_state import NO_ERROR, UNWATCHED, Supervised, SupervisorState
 from slip_vic_controller.core.trajectory import reference_at
 from slip_vic_controller.core.trouble import Trouble, say
 
-_EVIDENCE_NS = 50_000_000  # how long a contradiction must last
-_FAST_NS = 5_000_000  # how long a speed must be too high: a single bad sample is no speed
 _SLIPPING = 0.005  # [m/s] above which a slip velocity counts as slip, with the gate closed too
 _STOPPED = PathTime(0.0, 0.0)
-SLIDES = "the object slides: it comes to rest first"
 
 
 class Supervisor:
@@ -61,20 +57,14 @@ class Supervisor:
         self._limits = GateLimits(
             controller.arm.effort_limit, limits.effort_rate, _ns(limits.longest_step_s), _ns(limits.restart_after_s)
         )
-        self._walls = make_walls(controller.arm, limits)
-        self._packed_walls, self._speeds = pack_walls(self._walls)
+        self._examiner = Examiner(controller)
         self._unlimited = controller.unsaturated
         self._policy = ModePolicy(safety.auto_enable, safety.auto_resume, _ns(safety.resume_after_s))
-        observer_s = safety.fallback.observer_s if params.slip_estimator == "observer" else 0.0
-        self._ladder = LadderPolicy(_ns(observer_s), _ns(safety.fallback.slow_down_s))
-        self._load = make_load_policy(np.array(params.gravity), safety.load.drop_speed, safety.load.memory_s)
-        self._bridge_ns, self._gap_ns = _ns(inputs.bridge_s), _ns(inputs.joint.age_s)
-        self._late_ns, self._late_after = _ns(inputs.joint.late_s), inputs.accept_after
-        self._saturated_ns = _ns(safety.saturated_s)
-        self._slip_needed = params.controller == "vic"
+        self._bridge_ns, self._late_ns = _ns(inputs.bridge_s), _ns(inputs.joint.late_s)
+        load = self._examiner.load
         axes = controller.contacts[0].slip_axes[:3]
         bounds = (limits.error_linear, limits.error_angular, _SLIPPING)
-        self._watching = readonly((*self._load.down, self._load.memory_s, *bounds, *axes))
+        self._watching = readonly((*load.down, load.memory_s, *bounds, *axes))
 
     def initial_state(self, now_ns: int) -> SupervisorState:
         """Return the memory before the first cycle."""
@@ -179,13 +169,13 @@ class Supervisor:
         late = answered(late, now_ns, joint.stamp_ns, now_ns - state.now_ns, self._late_ns)
         state = state._replace(lateness=late)
         request, state = self._stop_first(state, request, now_ns)
-        findings, rung, state = self._find(state, now_ns, joint, slips, health, frozen)
+        findings, rung, state = self._examiner.find(state, now_ns, joint, slips, health, frozen)
         mode = next_mode(state.mode, findings, request, now_ns, self._policy)
         entered = state.mode.mode
         if mode is not state.mode:
             state = state._replace(mode=mode)
         if not mode.mode.follows:
-            measured = wrenches[0].wrench if health.wrench in _FINE and not frozen else None
+            measured = wrenches[0].wrench if health.wrench in FINE and not frozen else None
             return self._hold(state, control, now_ns, joint, measured)
         dt_ns = max(joint.stamp_ns - control.stamp_ns, 0)
         if not entered.follows:
@@ -224,76 +214,9 @@ class Supervisor:
             return request, state if since is None else state._replace(stopping_since_ns=None)
         if request == Request.HOLD and since is None:
             return Request.NONE, state._replace(stopping_since_ns=now_ns)
-        if since is not None and now_ns - since >= 2 * self._ladder.slow_down_ns:
+        if since is not None and now_ns - since >= 2 * self._examiner.ladder.slow_down_ns:
             return Request.HOLD, state._replace(stopping_since_ns=None)
         return Request.NONE, state
-
-    def _find(
-        self,
-        state: SupervisorState,
-        now_ns: int,
-        joint: JointSample,
-        slips: tuple[SlipSample, ...],
-        health: Health,
-        frozen: bool,
-    ) -> tuple[Findings, Rung, SupervisorState]:
-        """Collect what speaks against the law."""
-        slip = health.slip
-        contradicted = state.contradicted_since_ns
-        if slip == Trouble.NONE and contradicted is not None and now_ns - contradicted > _EVIDENCE_NS:
-            slip = Trouble.IMPLAUSIBLE
-        rung, words, unknown = Rung.MEASURED, "", ""
-        if (slip not in _FINE and self._slip_needed) or state.ladder.since_ns is not None:
-            unknown = say("slip velocity", slip) if self._slip_needed and slip not in _FINE else ""
-            ladder, rung, words = descend(state.ladder, unknown, now_ns, self._ladder)
-            state = state._replace(ladder=ladder)
-        fault, watched = "", state.watched
-        fastest = too_fast_index(joint.velocity, self._packed_walls, self._speeds, watched, TRIP)
-        if fastest >= 0 or state.fast_since_ns is not None:
-            since = None if fastest < 0 else now_ns if state.fast_since_ns is None else state.fast_since_ns
-            state = state._replace(fast_since_ns=since)
-            if since is not None and now_ns - since > _FAST_NS:
-                fault = too_fast(self._walls, self.controller.joint_names, joint.velocity, watched[7:13])
-        if watched[0] > self._load.drop_speed:
-            fault = fault or cannot_carry(self._load, float(watched[0]))
-        hold = degraded = ""
-        if health.outside == Trouble.FOREIGN_COMMAND:
-            fault = fault or say("effort command", health.outside)
-        elif health.outside != Trouble.NONE:
-            hold = say("an input", health.outside)
-        elif health.wrench not in _FINE:
-            hold = say("wrench", health.wrench)
-        elif now_ns - state.now_ns > self._gap_ns and state.mode.mode != Mode.WAITING_INPUT:
-            hold = say("joint state", Trouble.NOT_RUN)
-        elif state.lateness.in_a_row >= self._late_after:
-            hold = say("joint state", Trouble.LATE)
-        elif frozen and watched[2] and state.mode.mode.follows:
-            hold = say("joint state", Trouble.FROZEN)
-        elif rung == Rung.HOLD:
-            hold = words
-        elif unknown and not state.mode.mode.follows:
-            hold = unknown  # the ladder is for a law that is at work
-        elif not state.mode.mode.follows and self._slip_needed and self._slides(slips):
-            # With the delay of its loop the law would swing instead of catching what already slides fast.
-            hold = SLIDES
-        elif words:
-            degraded = words
-        elif state.stopping_since_ns is not None:
-            degraded = f"{ASKED}: comes to rest first"
-        elif state.saturated_since_ns is not None and now_ns - state.saturated_since_ns > self._saturated_ns:
-            degraded = "saturated: slip cannot be driven to zero"
-        elif watched[1] < 1.0 or state.path.scale < 1.0:
-            degraded = "the path waits for the arm"
-        if not (fault or hold or degraded):
-            return _NOTHING, rung, state
-        return Findings("", fault, hold, degraded), rung, state
-
-    def _slides(self, slips: tuple[SlipSample, ...]) -> bool:
-        """Return whether an object slides too fast for the law to begin."""
-        linear, angular = self._safety.resume_slip_linear, self._safety.resume_slip_angular
-        return any(
-            linear * linear < v[:3].dot(v[:3]) or angular * angular < v[3:].dot(v[3:]) for v in (s.twist for s in slips)
-        )
 
     def _planned(
         self, control: ControllerState, joint: JointSample, reference: CartesianReference | None
@@ -323,7 +246,7 @@ class Supervisor:
         self, state: SupervisorState, control: ControllerState, now_ns: int, joint: JointSample, measured: Array | None
     ) -> Supervised:
         """Keep the posture in which HOLD began; `measured` is the wrench on the own pad, None where it is not good."""
-        paused = now_ns - state.now_ns > self._gap_ns  # somebody else held the arm meanwhile
+        paused = now_ns - state.now_ns > self._examiner.gap_ns  # somebody else held the arm meanwhile
         anew = state.posture is None or paused
         posture = joint.position if anew or state.posture is None else state.posture
         error = NO_ERROR if anew else state.load_error
@@ -361,9 +284,10 @@ class Supervisor:
         law = None if result is None else result.diagnostics
         arm = None if law is None or law.glance is None else law.glance.arm
         out = np.empty(3 * n + 3)
+        walls, speeds = self._examiner.walls, self._examiner.speeds
         guard(
             joint.position, joint.velocity, wanted if arm is None else arm.record, arm is not None,
-            wanted if wanted.shape == (n,) else np.full(n, np.nan), self._packed_walls, self._speeds, gate.effort,
+            wanted if wanted.shape == (n,) else np.full(n, np.nan), walls, speeds, gate.effort,
             largest_step(limits, gate, now_ns), out,
         )  # fmt: skip
         out.flags.writeable = False
@@ -388,8 +312,6 @@ class Supervisor:
         return Supervised(EffortCommand(joint.stamp_ns, effort), control, following, record, limited)
 
 
-_NOTHING = Findings()
-_FINE = (Trouble.NONE, Trouble.DENORMAL)
 _ANSWERED = (Trouble.NONE, Trouble.DENORMAL, Trouble.RESTARTED, Trouble.NOT_RUN)
 
 
