@@ -1,7 +1,8 @@
-"""Measurements of docs/performance.md: ``python test/nodes/measure.py starts|slip|fresh|wakes``; nothing is asserted.
+"""Measurements of the documentation: ``python test/nodes/measure.py starts|slip|late|fresh|wakes``; nothing is asserted.
 
 starts   start bridge and controller, stop them with SIGINT after a moment: exit codes, time to stop, files left behind
 slip     how much the object slips in real time and in lockstep, several runs
+late     how much the object slips in process where every command is some control periods late, by what spin does
 fresh    a long run in real time with the recorder: fresh ticks, missed states, latency, messages lost
 wakes    how late the machine wakes a thread that sleeps for a millisecond, cores asleep and awake
 """
@@ -23,6 +24,8 @@ import numpy as np
 from slip_bringup import shared_memory
 from slip_bringup.bench.machine import fifo_permitted
 from slip_bringup.domain import domain_id
+from slip_bringup.faults.monitors import LOST_M
+from slip_bringup.inprocess import run_in_process
 from slip_bringup.launcher import Launcher
 from slip_bringup.metrics import summarise
 from slip_bringup.node_command import node_command
@@ -31,6 +34,7 @@ from slip_bringup.scenario import IN_REAL_TIME, Scenario, load_scenario
 from slip_bringup.series import read_series
 from slip_msgs_py.awake import LATENCY_FILE, Awake
 from slip_msgs_py.realtime import ProcessOptions, set_up_interpreter
+from slip_vic_controller.core.modes import Mode
 
 START_S, STOP_S = 60.0, 10.0
 HIGHEST = 95
@@ -88,6 +92,21 @@ def slip(runs: int, fifo: int | None) -> None:
     print(f"real time / lockstep: {', '.join(f'{ratio:.3f}' for ratio in ratios)}")
 
 
+def late() -> None:
+    """Compare the slip of paper_planar with commands that are late."""
+    for spin in ("follow", "bounded"):
+        for ticks in range(4):
+            scenario = load_scenario("paper_planar", assignments=(f"controller.gains.spin={spin}",))
+            largest, works = 0.0, True
+            for tick in run_in_process(scenario, ticks):
+                largest = max(largest, float(np.abs(tick.outputs.truth.slip_displacement[:3]).max()))
+                works = works and tick.result.mode.mode == Mode.ACTIVE
+                if largest > LOST_M:
+                    break
+            words = f"{1e3 * largest:.2f} mm" if largest < LOST_M else "lost"
+            print(f"spin {spin}, {ticks} ms late: largest slip {words}{'' if works else ', the law gave up'}")
+
+
 def fresh(seconds: float, rate_hz: float, fifo: int | None) -> None:
     """Run for so long in real time with the recorder as a third process."""
     scenario = scenario_in("realtime", seconds, rate_hz)
@@ -109,15 +128,15 @@ def wakes(seconds: float) -> None:
         ("awake, by the kernel", LATENCY_FILE),
     ):
         keeper = None if awake is None else Awake(latency_file=awake)
-        late, start = [], time.monotonic()
+        found, start = [], time.monotonic()
         for tick in range(1, round(1e3 * seconds) + 1):
             time.sleep(max(0.0, start + 1e-3 * tick - time.monotonic()))
-            late.append(time.monotonic() - start - 1e-3 * tick)
+            found.append(time.monotonic() - start - 1e-3 * tick)
         if keeper is not None:
             keeper.end()
-        found = " / ".join(f"{1e3 * value:.2f}" for value in np.quantile(late, (0.5, 0.99, 0.999, 1.0)))
-        share = 100.0 * sum(value > LATE_S for value in late) / len(late)
-        print(f"core {name}: late p50 / p99 / p99.9 / max {found} ms; by more than {1e3 * LATE_S:g} ms: {share:.3f} %")
+        spread = " / ".join(f"{1e3 * value:.2f}" for value in np.quantile(found, (0.5, 0.99, 0.999, 1.0)))
+        share = 100.0 * sum(value > LATE_S for value in found) / len(found)
+        print(f"core {name}: late p50 / p99 / p99.9 / max {spread} ms; by more than {1e3 * LATE_S:g} ms: {share:.3f} %")
 
 
 def scenario_in(mode: str, seconds: float | None, rate_hz: float = 1000.0) -> Scenario:
@@ -143,7 +162,7 @@ def timing_words(timing: Mapping[str, float]) -> list[str]:
 def main() -> None:
     """Run one measurement."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["starts", "slip", "fresh", "wakes"])
+    parser.add_argument("what", choices=["starts", "slip", "late", "fresh", "wakes"])
     parser.add_argument("--times", type=int, default=100)
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--seconds", type=float, default=60.0)
@@ -155,6 +174,8 @@ def main() -> None:
         starts(words.times, words.seed)
     elif words.what == "slip":
         slip(words.runs, words.fifo)
+    elif words.what == "late":
+        late()
     elif words.what == "wakes":
         wakes(words.seconds)
     else:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import islice
 
 import numpy as np
 import pytest
 
 from slip_bringup.faults.trial import PERIOD_S, START_NS, STEADY_NS
-from slip_bringup.scenario import ControllerKind, Mode, load_scenario
-from slip_sim_bridge.session import BridgeSession, TickOutputs
+from slip_bringup.inprocess import run_in_process
+from slip_bringup.scenario import ControllerKind, load_scenario
+from slip_sim_bridge.session import BridgeSession
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.findings import SLIDES
-from slip_vic_controller.core.modes import Mode as ControllerMode
-from slip_vic_controller.core.modes import Request
+from slip_vic_controller.core.modes import Mode, Request
 from slip_vic_controller.core.safety_params import SafetyParams
 from slip_vic_controller.core.session import ControllerSession
 from slip_vic_controller.core.trouble import Trouble, say
@@ -87,36 +88,32 @@ def test_slow_slip_and_the_classical_law_begin_at_once() -> None:
     assert Loop("classical").run(1, 10 * SAFETY.resume_slip_linear) == "ACTIVE"
 
 
-def slip_with_delay(name: str, mode: Mode, delay_ticks: int) -> float:
-    """Run a scenario with joint states, wrench and slip so many ticks late; return the largest slip [m]."""
-    scenario = load_scenario(name, mode=mode)
-    spin = scenario.controller.gains.spin
-    loop = load_scenario(name, mode="realtime", assignments=(f"controller.gains.spin={spin}",))
-    bridge = BridgeSession(loop.bridge, loop.urdf)
-    bridge.start_at(START_NS)
-    controller = ControllerSession(VicController(loop.controller, loop.urdf), lockstep=False)
-    way: list[TickOutputs] = []
-    command, largest = None, 0.0
-    period_s = loop.bridge.control_period_s
-    for tick in range(round(0.6 * loop.bridge.duration_s / period_s)):
-        way.append(bridge.observe())
-        largest = max(largest, float(np.abs(way[-1].truth.slip_displacement[:3]).max()))
-        if len(way) > delay_ticks:
-            command = answered_outputs(controller, way.pop(0), STEADY_NS + round(1e9 * tick * period_s)).command
-        bridge.advance(command)
-        if controller.mode != ControllerMode.ACTIVE and tick > delay_ticks:
+def slip_with_late_commands(name: str, spin: str, late_ticks: int) -> float:
+    """Run most of a scenario; return the largest slip [m], infinity where the law gave up."""
+    scenario = load_scenario(name, assignments=(f"controller.gains.spin={spin}",))
+    ticks = round(0.6 * scenario.bridge.duration_s / scenario.bridge.control_period_s)
+    largest = 0.0
+    for tick in islice(run_in_process(scenario, late_ticks), ticks):
+        largest = max(largest, float(np.abs(tick.outputs.truth.slip_displacement[:3]).max()))
+        if tick.result.mode.mode != Mode.ACTIVE:
             return np.inf
     return largest
 
 
-def test_real_time_bears_delays_that_the_printed_law_does_not() -> None:
-    prompt = slip_with_delay("paper_planar", "realtime", 0)
-    assert slip_with_delay("paper_planar", "realtime", 1) < 1.05 * prompt
-    assert slip_with_delay("paper_planar", "realtime", 2) < 1.05 * prompt
-    assert slip_with_delay("paper_planar", "lockstep", 1) > 5.0 * prompt
+def test_a_bounded_spin_bears_late_commands_and_the_printed_law_does_not() -> None:
+    bounded = [slip_with_late_commands("paper_planar", "bounded", late) for late in range(3)]
+    assert max(bounded) < 1.05 * bounded[0]
+    assert slip_with_late_commands("paper_planar", "follow", 1) > 5.0 * bounded[0]
 
 
 @pytest.mark.parametrize("name", ["vertical_plane", "glass_transport"])
 def test_so_in_other_scenarios(name: str) -> None:
-    prompt = slip_with_delay(name, "realtime", 0)
-    assert slip_with_delay(name, "realtime", 2) < 1.1 * prompt
+    prompt = slip_with_late_commands(name, "bounded", 0)
+    assert slip_with_late_commands(name, "bounded", 2) < 1.1 * prompt
+
+
+def test_real_time_is_bounded_unless_a_user_says_otherwise() -> None:
+    assert load_scenario("paper_planar").controller.gains.spin == "follow"
+    assert load_scenario("paper_planar", mode="realtime").controller.gains.spin == "bounded"
+    printed = load_scenario("paper_planar", mode="realtime", assignments=("controller.gains.spin=follow",))
+    assert printed.controller.gains.spin == "follow"

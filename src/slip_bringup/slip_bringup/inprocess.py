@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from slip_bringup.scenario import Scenario
+from slip_msgs_py.types import EffortCommand
 from slip_sim_bridge.session import BridgeSession, TickOutputs
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.inputs import Manifest
@@ -51,11 +53,16 @@ class ClosedLoop:
         return result
 
 
-def run_in_process(scenario: Scenario) -> Iterator[Tick]:
-    """Run a scenario in lockstep and yield every tick, until its duration is over."""
+def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:
+    """Run a scenario in lockstep and yield every tick, until its duration is over.
+
+    late_ticks: control periods that every command is on its way, which neither side can see from stamps.
+    """
     loop = ClosedLoop(scenario)
+    on_the_way = deque[EffortCommand | None]([None] * late_ticks)
     while not loop.bridge.finished:
         outputs = loop.observe()
         result = loop.control(outputs)
         yield Tick(outputs, result)
-        loop.bridge.advance(result.command)
+        on_the_way.append(result.command)
+        loop.bridge.advance(on_the_way.popleft())

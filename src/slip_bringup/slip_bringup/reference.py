@@ -13,7 +13,10 @@ from slip_msgs_py.topics import markdown_table
 
 
 def config_files(scenarios: list[str] | None = None) -> dict[str, str]:
-    """Return every file of ``config/``: relative path -> text, for bridge and both controllers of each scenario."""
+    """Return every file of ``config/``: relative path -> text, for bridge and both controllers of each scenario.
+
+    The variable impedance controller has a second one for real time, which is the one for a real arm.
+    """
     files = {}
     for name in scenarios or scenario_names():
         for kind in get_args(ControllerKind):
@@ -23,6 +26,10 @@ def config_files(scenarios: list[str] | None = None) -> dict[str, str]:
                 scenario.controller, NODES["controller"][0]
             )
             files[f"{name}/bridge.yaml"] = head + ros_parameter_file(scenario.bridge, NODES["bridge"][0])
+        timed = load_scenario(name, mode="realtime")
+        files[f"{name}/controller_vic_realtime.yaml"] = head + ros_parameter_file(
+            timed.controller, NODES["controller"][0]
+        )
     return files
 
 
