@@ -1,4 +1,4 @@
-"""Measurements of the documentation: ``python test/nodes/measure.py starts|slip|late|fresh|wakes``; nothing is asserted.
+"""Measurements that the pages show: ``python test/nodes/measure.py starts|slip|late|fresh|wakes``; nothing is asserted.
 
 starts   start bridge and controller, stop them with SIGINT after a moment: exit codes, time to stop, files left behind
 slip     how much the object slips in real time and in lockstep, several runs
