@@ -1,14 +1,19 @@
-"""Running callbacks on the EventsExecutor: for a time, or until a callback says that it is enough.
+"""Running callbacks on the EventsExecutor: as long as somebody wants, for a time, or one.
 
 One long call instead of many `spin_once`: each call sets signal handlers and timers up anew, which costs as much as
-two messages. `spin` without a timeout is not used, because it hangs in these wheels.
+two messages. `spin` without a timeout is not used, because it hangs in these wheels; and every call that waits for a
+future leaves 32 bytes behind in them, so that is not what is done in every tick.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
+
+_LONG_S = 10.0
 
 
 class Spinner:
@@ -22,10 +27,28 @@ class Spinner:
         self._executor = executor
         self._enough = Future()
 
+    def spin_while(self, node: Any, goes_on: Callable[[], bool], every_s: float) -> None:
+        """Run callbacks for as long as `goes_on` says so, which is asked so often, and after `enough`."""
+
+        def look() -> None:
+            if not goes_on():
+                self.enough()
+
+        timer = node.create_timer(every_s, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        try:
+            while goes_on():
+                self.spin(_LONG_S)
+        finally:
+            node.destroy_timer(timer)
+
     def spin(self, timeout_s: float) -> None:
         """Run callbacks until `enough` is called from one of them, or for `timeout_s`."""
         self._enough = Future()
         self._executor.spin_until_future_complete(self._enough, timeout_sec=timeout_s)
+
+    def turn(self, timeout_s: float) -> None:
+        """Run the next callback, if there is one within `timeout_s`; for what is done in every tick."""
+        self._executor.spin_once(timeout_sec=timeout_s)
 
     def enough(self) -> None:
         """End the present `spin` after this callback."""

@@ -120,7 +120,6 @@ class SlipSimBridge(Node):
             self._finish_lockstep_tick(command)
         elif self._pacer is not None and len(command.effort):
             self._pacer.answered(time.monotonic())
-            self._spinner.enough()
 
     def _on_grip_force(self, message: Any) -> None:
         try:
@@ -196,10 +195,13 @@ class SlipSimBridge(Node):
         if self.session.finished:
             return
         self._begin_lockstep_tick()
-        while not should_stop() and not self._over:
-            self._spinner.spin(STOP_CHECK_S)
-            if not self._over and time.monotonic() - self._began_wall > self.params.lockstep_timeout_s:
-                raise ProtocolError(self._missing_command())
+
+        def too_late() -> bool:
+            return not self._over and time.monotonic() - self._began_wall > self.params.lockstep_timeout_s
+
+        self._spinner.spin_while(self, lambda: not should_stop() and not self._over and not too_late(), STOP_CHECK_S)
+        if too_late() and not should_stop():
+            raise ProtocolError(self._missing_command())
         if self._failure is not None:
             raise self._failure
 
@@ -241,7 +243,7 @@ class SlipSimBridge(Node):
                     truth_is_due = False
                     self._publish_truth(outputs)
                 else:
-                    self._spinner.spin(left)
+                    self._spinner.turn(left)
             if should_stop():
                 return
             if truth_is_due:
@@ -271,7 +273,7 @@ class SlipSimBridge(Node):
                 return outputs
             attempt = time.monotonic() + FIRST_TICK_S
             while not self._pacer.is_answered and (left := attempt - time.monotonic()) > 0.0:
-                self._spinner.spin(left)
+                self._spinner.turn(left)
             if self._pacer.is_answered:
                 self._started_wall = time.monotonic()
                 return outputs

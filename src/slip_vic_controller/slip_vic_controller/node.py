@@ -36,8 +36,7 @@ from slip_vic_controller.publishing import DiagnosticsPublisher, StatePublisher,
 
 STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only the newest state matters
 SLIP_DEPTH = 100  # every sample counts for the observer
-READY_CHECK_S = 0.02
-STOP_CHECK_S = 0.03
+LOOK_S = 0.02
 WATCHDOG_S = 0.01
 
 
@@ -54,7 +53,7 @@ class SlipVicController(LifecycleNode):
         self._refusals = Refusals(self.get_logger().error)
         self._executor = executor or EventsExecutor()
         self._spinner = Spinner(self._executor)
-        self._own = {*self.publishers, *self.subscriptions, *self.services, *self.timers}
+        self._own: set[Any] = set()
         self._failure: SlipVicError | None = None
         self._peers: Peers | None = None
         self._finished = self._ready = False
@@ -135,6 +134,7 @@ class SlipVicController(LifecycleNode):
                 destroy(item)
 
     def _create_endpoints(self) -> None:
+        self._own = {*self.publishers, *self.subscriptions, *self.services, *self.timers}
         names, contacts = self.params.joint_names, self.session.contacts
         self._send_effort = create_sender(self, "effort_command", forms.joint_state(names))
         self._send_array = (
@@ -261,9 +261,12 @@ class SlipVicController(LifecycleNode):
 
     def run(self, should_stop: Callable[[], bool]) -> None:
         """Run until asked to stop."""
-        while not should_stop() and not self._finished:
-            self._spinner.spin(STOP_CHECK_S if self._ready else READY_CHECK_S)
+
+        def goes_on() -> bool:
             self.announce_when_ready()
+            return not should_stop() and not self._finished
+
+        self._spinner.spin_while(self, goes_on, LOOK_S)
         if self._peers is None:
             return
         if self.session.active:
