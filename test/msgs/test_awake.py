@@ -61,14 +61,16 @@ def test_else_a_process_of_idle_priority_runs_on_each_core() -> None:
     assert awake.pids == ()
 
 
-def test_without_a_choice_all_cores_stay_awake() -> None:
+def test_without_cores_nobody_is_busy() -> None:
     awake = Awake(latency_file=REFUSED)
-    assert len(awake.pids) == len(os.sched_getaffinity(0))
+    assert not awake.by_kernel
+    assert awake.pids == ()
     awake.end()
 
 
 def test_they_end_with_their_owner() -> None:
-    code = f"from slip_msgs_py.awake import Awake; print(*Awake(latency_file={REFUSED!r}).pids, flush=True)"
+    core = min(os.sched_getaffinity(0))
+    code = f"from slip_msgs_py.awake import Awake; print(*Awake(({core},), {REFUSED!r}).pids, flush=True)"
     owner = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert owner.stdout is not None
     pids = [int(word) for word in owner.stdout.readline().split()]

@@ -127,7 +127,7 @@ def wakes(seconds: float) -> None:
         ("awake, by idle processes", NOWHERE),
         ("awake, by the kernel", LATENCY_FILE),
     ):
-        keeper = None if awake is None else Awake(latency_file=awake)
+        keeper = None if awake is None else Awake(tuple(os.sched_getaffinity(0)), awake)
         found, start = [], time.monotonic()
         for tick in range(1, round(1e3 * seconds) + 1):
             time.sleep(max(0.0, start + 1e-3 * tick - time.monotonic()))

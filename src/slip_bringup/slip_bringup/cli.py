@@ -42,7 +42,7 @@ def cli() -> None:
 @click.option("--cpu", "cpus", help="core of bridge and controller, or two: 2,3; default in real time: the last two")
 @click.option("--fifo", type=click.IntRange(1, 99), help="their SCHED_FIFO priority, where permitted")
 @click.option("--lock-memory", is_flag=True, help="keep their memory in RAM, where permitted")
-@click.option("--awake/--no-awake", default=None, help="keep their cores from sleeping; default in real time: yes")
+@click.option("--awake/--no-awake", default=None, help="keep the cores from sleeping; default: yes")
 @click.option("--one-process", is_flag=True, help="bridge and controller in one process; topics stay real")
 def run(
     scenario: str,

@@ -68,7 +68,7 @@ class Launcher:
         wanted_domain: ROS domain id, None takes ROS_DOMAIN_ID or a free one.
         namespace: ROS namespace of all nodes.
         process: cores, priority and memory of bridge and controller: one core for both, or the bridge's and the
-            controller's; without cores, in real time the last two. Real time keeps them awake.
+            controller's; without cores, in real time the last two. They are kept awake unless it says no.
         one_process: bridge and controller in one process, lockstep only; their topics stay real.
 
     Raises:
@@ -90,7 +90,7 @@ class Launcher:
         self._on_progress: Callable[[float], None] = lambda _: None
         self._wanted_domain = domain_from_environment() if wanted_domain is None else check_domain(wanted_domain)
         self._namespace = namespace
-        self._process = _for_real_time(process) if scenario.bridge.mode == "realtime" else process
+        self._process = _with_defaults(process, scenario.bridge.mode)
         self._one_process = one_process
         self._warnings: list[str] = []
         self._stop = threading.Event()
@@ -227,11 +227,13 @@ class Launcher:
         return {key: float(value) for key, value in said.items() if key.startswith(TIMING)}
 
 
-def _for_real_time(options: ProcessOptions) -> ProcessOptions:
-    """Choose what is not chosen: cores that do not sleep, one each, as bridge and controller may both be busy."""
+def _with_defaults(options: ProcessOptions, mode: str) -> ProcessOptions:
+    """Choose what is not chosen: awake; in real time a core each, as bridge and controller may be busy all the time."""
+    awake = options.awake is not False
     cores = tuple(sorted(os.sched_getaffinity(0)))
-    chosen = options.cpus or (cores[-2:] if len(cores) > 1 else ())
-    return replace(options, cpus=chosen, awake=options.awake is not False)
+    if mode != "realtime" or options.cpus or len(cores) < 2:
+        return replace(options, awake=awake)
+    return replace(options, cpus=cores[-2:], awake=awake)
 
 
 def _check_new_folder(bag: Path) -> None:

@@ -16,10 +16,10 @@ class Awake:
     """While this process lives, its cores do not sleep.
 
     The kernel's own way is a request for a wake-up latency of 0, which lasts as long as a file is open that is root's.
-    Anybody may do with a process of idle priority on each core: it runs only where nobody else wants to.
+    Anybody may do with a process of idle priority on each core that matters: it runs only where nobody else wants to.
 
     Args:
-        cores: to keep awake where the file may not be opened; empty: all that this process may use.
+        cores: to keep awake where the file may not be opened.
         latency_file: of the kernel.
     """
 
@@ -31,7 +31,7 @@ class Awake:
             os.write(self._file, struct.pack("i", 0))
         except OSError:
             self._close_file()
-            self.pids = tuple(_idle_process(core) for core in cores or sorted(os.sched_getaffinity(0)))
+            self.pids = tuple(_idle_process(core) for core in cores)
 
     @property
     def by_kernel(self) -> bool:

@@ -31,7 +31,7 @@ _SWITCH_INTERVAL_S = 1e-4  # a busy Python thread otherwise keeps the interprete
 class ProcessOptions:
     """How a process runs: its cores (empty: all), its SCHED_FIFO priority (1 to 99), whether its memory is locked.
 
-    awake: whether its cores are kept from sleeping; None leaves it to the mode.
+    awake: whether its cores are kept from sleeping; None is the launcher's choice.
     """
 
     cpus: tuple[int, ...] = ()
