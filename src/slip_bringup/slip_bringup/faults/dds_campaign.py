@@ -153,7 +153,8 @@ class DdsCampaign:
         self._out, self._cable = out, cable
         law = VicController(controller, scenario.urdf)
         wires = {name: Wire(name, controller.joint_names, controller.ee_frame) for name in TOPICS}
-        self._watch = Watch(wires, law, PERIOD_S, scenario.bridge.effort_rate, effort_rate)
+        bridge = scenario.bridge
+        self._watch = Watch(wires, law, PERIOD_S, bridge.effort_rate, bridge.command_timeout_s, effort_rate)
         self._nodes = Nodes(node, group, environment, scenario, folder, cable)
         self._actions = FaultActions(node, self._nodes, self._watch, scenario, cable)
         self._proxy = Proxy(node, wires, self._watch.forwarded, self._on_state)

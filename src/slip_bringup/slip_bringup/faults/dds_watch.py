@@ -20,7 +20,6 @@ from slip_vic_controller.core.modes import Mode
 REMEMBERED = 2000  # joint states
 TELEPORT_S = 0.3  # after a reset of the simulation, within which its joints may feel anything
 HOST_S = 0.1  # what a busy machine may take beyond the stated reaction
-GAP_S = 0.1
 ODD_ONES = 5  # commands that wait for a ledger that never comes
 
 
@@ -32,6 +31,7 @@ class Watch:
         law: for limits and gravity compensation.
         period_s: control period.
         effort_rate: of the bridge's drives [N m/s].
+        timeout_s: without a command, after which the bridge holds the arm itself.
         allowed_rate: of commands [N m/s]; None takes the law's limit.
     """
 
@@ -41,6 +41,7 @@ class Watch:
         law: VicController,
         period_s: float,
         effort_rate: float,
+        timeout_s: float,
         allowed_rate: float | None = None,
     ) -> None:
         self._wires, self._law = wires, law
@@ -54,6 +55,7 @@ class Watch:
         self.commands = CommandMonitor(promise)
         self.joints = JointMonitor(effort_rate * period_s)
         self.safe = SafeStateMonitor({name: age + period_s + HOST_S for name, age in ages.items()})
+        self._timeout_s = timeout_s
         self.mode = Mode.WAITING_INPUT
         self.mode_since_s = 0.0
         self.alive_s = 0.0
@@ -109,8 +111,8 @@ class Watch:
         steps = 1 if last is None else (sample.stamp_ns - last) / self._period_ns
         if not 0.5 < steps < 1.5 or now_s < self._ignore_until_s:
             self.joints.restarted()
-        alive = now_s - self.alive_s < GAP_S
-        if alive != self._was_alive or now_s - self._state_s > GAP_S:
+        alive = now_s - self.alive_s < self._timeout_s
+        if alive != self._was_alive or now_s - self._state_s > self._timeout_s:
             self.joints.begin_again()  # another one holds the arm from now on, and begins from its motion
         self._was_alive, self._state_s = alive, now_s
         follows = self.mode.follows and alive
