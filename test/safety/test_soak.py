@@ -15,9 +15,11 @@ import psutil
 import pytest
 import rclpy
 from click.testing import CliRunner
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from slip_bringup.domain import domain_id
+from slip_bringup.faults.monitors import LOST_M
 from slip_bringup.inprocess import run_in_process
 from slip_bringup.soak.cli import soak
 from slip_bringup.soak.growth import Limits, Sample, growth_of, robust_slope
@@ -104,6 +106,29 @@ def test_an_operator_ends_a_fault_that_lasts(monkeypatch: pytest.MonkeyPatch) ->
         node.destroy_node()
     assert asked == [service for _, service in STEPS]
     assert operator.faults == ["a joint is too fast"]
+
+
+def test_an_operator_puts_a_lost_object_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
+    asked: list[str] = []
+
+    def answer(_request: Any, response: Any) -> Any:
+        asked.append("reset")
+        response.success = True
+        return response
+
+    with domain_id() as domain, operator_of(domain) as operator:
+        node = rclpy.create_node("stand_in", context=operator.executor.context)
+        node.create_service(Trigger, "/".join(STEPS[0]), answer)
+        truth = create_publisher(node, "slip_truth")
+        operator.executor.add_node(node)
+        for slip, lost in ((0.9 * LOST_M, 0), (1.1 * LOST_M, 1)):
+            deadline = time.monotonic() + (2.0 if lost == 0 else 20.0)
+            while len(asked) < max(lost, 1) and time.monotonic() < deadline:
+                truth.publish(JointState(position=[0.0, -slip, 0.0, 0.0, 0.0, 1.0]))
+                operator.attend(0.05)
+            assert operator.objects_lost == len(asked) == lost
+        node.destroy_node()
 
 
 def test_a_short_soak_runs_and_reports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -48,6 +48,8 @@ def soak(minutes: float, rate: float, scenario: str, out: Path) -> None:
             f"{done['ticks']} ticks, {done['sim_time_s']:.1f} s simulated in {done['wall_time_s']:.1f} s; "
             f"law at work in {100.0 * result.law_share():.0f} % of the cycles"
         )
+    if result.objects_lost:
+        click.echo(f"{result.objects_lost} objects lost, and put back by an operator")
     if result.faults:
         click.echo(f"{len(result.faults)} faults that an operator reset, the last one: {result.faults[-1]}")
     for line in result.warnings:

@@ -1,7 +1,8 @@
-"""Who stands beside a long run: puts the object back and resets the fault where one was latched."""
+"""Who stands beside a long run: puts back an object that was lost, and resets the fault where one was latched."""
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Iterator
@@ -12,15 +13,18 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
+from slip_bringup.faults.monitors import LOST_M
 from slip_msgs_py.qos import create_subscription
 
 PATIENCE_S = 2.0  # a fault is looked at before it is reset
 AGAIN_S = 1.0
+LOOK_S = 0.02
 STEPS = (("slip_sim_bridge", "reset"), ("slip_vic_controller", "reset_fault"), ("slip_vic_controller", "enable"))
 
 
 class Operator:
-    """Follows the mode; a FAULT that lasts is ended: simulation reset, fault reset, law enabled, a second apart.
+    """Follows mode and object. An object that has left the pads is put back by a reset of the simulation, and a FAULT
+    that lasts is ended: simulation reset, fault reset, law enabled, a second apart.
 
     Args:
         node: an rclpy node of the operator's own.
@@ -33,8 +37,11 @@ class Operator:
             (owner, service): node.create_client(Trigger, f"{owner}/{service}") for owner, service in STEPS
         }
         self._subscription = create_subscription(node, "controller/mode", self._on_mode, depth=1, reliable=True)
+        self._truth = create_subscription(node, "slip_truth", self._on_truth, depth=1, reliable=False)
         self.mode = ""
         self.faults: list[str] = []
+        self.objects_lost = 0
+        self._put_back_s = -math.inf
         self._steps: list[tuple[str, str]] = []
         self._next_s = 0.0
 
@@ -45,9 +52,19 @@ class Operator:
             self._steps, self._next_s = list(STEPS), time.monotonic() + PATIENCE_S
         self.mode = mode
 
-    def attend(self, timeout_s: float) -> None:
-        """Hear what comes, for this time at most, and do the next step where one is due."""
-        self.executor.spin_once(timeout_sec=timeout_s)
+    def _on_truth(self, message: Any) -> None:
+        now = time.monotonic()
+        if max(map(abs, message.position[:3]), default=0.0) > LOST_M and now - self._put_back_s > AGAIN_S:
+            self.objects_lost += 1
+            self._put_back_s = now
+            self._clients[STEPS[0]].call_async(Trigger.Request())
+
+    def attend(self, seconds: float) -> None:
+        """Hear what comes for so long, and do the next step where one is due."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            self.executor.spin_once(timeout_sec=left)
+            time.sleep(min(LOOK_S, max(0.0, end - time.monotonic())))  # the truth comes in every tick
         if self._steps and time.monotonic() >= self._next_s:
             self._clients[self._steps.pop(0)].call_async(Trigger.Request())
             self._next_s = time.monotonic() + AGAIN_S

@@ -43,6 +43,7 @@ class SoakResult:
     said: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
+    objects_lost: int = 0
 
     def growth(self) -> dict[str, ProcessGrowth]:
         """Return the growth of every process."""
@@ -64,6 +65,7 @@ class SoakResult:
             "rate_hz": self.rate_hz,
             "law_share": self.law_share(),
             "faults": self.faults,
+            "objects_lost": self.objects_lost,
             "samples": len(next(iter(self.samples.values()), [])),
             "growth": {name: grown.as_dict() for name, grown in growth.items()},
             "grows": {name: words for name, grown in growth.items() if (words := grown.grows(limits))},
@@ -110,7 +112,7 @@ def run_soak(scenario: Scenario, minutes: float, on_time: Callable[[float], None
                 raise ProtocolError(f"bridge did not start within {START_S:g} s:\n{children['bridge'].tail()}")
             time.sleep(LOOK_S)
         _watch(group, children, result, on_time, operator)
-        result.faults = operator.faults
+        result.faults, result.objects_lost = operator.faults, operator.objects_lost
         for name in ("bridge", "controller", "recorder"):
             group.stop([children[name]])
             result.said[name] = children[name].events.get("done", {})

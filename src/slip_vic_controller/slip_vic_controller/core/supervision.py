@@ -109,9 +109,27 @@ class Supervisor:
             return self._blind(state, control, now_ns, joint, health.joint, request)
         if state.joint_bad_since_ns is not None:
             state = state._replace(joint_bad_since_ns=None)
-        return self._seeing(
-            state, control, now_ns, joint, wrenches, slips, health, frozen, request, reference, new_slips
-        )
+        late = state.lateness
+        if request == Request.ENABLE:
+            late = Lateness()  # whoever asks for the law has seen to it that a clock was set, and nothing is late
+        late = answered(late, now_ns, joint.stamp_ns, now_ns - state.now_ns, self._late_ns)
+        state = state._replace(lateness=late)
+        request, state = self._stop_first(state, request, now_ns)
+        findings, rung, state = self._examiner.find(state, now_ns, joint, slips, health, frozen)
+        mode = next_mode(state.mode, findings, request, now_ns, self._policy)
+        entered = state.mode.mode
+        if mode is not state.mode:
+            state = state._replace(mode=mode)
+        if not mode.mode.follows:
+            measured = wrenches[0].wrench if health.wrench in FINE and not frozen else None
+            return self._hold(state, control, now_ns, joint, measured)
+        if not entered.follows:
+            # After a HOLD the path starts from rest; and the time that passed in it is not part of the path.
+            state = state._replace(
+                path=FULL if entered == Mode.WAITING_INPUT else _STOPPED, posture=None, watched=UNWATCHED
+            )
+            control = self.controller.resume(control, joint)
+        return self._follow(state, control, now_ns, joint, wrenches, slips, rung, reference, new_slips)
 
     @np.errstate(all="ignore")  # what is not finite is looked for by value
     def without_joint_state(
@@ -149,41 +167,13 @@ class Supervisor:
         stand_in = JointSample(joint.stamp_ns, control.position, np.zeros_like(control.position), felt)
         return self._finish(state, control, now_ns, stand_in, wanted, None)
 
-    def _seeing(
-        self,
-        state: SupervisorState,
-        control: ControllerState,
-        now_ns: int,
-        joint: JointSample,
-        wrenches: tuple[WrenchSample, ...],
-        slips: tuple[SlipSample, ...],
-        health: Health,
-        frozen: bool,
-        request: Request,
-        reference: CartesianReference | None,
-        new_slips: tuple[SlipSample, ...] | None = None,
-    ) -> Supervised:
-        late = state.lateness
-        if request == Request.ENABLE:
-            late = Lateness()  # whoever asks for the law has seen to it that a clock was set, and nothing is late
-        late = answered(late, now_ns, joint.stamp_ns, now_ns - state.now_ns, self._late_ns)
-        state = state._replace(lateness=late)
-        request, state = self._stop_first(state, request, now_ns)
-        findings, rung, state = self._examiner.find(state, now_ns, joint, slips, health, frozen)
-        mode = next_mode(state.mode, findings, request, now_ns, self._policy)
-        entered = state.mode.mode
-        if mode is not state.mode:
-            state = state._replace(mode=mode)
-        if not mode.mode.follows:
-            measured = wrenches[0].wrench if health.wrench in FINE and not frozen else None
-            return self._hold(state, control, now_ns, joint, measured)
+    def _follow(
+        self, state: SupervisorState, control: ControllerState, now_ns: int, joint: JointSample,
+        wrenches: tuple[WrenchSample, ...], slips: tuple[SlipSample, ...], rung: Rung,
+        reference: CartesianReference | None, new_slips: tuple[SlipSample, ...] | None,
+    ) -> Supervised:  # fmt: skip
+        """Let the law work, along the path as fast as errors and the slip ladder allow."""
         dt_ns = max(joint.stamp_ns - control.stamp_ns, 0)
-        if not entered.follows:
-            # After a HOLD the path starts from rest; and the time that passed in it is not part of the path.
-            state = state._replace(
-                path=FULL if entered == Mode.WAITING_INPUT else _STOPPED, posture=None, watched=UNWATCHED
-            )
-            control = self.controller.resume(control, joint)
         stops = rung == Rung.SLOWING or state.stopping_since_ns is not None
         wanted_scale = 0.0 if stops else float(state.watched[1])
         path = FULL
@@ -198,7 +188,8 @@ class Supervisor:
         result = self.controller.step(control, joint, wrenches, slips, reference, new_slips)
         if result.diagnostics.status != "ok":
             # The law could not be evaluated: its own safe command for this tick, and HOLD.
-            mode = next_mode(mode, Findings(hold=result.diagnostics.reason), Request.NONE, now_ns, self._policy)
+            findings = Findings(hold=result.diagnostics.reason)
+            mode = next_mode(state.mode, findings, Request.NONE, now_ns, self._policy)
             state = state._replace(mode=mode, path=_STOPPED, posture=joint.position)
             return self._finish(state, result.state, now_ns, joint, result.command.effort, None)
         watched, contradicted_since_ns = self._watch(state, result, now_ns, dt_ns * 1e-9)
