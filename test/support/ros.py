@@ -21,12 +21,14 @@ from slip_bringup.processes import Child, ProcessGroup, child_environment
 DEADLINE_S = 30.0  # for things that take well under a second on an idle machine
 
 
-def wait_until(condition: Callable[[], bool], what: str, timeout_s: float = DEADLINE_S) -> None:
-    """Poll until `condition` holds, or fail saying what was waited for."""
+def wait_until(
+    condition: Callable[[], bool], what: str, timeout_s: float = DEADLINE_S, seen: Callable[[], str] = lambda: ""
+) -> None:
+    """Poll until `condition` holds, or fail saying what was waited for, and what was `seen`."""
     end = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() > end:
-            pytest.fail(f"waited {timeout_s:g} s for {what}")
+            pytest.fail(f"waited {timeout_s:g} s for {what} {seen()}")
         time.sleep(0.005)
 
 
