@@ -48,6 +48,9 @@ ASK_EVERY_S = 0.5
 DISK_FULL_S = 15.0
 SPIN_S = 0.002
 TRUTH_EVERY = 3
+NO_SHARED_MEMORY = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+"""Fast DDS's shared memory can leave a node deaf that was killed and started anew: a peer goes on writing into the file of
+the dead one, which the new one has replaced (docs/safety.md)."""
 
 
 def plan_over_dds(seed: int, trial: int) -> Plan:
@@ -102,7 +105,7 @@ def _campaign(out: Path, effort_rate: float | None) -> Iterator[DdsCampaign]:
         group = stack.enter_context(ProcessGroup())
         environment = child_environment(domain)
         # In a network of our own discovery may go through every cable; else it stays on this machine.
-        reach = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET" if cable else "LOCALHOST"}
+        reach = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET" if cable else "LOCALHOST", **NO_SHARED_MEMORY}
         environment.update(reach)
         with _environment(reach):
             rclpy.init(args=[], domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
