@@ -49,8 +49,8 @@ DISK_FULL_S = 15.0
 SPIN_S = 0.002
 TRUTH_EVERY = 3
 NO_SHARED_MEMORY = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-"""Fast DDS's shared memory can leave a node deaf that was killed and started anew: a peer goes on writing into the file of
-the dead one, which the new one has replaced (docs/safety.md)."""
+"""Fast DDS's shared memory can leave a node deaf that was killed and started anew: a peer goes on writing into the file
+of the dead one, which the new one has replaced (docs/safety.md)."""
 
 
 def plan_over_dds(seed: int, trial: int) -> Plan:
