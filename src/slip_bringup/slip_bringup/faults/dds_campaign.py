@@ -48,9 +48,9 @@ ASK_EVERY_S = 0.5
 DISK_FULL_S = 15.0
 SPIN_S = 0.002
 TRUTH_EVERY = 3
-NO_SHARED_MEMORY = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-"""Fast DDS's shared memory can leave a node deaf that was killed and started anew: a peer goes on writing into the file
-of the dead one, which the new one has replaced (docs/safety.md)."""
+SILENT_S = 15.0
+"""After which a controller that runs and says nothing is started anew. Fast DDS's shared memory can leave a node deaf
+that was killed and started at once: a peer goes on writing into the file of the dead one (docs/safety.md)."""
 
 
 def plan_over_dds(seed: int, trial: int) -> Plan:
@@ -105,7 +105,7 @@ def _campaign(out: Path, effort_rate: float | None) -> Iterator[DdsCampaign]:
         group = stack.enter_context(ProcessGroup())
         environment = child_environment(domain)
         # In a network of our own discovery may go through every cable; else it stays on this machine.
-        reach = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET" if cable else "LOCALHOST", **NO_SHARED_MEMORY}
+        reach = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET" if cable else "LOCALHOST"}
         environment.update(reach)
         with _environment(reach):
             rclpy.init(args=[], domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
@@ -162,7 +162,8 @@ class DdsCampaign:
         self._actions = FaultActions(node, self._nodes, self._watch, scenario, cable)
         self._proxy = Proxy(node, wires, self._watch.forwarded, self._on_state)
         self._lost = False
-        self.lost = 0
+        self.lost = self.deaf = 0
+        self._started_s = time.monotonic()
         self._since_truth = 0
         self._last_ask = 0.0
         for name, take, reliable in (
@@ -181,6 +182,7 @@ class DdsCampaign:
         return {
             "process_starts": self._nodes.starts,
             "objects_lost": self.lost,
+            "deaf_nodes": self.deaf,
             "commands_without_predecessor": self._watch.not_judged,
             "network_cut": "namespaces" if self._cable else "not permitted here: the proxy drops everything instead",
         }
@@ -223,9 +225,14 @@ class DdsCampaign:
         """Do what an operator would do until the law is at work."""
         now = time.monotonic()
         self._lost = False
+        since = max(self._watch.alive_s, self._started_s)
+        if self._nodes.runs(CONTROLLER) and self._nodes.runs(BRIDGE) and now - since > SILENT_S:
+            self.deaf += 1
+            self._nodes.end(CONTROLLER)
         for name in (CONTROLLER, BRIDGE):
             if not self._nodes.runs(name):
                 self._nodes.start(name)
+                self._started_s = now
         if now - self._last_ask < ASK_EVERY_S:
             return
         self._last_ask = now
