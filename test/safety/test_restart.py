@@ -107,3 +107,15 @@ def test_hold_begins_anew_where_the_arm_is_after_a_pause() -> None:
     assert loop.controller.safety is not None
     assert loop.controller.safety.posture is not None
     np.testing.assert_array_equal(loop.controller.safety.posture, moved.position)
+
+
+def test_after_a_pause_a_bad_joint_state_is_not_bridged() -> None:
+    """The machine stood still, and the first joint state after that is a bad one: the last effort is old."""
+    for pause_ns, mode in ((0, Mode.ACTIVE), (PAUSE_NS, Mode.HOLD)):
+        loop = Loop()
+        loop.run(50)
+        assert loop.controller.mode == Mode.ACTIVE
+        loop.now_ns += pause_ns
+        bad = dataclasses.replace(loop.observe(), velocity=np.full(7, np.nan))
+        loop.cycle(bad)
+        assert loop.controller.mode == mode

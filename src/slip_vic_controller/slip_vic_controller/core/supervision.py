@@ -152,7 +152,10 @@ class Supervisor:
     ) -> Supervised:  # fmt: skip
         """Bridge a short gap of good joint states with the last effort, then let it go to gravity compensation."""
         since = now_ns if state.joint_bad_since_ns is None else state.joint_bad_since_ns
-        bridged = state.gate is not None and now_ns - since <= self._bridge_ns
+        ran = (
+            now_ns - state.now_ns <= self._examiner.gap_ns
+        )  # else the last effort is old, however young the bad sample
+        bridged = ran and state.gate is not None and now_ns - since <= self._bridge_ns
         mode = state.mode
         wanted = self.controller.arm.gravity(control.position)
         if bridged and state.gate is not None:
