@@ -6,26 +6,16 @@ import os
 import struct
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import psutil
 
 from slip_msgs_py.awake import Awake
 from slip_msgs_py.realtime import ProcessOptions
+from test.support.ros import wait_until
 
 ENOUGH_S = 10.0
 REFUSED = "/nowhere/cpu_dma_latency"
-
-
-def eventually(condition: Callable[[], bool]) -> bool:
-    deadline = time.monotonic() + ENOUGH_S
-    while not condition():
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.01)
-    return True
 
 
 def gone(pid: int) -> bool:
@@ -52,9 +42,9 @@ def test_else_a_process_of_idle_priority_runs_on_each_core() -> None:
     try:
         assert not awake.by_kernel
         (pid,) = awake.pids
-        assert eventually(lambda: os.sched_getscheduler(pid) == os.SCHED_IDLE)
-        assert eventually(lambda: os.sched_getaffinity(pid) == set(cores[-1:]))
-        assert eventually(lambda: psutil.Process(pid).cpu_times().user > 0.0)
+        wait_until(lambda: os.sched_getscheduler(pid) == os.SCHED_IDLE, "idle priority")
+        wait_until(lambda: os.sched_getaffinity(pid) == set(cores[-1:]), "its core")
+        wait_until(lambda: psutil.Process(pid).cpu_times().user > 0.0, "it to be busy")
     finally:
         awake.end()
     assert not psutil.pid_exists(pid)
@@ -76,9 +66,9 @@ def test_they_end_with_their_owner() -> None:
     pids = [int(word) for word in owner.stdout.readline().split()]
     assert pids
     assert owner.wait(ENOUGH_S) == 0
-    assert eventually(lambda: all(map(gone, pids)))
+    wait_until(lambda: all(map(gone, pids)), "them to end")
 
 
-def test_the_option_is_an_argument() -> None:
-    assert ProcessOptions(awake=True).arguments() == ["--awake"]
-    assert ProcessOptions(awake=False).arguments() == ProcessOptions().arguments() == []
+def test_a_process_is_kept_awake_unless_it_says_no() -> None:
+    assert ProcessOptions().arguments() == ["--awake"]
+    assert ProcessOptions(awake=False).arguments() == []

@@ -12,6 +12,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from slip_bringup.scenario import NODES, load_scenario, ros_parameter_file
 from test.support.ros import Processes, wait_until
 
+FAULTS_ENDED = 3
 BRIDGE, CONTROLLER = "slip_sim_bridge.node", "slip_vic_controller.node"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -47,12 +48,13 @@ class Watcher:
 
     def wait_law(self) -> None:
         """Wait until the law is at work; a machine too slow for it ends in a fault now and then, which a user ends."""
-        while True:
+        for _ in range(FAULTS_ENDED):
             self.spin(lambda: self.modes[-1].startswith(("ACTIVE", "FAULT")), "the law")
             if self.modes[-1].startswith("ACTIVE"):
                 return
             self.trigger("reset_fault")
             self.trigger("enable")
+        self.wait_mode("ACTIVE")
 
     def call(self, kind: Any, name: str, request: Any) -> Any:
         client = self.node.create_client(kind, name)

@@ -42,7 +42,7 @@ def cli() -> None:
 @click.option("--cpu", "cpus", help="core of bridge and controller, or two: 2,3; default in real time: the last two")
 @click.option("--fifo", type=click.IntRange(1, 99), help="their SCHED_FIFO priority, where permitted")
 @click.option("--lock-memory", is_flag=True, help="keep their memory in RAM, where permitted")
-@click.option("--awake/--no-awake", default=None, help="keep the cores from sleeping; default: yes")
+@click.option("--awake/--no-awake", default=True, help="keep the cores from sleeping; default: yes")
 @click.option("--one-process", is_flag=True, help="bridge and controller in one process; topics stay real")
 def run(
     scenario: str,
@@ -57,7 +57,7 @@ def run(
     cpus: str | None,
     fifo: int | None,
     lock_memory: bool,
-    awake: bool | None,
+    awake: bool,
     one_process: bool,
 ) -> None:
     """Run one scenario: bridge, controller and, with --record, recorder as processes on DDS."""

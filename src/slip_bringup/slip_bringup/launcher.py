@@ -90,7 +90,7 @@ class Launcher:
         self._on_progress: Callable[[float], None] = lambda _: None
         self._wanted_domain = domain_from_environment() if wanted_domain is None else check_domain(wanted_domain)
         self._namespace = namespace
-        self._process = _with_defaults(process, scenario.bridge.mode)
+        self._process = _with_cores(process, scenario.bridge.mode)
         self._one_process = one_process
         self._warnings: list[str] = []
         self._stop = threading.Event()
@@ -164,7 +164,7 @@ class Launcher:
             words += ["-r", f"__ns:={self._namespace}"]
         cores = self._process.cpus
         process = replace(self._process, cpus=cores[-1:] if node == "controller" else cores[:1])
-        if process == NO_OPTIONS:
+        if not process.arguments():
             return python_module(module, *words)
         return python_module("slip_msgs_py.realtime", *process.arguments(), module, *words)
 
@@ -173,7 +173,7 @@ class Launcher:
         others = tuple(sorted(os.sched_getaffinity(0) - set(self._process.cpus)))
         if not self._process.cpus or not others:
             return command
-        return python_module("slip_msgs_py.realtime", *ProcessOptions(others).arguments(), *command[2:])
+        return python_module("slip_msgs_py.realtime", *ProcessOptions(others, awake=False).arguments(), *command[2:])
 
     def _on_event(self, name: str, event: Event) -> None:
         if event["event"] == "warning":
@@ -227,13 +227,12 @@ class Launcher:
         return {key: float(value) for key, value in said.items() if key.startswith(TIMING)}
 
 
-def _with_defaults(options: ProcessOptions, mode: str) -> ProcessOptions:
-    """Choose what is not chosen: awake; in real time a core each, as bridge and controller may be busy all the time."""
-    awake = options.awake is not False
+def _with_cores(options: ProcessOptions, mode: str) -> ProcessOptions:
+    """Choose the cores where none are chosen: in real time one each, bridge and controller may be busy all the time."""
     cores = tuple(sorted(os.sched_getaffinity(0)))
     if mode != "realtime" or options.cpus or len(cores) < 2:
-        return replace(options, awake=awake)
-    return replace(options, cpus=cores[-2:], awake=awake)
+        return options
+    return replace(options, cpus=cores[-2:])
 
 
 def _check_new_folder(bag: Path) -> None:

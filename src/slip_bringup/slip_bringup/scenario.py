@@ -40,7 +40,7 @@ NODES: dict[str, tuple[str, type[ParameterModel]]] = {
 
 IN_REAL_TIME: dict[str, Any] = {"gains.spin": "bounded"}
 """Of the controller. The printed law, which follows the object's spin wherever it goes, loses the object with a single
-control period of delay (docs/performance.md)."""
+control period of delay (docs/sensors.md)."""
 
 
 class ScenarioFile(ParameterModel):

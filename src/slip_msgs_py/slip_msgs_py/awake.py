@@ -68,6 +68,6 @@ def _idle_process(core: int) -> int:
         os.sched_setaffinity(0, (core,))
         while os.getppid() == parent:  # it may have ended before the line above
             for _ in range(1_000_000):
-                pass
+                pass  # to be busy is the work
     finally:
         os._exit(0)

@@ -31,13 +31,13 @@ _SWITCH_INTERVAL_S = 1e-4  # a busy Python thread otherwise keeps the interprete
 class ProcessOptions:
     """How a process runs: its cores (empty: all), its SCHED_FIFO priority (1 to 99), whether its memory is locked.
 
-    awake: whether its cores are kept from sleeping; None is the launcher's choice.
+    awake: whether its cores are kept from sleeping.
     """
 
     cpus: tuple[int, ...] = ()
     fifo: int | None = None
     lock_memory: bool = False
-    awake: bool | None = None
+    awake: bool = True
 
     def arguments(self) -> list[str]:
         """Return these options as arguments of this module's command."""

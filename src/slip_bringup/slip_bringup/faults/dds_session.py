@@ -24,9 +24,8 @@ from slip_bringup.scenario import Scenario
 from slip_msgs_py.errors import InputError
 
 BLOCK_BYTES = 4096  # of a file system: what a file has beyond its end when the disk is full
-END_BYTES = (
-    1 << 16
-)  # a full disk refuses to grow in sum, this limit each file: metadata.yaml needs more than a young bag has
+# A full disk refuses to grow in sum, this limit each file: metadata.yaml needs more than a young bag has.
+END_BYTES = 1 << 16
 
 
 class Nodes:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from slip_msgs_py.arrays import Array, readonly
+from slip_msgs_py.stamps import seconds_to_ns
 from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import TickResult, VicController
 from slip_vic_controller.core.diagnostics import TickDiagnostics
@@ -55,12 +56,15 @@ class Supervisor:
         self._safety = safety
         self._holder = Holder(controller)
         self._limits = GateLimits(
-            controller.arm.effort_limit, limits.effort_rate, _ns(limits.longest_step_s), _ns(limits.restart_after_s)
+            controller.arm.effort_limit,
+            limits.effort_rate,
+            seconds_to_ns(limits.longest_step_s),
+            seconds_to_ns(limits.restart_after_s),
         )
         self._examiner = Examiner(controller)
         self._unlimited = controller.unsaturated
-        self._policy = ModePolicy(safety.auto_enable, safety.auto_resume, _ns(safety.resume_after_s))
-        self._bridge_ns, self._late_ns = _ns(inputs.bridge_s), _ns(inputs.joint.late_s)
+        self._policy = ModePolicy(safety.auto_enable, safety.auto_resume, seconds_to_ns(safety.resume_after_s))
+        self._bridge_ns, self._late_ns = seconds_to_ns(inputs.bridge_s), seconds_to_ns(inputs.joint.late_s)
         load = self._examiner.load
         axes = controller.contacts[0].slip_axes[:3]
         bounds = (limits.error_linear, limits.error_angular, _SLIPPING)
@@ -152,9 +156,8 @@ class Supervisor:
     ) -> Supervised:  # fmt: skip
         """Bridge a short gap of good joint states with the last effort, then let it go to gravity compensation."""
         since = now_ns if state.joint_bad_since_ns is None else state.joint_bad_since_ns
-        ran = (
-            now_ns - state.now_ns <= self._examiner.gap_ns
-        )  # else the last effort is old, however young the bad sample
+        # After a pause the last effort is old, however young the bad sample.
+        ran = now_ns - state.now_ns <= self._examiner.gap_ns
         bridged = ran and state.gate is not None and now_ns - since <= self._bridge_ns
         mode = state.mode
         wanted = self.controller.arm.gravity(control.position)
@@ -274,7 +277,7 @@ class Supervisor:
         if gate is None or needs_restart(limits, gate, now_ns):
             start = start_gate(limits, joint.effort, self.controller.arm.gravity(control.position), now_ns)
             # The first step counts one control period.
-            gate = start._replace(now_ns=now_ns - _ns(self.controller.params.control_period_s))
+            gate = start._replace(now_ns=now_ns - seconds_to_ns(self.controller.params.control_period_s))
         law = None if result is None else result.diagnostics
         arm = None if law is None or law.glance is None else law.glance.arm
         out = np.empty(3 * n + 3)
@@ -307,7 +310,3 @@ class Supervisor:
 
 
 _ANSWERED = (Trouble.NONE, Trouble.DENORMAL, Trouble.RESTARTED, Trouble.NOT_RUN)
-
-
-def _ns(seconds: float) -> int:
-    return round(seconds * 1e9)
