@@ -85,6 +85,8 @@ def processes(ros_domain: int) -> Iterator[Processes]:
     before = shared_memory.segments()
     with ProcessGroup() as group:
         yield Processes(group, environment)
+        for child in group.children:  # pytest shows it where the test failed
+            print(f"{child.name} (exit code {child.exit_code}), last lines:\n{child.tail()}")
     shared_memory.remove_orphans(shared_memory.segments() - before)
 
 

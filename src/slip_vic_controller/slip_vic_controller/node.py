@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
@@ -38,6 +38,7 @@ STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only
 SLIP_DEPTH = 100  # every sample counts for the observer
 LOOK_S = 0.02
 WATCHDOG_S = 0.01
+LINGER_S = 0.2  # for the answer of the transition that ends the process to reach who asked
 
 
 class SlipVicController(LifecycleNode):
@@ -53,10 +54,11 @@ class SlipVicController(LifecycleNode):
         self._refusals = Refusals(self.get_logger().error)
         self._executor = executor or EventsExecutor()
         self._spinner = Spinner(self._executor)
-        self._own: set[Any] = set()
+        self._endpoints: list[tuple[Callable[[Any], Any], Any]] = []
         self._failure: SlipVicError | None = None
         self._peers: Peers | None = None
-        self._finished = self._ready = False
+        self._finished_at: float | None = None
+        self._ready = False
         allow_changes(self, self.params, self._on_change)
         if self.params.auto_activate:
             self.trigger_configure()
@@ -112,8 +114,7 @@ class SlipVicController(LifecycleNode):
             self.session.set_active(False)
             self._say_no_command()
             self._destroy_endpoints()
-        self._finished = True
-        self._spinner.enough()
+        self._finished_at = time.monotonic()
         return TransitionCallbackReturn.SUCCESS
 
     def _say_no_command(self) -> None:
@@ -124,17 +125,12 @@ class SlipVicController(LifecycleNode):
     def _destroy_endpoints(self) -> None:
         self._peers, self._ready = None, False
         self._state_publisher.close()
-        for kind, destroy in (
-            (self.publishers, self.destroy_publisher),
-            (self.subscriptions, self.destroy_subscription),
-            (self.services, self.destroy_service),
-            (self.timers, self.destroy_timer),
-        ):
-            for item in [item for item in kind if item not in self._own]:
-                destroy(item)
+        for destroy, item in self._endpoints:
+            destroy(item)
+        self._endpoints = []
 
     def _create_endpoints(self) -> None:
-        self._own = {*self.publishers, *self.subscriptions, *self.services, *self.timers}
+        before = set(self._entities())
         names, contacts = self.params.joint_names, self.session.contacts
         self._send_effort = create_sender(self, "effort_command", forms.joint_state(names))
         self._send_array = (
@@ -165,6 +161,18 @@ class SlipVicController(LifecycleNode):
             ],
             subscriptions=inputs,
         )
+        self._endpoints = [entity for entity in self._entities() if entity not in before]
+
+    def _entities(self) -> Iterator[tuple[Callable[[Any], Any], Any]]:
+        """Yield everything that this node has, and what destroys it."""
+        for kind, destroy in (
+            (self.publishers, self.destroy_publisher),
+            (self.subscriptions, self.destroy_subscription),
+            (self.services, self.destroy_service),
+            (self.timers, self.destroy_timer),
+        ):
+            for item in kind:
+                yield destroy, item
 
     def _create_inputs(self) -> list[Any]:
         depth = STATE_DEPTH[self._lockstep]
@@ -237,6 +245,8 @@ class SlipVicController(LifecycleNode):
             self._publish(result, now_ns)
 
     def _publish(self, result: CycleResult, began_ns: int) -> None:
+        if self._peers is None:
+            return  # answers a message that was on its way to us when the topics were removed
         command, joint = result.command, result.joint
         # Positions and velocities beside the effort, so that viewers draw the robot where it is.
         self._send_effort.send(command.stamp_ns, joint.position, joint.velocity, command.effort)
@@ -264,7 +274,8 @@ class SlipVicController(LifecycleNode):
 
         def goes_on() -> bool:
             self.announce_when_ready()
-            return not should_stop() and not self._finished
+            over = self._finished_at is not None and time.monotonic() - self._finished_at > LINGER_S
+            return not should_stop() and not over
 
         self._spinner.spin_while(self, goes_on, LOOK_S)
         if self._peers is None:

@@ -83,6 +83,7 @@ class VectorWatch:
         self._equal_since_ns = 0
         self._invalid = False
         self._ahead = 0
+        self._refused = Trouble.SILENT, 0
 
     def judge(self, stamp_ns: int, values: Array, valid: bool, now_ns: int, joint_stamp_ns: int | None) -> Trouble:
         """Return what is wrong with a sample (6,); only NONE and DENORMAL are to be used."""
@@ -93,6 +94,8 @@ class VectorWatch:
                 self._equal_since_ns = stamp_ns
             self._stamp_ns, self._values, self._arrival_ns = stamp_ns, values, now_ns
             self.rhythm.beat(now_ns)
+        elif trouble in _BAD_VALUES:
+            self._refused = trouble, now_ns
         if trouble != Trouble.NONE:
             self._invalid = self._invalid or trouble == Trouble.INVALID
             self.counts[trouble] += 1
@@ -129,7 +132,9 @@ class VectorWatch:
             # Two clocks that differ, or joint states that were long on their way: not to wait for the age limit.
             return Trouble.FUTURE
         if now_ns - self._arrival_ns > self._age_ns:
-            return Trouble.SILENT
+            # Silent is only who says nothing: "absurdly large" tells a user of an object that has been lost.
+            trouble, refused_ns = self._refused
+            return trouble if now_ns - refused_ns <= self._age_ns else Trouble.SILENT
         if joint_stamp_ns - self._stamp_ns > self._age_ns:
             return Trouble.STALE
         frozen = self._stamp_ns - self._equal_since_ns > self._frozen_ns
@@ -249,3 +254,4 @@ class JointWatch:
 
 _UNKNOWN_SIX = readonly(np.full(6, np.nan))
 _BAD_NUMBERS = NOT_FINITE | ABSURD
+_BAD_VALUES = (Trouble.NOT_FINITE, Trouble.ABSURD)
