@@ -34,7 +34,7 @@ class RunnableNode(Protocol):
         """Release everything."""
 
 
-DELIVERY_S = 2.0
+DELIVERY_S = 10.0  # a busy machine may starve a recorder for seconds
 STOP_DELIVERY_S = 0.1  # somebody waits for the process to end
 
 
