@@ -18,7 +18,7 @@ def readonly(values: ArrayLike) -> Array:
     Implements: ours: value objects must not change behind their owner's back.
     """
     array = np.array(values, dtype=np.float64)
-    array.flags.writeable = False
+    array.setflags(write=False)
     return array
 
 

@@ -144,5 +144,5 @@ def _ints(values: Iterable[int]) -> Ints:
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:
-    array.flags.writeable = False
+    array.setflags(write=False)
     return array

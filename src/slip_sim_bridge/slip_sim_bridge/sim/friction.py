@@ -240,7 +240,7 @@ def substeps_needed(
 
 def _readonly(x: float, y: float, z: float) -> Array:
     array = np.array((x, y, z))
-    array.flags.writeable = False
+    array.setflags(write=False)
     return array
 
 

@@ -146,7 +146,7 @@ class ArmModel:
         self.evaluate(q, qd)
         record = np.empty(self._size)
         gather(qd, self._placement, *self._views, record)
-        record.flags.writeable = False
+        record.setflags(write=False)
         return ArmTerms(record, self._rest.size)
 
     def evaluate(self, q: Array, qd: Array) -> None:

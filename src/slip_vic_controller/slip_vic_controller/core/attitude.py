@@ -134,4 +134,4 @@ def rpy_rate_matrix_rate(phi: Array, phi_dot: Array) -> Array:
 
 
 _WORLD = np.eye(3)
-_WORLD.flags.writeable = False
+_WORLD.setflags(write=False)

@@ -82,7 +82,7 @@ class VicController:
         self._looks_first = params.attitude == "rpy"  # bad numbers must not reach the plain form
         self._dead_band = bool(params.measured.dead_band_linear or params.measured.dead_band_angular)
         self.unsaturated = np.zeros(len(self.joint_names), dtype=bool)
-        self.unsaturated.flags.writeable = False
+        self.unsaturated.setflags(write=False)
         posture, joints = params.nullspace.posture, len(self.joint_names)
         if posture and len(posture) != joints:
             raise InputError("parameter nullspace.posture", got=f"{len(posture)} values", expected=f"{joints} or none")
@@ -199,7 +199,9 @@ class VicController:
             # What is not finite comes out as not finite: only then it is worth while to look for the cause.
             reason = refusal(state.stamp_ns, n, count, self._slip_needed, joint, wrenches, slips, reference)
             return self._safe(state, joint, reason or "the law gave no finite torque")
-        memory.flags.writeable = out.flags.writeable = samples.flags.writeable = False
+        memory.setflags(write=False)
+        out.setflags(write=False)
+        samples.setflags(write=False)
         law = LawOutcome(out, n)
         following = ControllerState(
             joint.stamp_ns,
@@ -231,7 +233,9 @@ class VicController:
         if len(wrenches) == 1:  # nearly always
             h, v = wrenches[0].wrench, slips[0].twist
             if slips[0].valid and h.shape == v.shape == (6,):
-                return np.concatenate((h, v))
+                samples = np.empty(12)
+                samples[:6], samples[6:] = h, v
+                return samples
         parts: list[Array] = []
         for wrench, slip in zip(wrenches, slips, strict=True):
             twist = slip.twist if slip.valid else NO_SLIP
@@ -302,6 +306,6 @@ class VicController:
         effort, saturated = limit_effort(torque, self.arm.effort_limit)
         following = state._replace(stamp_ns=max(joint.stamp_ns, state.stamp_ns), position=readonly(q))
         for array in (effort, saturated):
-            array.flags.writeable = False
+            array.setflags(write=False)
         record = TickDiagnostics("safe", reason, (), effort, saturated, None, None, None)
         return TickResult(EffortCommand(joint.stamp_ns, effort), following, record)

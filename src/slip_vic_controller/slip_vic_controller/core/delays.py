@@ -27,13 +27,15 @@ def measure_delays(delays: Delays, now_ns: int, samples: Sequence[SlipSample]) -
     """
     latency, period, newest = delays
     for sample in samples:
-        if sample.stamp_ns == newest:
+        stamp_ns = sample.stamp_ns
+        if stamp_ns == newest:
             continue  # the same one again
-        latency += max(now_ns - sample.stamp_ns - latency, FORGET * (now_ns - sample.stamp_ns - latency))
-        if newest is not None and sample.stamp_ns > newest:
-            step = sample.stamp_ns - newest
-            period += max(step - period, FORGET * (step - period))
-        newest = sample.stamp_ns if newest is None else max(newest, sample.stamp_ns)
+        change = now_ns - stamp_ns - latency
+        latency += change if change > 0.0 else FORGET * change
+        if newest is not None and stamp_ns > newest:
+            change = stamp_ns - newest - period
+            period += change if change > 0.0 else FORGET * change
+        newest = stamp_ns if newest is None or stamp_ns > newest else newest
     return Delays(latency, period, newest)
 
 

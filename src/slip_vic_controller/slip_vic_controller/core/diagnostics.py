@@ -71,7 +71,7 @@ class TickTerms(NamedTuple):
         parts = (attitude.error, attitude.rate, attitude.T_e, attitude.T_e_inverse, attitude.Theta)
         torques = (torque.torque, torque.task, torque.null, torque.force)
         for array in (*self.grasp, *own, *parts, *torques):
-            array.flags.writeable = False
+            array.setflags(write=False)
 
 
 class Glance(NamedTuple):

@@ -129,4 +129,4 @@ def control_law(
 
 
 _ZERO = np.zeros(3)
-_ZERO.flags.writeable = False
+_ZERO.setflags(write=False)

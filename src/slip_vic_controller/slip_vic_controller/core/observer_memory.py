@@ -129,14 +129,14 @@ class SlipObserver:
             rows = self._slip(memory, motion, fresh, stamp, dt, now)
         else:
             rows = self._stick(memory, motion, fresh, stamp, dt, now)
-        now.flags.writeable = False
+        now.setflags(write=False)
         return ObserverMemory(stamp_ns, origin, now, rows) if rows else None
 
     def _packed(self, samples: Sequence[SlipSample], origin_ns: int) -> Array:
         if len(samples) == 1 and samples[0].valid:  # nearly always
-            fresh = np.empty((1, 7))
-            fresh[0, 0], fresh[0, 1:] = samples[0].stamp_ns - origin_ns, samples[0].twist
-            return fresh
+            row = np.empty(7)
+            row[0], row[1:] = samples[0].stamp_ns - origin_ns, samples[0].twist
+            return row.reshape(1, 7)
         valid = [sample for sample in samples if sample.valid]
         fresh = np.empty((len(valid), 7))
         for row, sample in zip(fresh, valid, strict=True):
@@ -155,7 +155,7 @@ class SlipObserver:
             rows = np.empty((len(window) if cause == 1 else 1, self._slip_row))
             begin_slip(self._tuning, window, cause, now, rows)
             return _blocks(rows)
-        window.flags.writeable = False
+        window.setflags(write=False)
         return (window,)
 
     def _slip(
@@ -190,7 +190,7 @@ def _reaching_back(earlier: tuple[Array, ...], rows: Array, stamp: float) -> tup
 
 def _blocks(rows: Array) -> tuple[Array, ...]:
     """Return rows in read-only blocks, at least BLOCK rows in the last one where there are so many."""
-    rows.flags.writeable = False
+    rows.setflags(write=False)
     if len(rows) < 2 * BLOCK:
         return (rows,)
     last = (len(rows) // BLOCK - 1) * BLOCK

@@ -75,7 +75,7 @@ def pass_gate(limits: GateLimits, state: GateState, wanted: Array, now_ns: int) 
     # Where the rate does not bind this is `inside` to the last bit. Rounding may not carry it over the effort limit.
     effort = np.minimum(np.maximum(effort, -limits.effort), limits.effort)
     limited = effort != inside
-    effort.flags.writeable = False
+    effort.setflags(write=False)
     return GateResult(effort, inside != wanted, limited, refused, GateState(effort, max(now_ns, state.now_ns)))
 
 

@@ -41,21 +41,21 @@ def quintic_point(polynomials: Array, u: float, out: Array) -> None:
     horner(polynomials, u, out)
 
 
-@kernel(VOID(IN1, IN1, IN1, OUT1))
+@kernel(VOID(IN1, IN1, IN2, OUT1))
 def place_reference(point: Array, position: Array, rotation: Array, out: Array) -> None:
     """Write the packed reference of a point of a path, as `trajectory.reference_at` does.
 
     Args:
         point: displacement and rotation vector, and their two derivatives; (18,) {w}.
-        position, rotation: where the path starts; (3,) [m], (9,) by rows.
+        position, rotation: where the path starts; (3,) [m], (3, 3).
         out: (24,).
 
     Implements: ours: R_d = exp(phi) R_0, omega_d = J_l phi_dot, alpha_d = J_l phi_ddot + Jdot_l phi_dot.
     """
-    place(point, position, rotation, out)
+    place(point, position, rotation.reshape(9), out)
 
 
-@kernel(VOID(IN2, REAL, IN1, IN1, OUT1))
+@kernel(VOID(IN2, REAL, IN1, IN2, OUT1))
 def place_quintic(polynomials: Array, u: float, position: Array, rotation: Array, out: Array) -> None:
     """Write the packed reference of a quintic segment at u [s]: both of the above in one call.
 
@@ -63,4 +63,4 @@ def place_quintic(polynomials: Array, u: float, position: Array, rotation: Array
     """
     point = np.empty(18)
     horner(polynomials, u, point)
-    place(point, position, rotation, out)
+    place(point, position, rotation.reshape(9), out)

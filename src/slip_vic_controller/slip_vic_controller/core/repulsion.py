@@ -13,7 +13,7 @@ from slip_vic_controller.core.guard_kernel import BRAKE_ANGULAR, BRAKE_LINEAR, B
 from slip_vic_controller.core.safety_params import LimitParams
 
 PAD_BRAKE = np.repeat((BRAKE_LINEAR, BRAKE_ANGULAR), 3)  # [N s/m], [N m s/rad]
-PAD_BRAKE.flags.writeable = False
+PAD_BRAKE.setflags(write=False)
 TRIP = 4.0 / 3.0  # of the pad's speed limits
 
 

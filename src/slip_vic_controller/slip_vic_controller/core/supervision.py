@@ -232,7 +232,7 @@ class Supervisor:
         watch(
             glance.arm.record, glance.law.packed, glance.reference, self._watching, before, dt, packed
         )  # fmt: skip
-        packed.flags.writeable = False
+        packed.setflags(write=False)
         evidence = self._safety.fallback.evidence
         blind = packed[3] > evidence and glance.law.slip_speed < 0.1 * evidence
         since = state.contradicted_since_ns
@@ -287,12 +287,12 @@ class Supervisor:
             wanted if wanted.shape == (n,) else np.full(n, np.nan), walls, speeds, gate.effort,
             largest_step(limits, gate, now_ns), out,
         )  # fmt: skip
-        out.flags.writeable = False
+        out.setflags(write=False)
         effort, limited = out[:n], out[2 * n : 3 * n] > 0.0 if out[-1] else self._unlimited
         saturated = self._unlimited if law is None else law.saturated
         if out[-2]:
             saturated = saturated | (out[n : 2 * n] > 0.0)
-            saturated.flags.writeable = False
+            saturated.setflags(write=False)
         since = None
         if saturated is not self._unlimited and saturated.any():
             since = now_ns if state.saturated_since_ns is None else state.saturated_since_ns

@@ -230,8 +230,8 @@ def packed_reference_at(path: Path, t: float, position: Array, rotation: Array) 
 
     Implements: ours: the form that the tick's kernel takes.
     """
-    out, start = np.empty(24), rotation.ravel()
-    if not (isinstance(path, PiecewiseQuintic) and path.place(t, position, start, out)):
-        place_reference(path.at(t).packed, position, start, out)
-    out.flags.writeable = False
+    out = np.empty(24)
+    if not (isinstance(path, PiecewiseQuintic) and path.place(t, position, rotation, out)):
+        place_reference(path.at(t).packed, position, rotation, out)
+    out.setflags(write=False)
     return out
