@@ -170,7 +170,7 @@ class Launcher:
 
     def _on_other_cores(self, command: list[str]) -> list[str]:
         """Give the command of a helper process the cores that are left to it."""
-        cores = cores_of_helpers(self._process.cpus, os.sched_getaffinity(0))
+        cores = cores_of_helpers(self._process, os.sched_getaffinity(0))
         if not cores:
             return command
         return python_module("slip_msgs_py.realtime", *ProcessOptions(cores, awake=False).arguments(), *command[2:])
@@ -235,13 +235,17 @@ def _with_cores(options: ProcessOptions, mode: str) -> ProcessOptions:
     return replace(options, cpus=cores[-2:])
 
 
-def cores_of_helpers(nodes: tuple[int, ...], available: set[int]) -> tuple[int, ...]:
-    """Return the cores for who helps bridge and controller, which have those of `nodes`; none: wherever there is time.
+def cores_of_helpers(nodes: ProcessOptions, available: set[int]) -> tuple[int, ...]:
+    """Return the cores for who helps bridge and controller, which run with `nodes`; none: wherever there is time.
 
     Where there are no cores but theirs it is the bridge's, which has time left in every tick; a state that the
-    controller misses has no answer.
+    controller misses has no answer. Not under SCHED_FIFO: there the bridge would wait for ever for a lock in shared
+    memory, because who holds it gets no time on this core.
     """
-    return (tuple(sorted(available - set(nodes))) or nodes[:-1]) if nodes else ()
+    others = tuple(sorted(available - set(nodes.cpus)))
+    if not nodes.cpus or others or nodes.fifo is not None:
+        return others if nodes.cpus else ()
+    return nodes.cpus[:-1]
 
 
 def _check_new_folder(bag: Path) -> None:
