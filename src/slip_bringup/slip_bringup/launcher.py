@@ -242,10 +242,10 @@ def cores_of_helpers(nodes: ProcessOptions, available: set[int]) -> tuple[int, .
     controller misses has no answer. Not under SCHED_FIFO: there the bridge would wait for ever for a lock in shared
     memory, because who holds it gets no time on this core.
     """
+    if not nodes.cpus:
+        return ()
     others = tuple(sorted(available - set(nodes.cpus)))
-    if not nodes.cpus or others or nodes.fifo is not None:
-        return others if nodes.cpus else ()
-    return nodes.cpus[:-1]
+    return others if others or nodes.fifo is not None else nodes.cpus[:-1]
 
 
 def _check_new_folder(bag: Path) -> None:
