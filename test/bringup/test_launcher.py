@@ -11,10 +11,9 @@ import pytest
 
 from slip_bringup import shared_memory
 from slip_bringup.bags.reader import Bag
-from slip_bringup.launcher import Interrupted, Launcher, cores_of_helpers
+from slip_bringup.launcher import Interrupted, Launcher
 from slip_bringup.scenario import load_scenario
 from slip_msgs_py.errors import ProtocolError
-from slip_msgs_py.realtime import ProcessOptions
 from slip_msgs_py.stamps import stamp_to_ns
 from test.support.ros import wait_until
 
@@ -116,21 +115,3 @@ def test_a_gripper_that_opens_lets_the_object_go(tmp_path: Path) -> None:
             last = list(opened.messages("/slip_truth"))[-1].value.position
         ends[force] = (last[0] ** 2 + last[1] ** 2) ** 0.5
     assert ends[0.005] > 1.5 * ends[0.5]
-
-
-@pytest.mark.parametrize(
-    ("cores", "fifo", "available", "expected"),
-    [
-        ((2, 3), None, {0, 1, 2, 3}, (0, 1)),
-        ((2, 3), 80, {0, 1, 2, 3}, (0, 1)),
-        ((0, 1), None, {0, 1}, (0,)),  # the bridge's: it is the first
-        ((0, 1), 80, {0, 1}, ()),  # else a lock that the recorder holds is never released
-        ((1,), 80, {0, 1}, (0,)),
-        ((0,), None, {0}, ()),
-        ((), None, {0, 1}, ()),  # lockstep: wherever there is time
-    ],
-)
-def test_the_recorder_stays_away_from_the_controller(
-    cores: tuple[int, ...], fifo: int | None, available: set[int], expected: tuple[int, ...]
-) -> None:
-    assert cores_of_helpers(ProcessOptions(cores, fifo), available) == expected

@@ -169,11 +169,11 @@ class Launcher:
         return python_module("slip_msgs_py.realtime", *process.arguments(), module, *words)
 
     def _on_other_cores(self, command: list[str]) -> list[str]:
-        """Give the command of a helper process the cores that are left to it."""
-        cores = cores_of_helpers(self._process, os.sched_getaffinity(0))
-        if not cores:
+        """Keep a helper process off the cores of bridge and controller, where there are others."""
+        others = tuple(sorted(os.sched_getaffinity(0) - set(self._process.cpus)))
+        if not self._process.cpus or not others:
             return command
-        return python_module("slip_msgs_py.realtime", *ProcessOptions(cores, awake=False).arguments(), *command[2:])
+        return python_module("slip_msgs_py.realtime", *ProcessOptions(others, awake=False).arguments(), *command[2:])
 
     def _on_event(self, name: str, event: Event) -> None:
         if event["event"] == "warning":
@@ -233,19 +233,6 @@ def _with_cores(options: ProcessOptions, mode: str) -> ProcessOptions:
     if mode != "realtime" or options.cpus or len(cores) < 2:
         return options
     return replace(options, cpus=cores[-2:])
-
-
-def cores_of_helpers(nodes: ProcessOptions, available: set[int]) -> tuple[int, ...]:
-    """Return the cores for who helps bridge and controller, which run with `nodes`; none: wherever there is time.
-
-    Where there are no cores but theirs it is the bridge's, which has time left in every tick; a state that the
-    controller misses has no answer. Not under SCHED_FIFO: there the bridge would wait for ever for a lock in shared
-    memory, because who holds it gets no time on this core.
-    """
-    if not nodes.cpus:
-        return ()
-    others = tuple(sorted(available - set(nodes.cpus)))
-    return others if others or nodes.fifo is not None else nodes.cpus[:-1]
 
 
 def _check_new_folder(bag: Path) -> None:
