@@ -14,6 +14,7 @@ from slip_bringup.scenario import NODES, load_scenario, ros_parameter_file
 from test.support.ros import Processes, wait_until
 
 ATTEMPTS, PATIENCE_S = 3, 8.0
+KNOWN_S = 0.5
 BRIDGE, CONTROLLER = "slip_sim_bridge.node", "slip_vic_controller.node"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -72,6 +73,10 @@ class Watcher:
     def call(self, kind: Any, name: str, request: Any) -> Any:
         if name not in self.clients:
             self.clients[name] = self.node.create_client(kind, name)
+            # Ready means that we know the service; it must know us too, or its answer goes nowhere.
+            self.spin(self.clients[name].service_is_ready, name)
+            known = time.monotonic() + KNOWN_S
+            self.spin(lambda: time.monotonic() > known, "the service to know us")
         client = self.clients[name]
         self.spin(client.service_is_ready, name)
         future = client.call_async(request)
