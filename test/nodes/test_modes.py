@@ -14,7 +14,6 @@ from slip_bringup.scenario import NODES, load_scenario, ros_parameter_file
 from test.support.ros import Processes, wait_until
 
 ATTEMPTS, PATIENCE_S = 3, 8.0
-KNOWN_S = 0.5
 BRIDGE, CONTROLLER = "slip_sim_bridge.node", "slip_vic_controller.node"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -29,7 +28,6 @@ class Watcher:
         self.node = node
         self.modes: list[str] = []
         self.commands: list[Any] = []
-        self.clients: dict[str, Any] = {}
         node.create_subscription(String, "controller/mode", lambda m: self.modes.append(m.data), LATCHED)
         node.create_subscription(JointState, "effort_command", self.commands.append, 100)
 
@@ -71,16 +69,11 @@ class Watcher:
         self.wait_mode("ACTIVE")
 
     def call(self, kind: Any, name: str, request: Any) -> Any:
-        if name not in self.clients:
-            self.clients[name] = self.node.create_client(kind, name)
-            # Ready means that we know the service; it must know us too, or its answer goes nowhere.
-            self.spin(self.clients[name].service_is_ready, name)
-            known = time.monotonic() + KNOWN_S
-            self.spin(lambda: time.monotonic() > known, "the service to know us")
-        client = self.clients[name]
+        client = self.node.create_client(kind, name)
         self.spin(client.service_is_ready, name)
         future = client.call_async(request)
         self.spin(future.done, f"answer of {name}")
+        self.node.destroy_client(client)
         return future.result()
 
     def trigger(self, name: str) -> Any:

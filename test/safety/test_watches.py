@@ -15,10 +15,16 @@ AGE_NS = round(PARAMS.age_s * 1e9)
 GOOD = np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
-def said_while(bad: np.ndarray, heard: bool) -> Trouble:
-    """Return what a slip velocity is worth that was good once, and then bad or not heard for longer than its age."""
+def heard_once() -> VectorWatch:
+    """Return a watch over a slip velocity that has been good once, at time 0."""
     watch = VectorWatch(PARAMS, (PARAMS.linear, PARAMS.angular), 0.05, zero_is_normal=True)
     assert watch.judge(0, GOOD, True, 0, 0) == Trouble.NONE
+    return watch
+
+
+def said_while(bad: np.ndarray, heard: bool) -> Trouble:
+    """Return what a slip velocity is worth that was good once, and then bad or not heard for longer than its age."""
+    watch = heard_once()
     now_ns = 0
     worths = []
     while now_ns <= 2 * AGE_NS:
@@ -40,15 +46,13 @@ def test_an_input_whose_numbers_are_bad_is_not_called_silent(bad: np.ndarray, tr
 
 
 def test_bad_numbers_of_long_ago_are_no_excuse_for_silence() -> None:
-    watch = VectorWatch(PARAMS, (PARAMS.linear, PARAMS.angular), 0.05, zero_is_normal=True)
-    watch.judge(0, GOOD, True, 0, 0)
+    watch = heard_once()
     watch.judge(PERIOD_NS, np.full(6, np.inf), True, PERIOD_NS, PERIOD_NS)
     assert watch.worth(2 * AGE_NS, 2 * AGE_NS, False) == Trouble.SILENT
 
 
 def test_good_numbers_after_bad_ones_count_at_once() -> None:
-    watch = VectorWatch(PARAMS, (PARAMS.linear, PARAMS.angular), 0.05, zero_is_normal=True)
-    watch.judge(0, GOOD, True, 0, 0)
+    watch = heard_once()
     late_ns = 2 * AGE_NS
     watch.judge(late_ns, np.full(6, np.inf), True, late_ns, late_ns)
     assert watch.worth(late_ns, late_ns, False) == Trouble.NOT_FINITE
