@@ -11,9 +11,9 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
-from slip_bringup.bags.format import QosProfile, TopicInfo
-from slip_bringup.bags.typedefs import find_definition
-from slip_bringup.bags.writer import BagWriter, WriterOptions
+from slip_bags.format import QosProfile, TopicInfo
+from slip_bags.typedefs import find_definition
+from slip_bags.writer import BagWriter, WriterOptions
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 START_NS = 1_700_000_000_000_000_000

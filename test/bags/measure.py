@@ -82,7 +82,7 @@ def running(bag: Path, count: int, rate_hz: float, seconds: float, compression: 
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "SLIP_VIC_EVENTS": "1",
     }
-    command = ["-m", "slip_bringup.bags.recorder_process", "--output", str(bag), "--compression", compression]
+    command = ["-m", "slip_bags.recorder_process", "--output", str(bag), "--compression", compression]
     for name, type_name in topic_types(count).items():
         command += ["--topic", name, "--type", type_name]
     pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "env": environment}
@@ -121,8 +121,8 @@ def load(count: int, rate_hz: float, seconds: float, compression: str) -> None:
 
 
 def kill(kills: int, count: int, rate_hz: float, compression: str) -> None:
-    from slip_bringup.bags.reader import Bag
-    from slip_bringup.bags.recover import recover
+    from slip_bags.reader import Bag
+    from slip_bags.recover import recover
 
     losses = []
     for number in range(kills):
@@ -150,9 +150,9 @@ def play(count: int, rate_hz: float, seconds: float, repeat: int) -> None:
     from bag_maker import encode, random_message
     from numpy.random import default_rng
 
-    from slip_bringup.bags.format import QosProfile, TopicInfo
-    from slip_bringup.bags.typedefs import find_definition
-    from slip_bringup.bags.writer import BagWriter, WriterOptions
+    from slip_bags.format import QosProfile, TopicInfo
+    from slip_bags.typedefs import find_definition
+    from slip_bags.writer import BagWriter, WriterOptions
 
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / "bag"

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from slip_bringup.bags.format import QosProfile, TopicInfo
-from slip_bringup.bags.typedefs import find_definition
-from slip_bringup.bags.writer import BagWriter, WriterOptions
+from slip_bags.format import QosProfile, TopicInfo
+from slip_bags.typedefs import find_definition
+from slip_bags.writer import BagWriter, WriterOptions
 from slip_bringup.inprocess import ClosedLoop, Tick
 from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
-from slip_msgs_py.params import build, flatten
+from slip_core.params import build, flatten
 from slip_vic_controller.node_params import ControllerNodeParams
 
 from .bag_maker import STORE, encode

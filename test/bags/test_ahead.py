@@ -7,9 +7,9 @@ import threading
 
 import pytest
 
-from slip_bringup.bags import player as player_module
-from slip_bringup.bags.ahead import DEPTH, ReadAhead
-from slip_msgs_py.errors import InputError
+from slip_bags import player as player_module
+from slip_bags.ahead import DEPTH, ReadAhead
+from slip_core.errors import InputError
 
 
 def test_everything_in_order():
@@ -36,8 +36,8 @@ def test_closing_ends_the_thread():
 
 
 def test_bags_too_large_to_preload_are_played_the_same(ros_node, tmp_path, monkeypatch):
-    from slip_bringup.bags.player import Controls, Player, PlayOptions
-    from slip_bringup.bags.reader import Bag
+    from slip_bags.player import Controls, Player, PlayOptions
+    from slip_bags.reader import Bag
 
     from .bag_maker import make_bag
 

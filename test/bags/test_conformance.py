@@ -17,8 +17,8 @@ from mcap.reader import NonSeekingReader, make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-from slip_bringup.bags.format import QosProfile
-from slip_bringup.bags.writer import WriterOptions
+from slip_bags.format import QosProfile
+from slip_bags.writer import WriterOptions
 
 from .bag_maker import comparable, encode, make_bag
 

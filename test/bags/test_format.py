@@ -7,7 +7,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_bringup.bags.format import (
+from slip_bags.format import (
     INFINITE_NS,
     BagMetadata,
     FileInfo,
@@ -18,7 +18,7 @@ from slip_bringup.bags.format import (
     parse_qos,
     qos_text,
 )
-from slip_msgs_py.errors import InputError
+from slip_core.errors import InputError
 
 # The form of the text was compared with what the Jazzy storage plugin writes; see docs/bags.md.
 QOS = """\

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from slip_bringup.bags.info import bag_report
-from slip_bringup.bags.reader import Bag
-from slip_bringup.bags.recover import recover
-from slip_bringup.bags.writer import WriterOptions
-from slip_msgs_py.errors import InputError
+from slip_bags.info import bag_report
+from slip_bags.reader import Bag
+from slip_bags.recover import recover
+from slip_bags.writer import WriterOptions
+from slip_core.errors import InputError
 
 from .bag_maker import make_bag
 

@@ -10,14 +10,14 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from slip_bringup.bags.cli import bag as bag_command
-from slip_bringup.bags.export import dataframe, export, file_name
-from slip_bringup.bags.format import QosProfile, TopicInfo
-from slip_bringup.bags.info import bag_report
-from slip_bringup.bags.reader import Bag
-from slip_bringup.bags.typedefs import find_definition
-from slip_bringup.bags.writer import BagWriter, WriterOptions
-from slip_msgs_py.errors import InputError
+from slip_bags.cli import bag as bag_command
+from slip_bags.export import dataframe, export, file_name
+from slip_bags.format import QosProfile, TopicInfo
+from slip_bags.info import bag_report
+from slip_bags.reader import Bag
+from slip_bags.typedefs import find_definition
+from slip_bags.writer import BagWriter, WriterOptions
+from slip_core.errors import InputError
 
 from .bag_maker import STORE, SUITE_TOPICS, encode, make_bag
 

@@ -15,14 +15,14 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import WrenchStamped
 
-from slip_bringup.bags.intake import Arrival, DirectIntake, recording_qos
-from slip_bringup.bags.reader import Bag
-from slip_bringup.bags.session import request_realtime
+from slip_bags.intake import Arrival, DirectIntake, recording_qos
+from slip_bags.reader import Bag
+from slip_bags.session import request_realtime
 from test.support.ros import DEADLINE_S, wait_until
 
 from .bag_maker import PERIOD_NS, START_NS, make_bag
 
-RECORDER = ("-m", "slip_bringup.bags.recorder_process", "--output")
+RECORDER = ("-m", "slip_bags.recorder_process", "--output")
 PLAY = ("-m", "slip_bringup.cli", "bag", "play")
 TOPICS = {"/a": "sensor_msgs/msg/JointState", "/b": "geometry_msgs/msg/WrenchStamped"}
 COUNT = 300

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from mcap.writer import CompressionType, IndexType, Writer
 
-from slip_bringup.bags.format import QosProfile, TopicInfo
-from slip_bringup.bags.reader import Bag
-from slip_bringup.bags.typedefs import find_definition
-from slip_bringup.bags.writer import BagWriter, StorageError, WriterOptions
-from slip_msgs_py.errors import InputError
+from slip_bags.format import QosProfile, TopicInfo
+from slip_bags.reader import Bag
+from slip_bags.typedefs import find_definition
+from slip_bags.writer import BagWriter, StorageError, WriterOptions
+from slip_core.errors import InputError
 
 from .bag_maker import PERIOD_NS, START_NS, SUITE_TOPICS, encode, make_bag
 

@@ -14,15 +14,15 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import String
 
-from slip_bringup.bags import intake
-from slip_bringup.bags.format import QosProfile
-from slip_bringup.bags.intake import DirectIntake, ExecutorIntake, recording_qos
-from slip_bringup.bags.reader import Bag
-from slip_bringup.bags.recover import recover
-from slip_bringup.bags.typedefs import find_definition
+from slip_bags import intake
+from slip_bags.format import QosProfile
+from slip_bags.intake import DirectIntake, ExecutorIntake, recording_qos
+from slip_bags.reader import Bag
+from slip_bags.recover import recover
+from slip_bags.typedefs import find_definition
 from test.support.ros import wait_until
 
-RECORDER = ("-m", "slip_bringup.bags.recorder_process", "--output")
+RECORDER = ("-m", "slip_bags.recorder_process", "--output")
 STRING = "std_msgs/msg/String"
 RELIABLE = QoSProfile(depth=1000)
 BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -15,12 +15,12 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from slip_bringup.bags.format import parse_metadata
-from slip_bringup.bags.reader import Bag, RawMessage
-from slip_bringup.bags.recover import recover
-from slip_bringup.bags.salvage import Salvage, salvage
-from slip_bringup.bags.writer import WriterOptions
-from slip_msgs_py.errors import InputError
+from slip_bags.format import parse_metadata
+from slip_bags.reader import Bag, RawMessage
+from slip_bags.recover import recover
+from slip_bags.salvage import Salvage, salvage
+from slip_bags.writer import WriterOptions
+from slip_core.errors import InputError
 
 from .bag_maker import make_bag
 
@@ -159,7 +159,7 @@ import resource, sys
 sys.path.insert(0, sys.argv[1])
 from pathlib import Path
 from bag_maker import make_bag
-from slip_bringup.bags.writer import StorageError, WriterOptions
+from slip_bags.writer import StorageError, WriterOptions
 for compression in ("zstd", "none"):
     for limit in map(int, sys.argv[3:]):
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))

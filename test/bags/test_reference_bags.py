@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from slip_bringup.bags.reader import Bag
-from slip_bringup.bags.references import LARGEST_BYTES, SEED, reference_names
-from slip_bringup.bags.run_data import read_run
-from slip_bringup.bags.verify import verify_run
+from slip_bags.reader import Bag
+from slip_bringup.replay.references import LARGEST_BYTES, SEED, reference_names
+from slip_bringup.replay.run_data import read_run
+from slip_bringup.replay.verify import verify_run
 
 BAGS = Path(__file__).parents[2] / "bags"
 NAMES = [name for _, _, name in reference_names()]

@@ -8,11 +8,11 @@ import zlib
 import numpy as np
 import pytest
 
-from slip_bringup.bags.layout import Schema
-from slip_bringup.bags.reader import Bag, RawMessage, read_series
-from slip_bringup.bags.series import Series
-from slip_bringup.bags.typedefs import find_definition
-from slip_msgs_py.errors import InputError
+from slip_bags.layout import Schema
+from slip_bags.reader import Bag, RawMessage, read_series
+from slip_bags.series import Series
+from slip_bags.typedefs import find_definition
+from slip_core.errors import InputError
 
 from .bag_maker import STORE, comparable, encode, make_bag, random_message
 from .test_typedefs import INSTALLED

@@ -11,15 +11,15 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_bringup.bags.cli import bag as bag_command
-from slip_bringup.bags.reader import Bag
-from slip_bringup.bags.references import reference_names
-from slip_bringup.bags.run_data import read_run
-from slip_bringup.bags.verify import verify_run
+from slip_bags.cli import bag as bag_command
+from slip_bags.reader import Bag
 from slip_bringup.inprocess import ClosedLoop
+from slip_bringup.replay.references import reference_names
+from slip_bringup.replay.run_data import read_run
+from slip_bringup.replay.verify import verify_run
 from slip_bringup.scenario import load_scenario
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.params import build, flatten
+from slip_core.errors import InputError
+from slip_core.params import build, flatten
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.session import ControllerSession
 from slip_vic_controller.core.snapshot import from_text, to_text

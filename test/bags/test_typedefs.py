@@ -9,8 +9,8 @@ import std_msgs
 from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
-from slip_bringup.bags.typedefs import dependencies, find_definition
-from slip_msgs_py.errors import InputError
+from slip_bags.typedefs import dependencies, find_definition
+from slip_core.errors import InputError
 
 SHARE = next(parent / "share" for parent in Path(std_msgs.__file__).parents if (parent / "share/std_msgs").is_dir())
 INSTALLED = sorted(f"{path.parts[-3]}/msg/{path.stem}" for path in SHARE.glob("*/msg/*.msg"))

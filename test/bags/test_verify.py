@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from slip_bringup.bags.cli import bag as bag_command
-from slip_bringup.bags.reader import Bag
-from slip_bringup.bags.run_data import read_run
-from slip_bringup.bags.verify import other_software, verify_run
+from slip_bags.cli import bag as bag_command
+from slip_bags.reader import Bag
 from slip_bringup.launcher import Launcher
+from slip_bringup.replay.run_data import read_run
+from slip_bringup.replay.verify import other_software, verify_run
 from slip_bringup.scenario import load_scenario
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.params import flatten
+from slip_core.errors import InputError
+from slip_core.params import flatten
 
 from .run_maker import TOPICS, attachments, record_run
 
@@ -103,7 +103,7 @@ def test_without_ros_installed(recorded):
     packages = ("rclpy", *(f"{name}_msgs" for name in ("std", "sensor", "geometry", "nav", "rosgraph", "trajectory")))
     code = (
         f"import sys; sys.modules.update(dict.fromkeys({packages!r}))\n"
-        "from slip_bringup.bags.cli import bag\nbag(['verify', sys.argv[1]])"
+        "from slip_bags.cli import bag\nbag(['verify', sys.argv[1]])"
     )
     done = subprocess.run(
         [sys.executable, "-c", code, str(recorded)],

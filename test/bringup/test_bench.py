@@ -12,15 +12,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_bringup.bench import cfloor, cost, measure
-from slip_bringup.bench.chain import chain_urdf
-from slip_bringup.bench.compare import compare, comparison_table, judge, read_metrics
-from slip_bringup.bench.measure import BenchResult
-from slip_bringup.bench.report import write_results
-from slip_bringup.bench.samples import Metric, Rounds, metric_from, relative_spread, rotated
 from slip_bringup.cli import main
 from slip_bringup.scenario import load_scenario
-from slip_msgs_py.errors import InputError
+from slip_campaigns.bench import cfloor, cost, measure
+from slip_campaigns.bench.chain import chain_urdf
+from slip_campaigns.bench.compare import compare, comparison_table, judge, read_metrics
+from slip_campaigns.bench.measure import BenchResult
+from slip_campaigns.bench.report import write_results
+from slip_campaigns.bench.samples import Metric, Rounds, metric_from, relative_spread, rotated
+from slip_core.errors import InputError
 from slip_vic_controller.core.arm import ArmModel
 
 values = st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=9).map(tuple)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from slip_bringup.bags.reader import Bag
+from slip_bags.reader import Bag
 from slip_bringup.processes import child_environment
 
 DEADLINE_S = 600.0

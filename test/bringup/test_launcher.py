@@ -9,12 +9,12 @@ from pathlib import Path
 import psutil
 import pytest
 
+from slip_bags.reader import Bag
 from slip_bringup import shared_memory
-from slip_bringup.bags.reader import Bag
 from slip_bringup.launcher import Interrupted, Launcher
 from slip_bringup.scenario import load_scenario
-from slip_msgs_py.errors import ProtocolError
-from slip_msgs_py.stamps import stamp_to_ns
+from slip_core.errors import ProtocolError
+from slip_core.stamps import stamp_to_ns
 from test.support.ros import wait_until
 
 DEADLINE_S = 30.0

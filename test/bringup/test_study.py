@@ -16,7 +16,7 @@ from slip_bringup.study.run_case import METRICS, CaseResult, run_case
 from slip_bringup.study.runner import run_cases
 from slip_bringup.study.summary import spread, write_picture
 from slip_bringup.study.table import COLUMNS, StudyTable
-from slip_msgs_py.errors import InputError
+from slip_core.errors import InputError
 
 ISSUE_COLUMNS = (
     "scenario,controller,sensor,estimator,mismatch,seed,outcome,slip_linear_m,slip_angular_rad,slip_speed_peak_m_s,"

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from slip_msgs_py.params import build
+from slip_core.params import build
 from slip_vic_controller.core.observer import initial_observer, observe
 from slip_vic_controller.core.observer_config import observer_config
 from slip_vic_controller.core.observer_memory import SlipObserver, pack_motion

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slip_msgs_py.errors import InputError
+from slip_core.errors import InputError
 from slip_vic_controller.core.arm import ArmModel
 
 from .law_referee import S

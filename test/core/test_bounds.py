@@ -8,8 +8,8 @@ from collections import deque
 import numpy as np
 import pytest
 
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.types import SlipSample
+from slip_core.errors import InputError
+from slip_core.types import SlipSample
 from slip_vic_controller.core.bounds import check_gains, held_sample_limit, judge_gains, slip_gain_limit
 from slip_vic_controller.core.delays import Delays, measure_delays, stable_slip_gain
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from slip_msgs_py.params import build
-from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
+from slip_core.params import build
+from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core import grasp
 from slip_vic_controller.core.attitude import log_error
 from slip_vic_controller.core.controller import VicController

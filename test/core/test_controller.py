@@ -10,9 +10,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.params import build
-from slip_msgs_py.types import CartesianReference, JointSample, SlipSample, WrenchSample
+from slip_core.errors import InputError
+from slip_core.params import build
+from slip_core.types import CartesianReference, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.params import ControllerParams
 from slip_vic_controller.core.rotation import exp_so3, log_so3

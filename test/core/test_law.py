@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slip_msgs_py.params import build
-from slip_msgs_py.types import CartesianReference, JointSample, SlipSample, WrenchSample
+from slip_core.params import build
+from slip_core.types import CartesianReference, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.attitude import LOG_REPORT
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.grasp import SlipDisplacement

@@ -7,7 +7,7 @@ import random
 import numpy as np
 import pytest
 
-from slip_msgs_py.types import SlipSample
+from slip_core.types import SlipSample
 
 from .observer_bench import MS, Bench, config, six
 

@@ -7,7 +7,7 @@ import random
 import numpy as np
 import pytest
 
-from slip_msgs_py.types import SlipSample
+from slip_core.types import SlipSample
 from slip_vic_controller.core.observer import observe
 from slip_vic_controller.core.observer_memory import BLOCK, pack_motion
 from slip_vic_controller.core.observer_types import Motion

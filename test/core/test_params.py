@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.params import build, parameter_infos
+from slip_core.errors import InputError
+from slip_core.params import build, parameter_infos
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.params import ControllerParams
 

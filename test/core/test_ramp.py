@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.params import build
-from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
+from slip_core.errors import InputError
+from slip_core.params import build
+from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.params import ControllerParams
 from slip_vic_controller.core.ramp import make_ramp, ramp_time, tuning_at

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.params import build
-from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
+from slip_core.arrays import Array
+from slip_core.params import build
+from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.diagnostics import TickDiagnostics, described, numbers_of
 from slip_vic_controller.core.params import ControllerParams

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from slip_msgs_py.arrays import Array, rotate6
-from slip_msgs_py.types import CartesianReference
+from slip_core.arrays import Array, rotate6
+from slip_core.types import CartesianReference
 from slip_vic_controller.core.arm import ArmTerms
 from slip_vic_controller.core.attitude import log_error
 from slip_vic_controller.core.grasp import Contact, SlipDisplacement, integrate_slip

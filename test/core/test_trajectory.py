@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slip_msgs_py.params import build
+from slip_core.params import build
 from slip_vic_controller.core.params import TrajectoryParams
 from slip_vic_controller.core.trajectory import make_path, reference_at
 

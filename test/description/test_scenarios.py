@@ -8,8 +8,8 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from slip_core.params import build
 from slip_description import scenario_names, scenario_text, urdf_text
-from slip_msgs_py.params import build
 from slip_sim_bridge.sim.params import BridgeParams
 from slip_sim_bridge.sim.simulation import GraspSimulation
 from slip_vic_controller.core.params import ControllerParams

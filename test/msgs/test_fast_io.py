@@ -14,11 +14,11 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from slip_core.errors import InputError
+from slip_core.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_msgs_py import fast_io, forms, from_msgs, to_msgs
 from slip_msgs_py.cdr import CdrCodec
-from slip_msgs_py.errors import InputError
 from slip_msgs_py.fast_io import Receiver, Refusals, Sender
-from slip_msgs_py.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
 
 NAMES = ("a", "bb", "ccc")
 JOINT_FIELDS = ("position", "velocity", "effort")

@@ -22,9 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from slip_bringup import shared_memory
-from slip_bringup.bench.machine import fifo_permitted
 from slip_bringup.domain import domain_id
-from slip_bringup.faults.monitors import LOST_M
 from slip_bringup.inprocess import run_in_process
 from slip_bringup.launcher import Launcher
 from slip_bringup.metrics import summarise
@@ -32,6 +30,8 @@ from slip_bringup.node_command import node_command
 from slip_bringup.processes import ProcessGroup, child_environment
 from slip_bringup.scenario import IN_REAL_TIME, Scenario, load_scenario
 from slip_bringup.series import read_series
+from slip_campaigns.bench.machine import fifo_permitted
+from slip_campaigns.faults.monitors import LOST_M
 from slip_msgs_py.awake import LATENCY_FILE, Awake
 from slip_msgs_py.realtime import ProcessOptions, set_up_interpreter
 from slip_vic_controller.core.modes import Mode

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slip_bringup.bags.reader import Bag
+from slip_bags.reader import Bag
 from slip_bringup.inprocess import run_in_process
 from slip_bringup.launcher import Launcher
 from slip_bringup.scenario import Scenario, load_scenario
-from slip_msgs_py.stamps import stamp_to_ns
+from slip_core.stamps import stamp_to_ns
 
 DURATION_S = 0.6
 NOISE = (

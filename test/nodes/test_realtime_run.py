@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slip_bringup.bags.reader import Bag
+from slip_bags.reader import Bag
 from slip_bringup.launcher import Launcher
 from slip_bringup.scenario import load_scenario
-from slip_msgs_py.errors import InputError
+from slip_core.errors import InputError
+from slip_core.stamps import stamp_to_ns
 from slip_msgs_py.realtime import ProcessOptions
-from slip_msgs_py.stamps import stamp_to_ns
 from slip_sim_bridge import pacing
 from slip_vic_controller import timing
 

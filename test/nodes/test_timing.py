@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_msgs_py.timing import ERROR, OK, WARN, TimingParams, Window, compute_level, level_of, rate_level, spread
+from slip_core.timing import ERROR, OK, WARN, TimingParams, Window, compute_level, level_of, rate_level, spread
 from slip_sim_bridge import pacing
 from slip_sim_bridge.pacing import Pacer
 from slip_vic_controller import timing

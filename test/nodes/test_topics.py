@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slip_bringup.bags.reader import Bag
+from slip_bags.reader import Bag
 from slip_bringup.launcher import Launcher
 from slip_bringup.recording import recorded_topics
 from slip_bringup.scenario import load_scenario
-from slip_msgs_py.stamps import stamp_to_ns
+from slip_core.stamps import stamp_to_ns
 from test.support.ros import Processes, wait_until
 
 CONFIG = Path(__file__).parents[2] / "config" / "paper_planar"

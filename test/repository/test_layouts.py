@@ -5,7 +5,7 @@ import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from slip_msgs_py.topics import TOPICS
+from slip_core.topics import TOPICS
 
 LAYOUTS = Path(__file__).parents[2] / "config" / "layouts"
 

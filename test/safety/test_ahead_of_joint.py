@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from slip_bringup.faults.trial import PERIOD_S, START_NS, STEADY_NS, prepared
-from slip_msgs_py.types import JointSample
+from slip_campaigns.faults.trial import PERIOD_S, START_NS, STEADY_NS, prepared
+from slip_core.types import JointSample
 from slip_sim_bridge.session import BridgeSession
 from slip_vic_controller.core.input_monitor import Health
 from slip_vic_controller.core.modes import Mode

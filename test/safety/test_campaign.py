@@ -11,12 +11,12 @@ import pytest
 from click.testing import CliRunner
 from scipy.stats import beta
 
-from slip_bringup.bags.reader import Bag
-from slip_bringup.faults.campaign import Tally, Verdict, judge, upper_bound_95
-from slip_bringup.faults.cli import faults
-from slip_bringup.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
-from slip_bringup.faults.plan import all_faults
-from slip_bringup.faults.trial import run_trial
+from slip_bags.reader import Bag
+from slip_campaigns.faults.campaign import Tally, Verdict, judge, upper_bound_95
+from slip_campaigns.faults.cli import faults
+from slip_campaigns.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
+from slip_campaigns.faults.plan import all_faults
+from slip_campaigns.faults.trial import run_trial
 from slip_vic_controller.core import supervision
 
 SEED = 7
@@ -71,7 +71,7 @@ def test_a_gate_that_lets_bad_numbers_through_is_caught(monkeypatch: pytest.Monk
             args[-1][3] = np.nan
 
     monkeypatch.setattr(supervision, "guard", broken)
-    from slip_bringup.faults.campaign import plan_of
+    from slip_campaigns.faults.campaign import plan_of
 
     assert any("nan" in text for text in run_trial(plan_of(SEED, 0)).violations)
 

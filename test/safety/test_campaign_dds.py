@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from slip_bringup.bags.reader import Bag
-from slip_bringup.faults.campaign import Tally
-from slip_bringup.faults.dds_campaign import run_over_dds
-from slip_bringup.faults.plan import CONTROLLER, JOINT, all_faults_over_dds
+from slip_bags.reader import Bag
+from slip_campaigns.faults.campaign import Tally
+from slip_campaigns.faults.dds_campaign import run_over_dds
+from slip_campaigns.faults.plan import CONTROLLER, JOINT, all_faults_over_dds
 
 SEED = 3
 CASES = all_faults_over_dds()

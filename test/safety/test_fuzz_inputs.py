@@ -14,16 +14,16 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rclpy.serialization import deserialize_message, serialize_message
 
-from slip_bringup.faults.monitors import CommandMonitor, Promise
-from slip_bringup.faults.plan import EFFORT, JOINT, SLIP, TOPICS, WRENCH
-from slip_bringup.faults.trial import PERIOD_S, prepared
-from slip_bringup.faults.wire import Wire
+from slip_campaigns.faults.monitors import CommandMonitor, Promise
+from slip_campaigns.faults.plan import EFFORT, JOINT, SLIP, TOPICS, WRENCH
+from slip_campaigns.faults.trial import PERIOD_S, prepared
+from slip_campaigns.faults.wire import Wire
+from slip_core.errors import InputError
+from slip_core.topics import topic
+from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_msgs_py import from_msgs, to_msgs
-from slip_msgs_py.errors import InputError
 from slip_msgs_py.fast_io import Receiver
 from slip_msgs_py.qos import message_class
-from slip_msgs_py.topics import topic
-from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.session import BridgeSession
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.inputs import Manifest

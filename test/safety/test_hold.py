@@ -8,9 +8,9 @@ from collections import deque
 import numpy as np
 import pytest
 
-from slip_bringup.faults.trial import START_NS, STEADY_NS
 from slip_bringup.scenario import load_scenario
-from slip_msgs_py.arrays import skew
+from slip_campaigns.faults.trial import START_NS, STEADY_NS
+from slip_core.arrays import skew
 from slip_sim_bridge.session import BridgeSession, TickOutputs
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.hold import (

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from slip_msgs_py.arrays import Array
+from slip_core.arrays import Array
 from slip_vic_controller.core.arm import ArmModel, ArmTerms
 from slip_vic_controller.core.guard_kernel import WATCHED, guard, too_fast_index, watch
 from slip_vic_controller.core.load_monitor import EvidenceState, LoadPolicy, fall_speed, slip_evidence

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from slip_bringup.faults.plan import ON_NODES, ON_TOPICS
+from slip_campaigns.faults.plan import ON_NODES, ON_TOPICS
 from slip_vic_controller.core.modes import Mode
 from slip_vic_controller.core.safety_params import SafetyParams
 from slip_vic_controller.core.trouble import reaction_table

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from slip_bringup.faults.trial import PERIOD_S, START_NS, STEADY_NS, prepared
-from slip_msgs_py.types import JointSample
+from slip_campaigns.faults.trial import PERIOD_S, START_NS, STEADY_NS, prepared
+from slip_core.types import JointSample
 from slip_sim_bridge.session import BridgeSession
 from slip_vic_controller.core.modes import Mode
 from slip_vic_controller.core.session import ControllerSession

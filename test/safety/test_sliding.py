@@ -8,9 +8,9 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from slip_bringup.faults.trial import PERIOD_S, START_NS, STEADY_NS
 from slip_bringup.inprocess import run_in_process
 from slip_bringup.scenario import ControllerKind, load_scenario
+from slip_campaigns.faults.trial import PERIOD_S, START_NS, STEADY_NS
 from slip_sim_bridge.session import BridgeSession
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.findings import SLIDES

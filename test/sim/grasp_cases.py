@@ -6,8 +6,8 @@ import functools
 
 import numpy as np
 
+from slip_core.params import build
 from slip_description import urdf_text
-from slip_msgs_py.params import build
 from slip_sim_bridge.sim.params import BridgeParams
 from slip_sim_bridge.sim.simulation import GraspSimulation
 

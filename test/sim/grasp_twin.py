@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from slip_msgs_py.arrays import inertia_from_six, matrix_from_quat_xyzw
+from slip_core.arrays import inertia_from_six, matrix_from_quat_xyzw
 
 LWA = pin.LOCAL_WORLD_ALIGNED
 

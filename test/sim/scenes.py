@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import yaml
 
+from slip_core.params import build
 from slip_description import scenario_text, urdf_text
-from slip_msgs_py.params import build
 from slip_sim_bridge.sim.params import BridgeParams
 from slip_sim_bridge.sim.simulation import GraspSimulation
 

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from slip_msgs_py import sym3_kernel as sym3
-from slip_msgs_py.errors import InputError
+from slip_core import sym3_kernel as sym3
+from slip_core.errors import InputError
 from slip_sim_bridge.sim.friction import NO_STATE, Coulomb, Stribeck, solve_contact, substeps_needed
 
 ROUNDING = 1e-9  # relative; conditioning of the drawn A up to 1e4 times double rounding, with room

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slip_msgs_py.errors import InputError
+from slip_core.errors import InputError
 from slip_sim_bridge.sim.friction import NO_STATE, Stribeck, solve_contact
 from slip_sim_bridge.sim.laws import friction_law
 from slip_sim_bridge.sim.lugre import LuGre

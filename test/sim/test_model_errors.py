@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from slip_core.errors import InputError
+from slip_core.params import build
 from slip_description import urdf_text
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.params import build
 from slip_sim_bridge.sim.model import build_model
 from slip_sim_bridge.sim.params import BridgeParams
 from slip_sim_bridge.sim.simulation import GraspSimulation

@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
+from slip_core.params import build
 from slip_description import urdf_text
-from slip_msgs_py.params import build
 from slip_sim_bridge.sim.model import arm_spec, build_model, compile_spec
 from slip_sim_bridge.sim.params import BridgeParams
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from slip_msgs_py.errors import InputError
+from slip_core.errors import InputError
 
 from .grasp_cases import G0, MU_S, POSTURE, RHO, friction_used, grasp, planar, shaken_hold, slip, slip_speed
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slip_msgs_py.params import build
-from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
+from slip_core.params import build
+from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.sim.params import BridgeParams
 from slip_sim_bridge.sim.sensors import SensorSuite
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slip_msgs_py.errors import InputError, SlipVicError
+from slip_core.errors import InputError, SlipVicError
 from slip_sim_bridge.sim.plant import DivergenceError
 
 from .scenes import Shaker, scene

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import yaml
 
+from slip_core.params import build
 from slip_description import scenario_text, urdf_text
-from slip_msgs_py.params import build
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.params import ControllerParams
 

@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
+from slip_core.arrays import rotate6, skew
 from slip_description import urdf_text
-from slip_msgs_py.arrays import rotate6, skew
 
 from .grasp_twin import GraspTwin
 from .scenes import Shaker, scenario_params, scene

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.params import build
-from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
+from slip_core.errors import InputError
+from slip_core.params import build
+from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.presets import load_preset, preset_names
 from slip_sim_bridge.sim.params import BridgeParams
 from slip_sim_bridge.sim.sensors import SensorSuite

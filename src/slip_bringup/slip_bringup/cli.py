@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import signal
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import click
 from rich.console import Console
 
-from slip_bringup.bags.cli import bag
-from slip_bringup.faults.cli import faults
-from slip_bringup.soak.cli import soak
+from slip_bags.cli import bag
+from slip_bringup.replay.cli import references, verify
 from slip_bringup.study.cli import check, study
-from slip_msgs_py.errors import SlipVicError
+from slip_core.errors import SlipVicError
 
 if TYPE_CHECKING:
     from slip_bringup.scenario import ControllerKind, Mode
@@ -23,7 +24,28 @@ CONSOLE = Console(stderr=True)
 CONTROLLERS = click.Choice(["vic", "classical"])
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+DEVELOPERS: Final = {name: f"slip_campaigns.{name}.cli" for name in ("bench", "faults", "soak")}
+"""Commands for developers: the module of each, imported where it is asked for."""
+
+
+class Commands(click.Group):
+    """The commands of this package and, where slip_campaigns is installed, those for developers."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of all commands, in the order of the help page."""
+        developers = DEVELOPERS if importlib.util.find_spec("slip_campaigns") else ()
+        return sorted({*super().list_commands(ctx), *developers})
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command by name; None where there is none."""
+        if cmd_name in DEVELOPERS and cmd_name in self.list_commands(ctx):
+            command = getattr(importlib.import_module(DEVELOPERS[cmd_name]), cmd_name)
+            assert isinstance(command, click.Command)
+            return command
+        return super().get_command(ctx, cmd_name)
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(package_name="slip_bringup", prog_name="slip-vic")
 def cli() -> None:
     """Variable impedance control for slippery grasps on ROS 2: run, record, compare."""
@@ -119,45 +141,11 @@ def params(scenarios: tuple[str, ...], out: Path, reference: bool) -> None:
         click.echo(str(out / name))
 
 
+bag.add_command(verify)
+bag.add_command(references)
 cli.add_command(bag)
-cli.add_command(faults)
-cli.add_command(soak)
 cli.add_command(check)
 cli.add_command(study)
-
-
-@cli.command()
-@click.option("--out", type=click.Path(path_type=Path), default=Path("out"), show_default=True, help="output folder")
-@click.option("--quick", is_flag=True, help="about half a minute, for a first look; numbers are rough")
-@click.option("--rounds", type=click.IntRange(1), help="rounds of everything side by side")
-@click.option("--free-s", type=click.FloatRange(0.1), help="length of each real-time run [s]")
-@click.option(
-    "--compare",
-    "files",
-    nargs=2,
-    type=click.Path(path_type=Path),
-    help="measure nothing: say what changed between two bench.json beyond the noise",
-)
-def bench(out: Path, quick: bool, rounds: int | None, free_s: float | None, files: tuple[Path, Path] | None) -> None:
-    """Measure what a control cycle costs on this machine: table, bench.json, bench.png; about five minutes."""
-    if files is not None:
-        from slip_bringup.bench.compare import compare, comparison_table, read_metrics
-
-        Console().print(comparison_table(compare(*map(read_metrics, files))))
-        return
-    from dataclasses import replace
-
-    from slip_bringup.bench.measure import QUICK, Effort, run_bench
-    from slip_bringup.bench.report import print_results, write_results
-
-    effort = QUICK if quick else Effort()
-    effort = replace(effort, rounds=rounds or effort.rounds, free_s=free_s or effort.free_s)
-    with CONSOLE.status("measuring") as status:
-        result = run_bench(effort, status.update)
-    numbers, picture = write_results(out, result)
-    console = Console()
-    print_results(console, result)
-    console.print(f"numbers: {numbers}\npicture: {picture}", soft_wrap=True)
 
 
 def main() -> int:

@@ -21,7 +21,7 @@ from slip_bringup.recording import versions
 from slip_bringup.report import write_report
 from slip_bringup.scenario import ControllerKind, load_scenario
 from slip_bringup.series import RunSeries, read_series
-from slip_msgs_py.errors import InputError
+from slip_core.errors import InputError
 
 ORDER: tuple[ControllerKind, ...] = ("classical", "vic")
 

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from slip_msgs_py.errors import InputError, ProtocolError
+from slip_core.errors import InputError, ProtocolError
 
 # Above 101 the DDS ports reach into Linux's ephemeral range; 0 is everybody's default.
 FIRST, LAST = 1, 101

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from slip_bringup.scenario import Scenario
-from slip_msgs_py.types import EffortCommand
+from slip_core.types import EffortCommand
 from slip_sim_bridge.session import BridgeSession, TickOutputs
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.inputs import Manifest

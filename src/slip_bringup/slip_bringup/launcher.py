@@ -18,7 +18,7 @@ from slip_bringup.node_command import node_module, parameter_arguments
 from slip_bringup.processes import Child, Event, ProcessGroup, child_environment, python_module
 from slip_bringup.recording import recorder_command
 from slip_bringup.scenario import Scenario
-from slip_msgs_py.errors import InputError, ProtocolError
+from slip_core.errors import InputError, ProtocolError
 from slip_msgs_py.realtime import ProcessOptions
 
 READY_TIMEOUT_S = 60.0  # the very first start may have to compile

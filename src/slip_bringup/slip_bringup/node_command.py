@@ -6,7 +6,7 @@ from pathlib import Path
 
 from slip_bringup.processes import python_module
 from slip_bringup.scenario import NODES, ros_parameter_file
-from slip_msgs_py.params import ParameterModel
+from slip_core.params import ParameterModel
 
 
 def node_module(name: str) -> str:

@@ -17,7 +17,7 @@ from typing import Any
 import psutil
 
 from slip_bringup import shared_memory
-from slip_msgs_py.errors import InputError, ProtocolError, SlipVicError
+from slip_core.errors import InputError, ProtocolError, SlipVicError
 
 LAST_LINES = 12
 GRACE_S = 5.0

@@ -6,10 +6,10 @@ import importlib.metadata
 import platform
 from pathlib import Path
 
-from slip_bringup.bags.provenance import VERSIONED
+from slip_bags.provenance import VERSIONED
 from slip_bringup.processes import python_module
 from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
-from slip_msgs_py.topics import TOPICS
+from slip_core.topics import TOPICS
 
 
 def recorded_topics(scenario: Scenario) -> list[tuple[str, str]]:
@@ -58,4 +58,4 @@ def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str
         arguments += ["--custom-data", f"{key}={value}"]
     if namespace:
         arguments += ["--namespace", namespace]
-    return python_module("slip_bringup.bags.recorder_process", *arguments)
+    return python_module("slip_bags.recorder_process", *arguments)

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import get_args
 
 from slip_bringup.scenario import NODES, ControllerKind, load_scenario, ros_parameter_file
+from slip_core.errors import InputError
+from slip_core.params import ParameterInfo, ParameterModel, parameter_infos
+from slip_core.topics import markdown_table
 from slip_description import scenario_names
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.params import ParameterInfo, ParameterModel, parameter_infos
-from slip_msgs_py.topics import markdown_table
 
 
 def config_files(scenarios: list[str] | None = None) -> dict[str, str]:
@@ -64,7 +64,7 @@ def parameter_page() -> str:
 def topic_page() -> str:
     """Return docs/topics.md."""
     return (
-        "# Topics\n\nMade by `slip-vic params --reference` from `slip_msgs_py.topics`; a test holds it true.\n"
+        "# Topics\n\nMade by `slip-vic params --reference` from `slip_core.topics`; a test holds it true.\n"
         "Names are relative: a namespace moves the whole system. Contact 1 and further ones of a multi-contact grasp\n"
         "use `contact_1/wrench`, `contact_1/slip_velocity` and so on. The controller subscribes best effort in real\n"
         "time, so that a sensor driver's best-effort topics match, and reliable in lockstep.\n\n"

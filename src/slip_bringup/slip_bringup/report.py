@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt  # the backend must be chosen first: no display 
 import numpy as np
 
 from slip_bringup.series import RunSeries, rotation_angle_about
-from slip_msgs_py.arrays import Array
+from slip_core.arrays import Array
 
 COLOURS = {"classical": "#c44e52", "vic": "#1f6fb2"}
 DESIRED = {"color": "black", "linestyle": ":", "linewidth": 1.4, "label": "desired"}

@@ -10,9 +10,8 @@ from typing import Any, Literal
 import yaml
 from pydantic import Field
 
-from slip_description import scenario_names, scenario_text
-from slip_msgs_py.errors import InputError, nearest
-from slip_msgs_py.params import (
+from slip_core.errors import InputError, nearest
+from slip_core.params import (
     ParameterModel,
     build,
     flat_names,
@@ -23,7 +22,8 @@ from slip_msgs_py.params import (
     parse_assignment,
     validate,
 )
-from slip_msgs_py.resources import read_text
+from slip_core.resources import read_text
+from slip_description import scenario_names, scenario_text
 from slip_sim_bridge.node_params import BridgeNodeParams
 from slip_sim_bridge.presets import SensorPreset, load_preset
 from slip_sim_bridge.sim.simulation import GraspSimulation

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from slip_bringup.bags.reader import Bag
-from slip_msgs_py.arrays import Array, matrix_from_quat_xyzw, quat_xyzw_from_matrix
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.stamps import stamp_to_ns
+from slip_bags.reader import Bag
+from slip_core.arrays import Array, matrix_from_quat_xyzw, quat_xyzw_from_matrix
+from slip_core.errors import InputError
+from slip_core.stamps import stamp_to_ns
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 
-from slip_msgs_py.stamps import NS_PER_S
+from slip_core.stamps import NS_PER_S
 
 _HEADER: Final = b"\x00\x01\x00\x00"  # plain CDR, little endian
 _NUMBERS: Final = {

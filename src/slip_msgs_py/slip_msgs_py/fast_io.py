@@ -13,12 +13,12 @@ from typing import Any, Final, Generic, TypeVar
 import numpy as np
 from rclpy.serialization import deserialize_message
 
+from slip_core.errors import InputError
+from slip_core.stamps import NS_PER_S
+from slip_core.topics import topic
 from slip_msgs_py.cdr import CdrCodec, numbers_at
-from slip_msgs_py.errors import InputError
 from slip_msgs_py.forms import Form
 from slip_msgs_py.qos import create_publisher, create_subscription, message_class
-from slip_msgs_py.stamps import NS_PER_S
-from slip_msgs_py.topics import topic
 
 Sample = TypeVar("Sample")
 _MOST_FORMS: Final = 16  # forms a receiver learns; a publisher that changes form all the time is read the slow way

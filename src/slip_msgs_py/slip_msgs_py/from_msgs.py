@@ -7,9 +7,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, matrix_from_quat_xyzw, readonly
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample
+from slip_core.arrays import Array, matrix_from_quat_xyzw, readonly
+from slip_core.errors import InputError
+from slip_core.types import CartesianReference, EffortCommand, JointSample, SlipSample
 
 Sample = TypeVar("Sample")
 

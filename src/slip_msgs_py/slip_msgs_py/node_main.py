@@ -17,7 +17,7 @@ from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
-from slip_msgs_py.errors import SlipVicError
+from slip_core.errors import SlipVicError
 
 
 class RunnableNode(Protocol):

@@ -8,7 +8,7 @@ from typing import Any
 
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
-from slip_msgs_py.errors import ProtocolError
+from slip_core.errors import ProtocolError
 
 
 class Peers:

@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from slip_msgs_py.topics import Topic, topic
+from slip_core.topics import Topic, topic
 
 
 def message_class(type_name: str) -> Any:

@@ -18,8 +18,8 @@ import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from slip_core.errors import InputError
 from slip_msgs_py.awake import Awake
-from slip_msgs_py.errors import InputError
 
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4

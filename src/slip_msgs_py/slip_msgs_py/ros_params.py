@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.parameter import Parameter
 
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.params import ParameterInfo, ParameterModel, build, flatten, parameter_infos
+from slip_core.errors import InputError
+from slip_core.params import ParameterInfo, ParameterModel, build, flatten, parameter_infos
 
 Model = TypeVar("Model", bound=ParameterModel)
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")

@@ -14,10 +14,10 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, Int64MultiArray, String
 
-from slip_msgs_py import pose_kernel
-from slip_msgs_py.arrays import Array, readonly
-from slip_msgs_py.stamps import split_ns
-from slip_msgs_py.types import ObjectTruth, SlipSample
+from slip_core import pose_kernel
+from slip_core.arrays import Array, readonly
+from slip_core.stamps import split_ns
+from slip_core.types import ObjectTruth, SlipSample
 
 WORLD = "world"
 OBJECT = "object"

@@ -14,20 +14,20 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from slip_core.errors import InputError, ProtocolError, SlipVicError
+from slip_core.resources import read_text
+from slip_core.stamps import split_ns
+from slip_core.timing import Window, spread
+from slip_core.topics import contact_topic
+from slip_core.types import EffortCommand
 from slip_msgs_py import forms, from_msgs, to_msgs
-from slip_msgs_py.errors import InputError, ProtocolError, SlipVicError
 from slip_msgs_py.fast_io import Refusals, Sender, create_receiver, create_sender
 from slip_msgs_py.node_main import emit, memory_mib, run_node
 from slip_msgs_py.peers import Peers, wait_until
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
-from slip_msgs_py.resources import read_text
 from slip_msgs_py.ros_params import allow_changes, declare
 from slip_msgs_py.spinning import Spinner
-from slip_msgs_py.stamps import split_ns
-from slip_msgs_py.timing import Window, spread
-from slip_msgs_py.topics import contact_topic
-from slip_msgs_py.types import EffortCommand
 from slip_sim_bridge import pacing
 from slip_sim_bridge.node_params import BridgeNodeParams
 from slip_sim_bridge.pacing import Pacer

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from slip_msgs_py.params import parameter
+from slip_core.params import parameter
 from slip_sim_bridge.sim.params import BridgeParams
 
 

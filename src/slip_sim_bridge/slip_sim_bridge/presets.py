@@ -9,8 +9,8 @@ from typing import Any
 import yaml
 from pydantic import Field
 
-from slip_msgs_py.errors import InputError, nearest
-from slip_msgs_py.params import ParameterModel, load_yaml, validate
+from slip_core.errors import InputError, nearest
+from slip_core.params import ParameterModel, load_yaml, validate
 from slip_sim_bridge.sim.sensor_params import SlipSensorParams, WrenchSensorParams
 
 _FILES = importlib.resources.files("slip_sim_bridge") / "presets"

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, readonly
-from slip_msgs_py.stamps import seconds_to_ns
-from slip_msgs_py.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
+from slip_core.arrays import Array, readonly
+from slip_core.stamps import seconds_to_ns
+from slip_core.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.node_params import BridgeNodeParams
 from slip_sim_bridge.sim.sensor_params import SensorsParams
 from slip_sim_bridge.sim.sensors import SensorSuite

@@ -15,18 +15,18 @@ from rclpy.clock import Clock, ClockType
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
+from slip_core.errors import InputError, SlipVicError
+from slip_core.resources import read_text
+from slip_core.topics import contact_topic
+from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_msgs_py import forms, from_msgs, to_msgs
-from slip_msgs_py.errors import InputError, SlipVicError
 from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
 from slip_msgs_py.node_main import emit, memory_mib, run_node
 from slip_msgs_py.peers import Peers
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
-from slip_msgs_py.resources import read_text
 from slip_msgs_py.ros_params import allow_changes, declare
 from slip_msgs_py.spinning import Spinner
-from slip_msgs_py.topics import contact_topic
-from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.inputs import Manifest
 from slip_vic_controller.core.session import NO_EFFORT, ControllerSession, CycleResult

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from slip_msgs_py.params import parameter
-from slip_msgs_py.timing import TimingParams
+from slip_core.params import parameter
+from slip_core.timing import TimingParams
 from slip_vic_controller.core.params import ControllerParams
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from slip_msgs_py.stamps import NS_PER_S
-from slip_msgs_py.timing import ERROR, OK, TimingParams, Window, compute_level, rate_level, spread
+from slip_core.stamps import NS_PER_S
+from slip_core.timing import ERROR, OK, TimingParams, Window, compute_level, rate_level, spread
 
 SCALARS = (
     "period_s",

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from slip_bringup.scenario import Scenario, load_scenario
-from slip_msgs_py.errors import InputError, nearest
+from slip_core.errors import InputError, nearest
 
 CLASSICAL, MEASURED, OBSERVER = "classical", "measured", "observer"
 ESTIMATORS = (CLASSICAL, MEASURED, OBSERVER)

@@ -10,7 +10,7 @@ import numpy as np
 from rich.table import Table
 
 from slip_bringup.scenario import Estimator, controller_values
-from slip_msgs_py.params import build, flat_names, load_yaml
+from slip_core.params import build, flat_names, load_yaml
 from slip_vic_controller.core.bounds import GainReport, judge_gains
 from slip_vic_controller.core.params import ControllerParams
 from slip_vic_controller.node_params import ControllerNodeParams

@@ -10,7 +10,7 @@ import numpy as np
 
 from slip_bringup.inprocess import run_in_process
 from slip_bringup.study.cases import Case
-from slip_msgs_py.errors import SlipVicError
+from slip_core.errors import SlipVicError
 
 LOST_SLIP_M = 0.3
 """Slip beyond which the object is taken for lost and the run ends."""

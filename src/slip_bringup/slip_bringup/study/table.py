@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from slip_bringup.study.run_case import METRICS, CaseResult
-from slip_msgs_py.errors import InputError
+from slip_core.errors import InputError
 
 KEY = ("scenario", "controller", "sensor", "estimator", "mismatch", "seed")
 COLUMNS = (*KEY, "outcome", *METRICS, "reason")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import IN1, INT, OUT1, REAL, kernel
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, INT, OUT1, REAL, kernel
 
 OBEYED, CLIPPED, NOT_FINITE = 0, 1, 2
 

@@ -16,11 +16,11 @@ from typing import Protocol
 
 import numpy as np
 
-from slip_msgs_py import sym3_kernel as sym3
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.sym3_kernel import Sym3
-from slip_msgs_py.vector_kernel import Three
+from slip_core import sym3_kernel as sym3
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_core.sym3_kernel import Sym3
+from slip_core.vector_kernel import Three
 from slip_sim_bridge.sim.friction_kernel import ROOT_ITERATIONS, ROOT_TOLERANCE
 
 NO_STATE: Three = (0.0, 0.0, 0.0)

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import part
-from slip_msgs_py.sym3_kernel import Sym3, largest_eigenvalue_of, multiply_of, solve_of
-from slip_msgs_py.vector_kernel import Three, norm
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.sym3_kernel import Sym3, largest_eigenvalue_of, multiply_of, solve_of
+from slip_core.vector_kernel import Three, norm
 
 ROOT_TOLERANCE = 1e-13  # of |.| = 1: rounding level of the secular equation
 ROOT_ITERATIONS = 80  # bisection alone would need 45

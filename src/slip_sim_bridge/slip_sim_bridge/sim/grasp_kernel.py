@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import IN1, IN2, INT, OUT1, REAL, VOID, WHOLE1, kernel, part
-from slip_msgs_py.sym3_kernel import Sym3
-from slip_msgs_py.vector_kernel import Three, three
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, IN2, INT, OUT1, REAL, VOID, WHOLE1, kernel, part
+from slip_core.sym3_kernel import Sym3
+from slip_core.vector_kernel import Three, three
 from slip_sim_bridge.sim.friction_kernel import RHO, STIFFNESS, project, substeps_needed
 from slip_sim_bridge.sim.lugre_kernel import bristles
 

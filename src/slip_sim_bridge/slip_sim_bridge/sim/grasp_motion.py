@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.vector_kernel import Three
+from slip_core.arrays import Array
+from slip_core.vector_kernel import Three
 from slip_sim_bridge.sim.friction import FrictionLaw, solve_contact, substeps_needed
 
 

@@ -12,8 +12,8 @@ import math
 import mujoco
 import numpy as np
 
-from slip_msgs_py.arrays import Array, matrix_from_quat_xyzw
-from slip_msgs_py.errors import InputError
+from slip_core.arrays import Array, matrix_from_quat_xyzw
+from slip_core.errors import InputError
 from slip_sim_bridge.sim.grasp_kernel import friction_step, read_out
 from slip_sim_bridge.sim.laws import friction_law, packed_law
 from slip_sim_bridge.sim.model import FORCE_SENSOR, OBJECT, SLIP_JOINTS, TORQUE_SENSOR, build_model

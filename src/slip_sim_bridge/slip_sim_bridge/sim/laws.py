@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from slip_msgs_py.arrays import Array, readonly
+from slip_core.arrays import Array, readonly
 from slip_sim_bridge.sim.friction import Coulomb, FrictionLaw, Stribeck
 from slip_sim_bridge.sim.lugre import LuGre
 from slip_sim_bridge.sim.params import FrictionParams

@@ -17,10 +17,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from slip_msgs_py import sym3_kernel as sym3
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.sym3_kernel import Sym3
-from slip_msgs_py.vector_kernel import Three
+from slip_core import sym3_kernel as sym3
+from slip_core.errors import InputError
+from slip_core.sym3_kernel import Sym3
+from slip_core.vector_kernel import Three
 from slip_sim_bridge.sim.friction import Stribeck
 from slip_sim_bridge.sim.lugre_kernel import ROOT_ITERATIONS, ROOT_TOLERANCE, SHORTEST
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import part
-from slip_msgs_py.sym3_kernel import Sym3, multiply_of, solve_of
-from slip_msgs_py.vector_kernel import Three, norm
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.sym3_kernel import Sym3, multiply_of, solve_of
+from slip_core.vector_kernel import Three, norm
 from slip_sim_bridge.sim.friction_kernel import BREAKAWAY, DAMPING, MU_S, STIFFNESS, VISCOUS, limit
 
 ROOT_TOLERANCE = 1e-12  # of kappa

@@ -10,8 +10,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from slip_msgs_py.arrays import inertia_from_six, matrix_from_quat_xyzw
-from slip_msgs_py.errors import InputError, nearest
+from slip_core.arrays import inertia_from_six, matrix_from_quat_xyzw
+from slip_core.errors import InputError, nearest
 from slip_sim_bridge.sim.params import BridgeParams
 
 PAD = "grasp_pad"

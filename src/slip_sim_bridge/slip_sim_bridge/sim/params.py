@@ -6,8 +6,8 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
-from slip_msgs_py.arrays import inertia_from_six
-from slip_msgs_py.params import ParameterModel, parameter
+from slip_core.arrays import inertia_from_six
+from slip_core.params import ParameterModel, parameter
 from slip_sim_bridge.sim.sensor_params import SensorsParams
 
 _CLOCK_TICKS_PER_S = 1_000_000_000

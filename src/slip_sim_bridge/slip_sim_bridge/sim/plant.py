@@ -6,8 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.errors import SlipVicError
+from slip_core.arrays import Array
+from slip_core.errors import SlipVicError
 
 
 class DivergenceError(SlipVicError):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from numpy.random import Generator
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import BOOL, IN1, OUT2, RNG, VOID, kernel
+from slip_core.arrays import Array
+from slip_core.compiled import BOOL, IN1, OUT2, RNG, VOID, kernel
 
 
 @kernel(VOID(RNG, OUT2))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from slip_msgs_py.params import ParameterModel, parameter
+from slip_core.params import ParameterModel, parameter
 
 Six = tuple[float, float, float, float, float, float]
 NO_BIAS: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

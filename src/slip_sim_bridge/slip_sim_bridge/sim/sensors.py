@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
+from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.sim.params import BridgeParams
 from slip_sim_bridge.sim.sensor_params import JointSensorParams, SensorsParams, WrenchSensorParams
 from slip_sim_bridge.sim.slip_measure import SlipMeasurement

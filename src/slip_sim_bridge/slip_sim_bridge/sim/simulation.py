@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, readonly
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.types import JointSample, ObjectTruth, SlipSample, WrenchSample
+from slip_core.arrays import Array, readonly
+from slip_core.errors import InputError
+from slip_core.types import JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.sim.drive_kernel import CLIPPED, NOT_FINITE, drive
 from slip_sim_bridge.sim.implicit import ImplicitPlant
 from slip_sim_bridge.sim.params import BridgeParams

@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, readonly
-from slip_msgs_py.types import SlipSample
+from slip_core.arrays import Array, readonly
+from slip_core.types import SlipSample
 from slip_sim_bridge.sim.sensor_kernel import draw_chances, exceeds
 from slip_sim_bridge.sim.sensor_params import CHIPS, SlipFaultParams, SlipSensorParams
 

@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from slip_msgs_py.arrays import Array, readonly, vector
-from slip_msgs_py.errors import InputError, nearest
+from slip_core.arrays import Array, readonly, vector
+from slip_core.errors import InputError, nearest
 from slip_vic_controller.core.arm_kernel import gather
 
 

@@ -5,9 +5,9 @@ Record, n joints: position (3), rotation (9, by rows), twist (6), Jdot qd (6), b
 
 from __future__ import annotations
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import IN1, IN2_F, OUT1, VOID, kernel
-from slip_msgs_py.vector_kernel import add, matmul, nine, put, put_matrix, rows, three, turn, vec_cross
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, IN2_F, OUT1, VOID, kernel
+from slip_core.vector_kernel import add, matmul, nine, put, put_matrix, rows, three, turn, vec_cross
 
 TWIST, JDOT_QD, BIAS = 12, 18, 24
 """Where these begin; J begins at BIAS + n, M at BIAS + 7 n."""

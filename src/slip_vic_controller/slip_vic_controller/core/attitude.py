@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
+from slip_core.arrays import Array
 from slip_vic_controller.core.rotation import cross, left_jacobian, left_jacobian_inverse, left_jacobian_rate, log_so3
 
 LOG_BRANCH_LIMIT = 1.5 * math.pi

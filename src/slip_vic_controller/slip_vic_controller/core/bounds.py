@@ -8,8 +8,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.errors import InputError
+from slip_core.arrays import Array
+from slip_core.errors import InputError
 
 Mode = Literal["auto", "fixed"]
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, readonly, vector
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
+from slip_core.arrays import Array, readonly, vector
+from slip_core.errors import InputError
+from slip_core.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.arm import ArmModel, ArmTerms
 from slip_vic_controller.core.delays import Delays, measure_delays, stable_slip_gain
 from slip_vic_controller.core.diagnostics import Glance, TickDiagnostics

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from slip_msgs_py.types import SlipSample
+from slip_core.types import SlipSample
 from slip_vic_controller.core.bounds import held_sample_limit
 
 FORGET = 0.01

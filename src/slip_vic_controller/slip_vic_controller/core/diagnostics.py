@@ -11,8 +11,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_msgs_py.arrays import Array, readonly
-from slip_msgs_py.types import CartesianReference
+from slip_core.arrays import Array, readonly
+from slip_core.types import CartesianReference
 from slip_vic_controller.core.arm import ArmTerms
 from slip_vic_controller.core.attitude import AttitudeError
 from slip_vic_controller.core.grasp import SlipDisplacement, grasp_matrix

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from slip_msgs_py.stamps import seconds_to_ns
-from slip_msgs_py.types import JointSample, SlipSample
+from slip_core.stamps import seconds_to_ns
+from slip_core.types import JointSample, SlipSample
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.fallback import LadderPolicy, Rung, descend
 from slip_vic_controller.core.guard_kernel import too_fast_index

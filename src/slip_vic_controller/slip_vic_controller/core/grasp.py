@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, skew
+from slip_core.arrays import Array, skew
 from slip_vic_controller.core.rotation import exp_so3, left_jacobian_product
 
 

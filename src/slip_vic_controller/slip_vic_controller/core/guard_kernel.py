@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import math
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
-from slip_msgs_py.small_kernel import LARGEST
-from slip_msgs_py.vector_kernel import Matrix, Three, add, dot, minus, nine, norm, put, three, times, turn, turn_back
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
+from slip_core.small_kernel import LARGEST
+from slip_core.vector_kernel import Matrix, Three, add, dot, minus, nine, norm, put, three, times, turn, turn_back
 from slip_vic_controller.core.arm_kernel import BIAS, TWIST
 
 WATCHED = 14

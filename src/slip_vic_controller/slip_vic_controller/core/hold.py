@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, skew
+from slip_core.arrays import Array, skew
 
 EXCESS = 1.5  # times that `held_inertia` may be what is moved
 LOAD_LEVER = 0.1  # [m]: how far off the pad centre the unknown part of a load may pull

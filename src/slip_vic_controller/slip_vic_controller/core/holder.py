@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, readonly, rotate6
-from slip_msgs_py.types import JointSample
+from slip_core.arrays import Array, readonly, rotate6
+from slip_core.types import JointSample
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.grasp import SlipDisplacement, contact_arm, object_rotation
 from slip_vic_controller.core.hold import bearable_gains, held_inertia, hold_torque, load_error

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
+from slip_core.arrays import Array
 
 
 class Gains(NamedTuple):

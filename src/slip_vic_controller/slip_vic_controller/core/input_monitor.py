@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import NamedTuple
 
-from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
+from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.arm import ArmModel
 from slip_vic_controller.core.safety_params import InputParams
 from slip_vic_controller.core.trouble import Trouble

@@ -7,8 +7,8 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.types import JointSample, SlipSample, WrenchSample
+from slip_core.errors import InputError
+from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.input_monitor import UNANSWERED, USABLE, InputMonitor
 from slip_vic_controller.core.trouble import Trouble
 

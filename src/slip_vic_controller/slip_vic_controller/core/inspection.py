@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, readonly, rotate6
-from slip_msgs_py.types import JointSample
+from slip_core.arrays import Array, readonly, rotate6
+from slip_core.types import JointSample
 from slip_vic_controller.core.arm import ArmTerms
 from slip_vic_controller.core.attitude import AttitudeError, log_error, rpy_error
 from slip_vic_controller.core.diagnostics import TickTerms, described, numbers_of

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, rotate6
+from slip_core.arrays import Array, rotate6
 from slip_vic_controller.core import grasp, impedance
 from slip_vic_controller.core.attitude import AttitudeError
 from slip_vic_controller.core.grasp import Contact, SlipDisplacement

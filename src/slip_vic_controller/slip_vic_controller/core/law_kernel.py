@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import part
-from slip_msgs_py.sym3_kernel import solve_of
-from slip_msgs_py.vector_kernel import (
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.sym3_kernel import solve_of
+from slip_core.vector_kernel import (
     Matrix,
     Three,
     add,

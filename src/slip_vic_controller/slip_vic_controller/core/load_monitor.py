@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
+from slip_core.arrays import Array
 from slip_vic_controller.core.guard_kernel import EVIDENCE_MEMORY_S
 
 CANNOT_CARRY = "friction cannot carry the load"

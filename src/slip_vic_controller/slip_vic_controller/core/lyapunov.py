@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from slip_msgs_py.arrays import Array
+from slip_core.arrays import Array
 
 
 def V_e(M_D: Array, K_D: Array, e: Array, e_dot: Array) -> float:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dposv
 
-from slip_msgs_py.arrays import Array, skew
+from slip_core.arrays import Array, skew
 from slip_vic_controller.core.grasp import Phi1, grasp_matrix
 from slip_vic_controller.core.rotation import cross
 

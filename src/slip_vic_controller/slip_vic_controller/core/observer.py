@@ -16,8 +16,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.types import SlipSample
+from slip_core.arrays import Array
+from slip_core.types import SlipSample
 from slip_vic_controller.core.observer_run import insert, run
 from slip_vic_controller.core.observer_types import (
     Floats,

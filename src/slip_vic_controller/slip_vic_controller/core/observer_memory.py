@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, readonly
-from slip_msgs_py.types import SlipSample
+from slip_core.arrays import Array, readonly
+from slip_core.types import SlipSample
 from slip_vic_controller.core.observer_run_kernel import (
     ERROR,
     LAST_TWIST,

@@ -21,10 +21,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import part
-from slip_msgs_py.small_kernel import LARGEST
-from slip_msgs_py.vector_kernel import add, minus, nine, put, three, times, turn_back, vec_cross
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.small_kernel import LARGEST
+from slip_core.vector_kernel import add, minus, nine, put, three, times, turn_back, vec_cross
 from slip_vic_controller.core.slip_filter_kernel import (
     AxisFilter,
     correct_of,

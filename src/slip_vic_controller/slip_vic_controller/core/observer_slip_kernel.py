@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import IN1, IN2, INT, OUT1, OUT2, REAL, kernel, part
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, IN2, INT, OUT1, OUT2, REAL, kernel, part
 from slip_vic_controller.core.observer_run_kernel import (
     AXIS,
     CALM,

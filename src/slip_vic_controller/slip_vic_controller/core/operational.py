@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dposv, dsyev
 
-from slip_msgs_py.arrays import Array
+from slip_core.arrays import Array
 
 
 class TorqueTerms(NamedTuple):

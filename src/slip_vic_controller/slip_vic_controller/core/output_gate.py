@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_msgs_py.arrays import Array, readonly
+from slip_core.arrays import Array, readonly
 from slip_vic_controller.core.safety import finite
 
 NS = 1e-9

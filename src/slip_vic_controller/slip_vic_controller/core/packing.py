@@ -16,8 +16,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, readonly
-from slip_msgs_py.types import CartesianReference
+from slip_core.arrays import Array, readonly
+from slip_core.types import CartesianReference
 from slip_vic_controller.core.grasp import Contact, SlipDisplacement
 from slip_vic_controller.core.impedance import Gains
 from slip_vic_controller.core.object_dynamics import ObjectModel

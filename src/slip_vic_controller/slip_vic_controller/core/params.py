@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from slip_msgs_py.params import ParameterModel, parameter
+from slip_core.params import ParameterModel, parameter
 from slip_vic_controller.core.safety_params import SafetyParams
 from slip_vic_controller.core.slip_params import MeasuredParams, ObserverParams, SlipSensorModel, WrenchSensorModel
 

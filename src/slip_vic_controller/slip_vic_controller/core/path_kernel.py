@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import IN1, IN2, OUT1, REAL, VOID, kernel, part
-from slip_msgs_py.vector_kernel import add, matmul, nine, put, put_matrix, three
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, IN2, OUT1, REAL, VOID, kernel, part
+from slip_core.vector_kernel import add, matmul, nine, put, put_matrix, three
 from slip_vic_controller.core.rotation_kernel import exponential, jacobian_product, jacobian_rate_product
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.types import CartesianReference
+from slip_core.arrays import Array
+from slip_core.types import CartesianReference
 from slip_vic_controller.core.guard_kernel import MOVING
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, readonly
+from slip_core.arrays import Array, readonly
 from slip_vic_controller.core.impedance import Gains
 from slip_vic_controller.core.object_dynamics import ObjectModel
 

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import IN1, IN2, OUT1, VOID, kernel, part
-from slip_msgs_py.vector_kernel import (
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, IN2, OUT1, VOID, kernel, part
+from slip_core.vector_kernel import (
     Matrix,
     Three,
     add,

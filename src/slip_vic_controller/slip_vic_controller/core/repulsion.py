@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, readonly
+from slip_core.arrays import Array, readonly
 from slip_vic_controller.core.arm import ArmModel
 from slip_vic_controller.core.guard_kernel import BRAKE_ANGULAR, BRAKE_LINEAR, BRAKED_FROM
 from slip_vic_controller.core.safety_params import LimitParams

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, quat_xyzw_from_matrix
+from slip_core.arrays import Array, quat_xyzw_from_matrix
 from slip_vic_controller.core.rotation_kernel import coefficients, inverse_coefficient
 
 

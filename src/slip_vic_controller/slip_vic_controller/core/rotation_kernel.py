@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from slip_msgs_py.compiled import part
-from slip_msgs_py.vector_kernel import Matrix, Three, add, dot, norm, quaternion, times, vec_cross
+from slip_core.compiled import part
+from slip_core.vector_kernel import Matrix, Three, add, dot, norm, quaternion, times, vec_cross
 
 SERIES_BELOW = 0.01
 """theta^2 [rad^2] below which the series is used: its first left-out term is below 1e-16 there."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.types import CartesianReference, JointSample, SlipSample, WrenchSample
+from slip_core.arrays import Array
+from slip_core.types import CartesianReference, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.watch_kernel import all_finite
 
 _REFERENCE_SHAPES = (("position", (3,)), ("rotation", (3, 3)), ("twist", (6,)), ("acceleration", (6,)))

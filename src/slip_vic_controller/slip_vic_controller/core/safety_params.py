@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
-from slip_msgs_py.params import ParameterModel, parameter
+from slip_core.params import ParameterModel, parameter
 
 
 class LimitParams(ParameterModel):

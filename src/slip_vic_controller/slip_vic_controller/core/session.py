@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import readonly
-from slip_msgs_py.errors import InputError
-from slip_msgs_py.params import flatten
-from slip_msgs_py.stamps import split_ns
-from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample
+from slip_core.arrays import readonly
+from slip_core.errors import InputError
+from slip_core.params import flatten
+from slip_core.stamps import split_ns
+from slip_core.types import CartesianReference, EffortCommand, JointSample
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.diagnostics import TickDiagnostics
 from slip_vic_controller.core.input_monitor import GOOD, USABLE, Health, InputMonitor

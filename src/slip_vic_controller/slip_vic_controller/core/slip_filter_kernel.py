@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slip_msgs_py.compiled import part
+from slip_core.compiled import part
 
 
 class AxisFilter(NamedTuple):

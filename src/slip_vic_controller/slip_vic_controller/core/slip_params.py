@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from slip_msgs_py.params import ParameterModel, parameter
+from slip_core.params import ParameterModel, parameter
 
 
 class SlipSensorModel(ParameterModel):

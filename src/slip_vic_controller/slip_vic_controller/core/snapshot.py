@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from slip_msgs_py.arrays import readonly
-from slip_msgs_py.errors import InputError
+from slip_core.arrays import readonly
+from slip_core.errors import InputError
 
 _MODULES = tuple(
     import_module(f"slip_vic_controller.core.{name}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from slip_msgs_py.arrays import Array
+from slip_core.arrays import Array
 from slip_vic_controller.core.delays import Delays
 from slip_vic_controller.core.grasp import SlipDisplacement
 from slip_vic_controller.core.observer_memory import ObserverMemory

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, readonly
-from slip_msgs_py.stamps import seconds_to_ns
-from slip_msgs_py.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
+from slip_core.arrays import Array, readonly
+from slip_core.stamps import seconds_to_ns
+from slip_core.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import TickResult, VicController
 from slip_vic_controller.core.diagnostics import TickDiagnostics
 from slip_vic_controller.core.fallback import LadderState, Rung

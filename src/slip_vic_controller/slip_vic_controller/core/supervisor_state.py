@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_msgs_py.arrays import Array, readonly
-from slip_msgs_py.types import EffortCommand
+from slip_core.arrays import Array, readonly
+from slip_core.types import EffortCommand
 from slip_vic_controller.core.diagnostics import TickDiagnostics
 from slip_vic_controller.core.fallback import LadderState
 from slip_vic_controller.core.guard_kernel import WATCHED

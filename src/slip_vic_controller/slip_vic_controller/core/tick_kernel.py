@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
-from slip_msgs_py.small_kernel import LARGEST
-from slip_msgs_py.vector_kernel import (
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
+from slip_core.small_kernel import LARGEST
+from slip_core.vector_kernel import (
     Three,
     add,
     minus,

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import part
-from slip_msgs_py.small_kernel import back_substitute, cholesky, forward_substitute
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.small_kernel import back_substitute, cholesky, forward_substitute
 
 
 @part

@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from slip_msgs_py.arrays import Array, readonly
-from slip_msgs_py.types import CartesianReference
+from slip_core.arrays import Array, readonly
+from slip_core.types import CartesianReference
 from slip_vic_controller.core.params import TrajectoryParams
 from slip_vic_controller.core.path_kernel import place_quintic, place_reference, quintic_point
 from slip_vic_controller.core.rotation import exp_so3, left_jacobian_product, left_jacobian_rate

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, inertia_from_six, matrix_from_quat_xyzw, readonly, vector
+from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw, readonly, vector
 from slip_vic_controller.core.bounds import GainReport, check_gains, judge_gains
 from slip_vic_controller.core.grasp import Contact
 from slip_vic_controller.core.impedance import Gains

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array
-from slip_msgs_py.compiled import IN1, IN2, INT, REAL, kernel, part
-from slip_msgs_py.small_kernel import LARGEST
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, IN2, INT, REAL, kernel, part
+from slip_core.small_kernel import LARGEST
 
 NOT_FINITE, ABSURD, DENORMAL, JUMP, MOVES, SAME = 1, 2, 4, 8, 16, 32
 """SAME: equal to the last bit to the sample before."""

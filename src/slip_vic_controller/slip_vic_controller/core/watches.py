@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from slip_msgs_py.arrays import Array, readonly
-from slip_msgs_py.types import JointSample
+from slip_core.arrays import Array, readonly
+from slip_core.types import JointSample
 from slip_vic_controller.core.arm import ArmModel
 from slip_vic_controller.core.safety_params import InputParams, WatchParams
 from slip_vic_controller.core.trouble import Trouble

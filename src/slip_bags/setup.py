@@ -1,0 +1,37 @@
+"""Package description that works for `colcon build` and for pip alike."""
+
+from setuptools import find_packages, setup
+
+NAME = "slip_bags"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(),
+    package_data={NAME: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+    ],
+    install_requires=[
+        "setuptools",
+        "slip_core",
+        "click",
+        "lz4",
+        "mcap",
+        "mcap-ros2-support",
+        "numpy",
+        "pandas",
+        "pyarrow",
+        "pyyaml",
+        "rich",
+        "zstandard",
+    ],
+    extras_require={"test": ["pytest"]},
+    zip_safe=False,
+    maintainer="slip-vic maintainers",
+    maintainer_email="maintainers@slip-vic.example",
+    description="Record, play, inspect, export and recover ROS 2 bags without rosbag2.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": ["slip_bag_recorder = slip_bags.recorder_process:main"]},
+)

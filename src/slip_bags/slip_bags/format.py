@@ -1,0 +1,279 @@
+"""The text formats of rosbag2: ``metadata.yaml`` version 9 and the QoS lists, byte for byte.
+
+The emitter writes what yaml-cpp writes for these structures (block style, two spaces, no final newline),
+so that a bag of ours and one of ``ros2 bag record`` differ in content only. The parser takes versions 4 to 9.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import yaml
+
+from slip_core.errors import InputError
+
+INFINITE_NS: Final = 2**63 - 1
+VERSION: Final = 9
+ROS_DISTRO: Final = "jazzy"
+
+# Names of the rmw enumerations in order of their numbers, which versions up to 8 stored instead of names.
+_HISTORY = ("system_default", "keep_last", "keep_all", "unknown")
+_RELIABILITY = ("system_default", "reliable", "best_effort", "unknown", "best_available")
+_DURABILITY = ("system_default", "transient_local", "volatile", "unknown", "best_available")
+_LIVELINESS = ("system_default", "automatic", "manual_by_node", "manual_by_topic", "unknown", "best_available")
+
+
+@dataclass(frozen=True, slots=True)
+class QosProfile:
+    """The QoS one publisher offered; names as in rmw, times in nanoseconds."""
+
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    history: str = "unknown"
+    depth: int = 0
+    deadline_ns: int = INFINITE_NS
+    lifespan_ns: int = INFINITE_NS
+    liveliness: str = "automatic"
+    liveliness_lease_ns: int = INFINITE_NS
+    avoid_ros_namespace_conventions: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class TopicInfo:
+    """One recorded topic: name, type, offered QoS (one entry per publisher), RIHS01 hash, message count."""
+
+    name: str
+    type_name: str
+    qos: tuple[QosProfile, ...] = ()
+    type_hash: str = ""
+    message_count: int = 0
+    encoding: str = "cdr"
+
+
+@dataclass(frozen=True, slots=True)
+class FileInfo:
+    """One MCAP file of the bag."""
+
+    path: str
+    start_ns: int = INFINITE_NS
+    duration_ns: int = 0
+    message_count: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class BagMetadata:
+    """Everything in ``metadata.yaml``."""
+
+    files: tuple[FileInfo, ...]
+    topics: tuple[TopicInfo, ...] = ()
+    start_ns: int = INFINITE_NS
+    duration_ns: int = 0
+    message_count: int = 0
+    custom_data: Mapping[str, str] = field(default_factory=dict)
+    ros_distro: str = ROS_DISTRO
+    storage: str = "mcap"
+    compression_format: str = ""
+    compression_mode: str = ""
+    version: int = VERSION
+
+
+def qos_text(profiles: Sequence[QosProfile]) -> str:
+    """Return the channel metadata ``offered_qos_profiles``.
+
+    Implements: ours: rosbag2 byte for byte.
+    """
+    return "\n".join(_lines([_qos_tree(profile) for profile in profiles], 0)) if profiles else "[]"
+
+
+def metadata_text(metadata: BagMetadata, *, root: bool) -> str:
+    """Return ``metadata.yaml`` (`root` True) or the MCAP record ``serialized_metadata`` (`root` False).
+
+    Implements: ours: rosbag2 version 9 byte for byte.
+    """
+    tree: dict[str, Any] = {
+        "version": VERSION,
+        "storage_identifier": metadata.storage,
+        "duration": {"nanoseconds": metadata.duration_ns},
+        "starting_time": {"nanoseconds_since_epoch": metadata.start_ns},
+        "message_count": metadata.message_count,
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type_name,
+                    "serialization_format": topic.encoding,
+                    "offered_qos_profiles": [_qos_tree(profile) for profile in topic.qos],
+                    "type_description_hash": topic.type_hash,
+                },
+                "message_count": topic.message_count,
+            }
+            for topic in metadata.topics
+        ],
+        "compression_format": metadata.compression_format,
+        "compression_mode": metadata.compression_mode,
+        "relative_file_paths": [file.path for file in metadata.files],
+        "files": [
+            {
+                "path": file.path,
+                "starting_time": {"nanoseconds_since_epoch": file.start_ns},
+                "duration": {"nanoseconds": file.duration_ns},
+                "message_count": file.message_count,
+            }
+            for file in metadata.files
+        ],
+        "custom_data": dict(metadata.custom_data) or None,
+        "ros_distro": metadata.ros_distro,
+    }
+    return "\n".join(_lines({"rosbag2_bagfile_information": tree} if root else tree, 0))
+
+
+def parse_qos(text: str | Sequence[Any]) -> tuple[QosProfile, ...]:
+    """Read a QoS list as found in a channel or in ``metadata.yaml``, with names (v9) or numbers (before).
+
+    Raises:
+        InputError: where it is neither.
+    """
+    try:
+        items = yaml.load(text, Loader=_LOADER) if isinstance(text, str) else text
+        return tuple(_qos(item) for item in items or ())
+    except (yaml.YAMLError, TypeError, ValueError, KeyError, IndexError, AttributeError, OverflowError):
+        raise InputError("offered_qos_profiles", got=str(text), expected="a list of QoS profiles") from None
+
+
+def parse_metadata(text: str, what: str) -> BagMetadata:
+    """Read ``metadata.yaml`` or the text of a ``serialized_metadata`` record; `what` names it in the error.
+
+    Raises:
+        InputError: where it is not YAML, or a key rosbag2 needs is missing or of the wrong kind.
+    """
+    try:
+        tree = yaml.load(text, Loader=_LOADER)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise InputError(what, got=" ".join(str(error).split()), expected="YAML") from None
+    try:
+        tree = tree.get("rosbag2_bagfile_information", tree)
+        paths = [str(path) for path in tree["relative_file_paths"]]
+        files = tuple(_file(item) for item in tree.get("files") or ())
+        return BagMetadata(
+            files=files or tuple(FileInfo(path) for path in paths),
+            topics=tuple(_topic(item) for item in tree["topics_with_message_count"] or ()),
+            start_ns=int(tree["starting_time"]["nanoseconds_since_epoch"]),
+            duration_ns=int(tree["duration"]["nanoseconds"]),
+            message_count=int(tree["message_count"]),
+            custom_data={str(key): str(value) for key, value in (tree.get("custom_data") or {}).items()},
+            ros_distro=str(tree.get("ros_distro") or ""),
+            storage=str(tree["storage_identifier"]),
+            compression_format=str(tree.get("compression_format") or ""),
+            compression_mode=str(tree.get("compression_mode") or ""),
+            version=int(tree["version"]),
+        )
+    except (TypeError, KeyError, ValueError, AttributeError, OverflowError) as error:
+        expected = "rosbag2_bagfile_information as rosbag2 writes it"
+        raise InputError(what, got=f"{type(error).__name__} {error}", expected=expected) from None
+
+
+def _qos_tree(qos: QosProfile) -> dict[str, Any]:
+    def duration(nanoseconds: int) -> dict[str, int]:
+        return {"sec": nanoseconds // 10**9, "nsec": nanoseconds % 10**9}
+
+    return {
+        "history": qos.history,
+        "depth": qos.depth,
+        "reliability": qos.reliability,
+        "durability": qos.durability,
+        "deadline": duration(qos.deadline_ns),
+        "lifespan": duration(qos.lifespan_ns),
+        "liveliness": qos.liveliness,
+        "liveliness_lease_duration": duration(qos.liveliness_lease_ns),
+        "avoid_ros_namespace_conventions": qos.avoid_ros_namespace_conventions,
+    }
+
+
+def _qos(item: Any) -> QosProfile:
+    def name(value: Any, names: tuple[str, ...]) -> str:
+        return names[value] if isinstance(value, int) else str(value)
+
+    def duration(value: Any) -> int:
+        # All zeros is how bags before version 5 wrote "not set".
+        return (int(value["sec"]) * 10**9 + int(value["nsec"])) or INFINITE_NS
+
+    return QosProfile(
+        reliability=name(item["reliability"], _RELIABILITY),
+        durability=name(item["durability"], _DURABILITY),
+        history=name(item["history"], _HISTORY),
+        depth=int(item["depth"]),
+        deadline_ns=duration(item["deadline"]),
+        lifespan_ns=duration(item["lifespan"]),
+        liveliness=name(item["liveliness"], _LIVELINESS),
+        liveliness_lease_ns=duration(item["liveliness_lease_duration"]),
+        avoid_ros_namespace_conventions=bool(item["avoid_ros_namespace_conventions"]),
+    )
+
+
+def _topic(item: Any) -> TopicInfo:
+    topic = item["topic_metadata"]
+    qos = topic.get("offered_qos_profiles") or ()
+    return TopicInfo(
+        name=str(topic["name"]),
+        type_name=str(topic["type"]),
+        qos=parse_qos(qos),
+        type_hash=str(topic.get("type_description_hash") or ""),
+        message_count=int(item["message_count"]),
+        encoding=str(topic["serialization_format"]),
+    )
+
+
+def _file(item: Any) -> FileInfo:
+    return FileInfo(
+        path=str(item["path"]),
+        start_ns=int(item["starting_time"]["nanoseconds_since_epoch"]),
+        duration_ns=int(item["duration"]["nanoseconds"]),
+        message_count=int(item["message_count"]),
+    )
+
+
+def _lines(node: Any, indent: int) -> list[str]:
+    pad = " " * indent
+    if isinstance(node, Mapping):
+        lines = []
+        for key, value in node.items():
+            if isinstance(value, Mapping | list):
+                lines += [f"{pad}{_scalar(key)}:", *_lines(value, indent + 2)]
+            else:
+                lines.append(f"{pad}{_scalar(key)}: {_scalar(value)}")
+        return lines
+    if not node:
+        return [f"{pad}[]"]
+    lines = []
+    for item in node:
+        if isinstance(item, Mapping | list):
+            first, *rest = _lines(item, indent + 2)
+            lines += [f"{pad}- {first[indent + 2 :]}", *rest]
+        else:
+            lines.append(f"{pad}- {_scalar(item)}")
+    return lines
+
+
+def _scalar(value: Any) -> str:
+    if value is None:
+        return "~"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return str(value)
+    text = str(value).encode("utf-8", "replace").decode("utf-8")
+    plain = _PLAIN.fullmatch(text) and _RESOLVER.resolve(yaml.ScalarNode, text, (True, False)) == _STRING_TAG
+    if plain:
+        return text
+    return _UNPRINTABLE.sub(lambda match: f"\\u{ord(match[0]):04x}", json.dumps(text, ensure_ascii=False))
+
+
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_PLAIN = re.compile(r"[A-Za-z0-9_/][A-Za-z0-9_/.+-]*(?: [A-Za-z0-9_/.+-]+)*")
+_UNPRINTABLE = re.compile("[\\x7f-\\x9f\\u2028\\u2029\\ufeff\\ufffe\\uffff]")
+_RESOLVER = yaml.resolver.Resolver()
+_STRING_TAG = "tag:yaml.org,2002:str"

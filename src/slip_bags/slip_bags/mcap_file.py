@@ -1,0 +1,320 @@
+"""One MCAP file opened for reading: its index, its chunks, its attachments; every number is checked.
+
+The summary is read with the `mcap` package, the chunks with `scan`: faster, and bounded on damaged files.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.reader import FOOTER_SIZE, SeekingReader
+from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Metadata, Schema
+
+from slip_bags.scan import DAMAGE, MAGIC, DamagedError, RawRecord, message_fields, open_chunk, records
+from slip_core.errors import InputError
+
+_HEAD: Final = struct.Struct("<BQ")
+_MESSAGE: Final = struct.Struct("<HIQQ")
+_MESSAGE_OPCODE: Final = int(Opcode.MESSAGE)
+_LATEST_NS: Final = 2**63 - 1
+
+
+class Entry(NamedTuple):
+    """One stored message."""
+
+    log_time_ns: int
+    publish_time_ns: int
+    sequence: int
+    channel_id: int
+    data: bytes
+
+
+@dataclass(slots=True)
+class _Index:
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    chunks: list[ChunkIndex] = field(default_factory=list)
+    attachments: list[AttachmentIndex] = field(default_factory=list)
+    metadata_offsets: list[int] = field(default_factory=list)
+    counts: dict[int, int] = field(default_factory=dict)
+    start_ns: int = 0
+    end_ns: int = 0
+    unchunked: list[Entry] = field(default_factory=list)
+
+
+class McapFile:
+    """An indexed MCAP file.
+
+    Args:
+        path: the file.
+
+    Raises:
+        InputError: not MCAP, cut, damaged, or not readable.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self._file = open(path, "rb")  # noqa: SIM115 - closed by `close`
+            self.size = path.stat().st_size
+        except OSError as error:
+            raise InputError(f"bag {path}", got=error.strerror or str(error), expected="a readable file") from None
+        try:
+            self._check_ends()
+            self._index = self._load()
+        except DAMAGE as error:
+            self.close()
+            raise self.damaged(error) from None
+        except InputError:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Release the file."""
+        self._file.close()
+
+    @property
+    def schemas(self) -> dict[int, Schema]:
+        """Schemas by id."""
+        return self._index.schemas
+
+    @property
+    def channels(self) -> dict[int, Channel]:
+        """Channels by id."""
+        return self._index.channels
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Messages per channel id."""
+        return self._index.counts
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """First and last log time, None without messages."""
+        return (self._index.start_ns, self._index.end_ns) if sum(self.counts.values()) else None
+
+    @property
+    def compressions(self) -> list[str]:
+        """The compressions used, sorted; "" is none."""
+        return sorted({chunk.compression for chunk in self._index.chunks})
+
+    def batches(
+        self, channels: Collection[int], start_ns: int, end_ns: int
+    ) -> Iterator[tuple[int, ChunkIndex | list[Entry]]]:
+        """Yield (earliest log time, what `entries` takes) for everything that may hold such messages."""
+        if self._index.unchunked:
+            yield self._index.start_ns, self._index.unchunked
+        for chunk in self._index.chunks:
+            offsets = chunk.message_index_offsets
+            relevant = not offsets or not offsets.keys().isdisjoint(channels)
+            if relevant and chunk.message_end_time >= start_ns and chunk.message_start_time <= end_ns:
+                yield chunk.message_start_time, chunk
+
+    def entries(
+        self, batch: ChunkIndex | list[Entry], channels: Collection[int], start_ns: int, end_ns: int
+    ) -> list[Entry]:
+        """Return the messages of a batch on these channels with start <= log time <= end, in file order.
+
+        Raises:
+            InputError: the chunk is damaged.
+        """
+        try:
+            if isinstance(batch, list):
+                found = [entry for entry in batch if entry.channel_id in channels]
+            else:
+                found = self._chunk_entries(batch, channels)
+        except DAMAGE as error:
+            raise self.damaged(error) from None
+        return [entry for entry in found if start_ns <= entry.log_time_ns <= end_ns]
+
+    def attachments(self) -> dict[str, bytes]:
+        """Return all attachments by name.
+
+        Raises:
+            InputError: one of them is damaged.
+        """
+        contents = {}
+        try:
+            for index in self._index.attachments:
+                record = self._record(index.offset, Opcode.ATTACHMENT)
+                (crc,) = struct.unpack_from("<I", record.body, len(record.body) - 4)
+                if crc not in (0, zlib.crc32(record.body[:-4])):
+                    raise DamagedError("an attachment's CRC is wrong")
+                attachment = Attachment.read(ReadDataStream(BytesIO(record.body)))
+                contents[attachment.name] = attachment.data
+        except DAMAGE as error:
+            raise self.damaged(error) from None
+        return contents
+
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """Return the metadata records by name, the last of each name.
+
+        Raises:
+            InputError: one of them is damaged.
+        """
+        found = {}
+        try:
+            for offset in self._index.metadata_offsets:
+                record = Metadata.read(ReadDataStream(BytesIO(self._record(offset, Opcode.METADATA).body)))
+                found[record.name] = record.metadata
+        except DAMAGE as error:
+            raise self.damaged(error) from None
+        return found
+
+    def damaged(self, error: BaseException) -> InputError:
+        """Return the error for a file that contradicts itself."""
+        detail = " ".join(str(error).split()) or type(error).__name__
+        return InputError(
+            f"bag file {self.path}",
+            got=f"damaged data ({detail})",
+            expected="a whole MCAP file",
+            fix=f"`slip-vic bag recover {self.path}` saves what can be saved",
+        )
+
+    def _check_ends(self) -> None:
+        head = self._read(0, min(len(MAGIC), self.size))
+        if self.size == 0 or head != MAGIC[: len(head)]:
+            got = "an empty file" if self.size == 0 else "something else"
+            raise InputError(f"bag file {self.path}", got=got, expected="an MCAP file")
+        if self.size < 2 * len(MAGIC) + FOOTER_SIZE or self._read(self.size - len(MAGIC), len(MAGIC)) != MAGIC:
+            raise InputError(
+                f"bag file {self.path}",
+                got="no end: the recorder was killed or the file was cut",
+                expected="a whole MCAP file",
+                fix=f"`slip-vic bag recover {self.path}` saves what is there",
+            )
+
+    def _load(self) -> _Index:
+        self._file.seek(0)
+        summary = SeekingReader(self._file, record_size_limit=self.size).get_summary()
+        if summary is None or summary.statistics is None or not summary.channels:
+            return self._scan()
+        statistics = summary.statistics
+        if statistics.message_count and not summary.chunk_indexes:
+            return self._scan()
+        index = _Index(
+            schemas=dict(summary.schemas),
+            channels=dict(summary.channels),
+            chunks=sorted(summary.chunk_indexes, key=lambda chunk: chunk.message_start_time),
+            attachments=list(summary.attachment_indexes),
+            metadata_offsets=[item.offset for item in summary.metadata_indexes],
+            counts={key: count for key, count in statistics.channel_message_counts.items() if count},
+            start_ns=statistics.message_start_time,
+            end_ns=statistics.message_end_time,
+        )
+        self._check_index(index)
+        return index
+
+    def _check_index(self, index: _Index) -> None:
+        if max(index.start_ns, index.end_ns) > _LATEST_NS:
+            raise DamagedError("times beyond the year 2262")
+        for chunk in index.chunks:
+            if chunk.chunk_start_offset + chunk.chunk_length > self.size or chunk.message_end_time > _LATEST_NS:
+                raise DamagedError("an index that points outside the file")
+        missing = index.counts.keys() - index.channels.keys()
+        if missing:
+            raise DamagedError(f"messages of unknown channels {sorted(missing)}")
+
+    def _scan(self) -> _Index:
+        """Read a file without a useful index from its beginning, messages into memory."""
+        index = _Index()
+        data = self._read(0, self.size)
+        for record in records(data, len(MAGIC), len(data) - len(MAGIC)):
+            if record.opcode == Opcode.CHUNK:
+                content = open_chunk(record.body)
+                if not content.intact:
+                    raise DamagedError("a chunk's CRC is wrong")
+                for inner in records(content.data, 0, len(content.data)):
+                    self._note(index, inner)
+            elif record.opcode == Opcode.DATA_END:
+                break
+            else:
+                self._note(index, record)
+        times = [entry.log_time_ns for entry in index.unchunked]
+        if times:
+            index.start_ns, index.end_ns = min(times), max(times)
+        index.unchunked.sort(key=_log_time)
+        self._check_index(index)
+        return index
+
+    @staticmethod
+    def _note(index: _Index, record: RawRecord) -> None:
+        stream = ReadDataStream(BytesIO(record.body))
+        if record.opcode == Opcode.MESSAGE:
+            channel_id, sequence, log_time, publish_time, data = message_fields(record.body)
+            index.unchunked.append(Entry(log_time, publish_time, sequence, channel_id, data))
+            index.counts[channel_id] = index.counts.get(channel_id, 0) + 1
+        elif record.opcode == Opcode.SCHEMA:
+            schema = Schema.read(stream)
+            index.schemas[schema.id] = schema
+        elif record.opcode == Opcode.CHANNEL:
+            channel = Channel.read(stream)
+            index.channels[channel.id] = channel
+        elif record.opcode == Opcode.METADATA:
+            index.metadata_offsets.append(record.offset)
+        elif record.opcode == Opcode.ATTACHMENT:
+            found = Attachment.read(stream)
+            length, size = record.end - record.offset, len(found.data)
+            index.attachments.append(
+                AttachmentIndex(
+                    record.offset, length, found.log_time, found.create_time, size, found.name, found.media_type
+                )
+            )
+
+    def _chunk_entries(self, chunk: ChunkIndex, channels: Collection[int]) -> list[Entry]:
+        content = open_chunk(self._record(chunk.chunk_start_offset, Opcode.CHUNK).body)
+        if not content.intact:
+            raise DamagedError("a chunk's CRC is wrong")
+        return chunk_entries(content.data, channels)
+
+    def _record(self, offset: int, opcode: Opcode) -> RawRecord:
+        head = self._read(offset, 9)
+        if len(head) < 9 or head[0] != opcode:
+            raise DamagedError("an index that points to something else")
+        (length,) = struct.unpack_from("<Q", head, 1)
+        if length > self.size - offset - 9:
+            raise DamagedError("a record longer than the file")
+        return RawRecord(opcode, offset, offset + 9 + length, self._read(offset + 9, length))
+
+    def _read(self, offset: int, length: int) -> bytes:
+        self._file.seek(offset)
+        return self._file.read(length)
+
+
+def chunk_entries(content: bytes, channels: Collection[int] | None = None) -> list[Entry]:
+    """Return the messages in a chunk's decompressed content, in file order; None takes all channels.
+
+    Raises:
+        DamagedError: records that do not fit.
+    """
+    entries = []
+    head, message = _HEAD.unpack_from, _MESSAGE.unpack_from
+    position, size = 0, len(content)
+    while position < size:
+        if position + _HEAD.size > size:
+            raise DamagedError("a chunk that ends inside a record")
+        opcode, length = head(content, position)
+        start = position + _HEAD.size
+        position = start + length
+        if position > size:
+            raise DamagedError("a chunk that ends inside a record")
+        if opcode == _MESSAGE_OPCODE:
+            if length < _MESSAGE.size:
+                raise DamagedError("a message that is cut")
+            channel_id, sequence, log_time, publish_time = message(content, start)
+            if channels is None or channel_id in channels:
+                data = content[start + _MESSAGE.size : position]
+                entries.append(Entry(log_time, publish_time, sequence, channel_id, data))
+    return entries
+
+
+def _log_time(entry: Entry) -> int:
+    return entry.log_time_ns

@@ -1,0 +1,116 @@
+"""Message definitions for the bag: the ``ros2msg`` schema text and the RIHS01 type hash of a type.
+
+They are found where the message package is installed, without fixed paths: beside the imported package
+(wheels, conda), in the overlays of AMENT_PREFIX_PATH (ROS, colcon), under `sys.prefix`.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import json
+import os
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from slip_core.errors import InputError
+
+_BUILTIN: Final = frozenset(
+    ["bool", "byte", "char", "string", "wstring", "float32", "float64"]
+    + [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
+)
+_DELIMITER: Final = "\n" + "=" * 80 + "\nMSG: "
+_FIELD = re.compile(r"^\s*([A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z][A-Za-z0-9_]*)?)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]")
+
+
+@dataclass(frozen=True, slots=True)
+class MessageDefinition:
+    """One message type: ``pkg/msg/Type``, its text with all dependencies, its hash ("" where unknown)."""
+
+    name: str
+    text: str
+    type_hash: str
+
+
+@functools.cache
+def find_definition(type_name: str) -> MessageDefinition:
+    """Return the definition of ``pkg/msg/Type`` as rosbag2 stores it.
+
+    Raises:
+        InputError: where the name is not of this form or the type is not installed.
+
+    Implements: ours: rosbag2's concatenation, depth first, dependencies sorted, each once.
+    """
+    package, name = split_type_name(type_name)
+    seen = {f"{package}/{name}"}
+
+    def expand(package: str, name: str) -> str:
+        text = _read(package, name, ".msg")
+        parts = [text]
+        for dependency in dependencies(text, package):
+            if dependency not in seen:
+                seen.add(dependency)
+                parts.append(_DELIMITER + dependency + "\n" + expand(*dependency.split("/")))
+        return "".join(parts)
+
+    return MessageDefinition(type_name, expand(package, name), _type_hash(package, name))
+
+
+def split_type_name(type_name: str) -> tuple[str, str]:
+    """Split ``pkg/msg/Type`` into package and name.
+
+    Raises:
+        InputError: where it is not of this form.
+    """
+    match = re.fullmatch(r"([a-zA-Z]\w*)/msg/([a-zA-Z]\w*)", type_name)
+    if match is None:
+        raise InputError("message type", got=type_name, expected="package/msg/Name, e.g. sensor_msgs/msg/JointState")
+    return match[1], match[2]
+
+
+def dependencies(text: str, package: str) -> list[str]:
+    """Return the types a .msg text refers to as ``pkg/Name``, sorted; unqualified names belong to `package`."""
+    found = set()
+    for line in text.splitlines():
+        match = _FIELD.match(line.partition("#")[0])
+        if match and match[1] not in _BUILTIN:
+            found.add(match[1] if "/" in match[1] else f"{package}/{match[1]}")
+    return sorted(found)
+
+
+def _type_hash(package: str, name: str) -> str:
+    try:
+        hashes = json.loads(_read(package, name, ".json"))["type_hashes"]
+    except (InputError, ValueError, KeyError):
+        return ""
+    wanted = f"{package}/msg/{name}"
+    return next((str(item["hash_string"]) for item in hashes if item["type_name"] == wanted), "")
+
+
+def _read(package: str, name: str, suffix: str) -> str:
+    relative = Path("share", package, "msg", name + suffix)
+    for prefix in _prefixes(package):
+        path = prefix / relative
+        if path.is_file():
+            return path.read_bytes().decode("utf-8")
+    raise InputError(
+        f"message type {package}/msg/{name}",
+        got=f"no {relative}",
+        expected="an installed message package",
+        fix=f"install {package} or source the workspace that has it",
+    )
+
+
+def _prefixes(package: str) -> Iterator[Path]:
+    try:
+        spec = importlib.util.find_spec(package)
+    except (ImportError, ValueError):
+        spec = None
+    if spec is not None and spec.origin:
+        yield from Path(spec.origin).parents
+    yield from (Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry)
+    yield Path(sys.prefix)

@@ -1,0 +1,247 @@
+"""A recorded run of the controller, as the samples it used and the efforts it published; no ROS needed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from slip_bags.reader import Bag
+from slip_bags.series import Series
+from slip_core.arrays import readonly
+from slip_core.errors import InputError
+from slip_core.params import build, flat_names, flatten
+from slip_core.topics import contact_topic
+from slip_core.types import JointSample, SlipSample, WrenchSample
+from slip_msgs_py.from_msgs import JointOrder, slip_sample
+from slip_vic_controller.core.snapshot import from_text
+from slip_vic_controller.node_params import ControllerNodeParams
+
+LEDGER: Final = "controller/ledger"
+STATE: Final = "controller/state"
+PARAMETERS: Final = "controller.params.yaml"
+URDF: Final = "arm.urdf"
+EVENTS: Final = "/parameter_events"
+NODE: Final = "slip_vic_controller"
+_FIXED, _PER_CONTACT, _DECISION = 3, 4, 5  # numbers of a ledger entry: cycle and stamp, samples, decision
+_VALUE_FIELDS: Final = {
+    1: "bool",
+    2: "integer",
+    3: "double",
+    4: "string",
+    5: "byte_array",
+    6: "bool_array",
+    7: "integer_array",
+    8: "double_array",
+    9: "string_array",
+}
+_AXES: Final = ("x", "y", "z")
+
+
+@dataclass(frozen=True, slots=True)
+class LedgerEntry:
+    """One cycle: what it used and decided; stamps in nanoseconds, 0 where nothing was used."""
+
+    cycle: int
+    joint_ns: int
+    wrench_ns: tuple[int, ...]
+    slip_ns: tuple[int, ...]
+    now_ns: int
+    mode: int
+    health: int
+    request: int
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterChange:
+    """All parameters as they were from the ledger entry with this index on."""
+
+    index: int
+    params: ControllerNodeParams
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedRun:
+    """Everything a replay needs, and what it must reproduce.
+
+    joints, wrenches, slips: by stamp [ns], the last two per contact. efforts: per ledger entry, (n,) [N m] or (0,).
+    states: the controller's memory as text, by the cycle that begins with it.
+    """
+
+    params: ControllerNodeParams
+    changes: tuple[ParameterChange, ...]
+    urdf: str
+    ledger: tuple[LedgerEntry, ...]
+    joints: dict[int, JointSample]
+    wrenches: tuple[dict[int, WrenchSample], ...]
+    slips: tuple[dict[int, SlipSample], ...]
+    efforts: tuple[NDArray[np.float64], ...]
+    states: dict[int, str]
+
+
+def read_run(bag: Bag, overrides: dict[str, Any]) -> RecordedRun:
+    """Read a run from its bag; `overrides` replaces parameters by dotted name, with or without ``controller.``.
+
+    Raises:
+        InputError: something a replay needs is not in the bag, or messages were lost.
+    """
+    prefix = _namespace(bag)
+    params = _parameters(bag, overrides)
+    if params.trajectory.kind == "topic":
+        raise InputError(f"bag {bag.path}", got="a reference from a topic", expected="a built-in trajectory")
+    contacts = len(params.contacts.position) // 3
+    ledger_series = _complete(bag, prefix + LEDGER)
+    ledger = tuple(_entry(row, contacts) for row in ledger_series["data"].tolist())
+    order = JointOrder(params.joint_names)
+    return RecordedRun(
+        params=params,
+        changes=_changes(bag, f"{prefix}{NODE}", params, ledger_series),
+        urdf=_attachment(bag, URDF),
+        ledger=ledger,
+        joints=_joints(_complete(bag, f"{prefix}joint_states"), order),
+        wrenches=tuple(_wrenches(bag, prefix + contact_topic("wrench", index)) for index in range(contacts)),
+        slips=tuple(_slips(bag, prefix + contact_topic("slip_velocity", index)) for index in range(contacts)),
+        efforts=_efforts(_complete(bag, f"{prefix}effort_command"), ledger_series, order),
+        states=_states(bag, prefix + STATE),
+    )
+
+
+def _states(bag: Bag, topic: str) -> dict[int, str]:
+    if topic not in bag.topics:
+        return {}
+    return {from_text(message.value.data)[0]: message.value.data for message in bag.messages(topic)}
+
+
+def _namespace(bag: Bag) -> str:
+    found = [name.removesuffix(LEDGER) for name in bag.topics if name.endswith(f"/{LEDGER}")]
+    if len(found) != 1:
+        got = f"{len(found)} topics {LEDGER}"
+        raise InputError(f"bag {bag.path}", got=got, expected="the recording of one controller")
+    return found[0]
+
+
+def _attachment(bag: Bag, name: str) -> str:
+    if name not in bag.attachments:
+        raise InputError(f"bag {bag.path}", got=f"no attachment {name}", expected="a bag of `slip-vic run --record`")
+    return bag.attachments[name].decode("utf-8")
+
+
+def _parameters(bag: Bag, overrides: dict[str, Any]) -> ControllerNodeParams:
+    try:
+        (node,) = yaml.safe_load(_attachment(bag, PARAMETERS)).values()
+        values = flat_names(node["ros__parameters"])
+    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
+        got = f"{type(error).__name__} {error}"
+        raise InputError(f"{PARAMETERS} of {bag.path}", got=got, expected="a ROS parameter file") from None
+    named = {name.removeprefix("controller.") if name != "controller" else name: v for name, v in overrides.items()}
+    return build(ControllerNodeParams, {**values, **named}, f"{PARAMETERS} of {bag.path}")
+
+
+def _changes(bag: Bag, node: str, params: ControllerNodeParams, ledger: Series) -> tuple[ParameterChange, ...]:
+    """Read what was set at run time; node and ledger share a thread and a clock, so their order is exact."""
+    if EVENTS not in bag.topics:
+        return ()
+    changes = []
+    for message in bag.messages(EVENTS):
+        event = message.value
+        if event.node != node or not event.changed_parameters:
+            continue
+        changed = {item.name: _parameter_value(item.value) for item in event.changed_parameters}
+        names = flatten(params)
+        params = build(ControllerNodeParams, names | {k: v for k, v in changed.items() if k in names}, EVENTS)
+        index = int(np.searchsorted(ledger.publish_time_ns, message.publish_time_ns))
+        changes.append(ParameterChange(index, params))
+    return tuple(changes)
+
+
+def _parameter_value(value: Any) -> Any:
+    """Return what a rcl_interfaces/ParameterValue holds, by its type number."""
+    name = _VALUE_FIELDS[value.type]
+    found = getattr(value, f"{name}_value")
+    return list(found) if name.endswith("array") else found
+
+
+def _complete(bag: Bag, topic: str) -> Series:
+    """Return a topic of which no message is missing."""
+    series = bag.series(topic)
+    if series.count == 0:
+        raise InputError(f"topic {topic} of {bag.path}", got="no messages", expected="the whole run")
+    steps = np.diff(series.sequence)
+    if series.sequence[0] != 0 and (steps != 1).any():
+        lost = int(steps.sum() - len(steps))
+        got = f"{lost} messages lost, the first after number {series.sequence[int(np.argmax(steps != 1))]}"
+        raise InputError(f"topic {topic} of {bag.path}", got=got, expected="every message: replay needs them all")
+    return series
+
+
+def _entry(row: Sequence[int], contacts: int) -> LedgerEntry:
+    used, decision = row[_FIXED : _FIXED + _PER_CONTACT * contacts], row[-_DECISION:]
+    if len(row) != _FIXED + _PER_CONTACT * contacts + _DECISION:
+        got = f"{len(row)} numbers for {contacts} contacts"
+        raise InputError("a ledger entry", got=got, expected=f"{_FIXED + _PER_CONTACT * contacts + _DECISION}")
+    return LedgerEntry(
+        cycle=row[0],
+        joint_ns=_ns(row[1], row[2]),
+        wrench_ns=tuple(_ns(*used[index : index + 2]) for index in range(0, len(used), _PER_CONTACT)),
+        slip_ns=tuple(_ns(*used[index + 2 : index + 4]) for index in range(0, len(used), _PER_CONTACT)),
+        now_ns=_ns(decision[0], decision[1]),
+        mode=decision[2],
+        health=decision[3],
+        request=decision[4],
+    )
+
+
+def _ns(seconds: int, nanoseconds: int) -> int:
+    return seconds * 1_000_000_000 + nanoseconds
+
+
+def _stamps(series: Series, what: str) -> list[int]:
+    if series.stamp_ns is None:
+        raise InputError(what, got="messages without a header", expected="stamped messages")
+    return [int(stamp) for stamp in series.stamp_ns]
+
+
+def _joints(series: Series, order: JointOrder) -> dict[int, JointSample]:
+    stamps = _stamps(series, "joint_states")
+    columns = [_in_order(series, field, order) for field in ("position", "velocity", "effort")]
+    samples = zip(stamps, *columns, strict=True)
+    return {stamp: JointSample(stamp, position, velocity, effort) for stamp, position, velocity, effort in samples}
+
+
+def _in_order(series: Series, field: str, order: JointOrder) -> list[NDArray[np.float64]]:
+    """Return one array per message in the controller's joint order; an empty field stays empty."""
+    names = series["name"]
+    rows = []
+    for index in range(series.count):
+        values = np.asarray(series[field][index], dtype=np.float64)
+        rows.append(readonly(values[order.indices(names[index])] if len(values) else values))
+    return rows
+
+
+def _six(series: Series, linear: str, angular: str) -> NDArray[np.float64]:
+    return np.stack([series[f"{part}.{axis}"] for part in (linear, angular) for axis in _AXES], axis=1)
+
+
+def _wrenches(bag: Bag, topic: str) -> dict[int, WrenchSample]:
+    series = _complete(bag, topic)
+    rows = zip(_stamps(series, topic), _six(series, "wrench.force", "wrench.torque"), strict=True)
+    return {stamp: WrenchSample(stamp, row) for stamp, row in rows}
+
+
+def _slips(bag: Bag, topic: str) -> dict[int, SlipSample]:
+    series = _complete(bag, topic)
+    rows = zip(_stamps(series, topic), _six(series, "twist.linear", "twist.angular"), strict=True)
+    return {stamp: slip_sample(stamp, readonly(row)) for stamp, row in rows}
+
+
+def _efforts(series: Series, ledger: Series, order: JointOrder) -> tuple[NDArray[np.float64], ...]:
+    """Pair every ledger entry with the command published just before it, by the publisher's own clock."""
+    rows = _in_order(series, "effort", order)
+    found = np.searchsorted(series.publish_time_ns, ledger.publish_time_ns, side="right") - 1
+    if (found < 0).any() or (np.diff(found) < 1).any():
+        raise InputError("effort_command", got="fewer messages than cycles", expected="one per ledger entry")
+    return tuple(rows[index] for index in found)

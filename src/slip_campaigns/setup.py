@@ -1,0 +1,37 @@
+"""Package description that works for `colcon build` and for pip alike."""
+
+from setuptools import find_packages, setup
+
+NAME = "slip_campaigns"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(),
+    package_data={NAME: ["py.typed", "bench/*.c"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+    ],
+    install_requires=[
+        "setuptools",
+        "slip_bags",
+        "slip_bringup",
+        "slip_core",
+        "slip_msgs_py",
+        "slip_sim_bridge",
+        "slip_vic_controller",
+        "click",
+        "matplotlib",
+        "numpy",
+        "psutil",
+        "rich",
+    ],
+    extras_require={"test": ["pytest"]},
+    zip_safe=False,
+    maintainer="slip-vic maintainers",
+    maintainer_email="maintainers@slip-vic.example",
+    description="For developers: fault campaigns, long runs, benchmarks.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": []},
+)

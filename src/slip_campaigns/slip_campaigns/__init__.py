@@ -1,0 +1,1 @@
+"""For developers: fault campaigns, long runs, and what a control cycle costs."""

@@ -1,0 +1,98 @@
+"""Measured numbers with their spread: every quantity is measured once per round, side by side with the others."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from slip_core.errors import InputError
+
+Better = Literal["high", "low"]
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """One quantity: a value per round.
+
+    The median is what is reported; lowest and highest round show the noise.
+    """
+
+    name: str
+    unit: str
+    better: Better
+    values: tuple[float, ...]
+    note: str = ""
+
+    @property
+    def median(self) -> float:
+        """Median over the rounds, NaN where there are none."""
+        return statistics.median(self.values) if self.values else float("nan")
+
+    @property
+    def low(self) -> float:
+        """Lowest round."""
+        return min(self.values, default=float("nan"))
+
+    @property
+    def high(self) -> float:
+        """Highest round."""
+        return max(self.values, default=float("nan"))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for ``bench.json``."""
+        return {
+            "unit": self.unit,
+            "better": self.better,
+            "median": self.median,
+            "low": self.low,
+            "high": self.high,
+            "values": list(self.values),
+            "note": self.note,
+        }
+
+
+def metric_from(name: str, stored: Mapping[str, Any]) -> Metric:
+    """Return a stored metric.
+
+    Raises:
+        InputError: where it is not in the form of `Metric.as_dict`.
+    """
+    try:
+        return Metric(name, stored["unit"], stored["better"], tuple(map(float, stored["values"])), stored["note"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"metric {name}", got=repr(error), expected="what slip-vic bench writes") from None
+
+
+@dataclass(slots=True)
+class Rounds:
+    """Raw values per name and round, and the ratios made of them."""
+
+    values: dict[str, list[float]] = field(default_factory=dict)
+
+    def add(self, name: str, value: float) -> None:
+        """Take the value of one round."""
+        self.values.setdefault(name, []).append(value)
+
+    def metric(self, name: str, source: str, unit: str, better: Better, note: str = "", scale: float = 1.0) -> Metric:
+        """Return the quantity `source` as it was measured, times `scale`."""
+        return Metric(name, unit, better, tuple(scale * value for value in self.values.get(source, ())), note)
+
+    def ratio(self, name: str, over: str, under: str, better: Better, note: str = "") -> Metric:
+        """Return the ratio of two quantities, formed within each round: what slows both does not show in it."""
+        pairs = zip(self.values.get(over, ()), self.values.get(under, ()), strict=True)
+        return Metric(name, "", better, tuple(a / b for a, b in pairs), note)
+
+
+def rotated(names: Sequence[str], round_number: int) -> list[str]:
+    """Return the names beginning with another one each round, so that nobody always measures first or last."""
+    start = round_number % len(names) if names else 0
+    return [*names[start:], *names[:start]]
+
+
+def relative_spread(values: Sequence[float]) -> float:
+    """Return (highest - lowest) / median, 0 for fewer than two values."""
+    if len(values) < 2:
+        return 0.0
+    return (max(values) - min(values)) / statistics.median(values)

@@ -1,0 +1,175 @@
+"""Many trials, in worker processes: counts, the bound that follows from them, and what a violation leaves behind."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import multiprocessing
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from slip_campaigns.faults.plan import Plan, all_faults, make_plan
+
+IN_FLIGHT_PER_WORKER = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the campaign keeps of a trial."""
+
+    trial: int
+    faults: tuple[str, ...]
+    violations: tuple[str, ...]
+    recovery_s: float | None
+    commands: int
+    modes: dict[str, int]
+    objects_lost: int = 0
+
+
+@dataclass
+class Tally:
+    """Results so far."""
+
+    seed: int
+    over_dds: bool
+    verdicts: list[Verdict] = field(default_factory=list)
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def failed(self) -> list[Verdict]:
+        """Trials with a violation."""
+        return [verdict for verdict in self.verdicts if verdict.violations]
+
+    def summary(self) -> dict[str, Any]:
+        """Return what faults.json holds."""
+        trials, failed = len(self.verdicts), self.failed
+        names = sorted({name for verdict in self.verdicts for name in verdict.faults})
+        return {
+            "trials": trials,
+            "violations": len(failed),
+            "bound_95": upper_bound_95(trials, len(failed)),
+            "seed": self.seed,
+            "over_dds": self.over_dds,
+            "commands": sum(verdict.commands for verdict in self.verdicts),
+            "modes": _added(verdict.modes for verdict in self.verdicts),
+            "objects_lost": sum(verdict.objects_lost for verdict in self.verdicts),
+            "by_fault": {name: _by_fault([v for v in self.verdicts if name in v.faults]) for name in names},
+            "failed": [asdict(verdict) for verdict in failed],
+            **self.notes,
+        }
+
+
+def _by_fault(verdicts: Sequence[Verdict]) -> dict[str, Any]:
+    alone = sorted(v.recovery_s for v in verdicts if len(v.faults) == 1 and v.recovery_s is not None)
+    return {
+        "trials": len(verdicts),
+        "violations": sum(bool(v.violations) for v in verdicts),
+        "recovered": sum(v.recovery_s is not None for v in verdicts),
+        # Of trials with this fault alone: time from its end until the law is at work.
+        "recovery_median_s": alone[len(alone) // 2] if alone else None,
+        "recovery_max_s": alone[-1] if alone else None,
+    }
+
+
+def _added(counts: Iterable[dict[str, int]]) -> dict[str, int]:
+    total: dict[str, int] = {}
+    for each in counts:
+        for name, count in each.items():
+            total[name] = total.get(name, 0) + count
+    return total
+
+
+def upper_bound_95(trials: int, failures: int) -> float:
+    """Return the share of failing trials that is exceeded with 5 % confidence only (Clopper and Pearson)."""
+    if trials == 0 or failures >= trials:
+        return 1.0
+    low, high = failures / trials, 1.0
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        if _binomial_at_most(failures, trials, middle) > 0.05:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _binomial_at_most(k: int, n: int, p: float) -> float:
+    logs = [
+        math.lgamma(n + 1) - math.lgamma(i + 1) - math.lgamma(n - i + 1) + i * math.log(p) + (n - i) * math.log1p(-p)
+        if 0.0 < p < 1.0
+        else -math.inf
+        for i in range(k + 1)
+    ]
+    top = max(logs)
+    return math.exp(top) * sum(math.exp(x - top) for x in logs) if top > -math.inf else 0.0
+
+
+def run_in_process(seed: int, trials: Iterable[int], workers: int, on_done: Callable[[Verdict], None]) -> Tally:
+    """Run trials in spawned workers; the results do not depend on their number or order."""
+    tally = Tally(seed, over_dds=False)
+    for verdict in _verdicts(seed, iter(trials), workers):
+        tally.verdicts.append(verdict)
+        on_done(verdict)
+    tally.verdicts.sort(key=lambda verdict: verdict.trial)
+    return tally
+
+
+def _verdicts(seed: int, trials: Iterator[int], workers: int) -> Iterator[Verdict]:
+    if workers == 1:
+        yield from (judge(seed, trial) for trial in trials)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_quiet) as pool:
+        pending = {
+            pool.submit(judge, seed, trial) for trial in itertools.islice(trials, IN_FLIGHT_PER_WORKER * workers)
+        }
+        while pending:
+            done, pending = wait(pending, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield future.result()
+                trial = next(trials, None)
+                if trial is not None:
+                    pending.add(pool.submit(judge, seed, trial))
+
+
+def _quiet() -> None:
+    """Drop what the middleware's decoder prints about every damaged message; errors come back as exceptions."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+
+
+def plan_of(seed: int, trial: int) -> Plan:
+    """Return the plan of an in-process trial."""
+    from slip_campaigns.faults.trial import LATEST_START_S, LONGEST_S
+
+    return make_plan(seed, trial, all_faults(), LATEST_START_S, LONGEST_S)
+
+
+def judge(seed: int, trial: int) -> Verdict:
+    """Run one trial in process."""
+    from slip_campaigns.faults.trial import run_trial
+
+    outcome = run_trial(plan_of(seed, trial))
+    return Verdict(
+        trial,
+        tuple(fault.name for fault in outcome.plan.faults),
+        tuple(outcome.violations),
+        outcome.recovery_s,
+        outcome.commands,
+        dict(outcome.modes),
+        outcome.objects_lost,
+    )
+
+
+def write_results(out: Path, tally: Tally) -> Path:
+    """Write faults.json; return its path."""
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / "faults.json"
+    temporary = path.with_suffix(".tmp")
+    temporary.write_text(json.dumps(tally.summary(), indent=1) + "\n", encoding="utf-8")
+    os.replace(temporary, path)
+    return path

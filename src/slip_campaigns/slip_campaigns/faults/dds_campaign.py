@@ -1,0 +1,317 @@
+"""Trials over DDS: nodes as processes that go on from one trial to the next, one fault plan after the other."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from rclpy.signals import SignalHandlerOptions
+
+from slip_bringup.domain import domain_id
+from slip_bringup.processes import ProcessGroup, child_environment
+from slip_bringup.scenario import Scenario, load_scenario
+from slip_campaigns.faults import network
+from slip_campaigns.faults.campaign import Tally, Verdict, write_results
+from slip_campaigns.faults.dds_faults import GRIP_N, FaultActions, remote
+from slip_campaigns.faults.dds_session import Nodes
+from slip_campaigns.faults.dds_watch import Watch
+from slip_campaigns.faults.evidence import notes_of, write_bag
+from slip_campaigns.faults.monitors import LOST_M
+from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, RECORDER, TOPICS, Fault, Plan, all_faults_over_dds, make_plan
+from slip_campaigns.faults.proxy import Proxy
+from slip_campaigns.faults.wire import Wire
+from slip_core.topics import topic
+from slip_msgs_py.qos import create_subscription, message_class
+from slip_msgs_py.spinning import Spinner
+from slip_vic_controller.core.controller import VicController
+from slip_vic_controller.core.modes import Mode
+
+PERIOD_S = 0.004
+LATEST_START_S, LONGEST_S = 0.3, 0.5
+SETTLED_S = 0.1
+RECOVERY_S = 10.0  # a killed node needs seconds to start on a busy machine
+STAYS_S = 2.0  # a mode without the law that lasts so long, with all processes alive, ends by an operator only
+BACK_S = 60.0
+ASK_EVERY_S = 0.5
+DISK_FULL_S = 15.0
+SPIN_S = 0.002
+TRUTH_EVERY = 3
+SILENT_S = 15.0
+"""After which a controller that runs and says nothing is started anew. Fast DDS's shared memory can leave a node deaf
+that was killed and started at once: a peer goes on writing into the file of the dead one (docs/safety.md)."""
+
+
+def plan_over_dds(seed: int, trial: int) -> Plan:
+    """Return the plan of a trial over DDS."""
+    plan = make_plan(seed, trial, all_faults_over_dds(), LATEST_START_S, LONGEST_S)
+    return dataclasses.replace(plan, scenario="paper_planar", observer=True)
+
+
+def campaign_scenario() -> Scenario:
+    """Return what the nodes run: an endless lemniscate, with the observer, on a grip that survives faults mostly."""
+    return load_scenario(
+        "paper_planar",
+        mode="realtime",
+        assignments=(
+            f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
+            "controller.gains.k_s=100.0", "controller.slip_estimator=observer", f"bridge.grip.force={GRIP_N}",
+            "controller.trajectory.kind=lemniscate", "controller.trajectory.radius=0.06",
+            "controller.trajectory.duration_s=1e6", "bridge.stop_after_duration=false", "bridge.wait_for=[]",
+        ),
+    )  # fmt: skip
+
+
+def run_over_dds(
+    seed: int,
+    trials: Iterable[int],
+    out: Path,
+    on_done: Callable[[Verdict], None],
+    *,
+    effort_rate: float | None = None,
+) -> Tally:
+    """Run trials one after the other in a domain of their own; a violation leaves a bag in `out`.
+
+    effort_rate: what the monitor allows [N m/s]; None takes the controller's own limit.
+    """
+    tally = Tally(seed, over_dds=True)
+    with _campaign(out, effort_rate) as campaign:
+        for trial in trials:
+            verdict = campaign.run(plan_over_dds(seed, trial))
+            tally.verdicts.append(verdict)
+            tally.notes = campaign.notes()
+            write_results(out, tally)  # an hour of trials is not lost with the last one
+            on_done(verdict)
+    return tally
+
+
+@contextmanager
+def _campaign(out: Path, effort_rate: float | None) -> Iterator[DdsCampaign]:
+    with contextlib.ExitStack() as stack:
+        domain = stack.enter_context(domain_id())
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="slip_vic_faults_")))
+        cable = stack.enter_context(network.Cable()) if network.is_own() else None
+        group = stack.enter_context(ProcessGroup())
+        environment = child_environment(domain)
+        # In a network of our own discovery may go through every cable; else it stays on this machine.
+        reach = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET" if cable else "LOCALHOST"}
+        environment.update(reach)
+        with _environment(reach):
+            rclpy.init(args=[], domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+        node = Node("faults", start_parameter_services=False, enable_rosout=False)
+        try:
+            yield DdsCampaign(node, group, environment, folder, out, cable, effort_rate)
+        finally:
+            node.destroy_node()
+            rclpy.try_shutdown()
+
+
+@contextmanager
+def _environment(values: Mapping[str, str]) -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+class DdsCampaign:
+    """Nodes, proxy and monitors.
+
+    Args:
+        node: ours.
+        group, environment, folder, cable: as for `Nodes`.
+        out: where bags of violations go.
+        effort_rate: as for `run_over_dds`.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        group: ProcessGroup,
+        environment: dict[str, str],
+        folder: Path,
+        out: Path,
+        cable: network.Cable | None,
+        effort_rate: float | None,
+    ) -> None:
+        scenario = campaign_scenario()
+        controller = scenario.controller
+        self._out, self._cable = out, cable
+        law = VicController(controller, scenario.urdf)
+        wires = {name: Wire(name, controller.joint_names, controller.ee_frame) for name in TOPICS}
+        bridge = scenario.bridge
+        self._watch = Watch(wires, law, PERIOD_S, bridge.effort_rate, bridge.command_timeout_s, effort_rate)
+        self._nodes = Nodes(node, group, environment, scenario, folder, cable)
+        self._actions = FaultActions(node, self._nodes, self._watch, scenario, cable)
+        self._proxy = Proxy(node, wires, self._watch.forwarded, self._on_state)
+        self._lost = False
+        self.lost = self.deaf = 0
+        self._started_s = time.monotonic()
+        self._since_truth = 0
+        self._last_ask = 0.0
+        for name, take, reliable in (
+            ("effort_command", self._watch.command, True),
+            ("controller/ledger", self._watch.ledger, True),
+            ("slip_truth", self._on_truth, False),
+        ):
+            create_subscription(node, name, take, depth=1000, reliable=reliable, raw=True)
+        self._truth = message_class(topic("slip_truth").type)
+        executor = EventsExecutor()
+        executor.add_node(node)
+        self._spinner = Spinner(executor)
+
+    def notes(self) -> dict[str, Any]:
+        """Return what is worth knowing of the whole campaign."""
+        return {
+            "process_starts": self._nodes.starts,
+            "objects_lost": self.lost,
+            "deaf_nodes": self.deaf,
+            "commands_without_predecessor": self._watch.not_judged,
+            "network_cut": "namespaces" if self._cable else "not permitted here: the proxy drops everything instead",
+        }
+
+    def run(self, plan: Plan) -> Verdict:
+        """Run one trial."""
+        violations: list[str] = []
+        modes: Counter[str] = Counter()
+        self._proxy.set_plan(None, 0)
+        self._nodes.place_bridge(self._cable is not None and remote(plan.faults))
+        if any(fault.target == RECORDER for fault in plan.faults):
+            self._nodes.start_recorder()
+            self._spin_until(self._nodes.records, BACK_S, self._operate)
+        self._actions.restore()
+        if not self._spin_until(self._works, BACK_S, self._operate):
+            violations.append(f"the law is not at work within {BACK_S:g} s; mode {self._watch.mode.name}")
+        violations += self._deaths()
+        commands = self._watch.commands.commands
+        recovery = None if violations else self._suffer(plan, modes)
+        violations += self._recorder(plan) + self._watch.violations() + self._deaths()
+        if violations:
+            write_bag(self._out / f"trial_dds_{plan.seed}_{plan.trial}", self._proxy.kept, notes_of(plan, violations))
+        return Verdict(
+            plan.trial,
+            tuple(fault.name for fault in plan.faults),
+            tuple(violations),
+            recovery,
+            self._watch.commands.commands - commands,
+            dict(modes),
+        )
+
+    # -- a trial -----------------------------------------------------------------------------------
+
+    def _works(self) -> bool:
+        watch, now = self._watch, time.monotonic()
+        alive = now - watch.alive_s < SETTLED_S
+        return alive and watch.mode.follows and now - watch.mode_since_s > SETTLED_S and not self._lost
+
+    def _operate(self) -> None:
+        """Do what an operator would do until the law is at work."""
+        now = time.monotonic()
+        self._lost = False
+        since = max(self._watch.alive_s, self._started_s)
+        if self._nodes.runs(CONTROLLER) and self._nodes.runs(BRIDGE) and now - since > SILENT_S:
+            self.deaf += 1
+            self._nodes.end(CONTROLLER)
+        for name in (CONTROLLER, BRIDGE):
+            if not self._nodes.runs(name):
+                self._nodes.start(name)
+                self._started_s = now
+        if now - self._last_ask < ASK_EVERY_S:
+            return
+        self._last_ask = now
+        if self._watch.mode == Mode.FAULT:
+            self._nodes.trigger("reset_fault")
+        elif self._watch.mode == Mode.HOLD:
+            self._nodes.trigger("enable")
+
+    def _suffer(self, plan: Plan, modes: Counter[str]) -> float | None:
+        """Let the faults happen; return the time from the last one's end until the law works again."""
+        start_ns = time.monotonic_ns()
+        self._proxy.set_plan(plan, start_ns, cut_here=self._cable is None)
+        start = start_ns * 1e-9
+        begun: set[Fault] = set()
+        over: set[Fault] = set()
+        last_end = start
+
+        def turn() -> None:
+            nonlocal last_end
+            now = time.monotonic()
+            modes[self._watch.mode.name] += 1
+            for fault in plan.faults:
+                if fault not in begun and now >= start + fault.start_s:
+                    begun.add(fault)
+                    self._actions.begin(fault)
+                if fault in begun and fault not in over and now >= start + fault.end_s:
+                    over.add(fault)
+                    self._actions.end(fault)
+                    last_end = time.monotonic()  # on a busy machine later than planned
+
+        self._spin_until(lambda: len(over) == len(plan.faults), BACK_S, turn)
+        watch = self._watch
+
+        def decided() -> bool:
+            now = time.monotonic()
+            works = watch.mode.follows and watch.alive_s > last_end
+            stays = now - watch.alive_s < SETTLED_S and now - max(watch.mode_since_s, last_end) > STAYS_S
+            return works or stays or self._lost
+
+        self._spin_until(decided, RECOVERY_S, turn)
+        works = watch.mode.follows and watch.alive_s > last_end
+        return max(watch.alive_s - last_end, 0.0) if works else None
+
+    def _recorder(self, plan: Plan) -> list[str]:
+        """End the recorder; one whose disk was full must have said so, and left a bag that can be read."""
+        found = ""
+        faults = [fault for fault in plan.faults if fault.target == RECORDER]
+        if any(fault.kind == "disk_full" for fault in faults) and all(fault.kind != "kill" for fault in faults):
+            self._spin_until(lambda: not self._nodes.runs(RECORDER), DISK_FULL_S, lambda: None)
+            found = self._nodes.judge_full_disk()
+        self._nodes.end(RECORDER)
+        return [found] if found else []
+
+    def _deaths(self) -> list[str]:
+        return [text for text in (self._nodes.ended(name) for name in (CONTROLLER, BRIDGE)) if text]
+
+    # -- messages ----------------------------------------------------------------------------------
+
+    def _spin_until(self, condition: Callable[[], bool], timeout_s: float, on_turn: Callable[[], None]) -> bool:
+        end = time.monotonic() + timeout_s
+        while not condition():
+            if time.monotonic() > end:
+                return False
+            self._spinner.spin(SPIN_S)
+            self._proxy.flush()
+            on_turn()
+        return True
+
+    def _on_state(self, data: bytes) -> None:
+        self._watch.bridge_state(data, time.monotonic())
+
+    def _on_truth(self, data: bytes) -> None:
+        self._since_truth += 1
+        if self._since_truth % TRUTH_EVERY == 0:
+            message = deserialize_message(data, self._truth)
+            if max(map(abs, message.position[:3]), default=0.0) > LOST_M and self._nodes.runs(BRIDGE):
+                # A real object would fall. The simulation's pads are endless: it acts on with ever longer levers, until
+                # the arm whirls. Its simulation ends here; the operator starts another one.
+                self._lost = True
+                self.lost += 1
+                self._watch.joints.begin_again()
+                self._nodes.let_go(BRIDGE)

@@ -1,0 +1,175 @@
+"""Judges every command of the controller process, with the ledger that says when and in which mode it was given."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+
+from slip_campaigns.faults.carriers import stamp_of
+from slip_campaigns.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
+from slip_campaigns.faults.plan import EFFORT, JOINT, SLIP, WRENCH
+from slip_campaigns.faults.wire import Wire
+from slip_core.stamps import NS_PER_S
+from slip_core.topics import topic
+from slip_msgs_py.fast_io import Receiver
+from slip_vic_controller.core.controller import VicController
+from slip_vic_controller.core.modes import Mode
+
+REMEMBERED = 2000  # joint states
+TELEPORT_S = 0.3  # after a reset of the simulation, within which its joints may feel anything
+HOST_S = 0.1  # what a busy machine may take beyond the stated reaction
+ODD_ONES = 5  # commands that wait for a ledger that never comes
+
+
+class Watch:
+    """All monitors of a run over DDS.
+
+    Args:
+        wires: by topic.
+        law: for limits and gravity compensation.
+        period_s: control period.
+        effort_rate: of the bridge's drives [N m/s].
+        timeout_s: without a command, after which the bridge holds the arm itself.
+        allowed_rate: of commands [N m/s]; None takes the law's limit.
+    """
+
+    def __init__(
+        self,
+        wires: dict[str, Wire],
+        law: VicController,
+        period_s: float,
+        effort_rate: float,
+        timeout_s: float,
+        allowed_rate: float | None = None,
+    ) -> None:
+        self._wires, self._law = wires, law
+        safety = law.params.safety
+        limits, inputs = safety.limits, safety.inputs
+        rate = limits.effort_rate if allowed_rate is None else allowed_rate
+        promise = Promise(law.arm.effort_limit, rate, limits.longest_step_s, limits.restart_after_s, period_s)
+        observer_s = safety.fallback.observer_s if law.params.slip_estimator == "observer" else 0.0
+        ladder = inputs.slip.age_s + safety.fallback.slow_down_s + observer_s
+        ages = {JOINT: inputs.joint.age_s, WRENCH: inputs.wrench.age_s, SLIP: ladder}
+        self.commands = CommandMonitor(promise)
+        self.joints = JointMonitor(effort_rate * period_s)
+        self.safe = SafeStateMonitor({name: age + period_s + HOST_S for name, age in ages.items()})
+        self._timeout_s = timeout_s
+        self.mode = Mode.WAITING_INPUT
+        self.mode_since_s = 0.0
+        self.alive_s = 0.0
+        self._period_ns = round(1e9 * period_s)
+        self._efforts: deque[tuple[int, bytes]] = deque()
+        self._ledgers: deque[tuple[int, int, int, Mode]] = deque()
+        self._states: deque[tuple[int, bytes]] = deque(maxlen=REMEMBERED)
+        self._cycle = -1
+        self.not_judged = 0  # commands whose slope is unknown, because a message was lost on its way to this monitor
+        self._state_stamp_ns: int | None = None
+        self._ignore_until_s = 0.0
+        self._was_alive, self._state_s = False, 0.0
+        self._last_seen = np.zeros(0)  # positions that the command before answered
+        self._ledger: Receiver[tuple[int, int, int, Mode]] = Receiver(
+            topic("controller/ledger").type, ("data",), lambda _: _entry, stamp=""
+        )
+
+    def violations(self) -> list[str]:
+        """Return what was found since the last call."""
+        found = []
+        for monitor in (self.commands, self.joints, self.safe):
+            found += monitor.violations
+            monitor.violations.clear()
+        return found
+
+    def forwarded(self, name: str, data: bytes, sent_ns: int, counts: bool) -> None:
+        """A message has been handed on to controller or bridge."""
+        if name == JOINT:
+            self._states.append((stamp_of(data) if len(data) >= 12 else 0, data))
+        if name != EFFORT and counts:
+            self.safe.good(name, sent_ns * 1e-9)
+
+    def command(self, data: bytes) -> None:
+        """A command, as the controller sent it."""
+        self._efforts.append((stamp_of(data), data))
+        self._pair()
+
+    def ledger(self, data: bytes) -> None:
+        """The ledger of a cycle."""
+        self._ledgers.append(self._ledger(data))
+        self._pair()
+
+    def teleport(self, now_s: float) -> None:
+        """The simulation is about to be reset."""
+        self._ignore_until_s = now_s + TELEPORT_S
+
+    def bridge_state(self, data: bytes, now_s: float) -> None:
+        """A joint state as the bridge sent it."""
+        sample = self._wires[JOINT].receive(data)
+        if sample is None:
+            return
+        last, self._state_stamp_ns = self._state_stamp_ns, sample.stamp_ns
+        steps = 1 if last is None else (sample.stamp_ns - last) / self._period_ns
+        if not 0.5 < steps < 1.5 or now_s < self._ignore_until_s:
+            self.joints.restarted()
+        alive = now_s - self.alive_s < self._timeout_s
+        if alive != self._was_alive or now_s - self._state_s > self._timeout_s:
+            self.joints.begin_again()  # another one holds the arm from now on, and begins from its motion
+        self._was_alive, self._state_s = alive, now_s
+        follows = self.mode.follows and alive
+        # By the simulation's clock: a bridge that was stopped has not moved meanwhile.
+        self.joints.take(sample.stamp_ns * 1e-9, sample.effort, sample.velocity, follows)
+
+    def _pair(self) -> None:
+        """Judge commands with their ledgers; one whose ledger is missing is judged by itself."""
+        while self._efforts and self._ledgers:
+            (stamp_ns, data), (cycle, state_ns, clock_ns, mode) = self._efforts[0], self._ledgers[0]
+            if stamp_ns == state_ns:
+                self._efforts.popleft()
+                self._ledgers.popleft()
+                self._judge(stamp_ns, data, cycle, clock_ns, mode)
+            elif stamp_ns < state_ns or len(self._efforts) > ODD_ONES:
+                self._alone(self._efforts.popleft()[1])
+            else:
+                self._ledgers.popleft()
+
+    def _alone(self, data: bytes) -> None:
+        effort = np.array(self._wires[EFFORT].typed(data).effort)
+        if len(effort):
+            self.not_judged += 1
+            self.commands.inside(round(1e9 * self.alive_s), effort)
+
+    def _judge(self, stamp_ns: int, data: bytes, cycle: int, clock_ns: int, mode: Mode) -> None:
+        now_s = clock_ns * 1e-9
+        known = cycle in (0, self._cycle + 1)
+        if not known or cycle == 0:
+            self.commands.restarted()
+        self._cycle = cycle
+        command = self._wires[EFFORT].typed(data)
+        effort = np.array(command.effort)
+        if known:
+            self.commands.take(clock_ns, effort, self._starts(stamp_ns, np.array(command.position)))
+        elif len(effort):
+            self.not_judged += 1
+            self.commands.take(clock_ns, effort, ())
+        self.safe.check(now_s, mode.follows)
+        if mode != self.mode:
+            self.mode_since_s = now_s
+        self.mode, self.alive_s = mode, now_s
+
+    def _starts(self, stamp_ns: int, position: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return the efforts from which a first command may begin, as the controller was told them."""
+        samples = [self._wires[JOINT].receive(data) for stamp, data in self._states if stamp == stamp_ns]
+        starts = [sample.effort for sample in samples if sample is not None]
+        shape = self._law.arm.effort_limit.shape
+        for seen in (position, self._last_seen):
+            if seen.shape == shape and np.isfinite(seen).all():
+                starts.append(self._law.arm.gravity(seen))
+        self._last_seen = position
+        return tuple(start for start in starts if start.shape == shape and np.isfinite(start).all())
+
+
+def _entry(_stamp_ns: int, data: Any) -> tuple[int, int, int, Mode]:
+    """Return cycle, state's stamp, controller's clock [ns] and mode of a ledger."""
+    row = [int(x) for x in data]
+    clock_sec, clock_nsec, mode = row[-5:-2]
+    return row[0], row[1] * NS_PER_S + row[2], clock_sec * NS_PER_S + clock_nsec, Mode(mode)

@@ -1,0 +1,305 @@
+"""One trial in process: bridge, controller and the topics between them in virtual real time."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from slip_bringup.scenario import Scenario, load_scenario
+from slip_campaigns.faults.carriers import SampleCarrier
+from slip_campaigns.faults.channel import Channel, Delivery
+from slip_campaigns.faults.monitors import LOST_M, CommandMonitor, JointMonitor, Promise, SafeStateMonitor
+from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, EFFORT, JOINT, SLIP, TOPICS, WRENCH, Fault, Plan
+from slip_campaigns.faults.wire import Wire
+from slip_core.errors import InputError
+from slip_core.params import build, flatten
+from slip_core.types import EffortCommand
+from slip_sim_bridge.node_params import BridgeNodeParams
+from slip_sim_bridge.session import BridgeSession
+from slip_sim_bridge.sim.plant import DivergenceError
+from slip_vic_controller.core.controller import VicController
+from slip_vic_controller.core.modes import Mode, Request
+from slip_vic_controller.core.session import ControllerSession, CycleResult
+from slip_vic_controller.node_params import ControllerNodeParams
+
+PERIOD_S = 0.004
+DURATION_S = 1.8
+LATEST_START_S, LONGEST_S = 0.6, 0.4
+START_NS = 1_000_000_000_000  # of the wall clock
+STEADY_NS = 5_000_000_000
+RESTART_S = 0.2  # time from the start of a node to its first message
+
+
+@dataclass
+class Outcome:
+    """What a trial showed: violations, seconds from the last fault's end to the law (None: not), modes and samples.
+
+    objects_lost: how often the object left the pads; the simulation is then started anew, as an operator would.
+    """
+
+    plan: Plan
+    violations: list[str]
+    recovery_s: float | None
+    modes: Counter[str]
+    commands: int
+    troubles: Counter[str]
+    record: list[tuple[int, str, Any]] = field(default_factory=list)
+    objects_lost: int = 0
+
+
+@cache
+def prepared(name: str, observer: bool) -> tuple[Scenario, VicController]:
+    """Return a scenario as the campaign runs it, and its law."""
+    assignments = [
+        f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
+        "controller.gains.k_s=100.0", f"controller.trajectory.duration_s={0.75 * DURATION_S}",
+        "bridge.stop_after_duration=false",
+    ]  # fmt: skip
+    if observer:
+        assignments.append("controller.slip_estimator=observer")
+    if name == "vertical_plane":
+        # What friction cannot carry is to be met: more than just enough grip at the start.
+        assignments += ["controller.trajectory.displacement=[0.0, 0.1, 0.05]"]
+    scenario = load_scenario(name, mode="realtime", assignments=assignments)
+    return scenario, VicController(scenario.controller, scenario.urdf)
+
+
+class Trial:
+    """Runs one plan.
+
+    Args:
+        plan: what happens.
+        keep: whether to keep every message, for a bag.
+    """
+
+    def __init__(self, plan: Plan, *, keep: bool = False) -> None:
+        self._plan, self._keep = plan, keep
+        self.scenario, self._law = prepared(plan.scenario, plan.observer)
+        self._rng = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 1)))
+        controller, safety = self.scenario.controller, self.scenario.controller.safety
+        self._channels = {
+            name: Channel(
+                SampleCarrier(Wire(name, controller.joint_names, controller.ee_frame)),
+                tuple(fault for fault in plan.faults if fault.target == name),
+                np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 2 + i))),
+            )
+            for i, name in enumerate(TOPICS)
+        }
+        limits, inputs = safety.limits, safety.inputs
+        self._commands = CommandMonitor(
+            Promise(
+                self._law.arm.effort_limit, limits.effort_rate, limits.longest_step_s, limits.restart_after_s, PERIOD_S
+            )
+        )
+        self._joints = JointMonitor(self.scenario.bridge.effort_rate * PERIOD_S)
+        ladder = safety.fallback.slow_down_s + (safety.fallback.observer_s if plan.observer else 0.0)
+        self._safe = SafeStateMonitor(
+            {
+                JOINT: inputs.joint.age_s + PERIOD_S,
+                WRENCH: inputs.wrench.age_s + PERIOD_S,
+                SLIP: inputs.slip.age_s + ladder + PERIOD_S,
+            }
+        )
+        self._modes: Counter[str] = Counter()
+        self._troubles: Counter[str] = Counter()
+        self._record: list[tuple[int, str, Any]] = []
+        self._done: set[Fault] = set()
+        self._controller_back = self._bridge_back = 0.0
+        self._clock_offset_ns = 0
+        self._newest_command: EffortCommand | None = None
+        self._recovered: float | None = None
+        self._stand_still_ns: int | None = None
+        self._lost = 0
+
+    def run(self) -> Outcome:
+        """Run to the end; what the code raises is a violation too."""
+        try:
+            self._run()
+        except DivergenceError as error:
+            self._commands.violations.append(f"the arm's state is not physical any more: {error}")
+        except Exception as error:  # whatever it is, it must not happen
+            self._commands.violations.append(f"{type(error).__name__}: {error}")
+        violations = self._commands.violations + self._joints.violations + self._safe.violations
+        return Outcome(
+            self._plan, violations, self._recovered, self._modes, self._commands.commands, self._troubles, self._record,
+            self._lost,
+        )  # fmt: skip
+
+    def _run(self) -> None:
+        self._bridge = self._new_bridge(self.scenario.bridge, START_NS)
+        self._controller: ControllerSession | None = ControllerSession(self._law, lockstep=False)
+        last_end = max(fault.end_s for fault in self._plan.faults)
+        for tick in range(round(DURATION_S / PERIOD_S)):
+            t = tick * PERIOD_S
+            self._t, self._now_ns = t, STEADY_NS + round(t * 1e9)
+            self._nodes(t)
+            if self._bridge_runs(t):
+                self._observe(t)
+            if not self._controller_lives():
+                for name in (JOINT, WRENCH, SLIP):  # what is sent while nobody is there is gone
+                    self._channels[name].arrivals(self._now_ns)
+            elif not self._stopped(CONTROLLER, t):
+                self._control(t)
+            for delivery in self._channels[EFFORT].arrivals(self._now_ns):
+                self._newest_command = delivery.sample
+            if self._bridge_runs(t):
+                self._bridge.advance(self._shifted(self._newest_command))
+                if np.abs(self._bridge.simulation.truth().slip_displacement[:3]).max() > LOST_M:
+                    self._lost += 1
+                    self._restart_bridge(t + PERIOD_S + RESTART_S)
+            follows = self._controller is not None and self._controller.mode.follows
+            if t >= last_end and follows and self._recovered is None:
+                self._recovered = t - last_end
+            if not follows:
+                self._recovered = None if t < last_end else self._recovered
+        if self._controller is not None:
+            self._troubles.update(self._controller.monitor.counts())
+
+    # -- nodes -------------------------------------------------------------------------------------
+
+    def _stopped(self, node: str, t: float) -> bool:
+        return any(fault.kind == "stop" and fault.target == node and fault.at(t) for fault in self._plan.faults)
+
+    def _controller_lives(self) -> bool:
+        return self._controller is not None
+
+    def _bridge_runs(self, t: float) -> bool:
+        return t >= self._bridge_back and not self._stopped(BRIDGE, t)
+
+    def _nodes(self, t: float) -> None:
+        for fault in self._plan.faults:
+            if fault in self._done or t < fault.start_s:
+                continue
+            if fault.kind == "kill" and fault.target == CONTROLLER:
+                self._done.add(fault)
+                self._controller, self._controller_back = None, t + fault.duration_s + RESTART_S
+                self._commands.restarted()
+            elif fault.kind == "kill":
+                self._done.add(fault)
+                self._restart_bridge(t + fault.duration_s + RESTART_S)
+            elif fault.kind in ("reset", "clock_jump", "gains", "request", "grip"):
+                self._happen(fault)
+        if self._controller is None and t >= self._controller_back:
+            self._controller = ControllerSession(self._law, lockstep=False)
+
+    def _happen(self, fault: Fault) -> None:
+        """What happens at one moment, or begins at it."""
+        self._done.add(fault)
+        if fault.kind == "reset":
+            self._bridge.request_reset()
+            self._joints.restarted()
+        elif fault.kind == "clock_jump":
+            sign = 1 if fault.size > 0.5 else -1
+            self._clock_offset_ns += sign * round(1e9 * 10.0 ** (4.0 * abs(2.0 * fault.size - 1.0) - 2.0))
+        elif fault.kind == "grip":
+            self._bridge.set_grip_force(self.scenario.bridge.grip.force * 2.0 * fault.size**3)
+        elif fault.kind == "request" and self._controller is not None:
+            self._controller.request(Request(1 + int(3 * fault.size)))
+        elif fault.kind == "gains" and self._controller is not None:
+            self._retune(self._controller, fault)
+
+    def _retune(self, controller: ControllerSession, fault: Fault) -> None:
+        factor = 10.0 ** (2.0 * fault.size - 1.0)
+        values = flatten(self.scenario.controller)
+        values["gains.stiffness"] = [factor * k for k in values["gains.stiffness"]]
+        values["gains.k_s"] = min(factor * values["gains.k_s"], 200.0)
+        values["object.mass"] = values["object.mass"] * factor
+        try:
+            controller.retune(build(ControllerNodeParams, values, "trial"))
+        except InputError:
+            self._troubles["gains refused"] += 1
+
+    def _restart_bridge(self, back: float) -> None:
+        """Let the bridge be away until `back` [s] and then begin where the arm is, with the object in the grasp."""
+        self._bridge_back = back
+        posture = self._bridge.simulation.joint_sample().position
+        params = self.scenario.bridge.model_copy(update={"initial_position": tuple(posture.tolist())})
+        self._bridge = self._new_bridge(params, START_NS + round(back * 1e9))
+        self._newest_command = None
+        self._joints.restarted()
+
+    def _new_bridge(self, params: BridgeNodeParams, stamp_ns: int) -> BridgeSession:
+        bridge = BridgeSession(params, self.scenario.urdf)
+        bridge.start_at(stamp_ns)
+        return bridge
+
+    # -- messages ----------------------------------------------------------------------------------
+
+    def _stamp(self, stamp_ns: int) -> int:
+        """Return what the bridge's clock shows where its simulation is at `stamp_ns`."""
+        for fault in self._plan.faults:
+            if fault.kind == "clock_stop" and fault.at(self._t):
+                if self._stand_still_ns is None:
+                    self._stand_still_ns = stamp_ns
+                return self._stand_still_ns + self._clock_offset_ns
+        self._stand_still_ns = None
+        return stamp_ns + self._clock_offset_ns
+
+    def _observe(self, t: float) -> None:
+        outputs = self._bridge.observe()
+        sent: list[tuple[str, Any]] = [(JOINT, outputs.joint)]
+        sent += [(WRENCH, sample) for sample in outputs.wrenches[0]] + [(SLIP, sample) for sample in outputs.slips[0]]
+        for name, sample in sent:
+            shown = dataclasses.replace(sample, stamp_ns=self._stamp(sample.stamp_ns))
+            self._channels[name].send(shown, t, self._now_ns)
+        controller = self._controller
+        follows = controller is not None and controller.mode.follows and not self._stopped(CONTROLLER, t)
+        self._joints.take(t, outputs.joint.effort, outputs.joint.velocity, follows)
+        if self._keep:
+            self._record += [(self._now_ns, name, sample) for name, sample in sent]
+
+    def _shifted(self, command: EffortCommand | None) -> EffortCommand | None:
+        """Return a command with its stamp on the simulation's clock."""
+        if command is None:
+            return None
+        return EffortCommand(command.stamp_ns - self._clock_offset_ns, command.effort)
+
+    def _control(self, t: float) -> None:
+        """Let everything arrive, and answer."""
+        assert self._controller is not None
+        inputs, now_ns = self._controller.inputs, self._now_ns
+        for name, add in ((WRENCH, inputs.add_wrench), (SLIP, inputs.add_slip)):
+            for delivery in self._channels[name].arrivals(now_ns):
+                add(0, delivery.sample, now_ns)
+                self._note(name, delivery)
+        for delivery in self._channels[JOINT].arrivals(now_ns):
+            inputs.add_joint(delivery.sample, now_ns)
+            self._note(JOINT, delivery)
+            self._answer(self._controller.cycle(now_ns), t)
+        self._answer(self._controller.watchdog(now_ns), t)
+        self._safe.check(t, self._controller.mode.follows)
+
+    def _note(self, name: str, delivery: Delivery) -> None:
+        if delivery.clean:
+            self._safe.good(name, (delivery.sent_ns - STEADY_NS) * 1e-9)
+
+    def _answer(self, result: CycleResult | None, t: float) -> None:
+        if result is None or self._controller is None:
+            return
+        self._modes[result.mode.mode.name] += 1
+        starts = [result.joint.effort] if np.isfinite(result.joint.effort).all() else []
+        if self._controller.state is not None:
+            starts.append(self._law.arm.gravity(self._controller.state.position))
+        self._commands.take(self._now_ns, result.command.effort, tuple(starts))
+        self._channels[EFFORT].send(result.command, t, self._now_ns)
+        if self._keep:
+            self._record.append((self._now_ns, EFFORT, result.command))
+            self._record.append((self._now_ns, "controller/mode", f"{result.mode.mode.name}: {result.mode.reason}"))
+
+
+def run_trial(plan: Plan, *, keep: bool = False) -> Outcome:
+    """Run one plan in process."""
+    return Trial(plan, keep=keep).run()
+
+
+def follows_again(outcome: Outcome) -> bool:
+    """Return whether the law was at work again at the end of the faults."""
+    return outcome.recovery_s is not None
+
+
+__all__ = ["DURATION_S", "LATEST_START_S", "LONGEST_S", "Mode", "Outcome", "Trial", "follows_again", "run_trial"]

@@ -1,0 +1,24 @@
+"""Package description that works for `colcon build` and for pip alike."""
+
+from setuptools import find_packages, setup
+
+NAME = "slip_core"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(),
+    package_data={NAME: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+    ],
+    install_requires=["setuptools", "numba", "numpy", "pydantic", "pyyaml"],
+    extras_require={"test": ["pytest"]},
+    zip_safe=False,
+    maintainer="slip-vic maintainers",
+    maintainer_email="maintainers@slip-vic.example",
+    description="What every package shares, without ROS: errors, parameters, topic table, value objects, vectors.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": []},
+)

@@ -1,0 +1,120 @@
+"""Small array helpers shared by the maths and the physics; nothing here knows of ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slip_core.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def readonly(values: ArrayLike) -> Array:
+    """Return a read-only float64 copy of `values`; any shape, unit and frame are kept.
+
+    Implements: ours: value objects must not change behind their owner's back.
+    """
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+def vector(values: ArrayLike, size: int, what: str) -> Array:
+    """Return `values` as a read-only vector; (size,), unit and frame of the caller.
+
+    Raises:
+        InputError: where the shape is not (size,) or an element is not finite.
+
+    Implements: ours: shapes are checked once, at the border.
+    """
+    try:
+        array = readonly(values)
+    except (TypeError, ValueError):
+        raise InputError(what, got=values, expected=f"{size} numbers") from None
+    if array.shape != (size,):
+        raise InputError(what, got=f"{array.size} numbers", expected=f"{size} numbers")
+    if not np.isfinite(array).all():
+        raise InputError(what, got=array.tolist(), expected="finite numbers")
+    return array
+
+
+def skew(v: Array) -> Array:
+    """Return S(v) with S(v) u = v x u; (3,) -> (3, 3), any unit and frame.
+
+    Implements: ours: the S(.) of Eq. (10), (12), (18).
+    """
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def rotate6(R: Array, twist_or_wrench: Array) -> Array:
+    """Rotate both halves of a 6-vector by R without moving its point; (3, 3), (6,) -> (6,).
+
+    Implements: ours: change of axes only, {ee} to {w} and back with R.T.
+    """
+    return twist_or_wrench.reshape(2, 3).dot(R.T).reshape(6)
+
+
+def quat_xyzw_from_matrix(R: Array) -> Array:
+    """Return the unit quaternion (x, y, z, w) of a rotation matrix; (3, 3) -> (4,), w >= 0.
+
+    Implements: ours: ROS order; Shepperd's choice of the largest element, so never near-zero division.
+    """
+    trace = R[0, 0] + R[1, 1] + R[2, 2]
+    candidates = (R[0, 0], R[1, 1], R[2, 2], trace)
+    k = max(range(4), key=candidates.__getitem__)
+    if k == 3:
+        q = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 1.0 + trace])
+    else:
+        i, j, m = k, (k + 1) % 3, (k + 2) % 3
+        q = np.empty(4)
+        q[i] = 1.0 + 2.0 * R[i, i] - trace
+        q[j] = R[j, i] + R[i, j]
+        q[m] = R[m, i] + R[i, m]
+        q[3] = R[m, j] - R[j, m]
+    q /= np.sqrt(q @ q)
+    return q if q[3] >= 0.0 else -q
+
+
+def matrix_from_quat_xyzw(quat_xyzw: ArrayLike) -> Array:
+    """Return the rotation matrix of a quaternion (x, y, z, w), normalised first; (4,) -> (3, 3).
+
+    Raises:
+        InputError: where the quaternion is not finite or its norm is below 1e-6.
+
+    Implements: ours: ROS order in, matrix inside.
+    """
+    q = vector(quat_xyzw, 4, "quaternion (x, y, z, w)")
+    norm = float(np.sqrt(q @ q))
+    if norm < 1e-6:
+        raise InputError("quaternion (x, y, z, w)", got=q.tolist(), expected="a norm of 1")
+    x, y, z, w = (q / norm).tolist()
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def inertia_from_six(six: Sequence[float], what: str = "inertia") -> Array:
+    """Return the symmetric inertia matrix of (ixx, iyy, izz, ixy, ixz, iyz); (6,) [kg m2] -> (3, 3).
+
+    Raises:
+        InputError: where the matrix is not positive definite or breaks the triangle inequality.
+
+    Implements: ours: URDF's six numbers, checked to be a physical body.
+    """
+    ixx, iyy, izz, ixy, ixz, iyz = vector(six, 6, what)
+    matrix = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+    principal = np.linalg.eigvalsh(matrix)
+    if principal[0] <= 0.0 or principal[0] + principal[1] < principal[2] * (1.0 - 1e-9):
+        raise InputError(
+            what,
+            got=f"principal moments {principal.tolist()}",
+            expected="positive principal moments, each at most the sum of the other two",
+        )
+    return matrix

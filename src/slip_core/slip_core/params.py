@@ -1,0 +1,179 @@
+"""Parameters declared once: pydantic models are the single source of types, ranges and descriptions.
+
+The ROS declaration (`ros_params`), the YAML files in ``config/`` and the reference page are made from them.
+A parameter's name is its dotted path in the model (``gains.k_s``); lists are flat, as ROS wants them.
+"""
+
+from __future__ import annotations
+
+import types as _types
+import typing
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from slip_core.errors import InputError, nearest
+
+Model = TypeVar("Model", bound="ParameterModel")
+
+
+class ParameterModel(BaseModel):
+    """Base of all parameter groups: frozen, strict about unknown names, finite numbers only."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True)
+
+
+def parameter(default: Any, description: str, *, unit: str = "", runtime: bool = False, **bounds: Any) -> Any:
+    """Declare one parameter: default, description, unit, whether it may change at run time, pydantic bounds.
+
+    Implements: ours: one declaration for code, ROS, YAML and documentation.
+    """
+    extra: dict[str, Any] = {"unit": unit, "runtime": runtime}
+    return Field(default=default, description=description, json_schema_extra=extra, **bounds)
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterInfo:
+    """One declared parameter, flattened: what the ROS declaration and the reference page need."""
+
+    name: str
+    kind: Any
+    default: Any
+    unit: str
+    description: str
+    bounds: Mapping[str, Any]
+    runtime: bool
+
+
+def parameter_infos(model: type[ParameterModel], prefix: str = "") -> Iterator[ParameterInfo]:
+    """Walk a model in order of declaration and yield every leaf parameter with its dotted name."""
+    for key, field in model.model_fields.items():
+        kind = field.annotation
+        if isinstance(kind, type) and issubclass(kind, ParameterModel):
+            yield from parameter_infos(kind, f"{prefix}{key}.")
+            continue
+        extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+        bounds: dict[str, Any] = {}
+        for rule in field.metadata:
+            for name in ("gt", "ge", "lt", "le", "min_length", "max_length"):
+                if getattr(rule, name, None) is not None:
+                    bounds[name] = getattr(rule, name)
+        if typing.get_origin(kind) is typing.Literal:
+            bounds["one_of"] = typing.get_args(kind)
+        yield ParameterInfo(
+            name=f"{prefix}{key}",
+            kind=kind,
+            default=field.get_default(call_default_factory=True),
+            unit=str(extra.get("unit", "")),
+            description=field.description or "",
+            bounds=_types.MappingProxyType(bounds),
+            runtime=bool(extra.get("runtime", False)),
+        )
+
+
+def flatten(model: ParameterModel) -> dict[str, Any]:
+    """Return every leaf value under its dotted name, tuples as lists."""
+
+    flat = flat_names(model.model_dump())
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in flat.items()}
+
+
+def build(model: type[Model], values: Mapping[str, Any], origin: str) -> Model:
+    """Make a model from dotted or nested names; `origin` says where the values come from, for the error line.
+
+    Raises:
+        InputError: unknown name (with the nearest known), wrong type, or a value out of range.
+    """
+    flat = flat_names(values)
+    known = {info.name for info in parameter_infos(model)}
+    for name in flat:
+        if name not in known:
+            raise InputError(f"{origin}: parameter {name}", got="an unknown name", expected=nearest(name, known))
+    return validate(model, nested_names(flat), origin)
+
+
+def validate(model: type[Model], nested: Mapping[str, Any], origin: str) -> Model:
+    """Make a model from nested values.
+
+    Raises:
+        InputError: the first thing that is wrong, in one line.
+    """
+    try:
+        return model.model_validate(nested)
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = ".".join(str(part) for part in first["loc"]) or "(all together)"
+        message = first["msg"].removeprefix("Value error, ")
+        if first["type"] == "extra_forbidden":
+            raise InputError(
+                f"{origin}: {name}", got="an unknown name", expected=nearest(name, model.model_fields)
+            ) from None
+        if first["type"] == "value_error":
+            raise InputError(f"{origin}: parameter {name}", got=message, expected="consistent values") from None
+        raise InputError(f"{origin}: parameter {name}", got=first["input"], expected=_expected(message)) from None
+
+
+def _expected(message: str) -> str:
+    for lead in ("Input should be ", "Tuple should have ", "List should have "):
+        if message.startswith(lead):
+            return message.removeprefix(lead)
+    return message
+
+
+def flat_names(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested groups under dotted names; names that are dotted already stay."""
+    flat: dict[str, Any] = {}
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            flat.update(flat_names(value, f"{prefix}{key}."))
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat
+
+
+def nested_names(flat: Mapping[str, Any]) -> dict[str, Any]:
+    """Return dotted names as nested groups: the inverse of `flat_names`."""
+    nested: dict[str, Any] = {}
+    for name, value in flat.items():
+        *groups, leaf = name.split(".")
+        node = nested
+        for group in groups:
+            node = node.setdefault(group, {})
+        node[leaf] = value
+    return nested
+
+
+def parse_assignment(text: str) -> tuple[str, Any]:
+    """Split ``key=value`` as given to ``--set``; the value is read as YAML.
+
+    Raises:
+        InputError: where there is no ``=`` or the value is not YAML.
+    """
+    key, sign, value = text.partition("=")
+    if not sign or not key.strip():
+        raise InputError("--set", got=text, expected="key=value, e.g. controller.gains.k_s=500")
+    try:
+        return key.strip(), yaml.safe_load(value)
+    except yaml.YAMLError:
+        raise InputError(f"--set {key}", got=value, expected="a YAML value: a number, a word, or [a, b, c]") from None
+
+
+def load_yaml(path: Path) -> dict[str, Any]:
+    """Read one YAML mapping.
+
+    Raises:
+        InputError: where the file is missing, not YAML or not a mapping.
+    """
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"file {path}", got=error.strerror or str(error), expected="a readable YAML file") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"file {path}", got=str(error), expected="valid YAML") from None
+    if not isinstance(content, dict):
+        raise InputError(f"file {path}", got=type(content).__name__, expected="a YAML mapping of names to values")
+    return content

@@ -1,0 +1,53 @@
+"""Parts of kernels: vectors and matrices of a few rows, by loops."""
+
+from __future__ import annotations
+
+import math
+
+from slip_core.arrays import Array
+from slip_core.compiled import part
+
+LARGEST = 1e154
+"""Beyond it squares overflow; NaN is not below it either."""
+
+
+@part
+def cholesky(A: Array, L: Array) -> bool:
+    """Write the lower factor of a symmetric positive definite A to `L`; False where it is not; (n, n)."""
+    n = A.shape[0]
+    for j in range(n):
+        pivot = A[j, j]
+        for k in range(j):
+            pivot -= L[j, k] * L[j, k]
+        if not pivot > 0.0:
+            return False
+        root = math.sqrt(pivot)
+        L[j, j] = root
+        for i in range(j + 1, n):
+            total = A[i, j]
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            L[i, j] = total / root
+    return True
+
+
+@part
+def forward_substitute(L: Array, b: Array, x: Array) -> None:
+    """Solve L x = b with a lower triangular L; `x` may be `b`; (n, n) (n,) -> (n,)."""
+    for i in range(L.shape[0]):
+        total = b[i]
+        for k in range(i):
+            total -= L[i, k] * x[k]
+        x[i] = total / L[i, i]
+
+
+@part
+def back_substitute(L: Array, b: Array, x: Array) -> None:
+    """Solve L^T x = b with a lower triangular L; `x` may be `b`; (n, n) (n,) -> (n,)."""
+    n = L.shape[0]
+    for step in range(n):
+        i = n - 1 - step
+        total = b[i]
+        for k in range(i + 1, n):
+            total -= L[k, i] * x[k]
+        x[i] = total / L[i, i]

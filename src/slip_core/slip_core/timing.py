@@ -1,0 +1,101 @@
+"""Timing as data: the spread of the last values of a measured time, and the levels at which it is worth a warning.
+
+The levels are those of ros2_control's controller manager (its documented defaults, all changeable here): errors of
+the mean rate and deviation of the rate in Hz, mean and deviation of the execution time in seconds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.params import ParameterModel, parameter
+
+OK, WARN, ERROR = 0, 1, 2
+_LEVEL_TEXT = ("within limits", "beyond the warning level", "beyond the error level")
+
+
+class TimingParams(ParameterModel):
+    """When timing is worth a warning; the defaults are ros2_control's."""
+
+    rate_error_warn_hz: float = parameter(5.0, "error of the mean cycle rate: warning above", unit="Hz", gt=0.0)
+    rate_error_error_hz: float = parameter(10.0, "error of the mean cycle rate: error above", unit="Hz", gt=0.0)
+    rate_deviation_warn_hz: float = parameter(
+        5.0, "standard deviation of the cycle rate: warning above", unit="Hz", gt=0.0
+    )
+    rate_deviation_error_hz: float = parameter(
+        10.0, "standard deviation of the cycle rate: error above", unit="Hz", gt=0.0
+    )
+    compute_warn_s: float = parameter(1.0e-3, "mean compute time of a cycle: warning above", unit="s", gt=0.0)
+    compute_error_s: float = parameter(2.0e-3, "mean compute time of a cycle: error above", unit="s", gt=0.0)
+    compute_deviation_warn_s: float = parameter(
+        1.0e-4, "standard deviation of the compute time: warning above", unit="s", gt=0.0
+    )
+    compute_deviation_error_s: float = parameter(
+        2.0e-4, "standard deviation of the compute time: error above", unit="s", gt=0.0
+    )
+
+
+class Window:
+    """The last `size` values of one quantity."""
+
+    def __init__(self, size: int) -> None:
+        self._ring = np.full(size, np.nan)
+        self._next = 0
+        self.count = 0
+
+    def add(self, value: float) -> None:
+        """Take one value; the oldest falls out of a full window."""
+        self._ring[self._next] = value
+        self._next = (self._next + 1) % len(self._ring)
+        self.count += 1
+
+    def values(self) -> Array:
+        """Return the finite values of the window, in no particular order; (k,)."""
+        return self._ring[np.isfinite(self._ring)]
+
+
+def spread(values: Array) -> dict[str, float]:
+    """Return mean, standard deviation, percentiles 50, 99, 99.9 and maximum; (k,), NaN where there is no value."""
+    if not len(values):
+        return dict.fromkeys(("mean", "deviation", "p50", "p99", "p999", "max"), float("nan"))
+    p50, p99, p999 = np.percentile(values, (50.0, 99.0, 99.9)).tolist()
+    return {
+        "mean": float(values.mean()),
+        "deviation": float(values.std()),
+        "p50": p50,
+        "p99": p99,
+        "p999": p999,
+        "max": float(values.max()),
+    }
+
+
+def rate_level(periods_s: Array, nominal_s: float, limits: TimingParams) -> tuple[int, str]:
+    """Return level and text for the rate of a cycle, from its last periods; (k,) [s]."""
+    positive = periods_s[periods_s > 0.0]
+    if len(positive) < 2:
+        return OK, "rate: too few cycles"
+    rates = 1.0 / positive
+    error, deviation = abs(float(rates.mean()) - 1.0 / nominal_s), float(rates.std())
+    level = max(
+        level_of(error, limits.rate_error_warn_hz, limits.rate_error_error_hz),
+        level_of(deviation, limits.rate_deviation_warn_hz, limits.rate_deviation_error_hz),
+    )
+    return level, f"rate {_LEVEL_TEXT[level]}: mean off by {error:.1f} Hz, deviation {deviation:.1f} Hz"
+
+
+def compute_level(times_s: Array, limits: TimingParams) -> tuple[int, str]:
+    """Return level and text for the compute time of a cycle, from its last values; (k,) [s]."""
+    if not len(times_s):
+        return OK, "compute time: too few cycles"
+    mean, deviation = float(times_s.mean()), float(times_s.std())
+    level = max(
+        level_of(mean, limits.compute_warn_s, limits.compute_error_s),
+        level_of(deviation, limits.compute_deviation_warn_s, limits.compute_deviation_error_s),
+    )
+    return level, f"compute time {_LEVEL_TEXT[level]}: mean {mean * 1e6:.0f} us, deviation {deviation * 1e6:.0f} us"
+
+
+def level_of(value: float, warn: float, error: float) -> int:
+    """Return the level of a value that is better small."""
+    return ERROR if value > error else WARN if value > warn else OK

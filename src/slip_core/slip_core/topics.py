@@ -1,0 +1,90 @@
+"""The one table of topics: publishers, subscribers, recorder, launcher and documentation all read it.
+
+Names are relative, so a namespace moves the whole system; only ``/clock`` and ``/diagnostics`` are
+absolute, as ROS fixes them. This module is data: it imports no ROS.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+from slip_core.errors import InputError, nearest
+
+Owner = Literal["bridge", "controller", "recorder", "user"]
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One topic: its relative name, message type, who publishes it, QoS and meaning.
+
+    `latched` topics are reliable, transient local, depth 1. All others are volatile; publishers offer
+    reliable with `depth` samples of history, because a recorder may be 200 ms behind at 1 kHz.
+    """
+
+    name: str
+    type: str
+    publisher: Owner
+    description: str
+    latched: bool = False
+    depth: int = 1000
+    recorded: bool = True
+
+
+_TABLE = (
+    Topic("joint_states", "sensor_msgs/msg/JointState", "bridge", "joint positions [rad], velocities [rad/s], efforts [N m]"),
+    Topic("wrench", "geometry_msgs/msg/WrenchStamped", "bridge", "wrench of the object on the robot at the pad centre [N, N m], pad axes"),
+    Topic("slip_velocity", "geometry_msgs/msg/TwistStamped", "bridge", "slip velocity of the pad relative to the object [m/s, rad/s], pad axes; NaN = invalid"),
+    Topic("object_state", "nav_msgs/msg/Odometry", "bridge", "ground truth: pose of the object's COM in `world`, twist in object axes"),
+    Topic("slip_truth", "sensor_msgs/msg/JointState", "bridge", "ground truth: slip displacement (position) and slip velocity (velocity), names s_x .. s_rz"),
+    Topic("lockstep_tick", "std_msgs/msg/Int64MultiArray", "bridge", "lockstep only: tick, stamp (sec, nsec), then wrench and slip samples published so far per contact"),
+    Topic("/clock", "rosgraph_msgs/msg/Clock", "bridge", "simulation time"),
+    Topic("robot_description", "std_msgs/msg/String", "bridge", "URDF of the arm", latched=True),
+    Topic("grip_force", "std_msgs/msg/Float64", "user", "grip force for the simulated gripper [N]", depth=10),
+    Topic("reference", "trajectory_msgs/msg/MultiDOFJointTrajectory", "user", "desired pose, twist and acceleration of `ee` in `world`: one point per message", depth=10),
+    Topic("effort_command", "sensor_msgs/msg/JointState", "controller", "joint efforts [N m] with the positions and velocities they answer, stamped as that joint state"),
+    Topic("effort_controller/commands", "std_msgs/msg/Float64MultiArray", "controller", "the same efforts for ros2_control's effort controllers, where `publish_effort_array` is set"),
+    Topic("controller/scalars", "sensor_msgs/msg/JointState", "controller", "every symbol of the tick as named scalars (position field)"),
+    Topic("controller/stiffness", "geometry_msgs/msg/WrenchStamped", "controller", "diagonal of K(v_s) [N/m, N m/rad]"),
+    Topic("controller/damping", "geometry_msgs/msg/WrenchStamped", "controller", "diagonal of D(v_s) [N s/m, N m s/rad]"),
+    Topic("controller/ee_pose", "geometry_msgs/msg/PoseStamped", "controller", "pose of the pad centre in `world`"),
+    Topic("controller/reference_pose", "geometry_msgs/msg/PoseStamped", "controller", "desired pose of the pad centre in `world`"),
+    Topic("controller/reference_twist", "geometry_msgs/msg/TwistStamped", "controller", "desired twist of the pad centre in `world`"),
+    Topic("controller/ledger", "std_msgs/msg/Int64MultiArray", "controller", "per cycle: number, stamps of the samples used; then the controller's clock, mode, worth of the inputs, request"),
+    Topic("controller/state", "std_msgs/msg/String", "controller", "once a second: the controller's whole memory after the cycle just answered, as JSON; a replay can begin there", depth=10),
+    Topic("controller/timing", "sensor_msgs/msg/JointState", "controller", "real time only, per cycle: period, ages, compute time, latency [s]; overruns, missed, stale"),
+    Topic("bridge/timing", "sensor_msgs/msg/JointState", "bridge", "real time only, per tick: period, lateness, state-to-command latency [s]; fresh share, overruns, real-time factor"),
+    Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "controller", "status and reason of the law and of the mode, in real time also of the timing, about once a second", depth=10),
+    Topic("controller/mode", "std_msgs/msg/String", "controller", "WAITING_INPUT, HOLD, ACTIVE, DEGRADED or FAULT, and the reason; sent where it changes", latched=True),
+    Topic("controller/ready", "std_msgs/msg/String", "controller", "sent once, when every peer is matched", latched=True),
+    Topic("recorder/ready", "std_msgs/msg/String", "recorder", "sent once, when every recorded topic is matched", latched=True, recorded=False),
+)  # fmt: skip
+
+TOPICS = MappingProxyType({topic.name: topic for topic in _TABLE})
+
+
+def topic(name: str) -> Topic:
+    """Return the table's row of `name`.
+
+    Raises:
+        InputError: where the table has no such topic.
+    """
+    try:
+        return TOPICS[name]
+    except KeyError:
+        raise InputError(f"topic {name}", got="an unknown name", expected=nearest(name, TOPICS)) from None
+
+
+def contact_topic(name: str, contact: int) -> str:
+    """Return the topic of contact number `contact`: ``wrench``, then ``contact_1/wrench`` and so on."""
+    return name if contact == 0 else f"contact_{contact}/{name}"
+
+
+def markdown_table() -> str:
+    """Return the table for the documentation."""
+    lines = ["| topic | type | from | QoS | meaning |", "|---|---|---|---|---|"]
+    for row in _TABLE:
+        qos = "reliable, transient local, 1" if row.latched else f"reliable, volatile, {row.depth}"
+        lines.append(f"| `{row.name}` | `{row.type}` | {row.publisher} | {qos} | {row.description} |")
+    return "\n".join(lines)

@@ -1,0 +1,131 @@
+"""The value objects that travel between bridge, controller, bags and tests.
+
+All are frozen and their arrays read-only. Stamps are integer nanoseconds of the run's clock; a stamp is
+the time of measurement. 6-vectors are linear part first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slip_core.arrays import Array, readonly
+
+_FLOAT64 = np.dtype(np.float64)
+_set = object.__setattr__
+
+
+def _frozen(values: Array) -> Array:
+    """Return a read-only array as it is, and anything else as a read-only copy."""
+    if type(values) is np.ndarray and values.dtype is _FLOAT64 and not values.flags.writeable:
+        return values
+    return readonly(values)
+
+
+# The constructors are written out: samples are made in every tick, and the generated ones cost three times as much.
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class JointSample:
+    """Joint state in the controller's joint order; (n,) [rad], (n,) [rad/s], (n,) [N m]."""
+
+    stamp_ns: int
+    position: Array
+    velocity: Array
+    effort: Array
+
+    def __init__(self, stamp_ns: int, position: Array, velocity: Array, effort: Array) -> None:
+        _set(self, "stamp_ns", stamp_ns)
+        _set(self, "position", _frozen(position))
+        _set(self, "velocity", _frozen(velocity))
+        _set(self, "effort", _frozen(effort))
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class WrenchSample:
+    """Wrench h_ee of the object on the robot at the pad centre; (6,) [N, N m] {ee} axes."""
+
+    stamp_ns: int
+    wrench: Array
+
+    def __init__(self, stamp_ns: int, wrench: Array) -> None:
+        _set(self, "stamp_ns", stamp_ns)
+        _set(self, "wrench", _frozen(wrench))
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class SlipSample:
+    """Slip velocity v_s of the pad relative to the object's material under it; (6,) [m/s, rad/s] {ee} axes.
+
+    An invalid sample (`valid` False) is published as NaN, so that it can never look like "no slip".
+    """
+
+    stamp_ns: int
+    twist: Array
+    valid: bool = True
+
+    def __init__(self, stamp_ns: int, twist: Array, valid: bool = True) -> None:
+        _set(self, "stamp_ns", stamp_ns)
+        _set(self, "twist", _frozen(twist))
+        _set(self, "valid", valid)
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class CartesianReference:
+    """Desired motion of {ee}: position (3,) [m], rotation (3, 3), twist (6,), acceleration (6,), all {w}."""
+
+    position: Array
+    rotation: Array
+    twist: Array
+    acceleration: Array
+
+    def __init__(self, position: Array, rotation: Array, twist: Array, acceleration: Array) -> None:
+        _set(self, "position", _frozen(position))
+        _set(self, "rotation", _frozen(rotation))
+        _set(self, "twist", _frozen(twist))
+        _set(self, "acceleration", _frozen(acceleration))
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class EffortCommand:
+    """Joint effort answering the joint state of the same stamp; (n,) [N m]."""
+
+    stamp_ns: int
+    effort: Array
+
+    def __init__(self, stamp_ns: int, effort: Array) -> None:
+        _set(self, "stamp_ns", stamp_ns)
+        _set(self, "effort", _frozen(effort))
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class ObjectTruth:
+    """Ground truth of the grasp: object pose and twist {w}, slip s and v_s on pad axes.
+
+    position (3,) [m] of the COM {w}; rotation (3, 3) {o} to {w}; twist (6,) of the COM {w};
+    slip_displacement (6,) [m, rad] of {ee} relative to {p} on {p} axes; slip_velocity (6,) {ee} axes.
+    """
+
+    stamp_ns: int
+    position: Array
+    rotation: Array
+    twist: Array
+    slip_displacement: Array
+    slip_velocity: Array
+
+    def __init__(
+        self,
+        stamp_ns: int,
+        position: Array,
+        rotation: Array,
+        twist: Array,
+        slip_displacement: Array,
+        slip_velocity: Array,
+    ) -> None:
+        _set(self, "stamp_ns", stamp_ns)
+        _set(self, "position", _frozen(position))
+        _set(self, "rotation", _frozen(rotation))
+        _set(self, "twist", _frozen(twist))
+        _set(self, "slip_displacement", _frozen(slip_displacement))
+        _set(self, "slip_velocity", _frozen(slip_velocity))
