@@ -1,8 +1,8 @@
-"""Compiled number crunching: formulas of a tick as machine code, made once and kept.
+"""The compiler's door: formulas of a control cycle as machine code, made once and kept.
 
-A file named `*_kernel.py` holds such formulas. Each kernel has a plain form elsewhere that documents it, and a test
-that compares the two. Compilation is strict IEEE arithmetic (no fast-math, no fused operations, no linear algebra
-library), so results do not depend on the instruction set of the machine.
+What is compiled is what is read: the same functions run in Python with NUMBA_DISABLE_JIT=1, to the same bits.
+Compilation is strict IEEE arithmetic (no fast-math, no fused operations, no linear algebra library), so results do not
+depend on the instruction set of the machine.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -34,14 +35,14 @@ def kernel(signature: Any) -> Callable[[F], F]:
     """Return a decorator that compiles a function for one signature when its module is imported.
 
     The machine code is kept beside the sources, or in the user's cache folder where those are read-only, under a name
-    that changes with every `*_kernel.py` of the package: a stale one is never used.
+    that changes with every source it can depend on: a stale one is never used.
 
     Args:
         signature: for instance VOID(IN1, IN2, INT, OUT1), or text in numba's notation.
     """
 
     def compile_now(function: F) -> F:
-        config.CACHE_DIR = str(_folder(Path(function.__code__.co_filename).parent))
+        config.CACHE_DIR = str(_folder(_package(Path(function.__code__.co_filename))))
         return cast(F, numba.njit(signature, cache=True, error_model="numpy", fastmath=False)(function))
 
     return compile_now
@@ -54,13 +55,43 @@ def part(function: F) -> F:
 
 @functools.lru_cache
 def _folder(package: Path) -> Path:
+    """Return where the machine code of a package lies: a name that changes with every source that it can depend on."""
     digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted({*package.glob("*_kernel.py"), *Path(__file__).parent.glob("*_kernel.py")}):
-        digest.update(path.read_bytes())
+    for text in _sources(package):
+        digest.update(text)
     base = package / "__pycache__" if os.access(package, os.W_OK) else _user_cache()
-    folder = base / f"kernels-{digest.hexdigest()[:16]}"
+    folder = base / f"compiled-{digest.hexdigest()[:16]}"
     if not folder.exists():
-        print(f"compiling {package.parent.name} for this machine, once: half a minute", file=sys.stderr, flush=True)
+        print(f"compiling {package.name} for this machine, once: about a minute", file=sys.stderr, flush=True)
+    return folder
+
+
+def _sources(package: Path) -> list[bytes]:
+    """Return the texts of all modules that import the compiler's door, and of all that these import."""
+    texts = {
+        ".".join((top.name, *path.relative_to(top).with_suffix("").parts)): path.read_bytes()
+        for top in {package, Path(__file__).parent}
+        for path in top.rglob("*.py")
+    }
+    wanted, left = set[str](), [name for name, text in texts.items() if b"slip_core.compiled" in text]
+    while left:
+        name = left.pop()
+        if name in wanted or name not in texts:
+            continue
+        wanted.add(name)
+        for module, names in _IMPORT.findall(texts[name].decode()):
+            left += [module, *(f"{module}.{item}" for item in re.findall(r"\w+", names))]
+    return [texts[name] for name in sorted(wanted)]
+
+
+_IMPORT = re.compile(r"^from (slip_[\w.]+) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+
+
+def _package(path: Path) -> Path:
+    """Return the folder of the top package of a module."""
+    folder = path.parent
+    while (folder.parent / "__init__.py").exists():
+        folder = folder.parent
     return folder
 
 

@@ -1,0 +1,246 @@
+"""Vectors, matrices and spatial vectors with operators: one definition that Python runs and the compiler compiles.
+
+`a + b`, `a - b`, `-a`, `k * a`, `a.dot(b)`, `a.cross(b)`, `a.norm()`, `R @ a`, `A @ B`, `R.T()`. Arrays and records
+keep the numbers; `vec`, `mat` and `spatial` read them, `put` and `put_mat` write them.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
+
+from numba import types
+from numba.extending import overload, overload_method, register_jitable
+
+from slip_core.arrays import Array
+from slip_core.compiled import part
+
+T = TypeVar("T", bound=type)
+Turned = TypeVar("Turned", "Vec", "Mat", "Spatial")
+
+_OPERATORS = {
+    "__add__": operator.add,
+    "__sub__": operator.sub,
+    "__neg__": operator.neg,
+    "__rmul__": operator.mul,
+    "__matmul__": operator.matmul,
+}
+_METHODS: dict[str, dict[type | None, Callable[..., Any]]] = {}
+
+
+def _class_of(numba_type: Any) -> type | None:
+    """Return the named tuple class of a type of the compiler, None where it is none."""
+    return getattr(numba_type, "instance_class", None)
+
+
+def algebra(cls: T) -> T:
+    """Let the compiler know the operators and methods of a named tuple: it compiles the methods themselves."""
+    cls.__array_ufunc__ = None  # type: ignore[attr-defined]  # a numpy number times a Vec is a Vec, not an array
+    for name, method in vars(cls).items():
+        if name in _OPERATORS and callable(method):
+            _register_operator(cls, name, method)
+        elif callable(method) and not name.startswith("_"):
+            if name not in _METHODS:
+                _METHODS[name] = {}
+                _register_method(types.NamedTuple, name)
+                _register_method(types.NamedUniTuple, name)
+            _METHODS[name][cls] = method
+    return cls
+
+
+def _register_operator(cls: type, name: str, method: Callable[..., Any]) -> None:
+    if name == "__neg__":
+
+        @overload(operator.neg, strict=False)
+        def negative(a):  # type: ignore[no-untyped-def]
+            return method if _class_of(a) is cls else None
+
+    elif name == "__rmul__":
+        scaled = register_jitable(method)
+
+        @overload(operator.mul, strict=False)
+        def product(k, a):  # type: ignore[no-untyped-def]
+            return (lambda k, a: scaled(a, k)) if _class_of(a) is cls and isinstance(k, types.Number) else None
+
+    else:
+
+        @overload(_OPERATORS[name], strict=False)
+        def binary(a, b):  # type: ignore[no-untyped-def]
+            return method if _class_of(a) is cls and _class_of(b) is not None else None
+
+
+def _register_method(kind: type, name: str) -> None:
+    table = _METHODS[name]
+    # The compiler asks a chooser with as many arguments as the method has.
+    if name in ("norm", "T"):
+        overload_method(kind, name, strict=False)(lambda a: table.get(_class_of(a)))
+    else:
+        overload_method(kind, name, strict=False)(lambda a, b: table.get(_class_of(a)))
+
+
+@algebra
+class Vec(NamedTuple):
+    """Three components on the axes of one frame."""
+
+    x: float
+    y: float
+    z: float
+
+    def __add__(self, other: Vec) -> Vec:  # type: ignore[override]
+        return Vec(self.x + other.x, self.y + other.y, self.z + other.z)
+
+    def __sub__(self, other: Vec) -> Vec:
+        return Vec(self.x - other.x, self.y - other.y, self.z - other.z)
+
+    def __neg__(self) -> Vec:
+        return Vec(-self.x, -self.y, -self.z)
+
+    def __rmul__(self, k: float) -> Vec:  # type: ignore[override]
+        return Vec(k * self.x, k * self.y, k * self.z)
+
+    def dot(self, other: Vec) -> float:
+        """Return the scalar product."""
+        return self.x * other.x + self.y * other.y + self.z * other.z
+
+    def cross(self, other: Vec) -> Vec:
+        """Return self x other."""
+        return Vec(
+            self.y * other.z - self.z * other.y,
+            self.z * other.x - self.x * other.z,
+            self.x * other.y - self.y * other.x,
+        )
+
+    def masked(self, mask: Vec) -> Vec:
+        """Return the product by components: with 0 and 1, the part along the chosen axes."""
+        return Vec(mask.x * self.x, mask.y * self.y, mask.z * self.z)
+
+    def norm(self) -> float:
+        """Return the length."""
+        return math.sqrt(self.x * self.x + self.y * self.y + self.z * self.z)
+
+    def turned_by(self, A: Mat) -> Vec:
+        """Return A self; write it `A @ v`."""
+        return Vec(A.x.dot(self), A.y.dot(self), A.z.dot(self))
+
+
+@algebra
+class Mat(NamedTuple):
+    """A matrix (3, 3): its rows."""
+
+    x: Vec
+    y: Vec
+    z: Vec
+
+    def __matmul__(self, other: Turned) -> Turned:
+        return other.turned_by(self)
+
+    def __rmul__(self, k: float) -> Mat:  # type: ignore[override]
+        return Mat(k * self.x, k * self.y, k * self.z)
+
+    def __add__(self, other: Mat) -> Mat:  # type: ignore[override]
+        return Mat(self.x + other.x, self.y + other.y, self.z + other.z)
+
+    def T(self) -> Mat:
+        """Return the transpose."""
+        return Mat(
+            Vec(self.x.x, self.y.x, self.z.x), Vec(self.x.y, self.y.y, self.z.y), Vec(self.x.z, self.y.z, self.z.z)
+        )
+
+    def turned_by(self, A: Mat) -> Mat:
+        """Return A self; write it `A @ B`."""
+        x, y, z = self.x, self.y, self.z
+        return Mat(
+            Vec(
+                A.x.x * x.x + A.x.y * y.x + A.x.z * z.x,
+                A.x.x * x.y + A.x.y * y.y + A.x.z * z.y,
+                A.x.x * x.z + A.x.y * y.z + A.x.z * z.z,
+            ),
+            Vec(
+                A.y.x * x.x + A.y.y * y.x + A.y.z * z.x,
+                A.y.x * x.y + A.y.y * y.y + A.y.z * z.y,
+                A.y.x * x.z + A.y.y * y.z + A.y.z * z.z,
+            ),
+            Vec(
+                A.z.x * x.x + A.z.y * y.x + A.z.z * z.x,
+                A.z.x * x.y + A.z.y * y.y + A.z.z * z.y,
+                A.z.x * x.z + A.z.y * y.z + A.z.z * z.z,
+            ),
+        )
+
+
+@algebra
+class Spatial(NamedTuple):
+    """A twist, wrench or acceleration: linear and angular part, or force and torque, on the same axes."""
+
+    linear: Vec
+    angular: Vec
+
+    def __add__(self, other: Spatial) -> Spatial:  # type: ignore[override]
+        return Spatial(self.linear + other.linear, self.angular + other.angular)
+
+    def __sub__(self, other: Spatial) -> Spatial:
+        return Spatial(self.linear - other.linear, self.angular - other.angular)
+
+    def __neg__(self) -> Spatial:
+        return Spatial(-self.linear, -self.angular)
+
+    def __rmul__(self, k: float) -> Spatial:  # type: ignore[override]
+        return Spatial(k * self.linear, k * self.angular)
+
+    def masked(self, mask: Spatial) -> Spatial:
+        """Return the product by components."""
+        return Spatial(self.linear.masked(mask.linear), self.angular.masked(mask.angular))
+
+    def dot(self, other: Spatial) -> float:
+        """Return the scalar product of both parts: the power of a wrench along a twist."""
+        return self.linear.dot(other.linear) + self.angular.dot(other.angular)
+
+    def turned_by(self, A: Mat) -> Spatial:
+        """Return both parts turned; write it `R @ s`."""
+        return Spatial(A @ self.linear, A @ self.angular)
+
+
+ZERO = Vec(0.0, 0.0, 0.0)
+IDENTITY = Mat(Vec(1.0, 0.0, 0.0), Vec(0.0, 1.0, 0.0), Vec(0.0, 0.0, 1.0))
+NOTHING = Spatial(ZERO, ZERO)
+
+
+@part
+def vec(a: Array) -> Vec:
+    """Return the vector in an array (3,)."""
+    return Vec(a[0], a[1], a[2])
+
+
+@part
+def mat(A: Array) -> Mat:
+    """Return the matrix in an array (3, 3)."""
+    return Mat(Vec(A[0, 0], A[0, 1], A[0, 2]), Vec(A[1, 0], A[1, 1], A[1, 2]), Vec(A[2, 0], A[2, 1], A[2, 2]))
+
+
+@part
+def spatial(a: Array) -> Spatial:
+    """Return the linear and angular part in an array (6,)."""
+    return Spatial(Vec(a[0], a[1], a[2]), Vec(a[3], a[4], a[5]))
+
+
+@part
+def put(a: Array, v: Vec) -> None:
+    """Write a vector to an array (3,)."""
+    a[0], a[1], a[2] = v.x, v.y, v.z
+
+
+@part
+def put_mat(a: Array, A: Mat) -> None:
+    """Write a matrix to an array (3, 3)."""
+    put(a[0], A.x)
+    put(a[1], A.y)
+    put(a[2], A.z)
+
+
+@part
+def put_spatial(a: Array, s: Spatial) -> None:
+    """Write linear and angular part to an array (6,)."""
+    put(a[:3], s.linear)
+    put(a[3:], s.angular)

@@ -1,0 +1,149 @@
+"""The mode machine: what the controller does and why. Time is an argument.
+
+WAITING_INPUT  no effort: an input has never been seen, or the joint state's source has started anew
+HOLD           gravity compensation, damping and posture
+ACTIVE         the law
+DEGRADED       the law with a fallback, and the reason
+FAULT          as HOLD, until somebody resets it
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+from slip_core.compiled import part
+from slip_core.records import WHOLE, layout
+from slip_vic_controller.safety.reasons import REASON, Cause, Prefix, Reason, because, put_reason, read_reason
+from slip_vic_controller.sizes import NEVER
+
+
+class Mode(IntEnum):
+    """Modes in the order of their numbers on the topics."""
+
+    WAITING_INPUT = 0
+    HOLD = 1
+    ACTIVE = 2
+    DEGRADED = 3
+    FAULT = 4
+
+    @property
+    def follows(self) -> bool:
+        """Whether the law is at work."""
+        return self in (Mode.ACTIVE, Mode.DEGRADED)
+
+
+class Request(IntEnum):
+    """What a user asked for since the last cycle."""
+
+    NONE = 0
+    ENABLE = 1
+    HOLD = 2
+    RESET_FAULT = 3
+
+
+MODE_POLICY = layout(auto_enable=WHOLE, auto_resume=WHOLE, resume_after_ns=WHOLE)
+"""auto_enable, auto_resume: see the parameters; resume_after_ns: how long what spoke against the law must be gone."""
+MODE = layout(mode=WHOLE, since_ns=WHOLE, enabled=WHOLE, good_since_ns=WHOLE, reason=REASON)
+"""Mode, since when, whether the law is wanted, since when nothing speaks against it (NEVER = something does), why."""
+
+NOTHING = Reason(0, 0, 0, 0.0, 0.0)
+
+
+class Findings(NamedTuple):
+    """What speaks against the law in a cycle, NOTHING where nothing does.
+
+    missing: no effort can be given; fault: latch; hold: no law now; degraded: law with a fallback.
+    """
+
+    missing: Reason
+    fault: Reason
+    hold: Reason
+    degraded: Reason
+
+
+@part
+def follows(mode: int) -> bool:
+    """Return whether the law is at work in a mode."""
+    return bool(mode == Mode.ACTIVE or mode == Mode.DEGRADED)
+
+
+@part
+def begin_modes(policy: Any, state: Any, now_ns: int) -> None:
+    """Begin: no effort before every input was seen and is plausible."""
+    state.mode, state.since_ns = Mode.WAITING_INPUT, now_ns
+    state.enabled, state.good_since_ns = policy.auto_enable, NEVER
+    put_reason(state.reason, because(Cause.NO_INPUT_YET, 0))
+
+
+@part
+def next_mode(policy: Any, state: Any, findings: Findings, request: int, now_ns: int) -> None:
+    """Go to the mode of this cycle.
+
+    A fault wins over all, and latches; a request to hold wins over one to go on; what the inputs caused ends with its
+    cause, what a user or a fault caused ends by a user.
+    """
+    missing, hold = findings.missing.cause != Cause.NONE, findings.hold.cause != Cause.NONE
+    reason = read_reason(state.reason)
+    enabled = request == Request.ENABLE or (state.enabled != 0 and request != Request.HOLD)
+    good_since = NEVER if missing or hold else now_ns if state.good_since_ns == NEVER else state.good_since_ns
+    if state.mode == Mode.FAULT and request != Request.RESET_FAULT:
+        state.enabled, state.good_since_ns = 0, good_since
+    elif findings.fault.cause != Cause.NONE:
+        _go(state, Mode.FAULT, findings.fault, now_ns, False, good_since)
+    else:
+        if state.mode == Mode.FAULT:
+            reason = Reason(reason.cause, reason.detail, reason.prefix | Prefix.AFTER_RESET, reason.value, reason.limit)
+            state.mode, state.since_ns = Mode.HOLD, now_ns
+            enabled = False
+        if missing:
+            _go(state, Mode.WAITING_INPUT, findings.missing, now_ns, enabled, NEVER)
+        elif hold:
+            _hold_for_cause(policy, state, reason, findings.hold, request, enabled, now_ns)
+        elif not enabled:
+            if request == Request.HOLD or _asked(reason):
+                reason = because(Cause.ASKED, 0)
+            elif state.mode != Mode.HOLD:
+                reason = because(Cause.NOT_ENABLED, 0)
+            _go(state, Mode.HOLD, reason, now_ns, False, good_since)
+        elif (
+            state.mode == Mode.HOLD
+            and request != Request.ENABLE
+            and (good_since == NEVER or now_ns - good_since < policy.resume_after_ns)
+        ):
+            reason = Reason(
+                reason.cause, reason.detail, reason.prefix | Prefix.RESUMES_AFTER, reason.value, reason.limit
+            )
+            _go(state, Mode.HOLD, reason, now_ns, True, good_since)
+        elif findings.degraded.cause != Cause.NONE:
+            _go(state, Mode.DEGRADED, findings.degraded, now_ns, True, good_since)
+        else:
+            _go(state, Mode.ACTIVE, NOTHING, now_ns, True, good_since)
+
+
+@part
+def _hold_for_cause(
+    policy: Any, state: Any, before: Reason, cause: Reason, request: int, enabled: bool, now_ns: int
+) -> None:
+    resumes = policy.auto_resume != 0 or not follows(state.mode)
+    if request == Request.HOLD or (_asked(before) and not enabled):
+        cause = Reason(cause.cause, cause.detail, Prefix.ASKED_AND, cause.value, cause.limit)
+    _go(state, Mode.HOLD, cause, now_ns, enabled and resumes, NEVER)
+
+
+@part
+def _asked(reason: Reason) -> bool:
+    """Return whether a user's wish to hold is what the reason begins with."""
+    if reason.prefix & (Prefix.RESUMES_AFTER | Prefix.AFTER_RESET):
+        return False
+    return bool(
+        reason.prefix & Prefix.ASKED_AND != 0 or reason.cause == Cause.ASKED or reason.cause == Cause.STOPPING
+    )
+
+
+@part
+def _go(state: Any, mode: int, reason: Reason, now_ns: int, enabled: bool, good_since_ns: int) -> None:
+    if state.mode != mode:
+        state.since_ns = now_ns
+    state.mode, state.enabled, state.good_since_ns = int(mode), 1 if enabled else 0, good_since_ns
+    put_reason(state.reason, reason)

@@ -1,0 +1,146 @@
+"""Why the controller is in a mode: codes inside the control cycle, words outside of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+from slip_core.compiled import part
+from slip_core.records import REAL, WHOLE, layout
+from slip_vic_controller.safety.faults import Fault, Input, describe_fault
+from slip_vic_controller.sizes import MAX_CONTACTS
+
+
+class Cause(IntEnum):
+    """What a reason is about; `detail`, `value` and `limit` of a `Reason` say more."""
+
+    NONE = 0
+    NO_INPUT_YET = 1
+    WAITS = 2  # detail: bits of what is missing
+    NOT_ENABLED = 3
+    ASKED = 4
+    STOPPING = 5
+    INPUT = 6  # detail: fault_detail(input, fault)
+    PREDICTED = 7  # the same, while the observer runs alone
+    SLOWING = 8  # the same, while the path comes to rest
+    SLIDES = 9
+    JOINT_TOO_FAST = 10  # detail: joint; value, limit [rad/s]
+    PAD_TOO_FAST = 11  # value, limit [m/s]
+    PAD_TURNS_TOO_FAST = 12  # value, limit [rad/s]
+    CANNOT_CARRY = 13  # value [m/s]
+    SATURATED = 14
+    PATH_WAITS = 15
+    OLD_JOINT_STATE = 16
+    BAD_REFERENCE = 17
+    NO_ESTIMATE = 18
+    NO_TORQUE = 19
+    INTERNAL = 20
+
+
+class Prefix(IntEnum):
+    """What is said before a cause; bits."""
+
+    NONE = 0
+    ASKED_AND = 1
+    RESUMES_AFTER = 2
+    AFTER_RESET = 4
+
+
+ACTIVATION, GOOD_JOINT_STATE, JOINT_STATES = 1, 2, 4
+FIRST_WRENCH = 8
+"""Bits of what is missing; wrenches of the contacts follow, then their slips."""
+
+REASON = layout(cause=WHOLE, detail=WHOLE, prefix=WHOLE, value=REAL, limit=REAL)
+
+
+class Reason(NamedTuple):
+    """Why, as codes."""
+
+    cause: int
+    detail: int
+    prefix: int
+    value: float
+    limit: float
+
+
+@part
+def because(cause: int, detail: int) -> Reason:
+    """Return a reason without numbers."""
+    return Reason(int(cause), int(detail), 0, 0.0, 0.0)
+
+
+@part
+def of_fault(cause: int, of: int, fault: int) -> Reason:
+    """Return the reason that an input has a fault."""
+    return Reason(int(cause), 256 * of + fault, 0, 0.0, 0.0)
+
+
+@part
+def read_reason(r: Any) -> Reason:
+    """Return the reason in a record."""
+    return Reason(r.cause, r.detail, r.prefix, r.value, r.limit)
+
+
+@part
+def put_reason(r: Any, reason: Reason) -> None:
+    """Write a reason to a record."""
+    r.cause, r.detail, r.prefix = reason.cause, reason.detail, reason.prefix
+    r.value, r.limit = reason.value, reason.limit
+
+
+def describe(reason: Reason, joint_names: Sequence[str]) -> str:
+    """Return the words of a reason, an empty text where there is none."""
+    text = _cause_text(reason, joint_names)
+    if reason.prefix & Prefix.ASKED_AND:
+        text = f"asked to hold; {text}"
+    if reason.prefix & Prefix.AFTER_RESET:
+        text = f"not enabled, after a reset of: {text}"
+    return f"resumes after: {text}" if reason.prefix & Prefix.RESUMES_AFTER else text
+
+
+def missing_words(bits: int) -> list[str]:
+    """Return what is missing."""
+    names = ["activation"] if bits & ACTIVATION else []
+    names += ["a good joint state"] if bits & GOOD_JOINT_STATE else []
+    names += ["joint_states"] if bits & JOINT_STATES else []
+    for i in range(2 * MAX_CONTACTS):
+        if bits & (FIRST_WRENCH << i):
+            name = "wrench" if i < MAX_CONTACTS else "slip"
+            names.append(f"{name} of contact {i % MAX_CONTACTS}")
+    return names
+
+
+def _cause_text(reason: Reason, joint_names: Sequence[str]) -> str:
+    cause, value, limit = Cause(reason.cause), reason.value, reason.limit
+    if cause == Cause.WAITS:
+        return f"waits for {', '.join(missing_words(reason.detail))}"
+    if cause in _OF_FAULT:
+        of, fault = divmod(reason.detail, 256)
+        return describe_fault(Input(of), Fault(fault)) + _OF_FAULT[cause]
+    if cause == Cause.JOINT_TOO_FAST:
+        return f"{joint_names[reason.detail]} turns at {value:.1f} rad/s, the limit is {limit:.1f}"
+    if cause in (Cause.PAD_TOO_FAST, Cause.PAD_TURNS_TOO_FAST):
+        unit = "m/s" if cause == Cause.PAD_TOO_FAST else "rad/s"
+        return f"the pad moves at {value:.1f} {unit}, the limit is {limit:.1f}"
+    if cause == Cause.CANNOT_CARRY:
+        return f"friction cannot carry the load: it has gained {value:.2f} m/s of fall"
+    return _WORDS[cause]
+
+
+_OF_FAULT = {Cause.INPUT: "", Cause.PREDICTED: ": predicting it from the wrench", Cause.SLOWING: ": slowing down"}
+_WORDS = {
+    Cause.NONE: "",
+    Cause.NO_INPUT_YET: "no input yet",
+    Cause.NOT_ENABLED: "not enabled",
+    Cause.ASKED: "asked to hold",
+    Cause.STOPPING: "asked to hold: comes to rest first",
+    Cause.SLIDES: "the object slides: it comes to rest first",
+    Cause.SATURATED: "saturated: slip cannot be driven to zero",
+    Cause.PATH_WAITS: "the path waits for the arm",
+    Cause.OLD_JOINT_STATE: "joint sample is older than the last one",
+    Cause.BAD_REFERENCE: "reference is not finite",
+    Cause.NO_ESTIMATE: "the slip observer gave no finite estimate",
+    Cause.NO_TORQUE: "the law gave no finite torque",
+    Cause.INTERNAL: "the control cycle failed: this is a bug, please report it",
+}

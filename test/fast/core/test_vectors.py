@@ -1,0 +1,87 @@
+"""Vectors and records: what Python runs and what the compiler compiles give the same bits."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+
+from slip_core.compiled import IN1, OUT1, VOID, kernel, part
+from slip_core.records import REAL, WHOLE, layout, new, record
+from slip_core.vectors import IDENTITY, Mat, Vec, mat, put, put_mat, put_spatial, spatial, vec
+
+CONTACT = layout(position=(REAL, 3), rotation=(REAL, (3, 3)), axes=(REAL, 6), count=WHOLE)
+GRASP = layout(k_s=REAL, K_D=(REAL, 6), contacts=(CONTACT, 3), flag=WHOLE)
+SEED = 3
+
+
+@part
+def turned(contact, k):
+    a = vec(contact.position) + k * Vec(1.0, 2.0, 3.0)
+    return (mat(contact.rotation) @ mat(contact.rotation).T()) @ a
+
+
+@kernel(VOID(IN1, OUT1))
+def every_operator(inputs, outputs):
+    given, out = record(inputs, GRASP), record(outputs, GRASP)
+    a = Vec(1.0, 2.0, 3.0)
+    total = a - 2.0 * a
+    for i in range(3):
+        contact = given.contacts[i]
+        total = total + given.K_D[i] * turned(contact, given.k_s)
+        s = spatial(contact.axes)
+        s = 2.0 * (mat(contact.rotation) @ (s + s)) - s
+        put_spatial(out.contacts[i].axes, -s)
+        put(out.contacts[i].position, total.cross(a).masked(a))
+        put_mat(out.contacts[i].rotation, mat(contact.rotation) @ (IDENTITY + 3.0 * IDENTITY))
+        out.contacts[i].count += i
+        out.K_D[i] = s.dot(s)
+    out.K_D[3:] = given.K_D[3:]
+    out.flag = given.contacts[1].count
+    out.k_s = total.norm()
+
+
+def random_grasp() -> np.ndarray:
+    buffer, rng = new(GRASP), np.random.default_rng(SEED)
+    grasp = record(buffer, GRASP)
+    grasp.k_s, grasp.K_D[:] = 3.0, rng.normal(size=6)
+    for contact in grasp.contacts:
+        contact.position[:], contact.rotation[:] = rng.normal(size=3), rng.normal(size=(3, 3))
+        contact.axes[:], contact.count = rng.normal(size=6), 7
+    return buffer
+
+
+def result_bits() -> str:
+    out = new(GRASP)
+    every_operator(random_grasp(), out)
+    return out.tobytes().hex()
+
+
+def test_interpreted_and_compiled_give_equal_bits() -> None:
+    code = "from test.fast.core.test_vectors import result_bits; print(result_bits())"
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    interpreted = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert interpreted.stdout.strip() == result_bits(), interpreted.stderr
+
+
+def test_operators_are_those_of_numpy() -> None:
+    rng = np.random.default_rng(SEED)
+    for _ in range(100):
+        a, b, A, B = rng.normal(size=3), rng.normal(size=3), rng.normal(size=(3, 3)), rng.normal(size=(3, 3))
+        u, v, M, N = Vec(*a), Vec(*b), mat(A), mat(B)
+        k = rng.normal()
+        for ours, theirs in (
+            (u + v, a + b), (u - v, a - b), (-u, -a), (k * u, k * a), (u.cross(v), np.cross(a, b)),
+            (M @ u, A @ a), (M.T() @ u, A.T @ a), (M @ N, A @ B), (M + N, A + B), (u.masked(v), a * b),
+        ):  # fmt: skip
+            np.testing.assert_allclose(np.array(ours), theirs, rtol=0, atol=1e-14)
+        np.testing.assert_allclose((u.dot(v), u.norm()), (a @ b, np.linalg.norm(a)), rtol=1e-15, atol=1e-14)
+
+
+def test_a_record_is_its_buffer() -> None:
+    buffer = random_grasp()
+    record(buffer, GRASP).contacts[2].axes[5] = 42.0
+    again = np.frombuffer(buffer.tobytes())
+    assert record(again, GRASP).contacts[2].axes[5] == 42.0
+    assert record(again, GRASP).contacts[1].count == 7
+    assert isinstance(Mat(*(Vec(0.0, 0.0, 0.0),) * 3), tuple)
