@@ -58,7 +58,7 @@ def result_bits() -> str:
 
 
 def test_interpreted_and_compiled_give_equal_bits() -> None:
-    code = "from test.fast.core.test_vectors import result_bits; print(result_bits())"
+    code = f"import runpy; print(runpy.run_path({__file__!r})['result_bits']())"
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
     interpreted = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert interpreted.stdout.strip() == result_bits(), interpreted.stderr
