@@ -16,6 +16,7 @@ setup(
     install_requires=[
         "setuptools",
         "slip_core",
+        "slip_msgs_py",
         "click",
         "lz4",
         "mcap",

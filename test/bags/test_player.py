@@ -63,7 +63,7 @@ def test_what_was_recorded_is_played(processes, bag, tmp_path):
     output = play(processes, bag, "--wait-for-subscribers")
     assert processes.stop(recorder, signal.SIGINT) == 0
     assert f"{2 * COUNT} messages" in output
-    assert recorder.events["done"]["summary"]["lost"] == 0
+    assert recorder.results["lost"] == 0
     with Bag(tmp_path / "again") as again, Bag(bag) as original:
         assert {name: topic.qos for name, topic in again.topics.items()} == {
             name: topic.qos for name, topic in original.topics.items()

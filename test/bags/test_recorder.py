@@ -20,6 +20,7 @@ from slip_bags.intake import DirectIntake, ExecutorIntake, recording_qos
 from slip_bags.reader import Bag
 from slip_bags.recover import recover
 from slip_bags.typedefs import find_definition
+from slip_msgs_py.events import Failed, Ready, Status
 from test.support.ros import wait_until
 
 RECORDER = ("-m", "slip_bags.recorder_process", "--output")
@@ -58,16 +59,17 @@ def texts(path: Path, topic: str) -> list[str]:
 
 def finish(processes, recorder, signal_number: int = signal.SIGINT) -> dict:
     assert processes.stop(recorder, signal_number) == 0, recorder.tail()
-    return dict(recorder.events["done"]["summary"])
+    return dict(recorder.results)
 
 
 def received(recorder) -> int:
-    return int(recorder.events.get("status", {}).get("messages", 0))
+    status = recorder.last(Status)
+    return status.messages if status else 0
 
 
 def accounted(recorder) -> int:
-    status = recorder.events.get("status", {})
-    return received(recorder) + int(status.get("lost", 0))
+    status = recorder.last(Status)
+    return received(recorder) + (status.lost if status else 0)
 
 
 def wait_received(recorder, count: int) -> None:
@@ -82,7 +84,7 @@ def test_everything_after_ready_is_recorded(processes, ros_node, tmp_path):
         *("--topic", "/one", "--type", STRING, "--topic", "/two", "--type", STRING),
         *("--attach", f"arm.urdf={tmp_path / 'arm.urdf'}", "--custom-data", "scenario=test"),
     )  # fmt: skip
-    processes.wait_event(recorder, "ready")
+    processes.wait_event(recorder, Ready)
     one.wait_matched()
     two.wait_matched()
     for _ in range(COUNT):
@@ -113,7 +115,7 @@ def test_late_topics_latched_topics_and_other_namespaces(processes, ros_node, tm
     recorder = processes.python(
         "recorder", *RECORDER, tmp_path / "bag", "--regex", "^/arm/", "--topic", "model", "--namespace", "arm"
     )
-    processes.wait_event(recorder, "ready")
+    processes.wait_event(recorder, Ready)
     heard: list[str] = []
     ros_node.create_subscription(String, "/arm/recorder/ready", lambda message: heard.append(message.data), LATCHED)
     late = Sender(ros_node, "/arm/late", LATCHED)
@@ -141,7 +143,7 @@ def test_publishers_of_different_qos_are_all_recorded(processes, ros_node, tmp_p
     """A reliable publisher is there, a best-effort one joins later: the subscription follows, nothing comes twice."""
     first = Sender(ros_node, "/x", RELIABLE, "first ")
     recorder = processes.python("recorder", *RECORDER, tmp_path / "bag", "--topic", "/x", "--type", STRING)
-    processes.wait_event(recorder, "ready")
+    processes.wait_event(recorder, Ready)
     first.wait_matched()
     first.send()
     second = Sender(ros_node, "/x", BEST_EFFORT, "second ")
@@ -178,7 +180,7 @@ def test_losses_are_counted_exactly(processes, ros_node, tmp_path):
     recorder = processes.python(
         "recorder", *RECORDER, tmp_path / "bag", "--topic", "/x", "--type", STRING, "--queue-depth", "1"
     )
-    processes.wait_event(recorder, "ready")
+    processes.wait_event(recorder, Ready)
     sender.wait_matched()
     sender.send(1)
     wait_received(recorder, 1)
@@ -199,7 +201,7 @@ def test_publishers_that_follow_each_other(processes, ros_node, tmp_path):
     for round_number in range(2):
         sender = Sender(ros_node, "/x", RELIABLE)
         sender.wait_matched()
-        processes.wait_event(recorder, "ready")
+        processes.wait_event(recorder, Ready)
         sender.send(50)
         wait_received(recorder, 50 * (round_number + 1))
         ros_node.destroy_publisher(sender.publisher)
@@ -213,8 +215,8 @@ def test_topic_that_is_never_published_is_reported(processes, tmp_path):
         "recorder", *RECORDER, tmp_path / "bag", "--topic", "/x", "--type", STRING, "--duration", "0.3"
     )
     assert processes.wait_end(recorder) == 0
-    assert recorder.events["done"]["summary"]["never_published"] == ["/x"]
-    assert "ready" not in recorder.events
+    assert recorder.results["never_published"] == ["/x"]
+    assert recorder.last(Ready) is None
     with Bag(tmp_path / "bag") as bag:
         assert bag.message_count == 0
 
@@ -234,7 +236,7 @@ def test_topic_that_is_never_published_is_reported(processes, tmp_path):
 def test_bad_options_end_in_one_line_and_leave_nothing(processes, tmp_path, arguments, line):
     recorder = processes.python("recorder", *RECORDER, tmp_path / "bag", *arguments)
     assert processes.wait_end(recorder) == 2
-    assert line in recorder.events["error"]["message"]
+    assert line in processes.wait_event(recorder, Failed).text
     assert not (tmp_path / "bag").exists()
 
 
@@ -253,11 +255,11 @@ def test_full_disk_stops_with_an_error_and_a_readable_bag(processes, ros_node, t
     recorder = processes.start(
         "recorder", ["bash", "-c", command, sys.executable, *RECORDER, tmp_path / "bag", *options]
     )
-    processes.wait_event(recorder, "ready")
+    processes.wait_event(recorder, Ready)
     sender.wait_matched()
     wait_until(lambda: sender.send(20) or recorder.exit_code is not None, "the end of the recorder")
     assert recorder.exit_code == 1
-    assert "File too large; closed with the" in recorder.events["error"]["message"]
+    assert "File too large; closed with the" in processes.wait_event(recorder, Failed).text
     found = texts(tmp_path / "bag", "/x")
     assert found == sender.sent[: len(found)]
     assert len(found) > 0
@@ -268,7 +270,7 @@ def test_low_disk_stops_before_it_is_full(processes, tmp_path):
         "recorder", *RECORDER, tmp_path / "bag", "--all", "--min-free-mib", str(1 << 40), "--flush-period", "0.05"
     )
     assert processes.wait_end(recorder) == 1
-    assert "left on the disk" in recorder.events["error"]["message"]
+    assert "left on the disk" in processes.wait_event(recorder, Failed).text
     with Bag(tmp_path / "bag") as bag:
         assert bag.message_count == 0
 
@@ -280,7 +282,7 @@ def test_killed_recordings_are_recovered_without_gaps(processes, ros_node, tmp_p
         recorder = processes.python(
             "recorder", *RECORDER, folder, "--topic", f"/x{number}", "--type", STRING, "--flush-period", "0.05"
         )
-        processes.wait_event(recorder, "ready")
+        processes.wait_event(recorder, Ready)
         sender.wait_matched()
         sender.send(50 + 37 * number)
         wait_until(lambda folder=folder: "x" in str(flushed(folder)), "a flush")

@@ -79,6 +79,13 @@ def test_a_case_runs_and_one_that_cannot_is_a_row() -> None:
     assert run_case(case(), ("bridge.duration_s=nonsense",)).outcome == "refused"
 
 
+def test_a_simulation_that_diverges_is_no_refusal() -> None:
+    """Gravity that no arm bears: the state stops being physical in the first tick."""
+    result = run_case(case(), (*SHORT, "bridge.gravity=[0.0, 0.0, -1e13]"))
+    assert result.outcome == "diverged"
+    assert "simulation diverged" in result.reason
+
+
 def test_a_table_goes_on_where_it_stopped(tmp_path: Path) -> None:
     table = StudyTable(tmp_path, ())
     table.append(result(case(0)))

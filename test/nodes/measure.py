@@ -33,6 +33,7 @@ from slip_bringup.series import read_series
 from slip_campaigns.bench.machine import fifo_permitted
 from slip_campaigns.faults.monitors import LOST_M
 from slip_msgs_py.awake import LATENCY_FILE, Awake
+from slip_msgs_py.events import Started
 from slip_msgs_py.realtime import ProcessOptions, set_up_interpreter
 from slip_vic_controller.core.modes import Mode
 
@@ -55,7 +56,7 @@ def starts(times: int, seed: int) -> None:
                 command = node_command(name, params, Path(folder))
                 children[name] = group.start(name, command, environment, lambda _name, _event: None)
             deadline = time.monotonic() + START_S
-            while "started" not in children["bridge"].events and time.monotonic() < deadline:
+            while children["bridge"].last(Started) is None and time.monotonic() < deadline:
                 time.sleep(0.02)
             time.sleep(moments.uniform(0.0, 0.5))
             began = time.monotonic()

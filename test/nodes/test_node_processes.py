@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from slip_bringup.scenario import NODES, load_scenario, ros_parameter_file
+from slip_msgs_py.events import Progress
 from test.support.ros import Processes, wait_until
 
 BRIDGE, CONTROLLER = "slip_sim_bridge.node", "slip_vic_controller.node"
@@ -28,16 +29,16 @@ def test_a_run_in_lockstep_ends_by_itself(processes: Processes, params) -> None:
     controller = processes.python("controller", "-m", CONTROLLER, *params("controller"))
     bridge = processes.python("bridge", "-m", BRIDGE, *params("bridge", "bridge.duration_s=0.2"))
     assert processes.wait_end(bridge) == 0, bridge.tail()
-    assert bridge.events["done"]["ticks"] == 200
+    assert bridge.results["ticks"] == 200
     assert processes.stop(controller, signal.SIGINT) == 0
-    assert controller.events["done"]["cycles"] == 200
+    assert controller.results["cycles"] == 200
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
 def test_both_nodes_end_cleanly_on_a_signal_while_running(processes: Processes, params, number: int) -> None:
     controller = processes.python("controller", "-m", CONTROLLER, *params("controller"))
     bridge = processes.python("bridge", "-m", BRIDGE, *params("bridge", "bridge.duration_s=1000.0"))
-    processes.wait_event(bridge, "progress")
+    processes.wait_event(bridge, Progress)
     assert processes.stop(bridge, number) == 0, bridge.tail()
     assert processes.stop(controller, number) == 0, controller.tail()
 
@@ -63,7 +64,7 @@ def test_a_controller_that_dies_is_reported_with_the_tick_it_owes(processes: Pro
     bridge = processes.python(
         "bridge", "-m", BRIDGE, *params("bridge", "bridge.duration_s=1000.0", "bridge.lockstep_timeout_s=0.5")
     )
-    processes.wait_event(bridge, "progress")
+    processes.wait_event(bridge, Progress)
     controller.send(signal.SIGKILL)
     assert processes.wait_end(bridge) == 1
     (line,) = [line for line in bridge.lines if line.startswith("error:")]

@@ -16,7 +16,7 @@ import pytest
 
 from slip_bringup import shared_memory
 from slip_bringup.domain import domain_id
-from slip_bringup.processes import Child, ProcessGroup, child_environment
+from slip_bringup.processes import Child, ProcessGroup, Told, child_environment
 
 DEADLINE_S = 30.0  # for things that take well under a second on an idle machine
 
@@ -47,13 +47,15 @@ class Processes:
         """Start this interpreter with arguments such as ``-m module`` or a script."""
         return self.start(name, [sys.executable, *map(str, arguments)], **extra)
 
-    def wait_event(self, child: Child, event: str) -> dict[str, object]:
+    def wait_event(self, child: Child, kind: type[Told]) -> Told:
         """Wait until a child has told an event; fail with its last lines where it ends first."""
-        wait_until(lambda: event in child.events or child.exit_code is not None, f"{event} of {child.name}")
-        if event not in child.events:
+        what = f"{kind.__name__} of {child.name}"
+        wait_until(lambda: child.last(kind) is not None or child.exit_code is not None, what)
+        if child.last(kind) is None:
             child.wait(1.0)
-        assert event in child.events, f"{child.name} ended with {child.exit_code}:\n{child.tail()}"
-        return dict(child.events[event])
+        event = child.last(kind)
+        assert event is not None, f"{child.name} ended with {child.exit_code}:\n{child.tail()}"
+        return event
 
     def wait_end(self, child: Child) -> int:
         """Wait until a child has ended by itself; return its exit code."""

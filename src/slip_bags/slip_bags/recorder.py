@@ -1,4 +1,4 @@
-"""The recorder: find topics, subscribe with fitting QoS, drain everything every few milliseconds into a bag.
+"""The recorder: find topics, subscribe with fitting QoS, drain everything every `POLL_S` into a bag.
 
 No executor and no decoding. The order in the file is the order of reception. A topic's QoS list and type
 hash are frozen when its first message is written.
@@ -27,6 +27,7 @@ from slip_bags.typedefs import MessageDefinition, find_definition, split_type_na
 from slip_bags.writer import BagWriter
 from slip_core.errors import InputError
 
+POLL_S: Final = 0.02  # between two polls
 DISCOVERY_EAGER_S: Final = 0.02  # while a requested topic is missing
 DISCOVERY_S: Final = 0.1  # while any topic may still appear
 LOOK_S: Final = 0.5  # for publishers that took another's place unnoticed

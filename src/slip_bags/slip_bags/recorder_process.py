@@ -1,9 +1,7 @@
 """The recorder as a process of its own: ``python -m slip_bags.recorder_process --output DIR --topic ...``.
 
-With SLIP_VIC_EVENTS=1 in the environment it tells its parent on stdout, one JSON object per line:
-``{"event": "ready"}``, ``{"event": "status", "messages": n, "lost": n}`` after every flush,
-``{"event": "warning", "message": ...}``, ``{"event": "error", "message": ...}``,
-``{"event": "done", "summary": {...}}``.
+With SLIP_VIC_EVENTS=1 in the environment it tells its parent on stdout: `Ready`, `Status` after every flush, `Warned`,
+`Failed` and `Done` with the summary, in the form of `slip_msgs_py.events`.
 SIGINT and SIGTERM end the recording; the bag is closed in any case.
 """
 
@@ -11,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shutil
 import sys
 import time
@@ -25,13 +22,13 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from slip_bags.provenance import provenance
-from slip_bags.recorder import Recorder, Selection
+from slip_bags.recorder import POLL_S, Recorder, Selection
 from slip_bags.session import StopFlag, ros_node
 from slip_bags.writer import BagWriter, StorageError, WriterOptions
 from slip_core.errors import InputError, SlipVicError
+from slip_msgs_py.events import Done, Failed, Ready, Status, emit, warn
 
 READY_TOPIC: Final = "recorder/ready"
-POLL_S: Final = 0.02
 QUEUE_DEPTH: Final = 2000
 MIN_FREE_BYTES: Final = 64 << 20
 
@@ -135,32 +132,20 @@ def _check_space(options: RecordOptions) -> None:
         )
 
 
-class _EventWriter(Listener):
-    """Tells the parent process; without SLIP_VIC_EVENTS only warnings, on stderr."""
-
-    def __init__(self) -> None:
-        self._enabled = os.environ.get("SLIP_VIC_EVENTS") == "1"
+class EventListener(Listener):
+    """Tells the parent process; where none listens only warnings, on stderr."""
 
     def ready(self) -> None:
         """Pass on that the recording is complete from now on."""
-        self.emit("ready")
+        emit(Ready())
 
     def warning(self, message: str) -> None:
         """Pass a warning on."""
-        if self._enabled:
-            self.emit("warning", message=message)
-        else:
-            print(f"recorder: {message}", file=sys.stderr, flush=True)
+        warn("recorder", message)
 
     def status(self, recorder: Recorder, elapsed_s: float) -> None:
         """Pass the counters on."""
-        messages, lost = recorder.totals()
-        self.emit("status", messages=messages, lost=lost)
-
-    def emit(self, event: str, **fields: Any) -> None:
-        """Write one event."""
-        if self._enabled:
-            print(json.dumps({"event": event, **fields}), flush=True)
+        emit(Status(*recorder.totals()))
 
 
 class _AddTopic(argparse.Action):
@@ -254,16 +239,15 @@ def read_attachments(texts: Sequence[str]) -> dict[str, bytes]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the process; returns its exit code."""
-    events = _EventWriter()
     try:
         with StopFlag().installed() as stop:
             options = parse_arguments(sys.argv[1:] if arguments is None else arguments)
-            summary = record(options, events, lambda: stop.is_set)
+            summary = record(options, EventListener(), lambda: stop.is_set)
     except SlipVicError as error:
-        events.emit("error", message=str(error))
+        emit(Failed(str(error)))
         print(f"recorder: {error}", file=sys.stderr, flush=True)
         return error.exit_code
-    events.emit("done", summary=summary)
+    emit(Done(summary))
     return 0
 
 

@@ -11,14 +11,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
-from typing import Any
 
 from slip_bringup.domain import check_domain, domain_from_environment, domain_id
 from slip_bringup.node_command import node_module, parameter_arguments
-from slip_bringup.processes import Child, Event, ProcessGroup, child_environment, python_module
+from slip_bringup.processes import Child, ProcessGroup, child_environment, python_module
 from slip_bringup.recording import recorder_command
 from slip_bringup.scenario import Scenario
 from slip_core.errors import InputError, ProtocolError
+from slip_msgs_py.events import Event, Progress, Started, Warned
 from slip_msgs_py.realtime import ProcessOptions
 
 READY_TIMEOUT_S = 60.0  # the very first start may have to compile
@@ -92,7 +92,7 @@ class Launcher:
         self._namespace = namespace
         self._process = _with_cores(process, scenario.bridge.mode)
         self._one_process = one_process
-        self._warnings: list[str] = []
+        self.warnings: list[str] = []
         self._stop = threading.Event()
         scenario.check()
         if one_process and scenario.bridge.mode == "realtime":
@@ -145,8 +145,10 @@ class Launcher:
             order.append(("bridge", self._command("slip_bringup.both_nodes", *arguments.values())))
         else:
             order += [(name, self._command(node_module(name), words, node=name)) for name, words in arguments.items()]
-        children = {name: group.start(name, argv, environment, self._on_event) for name, argv in order}
-        self._wait(group, lambda: "started" in children["bridge"].events, READY_TIMEOUT_S, "the processes to get ready")
+        children = {name: group.start(name, argv, environment, self.note) for name, argv in order}
+        self._wait(
+            group, lambda: children["bridge"].last(Started) is not None, READY_TIMEOUT_S, "the processes to get ready"
+        )
         self._wait(group, lambda: children["bridge"].exit_code is not None, None, "")
         if not self._one_process:
             group.stop([children["controller"]])
@@ -175,11 +177,12 @@ class Launcher:
             return command
         return python_module("slip_msgs_py.realtime", *ProcessOptions(others, awake=False).arguments(), *command[2:])
 
-    def _on_event(self, name: str, event: Event) -> None:
-        if event["event"] == "warning":
-            self._warnings.append(f"{name}: {event['text']}")
-        elif name == "bridge" and event["event"] == "progress":
-            self._on_progress(float(event["sim_time_s"]))
+    def note(self, name: str, event: Event) -> None:
+        """Take one event of a child; called from its reader thread."""
+        if isinstance(event, Warned):
+            self.warnings.append(f"{name}: {event.text}")
+        elif isinstance(event, Progress):
+            self._on_progress(event.sim_time_s)
 
     def _wait(self, group: ProcessGroup, done: Callable[[], bool], timeout_s: float | None, what: str) -> None:
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
@@ -194,13 +197,13 @@ class Launcher:
                 raise ProtocolError(f"waited {timeout_s:g} s for {what}; last lines:\n{states}")
 
     def _progress_text(self, group: ProcessGroup) -> str:
-        done = next((child.events.get("done") for child in group.children if child.name == "bridge"), None)
+        done = next((child.results for child in group.children if child.name == "bridge"), {})
         kept = f"; bag kept in {self._bag}" if self._bag is not None and self._bag.exists() else ""
         return (f" after {done['sim_time_s']:.3f} s" if done else " before the start") + kept
 
     def _result(self, children: dict[str, Child]) -> RunResult:
-        done: dict[str, Any] = dict(children["bridge"].events.get("done", {}))
-        recorded: Any = children["recorder"].events.get("done", {}).get("summary", {}) if self._bag else {}
+        done = children["bridge"].results
+        recorded = children["recorder"].results if self._bag else {}
         if not done:
             raise ProtocolError(f"bridge ended without a result; last lines:\n{children['bridge'].tail()}")
         return RunResult(
@@ -212,18 +215,18 @@ class Launcher:
             lost=int(recorded.get("lost", 0)),
             timing=self._timing(children),
             memory_mib={
-                name: float(child.events["done"]["memory_mib"])
+                name: float(child.results["memory_mib"])
                 for name, child in children.items()
-                if "memory_mib" in child.events.get("done", {})
+                if "memory_mib" in child.results
             },
-            warnings=tuple(self._warnings),
+            warnings=tuple(self.warnings),
         )
 
     def _timing(self, children: dict[str, Child]) -> dict[str, float]:
         """Collect what bridge and controller said of a real-time run."""
         if self._scenario.bridge.mode != "realtime":
             return {}
-        said = {**children["bridge"].events["done"], **children["controller"].events.get("done", {})}
+        said = {**children["bridge"].results, **children["controller"].results}
         return {key: float(value) for key, value in said.items() if key.startswith(TIMING)}
 
 

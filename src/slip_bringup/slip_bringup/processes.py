@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import signal
 import subprocess
@@ -12,16 +11,18 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import psutil
 
 from slip_bringup import shared_memory
 from slip_core.errors import InputError, ProtocolError, SlipVicError
+from slip_msgs_py import events
+from slip_msgs_py.events import Event
 
 LAST_LINES = 12
 GRACE_S = 5.0
-Event = Mapping[str, Any]
+Told = TypeVar("Told", bound=Event)
 
 
 class Child:
@@ -40,7 +41,7 @@ class Child:
         self.name = name
         self._on_event = on_event
         self.lines: deque[str] = deque(maxlen=LAST_LINES)
-        self.events: dict[str, Event] = {}
+        self._last: dict[type, Event] = {}
         # A session of its own: Ctrl-C reaches the launcher alone, which then ends the children in order.
         self._process = subprocess.Popen(
             list(argv),
@@ -62,12 +63,23 @@ class Child:
     def _read(self, stream: Any, is_stdout: bool) -> None:
         for line in stream:
             text = line.rstrip("\n")
-            event = _as_event(text) if is_stdout else None
+            event = events.decode(text) if is_stdout else None
             if event is None:
                 self.lines.append(text)
             else:
-                self.events[str(event["event"])] = event
+                self._last[type(event)] = event
                 self._on_event(self.name, event)
+
+    def last(self, kind: type[Told]) -> Told | None:
+        """Return the last event of a kind; None where it has told none."""
+        event = self._last.get(kind)
+        return event if isinstance(event, kind) else None
+
+    @property
+    def results(self) -> Mapping[str, Any]:
+        """What the process told when it was done; empty before."""
+        done = self.last(events.Done)
+        return done.values if done else {}
 
     @property
     def pid(self) -> int:
@@ -98,16 +110,6 @@ class Child:
     def tail(self) -> str:
         """Return its last lines, indented."""
         return "\n".join(f"    {line}" for line in self.lines) or "    (no output)"
-
-
-def _as_event(line: str) -> Event | None:
-    if not line.startswith('{"event"'):
-        return None
-    try:
-        value = json.loads(line)
-    except ValueError:
-        return None
-    return value if isinstance(value, dict) and "event" in value else None
 
 
 class RefusedByChild(SlipVicError):
@@ -189,5 +191,7 @@ def child_environment(domain_id: int) -> dict[str, str]:
     environment = dict(os.environ)
     environment["ROS_DOMAIN_ID"] = str(domain_id)
     environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    environment.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1", SLIP_VIC_EVENTS="1")
+    environment.update(
+        OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1", **{events.EVENTS_VARIABLE: "1"}
+    )
     return environment

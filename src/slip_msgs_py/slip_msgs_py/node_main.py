@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
-import os
 import resource
 import signal
 import sys
@@ -52,12 +50,6 @@ class StopFlag:
     def __call__(self) -> bool:
         """Return whether the process was asked to stop."""
         return self.signal_number is not None
-
-
-def emit(event: str, **values: object) -> None:
-    """Print one line of JSON for the launcher; silent unless it asked for events."""
-    if os.environ.get("SLIP_VIC_EVENTS") == "1":
-        print(json.dumps({"event": event, **values}), flush=True)
 
 
 def memory_mib() -> float:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import ctypes
 import gc
-import json
 import os
 import resource
 import runpy
@@ -20,6 +19,7 @@ from dataclasses import dataclass
 
 from slip_core.errors import InputError
 from slip_msgs_py.awake import Awake
+from slip_msgs_py.events import warn
 
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
@@ -118,14 +118,6 @@ def parse_cores(text: str) -> tuple[int, ...]:
         raise InputError("--cpu", got=text, expected="a core or several: 2 or 2,3") from None
 
 
-def _say(module: str, line: str) -> None:
-    """Tell the launcher where it listens for events, else whoever reads standard error."""
-    if os.environ.get("SLIP_VIC_EVENTS") == "1":
-        print(json.dumps({"event": "warning", "text": line}), flush=True)
-    else:
-        print(f"warning: {module}: {line}", file=sys.stderr, flush=True)
-
-
 def _reason(error: Exception) -> str:
     return error.strerror or str(error) if isinstance(error, OSError) else str(error)
 
@@ -141,7 +133,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("arguments", nargs=argparse.REMAINDER, help="its arguments")
     words = parser.parse_args(argv)
     for line in set_up_process(ProcessOptions(words.cpu, words.fifo, words.lock_memory, words.awake)):
-        _say(words.module, line)
+        warn(words.module, line)
     sys.argv = [words.module, *(word for word in words.arguments if word != "--")]
     runpy.run_module(words.module, run_name="__main__", alter_sys=True)
 

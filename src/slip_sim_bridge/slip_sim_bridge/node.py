@@ -21,8 +21,9 @@ from slip_core.timing import Window, spread
 from slip_core.topics import contact_topic
 from slip_core.types import EffortCommand
 from slip_msgs_py import forms, from_msgs, to_msgs
+from slip_msgs_py.events import Done, Progress, Started, emit
 from slip_msgs_py.fast_io import Refusals, Sender, create_receiver, create_sender
-from slip_msgs_py.node_main import emit, memory_mib, run_node
+from slip_msgs_py.node_main import memory_mib, run_node
 from slip_msgs_py.peers import Peers, wait_until
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
@@ -139,7 +140,7 @@ class SlipSimBridge(Node):
         if not self._wait_for_peers(should_stop):
             return
         set_up_interpreter()
-        emit("started")
+        emit(Started())
         self._started_wall = time.monotonic()
         self._progress_wall = 0.0
         if self._lockstep:
@@ -147,14 +148,8 @@ class SlipSimBridge(Node):
         else:
             self._run_realtime(should_stop)
         wall = time.monotonic() - self._started_wall
-        emit(
-            "done",
-            ticks=self.session.tick,
-            sim_time_s=self.session.elapsed_s,
-            wall_time_s=wall,
-            memory_mib=memory_mib(),
-            **self._timing(),
-        )
+        results = {"ticks": self.session.tick, "sim_time_s": self.session.elapsed_s, "wall_time_s": wall}
+        emit(Done({**results, "memory_mib": memory_mib(), **self._timing()}))
 
     def _timing(self) -> dict[str, object]:
         """Return how a real-time run went, for the launcher."""
@@ -306,7 +301,7 @@ class SlipSimBridge(Node):
         now = time.monotonic()
         if now - self._progress_wall > PROGRESS_EVERY_S:
             self._progress_wall = now
-            emit("progress", sim_time_s=self.session.elapsed_s, ticks=self.session.tick)
+            emit(Progress(self.session.elapsed_s, self.session.tick))
 
 
 def main() -> int:

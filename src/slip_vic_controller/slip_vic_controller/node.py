@@ -20,8 +20,9 @@ from slip_core.resources import read_text
 from slip_core.topics import contact_topic
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_msgs_py import forms, from_msgs, to_msgs
+from slip_msgs_py.events import Done, Ready, emit
 from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
-from slip_msgs_py.node_main import emit, memory_mib, run_node
+from slip_msgs_py.node_main import memory_mib, run_node
 from slip_msgs_py.peers import Peers
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
@@ -267,7 +268,7 @@ class SlipVicController(LifecycleNode):
             set_up_interpreter()
             self._ready = True
             self._pub_ready.publish(to_msgs.string("controller"))
-            emit("ready")
+            emit(Ready())
 
     def run(self, should_stop: Callable[[], bool]) -> None:
         """Run until asked to stop."""
@@ -283,7 +284,7 @@ class SlipVicController(LifecycleNode):
         if self.session.active:
             self._say_no_command()
         missed = self._timing.missed if self._timing is not None else 0
-        emit("done", cycles=self.session.cycles, missed=missed, memory_mib=memory_mib())
+        emit(Done({"cycles": self.session.cycles, "missed": missed, "memory_mib": memory_mib()}))
 
 
 def _manifest(_stamp_ns: int, numbers: Any) -> Manifest:

@@ -11,6 +11,7 @@ import numpy as np
 from slip_bringup.inprocess import run_in_process
 from slip_bringup.study.cases import Case
 from slip_core.errors import SlipVicError
+from slip_sim_bridge.sim.plant import DivergenceError
 
 LOST_SLIP_M = 0.3
 """Slip beyond which the object is taken for lost and the run ends."""
@@ -74,7 +75,7 @@ def _run(case: Case, assignments: Sequence[str]) -> CaseResult:
             if not linear < LOST_ERROR_M or not math.hypot(*slip[:3].tolist()) < LOST_SLIP_M:
                 outcome, reason = "diverged", f"at {tick.outputs.stamp_ns * 1e-9:.3f} s"
                 break
-    except ArithmeticError as failure:  # the simulation's state is no longer physical
+    except DivergenceError as failure:
         outcome, reason = "diverged", str(failure)
     values = (
         math.hypot(*slip[:3].tolist()),

@@ -22,6 +22,7 @@ from slip_campaigns.faults.network import Cable
 from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, RECORDER
 from slip_campaigns.faults.proxy import remappings
 from slip_core.errors import InputError
+from slip_msgs_py.events import Failed, Status
 
 BLOCK_BYTES = 4096  # of a file system: what a file has beyond its end when the disk is full
 # A full disk refuses to grow in sum, this limit each file: metadata.yaml needs more than a young bag has.
@@ -100,7 +101,8 @@ class Nodes:
     def records(self) -> bool:
         """Return whether the recorder has written something."""
         child = self._children.get(RECORDER)
-        return child is not None and int(child.events.get("status", {}).get("messages", 0)) > 0
+        status = child.last(Status) if child is not None else None
+        return status is not None and status.messages > 0
 
     def fill_disk(self) -> None:
         """Let the recorder's files grow no more from now on, as on a full disk: by its limit of the size of files."""
@@ -116,15 +118,16 @@ class Nodes:
         child = self._children.get(RECORDER)
         if child is None or not child.wait(0.0):
             return "recorder went on though its disk is full"
-        if child.exit_code != 1 or "error" not in child.events:
+        failed = child.last(Failed)
+        if child.exit_code != 1 or failed is None:
             return f"recorder ended with exit code {child.exit_code} on a full disk:\n{child.tail()}"
         try:
             # A recording of a second may lose all to the room that its end needs; but then it says so.
             with Bag(self._bag) as bag:
-                said = f"with the {bag.message_count} messages before" in str(child.events["error"])
-                return "" if said else f"bag holds {bag.message_count} messages, but: {child.events['error']}"
+                said = f"with the {bag.message_count} messages before" in failed.text
+                return "" if said else f"bag holds {bag.message_count} messages, but: {failed.text}"
         except InputError as error:
-            return f"bag is not readable after a full disk: {error}; the recorder said: {child.events['error']}"
+            return f"bag is not readable after a full disk: {error}; the recorder said: {failed.text}"
 
     def ended(self, name: str) -> str:
         """Return how a node ended that should run, an empty text where it runs."""

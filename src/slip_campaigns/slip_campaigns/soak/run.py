@@ -24,6 +24,7 @@ from slip_bringup.scenario import Scenario, load_scenario
 from slip_campaigns.soak.growth import Limits, ProcessGrowth, Sample, growth_of
 from slip_campaigns.soak.operator import Operator, operator_of
 from slip_core.errors import ProtocolError
+from slip_msgs_py.events import Event, Started, Warned
 
 START_S = 30.0
 SAMPLES = 360
@@ -51,7 +52,7 @@ class SoakResult:
 
     def law_share(self) -> float:
         """Return the share of cycles in which the law was at work; NaN where the recorder has not said."""
-        topics = self.said.get("recorder", {}).get("summary", {}).get("topics", {})
+        topics = self.said.get("recorder", {}).get("topics", {})
         law, all_of_them = (
             topics.get(f"/controller/{name}", {}).get("messages", 0) for name in ("stiffness", "scalars")
         )
@@ -106,7 +107,7 @@ def run_soak(scenario: Scenario, minutes: float, on_time: Callable[[float], None
     ):
         children = _start(group, scenario, child_environment(domain), Path(folder), result)
         deadline = time.monotonic() + START_S
-        while "started" not in children["bridge"].events:
+        while children["bridge"].last(Started) is None:
             group.check()
             if time.monotonic() > deadline:
                 raise ProtocolError(f"bridge did not start within {START_S:g} s:\n{children['bridge'].tail()}")
@@ -115,7 +116,7 @@ def run_soak(scenario: Scenario, minutes: float, on_time: Callable[[float], None
         result.faults, result.objects_lost = operator.faults, operator.objects_lost
         for name in ("bridge", "controller", "recorder"):
             group.stop([children[name]])
-            result.said[name] = children[name].events.get("done", {})
+            result.said[name] = children[name].results
         group.check()
     return result
 
@@ -130,9 +131,9 @@ def _start(
     for name, params in (("controller", controller), ("bridge", bridge)):
         commands[name] = node_command(name, params, folder)
 
-    def on_event(name: str, event: Mapping[str, Any]) -> None:
-        if event["event"] == "warning":
-            result.warnings.append(f"{name}: {event.get('text') or event.get('message')}")
+    def on_event(name: str, event: Event) -> None:
+        if isinstance(event, Warned):
+            result.warnings.append(f"{name}: {event.text}")
 
     return {name: group.start(name, command, environment, on_event) for name, command in commands.items()}
 
