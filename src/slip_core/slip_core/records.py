@@ -44,3 +44,18 @@ def record(buffer: Array, dtype: np.dtype[np.void]) -> Any:
 @overload(record)
 def _compiled_record(buffer, dtype):  # type: ignore[no-untyped-def]
     return lambda buffer, dtype: buffer.view(dtype)[0]
+
+
+def records(matrix: Array, dtype: np.dtype[np.void]) -> Any:
+    """Return the view of a matrix (n, size of the layout) as n records, one per row.
+
+    Args:
+        matrix: float64, by rows.
+        dtype: layout of a row; in compiled code a module's constant.
+    """
+    return matrix.reshape(matrix.size).view(dtype).view(np.recarray)
+
+
+@overload(records)
+def _compiled_records(matrix, dtype):  # type: ignore[no-untyped-def]
+    return lambda matrix, dtype: matrix.reshape(matrix.size).view(dtype)

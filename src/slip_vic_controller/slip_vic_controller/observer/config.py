@@ -1,0 +1,85 @@
+"""From parameters to the numbers of the slip observer."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.special import chdtri  # scipy.stats has the same under a clearer name, and takes half a second to import
+
+from slip_core.arrays import Array
+from slip_core.records import new, record
+from slip_vic_controller.core.params import ControllerParams
+from slip_vic_controller.observer.layouts import AXES, OBSERVER_CONFIG
+
+SPARE_ROWS = 64
+"""Rows of the history beyond those that are expected: samples that come in a burst."""
+
+
+def observer_config(params: ControllerParams) -> Array:
+    """Return the OBSERVER_CONFIG buffer: variances and thresholds that follow from the configured noise levels.
+
+    Noise of the wrench enters the slip velocity once per tick, divided by mass or inertia.
+    """
+    tuning, sensor, wrench, model = params.observer, params.slip_sensor, params.wrench_sensor, params.object
+    T = params.control_period_s
+    lever = math.hypot(*params.contacts.position[:3])
+    inertia = float(np.min(model.inertia[:3]))
+
+    def accelerations(force: float, torque: float) -> tuple[float, float]:
+        """What a force and a torque accelerate the object's point under the pad by; [m/s^2], [rad/s^2]."""
+        angular = math.hypot(torque, lever * force) / inertia
+        return math.hypot(force / model.mass, lever * angular), angular
+
+    noise = accelerations(wrench.noise_force, wrench.noise_torque)
+    bias = accelerations(wrench.bias_force, wrench.bias_torque)
+    root_T = math.sqrt(T)
+    # A centre of mass that is off by model_error of the lever turns a force into an angular acceleration.
+    onset = tuning.model_error * lever * model.mass / inertia
+
+    buffer = new(OBSERVER_CONFIG)
+    config = record(buffer, OBSERVER_CONFIG)
+    for i in range(AXES):
+        is_linear = i < 3
+        config.axes[i] = int(params.contacts.slip_axes[i])
+        if is_linear:
+            measurement = max(math.hypot(sensor.noise_linear, sensor.quantum_linear), tuning.floor_linear)
+            process = T * math.hypot(noise[0], tuning.rough_linear)
+            drift, floor = root_T * tuning.drift_linear, tuning.floor_linear
+            prior_b, rest, calm = wrench.bias_force / model.mass, tuning.rest_linear, tuning.calm_linear
+        else:
+            measurement = max(sensor.noise_angular, tuning.floor_angular)
+            process = T * math.hypot(noise[1], tuning.rough_angular)
+            drift, floor = root_T * tuning.drift_angular, tuning.floor_angular
+            prior_b, rest, calm = bias[1], tuning.rest_angular, tuning.calm_angular
+        config.measurement_variance[i] = measurement**2
+        config.process_variance[i] = process**2
+        config.drift_variance[i] = drift**2
+        config.floor_variance[i] = floor**2
+        config.stick_P_bb[i], config.stick_P_vv[i] = rest**2, calm**2
+        config.prior_P_bb[i], config.prior_P_cc[i] = prior_b**2, tuning.model_error**2
+        config.onset_gain[i] = lever * onset if is_linear else onset
+        config.dead_band[i] = sensor.dead_band_linear if is_linear else sensor.dead_band_angular
+    count = max(int(np.sum(config.axes)), 1)
+    config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
+    config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))
+    config.smoothing, config.outlier_deviations = tuning.smoothing, tuning.outlier
+    config.friction_spread, config.friction_memory_ticks = tuning.drag_spread, tuning.drag_memory_s / T
+    config.dwell_ticks = max(1, round(tuning.dwell_s / T))
+    config.window_ticks = max(1, round(tuning.window_s / T))
+    config.memory_ns = round(tuning.memory_s * 1e9)
+    buffer.setflags(write=False)
+    return buffer
+
+
+def capacity(params: ControllerParams) -> int:
+    """Return how many rows the history needs: ticks of the memory with their samples, or the window in stick.
+
+    More samples than the sensor's rate gives make the history shorter in time, not longer.
+    """
+    tuning, T = params.observer, params.control_period_s
+    ticks = math.ceil(tuning.memory_s / T) + 1
+    period = params.slip_sensor.period_s or T
+    samples = math.ceil(tuning.memory_s / period) + 1
+    window = max(1, round(tuning.window_s / T))
+    return max(ticks + samples, window + 1) + SPARE_ROWS

@@ -1,0 +1,181 @@
+"""The hypothesis of slip: predict, correct samples at their own stamps, and find the end of the slip.
+
+v_s[k+1] = v_s[k] + dv_ee - T (G^T a_o + Phi1' v_s + Phi2), with the model's errors b + c f taken out.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from slip_core.compiled import part
+from slip_core.vectors import Spatial, Vec, vec
+from slip_vic_controller.observer.axis import (
+    Axis,
+    correct,
+    correct_within,
+    predict,
+    put_axis,
+    read_axis,
+    robust_variance,
+)
+from slip_vic_controller.observer.history import drop_oldest, insert, row_at
+from slip_vic_controller.observer.layouts import AXES, TICK_ROW
+
+LEAST_SHARE = 1e-3
+"""Share of an axis across the friction force below which its direction says nothing of it."""
+
+
+@part
+def component(s: Spatial, i: int) -> float:
+    """Return one of six components."""
+    return s.linear[i] if i < 3 else s.angular[i - 3]
+
+
+@part
+def slip_velocity(axes: Any) -> Spatial:
+    """Return the estimated slip velocity; [m/s, rad/s] {ee}."""
+    return Spatial(Vec(axes[0].v, axes[1].v, axes[2].v), Vec(axes[3].v, axes[4].v, axes[5].v))
+
+
+@part
+def predict_tick(config: Any, ahead: Any, row: Any) -> None:
+    """Predict the estimate `ahead` of a tick over it.
+
+    step - dt (w_ee x + Phi1') v_s: turning axes and Coriolis take from the slip velocity what they turn it by.
+    """
+    v = slip_velocity(ahead)
+    turning = Spatial(vec(row.turn_linear).cross(v.linear), vec(row.turn_angular).cross(v.angular))
+    for i in range(AXES):
+        if config.axes[i]:
+            step = row.step[i] - row.dt * component(turning, i)
+            q_v, q_b = config.process_variance[i], config.drift_variance[i]
+            put_axis(row.axes[i], predict(read_axis(ahead[i]), step, row.force[i], row.dt, q_v, q_b))
+
+
+@part
+def friction_direction_update(config: Any, row: Any) -> None:
+    """Take in that friction opposes slip: the pad slides over the object in the direction d in which it drags it.
+
+    v is corrected towards (v.d)+ d / d^2 with d = drag + b + c f, where the axis is not along d. The friction
+    coefficient does not matter. The correction is weak, because pads are not alike in all directions.
+    """
+    if config.friction_spread == 0.0:
+        return
+    axes = row.axes
+    x, y, z = axes[0], axes[1], axes[2]
+    v, b = Vec(x.v, y.v, z.v), Vec(x.b, y.b, z.b)
+    d = vec(row.drag) + b + Vec(x.c * row.force[0], y.c * row.force[1], z.c * row.force[2])
+    square = d.dot(d)
+    if square == 0.0:
+        return
+    along = v.dot(d) / square
+    spread = config.friction_spread * v.norm()
+    for i in range(3):
+        if config.axes[i]:
+            # Where the direction is possible nothing is said of the speed along it: only the share across counts.
+            across = 1.0 - d[i] * d[i] / square if along > 0.0 else 1.0
+            if across > LEAST_SHARE:
+                R = config.friction_memory_ticks * (spread * spread + config.floor_variance[i]) / across
+                put_axis(axes[i], correct(read_axis(axes[i]), max(along, 0.0) * d[i], R))
+
+
+@part
+def correct_sample(config: Any, ahead: Any, row: Any) -> None:
+    """Take the sample of a row in; a half of it that reads zero only says that it is within the dead band."""
+    reads = row.sample.twist
+    linear = abs(reads[0]) + abs(reads[1]) + abs(reads[2])
+    angular = abs(reads[3]) + abs(reads[4]) + abs(reads[5])
+    for i in range(AXES):
+        if config.axes[i]:
+            x, z, R = read_axis(ahead[i]), reads[i], config.measurement_variance[i]
+            if (linear if i < 3 else angular) == 0.0 and config.dead_band[i] > 0.0:
+                x = correct_within(x, config.dead_band[i], R)
+            else:
+                x = correct(x, z, robust_variance(x, z, R, config.outlier_deviations))
+            put_axis(row.axes[i], x)
+
+
+@part
+def run(config: Any, state: Any, rows: Any, ahead: Any, first: int) -> None:
+    """Run the rows from number `first` on, again or for the first time; `ahead`: the filters before it."""
+    for i in range(first, state.rows):
+        row = row_at(state, rows, i)
+        if row.kind == TICK_ROW:
+            predict_tick(config, ahead, row)
+            friction_direction_update(config, row)
+        else:
+            correct_sample(config, ahead, row)
+        ahead = row.axes
+    for i in range(AXES):
+        if config.axes[i]:
+            put_axis(state.axes[i], read_axis(ahead[i]))
+
+
+@part
+def normalised_innovation_squared(config: Any, state: Any) -> float:
+    """Return v^T P^-1 v of the estimate against v = 0, chi-squared where there is no slip; [1]."""
+    total = 0.0
+    for i in range(AXES):
+        if config.axes[i]:
+            x = state.axes[i]
+            total += x.v * x.v / (x.P_vv + config.floor_variance[i])
+    return total
+
+
+@part
+def is_confirmed(config: Any, state: Any) -> bool:
+    """Return whether the estimate is known well enough to be believed when it says rest.
+
+    Doubt is not rest: control holds the estimate near zero, so only a model that has been confirmed can tell. Nor is an
+    insignificant speed a small one where the doubt about it is large.
+    """
+    confirmed = True
+    for i in range(AXES):
+        if config.axes[i]:
+            x = state.axes[i]
+            confirmed = confirmed and x.P_bb < config.stick_P_bb[i] and x.P_vv < config.stick_P_vv[i]
+    return confirmed
+
+
+@part
+def begin_stick(config: Any, state: Any) -> None:
+    """End the slip: v = 0 exactly; what was learnt of the model's errors stays."""
+    state.sliding, state.quiet, state.since_ns = 0, 0, state.stamp_ns
+    state.first, state.rows = 0, 0
+    for i in range(AXES):
+        if config.axes[i]:
+            state.sample_mean[i] = 0.0
+            x = correct(read_axis(state.axes[i]), 0.0, config.floor_variance[i])
+            put_axis(state.axes[i], Axis(0.0, x.b, x.c, 0.0, 0.0, 0.0, x.P_bb, x.P_bc, x.P_cc))
+
+
+@part
+def forget(config: Any, state: Any, rows: Any, count: int) -> None:
+    """Drop rows older than the memory, and more where a tick and `count` samples would find no room; one row stays."""
+    oldest_ns = state.stamp_ns - config.memory_ns
+    while state.rows > 1 and (row_at(state, rows, 0).stamp_ns < oldest_ns or state.rows + 1 + count > rows.shape[0]):
+        drop_oldest(state, rows)
+
+
+@part
+def take_in(config: Any, state: Any, history: Any, rows: Any, samples: Any, count: int) -> int:
+    """Put out-of-sequence samples at the ticks at which they were measured; return the first row that is new."""
+    oldest_ns, first = row_at(state, rows, 0).stamp_ns, state.rows - 1
+    for k in range(count):
+        if samples[k].stamp_ns > oldest_ns and state.rows < rows.shape[0]:
+            first = min(first, insert(config, state, history, rows, samples[k]))
+        else:
+            state.late += 1
+    return first
+
+
+@part
+def observe_slip(config: Any, state: Any, history: Any, rows: Any, samples: Any, count: int) -> None:
+    """Predict, correct, and test whether the slip is over; the tick's row is the last one."""
+    first = take_in(config, state, history, rows, samples, count)
+    run(config, state, rows, row_at(state, rows, first - 1).axes, first)
+    state.significance = normalised_innovation_squared(config, state)
+    at_rest = is_confirmed(config, state) and state.significance < config.nis_stick
+    state.quiet = state.quiet + 1 if at_rest else 0
+    if state.quiet >= config.dwell_ticks:
+        begin_stick(config, state)

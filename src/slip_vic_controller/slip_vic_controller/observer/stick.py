@@ -1,0 +1,131 @@
+"""The hypothesis of stick: the slip velocity is zero at every tick, which teaches the filters the model's errors.
+
+What the model says of the last ticks counts only once they have passed as stick. Were it taken in at once, the
+beginning of a slip would be learnt as an error of the model.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from slip_core.compiled import part
+from slip_core.vectors import vec
+from slip_vic_controller.observer.axis import Axis, put_axis, read_axis, zero_velocity_update
+from slip_vic_controller.observer.history import drop_oldest, next_sample, row_at, slot
+from slip_vic_controller.observer.layouts import AXES
+from slip_vic_controller.observer.slip import run
+
+
+@part
+def add_up(state: Any, rows: Any) -> None:
+    """Write dt, step and dt force, added up since the beginning of stick, to the last row."""
+    row = row_at(state, rows, state.rows - 1)
+    row.time = row.dt
+    for i in range(AXES):
+        row.steps[i], row.impulses[i] = row.step[i], row.dt * row.force[i]
+    if state.rows > 1:
+        last = row_at(state, rows, state.rows - 2)
+        row.time += last.time
+        for i in range(AXES):
+            row.steps[i] += last.steps[i]
+            row.impulses[i] += last.impulses[i]
+
+
+@part
+def learn(config: Any, state: Any, row: Any) -> None:
+    """Learn the model's errors from a tick that has passed as stick."""
+    for i in range(AXES):
+        if config.axes[i]:
+            q_v, q_b = config.process_variance[i], config.drift_variance[i]
+            x = zero_velocity_update(read_axis(state.axes[i]), row.step[i], row.force[i], row.dt, q_v, q_b)
+            put_axis(state.axes[i], x)
+
+
+@part
+def normalised_innovation_squared(config: Any, state: Any, rows: Any) -> float:
+    """Return v^T S^-1 v of the velocity that the window adds up to from v = 0; chi-squared where there is no slip; [1].
+
+    S: the variances that the model's errors and the process noise of the window give it.
+    """
+    first, last = row_at(state, rows, 0), row_at(state, rows, state.rows - 1)
+    time = last.time - first.time + first.dt
+    total = 0.0
+    for i in range(AXES):
+        if config.axes[i]:
+            x = state.axes[i]
+            impulse = last.impulses[i] - first.impulses[i] + first.dt * first.force[i]
+            v = last.steps[i] - first.steps[i] + first.step[i] - time * x.b - impulse * x.c
+            S = time * time * x.P_bb + 2.0 * time * impulse * x.P_bc + impulse * impulse * x.P_cc
+            total += v * v / (S + state.rows * config.process_variance[i] + config.floor_variance[i])
+    return total
+
+
+@part
+def share_of_mean(config: Any) -> float:
+    """Return the variance of the weighted mean of samples over that of one sample; [1]."""
+    return config.smoothing / (2.0 - config.smoothing)
+
+
+@part
+def listen(config: Any, state: Any, samples: Any, count: int) -> bool:
+    """Take samples into the weighted mean, in their order; return whether it was significant after any of them."""
+    share = share_of_mean(config)
+    seen = False
+    k = -1
+    for _ in range(count):
+        k = next_sample(config, samples, count, k)
+        if samples[k].stamp_ns > state.since_ns:
+            total = 0.0
+            for i in range(AXES):
+                if config.axes[i]:
+                    m = state.sample_mean[i]
+                    m += config.smoothing * (samples[k].twist[i] - m)
+                    state.sample_mean[i] = m
+                    total += m * m / (share * config.measurement_variance[i])
+            seen = seen or total > config.nis_slip
+    return seen
+
+
+@part
+def begin_slip_of_model(config: Any, state: Any, rows: Any) -> None:
+    """Run the window as slip, with the doubt that a slip begins with: what was learnt holds for the forces of stick.
+
+    Forces and torques come in other proportions now, so a wrong centre of mass shows in another way.
+    """
+    state.sliding = 1
+    drag = vec(row_at(state, rows, state.rows - 1).drag).norm()
+    for i in range(AXES):
+        if config.axes[i]:
+            deviation = config.onset_gain[i] * drag
+            state.axes[i].P_bb += deviation * deviation
+    run(config, state, rows, state.axes, 0)
+
+
+@part
+def begin_slip_of_samples(config: Any, state: Any, rows: Any) -> None:
+    """Believe the samples: the model has missed a slip, so its errors are unknown again; only this tick's row stays."""
+    state.sliding = 1
+    state.first, state.rows = slot(state, rows.shape[0], state.rows - 1), 1
+    row, share = row_at(state, rows, 0), share_of_mean(config)
+    for i in range(AXES):
+        if config.axes[i]:
+            x, m = state.axes[i], state.sample_mean[i]
+            P_vv = share * config.measurement_variance[i] + m * m
+            y = Axis(m, x.b, x.c, P_vv, 0.0, 0.0, config.prior_P_bb[i], 0.0, config.prior_P_cc[i])
+            put_axis(state.axes[i], y)
+            put_axis(row.axes[i], y)
+
+
+@part
+def observe_stick(config: Any, state: Any, rows: Any, samples: Any, count: int) -> None:
+    """Learn from the tick that leaves the window, and test whether slip has begun; the tick's row is the last one."""
+    add_up(state, rows)
+    if state.rows > config.window_ticks:
+        learn(config, state, row_at(state, rows, 0))
+        drop_oldest(state, rows)
+    state.significance = normalised_innovation_squared(config, state, rows)
+    seen = listen(config, state, samples, count)
+    if state.significance > config.nis_slip:
+        begin_slip_of_model(config, state, rows)
+    elif seen:
+        begin_slip_of_samples(config, state, rows)
