@@ -26,6 +26,7 @@ ALLOWED = {
     "slip_vic_controller": SHELLS,
     "slip_vic_controller.core": {"numpy", "scipy", "pydantic", "slip_core"},
     "slip_vic_controller.core.arm": {"numpy", "pinocchio", "slip_core"},
+    "slip_vic_controller.observer": {"numpy", "scipy", "slip_core"},
     "slip_sim_bridge": SHELLS,
     "slip_sim_bridge.sim": {"numpy", "mujoco", "pydantic", "slip_core"},
     "slip_bags": {"slip_core", "slip_msgs_py"} | BAG_LIBRARIES | ROS,
@@ -36,6 +37,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.compiled": set(),
     "slip_vic_controller.core": {"slip_vic_controller.core"},
     "slip_vic_controller.core.arm": {"slip_vic_controller.core.arm_kernel"},
+    "slip_vic_controller.observer": {"slip_vic_controller.observer", "slip_vic_controller.core.params"},
     "slip_sim_bridge.sim": {"slip_sim_bridge.sim"},
 }
 
