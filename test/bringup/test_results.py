@@ -8,7 +8,7 @@ import pytest
 from slip_bringup.inprocess import run_in_process
 from slip_bringup.scenario import load_scenario
 
-# The independent planar reference simulation of the same surrogate (exact feedback linearisation, no arm).
+# The independent planar reference simulation of the same task (exact feedback linearisation, no arm).
 REFERENCE_SLIP_M, REFERENCE_SLIP_RAD = 40.9e-3, np.radians(71.0)
 REFERENCE_SHARE = 0.10
 REFERENCE_RMS = (0.012, 0.008, 0.16)  # x, y, about z; printed with two digits

@@ -50,7 +50,7 @@ def test_file_has_the_agreed_form(name):
     values = content(name)
     assert set(values) == {"name", "description", "sources", "duration_s", "shared", "controller", "bridge"}
     assert values["name"] == name
-    assert any("surrogate" in source for source in values["sources"])
+    assert any("assumed" in source for source in values["sources"])
     assert all(isinstance(source, str) for source in values["sources"])
     assert values["duration_s"] == 8.0
 

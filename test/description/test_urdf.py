@@ -114,4 +114,4 @@ def test_joints_have_no_friction_and_names_in_order():
 def test_only_primitive_shapes_and_sources_named():
     text = urdf_text()
     assert "<mesh" not in text
-    assert all(word in text for word in ("Gaz", "RA-L", "Denavit-Hartenberg", "surrogate"))
+    assert all(word in text for word in ("Gaz", "RA-L", "Denavit-Hartenberg", "assumed"))

@@ -129,13 +129,14 @@ def demo(scenario: str, out: Path, seed: int, assignments: tuple[str, ...], doma
 @cli.command()
 @click.option("--scenario", "scenarios", multiple=True, help="only these; default all that come with the suite")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("config"), show_default=True)
+@click.option("--all", "complete", is_flag=True, help="with the parameters that have their defaults too")
 @click.option("--reference", is_flag=True, help="write docs/parameters.md and docs/topics.md instead, below --out")
-def params(scenarios: tuple[str, ...], out: Path, reference: bool) -> None:
+def params(scenarios: tuple[str, ...], out: Path, complete: bool, reference: bool) -> None:
     """Write the ROS parameter files of the scenarios, for nodes that are started alone."""
     from slip_bringup.reference import config_files, parameter_page, topic_page, write_files
 
     pages = {"parameters.md": parameter_page(), "topics.md": topic_page()} if reference else {}
-    files = pages or config_files(list(scenarios))
+    files = pages or config_files(list(scenarios), complete=complete)
     write_files(out, files)
     for name in files:
         click.echo(str(out / name))

@@ -7,30 +7,40 @@ from typing import get_args
 
 from slip_bringup.scenario import NODES, ControllerKind, load_scenario, ros_parameter_file
 from slip_core.errors import InputError
-from slip_core.params import ParameterInfo, ParameterModel, parameter_infos
+from slip_core.params import OLD_NAMES_END, ParameterInfo, ParameterModel, old_names, parameter_infos
 from slip_core.topics import markdown_table
 from slip_description import scenario_names
 
 
-def config_files(scenarios: list[str] | None = None) -> dict[str, str]:
+def config_files(scenarios: list[str] | None = None, *, complete: bool = False) -> dict[str, str]:
     """Return every file of ``config/``: relative path -> text, for bridge and both controllers of each scenario.
 
     The variable impedance controller has a second one for real time, which is the one for a real arm.
+
+    Args:
+        scenarios: their names; None: all that come with the suite.
+        complete: whether parameters that have their defaults are written too.
     """
     files = {}
     for name in scenarios or scenario_names():
-        for kind in get_args(ControllerKind):
-            scenario = load_scenario(name, controller=kind)
-            head = f"# {name}: made by `slip-vic params`; edit the scenario, or your own copy.\n"
-            files[f"{name}/controller_{kind}.yaml"] = head + ros_parameter_file(
-                scenario.controller, NODES["controller"][0]
-            )
-            files[f"{name}/bridge.yaml"] = head + ros_parameter_file(scenario.bridge, NODES["bridge"][0])
-        timed = load_scenario(name, mode="realtime")
-        files[f"{name}/controller_vic_realtime.yaml"] = head + ros_parameter_file(
-            timed.controller, NODES["controller"][0]
-        )
+        made = {
+            f"controller_{kind}": load_scenario(name, controller=kind).controller for kind in get_args(ControllerKind)
+        }
+        made["controller_vic_realtime"] = load_scenario(name, mode="realtime").controller
+        for file, params in {**made, "bridge": load_scenario(name).bridge}.items():
+            node = NODES["bridge" if file == "bridge" else "controller"][0]
+            files[f"{name}/{file}.yaml"] = _head(name, complete) + ros_parameter_file(params, node, complete=complete)
     return files
+
+
+def _head(name: str, complete: bool) -> str:
+    head = f"# {name}: made by `slip-vic params`; edit the scenario, or your own copy.\n"
+    if complete:
+        return head
+    return (
+        f"{head}# What differs from the defaults, which docs/parameters.md lists. A file with every parameter:\n"
+        f"#     slip-vic params --all --scenario {name} --out FOLDER\n"
+    )
 
 
 def write_files(folder: Path, files: dict[str, str]) -> None:
@@ -58,6 +68,10 @@ def parameter_page() -> str:
     ]
     for node_name, model in NODES.values():
         parts.append(f"## {node_name}\n\n{_table(model)}")
+    parts.append(
+        f"## Old names\n\nThese go on working until version {OLD_NAMES_END}, in files, in `--set` and as ROS\n"
+        f"parameter overrides, with one line of warning.\n\n{_old_names()}"
+    )
     return "\n\n".join(parts) + "\n"
 
 
@@ -78,6 +92,13 @@ def _table(model: type[ParameterModel]) -> str:
         default = _shown(info.default)
         cells = (f"`{info.name}`", default, info.unit, _range(info), "live" if info.runtime else "", info.description)
         lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+    return "\n".join(lines)
+
+
+def _old_names() -> str:
+    lines = ["| node | old name | name |", "|---|---|---|"]
+    for node_name, model in NODES.values():
+        lines += [f"| {node_name} | `{old}` | `{new}` |" for old, new in old_names(model).items()]
     return "\n".join(lines)
 
 

@@ -14,10 +14,12 @@ from slip_core.errors import InputError, nearest
 from slip_core.params import (
     ParameterModel,
     build,
-    flat_names,
+    current_names,
     flatten,
+    is_name,
     load_yaml,
     nested_names,
+    old_names,
     parameter_infos,
     parse_assignment,
     validate,
@@ -99,10 +101,8 @@ def load_scenario(
     """
     text, origin = _read(name_or_path)
     outer = validate(ScenarioFile, yaml.safe_load(text), origin)
-    values: dict[str, dict[str, Any]] = {
-        "controller": {**flat_names(outer.shared), **flat_names(outer.controller)},
-        "bridge": {**flat_names(outer.shared), **flat_names(outer.bridge), "duration_s": outer.duration_s},
-    }
+    values = _values(outer, origin)
+    values["bridge"]["duration_s"] = outer.duration_s
     values["controller"]["controller"] = controller
     for node in values.values():
         node["mode"] = mode
@@ -140,12 +140,13 @@ def controller_values(
     """
     text, origin = _read(name_or_path)
     outer = validate(ScenarioFile, yaml.safe_load(text), origin)
-    values: dict[str, dict[str, Any]] = {"controller": {**flat_names(outer.shared), **flat_names(outer.controller)}}
-    values["bridge"] = {}
+    values = _values(outer, origin)
     if sensor:
         apply_sensor(values, load_preset(sensor))
     facts = {key: value for key, value in values["controller"].items() if "_sensor." in key}
-    values["controller"] |= extra | facts  # gains are the file's, the sensor is the one that was named
+    values["controller"] |= (
+        current_names(ControllerNodeParams, extra, "parameter file") | facts
+    )  # gains are the file's, the sensor is the one that was named
     if estimator is not None:
         values["controller"]["slip_estimator"] = estimator
     for assignment in assignments:
@@ -162,7 +163,7 @@ def apply_sensor(values: dict[str, dict[str, Any]], preset: SensorPreset) -> Non
         values["controller"] |= {
             f"{part}_sensor.{name}": value for name, value in flat.items() if f"{part}_sensor.{name}" in known
         }
-    values["controller"] |= flat_names(preset.controller)
+    values["controller"] |= current_names(ControllerNodeParams, preset.controller, "sensor file")
 
 
 def _read(name_or_path: str) -> tuple[str, str]:
@@ -181,26 +182,47 @@ def _read(name_or_path: str) -> tuple[str, str]:
     )
 
 
+def _values(outer: ScenarioFile, origin: str) -> dict[str, dict[str, Any]]:
+    """Return what a scenario sets, per node, under the names of today."""
+    inner: dict[str, dict[str, Any]] = {"controller": outer.controller, "bridge": outer.bridge}
+    return {
+        node: current_names(model, outer.shared, origin) | current_names(model, inner[node], origin)
+        for node, (_, model) in NODES.items()
+    }
+
+
 def _assign(values: dict[str, dict[str, Any]], key: str, value: Any) -> None:
-    names = {node: {info.name for info in parameter_infos(model)} for node, (_, model) in NODES.items()}
     node, _, rest = key.partition(".")
-    if node in values and rest in names[node]:
-        values[node][rest] = value
-        return
-    owners = [node for node in values if key in names[node]]
+    if node in values and is_name(NODES[node][1], rest):
+        owners, name = [node], rest
+    else:
+        owners, name = [node for node in values if is_name(NODES[node][1], key)], key
     if not owners:
+        names = {node: {info.name for info in parameter_infos(model)} for node, (_, model) in NODES.items()}
         known = {f"{node}.{name}" for node in values for name in names[node]} | (names["controller"] & names["bridge"])
-        raise InputError(f"--set {key}", got="an unknown parameter", expected=nearest(key, known))
+        renamed = {
+            f"{node}.{old}": f"{node}.{new}" for node in values for old, new in old_names(NODES[node][1]).items()
+        }
+        raise InputError(f"--set {key}", got="an unknown parameter", expected=nearest(key, known, renamed=renamed))
     for owner in owners:
-        values[owner][key] = value
+        values[owner] |= current_names(NODES[owner][1], {name: value}, f"--set {key}")
 
 
-def ros_parameter_file(params: ParameterModel, node_name: str) -> str:
+def ros_parameter_file(params: ParameterModel, node_name: str, *, complete: bool = True) -> str:
     """Return the ROS parameter file of one node, valid in any namespace.
 
     Empty lists are left out: rcl's parser refuses them, and they are the defaults.
+
+    Args:
+        params: the values.
+        node_name: whose file it is.
+        complete: whether values that are equal to their defaults are written too.
     """
-    nested = nested_names({name: value for name, value in flatten(params).items() if value != []})
+    defaults = {} if complete else flatten(type(params)())
+    values = flatten(params)
+    nested = nested_names(
+        {name: value for name, value in values.items() if value != [] and (complete or value != defaults[name])}
+    )
     return yaml.safe_dump(
         {f"/**/{node_name}": {"ros__parameters": nested}}, sort_keys=False, default_flow_style=None, width=120
     )

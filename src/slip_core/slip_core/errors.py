@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 
 
 class SlipVicError(Exception):
@@ -34,12 +35,20 @@ class ProtocolError(SlipVicError):
     """A peer did not do its part: a missing process, a message that never came, an incompatible QoS."""
 
 
-def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
-    """Return "did you mean a, b?" for the known names close to `name`, or the full list where none is close."""
+def nearest(name: str, known: Iterable[str], count: int = 3, renamed: Mapping[str, str] = MappingProxyType({})) -> str:
+    """Return "did you mean a, b?" for the known names close to `name`, or the full list where none is close.
+
+    Args:
+        name: what was given.
+        known: the names that are valid.
+        count: how many are offered at most.
+        renamed: old name -> the name of today; an old name that is close is offered as the name of today.
+    """
     known = sorted(known)
-    close = difflib.get_close_matches(name, known, n=count, cutoff=0.5)
+    close = difflib.get_close_matches(name, [*known, *sorted(renamed)], n=count, cutoff=0.5)
     if close:
-        return f"did you mean {', '.join(close)}?"
+        words = dict.fromkeys(f"{renamed[word]} (formerly {word})" if word in renamed else word for word in close)
+        return f"did you mean {', '.join(words)}?"
     return f"known: {', '.join(known)}"
 
 

@@ -14,7 +14,7 @@ from slip_bags.reader import Bag
 from slip_bags.series import Series
 from slip_core.arrays import readonly
 from slip_core.errors import InputError
-from slip_core.params import build, flat_names, flatten
+from slip_core.params import build, current_names, flat_names, flatten
 from slip_core.topics import contact_topic
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_msgs_py.from_msgs import JointOrder, slip_sample
@@ -133,12 +133,18 @@ def _attachment(bag: Bag, name: str) -> str:
 def _parameters(bag: Bag, overrides: dict[str, Any]) -> ControllerNodeParams:
     try:
         (node,) = yaml.safe_load(_attachment(bag, PARAMETERS)).values()
-        values = flat_names(node["ros__parameters"])
+        values = _recorded_names(flat_names(node["ros__parameters"]))
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
         got = f"{type(error).__name__} {error}"
         raise InputError(f"{PARAMETERS} of {bag.path}", got=got, expected="a ROS parameter file") from None
     named = {name.removeprefix("controller.") if name != "controller" else name: v for name, v in overrides.items()}
+    named = current_names(ControllerNodeParams, named, "--set")
     return build(ControllerNodeParams, {**values, **named}, f"{PARAMETERS} of {bag.path}")
+
+
+def _recorded_names(values: dict[str, Any]) -> dict[str, Any]:
+    """Return recorded parameters under the names of today, without a warning: a bag is not edited."""
+    return current_names(ControllerNodeParams, values, "a bag", warn=lambda _: None)
 
 
 def _changes(bag: Bag, node: str, params: ControllerNodeParams, ledger: Series) -> tuple[ParameterChange, ...]:
@@ -150,7 +156,7 @@ def _changes(bag: Bag, node: str, params: ControllerNodeParams, ledger: Series) 
         event = message.value
         if event.node != node or not event.changed_parameters:
             continue
-        changed = {item.name: _parameter_value(item.value) for item in event.changed_parameters}
+        changed = _recorded_names({item.name: _parameter_value(item.value) for item in event.changed_parameters})
         names = flatten(params)
         params = build(ControllerNodeParams, names | {k: v for k, v in changed.items() if k in names}, EVENTS)
         index = int(np.searchsorted(ledger.publish_time_ns, message.publish_time_ns))

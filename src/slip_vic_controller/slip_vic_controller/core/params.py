@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -35,24 +35,33 @@ class GainParams(ParameterModel):
     gamma_ko: float = parameter(100.0, "fading of angular stiffness with slip", unit="s/rad", runtime=True, ge=0.0)
     gamma_dp: float = parameter(100.0, "fading of linear damping with slip", unit="s/m", runtime=True, ge=0.0)
     gamma_do: float = parameter(100.0, "fading of angular damping with slip", unit="s/rad", runtime=True, ge=0.0)
-    alpha: float = parameter(100.0, "steepness of the gate tanh(alpha |v_s|)", unit="s/m", runtime=True, gt=0.0)
-    k_s: float = parameter(1000.0, "decay rate of slip while the gate is open", unit="1/s", runtime=True, gt=0.0)
+    alpha: float = parameter(
+        100.0, "steepness of the slip activation tanh(alpha |v_s|)", unit="s/m", runtime=True, gt=0.0
+    )
+    k_s: float = parameter(
+        1000.0, "decay rate of slip while the slip activation is near 1", unit="1/s", runtime=True, gt=0.0
+    )
     k_s_mode: Literal["auto", "fixed"] = parameter(
-        "auto", "k_s beyond what delays allow: auto uses what is accepted, fixed refuses"
+        "auto", "what happens to a k_s above the limit that delays set: auto uses the limit, fixed refuses to start"
     )
     k_s_margin: float = parameter(
-        2.0, "gain margin of the slip loop: k_s stays below its stability limit over this", ge=1.0
+        2.0, "gain margin of the slip loop: the accepted k_s is its stability limit divided by this", ge=1.0
     )
     spin: Literal["follow", "bounded"] = parameter(
-        "follow", "attitude in slip: follow the object's spin (the printed law), or only within spin_excursion"
+        "follow", "attitude in slip: follow the object's spin (the printed law), or only as far as spin_excursion"
     )
     spin_excursion: float = parameter(
         0.05, "spin bounded: static attitude error that following the object may cost", unit="rad", runtime=True, ge=0.0
     )
-    spin_lever: float = parameter(
-        0.03, "spin bounded: lever that makes turning a slip speed in the gate (the printed law has 1 m)", unit="m",
-        runtime=True, ge=0.0,
-    )  # fmt: skip
+    characteristic_length: float = parameter(
+        0.03,
+        "spin bounded: length that makes an angular slip speed comparable with a linear one in the slip activation "
+        "(the printed law has 1 m)",
+        unit="m",
+        runtime=True,
+        formerly="gains.spin_lever",
+        ge=0.0,
+    )
 
     ramp_s: float = parameter(
         0.2, "shortest time that a change of gains or payload at run time takes; stability may ask for more", unit="s",
@@ -67,14 +76,16 @@ class GainParams(ParameterModel):
                 raise ValueError(f"{name} {list(values)}: every gain must be positive")
         return self
 
+    spin_lever: ClassVar = property(lambda self: self.characteristic_length)
+
 
 class ObjectParams(ParameterModel):
-    """The grasped object, taken as known; the defaults are the `paper_planar` surrogate's."""
+    """The grasped object, taken as known; the defaults are those of the scenario `paper_planar`."""
 
-    mass: float = parameter(0.5, "mass", unit="kg", runtime=True, gt=0.0)
+    mass: float = parameter(0.5, "mass of the object", unit="kg", runtime=True, gt=0.0)
     inertia: Six = parameter(
         (2e-3, 2e-3, 2e-3, 0.0, 0.0, 0.0),
-        "ixx iyy izz ixy ixz iyz about the centre of mass on {o}",
+        "inertia of the object, ixx iyy izz ixy ixz iyz, about its centre of mass on its axes {o}",
         unit="kg m2",
         runtime=True,
     )
@@ -83,10 +94,17 @@ class ObjectParams(ParameterModel):
 class ContactParams(ParameterModel):
     """Contacts on the object, flat lists; contact 0 is this controller's own arm."""
 
-    position: tuple[float, ...] = parameter((0.02, 0.0, 0.0), "o_x_p, 3 per contact", unit="m", runtime=True)
-    orientation_xyzw: tuple[float, ...] = parameter((0.0, 0.0, 0.0, 1.0), "o_R_p as quaternion, 4 per contact")
+    position: tuple[float, ...] = parameter(
+        (0.02, 0.0, 0.0),
+        "pad centre minus centre of mass on object axes {o}, 3 numbers per contact",
+        unit="m",
+        runtime=True,
+    )
+    orientation_xyzw: tuple[float, ...] = parameter(
+        (0.0, 0.0, 0.0, 1.0), "orientation of the pad frame on object axes {o} as quaternion, 4 numbers per contact"
+    )
     slip_axes: tuple[bool, ...] = parameter(
-        (True,) * 6, "directions on pad axes in which the contact can slip, 6 per contact; all true = the printed law"
+        (True,) * 6, "pad directions in which the contact can slip, 6 values per contact; all true = the printed law"
     )
 
     @model_validator(mode="after")
@@ -108,9 +126,15 @@ class ContactParams(ParameterModel):
 class NullspaceParams(ParameterModel):
     """Posture torque in the null space of the task."""
 
-    stiffness: float = parameter(10.0, "pull towards the posture", unit="N m/rad", runtime=True, ge=0.0)
-    damping: float = parameter(2.0, "joint damping in the null space", unit="N m s/rad", runtime=True, ge=0.0)
-    posture: tuple[float, ...] = parameter((), "joint positions; empty = the first measured", unit="rad")
+    stiffness: float = parameter(
+        10.0, "joint stiffness towards the posture, in the null space of the task", unit="N m/rad", runtime=True, ge=0.0
+    )
+    damping: float = parameter(
+        2.0, "joint damping in the null space of the task", unit="N m s/rad", runtime=True, ge=0.0
+    )
+    posture: tuple[float, ...] = parameter(
+        (), "joint positions that the null space is pulled to; empty = the first that are measured", unit="rad"
+    )
 
 
 class SingularityParams(ParameterModel):
@@ -124,20 +148,22 @@ class TrajectoryParams(ParameterModel):
     """The built-in reference, relative to the pose of {ee} at the first tick, on world axes."""
 
     kind: Literal["hold", "quintic", "waypoints", "circle", "lemniscate", "topic"] = parameter(
-        "hold", "which motion; `topic` holds until the first reference arrives"
+        "hold", "form of the reference motion; `topic` holds until the first reference arrives"
     )
     start_s: float = parameter(0.0, "time at rest before the motion", unit="s", ge=0.0)
     duration_s: float = parameter(2.0, "time of motion, ramps included", unit="s", gt=0.0)
-    displacement: Three = parameter((0.0, 0.0, 0.0), "quintic: where to", unit="m")
+    displacement: Three = parameter((0.0, 0.0, 0.0), "quintic: displacement from the start", unit="m")
     rotation: Three = parameter(
         (0.0, 0.0, 0.0), "quintic: rotation vector; circle and lemniscate: its amplitude", unit="rad"
     )
     waypoints: tuple[float, ...] = parameter(
         (), "waypoints: x y z rx ry rz per point, without the start", unit="m, rad"
     )
-    waypoint_times_s: tuple[float, ...] = parameter((), "waypoints: when; empty = even over duration_s", unit="s")
+    waypoint_times_s: tuple[float, ...] = parameter(
+        (), "waypoints: time of each; empty = evenly over duration_s", unit="s"
+    )
     plane: Literal["xy", "yz", "zx"] = parameter(
-        "xy", "circle, lemniscate: plane on world axes; starts along the first"
+        "xy", "circle, lemniscate: plane on world axes; the motion starts along the first axis"
     )
     radius: float = parameter(0.1, "circle, lemniscate: radius, half length", unit="m", gt=0.0)
     period_s: float = parameter(4.0, "circle, lemniscate: time of one round at full speed", unit="s", gt=0.0)
@@ -160,9 +186,9 @@ class TrajectoryParams(ParameterModel):
 
 
 class DiagnosticsParams(ParameterModel):
-    """How much the node publishes of the law's inside."""
+    """How often the node publishes the symbols of the law."""
 
-    decimation: int = parameter(10, "publish every n-th tick", runtime=True, ge=1)
+    decimation: int = parameter(10, "the symbols of the law are published at every n-th tick", runtime=True, ge=1)
 
 
 class ControllerParams(ParameterModel):
@@ -181,7 +207,7 @@ class ControllerParams(ParameterModel):
     ee_frame: str = parameter("ee", "URDF frame at the pad centre, z = the pads' normal")
     gravity: Three = parameter((0.0, 0.0, -9.81), "acceleration of free fall {w}", unit="m/s^2")
     attitude: Literal["log", "rpy"] = parameter("log", "coordinates of the orientation error")
-    feed_forward: bool = parameter(True, "use the desired acceleration a_d", runtime=True)
+    feed_forward: bool = parameter(True, "use the desired acceleration a_d as feed-forward", runtime=True)
     object: ObjectParams = Field(default_factory=ObjectParams)
     contacts: ContactParams = Field(default_factory=ContactParams)
     gains: GainParams = Field(default_factory=GainParams)

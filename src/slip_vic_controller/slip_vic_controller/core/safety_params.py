@@ -1,4 +1,4 @@
-"""Parameters of everything that stands between the law and the joints: limits, watchdogs, fallbacks."""
+"""Parameters of everything between the law and the joints: limits, input validation, degradation."""
 
 from __future__ import annotations
 
@@ -12,17 +12,22 @@ class LimitParams(ParameterModel):
 
     effort_rate: float = parameter(1000.0, "largest change of a joint's effort", unit="N m/s", gt=0.0)
     longest_step_s: float = parameter(
-        0.005, "time between two commands that the rate limit counts at most: a pause buys no jump", unit="s", gt=0.0
+        0.005, "longest time between two commands that the rate limit counts: a pause allows no jump", unit="s", gt=0.0
     )
     restart_after_s: float = parameter(
         0.05, "pause after which the rate limit starts again from the measured effort", unit="s", gt=0.0
     )
     position_margin: float = parameter(
-        0.1, "distance from a joint's stop at which it is pushed back, growing to its full effort", unit="rad", gt=0.0
+        0.1,
+        "distance from a joint's stop from which it is pushed back, with an effort that grows to the joint's limit",
+        unit="rad",
+        gt=0.0,
     )
-    velocity_scale: float = parameter(1.0, "share of the URDF's velocity limits that is used", gt=0.0)
-    velocity_brake: float = parameter(0.9, "share of that at which a joint is braked", gt=0.0, lt=1.0)
-    velocity_trip: float = parameter(1.5, "share of that which is a fault", gt=1.0)
+    velocity_scale: float = parameter(1.0, "factor on the URDF's velocity limits", gt=0.0)
+    velocity_brake: float = parameter(
+        0.9, "share of the scaled velocity limit at which a joint is braked", gt=0.0, lt=1.0
+    )
+    velocity_trip: float = parameter(1.5, "multiple of the scaled velocity limit that is a fault", gt=1.0)
     speed_linear: float = parameter(
         3.0, "speed of the pad at which it is braked; a third above is a fault", unit="m/s", gt=0.0
     )
@@ -30,33 +35,38 @@ class LimitParams(ParameterModel):
         10.0, "angular speed of the pad at which it is braked; a third above is a fault", unit="rad/s", gt=0.0
     )
     error_linear: float = parameter(
-        0.3, "distance from the reference at which it stands still; it slows down from half of it", unit="m", gt=0.0
+        0.3,
+        "distance from the reference at which motion along the path stops; it slows down from half of that",
+        unit="m",
+        gt=0.0,
     )
-    error_angular: float = parameter(6.0, "the same for the attitude error", unit="rad", gt=0.0)
+    error_angular: float = parameter(
+        6.0, "attitude error at which motion along the path stops; it slows down from half of that", unit="rad", gt=0.0
+    )
 
 
 class WatchParams(ParameterModel):
-    """Limits of one input."""
+    """Validation of one input."""
 
-    age_s: float = parameter(0.05, "age above which the newest sample does not count", unit="s", gt=0.0)
+    age_s: float = parameter(0.05, "age above which the newest sample is not used", unit="s", gt=0.0)
     frozen_s: float = parameter(
-        0.1, "time for which values may stay equal to the last bit while the arm moves", unit="s", gt=0.0
+        0.1, "longest time for which values may stay exactly equal while the arm moves", unit="s", gt=0.0
     )
 
 
 class WrenchWatchParams(WatchParams):
     """Limits of the wrench."""
 
-    force: float = parameter(1000.0, "force above which a sample is absurd", unit="N", gt=0.0)
-    torque: float = parameter(200.0, "torque above which a sample is absurd", unit="N m", gt=0.0)
+    force: float = parameter(1000.0, "force above which a sample is rejected", unit="N", gt=0.0)
+    torque: float = parameter(200.0, "torque above which a sample is rejected", unit="N m", gt=0.0)
 
 
 class SlipWatchParams(WatchParams):
     """Limits of the slip velocity."""
 
-    age_s: float = parameter(0.15, "age above which the newest sample does not count", unit="s", gt=0.0)
-    linear: float = parameter(5.0, "linear slip speed above which a sample is absurd", unit="m/s", gt=0.0)
-    angular: float = parameter(100.0, "angular slip speed above which a sample is absurd", unit="rad/s", gt=0.0)
+    age_s: float = parameter(0.15, "age above which the newest sample is not used", unit="s", gt=0.0)
+    linear: float = parameter(5.0, "linear slip speed above which a sample is rejected", unit="m/s", gt=0.0)
+    angular: float = parameter(100.0, "angular slip speed above which a sample is rejected", unit="rad/s", gt=0.0)
 
 
 class JointWatchParams(WatchParams):
@@ -64,15 +74,19 @@ class JointWatchParams(WatchParams):
 
     late_s: float = parameter(
         0.0,
-        "time from stamp to answer, above the least one, that is too late for the law; 0 = not looked at, because the "
-        "stamps of a simulation fall behind where the machine is too slow for it",
+        "time from stamp to answer, above the smallest one seen, that is too late for the law; 0 = not checked, "
+        "because the stamps of a simulation fall behind where the machine is too slow for it",
         unit="s",
         ge=0.0,
     )
-    position_slack: float = parameter(0.5, "how far beyond a stop a position is absurd", unit="rad", gt=0.0)
-    velocity_factor: float = parameter(50.0, "multiple of the URDF's velocity limit that is absurd", gt=1.0)
+    position_slack: float = parameter(
+        0.5, "distance beyond a joint's stop at which a position is rejected", unit="rad", gt=0.0
+    )
+    velocity_factor: float = parameter(
+        50.0, "multiple of the URDF's velocity limit at which a velocity is rejected", gt=1.0
+    )
     jump: float = parameter(
-        0.05, "step of a position, beyond what twice the velocities explain, that is a jump", unit="rad", gt=0.0
+        0.05, "step of a position, beyond what twice the velocities explain, that counts as a jump", unit="rad", gt=0.0
     )
 
 
@@ -82,18 +96,20 @@ class InputParams(ParameterModel):
     joint: JointWatchParams = Field(default_factory=JointWatchParams)
     wrench: WrenchWatchParams = Field(default_factory=WrenchWatchParams)
     slip: SlipWatchParams = Field(default_factory=SlipWatchParams)
-    future_s: float = parameter(0.05, "how far a stamp may lie ahead of the joint state's", unit="s", gt=0.0)
+    future_s: float = parameter(0.05, "how far a stamp may be ahead of the joint state's", unit="s", gt=0.0)
     clock_jump_s: float = parameter(
         0.2,
-        "step of the joint state's stamp, beyond the time that passed, that is a jump of the clock",
+        "step of the joint state's stamp, beyond the time that passed, that counts as a jump of the clock",
         unit="s",
         gt=0.0,
     )
     bridge_s: float = parameter(
-        0.01, "gap of good joint states that is bridged by repeating the last effort", unit="s", ge=0.0
+        0.01, "longest gap of good joint states that is bridged by repeating the last effort", unit="s", ge=0.0
     )
     accept_after: int = parameter(
-        5, "samples in a row that agree with each other after which a jump is taken as a restart of the source", ge=2
+        5,
+        "number of consecutive samples that agree with each other after which a jump counts as a restart of the source",
+        ge=2,
     )
 
 
@@ -106,28 +122,28 @@ class FallbackParams(ParameterModel):
         unit="s",
         ge=0.0,
     )
-    slow_down_s: float = parameter(0.5, "time in which the motion along the path comes to rest", unit="s", gt=0.0)
+    slow_down_s: float = parameter(0.5, "time in which motion along the path comes to rest", unit="s", gt=0.0)
     evidence: float = parameter(
         0.08,
-        "slip speed that wrench and motion show, while the sensor shows none, that makes it implausible",
+        "slip speed shown by wrench and motion, while the sensor shows none, that makes the sensor implausible",
         unit="m/s",
         gt=0.0,
     )
 
 
 class LoadParams(ParameterModel):
-    """Friction that cannot carry the load."""
+    """Drop detection: friction that cannot carry the load."""
 
     drop_speed: float = parameter(
-        0.3, "speed of fall beyond the reference, gained while slipping, that is a fault", unit="m/s", gt=0.0
+        0.3, "downward speed beyond the reference, gained while slipping, that is a fault", unit="m/s", gt=0.0
     )
     memory_s: float = parameter(0.6, "time constant with which a gained speed is forgotten", unit="s", gt=0.0)
 
 
 class SafetyParams(ParameterModel):
-    """Modes, and the command that is given where the law is not."""
+    """Modes, and the command that is sent when the law is not used."""
 
-    joint_damping: float = parameter(2.0, "joint damping where only gravity is held", unit="N m s/rad", ge=0.0)
+    joint_damping: float = parameter(2.0, "joint damping where only gravity is compensated", unit="N m s/rad", ge=0.0)
     hold_stiffness: float = parameter(
         225.0,
         "joint stiffness over joint inertia in HOLD: square of the loop's natural frequency",
@@ -136,18 +152,28 @@ class SafetyParams(ParameterModel):
     )
     hold_damping: float = parameter(30.0, "joint damping over joint inertia in HOLD", unit="1/s", ge=0.0)
     hold_load_s: float = parameter(
-        0.05, "how fast HOLD takes the load from the wrench where the model does not explain it", unit="s", gt=0.0
+        0.05,
+        "time constant with which HOLD learns from the wrench a load that the model does not explain",
+        unit="s",
+        gt=0.0,
     )
     auto_enable: bool = parameter(True, "go to ACTIVE as soon as the inputs are good; false waits for ~/enable")
     auto_resume: bool = parameter(True, "return from a HOLD that an input caused; false waits for ~/enable")
-    resume_after_s: float = parameter(0.1, "how long inputs must be good before that", unit="s", ge=0.0)
+    resume_after_s: float = parameter(
+        0.1, "how long inputs must be good before the controller returns from HOLD by itself", unit="s", ge=0.0
+    )
     resume_slip_linear: float = parameter(
         0.05,
-        "slip speed above which the law does not begin: the object must come to rest in HOLD first",
+        "linear slip speed above which the law does not start: the object must come to rest in HOLD first",
         unit="m/s",
         gt=0.0,
     )
-    resume_slip_angular: float = parameter(1.0, "the same for the angular slip speed", unit="rad/s", gt=0.0)
+    resume_slip_angular: float = parameter(
+        1.0,
+        "angular slip speed above which the law does not start: the object must come to rest in HOLD first",
+        unit="rad/s",
+        gt=0.0,
+    )
     saturated_s: float = parameter(0.1, "time in saturation after which the mode is DEGRADED", unit="s", gt=0.0)
     limits: LimitParams = Field(default_factory=LimitParams)
     inputs: InputParams = Field(default_factory=InputParams)

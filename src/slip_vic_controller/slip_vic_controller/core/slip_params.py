@@ -1,6 +1,8 @@
-"""Parameters of what the controller knows of its slip: the sensor, the estimator and its tuning."""
+"""Parameters of the slip estimate: what is known of the sensors, which estimator, and its tuning."""
 
 from __future__ import annotations
+
+from typing import ClassVar
 
 from slip_core.params import ParameterModel, parameter
 
@@ -45,46 +47,111 @@ class MeasuredParams(ParameterModel):
 class ObserverParams(ParameterModel):
     """slip_estimator observer: tuning; noise levels come from slip_sensor and wrench_sensor."""
 
-    false_alarm_rate: float = parameter(1e-8, "share of ticks in stick that may be taken for slip", gt=0.0, lt=0.1)
+    false_alarm_rate: float = parameter(1e-8, "probability, per tick in stick, that slip is declared", gt=0.0, lt=0.1)
     stick_share: float = parameter(
-        0.8, "slip is over when its significance is where noise alone is with this probability", gt=0.0, lt=1.0
+        0.8,
+        "slip is over when its normalised square is below the value that noise alone stays below with this probability",
+        gt=0.0,
+        lt=1.0,
     )
-    dwell_s: float = parameter(0.005, "how long slip must be insignificant until it is over", unit="s", ge=0.0)
+    dwell_s: float = parameter(0.005, "how long slip must be insignificant before it is over", unit="s", ge=0.0)
     window_s: float = parameter(
-        0.04, "time over which the model must show slip before it is believed", unit="s", gt=0.0
+        0.04, "time over which the model must show slip before slip is declared", unit="s", gt=0.0
     )
-    memory_s: float = parameter(0.3, "how late a slip sample may come and still be used", unit="s", gt=0.0)
+    memory_s: float = parameter(0.3, "largest delay of a slip sample that is still used", unit="s", gt=0.0)
     smoothing: float = parameter(
-        0.25, "weight of a new sample in the mean of samples that is tested in stick", gt=0.0, le=1.0
+        0.25, "weight of a new sample in the running mean of samples that is tested in stick", gt=0.0, le=1.0
     )
-    outlier: float = parameter(5.0, "deviations beyond which a sample pulls no harder", gt=0.0)
+    outlier: float = parameter(
+        5.0, "number of standard deviations at which the influence of a sample is limited", gt=0.0
+    )
     model_error: float = parameter(0.2, "expected relative error of mass, inertia and centre of mass", ge=0.0, lt=1.0)
-    rough_linear: float = parameter(
-        0.003, "what the model leaves out, per tick as white noise; linear", unit="m/s^2", gt=0.0
-    )
-    rough_angular: float = parameter(0.03, "and angular", unit="rad/s^2", gt=0.0)
-    drift_linear: float = parameter(
-        0.003, "random walk of the acceleration error, linear, in the root of a second", unit="m/s^2", ge=0.0
-    )
-    drift_angular: float = parameter(0.15, "and angular", unit="rad/s^2", ge=0.0)
-    floor_linear: float = parameter(5e-5, "slip speed that never means anything, linear", unit="m/s", gt=0.0)
-    floor_angular: float = parameter(2e-3, "and angular", unit="rad/s", gt=0.0)
-    rest_linear: float = parameter(
-        0.006,
-        "doubt about the object's acceleration above which nothing is taken for rest, linear",
+    process_noise_linear: float = parameter(
+        0.003,
+        "standard deviation of the linear acceleration that the model leaves out, white, at every tick",
         unit="m/s^2",
+        formerly="observer.rough_linear",
         gt=0.0,
     )
-    rest_angular: float = parameter(0.3, "and angular", unit="rad/s^2", gt=0.0)
-    calm_linear: float = parameter(
-        6e-4, "doubt about the slip speed above which nothing is taken for rest, linear", unit="m/s", gt=0.0
+    process_noise_angular: float = parameter(
+        0.03,
+        "standard deviation of the angular acceleration that the model leaves out, white, at every tick",
+        unit="rad/s^2",
+        formerly="observer.rough_angular",
+        gt=0.0,
     )
-    calm_angular: float = parameter(0.1, "and angular", unit="rad/s", gt=0.0)
+    drift_linear: float = parameter(
+        0.003,
+        "random walk of the model's linear acceleration error: its standard deviation after one second",
+        unit="m/s^2",
+        ge=0.0,
+    )
+    drift_angular: float = parameter(
+        0.15,
+        "random walk of the model's angular acceleration error: its standard deviation after one second",
+        unit="rad/s^2",
+        ge=0.0,
+    )
+    min_slip_std_m_s: float = parameter(
+        5e-5,
+        "smallest standard deviation that is assumed of a linear slip speed, so that less is never significant",
+        unit="m/s",
+        formerly="observer.floor_linear",
+        gt=0.0,
+    )
+    min_slip_std_rad_s: float = parameter(
+        2e-3,
+        "smallest standard deviation that is assumed of an angular slip speed, so that less is never significant",
+        unit="rad/s",
+        formerly="observer.floor_angular",
+        gt=0.0,
+    )
+    stick_acceleration_std_m_s2: float = parameter(
+        0.006,
+        "stick is accepted only while the standard deviation of the model's linear acceleration error is below this",
+        unit="m/s^2",
+        formerly="observer.rest_linear",
+        gt=0.0,
+    )
+    stick_acceleration_std_rad_s2: float = parameter(
+        0.3,
+        "stick is accepted only while the standard deviation of the model's angular acceleration error is below this",
+        unit="rad/s^2",
+        formerly="observer.rest_angular",
+        gt=0.0,
+    )
+    stick_speed_std_m_s: float = parameter(
+        6e-4,
+        "stick is accepted only while the standard deviation of the linear slip speed is below this",
+        unit="m/s",
+        formerly="observer.calm_linear",
+        gt=0.0,
+    )
+    stick_speed_std_rad_s: float = parameter(
+        0.1,
+        "stick is accepted only while the standard deviation of the angular slip speed is below this",
+        unit="rad/s",
+        formerly="observer.calm_angular",
+        gt=0.0,
+    )
     drag_spread: float = parameter(
-        0.3, "how far friction may point away from the slip, as a share of its speed; 0 = do not use its direction",
-        unit="rad", ge=0.0,
-    )  # fmt: skip
-    drag_memory_s: float = parameter(0.03, "time over which that error stays the same", unit="s", gt=0.0)
+        0.3,
+        "standard deviation of the angle between friction and slip; 0 = do not use the direction of friction",
+        unit="rad",
+        ge=0.0,
+    )
+    drag_memory_s: float = parameter(
+        0.03, "time over which the error of friction's direction stays the same", unit="s", gt=0.0
+    )
     correct_follow: bool = parameter(
         True, "use the estimated error of the object's acceleration in the compensation too"
     )
+
+    rough_linear: ClassVar = property(lambda self: self.process_noise_linear)
+    rough_angular: ClassVar = property(lambda self: self.process_noise_angular)
+    floor_linear: ClassVar = property(lambda self: self.min_slip_std_m_s)
+    floor_angular: ClassVar = property(lambda self: self.min_slip_std_rad_s)
+    rest_linear: ClassVar = property(lambda self: self.stick_acceleration_std_m_s2)
+    rest_angular: ClassVar = property(lambda self: self.stick_acceleration_std_rad_s2)
+    calm_linear: ClassVar = property(lambda self: self.stick_speed_std_m_s)
+    calm_angular: ClassVar = property(lambda self: self.stick_speed_std_rad_s)

@@ -38,7 +38,7 @@ _MODULES = tuple(
 def to_text(value: Any) -> str:
     """Return a memory as text.
 
-    Implements: ours: the state of a cycle belongs into the bag.
+    Implements: ours: the state of a cycle is part of the bag.
     """
     return json.dumps(_encoded(value), separators=(",", ":"))
 

@@ -53,7 +53,7 @@ def make_gains(params: GainParams, slip_axes: Array, k_s: float, *, classical: b
         gamma_d=readonly([on * params.gamma_dp] * 3 + [turning * params.gamma_do] * 3),
         alpha=on * params.alpha,
         k_s=k_s,
-        spin_lever=params.spin_lever if bounded else 1.0,
+        spin_lever=params.characteristic_length if bounded else 1.0,
         spin_limit=float(ratio.min()) * params.spin_excursion if bounded and ratio.size else math.inf,
     )
 
