@@ -124,7 +124,7 @@ def test_a_slip_of_unknown_speed_is_not_taken_for_rest() -> None:
     eager = {"observer__rest_linear": 10.0, "observer__rest_angular": 1e3}  # the model itself counts as known
     ends = {}
     for calm in (6e-4, 1.0):
-        bench = Bench(config(**doubtful, **eager, observer__calm_linear=calm, observer__calm_angular=100.0))
+        bench = Bench(config(**doubtful, **eager, observer__stick_speed_std_m_s=calm, observer__stick_speed_std_rad_s=100.0))
         for _ in range(200):
             bench.step(np.zeros(6))
         for k in range(140):

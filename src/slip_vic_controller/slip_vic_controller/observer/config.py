@@ -43,15 +43,19 @@ def observer_config(params: ControllerParams) -> Array:
         is_linear = i < 3
         config.axes[i] = int(params.contacts.slip_axes[i])
         if is_linear:
-            measurement = max(math.hypot(sensor.noise_linear, sensor.quantum_linear), tuning.floor_linear)
-            process = T * math.hypot(noise[0], tuning.rough_linear)
-            drift, floor = root_T * tuning.drift_linear, tuning.floor_linear
-            prior_b, rest, calm = wrench.bias_force / model.mass, tuning.rest_linear, tuning.calm_linear
+            measurement = max(math.hypot(sensor.noise_linear, sensor.quantum_linear), tuning.min_slip_std_m_s)
+            process = T * math.hypot(noise[0], tuning.process_noise_linear)
+            drift, floor = root_T * tuning.drift_linear, tuning.min_slip_std_m_s
+            prior_b, rest, calm = (
+                wrench.bias_force / model.mass,
+                tuning.stick_acceleration_std_m_s2,
+                tuning.stick_speed_std_m_s,
+            )
         else:
-            measurement = max(sensor.noise_angular, tuning.floor_angular)
-            process = T * math.hypot(noise[1], tuning.rough_angular)
-            drift, floor = root_T * tuning.drift_angular, tuning.floor_angular
-            prior_b, rest, calm = bias[1], tuning.rest_angular, tuning.calm_angular
+            measurement = max(sensor.noise_angular, tuning.min_slip_std_rad_s)
+            process = T * math.hypot(noise[1], tuning.process_noise_angular)
+            drift, floor = root_T * tuning.drift_angular, tuning.min_slip_std_rad_s
+            prior_b, rest, calm = bias[1], tuning.stick_acceleration_std_rad_s2, tuning.stick_speed_std_rad_s
         config.measurement_variance[i] = measurement**2
         config.process_variance[i] = process**2
         config.drift_variance[i] = drift**2
