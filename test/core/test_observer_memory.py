@@ -18,8 +18,8 @@ from .observer_bench import EQUAL, MS, Bench, config, six
 
 SENSOR = {"slip_sensor__noise_linear": 2e-3, "slip_sensor__noise_angular": 0.05}
 EAGER = {  # to end a slip, of any doubt
-    "observer__rest_linear": 0.5, "observer__rest_angular": 10.0, "observer__stick_share": 0.999,
-    "observer__stick_speed_std_m_s": 1.0, "observer__stick_speed_std_rad_s": 100.0,
+    "observer__stick_acceleration_std_m_s2": 0.5, "observer__stick_acceleration_std_rad_s2": 10.0,
+    "observer__stick_share": 0.999, "observer__stick_speed_std_m_s": 1.0, "observer__stick_speed_std_rad_s": 100.0,
 }  # fmt: skip
 WALL_CLOCK_NS = 1_763_700_000_123_456_789
 AXES = {
