@@ -1,7 +1,7 @@
 """Vectors, matrices and spatial vectors with operators: one definition that Python runs and the compiler compiles.
 
-`a + b`, `a - b`, `-a`, `k * a`, `a.dot(b)`, `a.cross(b)`, `a.norm()`, `R @ a`, `A @ B`, `R.T()`. Arrays and records
-keep the numbers; `vec`, `mat` and `spatial` read them, `put` and `put_mat` write them.
+`a + b`, `a - b`, `-a`, `k * a`, `a * b` and `a / b` by components, `a.dot(b)`, `a.cross(b)`, `a.norm()`, `R @ a`,
+`A @ B`, `R.T()`. Arrays and records keep the numbers; `vec`, `mat` and `spatial` read them, `put` and `put_mat` write.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ _OPERATORS = {
     "__add__": operator.add,
     "__sub__": operator.sub,
     "__neg__": operator.neg,
+    "__mul__": operator.mul,
+    "__truediv__": operator.truediv,
     "__rmul__": operator.mul,
     "__matmul__": operator.matmul,
 }
@@ -96,6 +98,12 @@ class Vec(NamedTuple):
 
     def __neg__(self) -> Vec:
         return Vec(-self.x, -self.y, -self.z)
+
+    def __mul__(self, other: Vec) -> Vec:  # type: ignore[override]
+        return Vec(self.x * other.x, self.y * other.y, self.z * other.z)
+
+    def __truediv__(self, other: Vec) -> Vec:
+        return Vec(self.x / other.x, self.y / other.y, self.z / other.z)
 
     def __rmul__(self, k: float) -> Vec:  # type: ignore[override]
         return Vec(k * self.x, k * self.y, k * self.z)
@@ -185,6 +193,12 @@ class Spatial(NamedTuple):
 
     def __neg__(self) -> Spatial:
         return Spatial(-self.linear, -self.angular)
+
+    def __mul__(self, other: Spatial) -> Spatial:  # type: ignore[override]
+        return Spatial(self.linear * other.linear, self.angular * other.angular)
+
+    def __truediv__(self, other: Spatial) -> Spatial:
+        return Spatial(self.linear / other.linear, self.angular / other.angular)
 
     def __rmul__(self, k: float) -> Spatial:  # type: ignore[override]
         return Spatial(k * self.linear, k * self.angular)

@@ -1,0 +1,63 @@
+"""The arm as the law sees it: a record of pose, motion, Jacobian, inertia and torques at one joint state."""
+
+from __future__ import annotations
+
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, IN2_F, OUT1, VOID, kernel
+from slip_core.records import REAL, layout, record
+from slip_core.vectors import Vec, mat, put, put_mat, vec
+from slip_vic_controller.sizes import MAX_JOINTS
+
+ARM = layout(
+    position=(REAL, (3,)),
+    rotation=(REAL, (3, 3)),
+    twist=(REAL, (6,)),
+    jdot_qd=(REAL, (6,)),
+    bias=(REAL, (MAX_JOINTS,)),
+    gravity=(REAL, (MAX_JOINTS,)),
+    J=(REAL, (6, MAX_JOINTS)),
+    M=(REAL, (MAX_JOINTS, MAX_JOINTS)),
+)
+"""All {w}, origin at {ee}: pose x_ee [m] and R_ee, twist v_ee [m/s, rad/s], Jdot qd [m/s^2, rad/s^2], bias C qd + g
+[N m], g [N m], Jacobian J, inertia B(q) [kg m2]. Joints beyond those in use are zero."""
+
+PLACEMENT = layout(position=(REAL, (3,)), rotation=(REAL, (3, 3)))
+"""Pose of {ee} on the last joint's axes [m]."""
+
+
+@kernel(VOID(IN1, IN1, IN2_F, IN1, IN1, IN1, IN1, IN1, IN2_F, IN1, IN1, IN2_F, OUT1))
+def gather(
+    qd: Array, placement: Array, R_joint: Array, p_joint: Array, v: Array, w: Array, a: Array, dw: Array,
+    J_world: Array, nle: Array, gravity: Array, M: Array, arm: Array,
+) -> None:  # fmt: skip
+    """Fill the record of an arm from what Pinocchio has computed; n joints.
+
+    Args:
+        qd: joint velocity; (n,) [rad/s].
+        placement: PLACEMENT of {ee}.
+        R_joint, p_joint: pose of the last joint; (3, 3), (3,) [m] {w}.
+        v, w, a, dw: its twist, and its spatial acceleration at zero joint acceleration; (3,) each, on its axes.
+        J_world: Jacobian of that joint at the world's origin; (6, n) {w}.
+        nle, gravity: C qd + g, and g; (n,) [N m].
+        M: inertia B(q), upper triangle; (n, n) [kg m2].
+        arm: ARM.
+
+    Implements: Eq. (1), (7), (8); Jdot qd is the classical acceleration of {ee} at zero joint acceleration.
+    """
+    out, ee = record(arm, ARM), record(placement, PLACEMENT)
+    R, lever, w_joint, dw_joint = mat(R_joint), vec(ee.position), vec(w), vec(dw)
+    x = vec(p_joint) + R @ lever
+    put(out.position, x)
+    put_mat(out.rotation, R @ mat(ee.rotation))
+    v_ee = vec(v) + w_joint.cross(lever)
+    put(out.twist[:3], R @ v_ee)
+    put(out.twist[3:], R @ w_joint)
+    put(out.jdot_qd[:3], R @ (vec(a) + dw_joint.cross(lever) + w_joint.cross(v_ee)))
+    put(out.jdot_qd[3:], R @ dw_joint)
+    for j in range(qd.shape[0]):
+        out.bias[j], out.gravity[j] = nle[j], gravity[j]
+        angular = Vec(J_world[3, j], J_world[4, j], J_world[5, j])
+        put(out.J[:3, j], Vec(J_world[0, j], J_world[1, j], J_world[2, j]) + angular.cross(x))
+        put(out.J[3:, j], angular)
+        for i in range(j + 1):
+            out.M[i, j] = out.M[j, i] = M[i, j]

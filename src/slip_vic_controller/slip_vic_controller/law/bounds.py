@@ -1,0 +1,173 @@
+"""Which gains are safe: the sampled-data bound on k_s, and the conditions of Propositions 1 to 3 with their margins."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.compiled import INT, REAL, kernel
+from slip_core.errors import InputError
+
+Mode = Literal["auto", "fixed"]
+
+
+class Condition(NamedTuple):
+    """One condition: what is asked, the value and the limit it is compared with, and why.
+
+    margin: how many times better than needed; below 1 the condition does not hold.
+    """
+
+    name: str
+    value: float
+    limit: float
+    margin: float
+    reason: str
+
+    @property
+    def holds(self) -> bool:
+        """Whether the condition is met."""
+        return self.margin >= 1.0
+
+
+class GainReport(NamedTuple):
+    """Verdict on the gains: k_s as asked, as used, largest stable and largest accepted [1/s]; lambdas; conditions.
+
+    lambda_1, lambda_2: intervals (open at both ends) from which Propositions 1 and 2 may choose; empty where low >= 1.
+    """
+
+    asked: float
+    used: float
+    stable_below: float
+    accepted: float
+    lambda_1: tuple[float, float]
+    lambda_2: tuple[float, float]
+    conditions: tuple[Condition, ...]
+
+
+@kernel(REAL(INT, INT))
+def held_sample_limit(held: int, delay: int) -> float:
+    """Return the largest stable k_s T for a sample every `held` ticks that is `delay` ticks old when it arrives.
+
+    From sample j to j + 1 the velocity loses k_s T times: the older sample for the first r ticks, then the newer one
+    for N - r, with delay = q N + r. So all roots of z^(q+1) (z - 1) + k_s T ((N - r) z + r) must lie inside |z| = 1.
+    The first root leaves the circle at the smallest angle theta at which both terms are opposite,
+
+        (q + 3/2) theta - arg((N - r) z + r) = pi / 2,   z = exp(i theta),
+
+    and there k_s T = |z - 1| / |(N - r) z + r|, which grows with theta. The left side is below pi / 2 before that angle
+    and not after it, so it is found by bisection: the same work for every delay.
+
+    Exact for whole ticks and a zero-order hold; 2 cos(q pi / (2 q + 1)) / N where r = 0.
+    """
+    q = delay // held
+    r = delay - q * held
+    if r == 0:
+        return 2.0 * math.cos(q * math.pi / (2 * q + 1)) / held
+    newer, older = float(held - r), float(r)
+    low, high = 0.0, math.pi
+    for _ in range(60):
+        theta = 0.5 * (low + high)
+        phase = (q + 1.5) * theta - math.atan2(newer * math.sin(theta), newer * math.cos(theta) + older)
+        if phase < 0.5 * math.pi:
+            low = theta
+        else:
+            high = theta
+    c, s = math.cos(0.5 * low), math.sin(0.5 * low)
+    return 2.0 * s / math.sqrt((newer - older) * (newer - older) + 4.0 * newer * older * c * c)
+
+
+def slip_gain_limit(control_period_s: float, sensor_period_s: float = 0.0, latency_s: float = 0.0) -> float:
+    """Return the k_s [1/s] at which the sampled slip loop v' = -k_s v(last sample) stops decaying.
+
+    A sample measured every N ticks and published d ticks later is held until the next one; a measurement of this tick
+    acts in this tick (d = 0). All times [s], rounded up to whole ticks, which is the worst case. For N = 1 it is
+    k_s T < 2 cos(d pi / (2 d + 1)); see `held_sample_limit` for slower sensors.
+    """
+    held = _ticks(max(sensor_period_s, control_period_s), control_period_s)
+    return held_sample_limit(held, _ticks(latency_s, control_period_s)) / control_period_s
+
+
+def _ticks(time_s: float, period_s: float) -> int:
+    return math.ceil(time_s / period_s - 1e-6)
+
+
+def check_gains(
+    damping: Array,
+    k_s: float,
+    mode: Mode,
+    *,
+    gain_margin: float,
+    control_period_s: float,
+    sensor_period_s: float,
+    latency_s: float,
+) -> GainReport:
+    """Judge the gains, and clamp k_s where `mode` is auto.
+
+    Args:
+        damping: diagonal of D_D; (6,) [N s/m, N m s/rad].
+        k_s: as asked [1/s].
+        mode: auto uses the smaller of `k_s` and what is accepted; fixed refuses what is beyond.
+        gain_margin: how far below the stability limit k_s must stay.
+        control_period_s, sensor_period_s, latency_s: of the slip loop [s]; with an observer the sensor's are 0.
+
+    Raises:
+        InputError: a fixed k_s beyond the bound, or no lambda for a proposition.
+    """
+    report = judge_gains(
+        damping, k_s, mode, gain_margin=gain_margin, control_period_s=control_period_s,
+        sensor_period_s=sensor_period_s, latency_s=latency_s,
+    )  # fmt: skip
+    for condition in report.conditions:
+        if not condition.holds:
+            raise InputError(
+                f"parameter {_PARAMETER[condition.name]}",
+                got=f"{condition.value:g}",
+                expected=f"{'at most' if condition.name == SAMPLED else 'more than'} {condition.limit:.6g}",
+                fix=condition.reason,
+            )
+    return report
+
+
+def judge_gains(
+    damping: Array,
+    k_s: float,
+    mode: Mode,
+    *,
+    gain_margin: float,
+    control_period_s: float,
+    sensor_period_s: float,
+    latency_s: float,
+) -> GainReport:
+    """Return the verdict of `check_gains` without refusing anything; arguments as there, damping (6,)."""
+    limit = slip_gain_limit(control_period_s, sensor_period_s, latency_s)
+    accepted = limit / gain_margin
+    # Rounding must not refuse the number that an earlier refusal has named.
+    used = min(k_s, accepted) if mode == "auto" else k_s
+    least = float(np.min(damping))
+    lambda_1, lambda_2 = (1.0 / least, 1.0), (1.0 / used, 1.0)
+    product = lambda_1[0] * lambda_2[0]
+    conditions = (
+        Condition(
+            SAMPLED, used, accepted, accepted * (1.0 + ROUNDING) / used,
+            f"stable below {limit:.6g} 1/s with a control period of {1e3 * control_period_s:g} ms, a slip sample every "
+            f"{1e3 * max(sensor_period_s, control_period_s):g} ms and a latency of {1e3 * latency_s:g} ms; "
+            f"a gain margin of {gain_margin:g} is kept",
+        ),
+        Condition(PROP_1, least, 1.0, least, "Prop. 1: lambda_min(D_D) > 1/lambda_1 needs a lambda_1 below 1"),
+        Condition(PROP_2, used, 1.0, used, "Prop. 2: k_s > 1/lambda_2 needs a lambda_2 below 1"),
+        Condition(
+            PROP_3, product, 1.0, 1.0 / product,
+            "Prop. 3: lambda_1 lambda_2 < 1, with the smallest that Prop. 1 and 2 allow",
+        ),
+    )  # fmt: skip
+    return GainReport(k_s, used, limit, accepted, lambda_1, lambda_2, conditions)
+
+
+ROUNDING = 1e-5
+"""A k_s typed with the six digits of the message that refused the last one is accepted."""
+
+SAMPLED, PROP_1, PROP_2, PROP_3 = "k_s sampled", "D_D (Prop. 1)", "k_s (Prop. 2)", "small gain (Prop. 3)"
+_PARAMETER = {SAMPLED: "gains.k_s", PROP_1: "gains.damping", PROP_2: "gains.k_s", PROP_3: "gains.damping"}

@@ -1,0 +1,136 @@
+"""The non-rigid grasp: contacts, slip displacement, contact arm r, and products with the grasp matrix G.
+
+A contact i is described on the object by o_x_p and o_R_p (where {p} was when the grasp was made); the pad has
+since moved by the slip displacement (s_l, R_s) on {p} axes. G = [[I, 0], [S(r), I]] is never formed.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from slip_core.arrays import matrix_from_quat_xyzw
+from slip_core.compiled import part
+from slip_core.records import REAL, layout
+from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put, put_mat, spatial, vec
+from slip_vic_controller.core.params import ContactParams
+from slip_vic_controller.law.rotation import exponential, left_jacobian
+
+CONTACT = layout(position=(REAL, (3,)), rotation=(REAL, (3, 3)), slip_axes=(REAL, (6,)))
+"""One contact on the object: o_x_p [m] {o}; o_R_p; the directions on pad axes in which it can slip, 0 or 1 each.
+
+The position of contact 0, the own one, is LAW_GAINS.contact_position: it moves with the payload.
+"""
+
+SLIP = layout(position=(REAL, (3,)), rotation=(REAL, (3, 3)))
+"""Pose of a pad relative to {p}: s_l [m] on {p}; R_s, {c} to {p}."""
+
+SAMPLE = layout(wrench=(REAL, (6,)), slip_twist=(REAL, (6,)))
+"""What is known at one contact, on the axes of its pad: h_ee [N, N m] and v_s [m/s, rad/s]."""
+
+
+def fill_contacts(params: ContactParams, contacts: Any) -> int:
+    """Write the contacts of the parameters to an array of CONTACT; the first is the own arm's; return how many."""
+    count = len(params.position) // 3
+    for i in range(count):
+        contacts[i].position[:] = params.position[3 * i : 3 * i + 3]
+        contacts[i].rotation[:] = matrix_from_quat_xyzw(params.orientation_xyzw[4 * i : 4 * i + 4])
+        contacts[i].slip_axes[:] = np.array(params.slip_axes[6 * i : 6 * i + 6], dtype=float)
+    return count
+
+
+@part
+def slip_velocity(contact: Any, sample: Any) -> Spatial:
+    """Return v_s of a SAMPLE, zero on axes on which the CONTACT cannot slip; [m/s, rad/s] {c}."""
+    return spatial(contact.slip_axes) * spatial(sample.slip_twist)
+
+
+@part
+def integrate_slip(slip: Any, v_s: Spatial, dt: float, out: Any) -> None:
+    """Move the pad on the object for `dt` [s] at a slip velocity constant on pad axes [m/s, rad/s] {c}; SLIP, SLIP.
+
+    Exact for a constant twist (exponential of SE(3)), so spin does not shrink or grow with the step.
+
+    Implements: Eq. (12), (13), integrated: s_l_dot = R_s v_sl, R_s_dot = R_s S(v_sa).
+    """
+    s_l, R_s = vec(slip.position), mat(slip.rotation)
+    shift, turn = dt * v_s.linear, dt * v_s.angular
+    put(out.position, s_l + R_s @ left_jacobian(turn, shift))
+    put_mat(out.rotation, R_s @ exponential(turn))
+
+
+@part
+def integrate_slips(config: Any, samples: Any, slips: Any, dt: float, slips_out: Any) -> None:
+    """Move the slip displacement of every contact for `dt` [s]; LAW_CONFIG, SAMPLE each, SLIP each -> SLIP each.
+
+    `slips_out` may be `slips`.
+    """
+    for i in range(config.contacts):
+        integrate_slip(slips[i], slip_velocity(config.contact[i], samples[i]), dt, slips_out[i])
+
+
+@part
+def beyond_dead_band(v_s: Spatial, linear: float, angular: float) -> Spatial:
+    """Return a slip velocity [m/s, rad/s] with zero for what lies in the dead band; without a band itself."""
+    return Spatial(
+        v_s.linear if linear == 0.0 or v_s.linear.norm() > linear else ZERO,
+        v_s.angular if angular == 0.0 or v_s.angular.norm() > angular else ZERO,
+    )
+
+
+@part
+def contact_position(config: Any, gains: Any, i: int) -> Vec:
+    """Return o_x_p of contact i [m] {o}: that of the own one comes with the payload; LAW_CONFIG, LAW_GAINS."""
+    return vec(gains.contact_position) if i == 0 else vec(config.contact[i].position)
+
+
+@part
+def pad_rotation(contact: Any, slip: Any) -> Mat:
+    """Return o_R_c = o_R_p R_s, {c} to {o}; CONTACT, SLIP."""
+    return mat(contact.rotation) @ mat(slip.rotation)
+
+
+@part
+def contact_arm(o_R_c: Mat, o_x_p: Vec, contact: Any, slip: Any) -> Vec:
+    """Return r = x_c - x_o on the axes of the pad whose attitude is o_R_c [m] {ee}; CONTACT and SLIP are of contact c.
+
+    Implements: Eq. (11).
+    """
+    return o_R_c.T() @ (o_x_p + mat(contact.rotation) @ vec(slip.position))
+
+
+@part
+def G(r: Vec, h: Spatial) -> Spatial:
+    """Return G h, a wrench at the contact as one at the object's centre [N, N m]; all on one frame's axes.
+
+    Implements: Eq. (10), (18): one term of h_o = sum G_i h_ee,i.
+    """
+    return Spatial(h.linear, h.angular + r.cross(h.linear))
+
+
+@part
+def G_T(r: Vec, v_o: Spatial) -> Spatial:
+    """Return G^T v_o, a twist or acceleration of the object as seen at the contact; all on one frame's axes.
+
+    Implements: Eq. (14), its rigid part.
+    """
+    return Spatial(v_o.linear + v_o.angular.cross(r), v_o.angular)
+
+
+@part
+def G_T_inverse(r: Vec, v_c: Spatial) -> Spatial:
+    """Return G^-T v_c, a twist at the contact as one of the object; all on one frame's axes.
+
+    Implements: Eq. (14), solved for v_o.
+    """
+    return Spatial(v_c.linear - v_c.angular.cross(r), v_c.angular)
+
+
+@part
+def Phi2(w_o: Vec, r: Vec) -> Spatial:
+    """Return Phi2 = (w_o x (w_o x r), 0) = (w_o (w_o.r) - r (w_o.w_o), 0); [rad/s], [m] -> [m/s^2].
+
+    Implements: Eq. (17), Phi2.
+    """
+    return Spatial(w_o.dot(r) * w_o - w_o.dot(w_o) * r, ZERO)

@@ -1,0 +1,65 @@
+"""Rigid-body dynamics of the grasped object about its centre of mass, on the axes of the own pad."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from slip_core.compiled import part
+from slip_core.vectors import Mat, Spatial, Vec, mat, spatial, vec
+from slip_vic_controller.law.contact import G, contact_arm, contact_position, pad_rotation
+
+
+class ObjectMotion(NamedTuple):
+    """What the object does, on the axes of the own pad {ee}.
+
+    w_o [rad/s]; r = x_c - x_o [m]; h_o = sum G_i h_ee,i [N, N m]; a_o [m/s^2, rad/s^2].
+    """
+
+    w_o: Vec
+    r: Vec
+    h_o: Spatial
+    a_o: Spatial
+
+
+@part
+def object_motion(
+    config: Any, gains: Any, samples: Any, slips: Any, R_ee: Mat, w_ee: Vec, slip_angular: Vec
+) -> ObjectMotion:
+    """Return what the object does under the wrenches of all contacts.
+
+    Its attitude is not measured, it follows from the own pad: R_ee = R_o o_R_c. Worked out on pad axes, where wrench
+    and slip are measured and slip axes are a mask.
+
+    Args:
+        config: LAW_CONFIG.
+        gains: LAW_GAINS.
+        samples: SAMPLE of each contact.
+        slips: SLIP of each contact.
+        R_ee: attitude of the own pad.
+        w_ee: its turning [rad/s] {w}.
+        slip_angular: v_sa of the own contact [rad/s] {ee}.
+
+    Implements: Eq. (10), (11), (14): a_o = -B_o^-1 (C_o v_o + g_o + h_o).
+    """
+    o_R_c = pad_rotation(config.contact[0], slips[0])
+    r = contact_arm(o_R_c, contact_position(config, gains, 0), config.contact[0], slips[0])
+    w_o = R_ee.T() @ w_ee - slip_angular
+    h_o = G(r, spatial(samples[0].wrench))
+    for i in range(1, config.contacts):  # the other arms' contacts
+        contact, slip = config.contact[i], slips[i]
+        r_i = contact_arm(o_R_c, contact_position(config, gains, i), contact, slip)
+        h_o = h_o + G(r_i, o_R_c.T() @ pad_rotation(contact, slip) @ spatial(samples[i].wrench))
+    mass, J_o = gains.object.mass, o_R_c.T() @ (mat(gains.object.inertia) @ o_R_c)
+    linear = R_ee.T() @ vec(gains.object.gravity) - (1.0 / mass) * h_o.linear
+    angular = -solve_symmetric(J_o, h_o.angular + w_o.cross(J_o @ w_o))
+    return ObjectMotion(w_o, r, h_o, Spatial(linear, angular))
+
+
+@part
+def solve_symmetric(A: Mat, b: Vec) -> Vec:
+    """Return x with A x = b by cofactors, for a symmetric positive definite A; its upper triangle counts."""
+    xx, xy, xz, yy, yz, zz = A.x.x, A.x.y, A.x.z, A.y.y, A.y.z, A.z.z
+    cxx, cxy, cxz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    cyy, cyz, czz = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    k = 1.0 / (xx * cxx + xy * cxy + xz * cxz)
+    return k * (Mat(Vec(cxx, cxy, cxz), Vec(cxy, cyy, cyz), Vec(cxz, cyz, czz)) @ b)

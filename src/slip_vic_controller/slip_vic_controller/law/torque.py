@@ -1,0 +1,196 @@
+"""From the control acceleration to joint torque: operational-space inertia, null space, singularities, limits.
+
+B_x = (J B^-1 J^T)^-1 and the dynamically consistent N are never formed: two Cholesky factors by loops.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.records import REAL, layout
+from slip_core.small_kernel import back_substitute, cholesky, forward_substitute
+from slip_core.vectors import Spatial, mat, put_spatial, spatial
+from slip_vic_controller.sizes import MAX_JOINTS
+
+TORQUE = layout(
+    h_ee=(REAL, (6,)),
+    tau_0=(REAL, (MAX_JOINTS,)),
+    task=(REAL, (6,)),
+    null=(REAL, (6,)),
+    tau=(REAL, (MAX_JOINTS,)),
+)
+"""The parts of Eq. (21): h_ee {w} [N, N m]; posture torque tau_0 [N m]; task = B_x (a_C - Jdot qd) and null, what the
+task would feel of tau_0 [N, N m] {w}; tau before the limits [N m]."""
+
+
+@part
+def joint_torque(
+    config: Any, arm: Any, a_C: Spatial, samples: Any, q: Array, qd: Array, posture: Array, out: Any
+) -> tuple[bool, float]:
+    """Write tau = J^T [B_x (a_C - Jdot qd) - h_ee] + C qd + g + N^T tau_0 and its parts.
+
+    Returns whether all factors exist, and what was added to the diagonal of J B^-1 J^T near a singularity [1/kg].
+
+    Args:
+        config: LAW_CONFIG.
+        arm: ARM.
+        a_C: control acceleration [m/s^2, rad/s^2] {w}.
+        samples: SAMPLE of each contact, of which the own wrench counts.
+        q, qd, posture: joint state and posture of the null space; [rad], [rad/s], [rad].
+        out: TORQUE.
+
+    Implements: Eq. (9), (21), with tau_0 = -k (q - q_0) - d qd.
+    """
+    n = config.joints
+    J, M = arm.J[:, :n], arm.M[:n, :n]
+    put_spatial(out.h_ee, mat(arm.rotation) @ spatial(samples[0].wrench))
+    put_spatial(out.task, a_C - spatial(arm.jdot_qd))
+    for j in range(n):
+        out.tau_0[j] = config.nullspace_stiffness * (posture[j] - q[j]) - config.nullspace_damping * qd[j]
+
+    L, Y, y = np.empty((n, n)), np.empty((6, n)), np.empty(n)
+    if not cholesky(M, L):  # B = L L^T
+        return False, 0.0
+    for i in range(6):
+        forward_substitute(L, J[i], Y[i])  # Y = J L^-T
+    A, C = np.empty((6, 6)), np.empty((6, 6))
+    gram(Y, A)  # A = J B^-1 J^T
+    damping_squared = singularity_damping(
+        smallest_singular_value_below(J, config.sigma_min), config.sigma_min, config.most_damping
+    )
+    if damping_squared > 0.0:
+        for i in range(6):
+            A[i, i] += damping_squared
+    if not cholesky(A, C):  # A = C C^T = B_x^-1
+        return False, damping_squared
+    forward_substitute(L, out.tau_0, y)
+    for i in range(6):
+        total = 0.0
+        for k in range(n):
+            total += Y[i, k] * y[k]
+        out.null[i] = total
+    solve_factored(C, out.null)  # B_x J B^-1 tau_0
+    solve_factored(C, out.task)  # B_x (a_C - Jdot qd)
+    for j in range(n):
+        total = 0.0
+        for i in range(6):
+            total += J[i, j] * (out.task[i] - out.h_ee[i] - out.null[i])
+        out.tau[j] = total + arm.bias[j] + out.tau_0[j]
+    return True, damping_squared
+
+
+@part
+def task_torque(arm: Any, torque: Any, j: int) -> float:
+    """Return J^T [B_x (a_C - Jdot qd) - h_ee] of joint j [N m]; ARM, TORQUE."""
+    total = 0.0
+    for i in range(6):
+        total += arm.J[i, j] * (torque.task[i] - torque.h_ee[i])
+    return total
+
+
+@part
+def null_torque(arm: Any, torque: Any, j: int) -> float:
+    """Return N^T tau_0 of joint j [N m]; ARM, TORQUE."""
+    total = torque.tau_0[j]
+    for i in range(6):
+        total -= arm.J[i, j] * torque.null[i]
+    return total
+
+
+@part
+def singularity_damping(sigma: float, sigma_min: float, most_damping: float) -> float:
+    """Return what is added to the diagonal of J B^-1 J^T: 0 above sigma_min, then (damping (1 - (s/s_min)^2))^2."""
+    if sigma >= sigma_min:
+        return 0.0
+    ratio = sigma / sigma_min
+    damping = most_damping * (1.0 - ratio * ratio)
+    return damping * damping
+
+
+@part
+def solve_factored(C: Array, x: Array) -> None:
+    """Solve C C^T x = b in place, with a lower triangular C."""
+    forward_substitute(C, x, x)
+    back_substitute(C, x, x)
+
+
+@part
+def gram(Y: Array, S: Array) -> None:
+    """Write Y Y^T to `S`; (6, n) -> (6, 6)."""
+    for i in range(6):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(Y.shape[1]):
+                total += Y[i, k] * Y[j, k]
+            S[i, j] = S[j, i] = total
+
+
+@part
+def smallest_singular_value_below(J: Array, limit: float) -> float:
+    """Return the smallest singular value of J (6, n) where it is below `limit`, else `limit`.
+
+    J J^T - limit^2 I has a Cholesky factor exactly where no singular value is below the limit: cheap, and nearly
+    always the case. The value itself comes from Jacobi rotations, cyclic until nothing is left beside the diagonal.
+    """
+    S, L = np.empty((6, 6)), np.empty((6, 6))
+    gram(J, S)
+    for i in range(6):
+        S[i, i] -= limit * limit
+    if cholesky(S, L):
+        return limit
+    for i in range(6):
+        S[i, i] += limit * limit
+    return min(_root_of_smallest(S), limit)
+
+
+@part
+def smallest_singular_value(J: Array) -> float:
+    """Return the smallest singular value of J (6, n)."""
+    S = np.empty((6, 6))
+    gram(J, S)
+    return _root_of_smallest(S)
+
+
+@part
+def _root_of_smallest(S: Array) -> float:
+    """Return the square root of the smallest eigenvalue of S (6, 6), which is made diagonal."""
+    for _ in range(_SWEEPS):
+        off, size = 0.0, 0.0
+        for p in range(6):
+            size += S[p, p] * S[p, p]
+            for q in range(p + 1, 6):
+                off += S[p, q] * S[p, q]
+        if not off > 1e-32 * size:
+            break
+        for p in range(5):
+            for q in range(p + 1, 6):
+                _rotate(S, p, q)
+    smallest = S[0, 0]
+    for i in range(1, 6):
+        smallest = min(smallest, S[i, i])
+    return math.sqrt(max(smallest, 0.0))
+
+
+@part
+def _rotate(S: Array, p: int, q: int) -> None:
+    """Make S[p, q] zero by a rotation of rows and columns p and q."""
+    if S[p, q] == 0.0:
+        return
+    theta = 0.5 * (S[q, q] - S[p, p]) / S[p, q]
+    t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(theta * theta + 1.0))
+    c = 1.0 / math.sqrt(t * t + 1.0)
+    s = t * c
+    for k in range(6):
+        a, b = S[k, p], S[k, q]
+        S[k, p], S[k, q] = c * a - s * b, s * a + c * b
+    for k in range(6):
+        a, b = S[p, k], S[q, k]
+        S[p, k], S[q, k] = c * a - s * b, s * a + c * b
+
+
+_SWEEPS: Final = 30

@@ -1,0 +1,254 @@
+"""Built-in reference motions, relative to the pose of {ee} at the first tick; position, velocity, acceleration agree.
+
+A path is six coordinates over time, displacement and rotation vector on world axes, with their two derivatives, at rest
+before 0 and after its end; the reference is made from it in one place, so angular velocity and acceleration are exact.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.errors import InputError
+from slip_core.records import REAL, WHOLE, layout, new, record
+from slip_core.vectors import NOTHING, Mat, Spatial, Vec, mat, put, put_mat, put_spatial, spatial, vec
+from slip_vic_controller.core.params import TrajectoryParams
+from slip_vic_controller.law.rotation import exponential, left_jacobian, left_jacobian_rate
+from slip_vic_controller.sizes import MAX_SEGMENTS
+
+REFERENCE = layout(position=(REAL, (3,)), rotation=(REAL, (3, 3)), twist=(REAL, (6,)), acceleration=(REAL, (6,)))
+"""Desired pose x_d [m] and R_d, twist [m/s, rad/s] and acceleration a_d [m/s^2, rad/s^2] of {ee}; {w}."""
+
+PATH = layout(
+    kind=WHOLE,
+    segments=WHOLE,
+    knot=(REAL, (MAX_SEGMENTS + 1,)),
+    polynomial=(REAL, (MAX_SEGMENTS, 6, 6)),
+    end=(REAL, (6,)),
+    speed=REAL,
+    ramp=REAL,
+    duration=REAL,
+    along=(REAL, (6,)),
+    across=(REAL, (6,)),
+)
+"""A path. Polynomial segments: knots [s]; polynomial[segment, coordinate, power] in the time since the segment's knot;
+end: where the last one ends. Circle, lemniscate: phase speed [rad/s], ramp and duration [s], vectors of the curve."""
+
+HOLD: Final = 0
+POLYNOMIALS: Final = 1
+CIRCLE: Final = 2
+LEMNISCATE: Final = 3
+
+PLANES = {"xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}
+
+
+class PathPoint(NamedTuple):
+    """Displacement and rotation vector [m, rad] {w}, with first and second time derivative."""
+
+    value: Spatial
+    rate: Spatial
+    rate_rate: Spatial
+
+
+class Reference(NamedTuple):
+    """The desired motion, as in REFERENCE."""
+
+    position: Vec
+    rotation: Mat
+    twist: Spatial
+    acceleration: Spatial
+
+
+@part
+def reference_at(path: Any, t: float, start_position: Array, start_rotation: Array) -> Reference:
+    """Return the desired motion at time t [s] of a PATH from a pose (3,) [m], (3, 3) {w}.
+
+    R_d = exp(phi) R_0, omega_d = J_l phi_dot, alpha_d = J_l phi_ddot + Jdot_l phi_dot.
+    """
+    point = point_at(path, t)
+    phi, phi_dot = point.value.angular, point.rate.angular
+    alpha_d = left_jacobian(phi, point.rate_rate.angular) + left_jacobian_rate(phi, phi_dot)
+    return Reference(
+        vec(start_position) + point.value.linear,
+        exponential(phi) @ mat(start_rotation),
+        Spatial(point.rate.linear, left_jacobian(phi, phi_dot)),
+        Spatial(point.rate_rate.linear, alpha_d),
+    )
+
+
+@part
+def put_reference(out: Any, reference: Reference) -> None:
+    """Write a reference to a REFERENCE."""
+    put(out.position, reference.position)
+    put_mat(out.rotation, reference.rotation)
+    put_spatial(out.twist, reference.twist)
+    put_spatial(out.acceleration, reference.acceleration)
+
+
+@part
+def point_at(path: Any, t: float) -> PathPoint:
+    """Return the point of a PATH at time t [s]."""
+    if path.kind == POLYNOMIALS:
+        return polynomial_point(path, t)
+    if path.kind == CIRCLE or path.kind == LEMNISCATE:
+        return curve_point(path, t)
+    return PathPoint(NOTHING, NOTHING, NOTHING)
+
+
+@part
+def polynomial_point(path: Any, t: float) -> PathPoint:
+    """Return the point of quintic segments with common velocity and acceleration at the knots, so C2; t [s]."""
+    if t <= 0.0:
+        return PathPoint(NOTHING, NOTHING, NOTHING)
+    if t >= path.knot[path.segments]:
+        return PathPoint(spatial(path.end), NOTHING, NOTHING)
+    i = 0
+    while t >= path.knot[i + 1]:
+        i += 1
+    u, p = t - path.knot[i], path.polynomial[i]
+    return PathPoint(
+        Spatial(
+            Vec(value(p[0], u), value(p[1], u), value(p[2], u)), Vec(value(p[3], u), value(p[4], u), value(p[5], u))
+        ),
+        Spatial(
+            Vec(slope(p[0], u), slope(p[1], u), slope(p[2], u)), Vec(slope(p[3], u), slope(p[4], u), slope(p[5], u))
+        ),
+        Spatial(
+            Vec(curve(p[0], u), curve(p[1], u), curve(p[2], u)), Vec(curve(p[3], u), curve(p[4], u), curve(p[5], u))
+        ),
+    )
+
+
+@part
+def value(c: Array, u: float) -> float:
+    """Return a polynomial (6,), lowest power first, at u: Horner's scheme."""
+    total = 0.0
+    for k in range(5, -1, -1):
+        total = total * u + c[k]
+    return total
+
+
+@part
+def slope(c: Array, u: float) -> float:
+    """Return the first derivative of a polynomial (6,) at u."""
+    total = 0.0
+    for k in range(5, 0, -1):
+        total = total * u + k * c[k]
+    return total
+
+
+@part
+def curve(c: Array, u: float) -> float:
+    """Return the second derivative of a polynomial (6,) at u."""
+    total = 0.0
+    for k in range(5, 1, -1):
+        total = total * u + (k - 1) * (k * c[k])
+    return total
+
+
+@part
+def curve_point(path: Any, t: float) -> PathPoint:
+    """Return the point of a closed curve in a plane, run through with a phase p that starts and stops smoothly; t [s].
+
+    Circle: r (sin p, 1 - cos p); lemniscate (Gerono): r (sin p, sin 2p / 2); rotation: amplitude * sin p.
+    """
+    p, p_dot, p_ddot = smooth_phase(t, path.speed, path.ramp, path.duration)
+    s, c = math.sin(p), math.cos(p)
+    if path.kind == CIRCLE:
+        f, f_p, f_pp = 1.0 - c, s, c
+    else:
+        f, f_p, f_pp = s * c, c * c - s * s, -4.0 * s * c
+    along, across = spatial(path.along), spatial(path.across)
+    return PathPoint(
+        s * along + f * across,
+        (c * p_dot) * along + (f_p * p_dot) * across,
+        (c * p_ddot - s * p_dot * p_dot) * along + (f_p * p_ddot + f_pp * p_dot * p_dot) * across,
+    )
+
+
+@part
+def smooth_phase(t: float, speed: float, ramp: float, duration: float) -> tuple[float, float, float]:
+    """Return phase and its two rates: speed ramps up by a quintic over `ramp`, and down at the end; [s], [rad/s]."""
+    t = min(max(t, 0.0), duration)
+    end = speed * (duration - ramp)
+    if t < ramp:
+        p, v, a = rising(t / ramp)
+        return speed * ramp * p, speed * v, speed * a / ramp
+    if t > duration - ramp:
+        p, v, a = rising((duration - t) / ramp)
+        return end - speed * ramp * p, speed * v, -speed * a / ramp
+    return speed * (t - 0.5 * ramp), speed, 0.0
+
+
+@part
+def rising(x: float) -> tuple[float, float, float]:
+    """Return the integral, the value and the slope of the quintic step from 0 to 1 at x in [0, 1]."""
+    cube, both = x * x * x, x * (1.0 - x)
+    return x * cube * (2.5 + x * (x - 3.0)), cube * (10.0 + x * (6.0 * x - 15.0)), 30.0 * (both * both)
+
+
+def make_path(params: TrajectoryParams) -> Array:
+    """Return the PATH that the parameters ask for; `topic` gives the hold that is used until references arrive.
+
+    Raises:
+        InputError: more waypoints than a path can have.
+    """
+    buffer = new(PATH)
+    path = record(buffer, PATH)
+    if params.kind == "quintic":
+        goal = np.array([np.zeros(6), [*params.displacement, *params.rotation]])
+        fill_segments(path, np.array([0.0, params.duration_s]), goal, np.zeros((2, 6)), np.zeros((2, 6)))
+    elif params.kind == "waypoints":
+        points = np.vstack([np.zeros(6), np.array(params.waypoints).reshape(-1, 6)])
+        times = np.linspace(0.0, params.duration_s, len(points))
+        if params.waypoint_times_s:
+            times = np.array([0.0, *params.waypoint_times_s])
+        spline = CubicSpline(times, points, bc_type="clamped")
+        rate_rates = spline(times, 2)
+        rate_rates[[0, -1]] = 0.0
+        fill_segments(path, times, points, spline(times, 1), rate_rates)
+    elif params.kind in ("circle", "lemniscate"):
+        path.kind = CIRCLE if params.kind == "circle" else LEMNISCATE
+        path.speed, path.ramp, path.duration = 2.0 * math.pi / params.period_s, params.ramp_s, params.duration_s
+        first, second = PLANES[params.plane]
+        path.along[first] = path.across[second] = params.radius
+        path.along[3:] = params.rotation
+    return buffer
+
+
+def fill_segments(path: Any, times: Array, values: Array, rates: Array, rate_rates: Array) -> None:
+    """Write quintic segments through given points to a PATH; knots (k,) [s] that grow from 0, points (k, 6) each.
+
+    Raises:
+        InputError: more segments than MAX_SEGMENTS.
+    """
+    count = len(times) - 1
+    if count > MAX_SEGMENTS:
+        raise InputError("parameter trajectory.waypoints", got=f"{count} points", expected=f"at most {MAX_SEGMENTS}")
+    path.kind, path.segments = POLYNOMIALS, count
+    path.knot[: count + 1] = times
+    path.end[:] = values[-1]
+    for i in range(count):
+        ends = (a[j] for j in (i, i + 1) for a in (values, rates, rate_rates))
+        path.polynomial[i] = _quintic(times[i + 1] - times[i], *ends)
+
+
+def _quintic(h: float, p0: Array, v0: Array, a0: Array, p1: Array, v1: Array, a1: Array) -> Array:
+    """Return the coefficients (6, 6 powers) of the quintic with these ends; h [s]."""
+    d = p1 - p0 - h * v0 - 0.5 * h * h * a0
+    dv = (v1 - v0 - h * a0) * h
+    da = (a1 - a0) * h * h
+    powers = (
+        p0,
+        v0,
+        0.5 * a0,
+        (10.0 * d - 4.0 * dv + 0.5 * da) / h**3,
+        (-15.0 * d + 7.0 * dv - da) / h**4,
+        (6.0 * d - 3.0 * dv + 0.5 * da) / h**5,
+    )
+    return np.array(powers).T
