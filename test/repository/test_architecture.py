@@ -20,24 +20,35 @@ TOOLS = {"click", "rich", "matplotlib", "psutil"}
 # Every key is a module that exists, and every module is below a key of its own package.
 ALLOWED = {
     "slip_core": NUMERIC,
-    "slip_core.compiled": {"numba"},  # the only file that knows the compiler
+    "slip_core.compiled": {"numba"},  # with the next two the only files that know the compiler
+    "slip_core.records": {"numpy", "numba"},
+    "slip_core.vectors": {"numba"},
     "slip_msgs_py": {"numpy", "slip_core"} | ROS,
     "slip_description": set(),
     "slip_vic_controller": SHELLS,
     "slip_vic_controller.core": {"numpy", "scipy", "pydantic", "slip_core"},
     "slip_vic_controller.core.arm": {"numpy", "pinocchio", "slip_core"},
+    "slip_vic_controller.law": {"numpy", "slip_core"},
     "slip_vic_controller.observer": {"numpy", "scipy", "slip_core"},
+    "slip_vic_controller.reference": {"numpy", "scipy", "slip_core"},
+    "slip_vic_controller.robot": {"numpy", "pinocchio", "slip_core"},
     "slip_sim_bridge": SHELLS,
     "slip_sim_bridge.sim": {"numpy", "mujoco", "pydantic", "slip_core"},
     "slip_bags": {"slip_core", "slip_msgs_py"} | BAG_LIBRARIES | ROS,
     "slip_bringup": ROOMS | NUMERIC | TOOLS | ROS,  # slip_campaigns is named as text and loaded on demand
     "slip_campaigns": {"slip_bringup"} | ROOMS | NUMERIC | TOOLS | ROS,
 }
+SHARED = {"slip_vic_controller.sizes", "slip_vic_controller.core.params"}
 OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.compiled": set(),
+    "slip_core.records": {"slip_core.arrays"},
+    "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},
     "slip_vic_controller.core": {"slip_vic_controller.core"},
     "slip_vic_controller.core.arm": {"slip_vic_controller.core.arm_kernel"},
-    "slip_vic_controller.observer": {"slip_vic_controller.observer", "slip_vic_controller.core.params"},
+    "slip_vic_controller.law": {"slip_vic_controller.law", *SHARED},
+    "slip_vic_controller.observer": {"slip_vic_controller.observer", *SHARED},
+    "slip_vic_controller.reference": {"slip_vic_controller.reference", "slip_vic_controller.law.rotation", *SHARED},
+    "slip_vic_controller.robot": {"slip_vic_controller.law.arm", *SHARED},
     "slip_sim_bridge.sim": {"slip_sim_bridge.sim"},
 }
 

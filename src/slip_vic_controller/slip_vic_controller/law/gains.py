@@ -78,7 +78,7 @@ def fill_gains(params: GainParams, slip_axes: Array, k_s: float, gains: Any, *, 
     gains.gamma_k[:] = [on * params.gamma_kp] * 3 + [turning * params.gamma_ko] * 3
     gains.gamma_d[:] = [on * params.gamma_dp] * 3 + [turning * params.gamma_do] * 3
     gains.alpha, gains.k_s = on * params.alpha, k_s
-    gains.characteristic_length = params.spin_lever if bounded else 1.0
+    gains.characteristic_length = params.characteristic_length if bounded else 1.0
     ratio = (gains.K_D / gains.M_D)[3:][slip_axes[3:] > 0.0]
     gains.spin_limit = float(ratio.min()) * params.spin_excursion if bounded and ratio.size else math.inf
 
