@@ -28,6 +28,7 @@ setup(
         "pydantic",
         "pyyaml",
         "rich",
+        "scipy",
     ],
     extras_require={"test": ["pytest"]},
     zip_safe=False,

@@ -26,6 +26,7 @@ setup(
         "numpy",
         "psutil",
         "rich",
+        "scipy",
     ],
     extras_require={"test": ["pytest"]},
     zip_safe=False,

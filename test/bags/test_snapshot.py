@@ -11,8 +11,8 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_bags.cli import bag as bag_command
 from slip_bags.reader import Bag
+from slip_bringup.cli import bag as bag_command
 from slip_bringup.inprocess import ClosedLoop
 from slip_bringup.replay.references import reference_names
 from slip_bringup.replay.run_data import read_run

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from slip_bags.cli import bag as bag_command
 from slip_bags.reader import Bag
+from slip_bringup.cli import bag as bag_command
 from slip_bringup.launcher import Launcher
 from slip_bringup.replay.run_data import read_run
 from slip_bringup.replay.verify import other_software, verify_run
@@ -103,7 +103,7 @@ def test_without_ros_installed(recorded):
     packages = ("rclpy", *(f"{name}_msgs" for name in ("std", "sensor", "geometry", "nav", "rosgraph", "trajectory")))
     code = (
         f"import sys; sys.modules.update(dict.fromkeys({packages!r}))\n"
-        "from slip_bags.cli import bag\nbag(['verify', sys.argv[1]])"
+        "from slip_bringup.cli import bag\nbag(['verify', sys.argv[1]])"
     )
     done = subprocess.run(
         [sys.executable, "-c", code, str(recorded)],

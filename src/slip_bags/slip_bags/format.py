@@ -1,13 +1,7 @@
-"""The text formats of rosbag2: ``metadata.yaml`` version 9 and the QoS lists, byte for byte.
-
-The emitter writes what yaml-cpp writes for these structures (block style, two spaces, no final newline),
-so that a bag of ours and one of ``ros2 bag record`` differ in content only. The parser takes versions 4 to 9.
-"""
+"""The texts of rosbag2: ``metadata.yaml`` version 9 and the QoS lists; versions 4 to 9 are read."""
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -82,18 +76,12 @@ class BagMetadata:
 
 
 def qos_text(profiles: Sequence[QosProfile]) -> str:
-    """Return the channel metadata ``offered_qos_profiles``.
-
-    Implements: ours: rosbag2 byte for byte.
-    """
-    return "\n".join(_lines([_qos_tree(profile) for profile in profiles], 0)) if profiles else "[]"
+    """Return the channel metadata ``offered_qos_profiles``."""
+    return _text([_qos_tree(profile) for profile in profiles])
 
 
 def metadata_text(metadata: BagMetadata, *, root: bool) -> str:
-    """Return ``metadata.yaml`` (`root` True) or the MCAP record ``serialized_metadata`` (`root` False).
-
-    Implements: ours: rosbag2 version 9 byte for byte.
-    """
+    """Return ``metadata.yaml`` (`root` True) or the MCAP record ``serialized_metadata`` (`root` False)."""
     tree: dict[str, Any] = {
         "version": VERSION,
         "storage_identifier": metadata.storage,
@@ -128,7 +116,7 @@ def metadata_text(metadata: BagMetadata, *, root: bool) -> str:
         "custom_data": dict(metadata.custom_data) or None,
         "ros_distro": metadata.ros_distro,
     }
-    return "\n".join(_lines({"rosbag2_bagfile_information": tree} if root else tree, 0))
+    return _text({"rosbag2_bagfile_information": tree} if root else tree)
 
 
 def parse_qos(text: str | Sequence[Any]) -> tuple[QosProfile, ...]:
@@ -236,44 +224,10 @@ def _file(item: Any) -> FileInfo:
     )
 
 
-def _lines(node: Any, indent: int) -> list[str]:
-    pad = " " * indent
-    if isinstance(node, Mapping):
-        lines = []
-        for key, value in node.items():
-            if isinstance(value, Mapping | list):
-                lines += [f"{pad}{_scalar(key)}:", *_lines(value, indent + 2)]
-            else:
-                lines.append(f"{pad}{_scalar(key)}: {_scalar(value)}")
-        return lines
-    if not node:
-        return [f"{pad}[]"]
-    lines = []
-    for item in node:
-        if isinstance(item, Mapping | list):
-            first, *rest = _lines(item, indent + 2)
-            lines += [f"{pad}- {first[indent + 2 :]}", *rest]
-        else:
-            lines.append(f"{pad}- {_scalar(item)}")
-    return lines
+def _text(tree: Any) -> str:
+    return yaml.dump(tree, Dumper=_DUMPER, sort_keys=False, width=_NO_WRAP, allow_unicode=True)
 
 
-def _scalar(value: Any) -> str:
-    if value is None:
-        return "~"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int):
-        return str(value)
-    text = str(value).encode("utf-8", "replace").decode("utf-8")
-    plain = _PLAIN.fullmatch(text) and _RESOLVER.resolve(yaml.ScalarNode, text, (True, False)) == _STRING_TAG
-    if plain:
-        return text
-    return _UNPRINTABLE.sub(lambda match: f"\\u{ord(match[0]):04x}", json.dumps(text, ensure_ascii=False))
-
-
+_NO_WRAP = 2**31 - 1
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_PLAIN = re.compile(r"[A-Za-z0-9_/][A-Za-z0-9_/.+-]*(?: [A-Za-z0-9_/.+-]+)*")
-_UNPRINTABLE = re.compile("[\\x7f-\\x9f\\u2028\\u2029\\ufeff\\ufffe\\uffff]")
-_RESOLVER = yaml.resolver.Resolver()
-_STRING_TAG = "tag:yaml.org,2002:str"
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)

@@ -1,6 +1,7 @@
 """One MCAP file opened for reading: its index, its chunks, its attachments; every number is checked.
 
-The summary is read with the `mcap` package, the chunks with `scan`: faster, and bounded on damaged files.
+Read with the `mcap` package, but for the messages inside a chunk: it makes an object of each (2.2 us per message of a
+recorded run, `chunk_entries` 0.9 us).
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -16,9 +17,10 @@ from typing import Final, NamedTuple
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.reader import FOOTER_SIZE, SeekingReader
-from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Metadata, Schema
+from mcap.records import Attachment, AttachmentIndex, Channel, Chunk, ChunkIndex, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
 
-from slip_bags.scan import DAMAGE, MAGIC, DamagedError, RawRecord, message_fields, open_chunk, records
+from slip_bags.scan import DAMAGE, MAGIC, DamagedError, chunk_content
 from slip_core.errors import InputError
 
 _HEAD: Final = struct.Struct("<BQ")
@@ -47,7 +49,25 @@ class _Index:
     counts: dict[int, int] = field(default_factory=dict)
     start_ns: int = 0
     end_ns: int = 0
+    # Of a file without a useful index, read as a whole:
     unchunked: list[Entry] = field(default_factory=list)
+    read_attachments: dict[str, bytes] = field(default_factory=dict)
+    read_metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    def note(self, record: McapRecord) -> None:
+        """Keep a record of a file that is read as a whole."""
+        if isinstance(record, Message):
+            entry = Entry(record.log_time, record.publish_time, record.sequence, record.channel_id, record.data)
+            self.unchunked.append(entry)
+            self.counts[record.channel_id] = self.counts.get(record.channel_id, 0) + 1
+        elif isinstance(record, Schema):
+            self.schemas[record.id] = record
+        elif isinstance(record, Channel):
+            self.channels[record.id] = record
+        elif isinstance(record, Metadata):
+            self.read_metadata[record.name] = record.metadata
+        elif isinstance(record, Attachment):
+            self.read_attachments[record.name] = record.data
 
 
 class McapFile:
@@ -130,7 +150,8 @@ class McapFile:
             if isinstance(batch, list):
                 found = [entry for entry in batch if entry.channel_id in channels]
             else:
-                found = self._chunk_entries(batch, channels)
+                chunk = Chunk.read(ReadDataStream(BytesIO(self._record(batch.chunk_start_offset, Opcode.CHUNK))))
+                found = chunk_entries(chunk_content(chunk), channels)
         except DAMAGE as error:
             raise self.damaged(error) from None
         return [entry for entry in found if start_ns <= entry.log_time_ns <= end_ns]
@@ -141,14 +162,14 @@ class McapFile:
         Raises:
             InputError: one of them is damaged.
         """
-        contents = {}
+        contents = dict(self._index.read_attachments)
         try:
             for index in self._index.attachments:
-                record = self._record(index.offset, Opcode.ATTACHMENT)
-                (crc,) = struct.unpack_from("<I", record.body, len(record.body) - 4)
-                if crc not in (0, zlib.crc32(record.body[:-4])):
+                body = self._record(index.offset, Opcode.ATTACHMENT)
+                (crc,) = struct.unpack_from("<I", body, len(body) - 4)
+                if crc not in (0, zlib.crc32(body[:-4])):  # which the mcap package does not look at
                     raise DamagedError("an attachment's CRC is wrong")
-                attachment = Attachment.read(ReadDataStream(BytesIO(record.body)))
+                attachment = Attachment.read(ReadDataStream(BytesIO(body)))
                 contents[attachment.name] = attachment.data
         except DAMAGE as error:
             raise self.damaged(error) from None
@@ -160,10 +181,10 @@ class McapFile:
         Raises:
             InputError: one of them is damaged.
         """
-        found = {}
+        found = dict(self._index.read_metadata)
         try:
             for offset in self._index.metadata_offsets:
-                record = Metadata.read(ReadDataStream(BytesIO(self._record(offset, Opcode.METADATA).body)))
+                record = Metadata.read(ReadDataStream(BytesIO(self._record(offset, Opcode.METADATA))))
                 found[record.name] = record.metadata
         except DAMAGE as error:
             raise self.damaged(error) from None
@@ -226,18 +247,15 @@ class McapFile:
     def _scan(self) -> _Index:
         """Read a file without a useful index from its beginning, messages into memory."""
         index = _Index()
-        data = self._read(0, self.size)
-        for record in records(data, len(MAGIC), len(data) - len(MAGIC)):
-            if record.opcode == Opcode.CHUNK:
-                content = open_chunk(record.body)
-                if not content.intact:
-                    raise DamagedError("a chunk's CRC is wrong")
-                for inner in records(content.data, 0, len(content.data)):
-                    self._note(index, inner)
-            elif record.opcode == Opcode.DATA_END:
-                break
+        self._file.seek(0)
+        stream = StreamReader(self._file, emit_chunks=True, record_size_limit=self.size)
+        for record in stream.records:
+            if isinstance(record, Chunk):
+                content = replace(record, compression="", data=chunk_content(record))
+                for inner in breakup_chunk(content):
+                    index.note(inner)
             else:
-                self._note(index, record)
+                index.note(record)
         times = [entry.log_time_ns for entry in index.unchunked]
         if times:
             index.start_ns, index.end_ns = min(times), max(times)
@@ -245,44 +263,14 @@ class McapFile:
         self._check_index(index)
         return index
 
-    @staticmethod
-    def _note(index: _Index, record: RawRecord) -> None:
-        stream = ReadDataStream(BytesIO(record.body))
-        if record.opcode == Opcode.MESSAGE:
-            channel_id, sequence, log_time, publish_time, data = message_fields(record.body)
-            index.unchunked.append(Entry(log_time, publish_time, sequence, channel_id, data))
-            index.counts[channel_id] = index.counts.get(channel_id, 0) + 1
-        elif record.opcode == Opcode.SCHEMA:
-            schema = Schema.read(stream)
-            index.schemas[schema.id] = schema
-        elif record.opcode == Opcode.CHANNEL:
-            channel = Channel.read(stream)
-            index.channels[channel.id] = channel
-        elif record.opcode == Opcode.METADATA:
-            index.metadata_offsets.append(record.offset)
-        elif record.opcode == Opcode.ATTACHMENT:
-            found = Attachment.read(stream)
-            length, size = record.end - record.offset, len(found.data)
-            index.attachments.append(
-                AttachmentIndex(
-                    record.offset, length, found.log_time, found.create_time, size, found.name, found.media_type
-                )
-            )
-
-    def _chunk_entries(self, chunk: ChunkIndex, channels: Collection[int]) -> list[Entry]:
-        content = open_chunk(self._record(chunk.chunk_start_offset, Opcode.CHUNK).body)
-        if not content.intact:
-            raise DamagedError("a chunk's CRC is wrong")
-        return chunk_entries(content.data, channels)
-
-    def _record(self, offset: int, opcode: Opcode) -> RawRecord:
-        head = self._read(offset, 9)
-        if len(head) < 9 or head[0] != opcode:
+    def _record(self, offset: int, opcode: Opcode) -> bytes:
+        head = self._read(offset, _HEAD.size)
+        if len(head) < _HEAD.size or head[0] != opcode:
             raise DamagedError("an index that points to something else")
-        (length,) = struct.unpack_from("<Q", head, 1)
-        if length > self.size - offset - 9:
+        _, length = _HEAD.unpack(head)
+        if length > self.size - offset - _HEAD.size:
             raise DamagedError("a record longer than the file")
-        return RawRecord(opcode, offset, offset + 9 + length, self._read(offset + 9, length))
+        return self._read(offset + _HEAD.size, length)
 
     def _read(self, offset: int, length: int) -> bytes:
         self._file.seek(offset)

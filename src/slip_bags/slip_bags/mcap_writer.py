@@ -1,8 +1,8 @@
 """Write one MCAP file chunk by chunk, and give it an end inside the space it has when the disk is full.
 
-The `mcap` package's writer takes several times longer per message and cannot go on after a failed write. Here
-every chunk that was written completely is known, so an index and an end can be written behind any of them. The
-records other than messages are formed by the `mcap` package.
+The `mcap` package forms the records other than messages. Its own writer is not used: it cannot end a file inside the
+space it has, and it takes 3.6 us for a message of a recorded run where this one takes 1.1 us (`python
+test/bags/measure.py writer`), of the 18 us that the recorder needs for it in all.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import mmap
 import struct
 from collections.abc import Iterator
@@ -12,16 +13,15 @@ from typing import Final
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
 
 from slip_bags.scan import (
     DAMAGE,
     MAGIC,
     DamagedError,
     RawRecord,
-    message_fields,
+    chunk_content,
     next_chunk,
-    open_chunk,
     partial_chunk,
     records,
 )
@@ -143,12 +143,12 @@ def _plausible(record: RawRecord) -> bool:
 
 def _chunk(record: RawRecord, found: Salvage) -> Iterator[SalvagedMessage]:
     found.chunks += 1
-    try:
-        content = open_chunk(record.body)
-        data = content.data if content.intact else None
-    except DamagedError:
-        # Cut off by the end of the file: its data is shorter than it says. Anything else is damage.
-        data = partial_chunk(record.body) if not _plausible(record) else None
+    data: bytes | None = None
+    if not _plausible(record):
+        data = partial_chunk(record.body)  # cut off by the end of the file: its data is shorter than it says
+    else:
+        with contextlib.suppress(*DAMAGE):
+            data = chunk_content(Chunk.read(ReadDataStream(BytesIO(record.body))))
     if data is None:
         found.chunks_dropped += 1
         found.bytes_skipped += record.end - record.offset
@@ -182,9 +182,10 @@ def _record(record: RawRecord, found: Salvage) -> Iterator[SalvagedMessage]:
 
 
 def _message(body: bytes, found: Salvage) -> SalvagedMessage:
-    channel_id, sequence, log_time, publish_time, data = message_fields(body)
-    channel = found.channels[channel_id]
+    message = Message.read(ReadDataStream(BytesIO(body)), len(body))
+    channel = found.channels[message.channel_id]
     schema = found.schemas[channel.schema_id]
-    if max(log_time, publish_time) > _LATEST_NS or channel.message_encoding != "cdr" or schema.encoding != "ros2msg":
+    latest = max(message.log_time, message.publish_time)
+    if latest > _LATEST_NS or channel.message_encoding != "cdr" or schema.encoding != "ros2msg":
         raise DamagedError("a message that a ROS 2 bag cannot hold")
-    return SalvagedMessage(channel, schema, log_time, publish_time, sequence, data)
+    return SalvagedMessage(channel, schema, message.log_time, message.publish_time, message.sequence, message.data)

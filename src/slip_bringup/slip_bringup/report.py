@@ -12,6 +12,7 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt  # the backend must be chosen first: no display is needed
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from slip_bringup.series import RunSeries, rotation_angle_about
 from slip_core.arrays import Array
@@ -86,16 +87,7 @@ def _angle(axis: Any, runs: Mapping[str, RunSeries], normal: int) -> None:
 
 
 def _angle_of(run: RunSeries, name: str, unit: Array) -> Array:
-    return rotation_angle_about(np.array([_exp(v) for v in run.law_six(name)[:, 3:]]), unit)
-
-
-def _exp(v: Array) -> Array:
-    angle = float(np.linalg.norm(v))
-    if angle < 1e-12:
-        return np.eye(3)
-    n = v / angle
-    S = np.array([[0.0, -n[2], n[1]], [n[2], 0.0, -n[0]], [-n[1], n[0], 0.0]])
-    return np.eye(3) + np.sin(angle) * S + (1.0 - np.cos(angle)) * S @ S
+    return rotation_angle_about(Rotation.from_rotvec(run.law_six(name)[:, 3:]).as_matrix(), unit)
 
 
 def _velocity(axis: Any, runs: Mapping[str, RunSeries], index: int, title: str) -> None:

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from slip_bags.reader import Bag
-from slip_core.arrays import Array, matrix_from_quat_xyzw, quat_xyzw_from_matrix
+from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.stamps import stamp_to_ns
 
@@ -54,12 +55,12 @@ def read_series(path: Path) -> RunSeries:
         ee_pose = _messages(bag, "controller/ee_pose")[0].pose
     start_ns = stamp_to_ns(truth[0].header.stamp)
     object_position = np.array([_xyz(m.pose.pose.position) for m in odometry])
-    object_rotation = np.array([_matrix(m.pose.pose.orientation) for m in odometry])
+    object_rotation = Rotation.from_quat([_xyzw(m.pose.pose.orientation) for m in odometry]).as_matrix()
     object_twist = np.array([[*_xyz(m.twist.twist.linear), *_xyz(m.twist.twist.angular)] for m in odometry])
     # {p} is {ee} at the first tick, fixed in the object from then on.
     R_0 = object_rotation[0]
     o_x_p = R_0.T @ (np.array(_xyz(ee_pose.position)) - object_position[0])
-    o_R_p = R_0.T @ _matrix(ee_pose.orientation)
+    o_R_p = R_0.T @ Rotation.from_quat(_xyzw(ee_pose.orientation)).as_matrix()
     lever = object_rotation @ o_x_p
     linear = np.einsum("nij,nj->ni", object_rotation, object_twist[:, :3])
     angular = np.einsum("nij,nj->ni", object_rotation, object_twist[:, 3:])
@@ -94,12 +95,11 @@ def _xyz(value: Any) -> tuple[float, float, float]:
     return value.x, value.y, value.z
 
 
-def _matrix(q: Any) -> Array:
-    return matrix_from_quat_xyzw((q.x, q.y, q.z, q.w))
+def _xyzw(value: Any) -> tuple[float, float, float, float]:
+    return value.x, value.y, value.z, value.w
 
 
 def rotation_angle_about(rotations: Array, axis: Array) -> Array:
     """Return the unwrapped angle about `axis` relative to the first rotation; (N, 3, 3), (3,) {w} -> (N,) [rad]."""
-    relative = rotations @ rotations[0].T
-    half = np.array([quat_xyzw_from_matrix(R) for R in relative])
+    half = Rotation.from_matrix(rotations @ rotations[0].T).as_quat(canonical=True)
     return np.unwrap(2.0 * np.arctan2(half[:, :3] @ axis, half[:, 3]))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import math
 import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -86,27 +85,9 @@ def _added(counts: Iterable[dict[str, int]]) -> dict[str, int]:
 
 def upper_bound_95(trials: int, failures: int) -> float:
     """Return the share of failing trials that is exceeded with 5 % confidence only (Clopper and Pearson)."""
-    if trials == 0 or failures >= trials:
-        return 1.0
-    low, high = failures / trials, 1.0
-    for _ in range(100):
-        middle = 0.5 * (low + high)
-        if _binomial_at_most(failures, trials, middle) > 0.05:
-            low = middle
-        else:
-            high = middle
-    return high
+    from scipy.special import betaincinv  # takes a third of a second to import
 
-
-def _binomial_at_most(k: int, n: int, p: float) -> float:
-    logs = [
-        math.lgamma(n + 1) - math.lgamma(i + 1) - math.lgamma(n - i + 1) + i * math.log(p) + (n - i) * math.log1p(-p)
-        if 0.0 < p < 1.0
-        else -math.inf
-        for i in range(k + 1)
-    ]
-    top = max(logs)
-    return math.exp(top) * sum(math.exp(x - top) for x in logs) if top > -math.inf else 0.0
+    return 1.0 if failures >= trials else float(betaincinv(failures + 1, trials - failures, 0.95))
 
 
 def run_in_process(seed: int, trials: Iterable[int], workers: int, on_done: Callable[[Verdict], None]) -> Tally:
