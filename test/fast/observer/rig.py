@@ -1,0 +1,73 @@
+"""The observer that runs, with its buffers; imports nothing of `test`, so that it runs by itself too, interpreted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slip_core.params import build
+from slip_core.records import new, record
+from slip_vic_controller.core.params import ControllerParams
+from slip_vic_controller.observer.config import capacity, observer_config
+from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE, SAMPLE
+from slip_vic_controller.observer.observer import observe_buffers, reset_buffers
+
+MS = 1_000_000
+PLANE = (True, True, False, False, False, True)
+
+
+def make_params(**values) -> ControllerParams:
+    given = {"contacts.slip_axes": PLANE, **{name.replace("__", "."): value for name, value in values.items()}}
+    return build(ControllerParams, given, "test")
+
+
+def six(x: float = 0.0, y: float = 0.0, turn: float = 0.0) -> np.ndarray:
+    return np.array([x, y, 0.0, 0.0, 0.0, turn])
+
+
+class Observer:
+    """The observer that runs, with its buffers.
+
+    Args:
+        params: of the controller.
+        start_ns: stamp of the tick before the first one.
+        rows: capacity of the history, where it is not what the parameters ask for.
+    """
+
+    def __init__(self, params: ControllerParams, start_ns: int = 0, rows: int | None = None) -> None:
+        self.config_buffer = observer_config(params)
+        self.config = record(self.config_buffer, OBSERVER_CONFIG)
+        self.buffer = new(OBSERVER)
+        self.state = record(self.buffer, OBSERVER)
+        self.history = np.zeros((rows or capacity(params), ROW_SIZE))
+        reset_buffers(self.config_buffer, self.buffer, start_ns, np.zeros(6))
+
+    def observe(self, motion: np.ndarray, stamp_ns: int, samples) -> bool:
+        """Take in a tick, a MOTION buffer, and its samples: pairs of stamp and twist (6,)."""
+        fresh = np.zeros((len(samples), SAMPLE.itemsize // 8))
+        for sample, (sample_ns, twist) in zip(fresh.view(SAMPLE)[:, 0], samples, strict=True):
+            sample["stamp_ns"], sample["twist"] = sample_ns, twist
+        return self.observe_packed(motion, stamp_ns, fresh)
+
+    def observe_packed(self, motion: np.ndarray, stamp_ns: int, fresh: np.ndarray) -> bool:
+        """Take in a tick and its samples, rows of SAMPLE."""
+        buffers = self.config_buffer, self.buffer, self.history, motion
+        return observe_buffers(*buffers, stamp_ns, fresh, len(fresh))
+
+    def bits(self) -> bytes:
+        return self.buffer.tobytes() + self.history.tobytes()
+
+    def copy(self) -> Observer:
+        other = object.__new__(Observer)
+        other.__dict__ = {**self.__dict__, "buffer": self.buffer.copy(), "history": self.history.copy()}
+        other.state = record(other.buffer, OBSERVER)
+        return other
+
+
+def make_motion(v_ee, follow=None, force=None, drag=(0.0, 0.0, 0.0), w_o=(0.0, 0.0, 0.0), R=None) -> np.ndarray:
+    buffer = new(MOTION)
+    motion = buffer.view(MOTION)[0]  # a record by name is slower in Python
+    motion["rotation"] = np.eye(3) if R is None else R
+    motion["v_ee"], motion["drag"], motion["w_o"] = v_ee, drag, w_o
+    motion["follow"] = 0.0 if follow is None else follow
+    motion["force"] = motion["follow"] if force is None else force
+    return buffer
