@@ -1,0 +1,136 @@
+"""Whatever a file contains: a clear error or correct messages, never anything else."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from slip_bags.info import bag_report
+from slip_bags.reader import Bag
+from slip_bags.recover import recover
+from slip_bags.writer import WriterOptions
+from slip_core.errors import InputError
+from test.support.bag_maker import make_bag
+
+TOPICS = {"/a": "std_msgs/msg/String", "/b": "geometry_msgs/msg/WrenchStamped"}
+EXAMPLES = 60
+SETTINGS = settings(
+    max_examples=EXAMPLES,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+POSITION = st.floats(0.0, 1.0, exclude_max=True)
+MUTATION = st.one_of(
+    st.tuples(st.just("flip"), POSITION, st.integers(0, 7)),
+    st.tuples(st.just("write"), POSITION, st.binary(min_size=1, max_size=16)),
+    st.tuples(st.just("number"), POSITION, st.sampled_from([0, 1, 2**31, 2**32 - 1, 2**63, 2**64 - 1])),
+    st.tuples(st.just("cut"), POSITION, st.none()),
+    st.tuples(st.just("insert"), POSITION, st.binary(min_size=1, max_size=16)),
+    st.tuples(st.just("remove"), POSITION, st.integers(1, 64)),
+)
+
+
+class Sample:
+    """A whole file; hypothesis prints arguments of failures, this one shortly."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+
+
+def mutate(data: bytes, mutations: list) -> bytes:
+    content = bytearray(data)
+    for kind, place, value in mutations:
+        at = int(place * len(content))
+        if not content:
+            break
+        if kind == "flip":
+            content[at] ^= 1 << value
+        elif kind == "write":
+            content[at : at + len(value)] = value
+        elif kind == "number":
+            content[at : at + 8] = value.to_bytes(8, "little")
+        elif kind == "cut":
+            del content[at:]
+        elif kind == "insert":
+            content[at:at] = value
+        else:
+            del content[at : at + value]
+    return bytes(content)
+
+
+@pytest.fixture(scope="module", params=["zstd", "lz4", "none"])
+def sample(request, tmp_path_factory) -> Sample:
+    folder = tmp_path_factory.mktemp("fuzz") / "bag"
+    options = WriterOptions(request.param, custom_data={"a": "b"}, attachments={"x.yaml": b"a: 1"})
+    make_bag(folder, count=30, topics=TOPICS, options=options, flush_every=10)
+    return Sample((folder / "bag_0.mcap").read_bytes())
+
+
+def refused(action: Callable[..., object], *arguments: object) -> InputError | None:
+    """Run something; return the error it ends with, None where it succeeds. Any other exception passes."""
+    try:
+        action(*arguments)
+    except InputError as error:
+        return error
+    return None
+
+
+def use(path: Path) -> None:
+    """Everything a reader does."""
+    with Bag(path) as bag:
+        bag_report(bag)
+        for topic in bag.topics:
+            bag.series(topic)
+            list(bag.messages(topic))
+
+
+@SETTINGS
+@given(mutations=st.lists(MUTATION, min_size=1, max_size=4))
+def test_reading_damaged_files(sample, mutations):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "x.mcap"
+        path.write_bytes(mutate(sample.data, mutations))
+        error = refused(use, path)
+        assert "\n" not in str(error)
+
+
+@SETTINGS
+@given(mutations=st.lists(MUTATION, min_size=1, max_size=4))
+def test_recovering_damaged_files(sample, mutations):
+    """What is recovered is a whole bag."""
+    with tempfile.TemporaryDirectory() as folder:
+        path, out = Path(folder) / "x.mcap", Path(folder) / "out"
+        data = mutate(sample.data, mutations)
+        path.write_bytes(data)
+        error = refused(recover, path, out)
+        assert "\n" not in str(error)
+        assert path.read_bytes() == data
+        assert out.exists() == (error is None)
+        if error is None:
+            with Bag(out) as bag:
+                assert len(list(bag.raw())) == bag.message_count == bag.metadata.message_count
+
+
+@SETTINGS
+@given(data=st.binary(max_size=200))
+def test_reading_noise(data):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "x.mcap"
+        path.write_bytes(data)
+        with pytest.raises(InputError):
+            Bag(path)
+
+
+@SETTINGS
+@given(mutations=st.lists(MUTATION, min_size=1, max_size=3))
+def test_reading_damaged_metadata(tmp_path_factory, mutations):
+    folder = tmp_path_factory.mktemp("meta") / "bag"
+    make_bag(folder, count=1, topics=TOPICS)
+    path = folder / "metadata.yaml"
+    path.write_bytes(mutate(path.read_bytes(), mutations))
+    assert "\n" not in str(refused(use, folder))

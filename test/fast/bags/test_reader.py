@@ -1,0 +1,287 @@
+"""Reading bags: order, filters, forms of files, and every kind of bad input with one clear line."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import pytest
+from mcap.writer import CompressionType, IndexType, Writer
+
+from slip_bags.format import QosProfile, TopicInfo
+from slip_bags.reader import Bag
+from slip_bags.typedefs import find_definition
+from slip_bags.writer import BagWriter, StorageError, WriterOptions
+from slip_core.errors import InputError
+from test.support.bag_maker import PERIOD_NS, START_NS, SUITE_TOPICS, encode, make_bag
+
+TWO = {"/a": "std_msgs/msg/String", "/b": "geometry_msgs/msg/WrenchStamped"}
+STRING = find_definition("std_msgs/msg/String")
+
+
+def write_strings(path: Path, times: list[int], **writer_options: object) -> None:
+    """Write one topic with the mcap package alone, as other tools do."""
+    with path.open("wb") as file:
+        writer = Writer(file, **writer_options)
+        writer.start(profile="ros2", library="test")
+        schema = writer.register_schema(STRING.name, "ros2msg", STRING.text.encode())
+        channel = writer.register_channel("/a", "cdr", schema, {})
+        for index, time in enumerate(times):
+            text = str(index).encode() + b"\0"
+            data = b"\0\1\0\0" + struct.pack("<I", len(text)) + text
+            writer.add_message(channel, time, data, time, index)
+        writer.finish()
+
+
+def test_everything_comes_back_in_order(tmp_path):
+    content = make_bag(tmp_path / "bag", count=100)
+    expected = sorted(
+        (row[0], row[1], row[2], topic, encode(row[3])) for topic, rows in content.items() for row in rows
+    )
+    with Bag(tmp_path / "bag") as bag:
+        found = [(m.log_time_ns, m.publish_time_ns, m.sequence, m.topic, m.data) for m in bag.raw()]
+        assert {name: info.type_name for name, info in bag.topics.items()} == SUITE_TOPICS
+        assert bag.message_count == len(found)
+        assert bag.span_ns == (found[0][0], found[-1][0])
+    assert found == expected
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
+def test_filters_and_times(tmp_path, compression):
+    make_bag(tmp_path / "bag", count=100, topics=TWO, options=WriterOptions(compression))
+    first, last = START_NS + 10 * PERIOD_NS, START_NS + 20 * PERIOD_NS
+    with Bag(tmp_path / "bag") as bag:
+        assert bag.compressions == ["" if compression == "none" else compression]
+        found = list(bag.raw(["a"], start_ns=first, end_ns=last))
+        assert {message.topic for message in found} == {"/a"}
+        assert [message.log_time_ns for message in found] == list(range(first, last + 1, PERIOD_NS))
+        assert list(bag.raw(["a"], start_ns=last + 1, end_ns=last + 2)) == []
+
+
+def test_splits_are_one_bag(tmp_path):
+    content = make_bag(tmp_path / "bag", count=100, topics=TWO, options=WriterOptions(split_duration_ns=25 * PERIOD_NS))
+    with Bag(tmp_path / "bag") as bag:
+        assert [file.path for file in bag.metadata.files] == [f"bag_{index}.mcap" for index in range(4)]
+        assert [message.sequence for message in bag.raw(["/b"])] == [row[2] for row in content["/b"]]
+        assert bag.topics["/a"].message_count == 100
+    for index in range(4):
+        with Bag(tmp_path / "bag" / f"bag_{index}.mcap") as part:
+            assert set(part.topics) == set(TWO)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"use_chunking": False},
+        {"index_types": IndexType.NONE},
+        {"use_statistics": False},
+        {"repeat_channels": False, "repeat_schemas": False},
+        {"compression": CompressionType.LZ4, "chunk_size": 100},
+    ],
+    ids=["unchunked", "no index", "no statistics", "no repetition", "small chunks"],
+)
+def test_files_of_other_writers(tmp_path, options):
+    """Out of order and without what makes reading fast; the order of the result is the same."""
+    times = [START_NS + ((7 * index) % 50) for index in range(50)]
+    write_strings(tmp_path / "x.mcap", times, **options)
+    with Bag(tmp_path / "x.mcap") as bag:
+        assert [message.log_time_ns for message in bag.raw()] == sorted(times)
+        assert bag.message_count == 50
+
+
+def test_two_channels_of_one_topic_are_one_topic(tmp_path):
+    with (tmp_path / "x.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2", library="test")
+        schema = writer.register_schema(STRING.name, "ros2msg", STRING.text.encode())
+        for _ in range(2):
+            channel = writer.register_channel("/a", "cdr", schema, {"offered_qos_profiles": "rubbish: ["})
+            writer.add_message(channel, 5, b"\0\1\0\0\1\0\0\0\0", 5)
+        writer.finish()
+    with Bag(tmp_path / "x.mcap") as bag:
+        assert bag.topics["/a"].message_count == 2
+        assert len(list(bag.raw())) == 2
+
+
+def test_custom_data_and_attachments_with_and_without_folder(tmp_path):
+    options = WriterOptions(custom_data={"k": "v: 1"}, attachments={"arm.urdf": b"<robot/>", "a.yaml": b"\xff"})
+    make_bag(tmp_path / "bag", count=3, topics=TWO, options=options)
+    for path in (tmp_path / "bag", tmp_path / "bag" / "bag_0.mcap"):
+        with Bag(path) as bag:
+            assert dict(bag.custom_data) == {"k": "v: 1"}
+            assert dict(bag.attachments) == {"arm.urdf": b"<robot/>", "a.yaml": b"\xff"}
+
+
+def test_unknown_topic_offers_the_nearest(tmp_path):
+    make_bag(tmp_path / "bag", count=1, topics=TWO | {"/joint_states": "std_msgs/msg/String"})
+    with Bag(tmp_path / "bag") as bag, pytest.raises(InputError, match="did you mean /joint_states"):
+        bag.series("joint_state")
+
+
+def damage_folder(folder: Path, kind: str) -> None:
+    """Make one kind of bad bag out of a good one."""
+    mcap, metadata = folder / "bag_0.mcap", folder / "metadata.yaml"
+    data = mcap.read_bytes()
+    text = metadata.read_text()
+    if kind == "no folder":
+        for path in (mcap, metadata):
+            path.unlink()
+        folder.rmdir()
+    elif kind == "empty folder":
+        mcap.unlink()
+        metadata.unlink()
+    elif kind == "no metadata":
+        metadata.unlink()
+    elif kind == "no file":
+        mcap.unlink()
+    elif kind == "empty file":
+        mcap.write_bytes(b"")
+    elif kind == "foreign file":
+        mcap.write_bytes(b"SQLite format 3\0" * 1000)
+    elif kind == "cut":
+        mcap.write_bytes(data[:-100])
+    elif kind == "only magic":
+        mcap.write_bytes(data[:8] + data[-8:])
+    elif kind == "footer to nowhere":
+        mcap.write_bytes(data[:-28] + struct.pack("<QQI", 2**62, 2**62, 0) + data[-8:])
+    elif kind == "sqlite":
+        metadata.write_text(text.replace("storage_identifier: mcap", "storage_identifier: sqlite3"))
+    elif kind == "file compression":
+        changed = text.replace("compression_format: ''", "compression_format: zstd")
+        metadata.write_text(changed.replace("compression_mode: ''", "compression_mode: FILE"))
+    elif kind == "metadata not YAML":
+        metadata.write_text("a: [")
+    elif kind == "metadata of something else":
+        metadata.write_text("name: test\n")
+    elif kind == "metadata is binary":
+        metadata.write_bytes(bytes(range(256)))
+    elif kind == "metadata huge":
+        metadata.write_text("a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n")
+
+
+BAD_AT_OPEN = {
+    "no folder": "No such file",
+    "empty folder": "without metadata.yaml",
+    "no metadata": "bag recover",
+    "no file": "is missing",
+    "empty file": "an empty file",
+    "foreign file": "expected an MCAP file",
+    "cut": "bag recover",
+    "only magic": "bag recover",
+    "footer to nowhere": "damaged",
+    "sqlite": "ros2 bag convert",
+    "file compression": "inside MCAP",
+    "metadata not YAML": "expected YAML",
+    "metadata of something else": "rosbag2_bagfile_information",
+    "metadata is binary": r"metadata\.yaml",
+    "metadata huge": "rosbag2_bagfile_information",
+}
+
+
+@pytest.mark.parametrize("kind", BAD_AT_OPEN)
+def test_bad_bags_end_in_one_line(tmp_path, kind):
+    make_bag(tmp_path / "bag", count=20, topics=TWO)
+    damage_folder(tmp_path / "bag", kind)
+    with pytest.raises(InputError, match=BAD_AT_OPEN[kind]) as caught:
+        Bag(tmp_path / "bag")
+    assert "\n" not in str(caught.value)
+    assert caught.value.exit_code == 2
+
+
+def test_flipped_bit_in_a_chunk_is_found_by_its_crc(tmp_path):
+    make_bag(tmp_path / "bag", count=300, topics=TWO, options=WriterOptions("none"), flush_every=100)
+    path = tmp_path / "bag" / "bag_0.mcap"
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    with Bag(path) as bag, pytest.raises(InputError, match="crc"):
+        list(bag.raw())
+
+
+def test_unknown_compression_is_named(tmp_path):
+    make_bag(tmp_path / "bag", count=20, topics=TWO, options=WriterOptions("lz4"))
+    path = tmp_path / "bag" / "bag_0.mcap"
+    path.write_bytes(path.read_bytes().replace(b"\x03\0\0\0lz4", b"\x03\0\0\0xyz"))
+    with Bag(path) as bag, pytest.raises(InputError, match="unknown compression 'xyz'"):
+        list(bag.raw())
+
+
+def test_chunk_that_claims_to_be_huge(tmp_path):
+    write_strings(tmp_path / "x.mcap", [START_NS], compression=CompressionType.ZSTD)
+    data = (tmp_path / "x.mcap").read_bytes()
+    at = data.index(b"\x04\0\0\0zstd") - 12
+    (tmp_path / "x.mcap").write_bytes(data[:at] + struct.pack("<Q", 2**40) + data[at + 8 :])
+    with Bag(tmp_path / "x.mcap") as bag, pytest.raises(InputError, match="more than"):
+        list(bag.raw())
+
+
+def test_wrong_schema_and_other_encodings(tmp_path):
+    with (tmp_path / "x.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2", library="test")
+        wrong = writer.register_schema("std_msgs/msg/String", "ros2msg", b"float64[] data\n")
+        empty = writer.register_schema("a/msg/B", "ros2msg", b"")
+        channels = {
+            "/wrong": writer.register_channel("/wrong", "cdr", wrong, {}),
+            "/empty": writer.register_channel("/empty", "cdr", empty, {}),
+            "/json": writer.register_channel("/json", "json", 0, {}),
+        }
+        for channel in channels.values():
+            writer.add_message(channel, 5, b"\0\1\0\0\6\0\0\0hello\0", 5)
+        writer.finish()
+    with Bag(tmp_path / "x.mcap") as bag:
+        assert len(list(bag.raw())) == 3
+        for topic, message in (("/wrong", "message"), ("/empty", "schema"), ("/json", "no schema")):
+            with pytest.raises(InputError, match=message):
+                bag.series(topic)
+            with pytest.raises(InputError):
+                list(bag.messages(topic))
+
+
+def test_existing_output_is_refused_and_left_alone(tmp_path):
+    make_bag(tmp_path / "bag", count=3, topics=TWO)
+    before = {path: path.read_bytes() for path in (tmp_path / "bag").iterdir()}
+    with pytest.raises(InputError, match="it exists"):
+        BagWriter(tmp_path / "bag", WriterOptions())
+    assert {path: path.read_bytes() for path in (tmp_path / "bag").iterdir()} == before
+
+
+def test_output_below_a_file_is_refused(tmp_path):
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(InputError, match="a folder that can be made"):
+        BagWriter(tmp_path / "file" / "bag", WriterOptions())
+
+
+def test_unknown_compression_is_refused_before_anything_is_made(tmp_path):
+    with pytest.raises(InputError, match="zstd, lz4, none"):
+        BagWriter(tmp_path / "bag", WriterOptions("bzip2"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_closed_writer_refuses(tmp_path):
+    writer = BagWriter(tmp_path / "bag", WriterOptions())
+    writer.add_topic(TopicInfo("/a", STRING.name, (QosProfile(),), STRING.type_hash), STRING.text)
+    assert writer.close() == writer.close()
+    with pytest.raises(StorageError, match="closed"):
+        writer.write("/a", 1, 1, 1, b"")
+
+
+def test_huge_message(tmp_path):
+    """One message far larger than a chunk."""
+    writer = BagWriter(tmp_path / "bag", WriterOptions())
+    writer.add_topic(TopicInfo("/a", STRING.name, (QosProfile(),), STRING.type_hash), STRING.text)
+    size = 8 << 20
+    data = b"\0\1\0\0" + struct.pack("<I", size + 1) + b"x" * size + b"\0"
+    writer.write("/a", 1, 1, 1, data)
+    writer.close()
+    with Bag(tmp_path / "bag") as bag:
+        assert next(bag.raw()).data == data
+        assert len(bag.series("/a")["data"][0]) == size
+
+
+def test_two_readers_of_one_bag_do_not_disturb_each_other(tmp_path):
+    make_bag(tmp_path / "bag", count=30, topics=TWO)
+    with Bag(tmp_path / "bag") as bag:
+        pairs = list(zip(bag.raw(["/a"]), bag.raw(["/a"]), strict=True))
+    assert len(pairs) == 30
+    assert all(one == other for one, other in pairs)

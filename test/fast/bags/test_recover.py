@@ -1,0 +1,148 @@
+"""Recovery: cut and damaged files, and full disks."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import random
+import struct
+import tempfile
+from pathlib import Path
+
+import pytest
+from rosbags.highlevel import AnyReader
+
+from slip_bags.reader import Bag, RawMessage
+from slip_bags.recover import recover
+from slip_bags.salvage import Salvage, salvage
+from slip_bags.writer import WriterOptions
+from slip_core.errors import InputError
+from test.support.bag_maker import make_bag
+
+TOPICS = {"/a": "sensor_msgs/msg/JointState", "/b": "geometry_msgs/msg/WrenchStamped"}
+COUNT, FLUSH = 400, 40
+CUTS = 10
+DAMAGES = 8
+
+
+def digest(path: Path) -> dict[str, tuple[str, int]]:
+    """Content and modification time of every file of a bag."""
+    return {
+        file.name: (hashlib.sha256(file.read_bytes()).hexdigest(), file.stat().st_mtime_ns) for file in path.iterdir()
+    }
+
+
+def messages(path: Path) -> list[RawMessage]:
+    with Bag(path) as bag:
+        return list(bag.raw())
+
+
+@pytest.fixture(scope="module", params=["zstd", "lz4", "none"])
+def original(request, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("bag") / request.param
+    options = WriterOptions(request.param, custom_data={"seed": "7"}, attachments={"arm.urdf": b"<robot/>"})
+    make_bag(folder, count=COUNT, topics=TOPICS, options=options, flush_every=FLUSH)
+    return folder
+
+
+def test_killed_recorder_loses_nothing_that_was_flushed(original, tmp_path):
+    """Without its last 100 bytes and metadata.yaml a bag is what kill -9 leaves behind."""
+    killed = tmp_path / "killed"
+    killed.mkdir()
+    (killed / "killed_0.mcap").write_bytes((original / f"{original.name}_0.mcap").read_bytes()[:-100])
+    before = digest(killed)
+    report = recover(killed, tmp_path / "whole")
+    assert messages(tmp_path / "whole") == messages(original)
+    assert digest(killed) == before
+    with Bag(tmp_path / "whole") as bag:
+        assert bag.custom_data["seed"] == "7"
+        assert bag.custom_data["recovered"] == "true"
+        assert dict(bag.attachments) == {"arm.urdf": b"<robot/>"}
+        assert {topic.qos for topic in bag.topics.values()} == {topic.qos for topic in Bag(original).topics.values()}
+    assert report.bytes_skipped < 100
+    with AnyReader([tmp_path / "whole"]) as reader:
+        assert reader.message_count == COUNT * len(TOPICS)
+
+
+@pytest.mark.parametrize("seed", range(CUTS))
+def test_cut_anywhere(original, tmp_path, seed):
+    """What is saved is exactly the beginning; what is lost is less than one flush."""
+    data = (original / f"{original.name}_0.mcap").read_bytes()
+    end = random.Random(seed).randrange(len(data))
+    (tmp_path / "cut.mcap").write_bytes(data[:end])
+    whole = messages(original)
+    flushed = complete_chunks(data, end) * FLUSH * len(TOPICS)
+    if flushed == 0 and not savable(data[:end]):
+        with pytest.raises(InputError, match=r"no message that can be read|expected an MCAP file|an empty file"):
+            recover(tmp_path / "cut.mcap", tmp_path / "out")
+        assert not (tmp_path / "out").exists()
+        return
+    recover(tmp_path / "cut.mcap", tmp_path / "out")
+    saved = messages(tmp_path / "out")
+    assert saved == whole[: len(saved)]
+    assert len(saved) >= flushed
+
+
+def savable(data: bytes) -> bool:
+    """Whether the readable beginning of the cut first chunk has a message."""
+    found = Salvage()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "x.mcap"
+        path.write_bytes(data or b"x")
+        with contextlib.suppress(InputError):
+            return next(salvage(path, found), None) is not None
+    return False
+
+
+def complete_chunks(data: bytes, end: int) -> int:
+    """How many chunk records end before `end`, counted by hand."""
+    position, chunks = 8, 0
+    while position + 9 <= end:
+        opcode, length = struct.unpack_from("<BQ", data, position)
+        position += 9 + length
+        chunks += opcode == 6 and position <= end
+    return chunks
+
+
+@pytest.mark.parametrize("seed", range(DAMAGES))
+def test_damage_anywhere(original, tmp_path, seed):
+    """Every message that is saved is one of the original's, in order; a compressed file loses at most two chunks."""
+    rng = random.Random(seed)
+    data = bytearray((original / f"{original.name}_0.mcap").read_bytes())
+    start = rng.randrange(len(data) - 200)
+    data[start : start + 64] = rng.randbytes(64)
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    whole = messages(original)
+    recover(tmp_path / "damaged.mcap", tmp_path / "out")
+    saved = messages(tmp_path / "out")
+    assert set(saved) <= set(whole)
+    assert saved == sorted(saved, key=lambda message: message.log_time_ns)
+    if original.name != "none":  # without compression there is nothing to find the next chunk by
+        assert len(whole) - len(saved) <= 2 * FLUSH * len(TOPICS)
+
+
+def test_split_bags_keep_their_files(tmp_path):
+    make_bag(tmp_path / "bag", count=90, topics=TOPICS, options=WriterOptions(split_duration_ns=29_500_000))
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    recover(tmp_path / "bag", tmp_path / "out")
+    with Bag(tmp_path / "out") as bag:
+        assert [file.message_count for file in bag.metadata.files] == [60, 60, 60]
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [(b"", "an empty file"), (b"PK\x03\x04" * 100, "expected an MCAP file"), (None, "nothing there")],
+    ids=["empty", "foreign", "absent"],
+)
+def test_nothing_to_recover(tmp_path, content, line):
+    if content is not None:
+        (tmp_path / "x.mcap").write_bytes(content)
+    with pytest.raises(InputError, match=line):
+        recover(tmp_path / "x.mcap", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_recovery_refuses_an_existing_output(original, tmp_path):
+    (tmp_path / "out").mkdir()
+    with pytest.raises(InputError, match="it exists"):
+        recover(original, tmp_path / "out")

@@ -1,0 +1,39 @@
+"""Cores that do not sleep, where the kernel is asked: no process is needed."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import psutil
+
+from slip_msgs_py.awake import Awake
+from slip_msgs_py.realtime import ProcessOptions
+
+REFUSED = "/nowhere/cpu_dma_latency"
+
+
+def test_the_kernel_is_asked_for_no_latency_for_as_long_as_it_lasts(tmp_path: Path) -> None:
+    file = tmp_path / "cpu_dma_latency"
+    file.touch()
+    opened = lambda: [f.path for f in psutil.Process().open_files() if f.path == str(file)]  # noqa: E731
+    awake = Awake(latency_file=str(file))
+    assert awake.by_kernel
+    assert awake.pids == ()
+    assert struct.unpack("i", file.read_bytes()) == (0,)
+    # psutil lists files that are open for writing too
+    assert opened()
+    awake.end()
+    assert not opened()
+
+
+def test_without_cores_nobody_is_busy() -> None:
+    awake = Awake(latency_file=REFUSED)
+    assert not awake.by_kernel
+    assert awake.pids == ()
+    awake.end()
+
+
+def test_a_process_is_kept_awake_unless_it_says_no() -> None:
+    assert ProcessOptions().arguments() == ["--awake"]
+    assert ProcessOptions(awake=False).arguments() == []

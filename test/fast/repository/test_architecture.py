@@ -1,0 +1,119 @@
+"""The import arrows between packages, held on the source text: whatever is not listed is forbidden."""
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+SRC = Path(__file__).parents[3] / "src"
+ROS = {"rclpy", "rcl_interfaces", "std_srvs", "lifecycle_msgs"} | {
+    f"{m}_msgs" for m in ("std", "geometry", "sensor", "nav", "diagnostic", "rosgraph", "trajectory")
+} | {"builtin_interfaces"}  # fmt: skip
+NUMERIC = {"numpy", "yaml", "pydantic"}
+BAG_LIBRARIES = {"numpy", "yaml", "click", "rich", "mcap", "mcap_ros2", "zstandard", "lz4", "pandas"}
+SHELLS = {"slip_core", "slip_msgs_py"} | NUMERIC | ROS
+ROOMS = {"slip_core", "slip_msgs_py", "slip_description", "slip_vic_controller", "slip_sim_bridge", "slip_bags"}
+TOOLS = {"click", "rich", "matplotlib", "psutil", "scipy"}
+
+# Longest prefix wins. Each value: what a module may import besides the standard library and its own package.
+# Every key is a module that exists, and every module is below a key of its own package.
+ALLOWED = {
+    "slip_core": NUMERIC,
+    "slip_core.compiled": {"numba"},  # with the next two the only files that know the compiler
+    "slip_core.records": {"numpy", "numba"},
+    "slip_core.vectors": {"numba"},
+    "slip_msgs_py": {"numpy", "slip_core"} | ROS,
+    "slip_description": set(),
+    "slip_vic_controller": SHELLS,
+    "slip_vic_controller.core": {"numpy", "scipy", "pydantic", "slip_core"},
+    "slip_vic_controller.core.arm": {"numpy", "pinocchio", "slip_core"},
+    "slip_vic_controller.law": {"numpy", "slip_core"},
+    "slip_vic_controller.observer": {"numpy", "scipy", "slip_core"},
+    "slip_vic_controller.reference": {"numpy", "scipy", "slip_core"},
+    "slip_vic_controller.robot": {"numpy", "pinocchio", "slip_core"},
+    "slip_sim_bridge": SHELLS,
+    "slip_sim_bridge.sim": {"numpy", "mujoco", "pydantic", "slip_core"},
+    "slip_bags": {"slip_core", "slip_msgs_py"} | BAG_LIBRARIES | ROS,
+    "slip_bringup": ROOMS | NUMERIC | TOOLS | ROS,  # slip_campaigns is named as text and loaded on demand
+    "slip_campaigns": {"slip_bringup"} | ROOMS | NUMERIC | TOOLS | ROS,
+}
+SHARED = {"slip_vic_controller.sizes", "slip_vic_controller.core.params"}
+OWN = {  # layers inside a package: what of the own package a part may import
+    "slip_core.compiled": set(),
+    "slip_core.records": {"slip_core.arrays"},
+    "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},
+    "slip_vic_controller.core": {"slip_vic_controller.core"},
+    "slip_vic_controller.core.arm": {"slip_vic_controller.core.arm_kernel"},
+    "slip_vic_controller.law": {"slip_vic_controller.law", *SHARED},
+    "slip_vic_controller.observer": {"slip_vic_controller.observer", *SHARED},
+    "slip_vic_controller.reference": {"slip_vic_controller.reference", "slip_vic_controller.law.rotation", *SHARED},
+    "slip_vic_controller.robot": {"slip_vic_controller.law.arm", *SHARED},
+    "slip_sim_bridge.sim": {"slip_sim_bridge.sim"},
+}
+
+
+def imports(tree: ast.AST) -> set[str]:
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "relative imports hide the arrows"
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return found
+
+
+def rule_of(module: str) -> str:
+    """Return the longest key of ALLOWED that covers a module, "" where there is none."""
+    return max((key for key in ALLOWED if f"{module}.".startswith(f"{key}.")), key=len, default="")
+
+
+def violations(module: str, text: str) -> list[str]:
+    rule = rule_of(module)
+    allowed = ALLOWED[rule] | OWN.get(rule, {module.partition(".")[0]})
+    return [
+        name
+        for name in sorted(imports(ast.parse(text)))
+        if name.partition(".")[0] not in sys.stdlib_module_names
+        and not any(f"{name}.".startswith(f"{one}.") for one in allowed)
+    ]
+
+
+def modules() -> list[tuple[str, Path]]:
+    result = []
+    for path in sorted(SRC.glob("*/*/**/*.py")):
+        parts = path.relative_to(SRC).with_suffix("").parts[1:]
+        result.append((".".join(parts[:-1] if parts[-1] == "__init__" else parts), path))
+    return result
+
+
+def test_every_listed_module_exists() -> None:
+    known = {module for module, _ in modules()}
+    listed = set(ALLOWED) | set(OWN).union(*OWN.values())
+    assert listed - known == set()
+
+
+def test_every_module_is_covered() -> None:
+    assert [module for module, _ in modules() if not rule_of(module)] == []
+
+
+@pytest.mark.parametrize(("module", "path"), modules(), ids=[m for m, _ in modules()])
+def test_module_imports_only_what_its_layer_may(module: str, path: Path) -> None:
+    assert violations(module, path.read_text()) == []
+
+
+@pytest.mark.parametrize(
+    ("module", "text"),
+    [
+        ("slip_vic_controller.core.law", "import rclpy"),
+        ("slip_vic_controller.core.law", "import pinocchio"),
+        ("slip_vic_controller.node", "from slip_sim_bridge.sim import friction"),
+        ("slip_sim_bridge.node", "import slip_vic_controller"),
+        ("slip_sim_bridge.sim.friction", "from slip_msgs_py import qos"),
+        ("slip_description", "import numpy"),
+        ("slip_core.types", "from geometry_msgs.msg import Twist"),
+    ],
+)
+def test_the_rule_sees_a_forbidden_import(module: str, text: str) -> None:
+    assert violations(module, text) != []

@@ -1,0 +1,138 @@
+"""Each package is a valid ROS package and declares exactly what it imports."""
+
+import ast
+import runpy
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+import setuptools
+
+from slip_core.topics import TOPICS
+
+SRC = Path(__file__).parents[3] / "src"
+PACKAGES = sorted(path.name for path in SRC.iterdir() if (path / "setup.py").exists())
+
+# Import name: distribution on PyPI, key of rosdep (None: rosdep has none, it comes from PyPI alone).
+LIBRARIES = {
+    "click": ("click", "python3-click"),
+    "lz4": ("lz4", "python3-lz4"),
+    "matplotlib": ("matplotlib", "python3-matplotlib"),
+    "mcap": ("mcap", None),
+    "mcap_ros2": ("mcap-ros2-support", None),
+    "mujoco": ("mujoco", None),
+    "numba": ("numba", "python3-numba"),
+    "numpy": ("numpy", "python3-numpy"),
+    "pandas": ("pandas", "python3-pandas"),
+    "pinocchio": ("pin", "pinocchio"),
+    "psutil": ("psutil", "python3-psutil"),
+    "pyarrow": ("pyarrow", None),
+    "pydantic": ("pydantic", "python3-pydantic"),
+    "rich": ("rich", "python3-rich"),
+    "scipy": ("scipy", "python3-scipy"),
+    "yaml": ("pyyaml", "python3-yaml"),
+    "zstandard": ("zstandard", None),
+}
+# What a package loads without an import statement: message classes by name, the Parquet engine of pandas.
+UNSEEN = {
+    "slip_msgs_py": {row.type.partition("/")[0] for row in TOPICS.values()},
+    "slip_bags": {"pyarrow"},
+}
+
+
+def imported(text: str) -> set[str]:
+    """Return the top-level names that a source text imports, without the standard library."""
+    found = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add(str(node.module).partition(".")[0])
+    return found - set(sys.stdlib_module_names)
+
+
+def needed(name: str) -> set[str]:
+    texts = [path.read_text() for path in (SRC / name / name).rglob("*.py")]
+    return set().union(UNSEEN.get(name, set()), *map(imported, texts)) - {name}
+
+
+def wheels(imports: set[str]) -> set[str]:
+    """Return what pip must know: libraries and sisters; ROS itself is declared in package.xml alone."""
+    return {LIBRARIES[one][0] for one in imports & set(LIBRARIES)} | (imports & set(PACKAGES))
+
+
+def ros_keys(imports: set[str]) -> set[str]:
+    """Return what rosdep and colcon must know."""
+    return {LIBRARIES[one][1] for one in imports & set(LIBRARIES)} - {None} | (imports - set(LIBRARIES))
+
+
+def setup_arguments(name: str, monkeypatch: pytest.MonkeyPatch) -> dict:
+    arguments: dict = {}
+    monkeypatch.setattr(setuptools, "setup", arguments.update)
+    monkeypatch.chdir(SRC / name)
+    runpy.run_path("setup.py")
+    return arguments
+
+
+def package_xml(name: str) -> ET.Element:
+    return ET.parse(SRC / name / "package.xml").getroot()
+
+
+def test_all_packages_are_there() -> None:
+    listed = "slip_bags slip_bringup slip_campaigns slip_core slip_description slip_msgs_py slip_sim_bridge"
+    assert [*listed.split(), "slip_vic_controller"] == PACKAGES
+
+
+def test_the_run_script_installs_every_package_after_what_it_needs() -> None:
+    text = (SRC.parent / "run").read_text()
+    order = text.partition("PACKAGES=(")[2].partition(")")[0].split()
+    assert sorted(order) == PACKAGES
+    for position, name in enumerate(order):
+        assert needed(name) & set(PACKAGES) <= set(order[:position]), name
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_setup_declares_what_is_imported(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    declared = set(setup_arguments(name, monkeypatch)["install_requires"])
+    assert declared == {"setuptools"} | wheels(needed(name))
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_package_xml_declares_what_is_imported(name: str) -> None:
+    assert {node.text for node in package_xml(name).findall("exec_depend")} == ros_keys(needed(name))
+
+
+def test_imports_are_found_wherever_they_stand() -> None:
+    text = "import numpy.linalg as la\nimport os\ndef f():\n    from mcap.reader import x\n    from slip_core import y"
+    assert imported(text) == {"numpy", "mcap", "slip_core"}
+    assert wheels({"numpy", "rclpy", "slip_core"}) == {"numpy", "slip_core"}
+    assert ros_keys({"numpy", "mcap", "rclpy", "slip_core"}) == {"python3-numpy", "rclpy", "slip_core"}
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_package_xml_is_a_format_3_ament_python_package(name: str) -> None:
+    root = package_xml(name)
+    assert root.tag == "package"
+    assert root.get("format") == "3"
+    for tag in ("name", "version", "description", "maintainer", "license"):
+        assert (root.findtext(tag) or "").strip(), tag
+    assert root.findtext("name") == name
+    assert root.find("maintainer").get("email")
+    assert root.findtext("export/build_type") == "ament_python"
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_package_has_what_ament_needs(name: str) -> None:
+    folder = SRC / name
+    assert (folder / "resource" / name).is_file()
+    assert (folder / name / "py.typed").is_file()
+    assert f"$base/lib/{name}" in (folder / "setup.cfg").read_text()
+    assert 'extras_require={"test": ["pytest"]}' in (folder / "setup.py").read_text()
+
+
+def test_versions_agree() -> None:
+    versions = {package_xml(name).findtext("version") for name in PACKAGES}
+    assert len(versions) == 1
+    (version,) = versions
+    assert all(f'version="{version}"' in (SRC / name / "setup.py").read_text() for name in PACKAGES)
