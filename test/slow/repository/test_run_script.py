@@ -3,6 +3,7 @@
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -62,3 +63,52 @@ def test_without_venv(bare: Path) -> None:
     assert "no venv module" in done.stderr
     assert "apt install python3-venv" in done.stderr
     assert not (bare / ".venv").exists()
+
+
+@pytest.fixture
+def called(tmp_path: Path) -> dict[str, str]:
+    """An environment in which every checker prints its name and arguments, and does nothing else."""
+    for name in ("ruff", "mypy", "python"):
+        (tmp_path / name).write_text(f'#!/bin/sh\necho "called {name} $*"\n')
+        (tmp_path / name).chmod(0o755)
+    return {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "calls"),
+    [
+        ((), ["ruff format --check .", "ruff check .", "mypy ", "python -m pytest "]),
+        (("-k", "law"), ["ruff format --check .", "ruff check .", "mypy ", "python -m pytest -k law"]),
+        (("--fast",), ["python -m pytest -q test/fast"]),
+        (("--fast", "-x"), ["python -m pytest -q test/fast -x"]),
+    ],
+)
+def test_the_checks_of_each_tier(called: dict[str, str], arguments: tuple[str, ...], calls: list[str]) -> None:
+    done = subprocess.run(
+        [ROOT / "tools" / "check", *arguments], env=called, capture_output=True, text=True, timeout=60, check=True
+    )
+    found = [line.removeprefix("called ") for line in done.stdout.splitlines() if line.startswith("called ")]
+    assert [line.strip() for line in found] == [line.strip() for line in calls]
+
+
+HANGING = """
+import time
+
+def test_hangs():
+    time.sleep(3600)
+
+def test_goes_on():
+    pass
+"""
+
+
+def test_a_test_that_hangs_fails_and_the_next_one_runs(tmp_path: Path) -> None:
+    """With the repository's own settings, except for the time."""
+    (tmp_path / "test_hanging.py").write_text(HANGING)
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-c", ROOT / "pyproject.toml", "--rootdir", tmp_path, "--timeout", "2",
+         tmp_path / "test_hanging.py"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=100, check=False,
+    )  # fmt: skip
+    assert "1 failed, 1 passed" in done.stdout, done.stdout + done.stderr
+    assert "Timeout (>2.0s)" in done.stdout
