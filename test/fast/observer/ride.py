@@ -21,8 +21,8 @@ else:
 
 SENSOR = {"slip_sensor__noise_linear": 2e-3, "slip_sensor__noise_angular": 0.05}
 EAGER = {  # to end a slip, of any doubt
-    "observer__rest_linear": 0.5, "observer__rest_angular": 10.0, "observer__stick_share": 0.999,
-    "observer__calm_linear": 1.0, "observer__calm_angular": 100.0,
+    "observer__stick_acceleration_std_m_s2": 0.5, "observer__stick_acceleration_std_rad_s2": 10.0, "observer__stick_share": 0.999,
+    "observer__stick_speed_std_m_s": 1.0, "observer__stick_speed_std_rad_s": 100.0,
 }  # fmt: skip
 SLIDE = np.array((0.5, -0.3, 0.4, 2.0, -1.5, 3.0))
 Samples = list[tuple[int, np.ndarray]]

@@ -140,10 +140,13 @@ def test_slip_ends_when_the_estimate_is_no_longer_significant() -> None:
 def test_a_slip_of_unknown_speed_is_not_taken_for_rest() -> None:
     """After 0.1 s of a noisy wrench 2 mm/s could be none; believed as rest, the object would go on sliding unseen."""
     doubtful = {"wrench_sensor__noise_force": 0.1, "observer__drag_spread": 0.0}
-    eager = {"observer__rest_linear": 10.0, "observer__rest_angular": 1e3}  # the model itself counts as known
+    eager = {
+        "observer__stick_acceleration_std_m_s2": 10.0,
+        "observer__stick_acceleration_std_rad_s2": 1e3,
+    }  # the model itself counts as known
     ends = {}
     for calm in (6e-4, 1.0):
-        bench = Bench(**doubtful, **eager, observer__calm_linear=calm, observer__calm_angular=100.0)
+        bench = Bench(**doubtful, **eager, observer__stick_speed_std_m_s=calm, observer__stick_speed_std_rad_s=100.0)
         for _ in range(200):
             bench.step(np.zeros(6))
         for k in range(140):

@@ -10,7 +10,7 @@ from scipy.special import chdtri  # scipy.stats has the same under a clearer nam
 from slip_core.arrays import Array
 from slip_core.records import new, record
 from slip_vic_controller.core.params import ControllerParams
-from slip_vic_controller.observer.layouts import AXES, OBSERVER_CONFIG
+from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
 
 SPARE_ROWS = 64
 """Rows of the history beyond those that are expected: samples that come in a burst."""
@@ -37,33 +37,31 @@ def observer_config(params: ControllerParams) -> Array:
     # A centre of mass that is off by model_error of the lever turns a force into an angular acceleration.
     onset = tuning.model_error * lever * model.mass / inertia
 
+    least = tuning.min_slip_std_m_s, tuning.min_slip_std_rad_s
+    deviations = {  # linear, angular
+        "measurement_variance": (
+            max(math.hypot(sensor.noise_linear, sensor.quantum_linear), least[0]),
+            max(sensor.noise_angular, least[1]),
+        ),
+        "process_variance": (
+            T * math.hypot(noise[0], tuning.process_noise_linear),
+            T * math.hypot(noise[1], tuning.process_noise_angular),
+        ),
+        "drift_variance": (root_T * tuning.drift_linear, root_T * tuning.drift_angular),
+        "floor_variance": least,
+        "stick_P_bb": (tuning.stick_acceleration_std_m_s2, tuning.stick_acceleration_std_rad_s2),
+        "stick_P_vv": (tuning.stick_speed_std_m_s, tuning.stick_speed_std_rad_s),
+        "prior_P_bb": (wrench.bias_force / model.mass, bias[1]),
+        "prior_P_cc": (tuning.model_error, tuning.model_error),
+    }
+
     buffer = new(OBSERVER_CONFIG)
     config = record(buffer, OBSERVER_CONFIG)
-    for i in range(AXES):
-        is_linear = i < 3
-        config.axes[i] = int(params.contacts.slip_axes[i])
-        if is_linear:
-            measurement = max(math.hypot(sensor.noise_linear, sensor.quantum_linear), tuning.min_slip_std_m_s)
-            process = T * math.hypot(noise[0], tuning.process_noise_linear)
-            drift, floor = root_T * tuning.drift_linear, tuning.min_slip_std_m_s
-            prior_b, rest, calm = (
-                wrench.bias_force / model.mass,
-                tuning.stick_acceleration_std_m_s2,
-                tuning.stick_speed_std_m_s,
-            )
-        else:
-            measurement = max(sensor.noise_angular, tuning.min_slip_std_rad_s)
-            process = T * math.hypot(noise[1], tuning.process_noise_angular)
-            drift, floor = root_T * tuning.drift_angular, tuning.min_slip_std_rad_s
-            prior_b, rest, calm = bias[1], tuning.stick_acceleration_std_rad_s2, tuning.stick_speed_std_rad_s
-        config.measurement_variance[i] = measurement**2
-        config.process_variance[i] = process**2
-        config.drift_variance[i] = drift**2
-        config.floor_variance[i] = floor**2
-        config.stick_P_bb[i], config.stick_P_vv[i] = rest**2, calm**2
-        config.prior_P_bb[i], config.prior_P_cc[i] = prior_b**2, tuning.model_error**2
-        config.onset_gain[i] = lever * onset if is_linear else onset
-        config.dead_band[i] = sensor.dead_band_linear if is_linear else sensor.dead_band_angular
+    for name, (linear, angular) in deviations.items():
+        config[name][:3], config[name][3:] = linear**2, angular**2
+    config.axes[:] = params.contacts.slip_axes
+    config.onset_gain[:3], config.onset_gain[3:] = lever * onset, onset
+    config.dead_band[:3], config.dead_band[3:] = sensor.dead_band_linear, sensor.dead_band_angular
     count = max(int(np.sum(config.axes)), 1)
     config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
     config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))

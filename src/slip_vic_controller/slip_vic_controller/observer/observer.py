@@ -20,7 +20,7 @@ from slip_core.vectors import Spatial, Vec, mat, put, put_spatial, spatial, vec
 from slip_vic_controller.observer.axis import Axis, put_axis, read_axis
 from slip_vic_controller.observer.history import append
 from slip_vic_controller.observer.layouts import AXES, MOTION, OBSERVER, OBSERVER_CONFIG, ROW, SAMPLE, TICK_ROW
-from slip_vic_controller.observer.slip import forget, observe_slip
+from slip_vic_controller.observer.slip import drop_old_rows, observe_slip
 from slip_vic_controller.observer.stick import observe_stick
 
 
@@ -61,7 +61,7 @@ def observe(config: Any, state: Any, history: Any, motion: Any, stamp_ns: int, s
     dt = (stamp_ns - state.stamp_ns) * 1e-9
     state.stamp_ns = stamp_ns
     if state.sliding:
-        forget(config, state, rows, count)
+        drop_old_rows(config, state, rows, count)
     describe_tick(config, state, motion, dt, append(state, rows))
     for i in range(6):
         state.v_ee[i] = motion.v_ee[i]

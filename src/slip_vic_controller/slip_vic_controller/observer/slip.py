@@ -96,7 +96,7 @@ def correct_sample(config: Any, ahead: Any, row: Any) -> None:
 
 
 @part
-def run(config: Any, state: Any, rows: Any, ahead: Any, first: int) -> None:
+def rerun(config: Any, state: Any, rows: Any, ahead: Any, first: int) -> None:
     """Run the rows from number `first` on, again or for the first time; `ahead`: the filters before it."""
     for i in range(first, state.rows):
         row = row_at(state, rows, i)
@@ -150,7 +150,7 @@ def begin_stick(config: Any, state: Any) -> None:
 
 
 @part
-def forget(config: Any, state: Any, rows: Any, count: int) -> None:
+def drop_old_rows(config: Any, state: Any, rows: Any, count: int) -> None:
     """Drop rows older than the memory, and more where a tick and `count` samples would find no room; one row stays."""
     oldest_ns = state.stamp_ns - config.memory_ns
     while state.rows > 1 and (row_at(state, rows, 0).stamp_ns < oldest_ns or state.rows + 1 + count > rows.shape[0]):
@@ -158,7 +158,7 @@ def forget(config: Any, state: Any, rows: Any, count: int) -> None:
 
 
 @part
-def take_in(config: Any, state: Any, history: Any, rows: Any, samples: Any, count: int) -> int:
+def place_samples(config: Any, state: Any, history: Any, rows: Any, samples: Any, count: int) -> int:
     """Put out-of-sequence samples at the ticks at which they were measured; return the first row that is new."""
     oldest_ns, first = row_at(state, rows, 0).stamp_ns, state.rows - 1
     for k in range(count):
@@ -172,8 +172,8 @@ def take_in(config: Any, state: Any, history: Any, rows: Any, samples: Any, coun
 @part
 def observe_slip(config: Any, state: Any, history: Any, rows: Any, samples: Any, count: int) -> None:
     """Predict, correct, and test whether the slip is over; the tick's row is the last one."""
-    first = take_in(config, state, history, rows, samples, count)
-    run(config, state, rows, row_at(state, rows, first - 1).axes, first)
+    first = place_samples(config, state, history, rows, samples, count)
+    rerun(config, state, rows, row_at(state, rows, first - 1).axes, first)
     state.significance = normalised_innovation_squared(config, state)
     at_rest = is_confirmed(config, state) and state.significance < config.nis_stick
     state.quiet = state.quiet + 1 if at_rest else 0

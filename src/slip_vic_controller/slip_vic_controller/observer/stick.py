@@ -13,7 +13,7 @@ from slip_core.vectors import vec
 from slip_vic_controller.observer.axis import Axis, put_axis, read_axis, zero_velocity_update
 from slip_vic_controller.observer.history import drop_oldest, next_sample, row_at, slot
 from slip_vic_controller.observer.layouts import AXES
-from slip_vic_controller.observer.slip import run
+from slip_vic_controller.observer.slip import rerun
 
 
 @part
@@ -32,7 +32,7 @@ def add_up(state: Any, rows: Any) -> None:
 
 
 @part
-def learn(config: Any, state: Any, row: Any) -> None:
+def learn_model_errors(config: Any, state: Any, row: Any) -> None:
     """Learn the model's errors from a tick that has passed as stick."""
     for i in range(AXES):
         if config.axes[i]:
@@ -61,15 +61,15 @@ def normalised_innovation_squared(config: Any, state: Any, rows: Any) -> float:
 
 
 @part
-def share_of_mean(config: Any) -> float:
+def variance_ratio_of_mean(config: Any) -> float:
     """Return the variance of the weighted mean of samples over that of one sample; [1]."""
     return config.smoothing / (2.0 - config.smoothing)
 
 
 @part
-def listen(config: Any, state: Any, samples: Any, count: int) -> bool:
+def average_and_test_samples(config: Any, state: Any, samples: Any, count: int) -> bool:
     """Take samples into the weighted mean, in their order; return whether it was significant after any of them."""
-    share = share_of_mean(config)
+    share = variance_ratio_of_mean(config)
     seen = False
     k = -1
     for _ in range(count):
@@ -98,7 +98,7 @@ def begin_slip_of_model(config: Any, state: Any, rows: Any) -> None:
         if config.axes[i]:
             deviation = config.onset_gain[i] * drag
             state.axes[i].P_bb += deviation * deviation
-    run(config, state, rows, state.axes, 0)
+    rerun(config, state, rows, state.axes, 0)
 
 
 @part
@@ -106,7 +106,7 @@ def begin_slip_of_samples(config: Any, state: Any, rows: Any) -> None:
     """Believe the samples: the model has missed a slip, so its errors are unknown again; only this tick's row stays."""
     state.sliding = 1
     state.first, state.rows = slot(state, rows.shape[0], state.rows - 1), 1
-    row, share = row_at(state, rows, 0), share_of_mean(config)
+    row, share = row_at(state, rows, 0), variance_ratio_of_mean(config)
     for i in range(AXES):
         if config.axes[i]:
             x, m = state.axes[i], state.sample_mean[i]
@@ -121,10 +121,10 @@ def observe_stick(config: Any, state: Any, rows: Any, samples: Any, count: int) 
     """Learn from the tick that leaves the window, and test whether slip has begun; the tick's row is the last one."""
     add_up(state, rows)
     if state.rows > config.window_ticks:
-        learn(config, state, row_at(state, rows, 0))
+        learn_model_errors(config, state, row_at(state, rows, 0))
         drop_oldest(state, rows)
     state.significance = normalised_innovation_squared(config, state, rows)
-    seen = listen(config, state, samples, count)
+    seen = average_and_test_samples(config, state, samples, count)
     if state.significance > config.nis_slip:
         begin_slip_of_model(config, state, rows)
     elif seen:
