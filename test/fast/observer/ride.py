@@ -21,9 +21,12 @@ else:
 
 SENSOR = {"slip_sensor__noise_linear": 2e-3, "slip_sensor__noise_angular": 0.05}
 EAGER = {  # to end a slip, of any doubt
-    "observer__stick_acceleration_std_m_s2": 0.5, "observer__stick_acceleration_std_rad_s2": 10.0, "observer__stick_share": 0.999,
-    "observer__stick_speed_std_m_s": 1.0, "observer__stick_speed_std_rad_s": 100.0,
-}  # fmt: skip
+    "observer__stick_share": 0.999,
+    "observer__stick_acceleration_std_m_s2": 0.5,
+    "observer__stick_acceleration_std_rad_s2": 10.0,
+    "observer__stick_speed_std_m_s": 1.0,
+    "observer__stick_speed_std_rad_s": 100.0,
+}
 SLIDE = np.array((0.5, -0.3, 0.4, 2.0, -1.5, 3.0))
 Samples = list[tuple[int, np.ndarray]]
 
