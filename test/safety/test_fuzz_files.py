@@ -17,7 +17,7 @@ from slip_bringup.scenario import NODES, Scenario, load_scenario
 from slip_core.errors import InputError, SlipVicError
 from slip_core.params import ParameterModel, build, flat_names, flatten, parameter_infos, parse_assignment
 from slip_description import scenario_names, scenario_text
-from slip_sim_bridge.sim.simulation import GraspSimulation
+from slip_sim_bridge.simulation import GraspSimulation
 from slip_vic_controller.core.arm import ArmModel
 from slip_vic_controller.core.controller import VicController
 

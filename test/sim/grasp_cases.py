@@ -8,8 +8,8 @@ import numpy as np
 
 from slip_core.params import build
 from slip_description import urdf_text
-from slip_sim_bridge.sim.params import BridgeParams
-from slip_sim_bridge.sim.simulation import GraspSimulation
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.simulation import GraspSimulation
 
 G0 = 9.81
 MU_S, MU_K, STRIBECK_VELOCITY, VISCOUS, RHO = 0.5, 0.4, 0.05, 0.05, 0.03
@@ -21,7 +21,7 @@ SCALE = np.array([1.0, 1.0, RHO])
 def pad_rotation():
     """Rotation (3, 3) from {ee} to {w} at POSTURE."""
     at_rest = GraspSimulation(build(BridgeParams, {"initial_position": POSTURE}, "test"), urdf_text())
-    return at_rest.truth().rotation  # o_R_p is the identity by default
+    return at_rest.observe().truth.rotation  # o_R_p is the identity by default
 
 
 def grasp(*, gravity_on_pad=(0.0, 0.0, -1.0), offset=(0.0, 0.0, 0.0), grip=50.0, model="stribeck", **more):
@@ -49,17 +49,17 @@ def planar(six):
 
 def friction_used(simulation):
     """|S^-1 f| of the wrench on the pad [N]: what the limit mu N has to cover."""
-    return float(np.linalg.norm(planar(simulation.true_wrench().wrench) / SCALE))
+    return float(np.linalg.norm(planar(simulation.observe().wrench.wrench) / SCALE))
 
 
 def slip_speed(simulation):
     """|S v_s| [m/s]."""
-    return float(np.linalg.norm(planar(simulation.true_slip().twist) * SCALE))
+    return float(np.linalg.norm(planar(simulation.observe().slip.twist) * SCALE))
 
 
 def slip(simulation):
     """S times the slip displacement (x, y, rz); (3,) [m]."""
-    return planar(simulation.truth().slip_displacement) * SCALE
+    return planar(simulation.observe().truth.slip_displacement) * SCALE
 
 
 def shaken_hold(simulation, k, amplitude, joint=3, hertz=30.0):

@@ -7,8 +7,8 @@ import yaml
 
 from slip_core.params import build
 from slip_description import scenario_text, urdf_text
-from slip_sim_bridge.sim.params import BridgeParams
-from slip_sim_bridge.sim.simulation import GraspSimulation
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.simulation import GraspSimulation
 
 
 def scenario_params(name: str = "paper_planar", **values) -> BridgeParams:
@@ -30,7 +30,7 @@ class Shaker:
         rng = np.random.default_rng(seed)
         self.simulation, self.acceleration = simulation, acceleration
         self.hertz, self.phase = rng.uniform(0.5, 4.0, 7), rng.uniform(0.0, 2.0 * np.pi, 7)
-        self.start = simulation.joint_sample().position
+        self.start = simulation.observe().joint.position
         self.start_ns = simulation.stamp_ns
 
     def effort(self):

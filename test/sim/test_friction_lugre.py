@@ -14,7 +14,7 @@ from slip_core.errors import InputError
 from slip_sim_bridge.sim.friction import NO_STATE, Stribeck, solve_contact
 from slip_sim_bridge.sim.laws import friction_law
 from slip_sim_bridge.sim.lugre import LuGre
-from slip_sim_bridge.sim.params import FrictionParams
+from slip_sim_bridge.params import FrictionParams
 
 from .planar_block import PlanarBlock
 

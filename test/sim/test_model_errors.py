@@ -9,9 +9,9 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import build
 from slip_description import urdf_text
-from slip_sim_bridge.sim.model import build_model
-from slip_sim_bridge.sim.params import BridgeParams
-from slip_sim_bridge.sim.simulation import GraspSimulation
+from slip_sim_bridge.plant.model import build_model
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.simulation import GraspSimulation
 
 JOINTS = [f"arm_joint{i}" for i in range(1, 8)]
 

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.params import build
 from slip_description import urdf_text
-from slip_sim_bridge.sim.model import arm_spec, build_model, compile_spec
-from slip_sim_bridge.sim.params import BridgeParams
+from slip_sim_bridge.plant.model import arm_spec, build_model, compile_spec
+from slip_sim_bridge.params import BridgeParams
 
 from .grasp_twin import LWA, GraspTwin
 

@@ -41,13 +41,13 @@ def accelerated(backend, efforts):
     recorded, wrenches = [], []
     for k in range(300):
         if efforts is None:
-            effort = simulation.plant.holding_effort(simulation.joint_sample().position, 0.0, 0.0)
+            effort = simulation.plant.holding_effort(simulation.observe().joint.position, 0.0, 0.0)
             effort[0] += 4.0 if k < 100 else -4.0 if k < 200 else 0.0
         else:
             effort = efforts[k]
         recorded.append(effort)
         simulation.step(effort)
-        wrenches.append(simulation.true_wrench().wrench)
+        wrenches.append(simulation.observe().wrench.wrench)
     return recorded, np.array(wrenches), slip(simulation)
 
 
@@ -94,19 +94,19 @@ def test_native_contacts_stick_in_a_fast_swing():
     """Both bodies turn round the arm's base together; contacts that forget Jdot qdot would creep by 2 mm/s."""
     simulation = grasp(offset=(0.02, 0.01, 0.0), grip=20.0, backend="native")
     for k in range(300):
-        effort = simulation.plant.holding_effort(simulation.joint_sample().position, 0.0, 0.0)
+        effort = simulation.plant.holding_effort(simulation.observe().joint.position, 0.0, 0.0)
         effort[0] += 5.0 if k < 150 else 0.0
         simulation.step(effort)
-    assert abs(simulation.joint_sample().velocity[0]) > 1.0
+    assert abs(simulation.observe().joint.velocity[0]) > 1.0
     assert slip_speed(simulation) < CREEP_M_S
 
 
 def test_without_grip_the_object_falls_freely_between_the_rollers():
     simulation = grasp(gravity_on_pad=(1.0, 1.0, 0.0), grip=0.0, backend="native")
-    ticks, start = 100, simulation.truth().position
+    ticks, start = 100, simulation.observe().truth.position
     for _ in range(ticks):
         simulation.step(None)
-    distance = (simulation.truth().position - start) @ np.array(simulation.params.gravity) / G0
+    distance = (simulation.observe().truth.position - start) @ np.array(simulation.params.gravity) / G0
     assert distance == pytest.approx(0.5 * G0 * (1e-3 * ticks) ** 2, rel=0.01)  # semi-implicit Euler: 1 / (4 ticks)
 
 
@@ -117,8 +117,8 @@ def test_the_slip_is_the_pad_relative_to_the_object_in_both_backends():
         integral = np.zeros(3)
         for _ in range(100):
             simulation.step(None)
-            integral += 1e-3 * planar(simulation.true_slip().twist)
-        displacement = planar(simulation.truth().slip_displacement)
+            integral += 1e-3 * planar(simulation.observe().slip.twist)
+        displacement = planar(simulation.observe().truth.slip_displacement)
         assert displacement[0] < -1e-3
         # Axes of {ee} and {p} part by the angle slipped, and the rectangle rule is of first order.
         np.testing.assert_allclose(integral, displacement, atol=0.03 * np.abs(displacement).max())
@@ -130,19 +130,19 @@ def test_reset_puts_everything_back_and_equal_inputs_give_equal_bits():
     def run():
         for _ in range(30):
             simulation.step(None)
-        truth = simulation.truth()
-        return np.concatenate((truth.position, truth.twist, truth.slip_displacement, simulation.true_wrench().wrench))
+        truth = simulation.observe().truth
+        return np.concatenate((truth.position, truth.twist, truth.slip_displacement, simulation.observe().wrench.wrench))
 
     first = run()
     simulation.reset()
-    np.testing.assert_allclose(simulation.joint_sample().position, POSTURE, atol=1e-12)
+    np.testing.assert_allclose(simulation.observe().joint.position, POSTURE, atol=1e-12)
     assert np.abs(slip(simulation)).max() < 1e-6
     assert (run() == first).all()
 
 
 def test_at_the_start_the_robot_feels_the_whole_weight():
     for backend in BACKENDS:
-        wrench = grasp(offset=(0.02, 0.01, 0.0), grip=0.5, backend=backend).true_wrench().wrench
+        wrench = grasp(offset=(0.02, 0.01, 0.0), grip=0.5, backend=backend).observe().wrench.wrench
         weight, com = np.array([0.0, 0.0, -0.5 * G0]), np.array([-0.02, -0.01, 0.0])  # seen from the pad
         expected = np.concatenate((weight, np.cross(com, weight)))
         np.testing.assert_allclose(wrench, expected, atol=SAME_WRENCH * 0.5 * G0)

@@ -112,7 +112,7 @@ def test_the_wrench_on_the_robot_points_along_the_slip_of_the_object():
     simulation = grasp(gravity_on_pad=(1.0, 0.3, 0.0), offset=(0.02, 0.01, 0.0), grip=5.0)
     for _ in range(50):
         simulation.step(None)
-    pad_slip, wrench = planar(simulation.true_slip().twist), planar(simulation.true_wrench().wrench)
+    pad_slip, wrench = planar(simulation.observe().slip.twist), planar(simulation.observe().wrench.wrench)
     assert pad_slip[0] < 0.0, "the object slides along +x, so the pad slides along -x relative to it"
     scaled_slip, scaled_wrench = pad_slip * [1.0, 1.0, RHO], wrench / [1.0, 1.0, RHO]
     cosine = scaled_slip @ scaled_wrench / np.linalg.norm(scaled_slip) / np.linalg.norm(scaled_wrench)
@@ -121,10 +121,10 @@ def test_the_wrench_on_the_robot_points_along_the_slip_of_the_object():
 
 def test_without_grip_the_object_falls_freely_in_the_pads_plane():
     simulation = grasp(gravity_on_pad=(1.0, 1.0, 0.0), grip=0.0)
-    ticks, dt, start = 100, 1e-3, simulation.truth().position
+    ticks, dt, start = 100, 1e-3, simulation.observe().truth.position
     for _ in range(ticks):
         simulation.step(None)
-    distance = (simulation.truth().position - start) @ np.array(simulation.params.gravity) / G0
+    distance = (simulation.observe().truth.position - start) @ np.array(simulation.params.gravity) / G0
     exact = 0.5 * G0 * ticks * (ticks + 1) * dt**2  # semi-implicit Euler's own closed form
     assert distance == pytest.approx(exact, rel=1e-3)  # the held arm gives way a little when the load goes
 
@@ -155,7 +155,7 @@ def test_automatic_sub_steps_keep_a_light_object_in_a_firm_grip_stable():
     for k in range(300):
         simulation.set_grip_force(0.5 if 20 <= k < 60 else 20.0)
         simulation.step(None)
-        assert np.isfinite(simulation.true_wrench().wrench).all()
+        assert np.isfinite(simulation.observe().wrench.wrench).all()
     assert slip_speed(simulation) < STUCK_M_S
     assert np.linalg.norm(slip(simulation)) > 1e-3
-    assert len(POSTURE) == simulation.joint_sample().position.size
+    assert len(POSTURE) == simulation.observe().joint.position.size

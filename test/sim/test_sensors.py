@@ -7,8 +7,8 @@ import pytest
 
 from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
-from slip_sim_bridge.sim.params import BridgeParams
-from slip_sim_bridge.sim.sensors import SensorSuite
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.sensors.suite import SensorSuite
 
 MS = 1_000_000
 SIGMAS = 5.0  # a fair sample of fixed seed lies well within

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slip_core.errors import InputError, SlipVicError
-from slip_sim_bridge.sim.plant import DivergenceError
+from slip_sim_bridge.plant import DivergenceError
 
 from .scenes import Shaker, scene
 
@@ -18,14 +18,14 @@ SCENARIOS = ["paper_planar", "vertical_plane", "glass_transport"]
 
 def state_of(simulation):
     """Everything a simulation publishes, as one array."""
-    joint, truth = simulation.joint_sample(), simulation.truth()
+    joint, truth = simulation.observe().joint, simulation.observe().truth
     return np.concatenate(
         (
             joint.position,
             joint.velocity,
             joint.effort,
-            simulation.true_wrench().wrench,
-            simulation.true_slip().twist,
+            simulation.observe().wrench.wrench,
+            simulation.observe().slip.twist,
             truth.position,
             truth.rotation.ravel(),
             truth.twist,
@@ -37,14 +37,14 @@ def state_of(simulation):
 @pytest.mark.parametrize("backend", ["implicit", "native"])
 def test_holds_until_the_first_command(backend):
     simulation = scene(backend=backend)
-    start = simulation.joint_sample()
+    start = simulation.observe().joint
     for _ in range(2000 if backend == "implicit" else 50):
         simulation.step(None)
         assert simulation.holding
-    end = simulation.joint_sample()
+    end = simulation.observe().joint
     tolerance = STILL if backend == "implicit" else 1e-4  # native contacts are soft
     np.testing.assert_allclose(end.position, start.position, rtol=0, atol=tolerance)
-    assert np.abs(simulation.truth().slip_displacement).max() < tolerance
+    assert np.abs(simulation.observe().truth.slip_displacement).max() < tolerance
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
@@ -52,8 +52,8 @@ def test_scenarios_hold_the_object_at_rest(name):
     simulation = scene(name)
     for _ in range(500):
         simulation.step(None)
-    assert np.abs(simulation.truth().slip_displacement).max() < STILL
-    assert np.abs(simulation.joint_sample().velocity).max() < STILL
+    assert np.abs(simulation.observe().truth.slip_displacement).max() < STILL
+    assert np.abs(simulation.observe().joint.velocity).max() < STILL
 
 
 def test_first_samples_are_those_of_the_held_arm():
@@ -62,7 +62,7 @@ def test_first_samples_are_those_of_the_held_arm():
     simulation.step(None)
     np.testing.assert_allclose(state_of(simulation), before, rtol=0, atol=STILL)
     weight = simulation.params.object.mass * 9.81
-    wrench = simulation.true_wrench().wrench  # object on robot: down, and 20 mm in front of the pads
+    wrench = simulation.observe().wrench.wrench  # object on robot: down, and 20 mm in front of the pads
     np.testing.assert_allclose(wrench, [0, 0, -weight, 0, 0.02 * weight, 0], rtol=0, atol=1e-7)
 
 
@@ -70,11 +70,11 @@ def test_holds_where_it_stands_when_commands_stop():
     simulation = scene(grip__force=50.0)
     for _ in Shaker(simulation, 1).run(200):
         assert not simulation.holding
-    left = simulation.joint_sample()
+    left = simulation.observe().joint
     assert np.abs(left.velocity).max() > 0.05, "the arm must be moving"
     for _ in range(2000):
         simulation.step(None)
-    rest = simulation.joint_sample()
+    rest = simulation.observe().joint
     assert simulation.holding
     np.testing.assert_allclose(rest.position, left.position, rtol=0, atol=1e-4)
     np.testing.assert_allclose(rest.velocity, 0.0, atol=1e-4)
@@ -84,20 +84,20 @@ def test_effort_is_clipped_to_the_urdf_limits():
     simulation = scene()
     simulation.step(np.full(7, 1e6) * [1, -1, 1, -1, 1, -1, 1])
     assert simulation.effort_saturated
-    np.testing.assert_array_equal(simulation.joint_sample().effort, LIMIT * [1, -1, 1, -1, 1, -1, 1])
+    np.testing.assert_array_equal(simulation.observe().joint.effort, LIMIT * [1, -1, 1, -1, 1, -1, 1])
     simulation.reset()
-    within = simulation.joint_sample().effort + 0.1
+    within = simulation.observe().joint.effort + 0.1
     simulation.step(within)
     assert not simulation.effort_saturated
-    np.testing.assert_array_equal(simulation.joint_sample().effort, within)
+    np.testing.assert_array_equal(simulation.observe().joint.effort, within)
 
 
 def test_applied_effort_accelerates_the_arm_as_the_mass_matrix_says():
     simulation = scene(grip__force=50.0)
-    hold, extra = simulation.joint_sample().effort, np.array([1.0, -2.0, 0.5, 1.0, -0.3, 0.2, 0.1])
+    hold, extra = simulation.observe().joint.effort, np.array([1.0, -2.0, 0.5, 1.0, -0.3, 0.2, 0.1])
     simulation.step(hold + extra)
-    unit = simulation.plant.holding_effort(simulation.joint_sample().position, 0.0, -1.0)  # bias + M qd
-    idle = simulation.plant.holding_effort(simulation.joint_sample().position, 0.0, 0.0)
+    unit = simulation.plant.holding_effort(simulation.observe().joint.position, 0.0, -1.0)  # bias + M qd
+    idle = simulation.plant.holding_effort(simulation.observe().joint.position, 0.0, 0.0)
     np.testing.assert_allclose(unit - idle, 1e-3 * extra, rtol=0, atol=1e-5)  # M qd = dt extra
 
 
@@ -105,15 +105,15 @@ def test_applied_effort_accelerates_the_arm_as_the_mass_matrix_says():
 @pytest.mark.parametrize("joint", [0, 6])
 def test_effort_that_is_not_finite_is_refused_and_the_arm_holds(bad, joint):
     simulation = scene()
-    start = simulation.joint_sample().position
-    effort = simulation.joint_sample().effort.copy()
+    start = simulation.observe().joint.position
+    effort = simulation.observe().joint.effort.copy()
     effort[joint] = bad
     for _ in range(20):
         simulation.step(effort)
         assert simulation.command_refused
         assert simulation.holding
     assert np.isfinite(state_of(simulation)).all()
-    np.testing.assert_allclose(simulation.joint_sample().position, start, rtol=0, atol=STILL)
+    np.testing.assert_allclose(simulation.observe().joint.position, start, rtol=0, atol=STILL)
     simulation.step(np.zeros(7))
     assert not simulation.command_refused
     assert not simulation.holding
@@ -134,8 +134,8 @@ def test_clock_counts_whole_nanoseconds():
     for k in range(1, 4):
         simulation.step(None)
         assert simulation.stamp_ns == k * 700_000
-        assert simulation.joint_sample().stamp_ns == simulation.truth().stamp_ns == simulation.stamp_ns
-        assert simulation.true_wrench().stamp_ns == simulation.true_slip().stamp_ns == simulation.stamp_ns
+        assert simulation.observe().joint.stamp_ns == simulation.observe().truth.stamp_ns == simulation.stamp_ns
+        assert simulation.observe().wrench.stamp_ns == simulation.observe().slip.stamp_ns == simulation.stamp_ns
 
 
 @pytest.mark.parametrize("model", ["stribeck", "coulomb", "lugre"])
@@ -143,7 +143,7 @@ def test_reset_brings_everything_back_but_time(model):
     simulation = scene(friction__model=model)
     start = state_of(simulation)
     first = [state_of(simulation) for _ in Shaker(simulation, 2).run(300)]
-    assert np.abs(simulation.truth().slip_displacement).max() > 1e-3
+    assert np.abs(simulation.observe().truth.slip_displacement).max() > 1e-3
     simulation.set_grip_force(3.0)
     simulation.step(np.full(7, np.nan))
     stamp = simulation.stamp_ns
@@ -170,21 +170,21 @@ def test_grip_force_is_an_input():
     shaker = Shaker(simulation, 4)
     for _ in shaker.run(200):
         pass
-    assert np.abs(simulation.truth().slip_displacement).max() < STILL
+    assert np.abs(simulation.observe().truth.slip_displacement).max() < STILL
     simulation.set_grip_force(0.05)
     for _ in shaker.run(100):
         pass
-    assert np.abs(simulation.truth().slip_displacement).max() > 1e-3
+    assert np.abs(simulation.observe().truth.slip_displacement).max() > 1e-3
 
 
 def test_without_grip_there_is_no_friction():
     simulation = scene("vertical_plane")
     simulation.set_grip_force(0.0)
-    before = simulation.truth().twist[2]
+    before = simulation.observe().truth.twist[2]
     for _ in range(100):
         simulation.step(None)
-    assert simulation.truth().twist[2] - before == pytest.approx(-9.81 * 0.1, rel=1e-3)  # falls freely
-    assert np.abs(simulation.true_wrench().wrench[[0, 1, 5]]).max() < 1e-3
+    assert simulation.observe().truth.twist[2] - before == pytest.approx(-9.81 * 0.1, rel=1e-3)  # falls freely
+    assert np.abs(simulation.observe().wrench.wrench[[0, 1, 5]]).max() < 1e-3
 
 
 @pytest.mark.parametrize("force", [-0.1, np.nan, np.inf])
@@ -241,8 +241,8 @@ def test_light_object_in_a_firm_grip_is_sub_stepped_automatically():
         simulation.plant.data.qvel[-3:] = started
         for _ in range(20):
             simulation.step(None)
-        assert not simulation.true_slip().twist.round(9).any(), "it must have come to rest"
-        ends[substeps] = np.linalg.norm(simulation.truth().slip_displacement[:2])
+        assert not simulation.observe().slip.twist.round(9).any(), "it must have come to rest"
+        ends[substeps] = np.linalg.norm(simulation.observe().truth.slip_displacement[:2])
     backward_euler = 0.5 * np.linalg.norm(started[:2]) * 1e-3  # what one step of 1 ms may be off
     assert ends[64] > 1e-4
     assert abs(ends[0] - ends[64]) < 0.5 * backward_euler
@@ -255,13 +255,13 @@ AT_THE_STOP = (-0.47, 0.04, -0.52, -0.2, -1.11, 1.2, 0.9)
 def driven_into_the_stop(grip, ticks=300):
     """Drive joint 4 into its stop, which shakes hand and object hard; yield after every tick at the stop."""
     simulation = scene(initial_position=AT_THE_STOP, grip__force=grip)
-    effort = simulation.joint_sample().effort.copy()
+    effort = simulation.observe().joint.effort.copy()
     effort[3] += 30.0
     for _ in range(ticks):
         simulation.step(effort)
         if simulation.plant.data.nefc:
             yield simulation
-    assert simulation.joint_sample().position[3] < 0.0
+    assert simulation.observe().joint.position[3] < 0.0
 
 
 def test_friction_stays_within_its_limit_at_a_joint_stop():
@@ -269,7 +269,7 @@ def test_friction_stays_within_its_limit_at_a_joint_stop():
     for simulation in driven_into_the_stop(20.0):
         friction, grip = simulation.params.friction, simulation.grip_force
         scale = np.array([1.0, 1.0, friction.torsional_radius])
-        h, v = simulation.true_wrench().wrench[[0, 1, 5]], simulation.true_slip().twist[[0, 1, 5]]
+        h, v = simulation.observe().wrench.wrench[[0, 1, 5]], simulation.observe().slip.twist[[0, 1, 5]]
         speed = np.linalg.norm(v * scale)
         assert np.linalg.norm(h / scale) <= friction.mu_s * grip + friction.viscous * speed + 1e-6
         slipped, touched = max(slipped, speed), touched + 1
@@ -281,8 +281,8 @@ def test_stick_is_exact_at_a_joint_stop():
     """Without regard to the stop's force the object would slip 2 mm, although the grip could hold it three times."""
     used, touched = 0.0, 0
     for simulation in driven_into_the_stop(200.0):
-        used = max(used, np.linalg.norm(simulation.true_wrench().wrench[[0, 1, 5]] / [1.0, 1.0, 0.03]))
+        used = max(used, np.linalg.norm(simulation.observe().wrench.wrench[[0, 1, 5]] / [1.0, 1.0, 0.03]))
         touched += 1
     assert touched > 100
     assert 20.0 < used < 0.5 * 200.0
-    assert np.abs(simulation.truth().slip_displacement).max() < STILL
+    assert np.abs(simulation.observe().truth.slip_displacement).max() < STILL

@@ -29,17 +29,17 @@ def classical_slip(**controller):
     groups["gains"] = {**groups["gains"], **controller}
     simulation = scene("paper_planar")
     law = VicController(build(ControllerParams, groups, "test"), urdf_text())
-    state, peak, peak_x = law.initial_state(simulation.joint_sample()), 0.0, 0.0
+    state, peak, peak_x = law.initial_state(simulation.observe().joint), 0.0, 0.0
     for _ in range(TICKS):
-        wrench, slip = (simulation.true_wrench(),), (simulation.true_slip(),)
-        tick = law.step(state, simulation.joint_sample(), wrench, slip, None)
+        wrench, slip = (simulation.observe().wrench,), (simulation.observe().slip,)
+        tick = law.step(state, simulation.observe().joint, wrench, slip, None)
         state = tick.state
         simulation.step(tick.command.effort)
         slipping = (
-            law.arm.terms(simulation.joint_sample().position, np.zeros(7)).rotation @ simulation.true_slip().twist[:3]
+            law.arm.terms(simulation.observe().joint.position, np.zeros(7)).rotation @ simulation.observe().slip.twist[:3]
         )
         peak, peak_x = max(peak, np.hypot(*slipping[:2])), max(peak_x, abs(slipping[0]))
-    s = simulation.truth().slip_displacement
+    s = simulation.observe().truth.slip_displacement
     return np.hypot(s[0], s[1]), abs(s[5]), peak, peak_x
 
 

@@ -38,7 +38,7 @@ def test_slip_velocity_is_pad_minus_object_material(name, seed):
     """v_s = v_ee - G^T v_o from world-frame twists: v_ee by Pinocchio, v_o and poses from the truth."""
     history = []
     for simulation, twin in shaken(name, seed):
-        joint, truth, slip = simulation.joint_sample(), simulation.truth(), simulation.true_slip()
+        joint, truth, slip = simulation.observe().joint, simulation.observe().truth, simulation.observe().slip
         x_ee, R_ee, v_ee = twin.ee_pose_and_twist(joint.position, joint.velocity)
         G = np.eye(6)
         G[3:, :3] = skew(x_ee - truth.position)
@@ -53,7 +53,7 @@ def test_slip_velocity_is_pad_minus_object_material(name, seed):
 def test_slip_displacement_is_the_pose_of_the_pad_in_the_grasp_frame(name, seed):
     history = []
     for simulation, twin in shaken(name, seed):
-        joint, truth = simulation.joint_sample(), simulation.truth()
+        joint, truth = simulation.observe().joint, simulation.observe().truth
         x_ee, R_ee, _ = twin.ee_pose_and_twist(joint.position, joint.velocity)
         R_p = truth.rotation @ twin.o_R_p
         x_p = truth.position + truth.rotation @ twin.o_x_p
@@ -69,7 +69,7 @@ def test_slip_displacement_integrates_slip_velocity(seed):
     """ds/dt = v_s turned to {p} axes."""
     total, reach, period = np.zeros(6), 0.0, 1e-4
     for simulation, _ in shaken("paper_planar", seed, ticks=4000, control_period_s=period):
-        truth = simulation.truth()
+        truth = simulation.observe().truth
         p_R_ee = Rotation.from_rotvec(truth.slip_displacement[3:].copy()).as_matrix()
         total += period * rotate6(p_R_ee, truth.slip_velocity)
         reach = max(reach, np.abs(truth.slip_displacement).max())
@@ -80,7 +80,7 @@ def test_slip_displacement_integrates_slip_velocity(seed):
 @pytest.mark.parametrize(("name", "seed"), SHAKES)
 def test_object_truth_matches_the_twin(name, seed):
     for simulation, twin in shaken(name, seed, ticks=200):
-        truth, data = simulation.truth(), simulation.plant.data
+        truth, data = simulation.observe().truth, simulation.plant.data
         x_p, R_p, v_p = twin.p_pose_and_twist(data.qpos, data.qvel)
         R_o = R_p @ twin.o_R_p.T
         np.testing.assert_allclose(truth.rotation, R_o, rtol=0, atol=EXACT)
@@ -105,7 +105,7 @@ def test_wrench_is_minus_the_force_that_moves_the_object(name, seed):
         pin.framesForwardKinematics(twin.model, twin.data, q)
         p_in_ee = twin.data.oMf[twin.ee].actInv(twin.data.oMf[twin.p])
         h_ee = -p_in_ee.act(force).vector
-        np.testing.assert_allclose(simulation.true_wrench().wrench, h_ee, rtol=0, atol=EXACT)
+        np.testing.assert_allclose(simulation.observe().wrench.wrench, h_ee, rtol=0, atol=EXACT)
         biggest = max(biggest, np.abs(data.qpos[-3:]).max())
     assert biggest > 1e-3, "the contact must have moved away from where the object was grasped"
 
@@ -117,10 +117,10 @@ def test_object_dynamics_by_finite_differences(name, seed):
     simulation = scene(name, control_period_s=period)
     twin, shaker = GraspTwin(simulation.params, urdf_text()), Shaker(simulation, seed)
     residuals, sizes = [], []
-    before, joint = simulation.truth(), simulation.joint_sample()
+    before, joint = simulation.observe().truth, simulation.observe().joint
     for _ in range(2000):
         simulation.step(shaker.effort())
-        after = simulation.truth()
+        after = simulation.observe().truth
         x_ee, R_ee, _ = twin.ee_pose_and_twist(joint.position, joint.velocity)
         R_o, w_o = before.rotation, before.twist[3:]
         J = R_o @ twin.J_o @ R_o.T
@@ -128,10 +128,10 @@ def test_object_dynamics_by_finite_differences(name, seed):
         left = np.concatenate((twin.mass * (a_o[:3] - twin.gravity), J @ a_o[3:] + np.cross(w_o, J @ w_o)))
         G = np.eye(6)
         G[3:, :3] = skew(x_ee - before.position)
-        h_o = G @ rotate6(R_ee, simulation.true_wrench().wrench)
+        h_o = G @ rotate6(R_ee, simulation.observe().wrench.wrench)
         residuals.append(np.abs(left + h_o))
         sizes.append(np.abs(h_o))
-        before, joint = after, simulation.joint_sample()
+        before, joint = after, simulation.observe().joint
     residuals, sizes = np.array(residuals), np.array(sizes)
     for half in (slice(0, 3), slice(3, 6)):
         assert np.quantile(residuals[:, half], 0.99) < FIRST_ORDER * sizes[:, half].max()
@@ -143,7 +143,7 @@ def test_slip_dissipates_exactly_the_friction_law(name, seed):
     friction, grip = scenario_params(name).friction, scenario_params(name).grip.force
     scale, slipped = np.array([1.0, 1.0, friction.torsional_radius]), 0
     for simulation, _ in shaken(name, seed, ticks=2000, control_period_s=1e-4):
-        v_s, h = simulation.true_slip().twist[[0, 1, 5]], simulation.true_wrench().wrench[[0, 1, 5]]
+        v_s, h = simulation.observe().slip.twist[[0, 1, 5]], simulation.observe().wrench.wrench[[0, 1, 5]]
         s, used = np.linalg.norm(scale * v_s), np.linalg.norm(h / scale)
         if s > 1e-9:
             mu = friction.mu_k + (friction.mu_s - friction.mu_k) * np.exp(-((s / friction.stribeck_velocity) ** 2))
@@ -165,10 +165,10 @@ def test_energy_balance(seed):
         shaker, plant = Shaker(simulation, seed), simulation.plant
         start, work = energy(plant), 0.0
         for _ in range(round(0.4 / period)):
-            v = simulation.joint_sample().velocity
+            v = simulation.observe().joint.velocity
             simulation.step(shaker.effort())
-            joint = simulation.joint_sample()
-            friction = simulation.true_wrench().wrench[[0, 1, 5]] @ simulation.true_slip().twist[[0, 1, 5]]
+            joint = simulation.observe().joint
+            friction = simulation.observe().wrench.wrench[[0, 1, 5]] @ simulation.observe().slip.twist[[0, 1, 5]]
             work += period * (joint.effort @ (v + joint.velocity) / 2 + friction)
         losses.append(abs(energy(plant) - start - work))
     assert losses[2] < 0.005 * abs(work)

@@ -11,10 +11,10 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
-from slip_sim_bridge.presets import load_preset, preset_names
-from slip_sim_bridge.sim.params import BridgeParams
-from slip_sim_bridge.sim.sensors import SensorSuite
-from slip_sim_bridge.sim.slip_measure import dead_band, lifted_chip_reading
+from slip_sim_bridge.sensors.presets import load_preset, preset_names
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.sensors.suite import SensorSuite
+from slip_sim_bridge.sensors.slip import dead_band, lifted_chip_reading
 
 MS = 1_000_000
 ROUNDING = 1e-12

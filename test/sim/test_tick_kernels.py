@@ -9,7 +9,7 @@ import pytest
 
 from slip_sim_bridge.sim.drive_kernel import CLIPPED, NOT_FINITE, OBEYED, drive
 from slip_sim_bridge.sim.sensor_kernel import draw_chances, exceeds
-from slip_sim_bridge.sim.simulation import driven_effort
+from slip_sim_bridge.simulation import driven_effort
 
 
 @pytest.mark.parametrize("largest_change", [0.0, 0.5, math.inf])

@@ -26,9 +26,9 @@ from slip_core.params import (
 )
 from slip_core.resources import read_text
 from slip_description import scenario_names, scenario_text
-from slip_sim_bridge.node_params import BridgeNodeParams
-from slip_sim_bridge.presets import SensorPreset, load_preset
-from slip_sim_bridge.sim.simulation import GraspSimulation
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.sensors.presets import SensorPreset, load_preset
+from slip_sim_bridge.simulation import GraspSimulation
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.node_params import ControllerNodeParams
 
@@ -37,7 +37,7 @@ Estimator = Literal["measured", "observer"]
 Mode = Literal["lockstep", "realtime"]
 NODES: dict[str, tuple[str, type[ParameterModel]]] = {
     "controller": ("slip_vic_controller", ControllerNodeParams),
-    "bridge": ("slip_sim_bridge", BridgeNodeParams),
+    "bridge": ("slip_sim_bridge", BridgeParams),
 }
 
 IN_REAL_TIME: dict[str, Any] = {"gains.spin": "bounded"}
@@ -65,7 +65,7 @@ class Scenario:
     description: str
     text: str
     controller: ControllerNodeParams
-    bridge: BridgeNodeParams
+    bridge: BridgeParams
     urdf: str
 
     def check(self) -> None:
@@ -119,7 +119,7 @@ def load_scenario(
     for assignment in assignments:
         _assign(values, *parse_assignment(assignment))
     controller_params = build(ControllerNodeParams, values["controller"], f"{origin}: controller")
-    bridge_params = build(BridgeNodeParams, values["bridge"], f"{origin}: bridge")
+    bridge_params = build(BridgeParams, values["bridge"], f"{origin}: bridge")
     urdf = bridge_params.robot_description or read_text(
         bridge_params.robot_description_file, "parameter robot_description_file"
     )

@@ -14,7 +14,7 @@ import typing
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, ClassVar, Final, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -32,6 +32,9 @@ class ParameterModel(BaseModel):
     """Base of all parameter groups: frozen, strict about unknown names, finite numbers only."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True)
+
+    AT_RUNTIME: ClassVar[bool] = False
+    """True where every parameter of the group may change at run time."""
 
 
 def parameter(
@@ -87,7 +90,7 @@ def parameter_infos(model: type[ParameterModel], prefix: str = "") -> Iterator[P
             unit=str(extra.get("unit", "")),
             description=field.description or "",
             bounds=_types.MappingProxyType(bounds),
-            runtime=bool(extra.get("runtime", False)),
+            runtime=model.AT_RUNTIME or bool(extra.get("runtime", False)),
             formerly=str(extra.get("formerly", "")),
         )
 

@@ -1,6 +1,6 @@
 """The bridge node: publishes what the simulated arm and its sensors measure, applies the efforts that come back.
 
-A thin shell around `slip_sim_bridge.sim`: topics, clock, lockstep and pacing; no physics here.
+A thin shell around `slip_sim_bridge.session`: topics, clock, lockstep and pacing; no physics here.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import allow_changes, declare
 from slip_msgs_py.spinning import Spinner
 from slip_sim_bridge import pacing
-from slip_sim_bridge.node_params import BridgeNodeParams
 from slip_sim_bridge.pacing import Pacer
+from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.session import BridgeSession, TickOutputs
 
 PROGRESS_EVERY_S = 0.1
@@ -46,7 +46,7 @@ class SlipSimBridge(Node):
 
     def __init__(self, executor: Any = None) -> None:
         super().__init__("slip_sim_bridge", automatically_declare_parameters_from_overrides=True)
-        self.params = declare(self, BridgeNodeParams)
+        self.params = declare(self, BridgeParams)
         urdf = self.params.robot_description or read_text(
             self.params.robot_description_file, "parameter robot_description_file"
         )
@@ -67,7 +67,7 @@ class SlipSimBridge(Node):
         self._create_endpoints(urdf)
         self._executor.add_node(self)
 
-    def _on_change(self, wanted: BridgeNodeParams) -> None:
+    def _on_change(self, wanted: BridgeParams) -> None:
         """Take changed run-time parameters: sensor faults and grip force."""
         self.session.set_faults(wanted.sensors)
         if wanted.grip.force != self.params.grip.force:

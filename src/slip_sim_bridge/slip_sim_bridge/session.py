@@ -12,10 +12,10 @@ import numpy as np
 from slip_core.arrays import Array, readonly
 from slip_core.stamps import seconds_to_ns
 from slip_core.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
-from slip_sim_bridge.node_params import BridgeNodeParams
-from slip_sim_bridge.sim.sensor_params import SensorsParams
-from slip_sim_bridge.sim.sensors import SensorSuite
-from slip_sim_bridge.sim.simulation import GraspSimulation, Readings
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.sensors.params import SensorsParams
+from slip_sim_bridge.sensors.suite import SensorSuite
+from slip_sim_bridge.simulation import GraspSimulation, Readings
 
 NO_EFFORT = readonly(np.zeros(0))
 
@@ -49,7 +49,7 @@ class BridgeSession:
         urdf_text: the arm.
     """
 
-    def __init__(self, params: BridgeNodeParams, urdf_text: str) -> None:
+    def __init__(self, params: BridgeParams, urdf_text: str) -> None:
         self._params = params
         self.simulation = GraspSimulation(params, urdf_text)
         self._sensors = SensorSuite(params)

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.params import build
 from slip_description import scenario_names, scenario_text, urdf_text
-from slip_sim_bridge.sim.params import BridgeParams
-from slip_sim_bridge.sim.simulation import GraspSimulation
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.simulation import GraspSimulation
 from slip_vic_controller.core.params import ControllerParams
 
 NAMES = ["glass_transport", "paper_planar", "vertical_plane"]
@@ -78,7 +78,7 @@ def test_paper_planar_has_the_paper_gains_where_the_pads_slip():
 @pytest.mark.parametrize(("name", "normal_world"), [(n, (1, 0, 0) if "vert" in n else (0, 0, 1)) for n in NAMES])
 def test_object_starts_on_world_axes_with_the_pads_normal_as_described(name, normal_world):
     params = bridge_params(name)
-    truth = GraspSimulation(params, urdf_text()).truth()
+    truth = GraspSimulation(params, urdf_text()).observe().truth
     np.testing.assert_allclose(truth.rotation, np.eye(3), rtol=0, atol=ROUNDING)
     o_R_p = Rotation.from_quat(params.contacts.orientation_xyzw[:4]).as_matrix()
     np.testing.assert_allclose(truth.rotation @ o_R_p[:, 2], normal_world, rtol=0, atol=ROUNDING)
@@ -88,7 +88,7 @@ def test_object_starts_on_world_axes_with_the_pads_normal_as_described(name, nor
 def test_grip_holds_at_rest(name):
     simulation = GraspSimulation(bridge_params(name), urdf_text())
     friction, grip = simulation.params.friction, simulation.params.grip.force
-    h = simulation.true_wrench().wrench[[0, 1, 5]] / [1.0, 1.0, friction.torsional_radius]
+    h = simulation.observe().wrench.wrench[[0, 1, 5]] / [1.0, 1.0, friction.torsional_radius]
     load = np.linalg.norm(h) / (friction.mu_s * grip)
     assert load < HOLDS_AT_REST
     if name == "vertical_plane":

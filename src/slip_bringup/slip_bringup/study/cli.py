@@ -38,7 +38,7 @@ def study(
     from slip_bringup.study.runner import run_cases
     from slip_bringup.study.summary import summary_table, write_picture
     from slip_bringup.study.table import StudyTable
-    from slip_sim_bridge.presets import load_preset, preset_names
+    from slip_sim_bridge.sensors.presets import load_preset, preset_names
 
     wanted_sensors = _names(sensors) or preset_names()
     for name in wanted_sensors:

@@ -19,9 +19,9 @@ from slip_campaigns.faults.wire import Wire
 from slip_core.errors import InputError
 from slip_core.params import build, flatten
 from slip_core.types import EffortCommand
-from slip_sim_bridge.node_params import BridgeNodeParams
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
-from slip_sim_bridge.sim.plant import DivergenceError
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.modes import Mode, Request
 from slip_vic_controller.core.session import ControllerSession, CycleResult
@@ -149,7 +149,7 @@ class Trial:
                 self._newest_command = delivery.sample
             if self._bridge_runs(t):
                 self._bridge.advance(self._shifted(self._newest_command))
-                if np.abs(self._bridge.simulation.truth().slip_displacement[:3]).max() > LOST_M:
+                if np.abs(self._bridge.simulation.observe().truth.slip_displacement[:3]).max() > LOST_M:
                     self._lost += 1
                     self._restart_bridge(t + PERIOD_S + RESTART_S)
             follows = self._controller is not None and self._controller.mode.follows
@@ -217,13 +217,13 @@ class Trial:
     def _restart_bridge(self, back: float) -> None:
         """Let the bridge be away until `back` [s] and then begin where the arm is, with the object in the grasp."""
         self._bridge_back = back
-        posture = self._bridge.simulation.joint_sample().position
+        posture = self._bridge.simulation.observe().joint.position
         params = self.scenario.bridge.model_copy(update={"initial_position": tuple(posture.tolist())})
         self._bridge = self._new_bridge(params, START_NS + round(back * 1e9))
         self._newest_command = None
         self._joints.restarted()
 
-    def _new_bridge(self, params: BridgeNodeParams, stamp_ns: int) -> BridgeSession:
+    def _new_bridge(self, params: BridgeParams, stamp_ns: int) -> BridgeSession:
         bridge = BridgeSession(params, self.scenario.urdf)
         bridge.start_at(stamp_ns)
         return bridge

@@ -1,4 +1,4 @@
-"""Named sensors: the YAML files in ``presets/``, each with the controller settings that suit it."""
+"""Named sensors: the YAML files beside this one, each with the controller settings that suit it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from pydantic import Field
 
 from slip_core.errors import InputError, nearest
 from slip_core.params import ParameterModel, load_yaml, validate
-from slip_sim_bridge.sim.sensor_params import SlipSensorParams, WrenchSensorParams
+from slip_sim_bridge.sensors.params import SlipSensorParams, WrenchSensorParams
 
-_FILES = importlib.resources.files("slip_sim_bridge") / "presets"
+_FILES = importlib.resources.files(__name__)
 
 
 class SensorPreset(ParameterModel):

@@ -9,11 +9,12 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from numpy.random import Generator
 
 from slip_core.arrays import Array, readonly
+from slip_core.compiled import BOOL, IN1, OUT2, RNG, VOID, kernel
 from slip_core.types import SlipSample
-from slip_sim_bridge.sim.sensor_kernel import draw_chances, exceeds
-from slip_sim_bridge.sim.sensor_params import CHIPS, SlipFaultParams, SlipSensorParams
+from slip_sim_bridge.sensors.params import CHIPS, SlipFaultParams, SlipSensorParams
 
 _INVALID = readonly(np.full(6, math.nan))
 _DRAWN_AHEAD = 256
@@ -28,9 +29,7 @@ class SlipMeasurement:
         fault_rng: makes the random stream of the faults from its beginning.
     """
 
-    def __init__(
-        self, params: SlipSensorParams, slip_axes: Array, fault_rng: Callable[[], np.random.Generator]
-    ) -> None:
+    def __init__(self, params: SlipSensorParams, slip_axes: Array, fault_rng: Callable[[], Generator]) -> None:
         self._params = params
         self._axes = slip_axes
         self._deviation = np.repeat((params.noise_linear, params.noise_angular), 3) * slip_axes
@@ -60,7 +59,7 @@ class SlipMeasurement:
         self._next = _DRAWN_AHEAD
         self._last: Array | None = None
 
-    def __call__(self, truth: SlipSample, rng: np.random.Generator) -> SlipSample | None:
+    def __call__(self, truth: SlipSample, rng: Generator) -> SlipSample | None:
         """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""
         noise = rng.standard_normal(6) if self._noisy else None
         drawn = self._draw()
@@ -119,7 +118,7 @@ def dead_band(twist: Array, linear: float, angular: float) -> Array:
 
     twist (6,) [m/s, rad/s], linear [m/s], angular [rad/s], any axes; the same array where nothing is in the band.
 
-    Implements: ours: slow motion gives an optical sensor no counts.
+    Implements: no equation: slow motion gives an optical sensor no counts.
     """
     keep = np.repeat((math.hypot(*twist[:3]) >= linear, math.hypot(*twist[3:]) >= angular), 3)
     return twist if keep.all() else np.where(keep, twist, 0.0)
@@ -131,7 +130,7 @@ def lifted_chip_reading(twist: Array, lifted: int, radius: float) -> Array:
     Every chip reads the two linear velocities at its place; x, y and the turn about z follow by least squares, as a
     driver does that does not know which chip is off. twist (6,) [m/s, rad/s] {ee}; radius [m].
 
-    Implements: ours: a chip off the object reads zero.
+    Implements: no equation: a chip off the object reads zero.
     """
     angles = 2.0 * math.pi * np.arange(CHIPS) / CHIPS
     rows = np.zeros((CHIPS, 2, 3))
@@ -142,3 +141,28 @@ def lifted_chip_reading(twist: Array, lifted: int, radius: float) -> Array:
     out = twist.copy()
     out[[0, 1, 5]] = np.linalg.lstsq(rows.reshape(-1, 3), readings.ravel(), rcond=None)[0]
     return out
+
+
+@kernel(VOID(RNG, OUT2))
+def draw_chances(rng: Generator, out: Array) -> None:
+    """Fill each row with two uniform numbers from [0, 1) and normal ones; (m, 2 + k).
+
+    Implements: no equation: `rng.random(2)` and `rng.standard_normal(k)` in turn, row by row.
+    """
+    for i in range(out.shape[0]):
+        out[i, 0] = rng.random()
+        out[i, 1] = rng.random()
+        for j in range(2, out.shape[1]):
+            out[i, j] = rng.standard_normal()
+
+
+@kernel(BOOL(IN1, IN1))
+def exceeds(values: Array, bounds: Array) -> bool:
+    """Return whether any value is beyond its bound in size; (n,), (n,), one unit.
+
+    Implements: no equation: any(|values| > bounds), where NaN is not beyond.
+    """
+    beyond = False
+    for i in range(len(values)):
+        beyond |= abs(values[i]) > bounds[i]
+    return beyond

@@ -8,12 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from slip_core.arrays import Array, readonly
+from slip_core.compiled import IN1, INT, OUT1, REAL, kernel
 from slip_core.errors import InputError
 from slip_core.types import JointSample, ObjectTruth, SlipSample, WrenchSample
-from slip_sim_bridge.sim.drive_kernel import CLIPPED, NOT_FINITE, drive
-from slip_sim_bridge.sim.implicit import ImplicitPlant
-from slip_sim_bridge.sim.params import BridgeParams
-from slip_sim_bridge.sim.plant import DivergenceError, Plant, Record
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.plant import DivergenceError, Plant, ReadOut
+
+OBEYED, CLIPPED, NOT_FINITE = 0, 1, 2
 
 
 class Readings(NamedTuple):
@@ -26,7 +27,7 @@ class Readings(NamedTuple):
     wrench: WrenchSample
     slip: SlipSample
     numbers: Array
-    layout: Record
+    layout: ReadOut
 
     @property
     def truth(self) -> ObjectTruth:
@@ -54,9 +55,9 @@ class GraspSimulation:
 
     def __init__(self, params: BridgeParams, urdf_text: str) -> None:
         self.params = params
-        self._plant: Plant = _plant(params, urdf_text)
-        self._limit = self._plant.effort_limit
-        self._record = Record(len(self._limit))
+        self.plant: Plant = make_plant(params, urdf_text)
+        self._limit = self.plant.effort_limit
+        self._at = ReadOut(len(self._limit))
         self._period_ns = params.control_period_ns
         self._grip = params.grip.force
         self._stamp_ns = 0
@@ -73,16 +74,11 @@ class GraspSimulation:
     def start_at(self, stamp_ns: int) -> None:
         """Set the clock before the first step; [ns], not below the present stamp.
 
-        Implements: ours: in real time stamps are those of the wall clock, as a driver's are.
+        In real time stamps are those of the wall clock, as a driver's are.
         """
         if stamp_ns < self._stamp_ns:
             raise ValueError(f"the clock never goes back: {stamp_ns} ns is before {self._stamp_ns} ns")
         self._stamp_ns = stamp_ns
-
-    @property
-    def plant(self) -> Plant:
-        """The physics backend."""
-        return self._plant
 
     @property
     def holding(self) -> bool:
@@ -109,8 +105,6 @@ class GraspSimulation:
 
         Raises:
             InputError: where it is negative or not finite.
-
-        Implements: ours: the grip force is an input.
         """
         if not math.isfinite(force) or force < 0.0:
             raise InputError("grip force", got=force, expected="a finite number >= 0")
@@ -124,8 +118,6 @@ class GraspSimulation:
         Raises:
             InputError: where the effort has the wrong size.
             DivergenceError: where the state stopped being physical, in this step or an earlier one.
-
-        Implements: ours: zero-order hold of the effort over one control period.
         """
         if self._diverged:
             raise DivergenceError("simulation has diverged; reset it")
@@ -139,29 +131,23 @@ class GraspSimulation:
             self._hold_posture = None
         else:
             if self._hold_posture is None:
-                self._hold_posture = self._plant.joint_position()
+                self._hold_posture = self._posture()
             hold = self.params.hold
-            holding = self._plant.holding_effort(self._hold_posture, hold.stiffness, hold.damping)
+            holding = self.plant.holding_effort(self._hold_posture, hold.stiffness, hold.damping)
             outcome = drive(holding, self._applied, bound, self._limit, applied)
+        self._diverged = True  # until the step is over
         if outcome == NOT_FINITE:
-            self._diverged = True
             raise DivergenceError("simulation diverged: no finite effort holds the arm; reset it")
         self._saturated = outcome == CLIPPED
         applied.setflags(write=False)
-        try:
-            self._plant.advance(applied, self._grip)
-        except DivergenceError:
-            self._diverged = True
-            raise
+        self.plant.advance(applied, self._grip)
+        self._diverged = False
         self._applied = applied
         self._stamp_ns += self._period_ns
 
     def reset(self) -> None:
-        """Put arm, object, grip and friction back to the start; time goes on by one control period.
-
-        Implements: ours: monotonic time over resets.
-        """
-        self._plant.reset(self.params.grip.force)
+        """Put arm, object, grip and friction back to the start; time goes on by one control period."""
+        self.plant.reset(self.params.grip.force)
         self._grip = self.params.grip.force
         self._stamp_ns += self._period_ns
         self._start()
@@ -169,9 +155,9 @@ class GraspSimulation:
     def observe(self) -> Readings:
         """Return everything at the present stamp, without noise or delay; all samples share one array.
 
-        Implements: ours: state read-out; h_ee of Eq. (1) is that of the step that just ended, v_s that of Eq. (14).
+        h_ee of Eq. (1) is that of the step that just ended, v_s that of Eq. (14).
         """
-        stamp_ns, at, numbers = self._stamp_ns, self._record, self._plant.read()
+        stamp_ns, at, numbers = self._stamp_ns, self._at, self.plant.read()
         numbers.setflags(write=False)
         return Readings(
             JointSample(stamp_ns, numbers[at.position], numbers[at.velocity], self._applied),
@@ -181,56 +167,45 @@ class GraspSimulation:
             at,
         )
 
-    def joint_sample(self) -> JointSample:
-        """Return joint positions, velocities and the applied effort at the present stamp.
-
-        Implements: ours: state read-out.
-        """
-        return self.observe().joint
-
-    def true_wrench(self) -> WrenchSample:
-        """Return h_ee in the step that ended at the present stamp, without noise or delay; {ee} axes.
-
-        Implements: h_ee of Eq. (1).
-        """
-        return self.observe().wrench
-
-    def true_slip(self) -> SlipSample:
-        """Return v_s at the present stamp, without noise or delay; {ee} axes.
-
-        Implements: v_s of Eq. (14).
-        """
-        return self.observe().slip
-
-    def truth(self) -> ObjectTruth:
-        """Return pose and twist of the object and the slip at the present stamp.
-
-        Implements: ours: ground truth of the simulation.
-        """
-        return self.observe().truth
+    def _posture(self) -> Array:
+        return self.plant.read()[self._at.position]
 
     def _start(self) -> None:
-        self._hold_posture = self._plant.joint_position()
-        holding = self._plant.holding_effort(self._hold_posture, 0.0, 0.0)
+        self._hold_posture = self._posture()
+        holding = self.plant.holding_effort(self._hold_posture, 0.0, 0.0)
         self._applied = readonly(np.clip(holding, -self._limit, self._limit))
         self._refused = self._saturated = self._diverged = False
 
 
-def driven_effort(wanted: Array, last: Array, largest_change: float, limit: Array) -> tuple[Array, bool]:
-    """Return the effort that the drives apply, and whether the limits clipped it; (n,) [N m].
+@kernel(INT(IN1, IN1, REAL, IN1, OUT1))
+def drive(wanted: Array, last: Array, largest_change: float, limit: Array, out: Array) -> int:
+    """Write the effort that the drives apply to `out`; return `OBEYED`, `CLIPPED` by the limits, or `NOT_FINITE`.
 
-    A drive follows at most `largest_change` [N m] from its last effort to this one.
+    wanted, last, limit, out (n,) [N m]; largest_change [N m] from the last effort to this one, inf where unbounded.
 
-    Implements: ours: the plain form of the kernel `drive`.
+    Implements: no equation: a drive follows at most `largest_change` from its last effort to this one.
     """
-    followed = np.clip(wanted, last - largest_change, last + largest_change)
-    applied = np.clip(followed, -limit, limit)
-    return applied, bool((applied != followed).any())
+    outcome = OBEYED
+    for i in range(len(wanted)):
+        effort = wanted[i]
+        if not math.isfinite(effort):
+            return NOT_FINITE
+        effort = min(max(effort, last[i] - largest_change), last[i] + largest_change)
+        out[i] = min(max(effort, -limit[i]), limit[i])
+        if out[i] != effort:
+            outcome = CLIPPED
+    return outcome
 
 
-def _plant(params: BridgeParams, urdf_text: str) -> Plant:
-    if params.backend == "implicit":
-        return ImplicitPlant(params, urdf_text)
-    from slip_sim_bridge.sim.native import NativePlant
+def make_plant(params: BridgeParams, urdf_text: str) -> Plant:
+    """Return the backend that `params.backend` names.
 
-    return NativePlant(params, urdf_text)
+    Implements: no equation: a backend that is not asked for is not imported.
+    """
+    if params.backend == "native":
+        from slip_sim_bridge.plant.native import NativePlant
+
+        return NativePlant(params, urdf_text)
+    from slip_sim_bridge.plant.implicit import ImplicitPlant
+
+    return ImplicitPlant(params, urdf_text)

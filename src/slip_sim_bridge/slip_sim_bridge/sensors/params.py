@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from slip_core.grasp_params import Six
 from slip_core.params import ParameterModel, parameter
+from slip_core.sensor_params import SlipSensorModel, WrenchSensorModel
 
-Six = tuple[float, float, float, float, float, float]
 NO_BIAS: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 CHIPS = 3
 
@@ -32,16 +33,9 @@ class SlipFaultParams(ParameterModel):
     silent: bool = parameter(False, "publish nothing", runtime=True)
 
 
-class SlipSensorParams(ParameterModel):
-    """Slip velocity sensor."""
+class SlipSensorParams(SlipSensorModel):
+    """Slip velocity sensor, simulated."""
 
-    rate_hz: float = parameter(0.0, "measuring rate; 0 measures at every control tick", unit="Hz", ge=0.0)
-    latency_s: float = parameter(0.0, "time from measurement to publication", unit="s", ge=0.0)
-    noise_linear: float = parameter(0.0, "standard deviation of each linear axis that can slip", unit="m/s", ge=0.0)
-    noise_angular: float = parameter(0.0, "standard deviation of each angular axis that can slip", unit="rad/s", ge=0.0)
-    quantum_linear: float = parameter(0.0, "step of the linear readings", unit="m/s", ge=0.0)
-    dead_band_linear: float = parameter(0.0, "linear speed below which the sensor reads zero", unit="m/s", ge=0.0)
-    dead_band_angular: float = parameter(0.0, "angular speed below which the sensor reads zero", unit="rad/s", ge=0.0)
     saturation_linear: float = parameter(10.0, "largest linear reading of each axis", unit="m/s", gt=0.0)
     saturation_angular: float = parameter(100.0, "largest angular reading of each axis", unit="rad/s", gt=0.0)
     chip_radius: float = parameter(
@@ -50,13 +44,11 @@ class SlipSensorParams(ParameterModel):
     faults: SlipFaultParams = SlipFaultParams()
 
 
-class WrenchSensorParams(ParameterModel):
-    """Force and torque sensor at the pad centre."""
+class WrenchSensorParams(WrenchSensorModel):
+    """Force and torque sensor at the pad centre, simulated."""
 
-    rate_hz: float = parameter(0.0, "measuring rate; 0 measures at every control tick", unit="Hz", ge=0.0)
-    latency_s: float = parameter(0.0, "time from measurement to publication", unit="s", ge=0.0)
-    noise_force: float = parameter(0.0, "standard deviation of each force axis", unit="N", ge=0.0)
-    noise_torque: float = parameter(0.0, "standard deviation of each torque axis", unit="N m", ge=0.0)
+    rate_hz: float = parameter(0.0, "measuring rate; 0 measures at every control cycle", unit="Hz", ge=0.0)
+    latency_s: float = parameter(0.0, "time from measurement to arrival", unit="s", ge=0.0)
     bias: Six = parameter(NO_BIAS, "constant added to readings, on pad axes", unit="N, N m", runtime=True)
     dropout_probability: float = parameter(0.0, "share of samples that are lost", runtime=True, ge=0.0, le=1.0)
     silent: bool = parameter(False, "publish nothing", runtime=True)

@@ -12,9 +12,9 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from slip_core.types import JointSample, SlipSample, WrenchSample
-from slip_sim_bridge.sim.params import BridgeParams
-from slip_sim_bridge.sim.sensor_params import JointSensorParams, SensorsParams, WrenchSensorParams
-from slip_sim_bridge.sim.slip_measure import SlipMeasurement
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.sensors.params import JointSensorParams, SensorsParams, WrenchSensorParams
+from slip_sim_bridge.sensors.slip import SlipMeasurement
 
 Sample = TypeVar("Sample", WrenchSample, SlipSample, JointSample)
 Measure = Callable[[Sample, np.random.Generator], Sample | None]

@@ -1,47 +1,26 @@
-"""The MuJoCo model of arm, grasp and object, built from the URDF text that the controller reads too.
+"""What both backends take from MuJoCo: the arm from the URDF text that the controller reads too, pad, object, sensors.
 
-The object hangs on the pad centre by three relative joints: slide x, slide y, hinge z of the frame `ee`. It cannot
-leave the pads; how much it slips is decided by the friction law. A massless body at the pad centre carries the
-force and torque sensors, so they read the wrench of the robot on the object at the pad centre, on its axes.
+A massless body at the pad centre carries the force and torque sensors, so they read the wrench of the robot on the
+object at the pad centre, on its axes.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
-from slip_core.arrays import inertia_from_six, matrix_from_quat_xyzw
+from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw, readonly
 from slip_core.errors import InputError, nearest
-from slip_sim_bridge.sim.params import BridgeParams
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.plant import DivergenceError
 
 PAD = "grasp_pad"
 OBJECT = "grasp_object"
-SLIP_JOINTS = ("grasp_slip_x", "grasp_slip_y", "grasp_slip_rz")
-FORCE_SENSOR = "grasp_force"
-TORQUE_SENSOR = "grasp_torque"
-
-
-def build_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
-    """Compile arm, object and sensors for the implicit friction law; joint friction of the URDF is left out.
-
-    Raises:
-        InputError: where the URDF does not parse or lacks the frame or a joint.
-
-    Implements: ours: object as child of {ee} with relative joints slide x, slide y, hinge z.
-    """
-    spec = arm_spec(params, urdf_text)
-    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    pad = spec.body(params.ee_frame).add_body(name=PAD)
-    site = pad.add_site(name=PAD)
-    for name, kind in ((FORCE_SENSOR, mujoco.mjtSensor.mjSENS_FORCE), (TORQUE_SENSOR, mujoco.mjtSensor.mjSENS_TORQUE)):
-        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site.name)
-
-    grasped = pad.add_body(name=OBJECT)
-    set_object_inertia(grasped, params)
-    slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
-    for name, kind, axis in zip(SLIP_JOINTS, (slide, slide, hinge), np.eye(3), strict=True):
-        grasped.add_joint(name=name, type=kind, axis=axis)
-    return compile_spec(spec)
+_SENSORS = {"grasp_force": mujoco.mjtSensor.mjSENS_FORCE, "grasp_torque": mujoco.mjtSensor.mjSENS_TORQUE}
+_FATAL_WARNINGS = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
 
 def arm_spec(params: BridgeParams, urdf_text: str) -> mujoco.MjSpec:
@@ -50,7 +29,7 @@ def arm_spec(params: BridgeParams, urdf_text: str) -> mujoco.MjSpec:
     Raises:
         InputError: where the URDF does not parse or lacks the frame or a joint.
 
-    Implements: ours: same rigid-body arm as the controller's model.
+    Implements: no equation: the same rigid-body arm as the controller's model.
     """
     try:
         spec = mujoco.MjSpec.from_string(urdf_text)
@@ -88,10 +67,36 @@ def arm_spec(params: BridgeParams, urdf_text: str) -> mujoco.MjSpec:
     return spec
 
 
+def add_pad(spec: mujoco.MjSpec, ee_frame: str) -> mujoco.MjsBody:
+    """Put the body with force and torque sensors at the pad centre and return it.
+
+    Implements: no equation: what it carries is what the sensors feel.
+    """
+    pad = spec.body(ee_frame).add_body(name=PAD)
+    site = pad.add_site(name=PAD)
+    for name, kind in _SENSORS.items():
+        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site.name)
+    return pad
+
+
+def sensor_address(model: mujoco.MjModel) -> slice:
+    """Return where force and torque of the pad lie in `sensordata`.
+
+    Raises:
+        InputError: where the URDF's own sensors are between them.
+
+    Implements: no equation: MuJoCo's addresses.
+    """
+    force, torque = (model.sensor(name).adr[0] for name in _SENSORS)
+    if torque != force + 3:
+        raise InputError("robot_description", got="sensors between force and torque", expected="an arm")
+    return slice(force, force + 6)
+
+
 def set_object_inertia(body: mujoco.MjsBody, params: BridgeParams) -> None:
     """Give `body`, whose frame is the grasp frame {p}, the object's mass, centre of mass and inertia.
 
-    Implements: ours: p_x_o = -o_R_p^T o_x_p, inertia turned to {p} axes.
+    Implements: no equation: p_x_o = -o_R_p^T o_x_p, inertia turned to {p} axes.
     """
     o_R_p = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
     o_x_p = np.array(params.contacts.position[:3])
@@ -108,7 +113,7 @@ def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
     Raises:
         InputError: where MuJoCo finds the model inconsistent.
 
-    Implements: ours: the compiler's complaint becomes one line.
+    Implements: no equation: the compiler's complaint becomes one line.
     """
     if mujoco.get_mju_user_warning() is None:  # or MuJoCo writes MUJOCO_LOG.TXT into the working folder
         mujoco.set_mju_user_warning(_ignore)  # the plants read `data.warning` and raise
@@ -116,6 +121,34 @@ def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
         return spec.compile()
     except ValueError as error:
         raise InputError("robot_description", got=str(error), expected="a physically consistent model") from None
+
+
+def effort_limits(model: mujoco.MjModel, joint_names: Sequence[str]) -> Array:
+    """Return `effort` of the URDF's joint limits, inf where there is none; (n,) [N m].
+
+    Implements: no equation: the URDF's numbers.
+    """
+    joints = [model.joint(name).id for name in joint_names]
+    return readonly([model.jnt_actfrcrange[j, 1] if model.jnt_actfrclimited[j] else math.inf for j in joints])
+
+
+class Divergence:
+    """Watches MuJoCo's warnings of a state that is not physical."""
+
+    def __init__(self, data: mujoco.MjData) -> None:
+        self._data = data
+        self._position, self._velocity, self._acceleration = (data.warning[kind] for kind in _FATAL_WARNINGS)
+
+    def check(self) -> None:
+        """Look for warnings.
+
+        Raises:
+            DivergenceError: where there was one since the last reset.
+        """
+        if self._position.number or self._velocity.number or self._acceleration.number:
+            raise DivergenceError(
+                f"simulation diverged at {self._data.time:.4f} s; reset it, and lower gains or step size"
+            )
 
 
 def _ignore(text: str) -> None:

@@ -1,0 +1,88 @@
+"""Friction between pads and object: one file per law, behind one interface.
+
+In scaled coordinates (see `limit_surface`) a law says how much friction there is at a speed, and solves one implicit
+step. A new law `x` is a file `friction/x.py` with what `FrictionLaw` asks for, its name and parameters in
+`friction/params.py`, and a test: nobody else needs to know it.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import typing
+from typing import Any, Protocol, cast
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, REAL, kernel
+from slip_core.records import new, record
+from slip_core.symmetric import Sym
+from slip_core.vectors import Vec
+from slip_sim_bridge.friction.params import FrictionParams
+
+
+class FrictionLaw(Protocol):
+    """What the module of a law offers. `law` is a record of its `LAYOUT`; the three functions are compiled parts."""
+
+    def __hash__(self) -> int: ...
+
+    LAYOUT: np.dtype[np.void]
+    """Its parameters by name."""
+    STATEFUL: bool
+    """Whether it remembers anything from step to step."""
+
+    def fill(self, law: Any, params: FrictionParams) -> None:
+        """Write the parameters to the record."""
+        ...
+
+    def limit(self, law: Any, speed: float, normal_force: float) -> tuple[float, float]:
+        """Return F(s) [N] and dF/ds [N s/m] in steady sliding at speed s [m/s] under normal_force [N]."""
+        ...
+
+    def steepest_fall(self, law: Any, normal_force: float) -> float:
+        """Return max(0, -min dF/ds) [N s/m]: what limits the step size."""
+        ...
+
+    def solve(
+        self, law: Any, u_free: Vec, A_hat: Sym, normal_force: float, dt: float, state: Vec
+    ) -> tuple[Vec, Vec, Vec]:
+        """Return force, velocity u = u_free + A_hat f_hat and next state of one implicit step, scaled; 3 numbers each.
+
+        The state is the law's own, zero at first and without pressure; normal_force > 0 [N], dt [s].
+        """
+        ...
+
+
+def law_names() -> tuple[str, ...]:
+    """Return the names of all laws: what `friction.model` accepts.
+
+    Implements: no equation: a law's name is its module's.
+    """
+    return typing.get_args(FrictionParams.model_fields["model"].annotation)
+
+
+def friction_law(params: FrictionParams) -> tuple[FrictionLaw, Array]:
+    """Return the law that `params.model` names, and its parameters laid out by its `LAYOUT`.
+
+    Implements: no equation: a law's name is its module's.
+    """
+    law = cast(FrictionLaw, importlib.import_module(f"{__name__}.{params.model}"))
+    parameters = new(law.LAYOUT)
+    law.fill(record(parameters, law.LAYOUT), params)
+    return law, parameters
+
+
+@functools.cache
+def sliding_friction(law: FrictionLaw) -> Any:
+    """Compile F(parameters, speed [m/s], normal force [N]) [N] of steady sliding for a law.
+
+    Implements: no equation: the law's own `limit`.
+    """
+    layout = law.LAYOUT
+
+    @kernel(REAL(IN1, REAL, REAL))
+    def friction(parameters: Array, speed: float, normal_force: float) -> float:
+        return law.limit(record(parameters, layout), speed, normal_force)[0]
+
+    return friction

@@ -1,0 +1,97 @@
+"""Every parameter of the bridge, declared once: defaults, units, bounds and cross checks."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import model_validator
+
+from slip_core.grasp_params import ArmParams, ContactParams, ObjectParams
+from slip_core.params import ParameterModel, parameter
+from slip_sim_bridge.friction.params import FrictionParams
+from slip_sim_bridge.sensors.params import SensorsParams
+
+_CLOCK_TICKS_PER_S = 1_000_000_000
+
+
+class GripParams(ParameterModel):
+    """The gripper's squeeze."""
+
+    force: float = parameter(
+        0.5,
+        "normal force N of the friction limit F = mu N: the sum over both pads (twice the jaw force)",
+        unit="N",
+        runtime=True,
+        ge=0.0,
+    )
+
+
+class HoldParams(ParameterModel):
+    """What the simulated arm does until a command arrives."""
+
+    stiffness: float = parameter(
+        400.0,
+        "joint stiffness over joint inertia while holding: square of the loop's natural frequency",
+        unit="1/s2",
+        ge=0.0,
+    )
+    damping: float = parameter(40.0, "joint damping over joint inertia while holding", unit="1/s", ge=0.0)
+
+
+class BridgeParams(ArmParams):
+    """Everything the bridge can be told: the simulation, and how the node runs."""
+
+    object: ObjectParams = ObjectParams()
+    contacts: ContactParams = ContactParams()
+    initial_position: tuple[float, ...] = parameter(
+        (-0.6, -0.6, 0.4, -2.3, 1.6, 1.6, -0.8), "joint positions at the start and after a reset", unit="rad"
+    )
+    control_period_s: float = parameter(0.001, "time from one command to the next", unit="s", gt=0.0, le=0.02)
+    effort_rate: float = parameter(
+        1000.0, "largest change of a joint's effort that the drives follow, whatever is commanded", unit="N m/s", gt=0.0
+    )
+    seed: int = parameter(0, "seed of all sensor noise", ge=0)
+    mode: Literal["lockstep", "realtime"] = parameter(
+        "lockstep", "lockstep waits for the command of each stamp; realtime is paced by the wall clock"
+    )
+    backend: Literal["implicit", "native"] = parameter(
+        "implicit", "friction by limit-surface projection, or MuJoCo's own contacts as a cross check"
+    )
+    substeps: int = parameter(
+        0, "simulation steps per control period; 0 chooses what the friction law needs", ge=0, le=64
+    )
+    hold: HoldParams = HoldParams()
+    grip: GripParams = GripParams()
+    friction: FrictionParams = FrictionParams()
+    sensors: SensorsParams = SensorsParams()
+    wait_for: tuple[str, ...] = parameter(
+        ("controller",),
+        "peers whose `<peer>/ready` must be seen before time starts; empty starts at once (realtime only)",
+    )
+    peer_timeout_s: float = parameter(15.0, "how long to wait for the peers", unit="s", gt=0.0)
+    lockstep_timeout_s: float = parameter(5.0, "longest wait for the command of a lockstep tick", unit="s", gt=0.0)
+    command_timeout_s: float = parameter(
+        0.03,
+        "age of the last command, from the state it answers, above which the arm holds its posture by itself: no loop "
+        "over the network is stable with more delay",
+        unit="s",
+        gt=0.0,
+    )
+    duration_s: float = parameter(8.0, "simulated time of a run", unit="s", gt=0.0)
+    stop_after_duration: bool = parameter(True, "end the process after duration_s; false runs until stopped")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if len(self.initial_position) != len(self.joint_names):
+            raise ValueError(
+                f"initial_position: {len(self.initial_position)} numbers for {len(self.joint_names)} joints"
+            )
+        ticks = self.control_period_s * _CLOCK_TICKS_PER_S
+        if abs(ticks - round(ticks)) > 1e-3:
+            raise ValueError("control_period_s must be a whole number of nanoseconds")
+        return self
+
+    @property
+    def control_period_ns(self) -> int:
+        """The control period on the integer clock [ns]."""
+        return round(self.control_period_s * _CLOCK_TICKS_PER_S)

@@ -1,0 +1,164 @@
+"""The implicit grasp step, compiled: friction before MuJoCo's step, and the read-out after it.
+
+The object hangs on the pad centre by three relative joints: slide x, slide y, hinge z, the last three degrees of
+freedom. The contact twist of the object relative to the pad is v = J [x', y', theta'], J = [[1, 0, y], [0, 1, -x],
+[0, 0, 1]], and a step changes it by v = v_free + dt J M^-1 J^T f, which the friction law solves. The slip of the
+control law is the opposite: v_s = -v, pad relative to object. The arrays are MuJoCo's own memory.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, IN2, INT, OUT1, REAL, VOID, WHOLE1, kernel, part
+from slip_core.records import REAL as NUMBER
+from slip_core.records import layout, record
+from slip_core.symmetric import Sym
+from slip_core.vectors import ZERO, Vec, mat, put, put_mat, vec
+from slip_sim_bridge.friction import FrictionLaw
+from slip_sim_bridge.friction.limit_surface import scaled, substeps_needed
+from slip_sim_bridge.plant import GRASP
+
+CONTACT = layout(period=NUMBER, torsional_radius=NUMBER, state=(NUMBER, 3), next_state=(NUMBER, 3))
+"""Control period [s], torsional radius rho [m], state of the friction law now and after the coming step."""
+GRASP_SIZE = GRASP.itemsize // 8
+
+
+@part
+def solve_half(factor: Array, tree: Any, x: Array) -> None:
+    """Replace x by L^-T x, with M = L^T D L as MuJoCo keeps it: rows of L side by side, the diagonal last."""
+    n = x.shape[0]
+    for step in range(n):
+        i = n - 1 - step
+        first, count = tree[i], tree[n + i]
+        for at in range(first, first + count - 1):
+            x[tree[2 * n + at]] -= factor[at] * x[i]
+
+
+@part
+def contact_motion(factor: Array, inverse_diagonal: Array, tree: Any, force: Array, x: float, y: float) -> Any:
+    """Return J M^-1 J^T, and J times the relative part of M^-1 force; `force` is used up."""
+    n = force.shape[0]
+    half = np.zeros((3, n))
+    for k in range(3):
+        half[k, n - 3 + k] = 1.0
+        solve_half(factor, tree, half[k])
+    solve_half(factor, tree, force)
+    xx, xy, xz, yy, yz, zz, ax, ay, az = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(n):
+        d, a, b, c = inverse_diagonal[j], half[0, j], half[1, j], half[2, j]
+        xx += d * a * a
+        xy += d * a * b
+        xz += d * a * c
+        yy += d * b * b
+        yz += d * b * c
+        zz += d * c * c
+        pushed = d * force[j]
+        ax += a * pushed
+        ay += b * pushed
+        az += c * pushed
+    ux, uy = xz + y * zz, yz - x * zz
+    mobility = Sym(xx + y * (xz + ux), xy - x * xz + y * uy, ux, yy - x * (yz + uy), uy, zz)
+    return mobility, Vec(ax + y * az, ay - x * az, az)
+
+
+@functools.cache
+def grasp_step(law: FrictionLaw) -> Any:
+    """Compile the step for a friction law: effort and friction of the coming sub-step become joint forces.
+
+    Implements: no equation: v = v_free + dt J M^-1 J^T f with f by the friction law.
+    """
+    law_layout = law.LAYOUT
+
+    @kernel(INT(IN1, IN1, WHOLE1, IN1, IN1, IN1, IN1, IN1, IN1, OUT1, REAL, INT, INT, OUT1))
+    def step(
+        factor: Array, inverse_diagonal: Array, tree: Any, qpos: Array, qvel: Array, bias: Array, stops: Array,
+        effort: Array, parameters: Array, pad: Array, normal_force: float, substeps: int, keep: int, applied: Array,
+    ) -> int:  # fmt: skip
+        """Write the joint forces to `applied` and return the number of sub-steps of the period.
+
+        Args:
+            factor, inverse_diagonal: of the mass matrix, MuJoCo's qLD and qLDiagInv.
+            tree: where a row of L begins, how long it is, and the column of every entry; (2 nv + entries,).
+            qpos, qvel: joint state, relative joints last; (nv,).
+            bias, stops: joint forces of motion and gravity, and of joint stops; (nv,) [N, N m].
+            effort: of the arm; (n,) [N m].
+            parameters: of the friction law.
+            pad: laid out by `CONTACT`; `next_state` is written.
+            normal_force: [N]; without pressure there is no friction, not even viscous.
+            substeps: into how many steps the period is split; 0 chooses.
+            keep: 1 where this is the step's last solution, and `state` moves on too.
+            applied: joint forces; (nv,) [N, N m].
+        """
+        contact, friction = record(pad, CONTACT), record(parameters, law_layout)
+        nv, n = len(qpos), len(effort)
+        force = np.empty(nv)
+        for i in range(nv):
+            applied[i] = effort[i] if i < n else 0.0
+            force[i] = applied[i] - bias[i] + stops[i]
+        place, rate = vec(qpos[n:]), vec(qvel[n:])
+        x, y = place.x, place.y
+        mobility, acceleration = contact_motion(factor, inverse_diagonal, tree, force, x, y)
+        rho = contact.torsional_radius
+        if substeps == 0:
+            fall = law.steepest_fall(friction, max(0.0, normal_force))
+            substeps = substeps_needed(fall, scaled(rho, contact.period * mobility))
+        dt = contact.period / substeps
+        v_free = Vec(rate.x + y * rate.z, rate.y - x * rate.z, rate.z) + dt * acceleration
+        f_hat, following = ZERO, ZERO
+        if normal_force > 0.0:
+            u_free = Vec(v_free.x, v_free.y, rho * v_free.z)
+            A_hat = scaled(rho, dt * mobility)
+            f_hat, _, following = law.solve(friction, u_free, A_hat, normal_force, dt, vec(contact.state))
+        put(applied[n:], Vec(f_hat.x, f_hat.y, rho * f_hat.z + y * f_hat.x - x * f_hat.y))
+        put(contact.next_state, following)
+        if keep == 1:
+            put(contact.state, following)
+        return substeps
+
+    return step
+
+
+@kernel(VOID(IN1, IN1, IN1, IN1, IN2, IN1, IN1, IN2, OUT1))
+def read_out(
+    qpos: Array, qvel: Array, readings: Array, com: Array, turned: Array, spatial: Array, root: Array, p_R_o: Array,
+    out: Array,
+) -> None:  # fmt: skip
+    """Write what can be read of arm and grasp to `out`, laid out by `ReadOut`.
+
+    Args:
+        qpos, qvel: joint state, relative joints last; (nv,).
+        readings: force and torque of the pad's sensors; (6,) [N, N m] {ee}.
+        com: of the object; (3,) [m] {w}.
+        turned: the grasp's frame {p} on the object; (3, 3) {p} to {w}.
+        spatial: MuJoCo's twist of the object, angular first, at `root`; (6,) [rad/s, m/s] {w}.
+        root: centre of mass of the whole tree; (3,) [m] {w}.
+        p_R_o: {o} to {p}; (3, 3).
+        out: (2 n + 36,).
+
+    Implements: h_ee of Eq. (1), v_s of Eq. (14), v_o of Eq. (10).
+    """
+    n = qpos.shape[0] - 3
+    grasp, joints = record(out[:GRASP_SIZE], GRASP), out[GRASP_SIZE:]
+    for i in range(n):
+        joints[i] = qpos[i]
+        joints[n + i] = qvel[i]
+    for i in range(6):
+        grasp.wrench[i] = -readings[i]
+    place, rate = vec(qpos[n:]), vec(qvel[n:])
+    x, y, theta = place.x, place.y, place.z
+    c, s = math.cos(theta), math.sin(theta)
+    put(grasp.slip_displacement[:3], Vec(-c * x - s * y, s * x - c * y, 0.0))
+    put(grasp.slip_displacement[3:], Vec(0.0, 0.0, -theta))
+    put(grasp.slip_velocity[:3], Vec(-rate.x - y * rate.z, -rate.y + x * rate.z, 0.0))
+    put(grasp.slip_velocity[3:], Vec(0.0, 0.0, -rate.z))
+    put(grasp.object_position, vec(com))
+    put_mat(grasp.object_rotation, mat(turned) @ mat(p_R_o))
+    turning = vec(spatial[:3])
+    put(grasp.object_twist[:3], vec(spatial[3:]) - (vec(com) - vec(root)).cross(turning))
+    put(grasp.object_twist[3:], turning)

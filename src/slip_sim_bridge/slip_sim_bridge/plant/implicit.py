@@ -1,0 +1,190 @@
+"""Default backend: the object on relative joints in the grasp, friction by implicit projection on the limit surface.
+
+Between the two halves of a MuJoCo step the friction law is solved on the contact twist of the object relative to the
+pad, and its force is applied on the relative joints; `grasp_step` has the formulas.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from slip_core.arrays import Array, matrix_from_quat_xyzw
+from slip_core.errors import InputError
+from slip_core.records import new, record
+from slip_sim_bridge.friction import friction_law, law_names
+from slip_sim_bridge.friction.params import FrictionParams
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.plant import ReadOut
+from slip_sim_bridge.plant.grasp_step import CONTACT, grasp_step, read_out
+from slip_sim_bridge.plant.model import (
+    OBJECT,
+    Divergence,
+    add_pad,
+    arm_spec,
+    compile_spec,
+    effort_limits,
+    sensor_address,
+    set_object_inertia,
+)
+
+SLIP_JOINTS = ("grasp_slip_x", "grasp_slip_y", "grasp_slip_rz")
+STOP_PASSES = 20
+STOP_AGREEMENT = 1e-10  # N, N m
+
+
+def build_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
+    """Compile arm, object and sensors for the implicit friction law; joint friction of the URDF is left out.
+
+    The object hangs on the pad centre by slide x, slide y, hinge z of the frame `ee`.
+
+    Raises:
+        InputError: where the URDF does not parse or lacks the frame or a joint.
+
+    Implements: no equation: relative coordinates make stick exact.
+    """
+    spec = arm_spec(params, urdf_text)
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    grasped = add_pad(spec, params.ee_frame).add_body(name=OBJECT)
+    set_object_inertia(grasped, params)
+    slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+    for name, kind, axis in zip(SLIP_JOINTS, (slide, slide, hinge), np.eye(3), strict=True):
+        grasped.add_joint(name=name, type=kind, axis=axis)
+    return compile_spec(spec)
+
+
+def compile_laws() -> None:
+    """Compile the grasp step of every friction law, so that no run waits for it.
+
+    Implements: no equation: machine code is made when the environment is made.
+    """
+    for name in law_names():
+        law, _ = friction_law(FrictionParams.model_validate({"model": name}))
+        grasp_step(law)
+
+
+class ImplicitPlant:
+    """Arm and grasp with limit-surface friction; see `Plant` for the meaning of the methods."""
+
+    def __init__(self, params: BridgeParams, urdf_text: str) -> None:
+        self.model = model = build_model(params, urdf_text)
+        self.data = data = mujoco.MjData(model)
+        self.effort_limit = effort_limits(model, params.joint_names)
+        self._divergence = Divergence(data)
+        self._initial = np.array(params.initial_position)
+        self._p_R_o = np.ascontiguousarray(matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4]).T)
+        law, self._law = friction_law(params.friction)
+        self._step = grasp_step(law)
+        self._pad = new(CONTACT)
+        contact = record(self._pad, CONTACT)
+        contact.period = self._period = params.control_period_s
+        contact.torsional_radius = params.friction.torsional_radius
+        self._state, self._next_state = contact.state, contact.next_state
+        self._fixed_substeps = params.substeps
+
+        n = self._n = len(params.joint_names)
+        if model.joint(SLIP_JOINTS[0]).dofadr[0] != n:  # the object is added last, so its joints follow the arm's
+            raise InputError("robot_description", got="movable joints after the frame ee", expected="ee at the tip")
+        body, sensors = model.body(OBJECT).id, sensor_address(model)
+
+        # Views into MuJoCo's memory: valid as long as `data` lives, always the current numbers.
+        self._qpos: Array = data.qpos
+        self._qvel: Array = data.qvel
+        self._applied: Array = data.qfrc_applied
+        self._bias: Array = data.qfrc_bias
+        self._factor: Array = data.qLD
+        self._inverse_diagonal: Array = data.qLDiagInv
+        self._slip_tau: Array = data.qfrc_applied[n:]
+        self._readings: Array = data.sensordata[sensors]
+        self._object_position: Array = data.xipos[body]
+        self._object_rotation: Array = data.xmat[body].reshape(3, 3)
+        self._object_spatial: Array = data.cvel[body]
+        self._root: Array = data.subtree_com[model.body_rootid[body]]
+        self._option = model.opt
+
+        self._tree = np.concatenate((model.M_rowadr, model.M_rownnz, model.M_colind)).astype(np.int64)
+        self._size = ReadOut(n).size
+        self._no_stops = np.zeros(model.nv)
+        self._substeps = 1
+        self._mass_matrix = np.zeros((model.nv, model.nv))
+        self.reset(params.grip.force)
+
+    def reset(self, normal_force: float) -> None:
+        """Put everything back to the initial posture, held and at rest; [N].
+
+        The first wrench is that of the held arm.
+        """
+        model, data = self.model, self.data
+        mujoco.mj_resetData(model, data)
+        self._qpos[: self._n] = self._initial
+        self._state[:] = 0.0
+        self._split(1)
+        mujoco.mj_step1(model, data)
+        self._friction_step(self.holding_effort(self._initial, 0.0, 0.0), normal_force, 1)
+        mujoco.mj_forward(model, data)
+        self._state[:] = 0.0
+
+    def advance(self, effort: Array, normal_force: float) -> None:
+        """Advance one control period; (n,) [N m], [N].
+
+        mj_step1 of the next step runs at the end, so that all state belongs to the new stamp.
+        """
+        model, data = self.model, self.data
+        substeps = self._friction_step(effort, normal_force, self._fixed_substeps)
+        if substeps != self._substeps:
+            self._split(substeps)
+        mujoco.mj_step2(model, data)
+        mujoco.mj_step1(model, data)
+        for _ in range(1, substeps):
+            self._friction_step(effort, normal_force, substeps)
+            mujoco.mj_step2(model, data)
+            mujoco.mj_step1(model, data)
+        self._divergence.check()
+
+    def holding_effort(self, target: Array, stiffness: float, damping: float) -> Array:
+        """Return bias + M (stiffness (target - q) - damping qd) of the loaded arm; (n,) -> (n,) [N m]."""
+        n = self._n
+        mujoco.mj_fullM(self.model, self.data, self._mass_matrix)
+        pull = stiffness * (target - self._qpos[:n]) - damping * self._qvel[:n]
+        return self._bias[:n] + self._mass_matrix[:n, :n] @ pull
+
+    def read(self) -> Array:
+        """Return everything that can be read, laid out by `ReadOut`; (2 n + 36,)."""
+        out = np.empty(self._size)
+        read_out(
+            self._qpos, self._qvel, self._readings, self._object_position, self._object_rotation,
+            self._object_spatial, self._root, self._p_R_o, out,
+        )  # fmt: skip
+        return out
+
+    def _split(self, substeps: int) -> None:
+        """Make MuJoCo's step the period divided by this number."""
+        self._substeps = substeps
+        self._option.timestep = self._period / substeps
+
+    def _friction_step(self, effort: Array, normal_force: float, substeps: int) -> int:
+        """Put effort and the friction of the coming step on the joints; return into how many the period is split."""
+        if not self.data.nefc:
+            return self._solve(effort, normal_force, substeps, self._no_stops, 1)
+        substeps = self._solve(effort, normal_force, substeps, self._no_stops, 0)
+        self._agree_with_joint_stops(effort, normal_force, substeps)
+        self._state[:] = self._next_state
+        return substeps
+
+    def _solve(self, effort: Array, normal_force: float, substeps: int, stops: Array, keep: int) -> int:
+        return self._step(
+            self._factor, self._inverse_diagonal, self._tree, self._qpos, self._qvel, self._bias, stops,
+            effort, self._law, self._pad, normal_force, substeps, keep, self._applied,
+        )  # fmt: skip
+
+    def _agree_with_joint_stops(self, effort: Array, normal_force: float, substeps: int) -> None:
+        """Repeat friction and the forces of active joint stops in turn until both fit; a pass gains a factor of 40."""
+        data = self.data
+        for _ in range(STOP_PASSES):
+            before = self._slip_tau.tolist()
+            mujoco.mj_fwdActuation(self.model, data)
+            mujoco.mj_fwdAcceleration(self.model, data)
+            mujoco.mj_fwdConstraint(self.model, data)
+            self._solve(effort, normal_force, substeps, data.qfrc_constraint, 0)
+            if max(abs(x - y) for x, y in zip(before, self._slip_tau.tolist(), strict=True)) < STOP_AGREEMENT:
+                break
