@@ -33,8 +33,8 @@ class ParameterModel(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True)
 
-    AT_RUNTIME: ClassVar[bool] = False
-    """True where every parameter of the group may change at run time."""
+    AT_RUNTIME: ClassVar[frozenset[str]] = frozenset()
+    """Parameters of a shared declaration that this node takes changes of at run time."""
 
 
 def parameter(
@@ -90,7 +90,7 @@ def parameter_infos(model: type[ParameterModel], prefix: str = "") -> Iterator[P
             unit=str(extra.get("unit", "")),
             description=field.description or "",
             bounds=_types.MappingProxyType(bounds),
-            runtime=model.AT_RUNTIME or bool(extra.get("runtime", False)),
+            runtime=key in model.AT_RUNTIME or bool(extra.get("runtime", False)),
             formerly=str(extra.get("formerly", "")),
         )
 

@@ -11,7 +11,7 @@ import numpy as np
 from slip_bringup.inprocess import run_in_process
 from slip_bringup.study.cases import Case
 from slip_core.errors import SlipVicError
-from slip_sim_bridge.sim.plant import DivergenceError
+from slip_sim_bridge.plant import DivergenceError
 
 LOST_SLIP_M = 0.3
 """Slip beyond which the object is taken for lost and the run ends."""

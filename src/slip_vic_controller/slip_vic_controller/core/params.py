@@ -8,15 +8,12 @@ from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from slip_core import grasp_params
+from slip_core.grasp_params import ArmParams, Six, Three
 from slip_core.params import ParameterModel, parameter
+from slip_core.sensor_params import SlipSensorModel
 from slip_vic_controller.core.safety_params import SafetyParams
-from slip_vic_controller.core.slip_params import MeasuredParams, ObserverParams, SlipSensorModel, WrenchSensorModel
-
-QUATERNION_TOLERANCE = 1e-3
-"""How far a quaternion's norm may be from 1: typed with four digits it is still accepted, and normalised."""
-
-Six = tuple[float, float, float, float, float, float]
-Three = tuple[float, float, float]
+from slip_vic_controller.core.slip_params import MeasuredParams, ObserverParams, WrenchSensorModel
 
 
 class GainParams(ParameterModel):
@@ -79,48 +76,16 @@ class GainParams(ParameterModel):
     spin_lever: ClassVar = property(lambda self: self.characteristic_length)
 
 
-class ObjectParams(ParameterModel):
-    """The grasped object, taken as known; the defaults are those of the scenario `paper_planar`."""
+class ObjectParams(grasp_params.ObjectParams):
+    """The grasped object, taken as known."""
 
-    mass: float = parameter(0.5, "mass of the object", unit="kg", runtime=True, gt=0.0)
-    inertia: Six = parameter(
-        (2e-3, 2e-3, 2e-3, 0.0, 0.0, 0.0),
-        "inertia of the object, ixx iyy izz ixy ixz iyz, about its centre of mass on its axes {o}",
-        unit="kg m2",
-        runtime=True,
-    )
+    AT_RUNTIME = frozenset({"mass", "inertia"})
 
 
-class ContactParams(ParameterModel):
-    """Contacts on the object, flat lists; contact 0 is this controller's own arm."""
+class ContactParams(grasp_params.ContactParams):
+    """Contacts on the object, taken as known; contact 0 is this controller's own arm."""
 
-    position: tuple[float, ...] = parameter(
-        (0.02, 0.0, 0.0),
-        "pad centre minus centre of mass on object axes {o}, 3 numbers per contact",
-        unit="m",
-        runtime=True,
-    )
-    orientation_xyzw: tuple[float, ...] = parameter(
-        (0.0, 0.0, 0.0, 1.0), "orientation of the pad frame on object axes {o} as quaternion, 4 numbers per contact"
-    )
-    slip_axes: tuple[bool, ...] = parameter(
-        (True,) * 6, "pad directions in which the contact can slip, 6 values per contact; all true = the printed law"
-    )
-
-    @model_validator(mode="after")
-    def _sizes(self) -> ContactParams:
-        count = len(self.position) // 3
-        sizes = (len(self.position), len(self.orientation_xyzw), len(self.slip_axes))
-        if count < 1 or sizes != (3 * count, 4 * count, 6 * count):
-            raise ValueError(
-                f"position, orientation_xyzw, slip_axes have {sizes[0]}, {sizes[1]}, {sizes[2]} values; "
-                "n contacts need 3 n, 4 n, 6 n"
-            )
-        for i in range(count):
-            quat = self.orientation_xyzw[4 * i : 4 * i + 4]
-            if abs(math.hypot(*quat) - 1.0) > QUATERNION_TOLERANCE:
-                raise ValueError(f"orientation_xyzw of contact {i} is {list(quat)}; its norm must be 1")
-        return self
+    AT_RUNTIME = frozenset({"position"})
 
 
 class NullspaceParams(ParameterModel):
@@ -191,21 +156,12 @@ class DiagnosticsParams(ParameterModel):
     decimation: int = parameter(10, "the symbols of the law are published at every n-th tick", runtime=True, ge=1)
 
 
-class ControllerParams(ParameterModel):
+class ControllerParams(ArmParams):
     """Everything the controller needs to know."""
 
     controller: Literal["vic", "classical"] = parameter("vic", "classical = the same law, gate and fading off")
     mode: Literal["lockstep", "realtime"] = parameter("lockstep", "who waits for whom")
     control_period_s: float = parameter(0.001, "control period", unit="s", gt=0.0)
-    robot_description: str = parameter("", "URDF text; empty = read robot_description_file")
-    robot_description_file: str = parameter(
-        "package://slip_description/urdf/arm.urdf", "URDF path or package:// address"
-    )
-    joint_names: tuple[str, ...] = parameter(
-        tuple(f"arm_joint{i}" for i in range(1, 8)), "joints of the arm in the order of the URDF's chain"
-    )
-    ee_frame: str = parameter("ee", "URDF frame at the pad centre, z = the pads' normal")
-    gravity: Three = parameter((0.0, 0.0, -9.81), "acceleration of free fall {w}", unit="m/s^2")
     attitude: Literal["log", "rpy"] = parameter("log", "coordinates of the orientation error")
     feed_forward: bool = parameter(True, "use the desired acceleration a_d as feed-forward", runtime=True)
     object: ObjectParams = Field(default_factory=ObjectParams)

@@ -4,31 +4,13 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from slip_core import sensor_params
 from slip_core.params import ParameterModel, parameter
 
 
-class SlipSensorModel(ParameterModel):
-    """What is known of the slip sensor; the launcher fills it from the sensor's preset."""
+class WrenchSensorModel(sensor_params.WrenchSensorModel):
+    """What is known of the wrench sensor, and by how much it may be off."""
 
-    rate_hz: float = parameter(0.0, "measuring rate; 0 = at every tick", unit="Hz", ge=0.0)
-    latency_s: float = parameter(0.0, "time from measurement to arrival", unit="s", ge=0.0)
-    noise_linear: float = parameter(0.0, "standard deviation of each linear axis", unit="m/s", ge=0.0)
-    noise_angular: float = parameter(0.0, "standard deviation of each angular axis", unit="rad/s", ge=0.0)
-    quantum_linear: float = parameter(0.0, "step of the linear readings", unit="m/s", ge=0.0)
-    dead_band_linear: float = parameter(0.0, "linear speed below which the sensor reads zero", unit="m/s", ge=0.0)
-    dead_band_angular: float = parameter(0.0, "angular speed below which the sensor reads zero", unit="rad/s", ge=0.0)
-
-    @property
-    def period_s(self) -> float:
-        """Time between samples; 0 for every tick [s]."""
-        return 1.0 / self.rate_hz if self.rate_hz > 0.0 else 0.0
-
-
-class WrenchSensorModel(ParameterModel):
-    """What is known of the wrench sensor."""
-
-    noise_force: float = parameter(0.0, "standard deviation of each force axis", unit="N", ge=0.0)
-    noise_torque: float = parameter(0.0, "standard deviation of each torque axis", unit="N m", ge=0.0)
     bias_force: float = parameter(0.1, "expected size of a constant force error", unit="N", gt=0.0)
     bias_torque: float = parameter(2e-3, "expected size of a constant torque error", unit="N m", gt=0.0)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 import yaml
 
@@ -51,3 +52,36 @@ def _flat(values, prefix=""):
     for key, value in values.items():
         out.update(_flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value})
     return out
+
+
+AT_THE_STOP = (-0.47, 0.04, -0.52, -0.2, -1.11, 1.2, 0.9)
+
+
+def driven_into_the_stop(grip, ticks=300, on_solved=None):
+    """Drive joint 4 into its stop, which shakes hand and object hard; yield after every tick at the stop.
+
+    on_solved: called with the change of friction that one more pass over stops and friction makes [N, N m], and with
+    the friction, for every solution at the stop.
+    """
+    simulation = scene(initial_position=AT_THE_STOP, grip__force=grip)
+    plant = simulation.plant
+    agree = plant._agree_with_joint_stops
+
+    def watched(effort, normal_force, substeps):
+        agree(effort, normal_force, substeps)
+        before, after_state = plant._slip_tau.copy(), plant._next_state.copy()
+        for mujoco_pass in (mujoco.mj_fwdActuation, mujoco.mj_fwdAcceleration, mujoco.mj_fwdConstraint):
+            mujoco_pass(plant.model, plant.data)
+        plant._solve(effort, normal_force, substeps, plant.data.qfrc_constraint, 0)
+        on_solved(float(np.abs(plant._slip_tau - before).max()), before)
+        plant._slip_tau[:], plant._next_state[:] = before, after_state
+
+    if on_solved is not None:
+        plant._agree_with_joint_stops = watched
+    effort = simulation.observe().joint.effort.copy()
+    effort[3] += 30.0
+    for _ in range(ticks):
+        simulation.step(effort)
+        if plant.data.nefc:
+            yield simulation
+    assert simulation.observe().joint.position[3] < 0.0

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
-import yaml
+from scipy.spatial.transform import Rotation
 
-from slip_core.params import build
-from slip_description import scenario_text, urdf_text
-from slip_vic_controller.core.controller import VicController
-from slip_vic_controller.core.params import ControllerParams
+from slip_bringup.inprocess import run_in_process
+from slip_bringup.scenario import load_scenario
+from slip_core.arrays import matrix_from_quat_xyzw
+from test.referees.planar_reference import carried_object
 
-from .planar_reference import carried_object
-from .scenes import scenario_params, scene
+from .scenes import scenario_params
 
 SAME_PHYSICS = 0.01  # the arm tracks within 0.2 mm instead of exactly
 TABLE = 0.10  # required agreement with the published reference table
@@ -22,24 +23,17 @@ TABLE_DIGITS = 0.01
 TICKS = 3000  # the motion takes 2 s, the object spins on until 2.8 s
 
 
-def classical_slip(**controller):
+def classical_slip(*assignments):
     """Distance [m], |angle| [rad], peak speed and |v_x| [m/s], world axes, of paper_planar under classical control."""
-    values = yaml.safe_load(scenario_text("paper_planar"))
-    groups = {**values["shared"], **values["controller"], "controller": "classical"}
-    groups["gains"] = {**groups["gains"], **controller}
-    simulation = scene("paper_planar")
-    law = VicController(build(ControllerParams, groups, "test"), urdf_text())
-    state, peak, peak_x = law.initial_state(simulation.observe().joint), 0.0, 0.0
-    for _ in range(TICKS):
-        wrench, slip = (simulation.observe().wrench,), (simulation.observe().slip,)
-        tick = law.step(state, simulation.observe().joint, wrench, slip, None)
-        state = tick.state
-        simulation.step(tick.command.effort)
-        slipping = (
-            law.arm.terms(simulation.observe().joint.position, np.zeros(7)).rotation @ simulation.observe().slip.twist[:3]
-        )
+    scenario = load_scenario("paper_planar", controller="classical", assignments=assignments)
+    o_R_p = matrix_from_quat_xyzw(scenario.bridge.contacts.orientation_xyzw[:4])
+    peak, peak_x = 0.0, 0.0
+    for tick in itertools.islice(run_in_process(scenario), TICKS + 1):
+        truth = tick.outputs.truth
+        s = truth.slip_displacement
+        R_ee = truth.rotation @ o_R_p @ Rotation.from_rotvec(s[3:].copy()).as_matrix()
+        slipping = R_ee @ truth.slip_velocity[:3]
         peak, peak_x = max(peak, np.hypot(*slipping[:2])), max(peak_x, abs(slipping[0]))
-    s = simulation.observe().truth.slip_displacement
     return np.hypot(s[0], s[1]), abs(s[5]), peak, peak_x
 
 
@@ -61,7 +55,10 @@ def test_classical_control_slips_as_in_the_planar_referee_and_the_table(referenc
 
 def test_soft_gains_across_the_slip_plane_let_weight_into_it(reference):
     """Why the scenario is stiff on z, rx, ry: with the paper's planar gains there, the pads tilt by 2 mrad."""
-    soft = classical_slip(stiffness=[5.0, 5.0, 5.0, 4.5, 4.5, 4.5], damping=[2.5, 2.5, 2.5, 2.2, 2.2, 2.2])
+    soft = classical_slip(
+        "controller.gains.stiffness=[5.0, 5.0, 5.0, 4.5, 4.5, 4.5]",
+        "controller.gains.damping=[2.5, 2.5, 2.5, 2.2, 2.2, 2.2]",
+    )
     assert soft[0] > 1.05 * reference[0]
     assert soft[0] == pytest.approx(TABLE_SLIP_M, rel=TABLE)
 

@@ -8,12 +8,13 @@ import math
 import numpy as np
 import pytest
 
-from slip_sim_bridge.sim.friction import NO_STATE, Coulomb, Stribeck, solve_contact
+from test.support.every import every
 
+from .contact import NO_STATE, coulomb, stribeck
 from .planar_block import PlanarBlock
 
 G0 = 9.81
-CURVE = Stribeck(0.5, 0.4, 0.05, 0.05)
+CURVE = stribeck(0.5, 0.4, 0.05, 0.05)
 FIRST_ORDER = 0.5  # backward Euler shortens a path by speed * dt / 2
 FIRST_ORDER_SLACK = 1.2  # the next order, at the step sizes used here
 DRIFT_M = 1e-9  # 1e-6 mm in 2 s
@@ -21,10 +22,10 @@ BREAK_AWAY = 0.005  # required; one load step is 0.1 %
 STRIBECK = 0.01  # required
 
 
-@pytest.mark.parametrize("speed", [0.02, 0.3, 1.0])
+@every("speed", [0.02, 0.3, 1.0])
 def test_coulomb_block_slides_v2_over_2_mu_g(speed):
     mu, mass, dt = 0.4, 0.5, 1e-3
-    block = PlanarBlock(Coulomb(mu), mass=mass, normal_force=mass * G0, dt=dt)
+    block = PlanarBlock(coulomb(mu), mass=mass, normal_force=mass * G0, dt=dt)
     block.contact_twist = (speed, 0.0, 0.0)
     steps = block.slide_to_rest()
     assert steps == pytest.approx(speed / (mu * G0 * dt), abs=1.0)
@@ -35,7 +36,7 @@ def test_coulomb_block_slides_v2_over_2_mu_g(speed):
 
 def test_coulomb_block_spins_to_rest():
     mu, normal_force, rho, inertia, rate, dt = 0.4, 2.0, 0.03, 2e-3, 8.0, 1e-3
-    block = PlanarBlock(Coulomb(mu), inertia=inertia, normal_force=normal_force, rho=rho, dt=dt)
+    block = PlanarBlock(coulomb(mu), inertia=inertia, normal_force=normal_force, rho=rho, dt=dt)
     block.contact_twist = (0.0, 0.0, rate)
     block.slide_to_rest()
     exact = inertia * rate**2 / (2 * mu * normal_force * rho)
@@ -44,7 +45,7 @@ def test_coulomb_block_spins_to_rest():
 
 def test_coulomb_block_stops_on_a_slope():
     mu, mass, slope, speed, dt = 0.6, 0.5, 0.3, 0.5, 1e-3
-    block = PlanarBlock(Coulomb(mu), mass=mass, normal_force=mass * G0 * math.cos(slope), dt=dt)
+    block = PlanarBlock(coulomb(mu), mass=mass, normal_force=mass * G0 * math.cos(slope), dt=dt)
     block.contact_twist = (speed, 0.0, 0.0)
     downhill = (mass * G0 * math.sin(slope), 0.0, 0.0)
     while not block.step(downhill).stick:
@@ -58,7 +59,7 @@ def test_coulomb_block_stops_on_a_slope():
 
 def test_coulomb_with_viscous_friction_stops_where_the_exponential_says():
     mu, c, mass, normal_force, speed, dt = 0.4, 2.0, 0.5, 1.0, 0.5, 1e-4
-    block = PlanarBlock(Stribeck(mu, mu, 0.05, c), mass=mass, normal_force=normal_force, dt=dt)
+    block = PlanarBlock(stribeck(mu, mu, 0.05, c), mass=mass, normal_force=normal_force, dt=dt)
     block.contact_twist = (speed, 0.0, 0.0)
     block.slide_to_rest()
     F, tau = mu * normal_force, mass / c  # m v' = -F - c v
@@ -69,7 +70,7 @@ def test_coulomb_with_viscous_friction_stops_where_the_exponential_says():
 def test_translation_and_spin_end_together():
     """Coulomb friction on an ellipsoid leaves no direction of a body with rho^2 = J/m unbraked: both stop at once."""
     mass, rho = 0.5, 0.03
-    block = PlanarBlock(Coulomb(0.4), mass=mass, inertia=mass * rho**2, rho=rho, dt=1e-4)
+    block = PlanarBlock(coulomb(0.4), mass=mass, inertia=mass * rho**2, rho=rho, dt=1e-4)
     block.contact_twist = (0.1, 0.05, 4.0)
     direction = np.array([0.1, 0.05, 4.0 * rho])
     while not block.step().stick:
@@ -90,20 +91,20 @@ DIRECTIONS = {
 }
 
 
-@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.02, 0.01)], ids=["centred", "off_centre"])
-@pytest.mark.parametrize("direction", DIRECTIONS.values(), ids=DIRECTIONS.keys())
+@every("offset", [(0.0, 0.0), (0.02, 0.01)])
+@every("direction", DIRECTIONS.values())
 def test_break_away_at_mu_n(direction, offset):
     block = PlanarBlock(CURVE, offset=offset, normal_force=3.0)
     unit = np.array(direction) / np.linalg.norm(direction) * np.array([1.0, 1.0, block.rho])
-    limit = CURVE.mu_s * block.normal_force
+    limit = 0.5 * block.normal_force
     for share in np.arange(0.0, 1.2, 0.001):
         if not block.step(share * limit * unit).stick:
             break
     assert share == pytest.approx(1.0, rel=BREAK_AWAY)
 
 
-@pytest.mark.parametrize("axis", ["x", "diagonal", "x_and_spin"])
-@pytest.mark.parametrize("speed", [0.002, 0.02, 0.05, 0.1, 0.3])
+@every("axis", ["x", "diagonal", "x_and_spin"])
+@every("speed", [0.002, 0.02, 0.05, 0.1, 0.3])
 def test_stribeck_curve(speed, axis):
     """The load that keeps a block at constant speed is read off by pulling the pads away under a heavy block."""
     block = PlanarBlock(CURVE, mass=1e6, inertia=1e6, normal_force=0.5)
@@ -121,7 +122,7 @@ def vibrating_pads(t, peak_acceleration, hertz=30.0):
     return peak_acceleration / omega * (1.0 - math.cos(omega * t))
 
 
-@pytest.mark.parametrize("law", [CURVE, Coulomb(0.5)], ids=["stribeck", "coulomb"])
+@every("law", [CURVE, coulomb(0.5)])
 def test_no_drift_in_stick_at_90_percent_load_with_vibration(law):
     """70 % constant load and 20 % vibration at 30 Hz, along x with spin, off centre: 90 % at each peak."""
     block = PlanarBlock(law, offset=(0.02, 0.01), normal_force=3.0)
@@ -142,7 +143,7 @@ def test_vibration_over_the_limit_walks_downhill():
     assert block.slip[0] > 1e-4
 
 
-@pytest.mark.parametrize("law", [CURVE, Coulomb(0.4)], ids=["stribeck", "coulomb"])
+@every("law", [CURVE, coulomb(0.4)])
 def test_slip_distance_converges_in_first_order(law):
     """A pull above the limit for 0.2 s, then sliding to rest: translation, spin and an offset at once."""
 
@@ -173,6 +174,6 @@ def test_the_step_may_be_long():
 
 def test_one_step_is_a_pure_function():
     v, A = np.array([0.1, 0.05, 2.0]), 1e-3 * np.diag([2.0, 2.0, 500.0])
-    first, second = (solve_contact(v, A, 0.5, 1e-3, CURVE, NO_STATE, 0.03) for _ in range(2))
+    first, second = (CURVE.contact(v, A, 0.5) for _ in range(2))
     assert (first.force == second.force).all()
     assert first.state == second.state == NO_STATE

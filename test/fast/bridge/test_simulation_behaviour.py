@@ -7,8 +7,9 @@ import pytest
 
 from slip_core.errors import InputError, SlipVicError
 from slip_sim_bridge.plant import DivergenceError
+from test.support.every import every
 
-from .scenes import Shaker, scene
+from .scenes import Shaker, driven_into_the_stop, scene
 
 MS = 1_000_000
 STILL = 1e-9  # rad, m: rounding of 2 s of holding
@@ -101,8 +102,8 @@ def test_applied_effort_accelerates_the_arm_as_the_mass_matrix_says():
     np.testing.assert_allclose(unit - idle, 1e-3 * extra, rtol=0, atol=1e-5)  # M qd = dt extra
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("joint", [0, 6])
+@every("bad", [np.nan, np.inf, -np.inf])
+@every("joint", [0, 6])
 def test_effort_that_is_not_finite_is_refused_and_the_arm_holds(bad, joint):
     simulation = scene()
     start = simulation.observe().joint.position
@@ -119,7 +120,7 @@ def test_effort_that_is_not_finite_is_refused_and_the_arm_holds(bad, joint):
     assert not simulation.holding
 
 
-@pytest.mark.parametrize("size", [0, 6, 8])
+@every("size", [0, 6, 8])
 def test_effort_of_the_wrong_size_is_an_error_and_nothing_moves(size):
     simulation = scene()
     before, stamp = state_of(simulation), simulation.stamp_ns
@@ -187,7 +188,7 @@ def test_without_grip_there_is_no_friction():
     assert np.abs(simulation.observe().wrench.wrench[[0, 1, 5]]).max() < 1e-3
 
 
-@pytest.mark.parametrize("force", [-0.1, np.nan, np.inf])
+@every("force", [-0.1, np.nan, np.inf])
 def test_bad_grip_force_is_refused(force):
     simulation = scene()
     with pytest.raises(InputError, match="grip force"):
@@ -208,6 +209,27 @@ def test_divergence_is_an_error_until_reset():
     simulation.reset()
     simulation.step(None)
     assert np.isfinite(state_of(simulation)).all()
+
+
+@pytest.mark.parametrize("raising", ["advance", "holding_effort"])
+def test_a_diverged_simulation_does_not_forget_it(raising, monkeypatch):
+    """Also where the backend would go on as if nothing had happened."""
+    simulation = scene()
+
+    def diverges(*_):
+        if raising == "advance":
+            raise DivergenceError("diverged")
+        return np.full(7, np.nan)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(simulation.plant, raising, diverges)
+        with pytest.raises(DivergenceError, match="diverged"):
+            simulation.step(None)
+    for _ in range(2):
+        with pytest.raises(DivergenceError, match="has diverged; reset it"):
+            simulation.step(None)
+    simulation.reset()
+    simulation.step(None)
 
 
 def test_divergence_writes_nothing_into_the_working_folder(tmp_path, monkeypatch, capfd):
@@ -247,21 +269,6 @@ def test_light_object_in_a_firm_grip_is_sub_stepped_automatically():
     assert ends[64] > 1e-4
     assert abs(ends[0] - ends[64]) < 0.5 * backward_euler
     assert abs(ends[1] - ends[64]) > abs(ends[0] - ends[64])
-
-
-AT_THE_STOP = (-0.47, 0.04, -0.52, -0.2, -1.11, 1.2, 0.9)
-
-
-def driven_into_the_stop(grip, ticks=300):
-    """Drive joint 4 into its stop, which shakes hand and object hard; yield after every tick at the stop."""
-    simulation = scene(initial_position=AT_THE_STOP, grip__force=grip)
-    effort = simulation.observe().joint.effort.copy()
-    effort[3] += 30.0
-    for _ in range(ticks):
-        simulation.step(effort)
-        if simulation.plant.data.nefc:
-            yield simulation
-    assert simulation.observe().joint.position[3] < 0.0
 
 
 def test_friction_stays_within_its_limit_at_a_joint_stop():

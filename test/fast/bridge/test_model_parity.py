@@ -5,15 +5,15 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pinocchio as pin
-import pytest
 from scipy.spatial.transform import Rotation
 
 from slip_core.params import build
 from slip_description import urdf_text
-from slip_sim_bridge.plant.model import arm_spec, build_model, compile_spec
 from slip_sim_bridge.params import BridgeParams
-
-from .grasp_twin import LWA, GraspTwin
+from slip_sim_bridge.plant.implicit import build_model
+from slip_sim_bridge.plant.model import arm_spec, compile_spec
+from test.referees.grasp_twin import LWA, GraspTwin
+from test.support.every import every
 
 PARITY = 1e-10  # required; rounding is 1e-14
 STATES = 1000
@@ -37,7 +37,7 @@ def mujoco_terms(model, data, q, v):
     return M, data.qfrc_bias.copy()
 
 
-@pytest.mark.parametrize("seed", [1])
+@every("seed", [1])
 def test_arm_alone_on_1000_random_states(seed):
     params = BridgeParams()
     ours = compile_spec(arm_spec(params, urdf_text()))
@@ -55,7 +55,7 @@ def test_arm_alone_on_1000_random_states(seed):
         np.testing.assert_allclose(np.vstack((linear, angular)), J, rtol=0, atol=PARITY)
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@every("seed", [2, 3])
 def test_arm_with_any_grasped_object_on_1000_random_states(seed):
     rng = np.random.default_rng(seed)
     params = build(

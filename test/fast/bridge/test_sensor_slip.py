@@ -11,10 +11,11 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
-from slip_sim_bridge.sensors.presets import load_preset, preset_names
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.sensors.suite import SensorSuite
+from slip_sim_bridge.sensors.presets import load_preset, preset_names
 from slip_sim_bridge.sensors.slip import dead_band, lifted_chip_reading
+from slip_sim_bridge.sensors.suite import SensorSuite
+from test.support.every import every
 
 MS = 1_000_000
 ROUNDING = 1e-12
@@ -92,7 +93,7 @@ def test_gain_bias_and_invalid() -> None:
     assert np.isnan(sample.twist).all()
 
 
-@pytest.mark.parametrize("seed", [5])
+@every("seed", [5])
 def test_dropouts_and_outliers_come_at_their_rate(seed: int) -> None:
     ticks, share = 20_000, 0.1
     spread = 5.0 * math.sqrt(share * (1.0 - share) / ticks)  # five standard deviations of a fair count

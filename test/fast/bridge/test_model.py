@@ -9,9 +9,10 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import build
 from slip_description import urdf_text
-from slip_sim_bridge.plant.model import build_model
 from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.plant.implicit import build_model
 from slip_sim_bridge.simulation import GraspSimulation
+from test.support.every import every
 
 JOINTS = [f"arm_joint{i}" for i in range(1, 8)]
 
@@ -49,10 +50,9 @@ def test_a_urdf_without_the_mujoco_extension_keeps_fixed_links():
     assert theirs.body_mass.sum() == pytest.approx(ours.body_mass.sum())
 
 
-@pytest.mark.parametrize(
+@every(
     ("text", "word"),
     [("", "URDF"), ("not xml", "URDF"), ("<robot name='x'>", "URDF"), ("<robot name='x'/>", "")],
-    ids=["empty", "no_xml", "unclosed", "no_links"],
 )
 def test_no_urdf(text, word):
     with pytest.raises(InputError) as caught:
@@ -87,7 +87,7 @@ def test_unphysical_link():
     fails(urdf=wrong)
 
 
-@pytest.mark.parametrize(
+@every(
     ("name", "value", "word"),
     [
         ("object.mass", 0.0, "object.mass"),

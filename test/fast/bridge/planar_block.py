@@ -1,4 +1,4 @@
-"""Referee: a rigid block held between two pads, planar, with constant mass matrix; only numpy and the friction solver.
+"""A rigid block held between two pads, planar, with constant mass matrix; only numpy and the friction law.
 
 The block's twist V = (vx, vy, wz) is taken at its centre of mass, the contact twist is v = G^T V at `offset` from it.
 The pads may be driven: `pad_velocity` is subtracted, so that a vibrating gripper loads the contact by inertia.
@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from slip_sim_bridge.sim.friction import NO_STATE, FrictionLaw, solve_contact
+from .contact import NO_STATE, Law
 
 
 class PlanarBlock:
     """mass [kg], inertia [kg m2], offset (2,) [m] of the pad centre from the centre of mass, normal_force [N]."""
 
-    def __init__(
-        self, law: FrictionLaw, *, mass=0.5, inertia=2e-3, offset=(0.0, 0.0), normal_force=0.5, rho=0.03, dt=1e-3
-    ):
+    def __init__(self, law: Law, *, mass=0.5, inertia=2e-3, offset=(0.0, 0.0), normal_force=0.5, rho=0.03, dt=1e-3):
         self.law, self.normal_force, self.rho, self.dt = law, normal_force, rho, dt
         rx, ry = offset
         self.G = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-ry, rx, 1.0]])
@@ -39,7 +37,7 @@ class PlanarBlock:
         """One step under `load` (3,) [N, N, N m] at the pad centre; returns the contact solution."""
         load = np.asarray(load, dtype=float)
         v_free = self.G.T @ self.twist + self.A @ load - np.asarray(pad_velocity)
-        out = solve_contact(v_free, self.A, self.normal_force, self.dt, self.law, self.state, self.rho)
+        out = self.law.contact(v_free, self.A, self.normal_force, self.dt, self.state, self.rho)
         self.twist = self.twist + self.dt * np.linalg.solve(self.M, self.G @ (load + out.force))
         self.state = out.state
         self.slip = self.slip + self.dt * out.velocity
