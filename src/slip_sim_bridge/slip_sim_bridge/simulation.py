@@ -183,7 +183,7 @@ def drive(wanted: Array, last: Array, largest_change: float, limit: Array, out: 
 
     wanted, last, limit, out (n,) [N m]; largest_change [N m] from the last effort to this one, inf where unbounded.
 
-    Implements: no equation: a drive follows at most `largest_change` from its last effort to this one.
+    A drive follows at most `largest_change` from its last effort to this one.
     """
     outcome = OBEYED
     for i in range(len(wanted)):
@@ -198,10 +198,7 @@ def drive(wanted: Array, last: Array, largest_change: float, limit: Array, out: 
 
 
 def make_plant(params: BridgeParams, urdf_text: str) -> Plant:
-    """Return the backend that `params.backend` names.
-
-    Implements: no equation: a backend that is not asked for is not imported.
-    """
+    """Return the backend that `params.backend` names."""
     if params.backend == "native":
         from slip_sim_bridge.plant.native import NativePlant
 

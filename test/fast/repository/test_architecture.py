@@ -33,7 +33,9 @@ ALLOWED = {
     "slip_vic_controller.reference": {"numpy", "scipy", "slip_core"},
     "slip_vic_controller.robot": {"numpy", "pinocchio", "slip_core"},
     "slip_sim_bridge": SHELLS,
-    "slip_sim_bridge.sim": {"numpy", "mujoco", "pydantic", "slip_core"},
+    "slip_sim_bridge.friction": {"numpy", "pydantic", "slip_core"},
+    "slip_sim_bridge.plant": {"numpy", "mujoco", "slip_core"},  # no other file knows MuJoCo
+    "slip_sim_bridge.sensors": {"numpy", "yaml", "pydantic", "slip_core"},
     "slip_bags": {"slip_core", "slip_msgs_py"} | BAG_LIBRARIES | ROS,
     "slip_bringup": ROOMS | NUMERIC | TOOLS | ROS,  # slip_campaigns is named as text and loaded on demand
     "slip_campaigns": {"slip_bringup"} | ROOMS | NUMERIC | TOOLS | ROS,
@@ -49,7 +51,9 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_vic_controller.observer": {"slip_vic_controller.observer", *SHARED},
     "slip_vic_controller.reference": {"slip_vic_controller.reference", "slip_vic_controller.law.rotation", *SHARED},
     "slip_vic_controller.robot": {"slip_vic_controller.law.arm", *SHARED},
-    "slip_sim_bridge.sim": {"slip_sim_bridge.sim"},
+    "slip_sim_bridge.friction": {"slip_sim_bridge.friction"},
+    "slip_sim_bridge.plant": {f"slip_sim_bridge.{part}" for part in ("plant", "friction", "params")},
+    "slip_sim_bridge.sensors": {"slip_sim_bridge.sensors", "slip_sim_bridge.params"},
 }
 
 
@@ -108,9 +112,11 @@ def test_module_imports_only_what_its_layer_may(module: str, path: Path) -> None
     [
         ("slip_vic_controller.core.law", "import rclpy"),
         ("slip_vic_controller.core.law", "import pinocchio"),
-        ("slip_vic_controller.node", "from slip_sim_bridge.sim import friction"),
+        ("slip_vic_controller.node", "from slip_sim_bridge import friction"),
         ("slip_sim_bridge.node", "import slip_vic_controller"),
-        ("slip_sim_bridge.sim.friction", "from slip_msgs_py import qos"),
+        ("slip_sim_bridge.friction.lugre", "from slip_msgs_py import qos"),
+        ("slip_sim_bridge.friction.lugre", "from slip_sim_bridge.plant import Plant"),
+        ("slip_sim_bridge.simulation", "import mujoco"),
         ("slip_description", "import numpy"),
         ("slip_core.types", "from geometry_msgs.msg import Twist"),
     ],

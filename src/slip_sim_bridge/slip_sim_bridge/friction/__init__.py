@@ -55,18 +55,12 @@ class FrictionLaw(Protocol):
 
 
 def law_names() -> tuple[str, ...]:
-    """Return the names of all laws: what `friction.model` accepts.
-
-    Implements: no equation: a law's name is its module's.
-    """
+    """Return the names of all laws: what `friction.model` accepts."""
     return typing.get_args(FrictionParams.model_fields["model"].annotation)
 
 
 def friction_law(params: FrictionParams) -> tuple[FrictionLaw, Array]:
-    """Return the law that `params.model` names, and its parameters laid out by its `LAYOUT`.
-
-    Implements: no equation: a law's name is its module's.
-    """
+    """Return the law that `params.model` names, and its parameters laid out by its `LAYOUT`."""
     law = cast(FrictionLaw, importlib.import_module(f"{__name__}.{params.model}"))
     parameters = new(law.LAYOUT)
     law.fill(record(parameters, law.LAYOUT), params)
@@ -75,10 +69,7 @@ def friction_law(params: FrictionParams) -> tuple[FrictionLaw, Array]:
 
 @functools.cache
 def sliding_friction(law: FrictionLaw) -> Any:
-    """Compile F(parameters, speed [m/s], normal force [N]) [N] of steady sliding for a law.
-
-    Implements: no equation: the law's own `limit`.
-    """
+    """Compile F(parameters, speed [m/s], normal force [N]) [N] of steady sliding for a law."""
     layout = law.LAYOUT
 
     @kernel(REAL(IN1, REAL, REAL))

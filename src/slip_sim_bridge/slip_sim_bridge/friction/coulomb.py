@@ -16,10 +16,7 @@ STATEFUL = False
 
 
 def fill(law: Any, params: FrictionParams) -> None:
-    """Write the parameters to the record.
-
-    Implements: no equation: `mu_k` is the one coefficient.
-    """
+    """Write the parameters to the record."""
     law.mu = params.mu_k
 
 

@@ -36,8 +36,6 @@ def projection(limit: Any) -> Any:
 
     Args:
         limit: the law's part `limit(law, speed, normal_force) -> (F, dF/ds)`.
-
-    Implements: no equation: ellipsoidal limit surface, |S^-1 f| <= F(s).
     """
 
     @part

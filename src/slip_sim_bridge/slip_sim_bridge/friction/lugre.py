@@ -34,10 +34,7 @@ SHORTEST = 1e-12  # m: full stretch where there is no dry friction; its force is
 
 
 def fill(law: Any, params: FrictionParams) -> None:
-    """Write the parameters to the record; stiffness and damping are those of all bristles together.
-
-    Implements: no equation: they have the same names.
-    """
+    """Write the parameters to the record; stiffness and damping are those of all bristles together."""
     stribeck.fill(law.curve, params)
     law.stiffness, law.damping = params.lugre.stiffness, params.lugre.damping
     law.breakaway_fraction, law.torsional_radius = params.lugre.breakaway_fraction, params.torsional_radius

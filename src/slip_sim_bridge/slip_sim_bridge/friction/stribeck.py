@@ -20,10 +20,7 @@ STATEFUL = False
 
 
 def fill(law: Any, params: FrictionParams) -> None:
-    """Write the parameters to the record.
-
-    Implements: no equation: they have the same names.
-    """
+    """Write the parameters to the record."""
     law.mu_s, law.mu_k = params.mu_s, params.mu_k
     law.stribeck_velocity, law.viscous = params.stribeck_velocity, params.viscous
 

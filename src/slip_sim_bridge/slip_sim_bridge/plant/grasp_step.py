@@ -69,10 +69,7 @@ def contact_motion(factor: Array, inverse_diagonal: Array, tree: Any, force: Arr
 
 @functools.cache
 def grasp_step(law: FrictionLaw) -> Any:
-    """Compile the step for a friction law: effort and friction of the coming sub-step become joint forces.
-
-    Implements: no equation: v = v_free + dt J M^-1 J^T f with f by the friction law.
-    """
+    """Compile the step for a friction law: effort and friction of the coming sub-step become joint forces."""
     law_layout = law.LAYOUT
 
     @kernel(INT(IN1, IN1, WHOLE1, IN1, IN1, IN1, IN1, IN1, IN1, OUT1, REAL, INT, INT, OUT1))

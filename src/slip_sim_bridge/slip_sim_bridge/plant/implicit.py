@@ -41,7 +41,7 @@ def build_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
     Raises:
         InputError: where the URDF does not parse or lacks the frame or a joint.
 
-    Implements: no equation: relative coordinates make stick exact.
+    Relative coordinates make stick exact.
     """
     spec = arm_spec(params, urdf_text)
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
@@ -54,10 +54,7 @@ def build_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
 
 
 def compile_laws() -> None:
-    """Compile the grasp step of every friction law, so that no run waits for it.
-
-    Implements: no equation: machine code is made when the environment is made.
-    """
+    """Compile the grasp step of every friction law, so that no run waits for it."""
     for name in law_names():
         law, _ = friction_law(FrictionParams.model_validate({"model": name}))
         grasp_step(law)

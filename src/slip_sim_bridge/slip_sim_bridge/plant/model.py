@@ -28,8 +28,6 @@ def arm_spec(params: BridgeParams, urdf_text: str) -> mujoco.MjSpec:
 
     Raises:
         InputError: where the URDF does not parse or lacks the frame or a joint.
-
-    Implements: no equation: the same rigid-body arm as the controller's model.
     """
     try:
         spec = mujoco.MjSpec.from_string(urdf_text)
@@ -68,10 +66,7 @@ def arm_spec(params: BridgeParams, urdf_text: str) -> mujoco.MjSpec:
 
 
 def add_pad(spec: mujoco.MjSpec, ee_frame: str) -> mujoco.MjsBody:
-    """Put the body with force and torque sensors at the pad centre and return it.
-
-    Implements: no equation: what it carries is what the sensors feel.
-    """
+    """Put the body with force and torque sensors at the pad centre and return it."""
     pad = spec.body(ee_frame).add_body(name=PAD)
     site = pad.add_site(name=PAD)
     for name, kind in _SENSORS.items():
@@ -84,8 +79,6 @@ def sensor_address(model: mujoco.MjModel) -> slice:
 
     Raises:
         InputError: where the URDF's own sensors are between them.
-
-    Implements: no equation: MuJoCo's addresses.
     """
     force, torque = (model.sensor(name).adr[0] for name in _SENSORS)
     if torque != force + 3:
@@ -96,7 +89,7 @@ def sensor_address(model: mujoco.MjModel) -> slice:
 def set_object_inertia(body: mujoco.MjsBody, params: BridgeParams) -> None:
     """Give `body`, whose frame is the grasp frame {p}, the object's mass, centre of mass and inertia.
 
-    Implements: no equation: p_x_o = -o_R_p^T o_x_p, inertia turned to {p} axes.
+    p_x_o = -o_R_p^T o_x_p, inertia turned to {p} axes.
     """
     o_R_p = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
     o_x_p = np.array(params.contacts.position[:3])
@@ -112,8 +105,6 @@ def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
     Raises:
         InputError: where MuJoCo finds the model inconsistent.
-
-    Implements: no equation: the compiler's complaint becomes one line.
     """
     if mujoco.get_mju_user_warning() is None:  # or MuJoCo writes MUJOCO_LOG.TXT into the working folder
         mujoco.set_mju_user_warning(_ignore)  # the plants read `data.warning` and raise
@@ -124,10 +115,7 @@ def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def effort_limits(model: mujoco.MjModel, joint_names: Sequence[str]) -> Array:
-    """Return `effort` of the URDF's joint limits, inf where there is none; (n,) [N m].
-
-    Implements: no equation: the URDF's numbers.
-    """
+    """Return `effort` of the URDF's joint limits, inf where there is none; (n,) [N m]."""
     joints = [model.joint(name).id for name in joint_names]
     return readonly([model.jnt_actfrcrange[j, 1] if model.jnt_actfrclimited[j] else math.inf for j in joints])
 

@@ -63,7 +63,7 @@ def build_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
     Raises:
         InputError: where the URDF does not parse or lacks the frame or a joint.
 
-    Implements: no equation: elliptic cones, condim 4, noslip solver, normal force by slides.
+    Elliptic cones, condim 4, noslip solver, normal force by slides.
     """
     spec = arm_spec(params, urdf_text)
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC

@@ -118,7 +118,7 @@ def dead_band(twist: Array, linear: float, angular: float) -> Array:
 
     twist (6,) [m/s, rad/s], linear [m/s], angular [rad/s], any axes; the same array where nothing is in the band.
 
-    Implements: no equation: slow motion gives an optical sensor no counts.
+    Slow motion gives an optical sensor no counts.
     """
     keep = np.repeat((math.hypot(*twist[:3]) >= linear, math.hypot(*twist[3:]) >= angular), 3)
     return twist if keep.all() else np.where(keep, twist, 0.0)
@@ -130,7 +130,7 @@ def lifted_chip_reading(twist: Array, lifted: int, radius: float) -> Array:
     Every chip reads the two linear velocities at its place; x, y and the turn about z follow by least squares, as a
     driver does that does not know which chip is off. twist (6,) [m/s, rad/s] {ee}; radius [m].
 
-    Implements: no equation: a chip off the object reads zero.
+    A chip off the object reads zero.
     """
     angles = 2.0 * math.pi * np.arange(CHIPS) / CHIPS
     rows = np.zeros((CHIPS, 2, 3))
@@ -147,7 +147,7 @@ def lifted_chip_reading(twist: Array, lifted: int, radius: float) -> Array:
 def draw_chances(rng: Generator, out: Array) -> None:
     """Fill each row with two uniform numbers from [0, 1) and normal ones; (m, 2 + k).
 
-    Implements: no equation: `rng.random(2)` and `rng.standard_normal(k)` in turn, row by row.
+    `rng.random(2)` and `rng.standard_normal(k)` in turn, row by row.
     """
     for i in range(out.shape[0]):
         out[i, 0] = rng.random()
@@ -160,7 +160,7 @@ def draw_chances(rng: Generator, out: Array) -> None:
 def exceeds(values: Array, bounds: Array) -> bool:
     """Return whether any value is beyond its bound in size; (n,), (n,), one unit.
 
-    Implements: no equation: any(|values| > bounds), where NaN is not beyond.
+    any(|values| > bounds), where NaN is not beyond.
     """
     beyond = False
     for i in range(len(values)):

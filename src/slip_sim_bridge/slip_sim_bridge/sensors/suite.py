@@ -60,7 +60,7 @@ class Sensor(Generic[Sample]):
     def update(self, truth: Sample) -> list[Sample]:
         """Take the truth of this tick and return the samples that are published now, oldest first.
 
-        Implements: ours: measurement k at the first tick not before k / rate; published latency later.
+        Measurement k at the first tick not before k / rate; published latency later.
         """
         if self._prompt:
             measured = self._measure(truth, self._rng)
@@ -109,7 +109,7 @@ class JointSensor:
     def update(self, truth: JointSample) -> JointSample:
         """Return the measured joint state of this tick; the effort is the applied one.
 
-        Implements: ours: white noise and bias on positions [rad], white noise on velocities [rad/s].
+        White noise and bias on positions [rad], white noise on velocities [rad/s].
         """
         if self._ideal:
             return truth
@@ -147,10 +147,7 @@ class SensorSuite:
         self.joint = JointSensor(sensors.joint, stream("joint"))
 
     def set_faults(self, params: SensorsParams) -> None:
-        """Switch faults on and off from the next measurement on; what is under way stays as it is.
-
-        Implements: ours: faults that come and go during a run.
-        """
+        """Switch faults on and off from the next measurement on; what is under way stays as it is."""
         self._measure_slip.faults = params.slip.faults
         self._measure_wrench.params = params.wrench
 
