@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slip_sim_bridge.presets import load_preset, preset_names
+from slip_sim_bridge.sensors.presets import load_preset, preset_names
 from slip_vic_controller.observer.config import SPARE_ROWS, capacity
 from slip_vic_controller.observer.layouts import ROW, TICK_ROW
 from test.fast.observer.bench import Bench
