@@ -18,6 +18,7 @@ from slip_bags.salvage import Salvage, salvage
 from slip_bags.writer import WriterOptions
 from slip_core.errors import InputError
 from test.support.bag_maker import make_bag
+from test.support.every import every
 
 TOPICS = {"/a": "sensor_msgs/msg/JointState", "/b": "geometry_msgs/msg/WrenchStamped"}
 COUNT, FLUSH = 400, 40
@@ -64,9 +65,10 @@ def test_killed_recorder_loses_nothing_that_was_flushed(original, tmp_path):
         assert reader.message_count == COUNT * len(TOPICS)
 
 
-@pytest.mark.parametrize("seed", range(CUTS))
+@every("seed", range(CUTS))
 def test_cut_anywhere(original, tmp_path, seed):
     """What is saved is exactly the beginning; what is lost is less than one flush."""
+    tmp_path = made(tmp_path / str(seed))
     data = (original / f"{original.name}_0.mcap").read_bytes()
     end = random.Random(seed).randrange(len(data))
     (tmp_path / "cut.mcap").write_bytes(data[:end])
@@ -81,6 +83,11 @@ def test_cut_anywhere(original, tmp_path, seed):
     saved = messages(tmp_path / "out")
     assert saved == whole[: len(saved)]
     assert len(saved) >= flushed
+
+
+def made(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
 
 
 def savable(data: bytes) -> bool:
@@ -104,9 +111,10 @@ def complete_chunks(data: bytes, end: int) -> int:
     return chunks
 
 
-@pytest.mark.parametrize("seed", range(DAMAGES))
+@every("seed", range(DAMAGES))
 def test_damage_anywhere(original, tmp_path, seed):
     """Every message that is saved is one of the original's, in order; a compressed file loses at most two chunks."""
+    tmp_path = made(tmp_path / str(seed))
     rng = random.Random(seed)
     data = bytearray((original / f"{original.name}_0.mcap").read_bytes())
     start = rng.randrange(len(data) - 200)

@@ -15,6 +15,7 @@ from slip_bags.typedefs import find_definition
 from slip_core.errors import InputError
 from test.fast.bags.test_typedefs import INSTALLED
 from test.support.bag_maker import STORE, comparable, encode, make_bag, random_message
+from test.support.every import every
 
 KNOWN = [name for name in INSTALLED if name in STORE.types]
 ROWS = 12
@@ -45,7 +46,7 @@ def series_of(type_name: str, messages: list[bytes]) -> Series:
 
 
 @pytest.mark.parametrize("sizes", [2, None], ids=["equal", "varying"])
-@pytest.mark.parametrize("type_name", KNOWN)
+@every("type_name", KNOWN)
 def test_every_value_of_every_type(type_name, sizes):
     rng = np.random.default_rng(zlib.crc32(type_name.encode()))
     messages = [random_message(type_name, rng, sizes) for _ in range(ROWS)]

@@ -3,7 +3,7 @@
 import ast
 from pathlib import Path
 
-import pytest
+from test.support.every import every
 
 SRC = Path(__file__).parents[3] / "src"
 FOLDERS = (SRC / "slip_vic_controller/slip_vic_controller/core",)
@@ -25,7 +25,7 @@ def without_source(text: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("path", FILES, ids=[f"{p.parent.name}.{p.stem}" for p in FILES])
+@every("path", FILES)
 def test_public_functions_name_their_source(path: Path) -> None:
     assert without_source(path.read_text()) == []
 

@@ -10,6 +10,7 @@ import pytest
 import setuptools
 
 from slip_core.topics import TOPICS
+from test.support.every import every
 
 SRC = Path(__file__).parents[3] / "src"
 PACKAGES = sorted(path.name for path in SRC.iterdir() if (path / "setup.py").exists())
@@ -92,13 +93,13 @@ def test_the_run_script_installs_every_package_after_what_it_needs() -> None:
         assert needed(name) & set(PACKAGES) <= set(order[:position]), name
 
 
-@pytest.mark.parametrize("name", PACKAGES)
+@every("name", PACKAGES)
 def test_setup_declares_what_is_imported(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     declared = set(setup_arguments(name, monkeypatch)["install_requires"])
     assert declared == {"setuptools"} | wheels(needed(name))
 
 
-@pytest.mark.parametrize("name", PACKAGES)
+@every("name", PACKAGES)
 def test_package_xml_declares_what_is_imported(name: str) -> None:
     assert {node.text for node in package_xml(name).findall("exec_depend")} == ros_keys(needed(name))
 
@@ -110,7 +111,7 @@ def test_imports_are_found_wherever_they_stand() -> None:
     assert ros_keys({"numpy", "mcap", "rclpy", "slip_core"}) == {"python3-numpy", "rclpy", "slip_core"}
 
 
-@pytest.mark.parametrize("name", PACKAGES)
+@every("name", PACKAGES)
 def test_package_xml_is_a_format_3_ament_python_package(name: str) -> None:
     root = package_xml(name)
     assert root.tag == "package"
@@ -122,7 +123,7 @@ def test_package_xml_is_a_format_3_ament_python_package(name: str) -> None:
     assert root.findtext("export/build_type") == "ament_python"
 
 
-@pytest.mark.parametrize("name", PACKAGES)
+@every("name", PACKAGES)
 def test_package_has_what_ament_needs(name: str) -> None:
     folder = SRC / name
     assert (folder / "resource" / name).is_file()
