@@ -1,16 +1,19 @@
-"""``slip-vic bag``: record, play, info, export, recover."""
+"""``slip_bag`` and ``slip-vic bag``: record, play, info, export, recover; also the recorder as a child process."""
 
 from __future__ import annotations
 
+import contextlib
+import datetime
+import signal
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
-from slip_bags.cli_ros import play, record
-from slip_bags.tables import table_console
-from slip_core.errors import InputError
+from slip_core.errors import InputError, SlipVicError
+from slip_msgs_py import events
 
 _FOLDER = click.Path(path_type=Path)
 _BAG = click.argument("bag_path", metavar="BAG", type=_FOLDER)
@@ -21,10 +24,6 @@ def bag() -> None:
     """Record, inspect, play, verify and export ROS 2 bags (rosbag2 folders with MCAP files)."""
 
 
-bag.add_command(record)
-bag.add_command(play)
-
-
 @bag.command()
 @_BAG
 @click.option("--json", "as_json", is_flag=True, help="as JSON")
@@ -32,8 +31,9 @@ bag.add_command(play)
 @click.option("--attachment", metavar="NAME", help="write this attached file to stdout and nothing else")
 def info(bag_path: Path, as_json: bool, no_scan: bool, attachment: str | None) -> None:
     """Show what a bag holds: topics, rates, gaps, losses, order of stamps, parameters."""
-    from slip_bags.info import bag_report, print_report
+    from slip_bags.info import bag_report
     from slip_bags.reader import Bag
+    from slip_bags.terminal import print_report
     from slip_core.errors import nearest
 
     with Bag(bag_path) as opened:
@@ -47,7 +47,7 @@ def info(bag_path: Path, as_json: bool, no_scan: bool, attachment: str | None) -
     if as_json:
         click.echo(report.as_json())
     else:
-        print_report(report, table_console())
+        print_report(report)
 
 
 @bag.command()
@@ -83,3 +83,218 @@ def recover(bag_path: Path, output: Path | None, compression: str) -> None:
             f"not readable: {report.bytes_skipped} bytes, {report.chunks_dropped} damaged chunks, "
             f"{report.messages_dropped} messages"
         )
+
+
+@bag.command()
+@click.argument("topics", nargs=-1)
+@click.option("-o", "--output", type=_FOLDER, help="new folder of the bag; default rosbag2_<date>-<time>")
+@click.option("-a", "--all", "everything", is_flag=True, help="every topic that appears")
+@click.option("-e", "--regex", default="", help="every topic this matches")
+@click.option("--exclude-regex", default="", help="except what this matches")
+@click.option("--include-hidden-topics", is_flag=True, help="topics with a part that begins with _ as well")
+@click.option("--typed", nargs=2, multiple=True, metavar="TOPIC TYPE", help="subscribe at once, before it is published")
+@click.option("--compression", type=click.Choice(["zstd", "lz4", "none"]), default="zstd", show_default=True)
+@click.option("-b", "--max-bag-size", type=click.IntRange(0), default=0, help="split after so many bytes")
+@click.option("-d", "--max-bag-duration", type=click.FloatRange(0.0), default=0.0, help="split after so many seconds")
+@click.option("--duration", type=click.FloatRange(0.0), default=0.0, help="end after so many seconds")
+@click.option("--queue-depth", type=click.IntRange(1), default=2000, show_default=True, help="per topic")
+@click.option("--attach", multiple=True, metavar="NAME=FILE", help="store a file in the bag")
+@click.option("--custom-data", multiple=True, metavar="KEY=VALUE", help="store a text in metadata.yaml")
+@click.option("--node-name", default="recorder", show_default=True)
+@click.option("--namespace", default="/", show_default=True, help="of the recorder's node and of relative names")
+@click.option("--flush-period", type=click.FloatRange(0.0), default=1.0, show_default=True, help="[s]")
+@click.option("--min-free-mib", type=click.IntRange(0), default=64, show_default=True, help="stop below so much space")
+def record(
+    topics: tuple[str, ...],
+    output: Path | None,
+    everything: bool,
+    regex: str,
+    exclude_regex: str,
+    include_hidden_topics: bool,
+    typed: tuple[tuple[str, str], ...],
+    compression: str,
+    max_bag_size: int,
+    max_bag_duration: float,
+    duration: float,
+    queue_depth: int,
+    attach: tuple[str, ...],
+    custom_data: tuple[str, ...],
+    node_name: str,
+    namespace: str,
+    flush_period: float,
+    min_free_mib: int,
+) -> None:
+    """Record topics until Ctrl-C; QoS follows the publishers, topics may appear late."""
+    from slip_bags.listeners import Listener, TerminalListener
+    from slip_bags.record import RecordOptions
+    from slip_bags.record import record as run_recorder
+    from slip_bags.recorder import Selection
+    from slip_bags.terminal import print_summary
+    from slip_bags.writer import WriterOptions
+    from slip_msgs_py.stop_flag import StopFlag
+
+    try:
+        if not (topics or typed or everything or regex):
+            raise InputError("bag record", got="no topics", expected="topic names, --all or --regex")
+        named = tuple((name, None) for name in topics) + tuple(typed)
+        options = RecordOptions(
+            output=output or Path(f"rosbag2_{datetime.datetime.now():%Y_%m_%d-%H_%M_%S}"),
+            selection=Selection(named, everything, regex, exclude_regex, include_hidden_topics),
+            writer=WriterOptions(
+                compression,
+                split_bytes=max_bag_size,
+                split_duration_ns=round(max_bag_duration * 1e9),
+                custom_data=_pairs("--custom-data", custom_data),
+                attachments=_read_attachments(attach),
+            ),
+            queue_depth=queue_depth,
+            duration_s=duration,
+            flush_period_s=flush_period,
+            min_free_bytes=min_free_mib << 20,
+            node_name=node_name,
+            namespace=namespace,
+        )
+        with StopFlag() as stop:
+            summary = run_recorder(options, Listener() if events.wanted() else TerminalListener(), stop)
+    except SlipVicError as error:
+        events.emit(events.Failed(str(error)))
+        raise
+    events.emit(events.Done(summary))
+    if not events.wanted():
+        print_summary(summary)
+
+
+@bag.command()
+@click.argument("bag_path", metavar="BAG", type=_FOLDER)
+@click.option("-r", "--rate", type=click.FloatRange(0.0, min_open=True), default=1.0, show_default=True)
+@click.option("-l", "--loop", is_flag=True, help="start again at the end")
+@click.option("--start-offset", type=click.FloatRange(0.0), default=0.0, help="seconds from the bag's start")
+@click.option("--playback-duration", type=click.FloatRange(0.0), help="play so many seconds of the bag")
+@click.option("--topics", multiple=True, help="only this topic; repeatable")
+@click.option("-e", "--regex", default="", help="only topics this matches")
+@click.option("-x", "--exclude-regex", default="", help="except what this matches")
+@click.option("-m", "--remap", multiple=True, metavar="OLD:=NEW", help="play under another name; repeatable")
+@click.option("--clock", "clock_hz", type=click.FloatRange(0.0), is_flag=False, flag_value=40.0, default=0.0,
+              help="publish /clock at this rate [Hz]; 40 where no number is given")  # fmt: skip
+@click.option("-p", "--start-paused", is_flag=True, help="wait for the space key")
+@click.option("--delay", type=click.FloatRange(0.0), default=0.0, help="wait so many seconds before playing")
+@click.option("--realtime/--no-realtime", default=True, show_default=True, help="real-time priority where permitted")
+@click.option("--wait-for-subscribers", is_flag=True, help="start when every topic has a subscriber")
+@click.option("--disable-keyboard-controls", is_flag=True)
+def play(
+    bag_path: Path,
+    rate: float,
+    loop: bool,
+    start_offset: float,
+    playback_duration: float | None,
+    topics: tuple[str, ...],
+    regex: str,
+    exclude_regex: str,
+    remap: tuple[str, ...],
+    clock_hz: float,
+    start_paused: bool,
+    delay: float,
+    realtime: bool,
+    wait_for_subscribers: bool,
+    disable_keyboard_controls: bool,
+) -> None:
+    """Publish a bag's messages again, with their recorded spacing.
+
+    Keys: space pause/resume, right arrow or s one message, up/down rate, q quit.
+    """
+    from slip_bags.keyboard import TerminalControls, raw_keys, terminal
+    from slip_bags.player import Player, PlayOptions, wait_for_discovery
+    from slip_bags.reader import Bag
+    from slip_bags.ros_node import request_realtime, ros_node
+    from slip_msgs_py.stop_flag import StopFlag
+
+    options = PlayOptions(
+        rate=rate,
+        loop=loop,
+        start_offset_s=start_offset,
+        duration_s=playback_duration,
+        topics=topics,
+        regex=regex,
+        exclude_regex=exclude_regex,
+        remaps=_remaps(remap),
+        clock_hz=clock_hz,
+        start_paused=start_paused,
+    )
+    with (
+        Bag(bag_path) as opened,
+        StopFlag() as stop,
+        contextlib.nullcontext(realtime and request_realtime()) as prioritised,
+        ros_node("player") as node,
+        raw_keys(sys.stdin) as keys,
+    ):
+        controls = TerminalControls(None if disable_keyboard_controls else keys, terminal(), stop)
+        player = Player(node, opened, options, controls, lambda text: click.echo(f"warning: {text}", err=True))
+        wait_for_discovery(player, delay, stop, everybody=wait_for_subscribers)
+        result = player.run()
+        controls.finish(player)
+    end = "" if result.completed else "stopped: "
+    click.echo(
+        f"{end}{result.messages} messages, timing error p50 {result.error_p50_us:.1f} us, "
+        f"p99 {result.error_p99_us:.1f} us, max {result.error_max_us:.1f} us"
+        + ("" if prioritised else " (without real-time priority)")
+    )
+
+
+def _remaps(texts: tuple[str, ...]) -> dict[str, str]:
+    remaps = {}
+    for text in texts:
+        old, sign, new = text.partition(":=")
+        if not old or not sign or not new:
+            raise InputError("--remap", got=text, expected="OLD:=NEW")
+        remaps[old] = new
+    return remaps
+
+
+def _pairs(option: str, texts: Sequence[str]) -> dict[str, str]:
+    result = {}
+    for text in texts:
+        key, sign, value = text.partition("=")
+        if not key or not sign:
+            raise InputError(option, got=text, expected="KEY=VALUE")
+        result[key] = value
+    return result
+
+
+def _read_attachments(texts: Sequence[str]) -> dict[str, bytes]:
+    contents = {}
+    for name, path in _pairs("--attach", texts).items():
+        try:
+            contents[name] = Path(path).read_bytes()
+        except OSError as error:
+            raise InputError(f"--attach {name}", got=f"{path}: {error.strerror}", expected="a readable file") from None
+    return contents
+
+
+def run_command(group: click.Group, name: str) -> int:
+    """Run a command line and return its exit code: one line and 2 for a user's mistake."""
+    # A shell that starts us in the background has SIGINT ignored; whoever sends one means it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        code = group.main(prog_name=name, standalone_mode=False)
+        return code if isinstance(code, int) else 0
+    except click.exceptions.Exit as end:
+        return end.exit_code
+    except click.ClickException as error:
+        command = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else name
+        click.echo(f"error: {error.format_message()} (see {command} --help)", err=True)
+        return 2
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("error: interrupted", err=True)
+        return 2
+    except SlipVicError as error:
+        click.echo(f"error: {error}", err=True)
+        return error.exit_code
+
+
+def main() -> int:
+    """Entry point of ``slip_bag``: the ``bag`` commands without the rest of the suite."""
+    return run_command(bag, "slip_bag")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import datetime
 import json
 from dataclasses import asdict, dataclass
 from typing import Any
-
-from rich.console import Console, Group, RenderableType
-from rich.table import Table
-from rich.text import Text
 
 from slip_bags.layout import Schema
 from slip_bags.reader import Bag, RawMessage
@@ -131,50 +126,6 @@ def bag_report(bag: Bag, *, scan: bool = True) -> BagReport:
         custom_data=dict(bag.custom_data),
         notes=_notes(bag),
     )
-
-
-def print_report(report: BagReport, console: Console) -> None:
-    """Show a report as text and tables."""
-    console.print(_rendered(report))
-
-
-def _rendered(report: BagReport) -> RenderableType:
-    head = Table.grid(padding=(0, 2))
-    for label, value in _head(report):
-        head.add_row(Text(label, style="bold"), Text(value))
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("topic", overflow="fold")
-    table.add_column("type", overflow="fold")
-    for column in ("messages", "Hz", "gap ms", "lost", "stamps back", "repeated"):
-        table.add_column(column, justify="right")
-    table.add_column("QoS")
-    for topic in report.topics:
-        cells = (topic.largest_gap_ms, topic.lost, topic.stamps_backward, topic.stamps_repeated)
-        rate = "-" if topic.rate_hz is None else f"{topic.rate_hz:.2f}"
-        table.add_row(topic.name, topic.type_name, str(topic.message_count), rate, *map(_cell, cells), topic.qos)
-    return Group(head, Text(""), table, *(Text(f"note: {note}", style="yellow") for note in report.notes))
-
-
-def _head(report: BagReport) -> list[tuple[str, str]]:
-    rows = [
-        ("bag", report.path),
-        ("files", ", ".join(report.files)),
-        ("size", f"{report.size_bytes / 2**20:.2f} MiB, compression {report.compression}"),
-        ("messages", f"{report.message_count} in {report.duration_s:.3f} s"),
-    ]
-    if report.start_ns is not None:
-        start = datetime.datetime.fromtimestamp(report.start_ns // 10**9, datetime.UTC)
-        rows.append(("start", f"{start:%Y-%m-%d %H:%M:%S}.{report.start_ns % 10**9:09d} UTC"))
-    if report.attachments:
-        rows.append(("attachments", ", ".join(f"{name} ({size} B)" for name, size in report.attachments.items())))
-    rows += [(key, value) for key, value in report.custom_data.items() if key != "recorder"]
-    return rows
-
-
-def _cell(value: float | None) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.2f}" if isinstance(value, float) else str(value)
 
 
 def _qos(profiles: Any) -> str:

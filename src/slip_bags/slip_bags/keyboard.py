@@ -9,7 +9,7 @@ import sys
 import termios
 import time
 import tty
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Final, TextIO
 
 from slip_bags.player import RATE_STEP, Controls, Player
@@ -53,14 +53,14 @@ class TerminalControls(Controls):
         stop: asked whether a signal has come.
     """
 
-    def __init__(self, keys: int | None, screen: TextIO | None, stop: object) -> None:
+    def __init__(self, keys: int | None, screen: TextIO | None, stop: Callable[[], bool]) -> None:
         self._keys, self._screen, self._stop = keys, screen, stop
         self._next_poll = self._next_draw = 0.0
         self._bag_time_ns: int | None = None
 
     def poll(self, player: Player) -> None:
         """Answer signals, keys and redraw, each at its own low rate."""
-        if getattr(self._stop, "is_set", False):
+        if self._stop():
             player.stopping = True
         now = time.monotonic()
         if now < self._next_poll:

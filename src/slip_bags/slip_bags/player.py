@@ -18,9 +18,9 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from slip_bags.ahead import ReadAhead
 from slip_bags.format import TopicInfo
 from slip_bags.patterns import check_patterns
+from slip_bags.prefetch import Prefetch
 from slip_bags.reader import Bag
 from slip_bags.schedule import Schedule
 from slip_bags.typedefs import split_type_name
@@ -184,7 +184,7 @@ class Player:
             self.schedule.restart(self.start_ns)
 
     def _send_read_ahead(self) -> bool:
-        source = ReadAhead(self._messages())
+        source = Prefetch(self._messages())
         try:
             return self._send_all(source)
         finally:

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from rclpy.node import Node
 
 from slip_bags.format import QosProfile
-from slip_bags.intake import Arrival, Intake, open_intake, recording_qos
+from slip_bags.raw_subscription import Arrival, RawSubscription, recording_qos
 
 OVERLAP_S: Final = 0.5  # old subscriptions stay this long after the last change
 MATCH_LIMIT_S: Final = 5.0  # and no longer than this where a publisher never matches
@@ -61,7 +61,7 @@ class TopicSubscription:
         self, node: Node, message_class: type, topic: str, depth: int, ask: Callable[[], Sequence[Offer]]
     ) -> None:
         self._node, self._class, self._topic, self._depth, self._ask = node, message_class, topic, depth, ask
-        self._intakes: dict[Strength, Intake] = {}
+        self._subscriptions: dict[Strength, RawSubscription] = {}
         self._seen: set[tuple[int, int]] = set()  # (time sent, number) of what came while there were several
         self._seen_last = -1
         self._changed_at = 0.0
@@ -73,7 +73,7 @@ class TopicSubscription:
     @property
     def matched(self) -> bool:
         """Whether there is a publisher, and the subscription that stays has found all there are."""
-        return bool(self.offers) and self._intakes[self.strength].publisher_count() >= len(self.offers)
+        return bool(self.offers) and self._subscriptions[self.strength].publisher_count() >= len(self.offers)
 
     def follow(self, now: float) -> None:
         """Look at the publishers there are now and change what is asked for where needed."""
@@ -99,12 +99,12 @@ class TopicSubscription:
             # A reliable publisher may repeat, long after, what another subscription had brought.
             return [
                 arrival
-                for arrival in self._intakes[self.strength].drain()
+                for arrival in self._subscriptions[self.strength].drain()
                 if arrival.sequence > self._seen_last or (arrival.sent_ns, arrival.sequence) not in self._seen
             ]
         fresh = []
-        for intake in self._intakes.values():
-            for arrival in intake.drain():
+        for subscription in self._subscriptions.values():
+            for arrival in subscription.drain():
                 key = (arrival.sent_ns, arrival.sequence)
                 if key not in self._seen:
                     self._seen.add(key)
@@ -115,26 +115,26 @@ class TopicSubscription:
 
     def close(self) -> None:
         """Unsubscribe."""
-        for intake in self._intakes.values():
-            intake.close()
+        for subscription in self._subscriptions.values():
+            subscription.close()
 
     def _open(self) -> None:
         self._settled = False
-        if self.strength not in self._intakes:
+        if self.strength not in self._subscriptions:
             reliable, transient_local = self.strength
             qos = recording_qos(self._depth, reliable=reliable, transient_local=transient_local)
-            self._intakes[self.strength] = open_intake(self._node, self._class, self._topic, qos)
+            self._subscriptions[self.strength] = RawSubscription(self._node, self._class, self._topic, qos)
 
     def _settle(self, now: float) -> None:
         """Close what is not needed any more."""
         if not self.offers or now - self._changed_at < OVERLAP_S:
             return
-        if len(self._intakes) > 1:
+        if len(self._subscriptions) > 1:
             if not self.matched and now - self._changed_at < MATCH_LIMIT_S:
                 return
             self.follow(now)  # a publisher that has come just now may need an old one
             if now - self._changed_at < OVERLAP_S:
                 return
-            for strength in [strength for strength in self._intakes if strength != self.strength]:
-                self._intakes.pop(strength).close()
+            for strength in [strength for strength in self._subscriptions if strength != self.strength]:
+                self._subscriptions.pop(strength).close()
         self._settled = True

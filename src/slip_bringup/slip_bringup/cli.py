@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -12,10 +11,9 @@ from typing import TYPE_CHECKING, Final
 import click
 from rich.console import Console
 
-from slip_bags.cli import bag
+from slip_bags.cli import bag, run_command
 from slip_bringup.replay.cli import references, verify
 from slip_bringup.study.cli import check, study
-from slip_core.errors import SlipVicError
 
 if TYPE_CHECKING:
     from slip_bringup.scenario import ControllerKind, Mode
@@ -150,27 +148,8 @@ cli.add_command(study)
 
 
 def main() -> int:
-    """Entry point of ``slip-vic``: one line for a user's mistake, exit code 2."""
-    # A shell that starts us in the background has SIGINT ignored; whoever sends one means it.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        code = cli.main(prog_name="slip-vic", standalone_mode=False)
-        return code if isinstance(code, int) else 0
-    except click.exceptions.Exit as end:
-        return end.exit_code
-    except click.Abort:
-        click.echo("error: interrupted", err=True)
-        return 2
-    except click.ClickException as error:
-        command = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else "slip-vic"
-        click.echo(f"error: {error.format_message()} (see {command} --help)", err=True)
-        return 2
-    except KeyboardInterrupt:
-        click.echo("error: interrupted", err=True)
-        return 2
-    except SlipVicError as error:
-        click.echo(f"error: {error}", err=True)
-        return error.exit_code
+    """Entry point of ``slip-vic``."""
+    return run_command(cli, "slip-vic")
 
 
 if __name__ == "__main__":

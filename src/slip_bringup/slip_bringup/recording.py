@@ -42,9 +42,9 @@ def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str
     attachments = {"arm.urdf": scenario.urdf, "scenario.yaml": scenario.text}
     for key, params in (("controller", scenario.controller), ("bridge", scenario.bridge)):
         attachments[f"{key}.params.yaml"] = ros_parameter_file(params, NODES[key][0])
-    arguments = ["--output", str(bag)]
+    arguments = ["record", "--output", str(bag)]
     for name, kind in recorded_topics(scenario):
-        arguments += ["--topic", name, "--type", kind]
+        arguments += ["--typed", name, kind]
     for name, text in attachments.items():
         path = folder / f"attachment.{name}"
         path.write_text(text, encoding="utf-8")
@@ -58,4 +58,4 @@ def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str
         arguments += ["--custom-data", f"{key}={value}"]
     if namespace:
         arguments += ["--namespace", namespace]
-    return python_module("slip_bags.recorder_process", *arguments)
+    return python_module("slip_bags.cli", *arguments)

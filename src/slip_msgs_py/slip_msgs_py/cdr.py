@@ -32,7 +32,7 @@ Numbers = NDArray[Any]  # float64 or int64
 
 
 @dataclass(frozen=True, slots=True)
-class Leaf:
+class NumberBlock:
     """Numbers of one kind (a `struct` letter) that lie side by side from `offset` on."""
 
     path: str
@@ -41,7 +41,7 @@ class Leaf:
     count: int
 
 
-class Layout:
+class Template:
     """A message in CDR: its bytes with zeros as padding, where its numbers lie, and which bytes are padding.
 
     Args:
@@ -50,7 +50,7 @@ class Layout:
 
     def __init__(self, message: Any) -> None:
         self.data = bytearray(_HEADER)
-        self.leaves: list[Leaf] = []
+        self.leaves: list[NumberBlock] = []
         self.padding: list[int] = []
         self._message(message, "")
 
@@ -79,19 +79,19 @@ class Layout:
 
     def _numbers(self, values: Sequence[Any], kind: str, path: str) -> None:
         if len(values) == 0:
-            self.leaves.append(Leaf(path, kind, len(self.data), 0))  # an empty array is not even aligned
+            self.leaves.append(NumberBlock(path, kind, len(self.data), 0))  # an empty array is not even aligned
             return
         size = struct.calcsize(f"<{kind}")
         gap = -(len(self.data) - len(_HEADER)) % size
         self.padding += range(len(self.data), len(self.data) + gap)
         self.data += bytes(gap)
         if path:
-            self.leaves.append(Leaf(path, kind, len(self.data), len(values)))
+            self.leaves.append(NumberBlock(path, kind, len(self.data), len(values)))
         if kind == "B" and isinstance(values[0], bytes):
             values = b"".join(values)
         self.data += struct.pack(f"<{len(values)}{kind}", *values)
 
-    def under(self, path: str) -> Leaf:
+    def under(self, path: str) -> NumberBlock:
         """Return all numbers at `path` and below it as one block.
 
         Raises:
@@ -105,7 +105,7 @@ class Layout:
         side_by_side = found[-1].offset + found[-1].count * size == first.offset + count * size
         if any(leaf.kind != first.kind for leaf in found) or not side_by_side:
             raise ValueError(f"{path}: its numbers are not one block of one kind")
-        return Leaf(path, first.kind, first.offset, count)
+        return NumberBlock(path, first.kind, first.offset, count)
 
 
 class CdrCodec:
@@ -131,7 +131,7 @@ class CdrCodec:
     def __init__(self, template: Any, fields: Sequence[str], stamp: str = "header.stamp") -> None:
         for path in filter(None, (*fields, stamp)):
             _at(template, path)
-        layout = Layout(template)
+        layout = Template(template)
         self.size = len(layout.data)
         self._blocks = [layout.under(path) for path in fields]
         self._stamp_at = _stamp_offset(layout, stamp) if stamp else None
@@ -208,7 +208,7 @@ class CdrCodec:
         body = data[len(_HEADER) :]  # a copy in which numbers are aligned as CDR aligns them
         return stamp_ns, [_frombuffer(body, dtype, count, start) for dtype, count, start in self._starts]
 
-    def _prove(self, template: Any, layout: Layout) -> None:
+    def _prove(self, template: Any, layout: Template) -> None:
         """Write every varying place with a number of its own and have rclpy read and write the same."""
         probes: list[Numbers] = []
         for block in self._blocks:
@@ -235,7 +235,7 @@ def _masked(data: bytes | bytearray, mask: bytes | bytearray) -> int:
     return int.from_bytes(data, "little") & int.from_bytes(mask, "little")
 
 
-def _stamp_offset(layout: Layout, path: str) -> int:
+def _stamp_offset(layout: Template, path: str) -> int:
     sec = next((leaf for leaf in layout.leaves if leaf.path == f"{path}.sec" and leaf.kind == "i"), None)
     if sec is None:
         raise ValueError(f"{path}: not a stamp")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import resource
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -16,6 +15,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from slip_core.errors import SlipVicError
+from slip_msgs_py.stop_flag import StopFlag
 
 
 class RunnableNode(Protocol):
@@ -36,22 +36,6 @@ DELIVERY_S = 10.0  # a busy machine may starve a recorder for seconds
 STOP_DELIVERY_S = 0.1  # somebody waits for the process to end
 
 
-class StopFlag:
-    """Set by SIGINT and SIGTERM; asked by loops. A KeyboardInterrupt inside a callback would be logged as fatal."""
-
-    def __init__(self) -> None:
-        self.signal_number: int | None = None
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._set)
-
-    def _set(self, number: int, _frame: Any) -> None:
-        self.signal_number = number
-
-    def __call__(self) -> bool:
-        """Return whether the process was asked to stop."""
-        return self.signal_number is not None
-
-
 def memory_mib() -> float:
     """Return the most memory this process has had resident so far [MiB]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
@@ -64,7 +48,7 @@ def run_node(factory: Callable[[], RunnableNode], args: Sequence[str] | None = N
         factory: makes the node once rclpy is up.
         args: command line with ``--ros-args``; None takes that of the process.
     """
-    stop = StopFlag()
+    stop = StopFlag().install()
     node: RunnableNode | None = None
     try:
         rclpy.init(args=list(sys.argv if args is None else args), signal_handler_options=SignalHandlerOptions.NO)

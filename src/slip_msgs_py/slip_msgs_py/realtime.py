@@ -18,12 +18,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from slip_core.errors import InputError
-from slip_msgs_py.awake import Awake
+from slip_msgs_py.cpu_latency import CpuLatency
 from slip_msgs_py.events import warn
 
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
-_kept: list[Awake] = []  # for the life of the process
+_kept: list[CpuLatency] = []  # for the life of the process
 _SWITCH_INTERVAL_S = 1e-4  # a busy Python thread otherwise keeps the interpreter for 5 ms
 
 
@@ -63,7 +63,7 @@ def set_up_process(options: ProcessOptions) -> list[str]:
             wanted, cores = _list(options.cpus), _list(sorted(os.sched_getaffinity(0)))
             refused.append(f"core {wanted} is not available ({_reason(error)}); running on {cores}")
     if options.awake:
-        _kept.append(Awake(options.cpus))  # before the priority, which its processes would inherit
+        _kept.append(CpuLatency(options.cpus))  # before the priority, which its processes would inherit
     if options.fifo is not None:
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(options.fifo))

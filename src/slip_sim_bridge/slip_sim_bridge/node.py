@@ -21,14 +21,14 @@ from slip_core.timing import Window, spread
 from slip_core.topics import contact_topic
 from slip_core.types import EffortCommand
 from slip_msgs_py import forms, from_msgs, to_msgs
+from slip_msgs_py.endpoint_matching import EndpointMatching, wait_until
 from slip_msgs_py.events import Done, Progress, Started, emit
+from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, Sender, create_receiver, create_sender
 from slip_msgs_py.node_main import memory_mib, run_node
-from slip_msgs_py.peers import Peers, wait_until
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import allow_changes, declare
-from slip_msgs_py.spinning import Spinner
 from slip_sim_bridge import pacing
 from slip_sim_bridge.pacing import Pacer
 from slip_sim_bridge.params import BridgeParams
@@ -164,7 +164,7 @@ class SlipSimBridge(Node):
 
     def _wait_for_peers(self, should_stop: Callable[[], bool]) -> bool:
         subscribers = max(1, len(self.params.wait_for))
-        peers = Peers(
+        peers = EndpointMatching(
             self,
             publishers=[
                 (sender.publisher, subscribers)

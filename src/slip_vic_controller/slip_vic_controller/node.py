@@ -20,14 +20,14 @@ from slip_core.resources import read_text
 from slip_core.topics import contact_topic
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_msgs_py import forms, from_msgs, to_msgs
+from slip_msgs_py.endpoint_matching import EndpointMatching
 from slip_msgs_py.events import Done, Ready, emit
+from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
 from slip_msgs_py.node_main import memory_mib, run_node
-from slip_msgs_py.peers import Peers
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import allow_changes, declare
-from slip_msgs_py.spinning import Spinner
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.inputs import Manifest
 from slip_vic_controller.core.session import NO_EFFORT, ControllerSession, CycleResult
@@ -57,7 +57,7 @@ class SlipVicController(LifecycleNode):
         self._spinner = Spinner(self._executor)
         self._endpoints: list[tuple[Callable[[Any], Any], Any]] = []
         self._failure: SlipVicError | None = None
-        self._peers: Peers | None = None
+        self._peers: EndpointMatching | None = None
         self._finished_at: float | None = None
         self._ready = False
         allow_changes(self, self.params, self._on_change)
@@ -152,7 +152,7 @@ class SlipVicController(LifecycleNode):
         if not self._lockstep:
             self.create_timer(WATCHDOG_S, self._on_watchdog, clock=Clock(clock_type=ClockType.STEADY_TIME))
         published = (*self._diagnostics.publishers, *(self._timing.publishers if self._timing else ()))
-        self._peers = Peers(
+        self._peers = EndpointMatching(
             self,
             publishers=[
                 (self._send_effort.publisher, self.params.expected_subscribers),

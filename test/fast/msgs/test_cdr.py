@@ -18,7 +18,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, Int64MultiArray
 
-from slip_msgs_py.cdr import CdrCodec, Layout, numbers_at
+from slip_msgs_py.cdr import CdrCodec, Template, numbers_at
 
 NAMES = [f"arm_joint{i}" for i in range(1, 8)]
 NS = 1_000_000_000
@@ -124,7 +124,7 @@ def test_nan_payload_and_sign_survive() -> None:
 @kinds
 def test_everything_but_numbers_and_stamp_must_match(kind: Kind) -> None:
     codec = kind.codec()
-    layout = Layout(kind.template())
+    layout = Template(kind.template())
     written = codec.encode(0, *([0] * n for n in kind.sizes))
     free = set(layout.padding)
     for path in (*kind.fields, kind.stamp):
@@ -150,7 +150,7 @@ def test_cut_or_longer_data_is_not_read(kind: Kind) -> None:
 @kinds
 def test_padding_is_zero(kind: Kind) -> None:
     written = kind.codec().encode(0, *([1] * n for n in kind.sizes))
-    assert all(written[at] == 0 for at in Layout(kind.template()).padding)
+    assert all(written[at] == 0 for at in Template(kind.template()).padding)
 
 
 @pytest.mark.parametrize(
@@ -207,13 +207,13 @@ def test_fields_that_cannot_vary_are_refused(template: Any, fields: tuple[str, .
 
 
 def test_a_layout_that_rclpy_does_not_share_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    honest = Layout._numbers
+    honest = Template._numbers
 
-    def unaligned(self: Layout, values: Any, kind: str, path: str) -> None:
+    def unaligned(self: Template, values: Any, kind: str, path: str) -> None:
         if kind == "d":
             self.data += bytes(8)
         honest(self, values, kind, path)
 
-    monkeypatch.setattr(Layout, "_numbers", unaligned)
+    monkeypatch.setattr(Template, "_numbers", unaligned)
     with pytest.raises((ValueError, RuntimeError)):
         KINDS["JointState"].codec()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from slip_bags.recorder_process import EventListener
+from slip_bags.listeners import Listener
 from slip_bringup.launcher import Launcher
 from slip_bringup.scenario import load_scenario
 from slip_msgs_py import events
@@ -58,7 +58,7 @@ def test_warnings_of_recorder_and_set_up_reach_the_result(
 ) -> None:
     """What the children print is what the launcher reads."""
     monkeypatch.setenv(events.EVENTS_VARIABLE, "1")
-    EventListener().warning("topic /x has several types")
+    Listener().warning("topic /x has several types")
     warn("slip_sim_bridge.node", "core 7 is not available")
     launcher = Launcher(load_scenario("paper_planar"))
     for line in capsys.readouterr().out.splitlines():

@@ -84,9 +84,9 @@ def running(bag: Path, count: int, rate_hz: float, seconds: float, compression: 
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "SLIP_VIC_EVENTS": "1",
     }
-    command = ["-m", "slip_bags.recorder_process", "--output", str(bag), "--compression", compression]
+    command = ["-m", "slip_bags.cli", "record", "--output", str(bag), "--compression", compression]
     for name, type_name in topic_types(count).items():
-        command += ["--topic", name, "--type", type_name]
+        command += ["--typed", name, type_name]
     pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "env": environment}
     recorder = subprocess.Popen([sys.executable, *command], **pipes)
     source_command = [__file__, "publish", "--topics", str(count), "--rate", str(rate_hz), "--seconds", str(seconds)]

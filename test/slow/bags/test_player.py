@@ -15,13 +15,13 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import WrenchStamped
 
-from slip_bags.intake import Arrival, DirectIntake, recording_qos
+from slip_bags.raw_subscription import Arrival, RawSubscription, recording_qos
 from slip_bags.reader import Bag
-from slip_bags.session import request_realtime
+from slip_bags.ros_node import request_realtime
 from test.support.bag_maker import PERIOD_NS, START_NS, make_bag
 from test.support.ros import DEADLINE_S, wait_until
 
-RECORDER = ("-m", "slip_bags.recorder_process", "--output")
+RECORDER = ("-m", "slip_bags.cli", "record", "--output")
 PLAY = ("-m", "slip_bringup.cli", "bag", "play")
 TOPICS = {"/a": "sensor_msgs/msg/JointState", "/b": "geometry_msgs/msg/WrenchStamped"}
 COUNT = 300
@@ -35,8 +35,7 @@ def bag(tmp_path_factory) -> Path:
 
 
 def start_recorder(processes, folder: Path, *topics: str):
-    arguments = [part for name in topics for part in ("--topic", name)]
-    return processes.python("recorder", *RECORDER, folder, *arguments, "--flush-period", "0.1")
+    return processes.python("recorder", *RECORDER, folder, *topics, "--flush-period", "0.1")
 
 
 def play(processes, *arguments: object) -> str:
@@ -93,7 +92,7 @@ def test_part_of_the_bag_under_another_name_with_clock(processes, bag, tmp_path)
 
 def test_loops_until_interrupted(processes, ros_node, bag):
     heard: list[Arrival] = []
-    listener = DirectIntake(ros_node, WrenchStamped, "/b", recording_qos(2000, reliable=True, transient_local=False))
+    listener = RawSubscription(ros_node, WrenchStamped, "/b", recording_qos(2000, reliable=True, transient_local=False))
     player = processes.python("player", *PLAY, bag, "--loop", "--rate", "10", "--wait-for-subscribers", "--topics", "b")
     wait_until(lambda: heard.extend(listener.drain()) or len(heard) > 2 * COUNT, "the third loop")
     assert processes.stop(player, signal.SIGINT) == 0

@@ -49,7 +49,7 @@ def kill_when_running(module: str, number: int) -> threading.Thread:
     [
         ("slip_vic_controller.node", "controller failed with exit code -9"),
         ("slip_sim_bridge.node", "bridge failed with exit code -9"),
-        ("recorder_process", "recorder failed with exit code -9"),
+        ("slip_bags.cli", "recorder failed with exit code -9"),
     ],
 )
 def test_a_killed_child_is_named_and_the_others_end(module: str, words: str, tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ from slip_bringup.scenario import IN_REAL_TIME, Scenario, load_scenario
 from slip_bringup.series import read_series
 from slip_campaigns.bench.machine import fifo_permitted
 from slip_campaigns.faults.monitors import LOST_M
-from slip_msgs_py.awake import LATENCY_FILE, Awake
+from slip_msgs_py.cpu_latency import LATENCY_FILE, CpuLatency
 from slip_msgs_py.events import Started
 from slip_msgs_py.realtime import ProcessOptions, set_up_interpreter
 from slip_vic_controller.core.modes import Mode
@@ -128,7 +128,7 @@ def wakes(seconds: float) -> None:
         ("awake, by idle processes", NOWHERE),
         ("awake, by the kernel", LATENCY_FILE),
     ):
-        keeper = None if awake is None else Awake(tuple(os.sched_getaffinity(0)), awake)
+        keeper = None if awake is None else CpuLatency(tuple(os.sched_getaffinity(0)), awake)
         found, start = [], time.monotonic()
         for tick in range(1, round(1e3 * seconds) + 1):
             time.sleep(max(0.0, start + 1e-3 * tick - time.monotonic()))

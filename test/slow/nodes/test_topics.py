@@ -143,4 +143,4 @@ def test_a_reference_from_a_topic_is_followed(processes: Processes, ros_node: An
 
 def test_node_executables_have_their_ros_names() -> None:
     scripts = {entry.name for entry in importlib.metadata.entry_points(group="console_scripts")}
-    assert {"slip_vic_controller_node", "slip_sim_bridge_node", "slip_bag_recorder", "slip-vic"} <= scripts
+    assert {"slip_vic_controller_node", "slip_sim_bridge_node", "slip_bag", "slip-vic"} <= scripts

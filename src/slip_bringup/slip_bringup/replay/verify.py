@@ -12,7 +12,7 @@ from slip_bringup.replay.run_data import RecordedRun
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Comparison:
     """How many cycles and efforts were compared, how many cycles differ, and the first difference."""
 
     cycles: int
@@ -38,7 +38,7 @@ class Verdict:
         )
 
 
-def verify_run(run: RecordedRun, on_cycle: Callable[[], None] = lambda: None, from_s: float = 0.0) -> Verdict:
+def verify_run(run: RecordedRun, on_cycle: Callable[[], None] = lambda: None, from_s: float = 0.0) -> Comparison:
     """Replay a run; `on_cycle` is called after every cycle; from_s: begin so many seconds after the first cycle.
 
     Raises:
@@ -51,7 +51,7 @@ def verify_run(run: RecordedRun, on_cycle: Callable[[], None] = lambda: None, fr
         if divergence is not None:
             different += 1
             first = first or divergence
-    return Verdict(len(run.ledger) - begin, sum(len(effort) for effort in run.efforts[begin:]), different, first)
+    return Comparison(len(run.ledger) - begin, sum(len(effort) for effort in run.efforts[begin:]), different, first)
 
 
 def other_software(custom_data: Mapping[str, str]) -> list[str]:

@@ -33,8 +33,8 @@ from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, RECORDER, TOPICS, Fau
 from slip_campaigns.faults.proxy import Proxy
 from slip_campaigns.faults.wire import Wire
 from slip_core.topics import topic
+from slip_msgs_py.executor import Spinner
 from slip_msgs_py.qos import create_subscription, message_class
-from slip_msgs_py.spinning import Spinner
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.modes import Mode
 

@@ -94,8 +94,8 @@ class Nodes:
         """Start a recorder of all topics."""
         self._bags += 1
         self._bag = self._folder / f"bag_{self._bags}"
-        words = ["--output", str(self._bag), "--all", "--flush-period", "0.1"]
-        argv = python_module("slip_bags.recorder_process", *words)
+        words = ["record", "--output", str(self._bag), "--all", "--flush-period", "0.1"]
+        argv = python_module("slip_bags.cli", *words)
         self._children[RECORDER] = self._group.start(RECORDER, argv, self._environment, lambda *_: None)
 
     def records(self) -> bool:

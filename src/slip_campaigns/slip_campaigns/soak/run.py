@@ -127,7 +127,7 @@ def _start(
     controller = scenario.controller.model_copy(update={"expected_subscribers": 2})
     bridge = scenario.bridge.model_copy(update={"wait_for": ("controller", "recorder")})
     recorder = recorder_command(scenario, folder / "bag", folder, "")
-    commands = {"recorder": [*recorder, "--split-duration", str(SPLIT_S)]}
+    commands = {"recorder": [*recorder, "--max-bag-duration", str(SPLIT_S)]}
     for name, params in (("controller", controller), ("bridge", bridge)):
         commands[name] = node_command(name, params, folder)
 

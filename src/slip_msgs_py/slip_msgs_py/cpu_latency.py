@@ -12,7 +12,7 @@ LATENCY_FILE = "/dev/cpu_dma_latency"
 _PR_SET_PDEATHSIG = 1
 
 
-class Awake:
+class CpuLatency:
     """While this process lives, its cores do not sleep.
 
     The kernel's own way is a request for a wake-up latency of 0, which lasts as long as a file is open that is root's.

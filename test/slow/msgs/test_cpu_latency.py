@@ -8,7 +8,7 @@ import sys
 
 import psutil
 
-from slip_msgs_py.awake import Awake
+from slip_msgs_py.cpu_latency import CpuLatency
 from test.support.ros import wait_until
 
 ENOUGH_S = 10.0
@@ -21,7 +21,7 @@ def gone(pid: int) -> bool:
 
 def test_else_a_process_of_idle_priority_runs_on_each_core() -> None:
     cores = tuple(sorted(os.sched_getaffinity(0)))
-    awake = Awake(cores[-1:], REFUSED)
+    awake = CpuLatency(cores[-1:], REFUSED)
     try:
         assert not awake.by_kernel
         (pid,) = awake.pids
@@ -36,7 +36,8 @@ def test_else_a_process_of_idle_priority_runs_on_each_core() -> None:
 
 def test_they_end_with_their_owner() -> None:
     core = min(os.sched_getaffinity(0))
-    code = f"from slip_msgs_py.awake import Awake; print(*Awake(({core},), {REFUSED!r}).pids, flush=True)"
+    make = f"CpuLatency(({core},), {REFUSED!r})"
+    code = f"from slip_msgs_py.cpu_latency import CpuLatency; print(*{make}.pids, flush=True)"
     owner = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert owner.stdout is not None
     pids = [int(word) for word in owner.stdout.readline().split()]

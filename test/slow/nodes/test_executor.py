@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from rclpy.experimental import EventsExecutor
 
-from slip_msgs_py.spinning import Spinner
+from slip_msgs_py.executor import Spinner
 
 TURNS = 2000
 

@@ -12,7 +12,7 @@ DEPTH: Final = 5000
 _END: Final = object()
 
 
-class ReadAhead(Generic[Item]):
+class Prefetch(Generic[Item]):
     """Iterates over `items`, produced by a thread up to `DEPTH` ahead; close it where it is not used up."""
 
     def __init__(self, items: Iterable[Item]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 from collections.abc import Iterator
 
 import rclpy
@@ -12,31 +11,10 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 
-class StopFlag:
-    """Set by SIGINT, SIGTERM or SIGHUP while installed; asked in loops, so that closing always happens."""
-
-    def __init__(self) -> None:
-        self.is_set = False
-
-    @contextlib.contextmanager
-    def installed(self) -> Iterator[StopFlag]:
-        """Handle the signals inside the block."""
-        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-        before = {number: signal.signal(number, self._set) for number in numbers}
-        try:
-            yield self
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
-
-    def _set(self, _number: int, _frame: object) -> None:
-        self.is_set = True
-
-
 def request_realtime() -> bool:
     """Ask for real-time priority for this process and the threads it starts from now on; return whether it was given.
 
-    Implements: ours: before ROS starts, so that its threads inherit it; without the privilege nothing changes.
+    Before ROS starts, so that its threads inherit it; without the privilege nothing changes.
     """
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(os.sched_get_priority_min(os.SCHED_FIFO)))

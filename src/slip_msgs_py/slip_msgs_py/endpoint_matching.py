@@ -11,7 +11,7 @@ from rclpy.qos import QoSCompatibility, qos_check_compatible
 from slip_core.errors import ProtocolError
 
 
-class Peers:
+class EndpointMatching:
     """The endpoints a node needs: publishers with a least number of subscribers, subscriptions with a publisher.
 
     Args:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import psutil
 
-from slip_msgs_py.awake import Awake
+from slip_msgs_py.cpu_latency import CpuLatency
 from slip_msgs_py.realtime import ProcessOptions
 
 REFUSED = "/nowhere/cpu_dma_latency"
@@ -17,7 +17,7 @@ def test_the_kernel_is_asked_for_no_latency_for_as_long_as_it_lasts(tmp_path: Pa
     file = tmp_path / "cpu_dma_latency"
     file.touch()
     opened = lambda: [f.path for f in psutil.Process().open_files() if f.path == str(file)]  # noqa: E731
-    awake = Awake(latency_file=str(file))
+    awake = CpuLatency(latency_file=str(file))
     assert awake.by_kernel
     assert awake.pids == ()
     assert struct.unpack("i", file.read_bytes()) == (0,)
@@ -28,7 +28,7 @@ def test_the_kernel_is_asked_for_no_latency_for_as_long_as_it_lasts(tmp_path: Pa
 
 
 def test_without_cores_nobody_is_busy() -> None:
-    awake = Awake(latency_file=REFUSED)
+    awake = CpuLatency(latency_file=REFUSED)
     assert not awake.by_kernel
     assert awake.pids == ()
     awake.end()

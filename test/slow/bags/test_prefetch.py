@@ -8,12 +8,12 @@ import threading
 import pytest
 
 from slip_bags import player as player_module
-from slip_bags.ahead import DEPTH, ReadAhead
+from slip_bags.prefetch import DEPTH, Prefetch
 from slip_core.errors import InputError
 
 
 def test_everything_in_order():
-    assert list(ReadAhead(range(3 * DEPTH))) == list(range(3 * DEPTH))
+    assert list(Prefetch(range(3 * DEPTH))) == list(range(3 * DEPTH))
 
 
 def test_errors_come_where_they_happen():
@@ -21,7 +21,7 @@ def test_errors_come_where_they_happen():
         yield 1
         raise InputError("chunk", got="damage", expected="none")
 
-    ahead = iter(ReadAhead(broken()))
+    ahead = iter(Prefetch(broken()))
     assert next(ahead) == 1
     with pytest.raises(InputError, match="damage"):
         next(ahead)
@@ -29,7 +29,7 @@ def test_errors_come_where_they_happen():
 
 def test_closing_ends_the_thread():
     before = threading.active_count()
-    ahead = ReadAhead(itertools.count())
+    ahead = Prefetch(itertools.count())
     assert next(iter(ahead)) == 0
     ahead.close()
     assert threading.active_count() == before

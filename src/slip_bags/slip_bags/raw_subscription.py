@@ -1,0 +1,65 @@
+"""Take raw messages with their times and sequence numbers out of a subscription, without decoding.
+
+`rclpy` hands these only to its own executors; the method they call is used here directly: no executor, no callback.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+
+class Arrival(NamedTuple):
+    """One received message: when it was received and sent [ns], its number at its publisher, its CDR bytes."""
+
+    received_ns: int
+    sent_ns: int
+    sequence: int
+    data: bytes
+
+
+def recording_qos(depth: int, *, reliable: bool, transient_local: bool) -> QoSProfile:
+    """Return the QoS a recorder asks for: deep, and no stronger than what every publisher offers."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if transient_local else DurabilityPolicy.VOLATILE,
+    )
+
+
+class RawSubscription:
+    """Takes from the subscription handle; its node must not be added to an executor."""
+
+    def __init__(self, node: Node, message_class: type, topic: str, qos: QoSProfile) -> None:
+        self._node = node
+        self._class = message_class
+        self._subscription = node.create_subscription(message_class, topic, _never, qos, raw=True)
+
+    def drain(self) -> Iterator[Arrival]:
+        """Yield what is there now."""
+        handle = self._subscription.handle
+        with handle:
+            while (taken := handle.take_message(self._class, True)) is not None:
+                yield _arrival(*taken)
+
+    def publisher_count(self) -> int:
+        """Matched publishers."""
+        return int(self._subscription.get_publisher_count())
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._node.destroy_subscription(self._subscription)
+
+
+def _arrival(data: bytes, info: Any) -> Arrival:
+    return Arrival(
+        info["received_timestamp"], info["source_timestamp"], info["publication_sequence_number"] or 0, bytes(data)
+    )
+
+
+def _never(_: object) -> None:
+    """The callback that nothing calls."""

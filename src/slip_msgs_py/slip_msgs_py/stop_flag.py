@@ -1,0 +1,38 @@
+"""The wish to end, as a flag that loops ask: so that closing always happens."""
+
+from __future__ import annotations
+
+import signal
+from typing import Any, Final
+
+SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class StopFlag:
+    """Set by SIGINT, SIGTERM and SIGHUP from `install` on, or inside a `with` block; a loop asks by calling it.
+
+    A KeyboardInterrupt inside a callback would be logged as fatal.
+    """
+
+    def __init__(self) -> None:
+        self._is_set = False
+        self._before: dict[signal.Signals, Any] = {}
+
+    def install(self) -> StopFlag:
+        """Handle the signals until the process ends."""
+        self._before = {number: signal.signal(number, self._set) for number in SIGNALS}
+        return self
+
+    def __enter__(self) -> StopFlag:
+        return self.install()
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def __call__(self) -> bool:
+        """Return whether a signal has come."""
+        return self._is_set
+
+    def _set(self, _number: int, _frame: Any) -> None:
+        self._is_set = True
