@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from slip_bags.cli import bag as bag_command
 from slip_bags.reader import Bag
+from slip_bringup.cli import bag as bag_command
 from slip_bringup.launcher import Launcher
 from slip_bringup.replay.run_data import read_run
 from slip_bringup.replay.verify import other_software, verify_run
