@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import importlib.util
 import os
 import re
 import sys
@@ -67,21 +68,29 @@ def _folder(package: Path) -> Path:
 
 
 def _sources(package: Path) -> list[bytes]:
-    """Return the texts of all modules that import the compiler's door, and of all that these import."""
-    texts = {
-        ".".join((top.name, *path.relative_to(top).with_suffix("").parts)): path.read_bytes()
-        for top in {package, Path(__file__).parent}
-        for path in top.rglob("*.py")
-    }
+    """Return the texts of all modules that import the compiler's door, and of all that these import, here or there."""
+    texts = _texts(package) | _texts(Path(__file__).parent)
     wanted, left = set[str](), [name for name, text in texts.items() if b"slip_core.compiled" in text]
     while left:
         name = left.pop()
+        top = name.partition(".")[0]
+        if name not in texts and not any(known.partition(".")[0] == top for known in texts):
+            found = importlib.util.find_spec(top)
+            texts |= _texts(Path(found.origin).parent) if found is not None and found.origin is not None else {}
         if name in wanted or name not in texts:
             continue
         wanted.add(name)
         for module, names in _IMPORT.findall(texts[name].decode()):
             left += [module, *(f"{module}.{item}" for item in re.findall(r"\w+", names))]
     return [texts[name] for name in sorted(wanted)]
+
+
+def _texts(top: Path) -> dict[str, bytes]:
+    """Return the text of every module of a package by its name."""
+    return {
+        ".".join((top.name, *path.relative_to(top).with_suffix("").parts)): path.read_bytes()
+        for path in top.rglob("*.py")
+    }
 
 
 _IMPORT = re.compile(r"^from (slip_[\w.]+) import (\([^)]*\)|[^\n]*)", re.MULTILINE)

@@ -1,0 +1,108 @@
+"""The bound on k_s against simulated slip loops, and the verdicts on gains."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+import pytest
+
+from slip_core.errors import InputError
+from slip_vic_controller.law.bounds import check_gains, held_sample_limit, judge_gains, slip_gain_limit
+
+T = 1e-3
+NEAR = 0.01  # how far below and above the bound the simulation is tried
+DAMPING = np.array([2.5, 2.5, 2.5, 2.2, 2.2, 2.2])
+PAPER = {"gain_margin": 2.0, "control_period_s": T}
+
+
+def amplitude_ratio(k_s_T: float, held: int, delay: int, ticks: int = 60_000) -> float:
+    """Simulate v[k+1] = v[k] - k_s T v(sample), samples every `held` ticks, `delay` old; late over early amplitude."""
+    v, acting, under_way = 1.0, 0.0, deque()
+    sizes = []
+    for k in range(ticks):
+        if k % held == 0:
+            under_way.append((k + delay, v))
+        while under_way and under_way[0][0] <= k:
+            acting = under_way.popleft()[1]
+        v -= k_s_T * acting
+        sizes.append(abs(v))
+        if not 1e-200 < max(sizes[-max(4 * (held + delay), 4) :]) < 1e200:
+            break
+    early, late = sizes[len(sizes) // 4 : len(sizes) // 2], sizes[3 * len(sizes) // 4 :]
+    return max(late) / max(early)
+
+
+def test_sampled_loop_is_stable_just_below_and_unstable_just_above() -> None:
+    for delay in range(6):
+        limit = held_sample_limit(1, delay)
+        assert abs(limit - 2.0 * math.cos(delay * math.pi / (2 * delay + 1))) < 1e-12
+        assert amplitude_ratio((1.0 - NEAR) * limit, 1, delay) < 0.5
+        assert amplitude_ratio((1.0 + NEAR) * limit, 1, delay) > 2.0
+
+
+def test_held_samples_are_stable_just_below_and_unstable_just_above() -> None:
+    for held, delay in ((9, 0), (9, 10), (2, 5), (17, 33), (40, 80), (40, 7), (3, 3)):
+        limit = held_sample_limit(held, delay)
+        assert amplitude_ratio((1.0 - NEAR) * limit, held, delay) < 0.5
+        assert amplitude_ratio((1.0 + NEAR) * limit, held, delay) > 2.0
+
+
+def roots_inside(k_s_T: float, held: int, delay: int) -> bool:
+    """Return whether all roots of z^(q+1) (z - 1) + k_s T ((N - r) z + r) lie inside the unit circle."""
+    q, r = divmod(delay, held)
+    coefficients = np.zeros(q + 3)
+    coefficients[0], coefficients[1] = 1.0, -1.0
+    coefficients[-2] += k_s_T * (held - r)
+    coefficients[-1] += k_s_T * r
+    return bool(max(abs(np.roots(coefficients))) < 1.0)
+
+
+def test_the_limit_is_where_the_first_root_leaves_the_unit_circle() -> None:
+    """For every sensor and delay, against the roots themselves."""
+    for held in range(1, 21):
+        for delay in range(0, 61, 1 if held < 4 else 3):
+            limit = held_sample_limit(held, delay)
+            assert roots_inside((1.0 - 1e-7) * limit, held, delay), (held, delay)
+            assert not roots_inside((1.0 + 1e-7) * limit, held, delay), (held, delay)
+
+
+def test_many_short_samples_approach_the_continuous_bound() -> None:
+    tau = 0.05
+    assert abs(slip_gain_limit(1e-5, 0.0, tau) * tau / (math.pi / 2.0) - 1.0) < 1e-3
+
+
+def test_the_paper_gains_are_accepted_with_a_perfect_sensor_and_unchanged() -> None:
+    report = check_gains(DAMPING, 1000.0, "auto", **PAPER, sensor_period_s=0.0, latency_s=0.0)
+    assert report.used == 1000.0
+    assert check_gains(DAMPING, 1000.0, "fixed", **PAPER, sensor_period_s=0.0, latency_s=0.0).used == 1000.0
+
+
+def test_a_refusal_names_a_number_that_is_accepted() -> None:
+    slow = {**PAPER, "sensor_period_s": 1.0 / 120.0, "latency_s": 0.010}
+    with pytest.raises(InputError, match="k_s") as refused:
+        check_gains(DAMPING, 1000.0, "fixed", **slow)
+    named = float(refused.value.expected.split()[-1])
+    assert abs(named - held_sample_limit(9, 10) / T / 2.0) < 1e-3
+    assert check_gains(DAMPING, named, "fixed", **slow).used == named
+    assert check_gains(DAMPING, 1000.0, "auto", **slow).used == pytest.approx(named, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("damping", "k_s", "word"),
+    [(np.full(6, 0.9), 1000.0, "damping"), (DAMPING, 0.8, "Prop. 2")],
+    ids=["no lambda_1", "no lambda_2"],
+)
+def test_gains_without_a_lambda_are_refused(damping, k_s: float, word: str) -> None:
+    with pytest.raises(InputError, match=word):
+        check_gains(damping, k_s, "auto", **PAPER, sensor_period_s=0.0, latency_s=0.0)
+
+
+def test_lambdas_are_what_the_propositions_ask() -> None:
+    report = judge_gains(DAMPING, 500.0, "auto", **PAPER, sensor_period_s=0.0, latency_s=0.0)
+    inside_1, inside_2 = 0.5 * sum(report.lambda_1), 0.5 * sum(report.lambda_2)
+    assert DAMPING.min() > 1.0 / inside_1
+    assert report.used > 1.0 / inside_2
+    assert inside_1 * inside_2 < 1.0
+    assert all(condition.holds for condition in report.conditions)

@@ -1,0 +1,108 @@
+"""Gains and payload that change at run time: no kick, stable on the way, exact at both ends."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slip_core.errors import InputError
+from slip_core.params import build
+from slip_core.records import record
+from slip_vic_controller.core.params import ControllerParams
+from slip_vic_controller.law.gains import LAW_GAINS, RAMP, gain_report, make_law_gains, make_ramp, ramp_time, steady
+from test.support.law_kernels import gains_now
+
+MS = 1_000_000
+STIFF = {"gains.stiffness": (20.0,) * 6, "gains.damping": (5.0,) * 6}
+
+
+def law_gains(**values: Any) -> np.ndarray:
+    params = build(ControllerParams, {name.replace("__", "."): value for name, value in values.items()}, "test")
+    return make_law_gains(params, gain_report(params).used)
+
+
+def random_gains(rng: np.random.Generator) -> dict[str, Any]:
+    return {
+        "gains.stiffness": tuple(10.0 ** rng.uniform(0.0, 2.0, 6)),
+        "gains.damping": tuple(10.0 ** rng.uniform(0.5, 1.5, 6)),
+        "gains.inertia": tuple(10.0 ** rng.uniform(-0.5, 0.5, 6)),
+        "gains.k_s": float(rng.uniform(10.0, 1000.0)),
+        "object.mass": float(rng.uniform(0.2, 2.0)),
+    }
+
+
+def test_parameters_become_gains() -> None:
+    gains = record(law_gains(), LAW_GAINS)
+    assert (gains.gains.K_D == [5.0] * 3 + [4.5] * 3).all()
+    assert gains.gains.characteristic_length == 1.0
+    assert gains.gains.spin_limit == math.inf
+    assert gains.object.mass == 0.5
+    assert (gains.contact_position == [0.02, 0.0, 0.0]).all()
+    classical = record(law_gains(controller="classical"), LAW_GAINS).gains
+    assert classical.alpha == 0.0
+    assert not classical.gamma_k.any()
+    assert not classical.gamma_d.any()
+    bounded = record(law_gains(gains__spin="bounded"), LAW_GAINS).gains
+    assert bounded.characteristic_length == 0.03
+    assert bounded.spin_limit == pytest.approx(0.05 * 4.5 / 0.3)
+    assert not bounded.gamma_k[3:].any()
+    with pytest.raises(InputError, match="inertia"):
+        law_gains(object__inertia=(1.0, 1.0, 5.0, 0.0, 0.0, 0.0))
+
+
+def test_the_lyapunov_function_never_grows_on_the_way() -> None:
+    """V of the module along the exact response of every axis, with the gains that the ramp gives at every step."""
+    for seed in range(4):
+        check_lyapunov(np.random.default_rng(seed))
+
+
+def check_lyapunov(rng: np.random.Generator) -> None:
+    start, target = law_gains(**random_gains(rng)), law_gains(**random_gains(rng))
+    ramp = make_ramp(start, target, 0, 1e-3)
+    ends = [record(one, LAW_GAINS).gains for one in (start, target)]
+    a = 0.5 * np.minimum(*(g.D_D / g.M_D for g in ends))
+    e, e_dot = rng.normal(size=6), rng.normal(size=6)
+    steps = 500
+    dt = 1e-9 * record(ramp, RAMP).duration_ns / steps
+    largest_rate = max(np.sqrt((g.K_D / g.M_D).max()) + (g.D_D / g.M_D).max() for g in ends)
+    inner = max(1, min(200, int(np.ceil(dt * largest_rate / 0.05))))
+    last = None
+    for k in range(steps):
+        gains = gains_now(ramp, round(k * dt * 1e9)).gains
+        stiffness, damping = gains.K_D / gains.M_D, gains.D_D / gains.M_D
+        V = 0.5 * (e_dot + a * e) ** 2 + 0.5 * (stiffness + a * damping - a * a) * e * e
+        assert last is None or (last * (1.0 + 1e-3 * inner) + 1e-300 >= V).all()
+        last = V
+        for _ in range(inner):
+            e_dot = e_dot + dt / inner * (-damping * e_dot - stiffness * e)
+            e = e + dt / inner * e_dot
+
+
+def test_ends_are_exact_and_the_way_is_monotone() -> None:
+    start, target = law_gains(), law_gains(**STIFF, object__mass=0.8, gains__spin="bounded")
+    ramp = make_ramp(start, target, 5 * MS, 0.2)
+    duration = record(ramp, RAMP).duration_ns
+    for stamp, end in ((0, start), (5 * MS, start), (5 * MS + duration, target), (9 * MS + duration, target)):
+        assert gains_now(ramp, stamp).tobytes() == end.tobytes()
+    for one in (start, target):
+        assert gains_now(steady(one), 7 * MS).tobytes() == one.tobytes()
+    way = [gains_now(ramp, 5 * MS + k * duration // 50) for k in range(51)]
+    for name in ("K_D", "D_D"):
+        assert all(b.gains[name][0] > a.gains[name][0] for a, b in itertools.pairwise(way))
+    assert all(b.object.mass > a.object.mass for a, b in itertools.pairwise(way))
+    middle = gains_now(ramp, 5 * MS + duration // 2)
+    assert middle.gains.K_D[0] == pytest.approx(math.sqrt(5.0 * 20.0), rel=1e-6)
+    assert middle.object.mass == pytest.approx(math.sqrt(0.5 * 0.8), rel=1e-6)
+    assert middle.gains.characteristic_length == pytest.approx(0.5 * 1.03, rel=1e-6)
+    assert middle.gains.spin_limit == record(target, LAW_GAINS).gains.spin_limit
+
+
+def test_a_harder_change_takes_longer_and_a_softer_one_only_the_least_time() -> None:
+    soft, hard = law_gains(), law_gains(**STIFF)
+    assert ramp_time(soft, hard) > 0.3
+    assert ramp_time(hard, soft) == 0.0
+    assert record(make_ramp(hard, soft, 0, 0.2), RAMP).duration_ns == 200 * MS

@@ -1,0 +1,183 @@
+"""The law against the independent referee, and what must hold of it whatever the numbers."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slip_vic_controller.law.attitude import LOG, LOG_REPORT, RPY
+from test.referees.law_referee import referee_law
+from test.support.law_cases import PI, Case, random_case
+
+REFEREE = 1e-11  # of the largest intermediate of the case: two routes through inverses of well-scaled matrices
+TORQUE = 1e-8  # relative to the largest torque: random inertia matrices have condition numbers up to 1e3, squared
+SIX = ("v_s", "e", "e_dot", "K", "D", "comp", "Lambda", "Theta", "Z", "a_d", "a_C", "h_ee", "h_o", "v_o", "a_o", "Phi2")
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def many_cases() -> list[Case]:
+    """Every number of contacts and joints in both coordinates, and everything that the law treats differently."""
+    cases = [
+        random_case(seed, joints=joints, contacts=contacts, attitude=attitude, observed=seed % 2 == 1)
+        for seed in range(8)
+        for joints in range(3, 8)
+        for contacts in (1, 2, 3)
+        for attitude in (LOG, RPY)
+    ]
+    angles = (0.0, 1e-9, 0.0999, 0.1001, 1.0, 2.0, 2.2, PI - 0.21, PI - 0.19, PI - 1e-3)
+    cases += [random_case(seed, angle=angle) for seed in range(6) for angle in angles]
+    cases += [random_case(seed, slip=slip) for seed in range(6) for slip in (0.0, 1e-12, 1e-3, 10.0)]
+    limits = (0.0, 1.0, 1e9)
+    cases += [random_case(seed, spin_limit=limit, length=0.03) for seed in range(6) for limit in limits]
+    cases += [random_case(seed, feed_forward=False, attitude=seed % 2) for seed in range(6)]
+    cases += [random_case(seed, slip_axes=(1, 1, 1, 1, 1, 1)) for seed in range(6)]
+    return cases
+
+
+def assert_equal(case: Case) -> dict[str, Any]:
+    """Compare every published symbol and the torque with the referee's; return the referee's."""
+    found, expected = case.evaluate(), referee_law(case.referee())
+    assert found.ok
+    symbols = case.symbols()
+    large = ("Z", "Theta", "a_o", "Phi2", "a_C", "e_dot")
+    scale = max(1.0, case.gains.gains.k_s * np.abs(case.v_s).max(), *(np.abs(expected[name]).max() for name in large))
+    scale *= max(1.0, np.linalg.norm(expected["T_e"], 2) * np.linalg.norm(np.linalg.inv(expected["T_e"]), 2))
+    for name in SIX:
+        own = scale * (case.gains.gains.M_D.max() if name == "Lambda" else 1.0)
+        got = [symbols[f"{name}_{axis}"] for axis in AXES]
+        np.testing.assert_allclose(got, expected[name], rtol=0.0, atol=REFEREE * own, err_msg=name)
+    for name in ("gate", "V_s"):
+        assert symbols[name] == pytest.approx(expected[name], rel=REFEREE, abs=REFEREE), name
+    assert symbols["V_e"] == pytest.approx(expected["V_e"], rel=REFEREE * scale, abs=REFEREE)
+    assert symbols["damping_squared"] == pytest.approx(expected["damping_squared"], rel=1e-6, abs=REFEREE)
+    n = case.joints
+    largest = max(np.abs(expected["tau"]).max(), np.abs(expected["tau_task"]).max(), scale)
+    torques = ("tau_task", "tau_null")
+    for name in torques:
+        got = [symbols[f"{name}_{j + 1}"] for j in range(n)]
+        np.testing.assert_allclose(got, expected[name], rtol=0.0, atol=TORQUE * largest, err_msg=name)
+    np.testing.assert_allclose(found.torque.tau[:n], expected["tau"], rtol=0.0, atol=TORQUE * largest)
+    limit = case.config.effort_limit[:n]
+    assert (found.effort[:n] == np.clip(found.torque.tau[:n], -limit, limit)).all()
+    assert (found.saturated[:n] == (np.abs(found.torque.tau[:n]) > limit)).all()
+    assert found.saturated_joints == found.saturated[:n].sum()
+    carried = expected["follow"] + expected["Phi2"] + np.kron(np.eye(2), case.arm.rotation) @ case.follow_error
+    np.testing.assert_allclose(found.object_acceleration, expected["a_o"][:3], rtol=0.0, atol=REFEREE * scale)
+    np.testing.assert_allclose(found.carried, carried[:3], rtol=0.0, atol=REFEREE * scale)
+    assert found.error_linear == pytest.approx(np.linalg.norm(expected["e"][:3]), abs=REFEREE * scale)
+    assert found.error_angular == pytest.approx(np.linalg.norm(expected["e"][3:]), abs=REFEREE * scale)
+    assert found.slip_speed == pytest.approx(np.linalg.norm(expected["v_s"][:3]), abs=REFEREE)
+    if case.config.attitude == LOG:
+        assert found.near_singular_attitude == (found.error_angular > LOG_REPORT)
+    return expected
+
+
+def test_law_equals_referee() -> None:
+    cases = many_cases()
+    assert len(cases) > 300
+    for case in cases:
+        assert_equal(case)
+
+
+def test_the_branch_beyond_the_half_turn() -> None:
+    for seed in range(6):
+        case = random_case(seed, angle=PI - 0.3)
+        case.previous[:] = 0.0
+        error = np.array(case.evaluate().e[3:])
+        sizes = []
+        for previous in (error, -error):
+            case.previous = previous
+            assert_equal(case)
+            sizes.append(case.evaluate().error_angular)
+        np.testing.assert_allclose(sizes, [PI - 0.3, PI + 0.3], atol=REFEREE)
+
+
+def test_the_comparison_sees_a_difference() -> None:
+    """Neither a gain that is off by a billionth nor a wrong sign escapes."""
+    case = random_case(0)
+    case.evaluate()
+    right = case.referee()
+    right.k_s *= 1.0 + 1e-9
+    a_C = [case.symbols()[f"a_C_{axis}"] for axis in AXES]
+    np.testing.assert_allclose(a_C, referee_law(case.referee())["a_C"], rtol=0.0, atol=1e-10)
+    with pytest.raises(AssertionError):
+        np.testing.assert_allclose(a_C, referee_law(right)["a_C"], rtol=0.0, atol=1e-10)
+    case.reference.rotation[:] = case.reference.rotation.T.copy()
+    with pytest.raises(AssertionError):
+        np.testing.assert_allclose(a_C, referee_law(case.referee())["a_C"], rtol=0.0, atol=1e-3)
+
+
+def test_classical_is_the_law_with_gate_and_fading_off() -> None:
+    """The slip velocity changes nothing in the classical torque, and the gate is exactly zero."""
+    case = random_case(3, slip_axes=(1, 1, 1, 1, 1, 1))
+    case.gains.gains.alpha = 0.0
+    case.gains.gains.gamma_k[:] = case.gains.gains.gamma_d[:] = 0.0
+    moving = case.evaluate().copy()
+    assert moving.gate == 0.0
+    assert (moving.K == case.gains.gains.K_D).all()
+    torque = moving.torque.tau.copy()
+    case.samples[0].slip_twist[:] = 0.0
+    assert (case.evaluate().torque.tau == torque).all()
+
+
+def test_what_is_not_finite_is_not_ok() -> None:
+    for place in ("samples", "arm", "reference"):
+        for number in (math.nan, math.inf, 1e200):
+            case = random_case(1, contacts=2)
+            assert case.evaluate().ok
+            target = {
+                "samples": case.samples[1].wrench,
+                "arm": case.arm.bias,
+                "reference": case.reference.twist,
+            }[place]
+            target[2] = number
+            assert not case.evaluate().ok, (place, number)
+
+
+def test_a_mass_matrix_that_is_none_is_reported() -> None:
+    case = random_case(0)
+    case.arm.M[:] *= -1.0
+    assert not case.evaluate().ok
+
+
+def test_unused_joints_and_contacts_change_nothing() -> None:
+    case = random_case(4, joints=6, contacts=2)
+    before = np.array(case.evaluate().torque.tau)
+    case.arm.J[:, 6:], case.arm.M[6:], case.arm.bias[6:] = 7.0, 7.0, 7.0
+    case.samples[2].wrench[:] = case.config.contact[3].position[:] = math.nan
+    after = case.evaluate()
+    assert after.ok
+    assert (after.torque.tau[:6] == before[:6]).all()
+
+
+def test_motion_for_the_observer() -> None:
+    """G^T a_o + Phi2 and its parts are the referee's, for the slip velocity that the observer knows."""
+    for seed in range(10):
+        for contacts in (1, 3):
+            case = random_case(seed, contacts=contacts, slip_axes=(1, 1, 1, 1, 1, 1))
+            expected = referee_law(case.referee())
+            finite, motion = case.motion(case.v_s)
+            assert finite
+            gravity = np.concatenate((case.gains.object.gravity, np.zeros(3)))
+            scale = max(1.0, np.abs(expected["a_o"]).max())
+            for name, value in {
+                "rotation": case.arm.rotation,
+                "v_ee": case.arm.twist,
+                "follow": expected["follow"] + expected["Phi2"],
+                "force": expected["follow"] - gravity,
+                "drag": -expected["h_ee"][:3] / case.gains.object.mass,
+                "w_o": expected["w_o"],
+            }.items():
+                np.testing.assert_allclose(motion[name], value, rtol=0.0, atol=REFEREE * scale, err_msg=name)
+
+
+def test_samples_that_are_not_finite_are_seen_before_the_observer_is_told() -> None:
+    for contact in (0, 1):
+        for name in ("wrench", "slip_twist"):
+            case = random_case(1, contacts=2)
+            assert case.motion(np.zeros(6))[0]
+            case.samples[contact][name][3] = math.nan
+            assert not case.motion(np.zeros(6))[0]

@@ -1,0 +1,91 @@
+"""Torque map: forward dynamics, null space, singularities."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slip_vic_controller.robot import Robot
+from test.support import law_kernels as run
+from test.support.law_cases import Case, random_case
+from test.support.small_arm import HOME, JOINT_NAMES, small_arm_urdf
+
+ROUNDING = 1e-9  # against explicit inverses, relative to torques of order 10
+NULL_ACCELERATION = 1e-10  # J B^-1 N^T tau_0 relative to accelerations of order 10
+
+
+def at_state(seed: int, q: np.ndarray | None = None) -> Case:
+    """Return a random case whose arm is the small arm, near home or at q and at rest."""
+    case, rng = random_case(seed), np.random.default_rng(seed)
+    case.q = np.array(HOME) + rng.normal(scale=0.2, size=7) if q is None else q
+    case.qd = rng.normal(size=7) if q is None else np.zeros(7)
+    Robot(small_arm_urdf(), "ee", JOINT_NAMES).terms(case.q, case.qd, case.buffers[2])
+    return case
+
+
+def parts_of(case: Case) -> tuple[np.ndarray, np.ndarray]:
+    """Return task and null-space torque as published."""
+    numbers = case.symbols()
+    return tuple(np.array([numbers[f"tau_{name}_{j + 1}"] for j in range(7)]) for name in ("task", "null"))
+
+
+def test_torque_gives_the_commanded_acceleration() -> None:
+    """Forward dynamics of the arm with the torque and the contact wrench: J qdd + Jdot qd = a_C."""
+    for seed in range(5):
+        case = at_state(seed)
+        found, arm = case.evaluate(), case.arm
+        assert found.ok
+        assert found.damping_squared == 0.0
+        M, J, bias, tau = arm.M[:7, :7], arm.J[:, :7], arm.bias[:7], found.torque.tau[:7]
+        qdd = np.linalg.inv(M) @ (tau + J.T @ found.torque.h_ee - bias)
+        scale = np.abs(found.a_C).max()
+        np.testing.assert_allclose(J @ qdd + arm.jdot_qd, found.a_C, atol=ROUNDING * scale)
+        task, null = parts_of(case)
+        np.testing.assert_allclose(task + null + bias, tau, atol=ROUNDING * np.abs(tau).max())
+
+
+def test_null_space_torque_does_not_move_the_pad() -> None:
+    for seed in range(5):
+        case = at_state(seed)
+        case.evaluate()
+        _, null = parts_of(case)
+        assert np.abs(null).max() > 0.01
+        M_inverse = np.linalg.inv(case.arm.M[:7, :7])
+        acceleration = case.arm.J[:, :7] @ M_inverse @ null
+        assert np.abs(acceleration).max() < NULL_ACCELERATION * np.abs(M_inverse).max() * np.abs(null).max()
+
+
+def test_smallest_singular_value_equals_svd() -> None:
+    for seed in range(5):
+        J = np.random.default_rng(seed).normal(size=(6, 7))
+        sigma = np.linalg.svd(J)[1][-1]
+        assert run.smallest_singular_value(J) == pytest.approx(sigma, rel=1e-9)
+        assert run.smallest_singular_value_below(J, 10.0) == pytest.approx(sigma, rel=1e-9)
+        assert run.smallest_singular_value_below(J, 0.5 * sigma) == 0.5 * sigma
+        u, values, v = np.linalg.svd(J, full_matrices=False)
+        values[-1] = 1e-6
+        # the root of a difference near zero: 1e-16 of J J^T is 1e-8 of sigma
+        assert run.smallest_singular_value_below((u * values) @ v, 0.1) == pytest.approx(1e-6, abs=1e-7)
+
+
+def test_damping_is_zero_above_and_grows_smoothly_below() -> None:
+    def damping(sigma: float) -> float:
+        return run.singularity_damping(sigma, 0.04, 0.1)
+
+    assert damping(0.04) == 0.0
+    assert damping(0.0399999) < 1e-12
+    assert damping(0.0) == pytest.approx(0.01)
+    assert (np.diff([damping(s) for s in np.linspace(0.05, 0.0, 100)]) >= 0.0).all()
+
+
+def test_singular_posture_gives_bounded_torque_and_says_so() -> None:
+    """A stretched arm cannot move along itself; the torque stays of the order of what was asked for."""
+    case = at_state(1, np.zeros(7))
+    case.config.sigma_min, case.config.most_damping = 0.04, 0.1
+    found = case.evaluate()
+    assert found.ok
+    assert case.symbols()["sigma_min"] < 0.04
+    assert found.damping_squared > 0.0
+    assert found.near_singular_arm
+    asked = np.abs(found.a_C - case.arm.jdot_qd).max() + np.abs(found.torque.h_ee).max() + 10.0
+    assert np.abs(found.torque.tau[:7] - case.arm.bias[:7]).max() < 500.0 * asked
