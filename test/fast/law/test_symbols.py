@@ -15,8 +15,10 @@ from test.support.law_cases import random_case
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 FLAGS = ("safe", "near_singular_arm", "near_singular_attitude")
 ONES = ("gate", "V_e", "V_s", "sigma_min", "damping_squared", "k_s", "sliding", "slip_significance")
-SIX = "position desired s twist h_ee v_s e e_dot K D comp Lambda Theta Z a_d a_C h_o v_o a_o Phi2".split()
-SIX += ["slip_deviation", "slip_error"]
+SIX = [
+    "position", "desired", "s", "twist", "h_ee", "v_s", "e", "e_dot", "K", "D", "comp", "Lambda", "Theta", "Z", "a_d",
+    "a_C", "h_o", "v_o", "a_o", "Phi2", "slip_deviation", "slip_error",
+]  # fmt: skip
 
 
 def test_names_and_their_order_are_those_of_the_topic() -> None:

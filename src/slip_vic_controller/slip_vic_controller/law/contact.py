@@ -12,10 +12,12 @@ import numpy as np
 
 from slip_core.arrays import matrix_from_quat_xyzw
 from slip_core.compiled import part
+from slip_core.errors import InputError
 from slip_core.records import REAL, layout
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put, put_mat, spatial, vec
 from slip_vic_controller.core.params import ContactParams
 from slip_vic_controller.law.rotation import exponential, left_jacobian
+from slip_vic_controller.sizes import MAX_CONTACTS
 
 CONTACT = layout(position=(REAL, (3,)), rotation=(REAL, (3, 3)), slip_axes=(REAL, (6,)))
 """One contact on the object: o_x_p [m] {o}; o_R_p; the directions on pad axes in which it can slip, 0 or 1 each.
@@ -31,8 +33,14 @@ SAMPLE = layout(wrench=(REAL, (6,)), slip_twist=(REAL, (6,)))
 
 
 def fill_contacts(params: ContactParams, contacts: Any) -> int:
-    """Write the contacts of the parameters to an array of CONTACT; the first is the own arm's; return how many."""
+    """Write the contacts of the parameters to an array of CONTACT; the first is the own arm's; return how many.
+
+    Raises:
+        InputError: more contacts than MAX_CONTACTS.
+    """
     count = len(params.position) // 3
+    if count > MAX_CONTACTS:
+        raise InputError("parameter contacts.position", got=f"{count} contacts", expected=f"at most {MAX_CONTACTS}")
     for i in range(count):
         contacts[i].position[:] = params.position[3 * i : 3 * i + 3]
         contacts[i].rotation[:] = matrix_from_quat_xyzw(params.orientation_xyzw[4 * i : 4 * i + 4])

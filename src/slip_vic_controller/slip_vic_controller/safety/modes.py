@@ -136,9 +136,7 @@ def _asked(reason: Reason) -> bool:
     """Return whether a user's wish to hold is what the reason begins with."""
     if reason.prefix & (Prefix.RESUMES_AFTER | Prefix.AFTER_RESET):
         return False
-    return bool(
-        reason.prefix & Prefix.ASKED_AND != 0 or reason.cause == Cause.ASKED or reason.cause == Cause.STOPPING
-    )
+    return bool(reason.prefix & Prefix.ASKED_AND != 0 or reason.cause == Cause.ASKED or reason.cause == Cause.STOPPING)
 
 
 @part
