@@ -88,8 +88,11 @@ def test_V_s_changes_as_stated_along_the_loop() -> None:
 
 
 def test_turning_alone_opens_the_gate_for_the_linear_compensation() -> None:
-    """Prop. 1 asks for a Lambda_l that vanishes with v_sl: with the norm of all six in the gate it does not."""
+    """Prop. 1 asks for a Lambda_l that vanishes with v_sl, and a bounded one: the norm of all six gives neither."""
     case = random_case(2, slip=0.0, slip_axes=(1, 1, 1, 1, 1, 1))
     assert (case.evaluate().gated == 0.0).all()
     case.samples[0].slip_twist[5] = 1.0
+    one = np.linalg.norm(case.evaluate().gated)
     assert np.linalg.norm(case.evaluate().gated[:3]) > 0.1
+    case.samples[0].slip_twist[5] = 1e4  # and it is not bounded either
+    assert np.linalg.norm(case.evaluate().gated) > 1e3 * one
