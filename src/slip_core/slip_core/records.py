@@ -59,3 +59,17 @@ def records(matrix: Array, dtype: np.dtype[np.void]) -> Any:
 @overload(records)
 def _compiled_records(matrix, dtype):  # type: ignore[no-untyped-def]
     return lambda matrix, dtype: matrix.reshape(matrix.size).view(dtype)
+
+
+def place(dtype: np.dtype[np.void], path: str) -> slice:
+    """Return where a field lies in a buffer, for reading it without a view by name.
+
+    Args:
+        dtype: the layout.
+        path: names, with dots between those of nested layouts.
+    """
+    start = 0
+    for name in path.split("."):
+        dtype, offset = dtype.fields[name][:2]  # type: ignore[index,assignment]
+        start += offset // 8
+    return slice(start, start + dtype.itemsize // 8)

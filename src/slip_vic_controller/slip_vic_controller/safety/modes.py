@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from slip_core.compiled import part
 from slip_core.records import WHOLE, layout
-from slip_vic_controller.safety.reasons import REASON, Cause, Prefix, Reason, because, put_reason, read_reason
+from slip_vic_controller.safety.reasons import REASON, Cause, Prefix, Reason, because, prefixed, put_reason, read_reason
 from slip_vic_controller.sizes import NEVER
 
 
@@ -93,7 +93,7 @@ def next_mode(policy: Any, state: Any, findings: Findings, request: int, now_ns:
         _go(state, Mode.FAULT, findings.fault, now_ns, False, good_since)
     else:
         if state.mode == Mode.FAULT:
-            reason = Reason(reason.cause, reason.detail, reason.prefix | Prefix.AFTER_RESET, reason.value, reason.limit)
+            reason = prefixed(reason, Prefix.AFTER_RESET.value)
             state.mode, state.since_ns = Mode.HOLD, now_ns
             enabled = False
         if missing:
@@ -111,9 +111,7 @@ def next_mode(policy: Any, state: Any, findings: Findings, request: int, now_ns:
             and request != Request.ENABLE
             and (good_since == NEVER or now_ns - good_since < policy.resume_after_ns)
         ):
-            reason = Reason(
-                reason.cause, reason.detail, reason.prefix | Prefix.RESUMES_AFTER, reason.value, reason.limit
-            )
+            reason = prefixed(reason, Prefix.RESUMES_AFTER.value)
             _go(state, Mode.HOLD, reason, now_ns, True, good_since)
         elif findings.degraded.cause != Cause.NONE:
             _go(state, Mode.DEGRADED, findings.degraded, now_ns, True, good_since)
@@ -127,7 +125,7 @@ def _hold_for_cause(
 ) -> None:
     resumes = policy.auto_resume != 0 or not follows(state.mode)
     if request == Request.HOLD or (_asked(before) and not enabled):
-        cause = Reason(cause.cause, cause.detail, Prefix.ASKED_AND, cause.value, cause.limit)
+        cause = prefixed(cause, Prefix.ASKED_AND.value)
     _go(state, Mode.HOLD, cause, now_ns, enabled and resumes, NEVER)
 
 
@@ -143,5 +141,5 @@ def _asked(reason: Reason) -> bool:
 def _go(state: Any, mode: int, reason: Reason, now_ns: int, enabled: bool, good_since_ns: int) -> None:
     if state.mode != mode:
         state.since_ns = now_ns
-    state.mode, state.enabled, state.good_since_ns = int(mode), 1 if enabled else 0, good_since_ns
+    state.mode, state.enabled, state.good_since_ns = 0 + mode, 1 if enabled else 0, good_since_ns
     put_reason(state.reason, reason)

@@ -67,13 +67,19 @@ class Reason(NamedTuple):
 @part
 def because(cause: int, detail: int) -> Reason:
     """Return a reason without numbers."""
-    return Reason(int(cause), int(detail), 0, 0.0, 0.0)
+    return Reason(0 + cause, int(detail), 0, 0.0, 0.0)
 
 
 @part
 def of_fault(cause: int, of: int, fault: int) -> Reason:
     """Return the reason that an input has a fault."""
-    return Reason(int(cause), 256 * of + fault, 0, 0.0, 0.0)
+    return Reason(0 + cause, 256 * of + fault, 0, 0.0, 0.0)
+
+
+@part
+def prefixed(reason: Reason, prefix: int) -> Reason:
+    """Return a reason with something said before it."""
+    return Reason(reason.cause, reason.detail, reason.prefix | prefix, reason.value, reason.limit)
 
 
 @part

@@ -1,0 +1,79 @@
+"""What happens when a sample arrives: input validation, and the newest good sample is kept for the next cycle."""
+
+from __future__ import annotations
+
+from slip_core.arrays import Array
+from slip_core.compiled import BOOL, IN1, INT, OUT1, kernel
+from slip_core.records import record
+from slip_vic_controller.cycle import CONFIG, STATE, STATE_SIZE
+from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.validation import (
+    await_answer,
+    fine,
+    queue_slip,
+    rebase_vector,
+    receive_joints,
+    receive_vector,
+    silent,
+    unanswered,
+)
+
+
+@kernel(INT(IN1, OUT1, INT, IN1, IN1, IN1, BOOL, INT, BOOL))
+def receive_joint_state(
+    config: Array, state: Array, stamp_ns: int, q: Array, qd: Array, effort: Array, refused: bool, now_ns: int,
+    lockstep: bool,
+) -> int:  # fmt: skip
+    """Take a joint state in; return its fault.
+
+    In real time one that is out of order, comes twice or has a stamp that jumps is dropped: no cycle answers it.
+
+    Args:
+        config, state: CONFIG, and STATE, which is changed.
+        stamp_ns, q, qd, effort: the sample; (n,) [rad], [rad/s], [N m].
+        refused: whether the message itself was not what it should be; then the numbers are not looked at.
+        now_ns: arrival.
+        lockstep: whether the bridge waits for an answer to everything.
+    """
+    c, s = record(config, CONFIG), record(state[:STATE_SIZE], STATE)
+    fault = receive_joints(c.joint, s.joint, stamp_ns, q, qd, effort, refused, now_ns)
+    if fault == Fault.RESTARTED:
+        for k in range(c.law.contacts):
+            rebase_vector(c.wrench, s.wrench_inputs[k], stamp_ns)
+            rebase_vector(c.slip, s.slip_inputs[k], stamp_ns)
+    if lockstep or not unanswered(fault):
+        await_answer(s.joint, stamp_ns, q, qd, effort, fault)
+    return fault
+
+
+@kernel(INT(IN1, OUT1, INT, INT, IN1, BOOL, INT))
+def receive_wrench(
+    config: Array, state: Array, contact: int, stamp_ns: int, wrench: Array, refused: bool, now_ns: int
+) -> int:
+    """Take the wrench (6,) [N, N m] of a contact in; return its fault. Arguments as of `receive_joint_state`."""
+    c, s = record(config, CONFIG), record(state[:STATE_SIZE], STATE)
+    return receive_vector(c.wrench, s.wrench_inputs[contact], stamp_ns, wrench, True, refused, now_ns, s.joint)
+
+
+@kernel(INT(IN1, OUT1, INT, INT, IN1, BOOL, BOOL, INT))
+def receive_slip(
+    config: Array, state: Array, contact: int, stamp_ns: int, twist: Array, valid: bool, refused: bool, now_ns: int
+) -> int:
+    """Take the slip velocity (6,) [m/s, rad/s] of a contact in; return its fault.
+
+    Args:
+        config, state, contact, stamp_ns, twist, refused, now_ns: as of `receive_joint_state`.
+        valid: whether the sensor says that it measures.
+    """
+    c, s = record(config, CONFIG), record(state[:STATE_SIZE], STATE)
+    fault = receive_vector(c.slip, s.slip_inputs[contact], stamp_ns, twist, valid, refused, now_ns, s.joint)
+    if contact == 0 and fine(fault):
+        queue_slip(s.queue, stamp_ns, twist)
+    return fault
+
+
+@kernel(BOOL(IN1, OUT1, INT))
+def is_silent(config: Array, state: Array, now_ns: int) -> bool:
+    """Return whether no good joint state has come for the age limit."""
+    c, s = record(config, CONFIG), record(state[:STATE_SIZE], STATE)
+    return silent(c.joint, s.joint, now_ns)

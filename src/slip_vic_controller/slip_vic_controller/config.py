@@ -1,0 +1,136 @@
+"""From parameters and arm to the record of the control cycle: the one place where parameters become its numbers."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from slip_core.arrays import Array, inertia_from_six
+from slip_core.errors import InputError
+from slip_core.records import new, record
+from slip_core.stamps import seconds_to_ns
+from slip_vic_controller.core.params import ControllerParams
+from slip_vic_controller.core.safety_params import InputParams, SafetyParams, WatchParams
+from slip_vic_controller.cycle import CONFIG
+from slip_vic_controller.law.gains import gain_report, make_law_gains
+from slip_vic_controller.law.law import LAW_CONFIG, make_law_config
+from slip_vic_controller.observer.config import observer_config
+from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
+from slip_vic_controller.reference.paths import PATH, make_path
+from slip_vic_controller.robot import Robot
+
+
+def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Array:
+    """Return the CONFIG of a controller; a clock or position that jumps is taken at once in lockstep, where the bridge
+    waits for the answer.
+
+    Raises:
+        InputError: parameters and arm do not fit.
+    """
+    buffer = new(CONFIG)
+    config = record(buffer, CONFIG)
+    _copy(config, "law", make_law_config(params, robot.effort_limit), LAW_CONFIG)
+    _copy(config, "path", make_path(params.trajectory), PATH)
+    gains = make_law_gains(params, gain_report(params).used)
+    _copy(config, "gains", gains, config.gains.dtype)
+    if params.slip_estimator == "observer":
+        _copy(config, "observer", observer_config(params), OBSERVER_CONFIG)
+    safety = params.safety
+    _fill_cycle(config.cycle, params, len(robot.joint_names))
+    _fill_inputs(config, safety.inputs, robot, lockstep=lockstep)
+    _fill_modes(config, params)
+    _fill_limits(config, safety, robot, params.control_period_s)
+    _fill_drop(config.drop, params)
+    _fill_hold(config.hold, params)
+    buffer.setflags(write=False)
+    return buffer
+
+
+def _copy(config: Any, name: str, buffer: Array, layout: np.dtype[np.void]) -> None:
+    config[name] = buffer.view(layout)[0]
+
+
+def _fill_cycle(cycle: Any, params: ControllerParams, joints: int) -> None:
+    safety, posture, dead_band = params.safety, params.nullspace.posture, params.measured
+    if posture and len(posture) != joints:
+        raise InputError("parameter nullspace.posture", got=f"{len(posture)} values", expected=f"{joints} or none")
+    cycle.period_ns = round(1e9 * params.control_period_s)
+    cycle.bridge_ns = seconds_to_ns(safety.inputs.bridge_s)
+    cycle.late_ns = seconds_to_ns(safety.inputs.joint.late_s)
+    cycle.slow_down_s, cycle.joint_damping = safety.fallback.slow_down_s, safety.joint_damping
+    cycle.start_s = params.trajectory.start_s
+    cycle.posture_given = int(bool(posture))
+    cycle.posture[: len(posture)] = posture
+    cycle.has_observer = int(params.slip_estimator == "observer")
+    cycle.corrects_follow = int(params.observer.correct_follow)
+    cycle.dead_band_linear, cycle.dead_band_angular = dead_band.dead_band_linear, dead_band.dead_band_angular
+    cycle.k_s_adapts, cycle.k_s_margin = int(params.gains.k_s_mode != "fixed"), params.gains.k_s_margin
+
+
+def _fill_inputs(config: Any, inputs: InputParams, robot: Robot, *, lockstep: bool) -> None:
+    n, joint, limits = len(robot.joint_names), inputs.joint, config.joint
+    limits.lower[:n], limits.upper[:n] = (
+        robot.position_lower - joint.position_slack,
+        robot.position_upper + joint.position_slack,
+    )
+    limits.fastest[:n] = robot.velocity_limit * joint.velocity_factor
+    limits.jump, limits.clock_jump_ns = joint.jump, round(inputs.clock_jump_s * 1e9)
+    limits.age_ns, limits.frozen_ns = round(joint.age_s * 1e9), round(joint.frozen_s * 1e9)
+    limits.accept_after = 1 if lockstep else inputs.accept_after
+    _fill_vector(config.wrench, inputs, inputs.wrench, (inputs.wrench.force, inputs.wrench.torque), zero_is_normal=0)
+    _fill_vector(config.slip, inputs, inputs.slip, (inputs.slip.linear, inputs.slip.angular), zero_is_normal=1)
+
+
+def _fill_vector(
+    limits: Any, inputs: InputParams, params: WatchParams, largest: tuple[float, float], *, zero_is_normal: int
+) -> None:
+    limits.age_ns, limits.frozen_ns = round(params.age_s * 1e9), round(params.frozen_s * 1e9)
+    limits.future_ns, limits.zero_is_normal = round(inputs.future_s * 1e9), zero_is_normal
+    limits.linear, limits.angular = largest
+
+
+def _fill_modes(config: Any, params: ControllerParams) -> None:
+    safety, arbitration = params.safety, config.arbitration
+    config.modes.auto_enable, config.modes.auto_resume = int(safety.auto_enable), int(safety.auto_resume)
+    config.modes.resume_after_ns = seconds_to_ns(safety.resume_after_s)
+    observer_s = safety.fallback.observer_s if params.slip_estimator == "observer" else 0.0
+    arbitration.observer_ns = seconds_to_ns(observer_s)
+    arbitration.slow_down_ns = seconds_to_ns(safety.fallback.slow_down_s)
+    arbitration.gap_ns = seconds_to_ns(safety.inputs.joint.age_s)
+    arbitration.late_after, arbitration.saturated_ns = safety.inputs.accept_after, seconds_to_ns(safety.saturated_s)
+    arbitration.slip_needed = int(params.controller == "vic")
+    arbitration.resume_slip_linear = safety.resume_slip_linear
+    arbitration.resume_slip_angular = safety.resume_slip_angular
+
+
+def _fill_limits(config: Any, safety: SafetyParams, robot: Robot, period_s: float) -> None:
+    n, limits, motion, effort = len(robot.joint_names), safety.limits, config.motion, config.effort
+    velocity = robot.velocity_limit * limits.velocity_scale
+    motion.near_lower[:n] = robot.position_lower + limits.position_margin
+    motion.near_upper[:n] = robot.position_upper - limits.position_margin
+    motion.margin, motion.velocity[:n] = limits.position_margin, velocity
+    motion.brake_from[:n], motion.trip[:n] = velocity * limits.velocity_brake, velocity * limits.velocity_trip
+    motion.effort[:n], effort.effort[:n] = robot.effort_limit, robot.effort_limit
+    motion.speed_linear, motion.speed_angular = limits.speed_linear, limits.speed_angular
+    effort.rate, effort.period_ns = limits.effort_rate, seconds_to_ns(period_s)
+    effort.longest_step_ns = seconds_to_ns(limits.longest_step_s)
+    effort.restart_after_ns = seconds_to_ns(limits.restart_after_s)
+
+
+def _fill_drop(drop: Any, params: ControllerParams) -> None:
+    safety, g = params.safety, math.hypot(*params.gravity)
+    if g > 0.0:  # without gravity nothing falls
+        drop.down[:] = np.array(params.gravity) / g
+    drop.drop_speed, drop.memory_s = safety.load.drop_speed, safety.load.memory_s
+    drop.error_linear, drop.error_angular = safety.limits.error_linear, safety.limits.error_angular
+    drop.evidence = safety.fallback.evidence
+
+
+def _fill_hold(hold: Any, params: ControllerParams) -> None:
+    safety, share = params.safety, 1.0 / (len(params.contacts.position) // 3)
+    hold.stiffness, hold.damping, hold.load_s = safety.hold_stiffness, safety.hold_damping, safety.hold_load_s
+    hold.mass = share * params.object.mass
+    hold.inertia[:] = share * inertia_from_six(params.object.inertia, "parameter object.inertia")
+    hold.weight[:] = hold.mass * np.array(params.gravity)

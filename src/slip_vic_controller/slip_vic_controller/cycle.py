@@ -1,0 +1,567 @@
+"""The control cycle: records in, records out, one compiled function.
+
+    cycle(config, state, inputs, outputs)
+
+`state` is advanced in place: copy it to keep it, its bytes are a snapshot, and equal bytes go on equally. Nothing here
+raises, waits, reads a clock or keeps anything elsewhere. On its way a joint state passes input validation (when it
+arrives), arbitration and modes, then the law (or HOLD), limit avoidance and the effort limiter; every command comes out
+of `_finish`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
+from slip_core.records import REAL, WHOLE, layout, record
+from slip_core.vectors import IDENTITY, ZERO, mat, put, put_mat, put_spatial, spatial, vec
+from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.law.bounds import held_sample_limit
+from slip_vic_controller.law.contact import SAMPLE, SLIP, beyond_dead_band, contact_arm, integrate_slips, pad_rotation
+from slip_vic_controller.law.gains import LAW_GAINS, RAMP, gains_at
+from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG, evaluate, predict_motion
+from slip_vic_controller.law.symbols import ESTIMATE, SYMBOLS, no_symbols, symbols
+from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE
+from slip_vic_controller.observer.observer import observe, reset
+from slip_vic_controller.reference.path_scaling import PATH_SCALING, advance, lost_ns, scaled
+from slip_vic_controller.reference.paths import PATH, REFERENCE, Reference, put_reference, reference_at
+from slip_vic_controller.safety.arbitration import (
+    ARBITRATION,
+    HEALTH,
+    SINCE,
+    Level,
+    arbitrate,
+    clear_since,
+    watch_for_blindness,
+)
+from slip_vic_controller.safety.drop_detection import DROP_DETECTION, OBSERVED, forget, observe_motion
+from slip_vic_controller.safety.effort_limiter import (
+    EFFORT_LIMITS,
+    LIMITER,
+    limit_effort,
+    needs_restart,
+    start_limiter,
+)
+from slip_vic_controller.safety.faults import Fault, Input
+from slip_vic_controller.safety.hold import HOLD, HOLD_CONFIG, hold_effort, update_load_error
+from slip_vic_controller.safety.latency import (
+    LATENCY,
+    SLIP_LATENCY,
+    forget_latency,
+    measure_latency,
+    measure_slip_latency,
+    whole_cycles,
+)
+from slip_vic_controller.safety.limit_avoidance import MOTION_LIMITS, avoid_limits
+from slip_vic_controller.safety.modes import (
+    MODE,
+    MODE_POLICY,
+    NOTHING,
+    Findings,
+    Mode,
+    Request,
+    begin_modes,
+    follows,
+    next_mode,
+)
+from slip_vic_controller.safety.reasons import (
+    FIRST_WRENCH,
+    GOOD_JOINT_STATE,
+    Cause,
+    Reason,
+    because,
+    of_fault,
+)
+from slip_vic_controller.safety.validation import (
+    JOINT_INPUT,
+    JOINT_LIMITS,
+    SLIP_QUEUE,
+    VECTOR_INPUT,
+    VECTOR_LIMITS,
+    all_finite,
+    fine,
+    frozen,
+    usable,
+    vector_validity,
+)
+from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS, NEVER
+
+CYCLE_CONFIG = layout(
+    period_ns=WHOLE, bridge_ns=WHOLE, late_ns=WHOLE, slow_down_s=REAL, joint_damping=REAL, start_s=REAL,
+    posture_given=WHOLE, posture=(REAL, MAX_JOINTS), has_observer=WHOLE, corrects_follow=WHOLE, dead_band_linear=REAL,
+    dead_band_angular=REAL, k_s_adapts=WHOLE, k_s_margin=REAL,
+)  # fmt: skip
+"""bridge_ns: gap of good joint states that is bridged; late_ns: what is too late for the law, 0 = nothing; slow_down_s:
+time in which the path comes to rest; start_s: of the trajectory; k_s_adapts: whether k_s follows the measured delays."""
+
+CONFIG = layout(
+    law=LAW_CONFIG, gains=LAW_GAINS, path=PATH, observer=OBSERVER_CONFIG, cycle=CYCLE_CONFIG, joint=JOINT_LIMITS,
+    wrench=VECTOR_LIMITS, slip=VECTOR_LIMITS, modes=MODE_POLICY, arbitration=ARBITRATION, drop=DROP_DETECTION,
+    motion=MOTION_LIMITS, effort=EFFORT_LIMITS, hold=HOLD_CONFIG,
+)  # fmt: skip
+"""All that does not change while the controller runs."""
+
+LAW_STATE = layout(
+    known=WHOLE, stamp_ns=WHOLE, start_ns=WHOLE, start_position=(REAL, 3), start_rotation=(REAL, (3, 3)),
+    posture=(REAL, MAX_JOINTS), position=(REAL, MAX_JOINTS), gravity=(REAL, MAX_JOINTS), e_previous=(REAL, 3),
+    slips=(SLIP, MAX_CONTACTS), ramp=RAMP, slip_latency=SLIP_LATENCY, held=WHOLE, late=WHOLE, k_s_limit=REAL,
+)  # fmt: skip
+"""What the law needs of the past. stamp_ns: of the last joint state; start_*: origin of the trajectory; position,
+gravity: the last finite joint position and g there; held, late, k_s_limit: delays in cycles, and the k_s for them."""
+
+STATE = layout(
+    cycles=WHOLE, begun=WHOLE, now_ns=WHOLE, outside=WHOLE, joint=JOINT_INPUT,
+    wrench_inputs=(VECTOR_INPUT, MAX_CONTACTS), slip_inputs=(VECTOR_INPUT, MAX_CONTACTS), queue=SLIP_QUEUE,
+    reference_known=WHOLE, reference=REFERENCE, mode=MODE, since=SINCE, observed=OBSERVED, latency=LATENCY,
+    limiter=LIMITER, hold=HOLD, path=PATH_SCALING, tuned=RAMP, law=LAW_STATE, observer=OBSERVER,
+)  # fmt: skip
+"""Everything that is remembered between cycles; the observer's history of ticks and samples follows it in the buffer."""
+
+STATE_SIZE = STATE.itemsize // 8
+
+INPUTS = layout(now_ns=WHOLE, request=WHOLE, missing=WHOLE, health_given=WHOLE, health=HEALTH, arm=ARM)
+"""now_ns: the controller's clock; missing: bits of what else is missing; health: of the inputs where it is given, by a
+replay; arm: at the joint state that is answered."""
+
+LEDGER = 3 + 4 * MAX_CONTACTS + 5
+OUTPUTS = layout(
+    answered=WHOLE, evaluated=WHOLE, ok=WHOLE, ledger=(WHOLE, LEDGER), effort=(REAL, MAX_JOINTS),
+    limited=(WHOLE, MAX_JOINTS), saturated=(WHOLE, MAX_JOINTS), health=HEALTH, mode=MODE,
+    path_scale=REAL, wanted=(REAL, MAX_JOINTS),
+    samples=(SAMPLE, MAX_CONTACTS), slips=(SLIP, MAX_CONTACTS), follow_error=(REAL, 6), gains=LAW_GAINS,
+    reference=REFERENCE, motion=MOTION, law=EVALUATION, estimate=ESTIMATE,
+)  # fmt: skip
+"""What a cycle gives. answered: 0 = no effort, something is missing; evaluated: `law` holds; ok: the law's effort went
+out; effort [N m]; limited: joints at the rate limit; wanted: before limit avoidance; *_stamps: samples that were used."""
+
+
+@part
+def _put_estimate(observer: Any, out: Any) -> None:
+    """Write what an observer publishes to an ESTIMATE."""
+    out.sliding, out.significance = observer.sliding, observer.significance
+    for k in range(6):
+        out.deviation[k], out.error[k] = math.sqrt(observer.variance[k]), observer.error[k]
+
+
+@part
+def _begin(c: Any, s: Any, i: Any, o: Any, stamp_ns: int) -> None:
+    """Begin a cycle; the first one begins the controller."""
+    if s.begun == 0:
+        s.begun, s.now_ns = 1, i.now_ns
+        begin_modes(c.modes, s.mode, i.now_ns)
+        clear_since(s.since)
+        forget(s.observed, NEVER)
+        s.path.scale, s.path.rate = 1.0, 0.0
+    o.answered, o.evaluated = 0, 0
+    if i.health_given != 0:
+        o.health = i.health
+    o.ledger[0] = s.cycles
+    _put_time(o.ledger, 1, stamp_ns)
+    s.cycles += 1
+
+
+@part
+def _put_time(ledger: Array, at: int, time_ns: int) -> None:
+    """Write a time [ns] as seconds and nanoseconds."""
+    ledger[at], ledger[at + 1] = time_ns // 1_000_000_000, time_ns % 1_000_000_000
+
+
+@part
+def _end(c: Any, s: Any, i: Any, o: Any) -> None:
+    """Write mode and the end of the ledger."""
+    o.mode = s.mode
+    o.path_scale = s.path.scale
+    at, h = 3 + 4 * c.law.contacts, o.health
+    _put_time(o.ledger, at, i.now_ns)
+    o.ledger[at + 2] = s.mode.mode
+    o.ledger[at + 3] = h.joint | h.wrench << 8 | h.slip << 16 | h.outside << 24
+    o.ledger[at + 4] = i.request
+
+
+@part
+def _never_seen(c: Any, s: Any) -> int:
+    """Return the bits of the inputs that have never been seen: no command before every input was seen once."""
+    bits = 0
+    for k in range(c.law.contacts):
+        if s.wrench_inputs[k].seen == 0:
+            bits |= FIRST_WRENCH << k
+        if c.arbitration.slip_needed != 0 and s.slip_inputs[k].seen == 0:
+            bits |= FIRST_WRENCH << (MAX_CONTACTS + k)
+    return bits
+
+
+@part
+def _wait(c: Any, s: Any, i: Any, missing: Reason, keep_limiter: int) -> None:
+    """Give no effort. Without one the arm goes anywhere: HOLD, also that of a fault, begins anew where it is then."""
+    next_mode(c.modes, s.mode, Findings(missing, NOTHING, NOTHING, NOTHING), i.request, i.now_ns)
+    s.limiter.started, s.now_ns, s.hold.known = keep_limiter, i.now_ns, 0
+    forget_latency(s.latency)
+
+
+@part
+def _judge_inputs(c: Any, s: Any, i: Any, o: Any, fault: int) -> None:
+    """Write what the inputs are worth in this cycle, and what it uses."""
+    stamp_ns, moves = s.joint.answers.stamp_ns, s.joint.moves != 0
+    if i.health_given == 0:
+        o.health.joint, o.health.wrench, o.health.slip, o.health.outside = fault, 0, 0, s.outside
+        for k in range(c.law.contacts):
+            wrench = vector_validity(c.wrench, s.wrench_inputs[k], i.now_ns, stamp_ns, moves)
+            slip = vector_validity(c.slip, s.slip_inputs[k], i.now_ns, stamp_ns, moves)
+            o.health.wrench, o.health.slip = max(o.health.wrench, wrench), max(o.health.slip, slip)
+    for k in range(c.law.contacts):
+        _put_time(o.ledger, 3 + 4 * k, s.wrench_inputs[k].stamp_ns)
+        _put_time(o.ledger, 5 + 4 * k, s.slip_inputs[k].stamp_ns)
+
+
+@part
+def _begin_law(c: Any, s: Any, i: Any, history: Array) -> None:
+    """Begin the law: the arm where it is, no slip, the trajectory starting here and now."""
+    law, sample, n = s.law, s.joint.answers, c.law.joints
+    law.known, law.stamp_ns, law.start_ns = 1, sample.stamp_ns, sample.stamp_ns
+    law.start_position[:], law.start_rotation[:] = i.arm.position, i.arm.rotation
+    for j in range(n):
+        law.posture[j] = c.cycle.posture[j] if c.cycle.posture_given != 0 else sample.position[j]
+        law.position[j], law.gravity[j] = sample.position[j], i.arm.gravity[j]
+    law.e_previous[:] = 0.0
+    for k in range(MAX_CONTACTS):
+        put(law.slips[k].position, ZERO)
+        put_mat(law.slips[k].rotation, IDENTITY)
+    law.slip_latency.known, law.slip_latency.latency_ns, law.slip_latency.period_ns = 0, 0.0, 0.0
+    law.held = 0
+    law.ramp = s.tuned
+    law.ramp.begin_ns = sample.stamp_ns
+    if c.cycle.has_observer != 0:
+        reset(c.observer, s.observer, sample.stamp_ns, i.arm.twist)
+
+
+@part
+def _answer(c: Any, s: Any, history: Array, i: Any, o: Any) -> None:
+    """Decide what the arm does, and do it."""
+    sample, fault, now_ns = s.joint.answers, o.health.joint, i.now_ns
+    if not (usable(fault) or fault == Fault.NOT_RUN):
+        _bridge(c, s, i, o, fault)
+        return
+    s.since.joint_bad_ns = NEVER
+    if i.request == Request.ENABLE:
+        forget_latency(s.latency)  # whoever asks for the law has seen to it that a clock was set, and nothing is late
+    measure_latency(s.latency, now_ns, sample.stamp_ns, now_ns - s.now_ns, c.cycle.late_ns)
+    request = _stop_first(c, s, i.request, now_ns)
+    freezes = frozen(c.joint, s.joint, now_ns)
+    n, contacts = c.law.joints, c.law.contacts
+    findings, level = arbitrate(c, s, o.health, freezes, n, contacts, sample.velocity, now_ns)
+    entered = s.mode.mode
+    next_mode(c.modes, s.mode, findings, request, now_ns)
+    if not follows(s.mode.mode):
+        _hold(c, s, i, o, fine(o.health.wrench) and not freezes)
+        return
+    if not follows(entered):
+        # After a HOLD the path starts from rest; and the time that passed in it is not part of the path.
+        s.path.scale, s.path.rate = (1.0 if entered == Mode.WAITING_INPUT else 0.0), 0.0
+        s.hold.known = 0
+        forget(s.observed, s.observed.blind_since_ns)
+        if c.cycle.has_observer != 0:
+            reset(c.observer, s.observer, sample.stamp_ns, i.arm.twist)  # what it knew is void
+    _follow(c, s, history, i, o, level)
+
+
+@part
+def _stop_first(c: Any, s: Any, request: int, now_ns: int) -> int:
+    """Let a user's HOLD begin when the path has come to rest: a sudden stop throws a weakly gripped object."""
+    if request == Request.ENABLE or request == Request.RESET_FAULT or not follows(s.mode.mode):
+        s.since.stopping_ns = NEVER
+        return request
+    if request == Request.HOLD and s.since.stopping_ns == NEVER:
+        s.since.stopping_ns = now_ns
+        return Request.NONE.value
+    if s.since.stopping_ns != NEVER and now_ns - s.since.stopping_ns >= 2 * c.arbitration.slow_down_ns:
+        s.since.stopping_ns = NEVER
+        return Request.HOLD.value
+    return request
+
+
+@part
+def _bridge(c: Any, s: Any, i: Any, o: Any, fault: int) -> None:
+    """Bridge a short gap of good joint states with the last effort, then let it go to gravity compensation."""
+    n, now_ns = c.law.joints, i.now_ns
+    if s.since.joint_bad_ns == NEVER:
+        s.since.joint_bad_ns = now_ns
+    ran = now_ns - s.now_ns <= c.arbitration.gap_ns  # after a pause the last effort is old, however young the sample
+    if ran and s.limiter.started != 0 and now_ns - s.since.joint_bad_ns <= c.cycle.bridge_ns:
+        o.wanted[:n] = s.limiter.effort[:n]
+    else:
+        o.wanted[:n] = s.law.gravity[:n]
+        findings = Findings(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), NOTHING)
+        next_mode(c.modes, s.mode, findings, i.request, now_ns)
+        s.path.scale, s.path.rate, s.hold.known = 0.0, 0.0, 0
+    # After a pause the limiter starts at what the joints feel; a jump of the positions leaves the efforts believable.
+    rest = np.zeros(MAX_JOINTS)
+    felt = s.joint.answers.effort if fault == Fault.JUMP else rest
+    _finish(c, s, i, o, s.law.position, rest, felt, False)
+
+
+@part
+def _hold(c: Any, s: Any, i: Any, o: Any, wrench_good: bool) -> None:
+    """Keep the posture in which HOLD began."""
+    law, sample, n = s.law, s.joint.answers, c.law.joints
+    if s.hold.known == 0 or i.now_ns - s.now_ns > c.arbitration.gap_ns:  # after a pause somebody else held the arm
+        s.hold.known = 1
+        s.hold.posture[:n] = sample.position[:n]
+        s.hold.load_error[:] = 0.0
+    dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
+    carries = not (s.mode.reason.cause == Cause.CANNOT_CARRY and s.mode.reason.prefix == 0)
+    pad = pad_rotation(c.law.contact[0], law.slips[0])
+    r = contact_arm(pad, vec(c.law.contact[0].position), c.law.contact[0], law.slips[0])
+    if wrench_good:
+        measured = spatial(s.wrench_inputs[0].values)
+        update_load_error(c.hold, s.hold, i.arm, r, measured, dt_ns * 1e-9)
+    late_s = s.latency.most_ns * 1e-9
+    hold_effort(c.hold, s.hold, i.arm, n, pad, sample.position, sample.velocity, r, late_s, carries, o.wanted)
+    law.start_ns += dt_ns
+    _keep_joints(c, s, i)
+    s.path.scale, s.path.rate = 0.0, 0.0
+    forget(s.observed, NEVER)
+    s.since.saturated_ns = NEVER
+    _finish(c, s, i, o, sample.position, sample.velocity, sample.effort, False)
+
+
+@part
+def _keep_joints(c: Any, s: Any, i: Any) -> None:
+    """Keep stamp and position of a good joint state, and gravity there."""
+    law, sample, n = s.law, s.joint.answers, c.law.joints
+    law.stamp_ns = max(sample.stamp_ns, law.stamp_ns)
+    law.position[:n], law.gravity[:n] = sample.position[:n], i.arm.gravity[:n]
+
+
+@part
+def _follow(c: Any, s: Any, history: Array, i: Any, o: Any, level: int) -> None:
+    """Let the law work, along the path as fast as errors and the degradation level allow."""
+    law, sample, n = s.law, s.joint.answers, c.law.joints
+    dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
+    stops = level == Level.SLOWING or s.since.stopping_ns != NEVER
+    wanted = 0.0 if stops else s.observed.path_speed
+    if wanted < 1.0 or s.path.scale != 1.0 or s.path.rate != 0.0:
+        advance(s.path, wanted, dt_ns * 1e-9, c.cycle.slow_down_s)
+    law.start_ns += lost_ns(s.path, dt_ns)
+    cause = _evaluate(c, s, history, i, o, level == Level.OBSERVED or level == Level.SLOWING)
+    if cause == Cause.NONE:
+        law.e_previous[:] = o.law.e[3:]
+        for k in range(c.law.contacts):
+            law.slips[k] = o.slips[k]
+        _keep_joints(c, s, i)
+        o.wanted[:n] = o.law.effort[:n]
+        observe_motion(c.drop, c.law.contact[0].slip_axes, s.observed, i.arm, o.law, o.reference, dt_ns * 1e-9)
+        watch_for_blindness(s.observed, o.law.slip_speed, c.drop.evidence, i.now_ns)
+        _finish(c, s, i, o, sample.position, sample.velocity, sample.effort, True)
+        return
+    # The law could not be evaluated: gravity compensation with damping in this cycle, and HOLD.
+    _keep_joints(c, s, i)
+    for j in range(n):
+        torque = i.arm.gravity[j] - c.cycle.joint_damping * sample.velocity[j]
+        o.wanted[j] = min(max(torque, -c.law.effort_limit[j]), c.law.effort_limit[j])
+    findings = Findings(NOTHING, NOTHING, because(cause, 0), NOTHING)
+    next_mode(c.modes, s.mode, findings, Request.NONE.value, i.now_ns)
+    s.path.scale, s.path.rate, s.hold.known = 0.0, 0.0, 1
+    s.hold.posture[:n] = sample.position[:n]
+    s.hold.load_error[:] = 0.0
+    _finish(c, s, i, o, sample.position, sample.velocity, sample.effort, False)
+
+
+@part
+def _evaluate(c: Any, s: Any, history: Array, i: Any, o: Any, slip_unknown: bool) -> int:
+    """Evaluate the law on the inputs of this cycle; return why it could not be, Cause.NONE where it could.
+
+    slip_unknown: there is no slip sample; an observer goes on with the model alone.
+    """
+    law, sample, contacts = s.law, s.joint.answers, c.law.contacts
+    if sample.stamp_ns < law.stamp_ns:
+        return Cause.OLD_JOINT_STATE.value
+    for k in range(contacts):
+        o.samples[k].wrench[:] = s.wrench_inputs[k].values
+        o.samples[k].slip_twist[:] = s.slip_inputs[k].values
+        if slip_unknown:
+            o.samples[k].slip_twist[:] = 0.0
+    if slip_unknown:
+        s.queue.count = 0
+    gains_at(law.ramp, law.stamp_ns, o.gains)
+    measure_slip_latency(law.slip_latency, sample.stamp_ns, s.queue)
+    o.follow_error[:] = 0.0
+    if c.cycle.has_observer != 0:
+        if not predict_motion(c.law, o.gains, i.arm, o.samples, law.slips, s.observer.twist, o.motion):
+            return Cause.NO_ESTIMATE.value
+        if not observe(c.observer, s.observer, history, o.motion, sample.stamp_ns, s.queue.samples, s.queue.count):
+            return Cause.NO_ESTIMATE.value
+        _put_estimate(s.observer, o.estimate)
+        o.samples[0].slip_twist[:] = s.observer.twist
+        if c.cycle.corrects_follow != 0:
+            o.follow_error[:] = s.observer.error
+    else:
+        linear, angular = c.cycle.dead_band_linear, c.cycle.dead_band_angular
+        if linear != 0.0 or angular != 0.0:
+            v_s = spatial(c.law.contact[0].slip_axes) * spatial(o.samples[0].slip_twist)
+            put_spatial(o.samples[0].slip_twist, beyond_dead_band(v_s, linear, angular))
+        _adapt_slip_gain(c, s, o)
+    if not _reference(c, s, o):
+        return Cause.BAD_REFERENCE.value
+    dt = (sample.stamp_ns - law.stamp_ns) * 1e-9
+    integrate_slips(c.law, o.samples, law.slips, dt, o.slips)
+    evaluate(
+        c.law, o.gains, i.arm, o.samples, o.follow_error, law.e_previous, o.slips, o.reference, sample.position,
+        sample.velocity, law.posture, o.law,
+    )  # fmt: skip
+    o.evaluated = o.law.ok
+    return Cause.NONE.value if o.law.ok != 0 else Cause.NO_TORQUE.value
+
+
+@part
+def _adapt_slip_gain(c: Any, s: Any, o: Any) -> None:
+    """Lower k_s to what the measured delays allow, where it is free to be chosen."""
+    if c.cycle.k_s_adapts == 0:
+        return
+    held, late = whole_cycles(s.law.slip_latency, c.cycle.period_ns)
+    if held != s.law.held or late != s.law.late:  # they seldom change
+        s.law.held, s.law.late = held, late
+        s.law.k_s_limit = held_sample_limit(held, late) / (1e-9 * c.cycle.period_ns) / c.cycle.k_s_margin
+    o.gains.gains.k_s = min(o.gains.gains.k_s, s.law.k_s_limit)
+
+
+@part
+def _reference(c: Any, s: Any, o: Any) -> bool:
+    """Write the desired motion of this cycle; return whether it is finite."""
+    law, given = s.law, s.reference
+    if s.reference_known != 0:
+        desired = Reference(
+            vec(given.position), mat(given.rotation), spatial(given.twist), spatial(given.acceleration)
+        )  # fmt: skip
+    else:
+        t = (s.joint.answers.stamp_ns - law.start_ns) * 1e-9 - c.cycle.start_s
+        desired = reference_at(c.path, t, law.start_position, law.start_rotation)
+    if s.path.scale != 1.0 or s.path.rate != 0.0:
+        desired = scaled(desired, s.path)
+    put_reference(o.reference, desired)
+    finite = all_finite(o.reference.position) and all_finite(o.reference.twist)
+    finite = finite and all_finite(o.reference.acceleration)
+    for k in range(3):
+        finite = finite and all_finite(o.reference.rotation[k])
+    return finite
+
+
+@part
+def _finish(c: Any, s: Any, i: Any, o: Any, q: Array, qd: Array, felt: Array, law_at_work: bool) -> None:
+    """Add limit avoidance, pass the effort limiter, and write the outcome.
+
+    Args:
+        c, s, i, o: of the cycle; `o.wanted` is what goes in.
+        q, qd: joint state [rad], [rad/s].
+        felt: measured joint efforts, where a pause makes the limiter start anew [N m].
+        law_at_work: whether the effort is the law's; then the pad's speed is limited too.
+    """
+    n, now_ns = c.law.joints, i.now_ns
+    if needs_restart(c.effort, s.limiter, now_ns):
+        start_limiter(c.effort, s.limiter, n, felt, s.law.gravity, now_ns)
+    torque, clipped = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64)
+    torque[:n] = o.wanted[:n]
+    avoid_limits(c.motion, n, q, qd, i.arm, law_at_work, torque)
+    finite = limit_effort(c.effort, s.limiter, n, torque, now_ns, clipped, o.limited)
+    saturated = 0
+    for j in range(n):
+        o.effort[j] = s.limiter.effort[j]
+        o.saturated[j] = 1 if clipped[j] != 0 or (law_at_work and o.law.saturated[j] != 0) else 0
+        saturated += o.saturated[j]
+    if saturated == 0:
+        s.since.saturated_ns = NEVER
+    elif s.since.saturated_ns == NEVER:
+        s.since.saturated_ns = now_ns
+    s.now_ns = now_ns
+    o.answered = 1
+    o.ok = 1 if law_at_work and finite else 0
+
+
+@kernel(INT(IN1, OUT1, IN1, OUT1))
+def cycle(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outputs_buffer: Array) -> int:
+    """Answer the joint state that waits for it; return 1 where there is an effort, 0 where something is missing.
+
+    Args:
+        config_buffer: CONFIG.
+        state_buffer: STATE and the observer's history; changed.
+        inputs_buffer: INPUTS.
+        outputs_buffer: OUTPUTS.
+    """
+    c, s = record(config_buffer, CONFIG), record(state_buffer[:STATE_SIZE], STATE)
+    history = state_buffer[STATE_SIZE:].reshape(-1, ROW_SIZE)
+    i, o = record(inputs_buffer, INPUTS), record(outputs_buffer, OUTPUTS)
+    fault = i.health.joint if i.health_given != 0 else s.joint.pending_fault
+    s.joint.pending = 0
+    _begin(c, s, i, o, s.joint.answers.stamp_ns)
+    if fault == Fault.RESTARTED and s.law.known != 0:
+        # Everything starts anew; the limiter goes on from the last command, where that is recent: the joints feel it.
+        s.law.known = 0
+        _wait(c, s, i, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), s.limiter.started)
+    never_seen = _never_seen(c, s)
+    missing = i.missing | never_seen
+    if s.law.known == 0 and not usable(fault):
+        missing |= GOOD_JOINT_STATE
+    if missing != 0:
+        _wait(c, s, i, because(Cause.WAITS, missing), 0)
+    else:
+        _judge_inputs(c, s, i, o, fault)
+        if s.law.known == 0:
+            _begin_law(c, s, i, history)
+        _answer(c, s, history, i, o)
+    if never_seen == 0:
+        s.queue.count = 0
+    _end(c, s, i, o)
+    return o.answered
+
+
+@kernel(INT(IN1, OUT1, IN1, OUT1))
+def watchdog(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outputs_buffer: Array) -> int:
+    """Answer that joint states stay away: HOLD, efforts go to gravity compensation where the arm was.
+
+    Args:
+        config_buffer, state_buffer, inputs_buffer, outputs_buffer: as of `cycle`.
+
+    Returns:
+        1 where effort or mode have changed by it.
+    """
+    c, s = record(config_buffer, CONFIG), record(state_buffer[:STATE_SIZE], STATE)
+    i, o = record(inputs_buffer, INPUTS), record(outputs_buffer, OUTPUTS)
+    n = c.law.joints
+    _begin(c, s, i, o, s.law.stamp_ns)
+    o.health.joint = Fault.SILENT.value
+    mode, since, enabled, cause = s.mode.mode, s.mode.good_since_ns, s.mode.enabled, s.mode.reason.cause
+    prefix, detail = s.mode.reason.prefix, s.mode.reason.detail
+    effort = s.limiter.effort.copy()
+    findings = Findings(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.SILENT), NOTHING)
+    next_mode(c.modes, s.mode, findings, i.request, i.now_ns)
+    s.path.scale, s.path.rate, s.hold.known = 0.0, 0.0, 0
+    o.wanted[:n] = s.law.gravity[:n]
+    rest = np.zeros(MAX_JOINTS)
+    _finish(c, s, i, o, s.law.position, rest, rest, False)
+    _end(c, s, i, o)
+    same_mode = s.mode.mode == mode and s.mode.good_since_ns == since and s.mode.enabled == enabled
+    same_mode = same_mode and s.mode.reason.cause == cause and s.mode.reason.prefix == prefix
+    same = same_mode and s.mode.reason.detail == detail
+    for j in range(n):
+        same = same and s.limiter.effort[j] == effort[j]
+    return 0 if same else 1
+
+
+@kernel(VOID(IN1, IN1, IN1, OUT1))
+def describe(config_buffer: Array, inputs_buffer: Array, outputs_buffer: Array, symbols_buffer: Array) -> None:
+    """Fill the SYMBOLS of a cycle, when somebody looks at them.
+
+    Args:
+        config_buffer, inputs_buffer, outputs_buffer: as of `cycle`, after it.
+        symbols_buffer: SYMBOLS.
+    """
+    c, out = record(config_buffer, CONFIG), record(symbols_buffer, SYMBOLS)
+    i, o = record(inputs_buffer, INPUTS), record(outputs_buffer, OUTPUTS)
+    no_symbols(o.effort, o.saturated, c.law.joints, out)
+    if o.ok != 0:
+        symbols(c.law, o.gains, i.arm, o.slips, o.reference, o.law, o.estimate, out)
+        for j in range(c.law.joints):
+            out.effort[j], out.saturated[j] = o.effort[j], o.saturated[j]

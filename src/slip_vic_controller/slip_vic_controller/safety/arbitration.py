@@ -1,0 +1,189 @@
+"""Arbitration: everything that speaks against the law in a cycle, and what is done while slip is not known.
+
+A fault wins over a reason to hold, and that over a reason to be careful. While slip is unknown, never as if there were
+none: the observer predicts it from the wrench alone for a bounded time; then the path comes to rest, and the law goes on
+with the prediction, or without compensation where there is none; then HOLD.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Any
+
+from slip_core.compiled import part
+from slip_core.records import REAL, WHOLE, layout
+from slip_core.vectors import spatial, vec
+from slip_vic_controller.safety.drop_detection import BLIND
+from slip_vic_controller.safety.faults import Fault, Input
+from slip_vic_controller.safety.limit_avoidance import too_fast
+from slip_vic_controller.safety.modes import NOTHING, Findings, Mode, follows
+from slip_vic_controller.safety.reasons import Cause, Reason, because, of_fault
+from slip_vic_controller.safety.validation import fine
+from slip_vic_controller.sizes import NEVER
+
+EVIDENCE_NS = 50_000_000
+"""How long a contradiction between slip sensor and wrench must last."""
+FAST_NS = 5_000_000
+"""How long a speed must be too high: a single bad sample is no speed."""
+
+
+class Level(IntEnum):
+    """Degradation levels of the slip velocity, downwards."""
+
+    MEASURED = 0
+    OBSERVED = 1
+    SLOWING = 2
+    HOLD = 3
+
+
+HEALTH = layout(joint=WHOLE, wrench=WHOLE, slip=WHOLE, outside=WHOLE)
+"""The fault of each input in a cycle, of wrench and slip the worst of all contacts; outside: publishers on our topics."""
+ARBITRATION = layout(
+    observer_ns=WHOLE, slow_down_ns=WHOLE, gap_ns=WHOLE, late_after=WHOLE, saturated_ns=WHOLE, slip_needed=WHOLE,
+    resume_slip_linear=REAL, resume_slip_angular=REAL,
+)  # fmt: skip
+"""observer_ns: how long the observer may run alone, 0 where there is none; slow_down_ns: time to come to rest; gap_ns:
+pause of the controller itself that is too long; late_after: late answers in a row; the slip at which the law does not
+begin [m/s], [rad/s]."""
+SINCE = layout(slip_unknown_ns=WHOLE, too_fast_ns=WHOLE, saturated_ns=WHOLE, stopping_ns=WHOLE, joint_bad_ns=WHOLE)
+"""Since when, NEVER where it is not so."""
+
+
+@part
+def clear_since(since: Any) -> None:
+    """Begin: nothing is so."""
+    since.slip_unknown_ns, since.too_fast_ns, since.saturated_ns = NEVER, NEVER, NEVER
+    since.stopping_ns, since.joint_bad_ns = NEVER, NEVER
+
+
+@part
+def slip_fault(health: Any, observed: Any, now_ns: int) -> int:
+    """Return the fault of the slip velocity: its own, or that wrench and motion contradict it."""
+    blind = observed.blind_since_ns != NEVER and now_ns - observed.blind_since_ns > EVIDENCE_NS
+    return Fault.IMPLAUSIBLE.value if health.slip == Fault.NONE and blind else health.slip
+
+
+@part
+def watch_for_blindness(observed: Any, slip_speed: float, evidence: float, now_ns: int) -> None:
+    """Take down since when wrench and motion show slip that the sensor does not."""
+    blind = vec(observed.evidence).norm() > evidence and slip_speed < BLIND * evidence
+    observed.blind_since_ns = (
+        NEVER if not blind else now_ns if observed.blind_since_ns == NEVER else observed.blind_since_ns
+    )
+
+
+@part
+def degradation_level(config: Any, since: Any, fault: int, now_ns: int) -> int:
+    """Return the level for a fault of the slip velocity: a bounded time on each, from the moment it became unknown."""
+    if fine(fault) or config.slip_needed == 0:
+        since.slip_unknown_ns = NEVER
+        return Level.MEASURED.value
+    if since.slip_unknown_ns == NEVER:
+        since.slip_unknown_ns = now_ns
+    passed = now_ns - since.slip_unknown_ns
+    if passed < config.observer_ns:
+        return Level.OBSERVED.value
+    return Level.SLOWING.value if passed < config.observer_ns + config.slow_down_ns else Level.HOLD.value
+
+
+@part
+def find_fault(config: Any, state: Any, n: int, qd: Any, now_ns: int) -> Reason:
+    """Return what must latch: a speed that is too high for long, or an object that falls.
+
+    Args:
+        config: of the controller.
+        state: of the controller; changed.
+        n: number of joints.
+        qd: (n,) [rad/s].
+        now_ns: the controller's clock.
+    """
+    found = too_fast(config.motion, n, qd, spatial(state.observed.twist))
+    if found.cause == Cause.NONE:
+        state.since.too_fast_ns = NEVER
+    elif state.since.too_fast_ns == NEVER:
+        state.since.too_fast_ns = now_ns
+    if found.cause != Cause.NONE and now_ns - state.since.too_fast_ns > FAST_NS:
+        return found
+    if state.observed.fall_speed > config.drop.drop_speed:
+        return Reason(Cause.CANNOT_CARRY.value, 0, 0, state.observed.fall_speed, 0.0)
+    return NOTHING
+
+
+@part
+def slides(config: Any, inputs: Any, contacts: int) -> bool:
+    """Return whether an object slides too fast for the law to begin."""
+    linear, angular = config.resume_slip_linear, config.resume_slip_angular
+    for i in range(contacts):
+        v = spatial(inputs[i].values)
+        if linear * linear < v.linear.dot(v.linear) or angular * angular < v.angular.dot(v.angular):
+            return True
+    return False
+
+
+@part
+def find_hold(
+    config: Any, state: Any, health: Any, level: int, fault: int, frozen: bool, contacts: int, now_ns: int
+) -> Reason:
+    """Return why the law must not work now; arguments as of `arbitrate`, fault: of the slip velocity."""
+    arbitration, at_work = config.arbitration, follows(state.mode.mode)
+    unknown = not fine(fault) and arbitration.slip_needed != 0
+    if health.outside != Fault.NONE:
+        return of_fault(Cause.INPUT, Input.ANY, health.outside)
+    if not fine(health.wrench):
+        return of_fault(Cause.INPUT, Input.WRENCH, health.wrench)
+    if now_ns - state.now_ns > arbitration.gap_ns and state.mode.mode != Mode.WAITING_INPUT:
+        return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.NOT_RUN)
+    if state.latency.in_a_row >= arbitration.late_after:
+        return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.LATE)
+    if frozen and state.observed.moves != 0 and at_work:
+        return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.FROZEN)
+    if level == Level.HOLD or (unknown and not at_work):  # the levels are for a law that is at work
+        return of_fault(Cause.INPUT, Input.SLIP, fault)
+    if not at_work and arbitration.slip_needed != 0 and slides(arbitration, state.slip_inputs, contacts):
+        # With the delay of its loop the law would swing instead of catching what already slides fast.
+        return because(Cause.SLIDES, 0)
+    return NOTHING
+
+
+@part
+def find_degraded(config: Any, state: Any, level: int, fault: int, now_ns: int) -> Reason:
+    """Return why to be careful; arguments as of `arbitrate`, fault: of the slip velocity."""
+    since = state.since
+    if level == Level.OBSERVED:
+        return of_fault(Cause.PREDICTED, Input.SLIP, fault)
+    if level == Level.SLOWING:
+        return of_fault(Cause.SLOWING, Input.SLIP, fault)
+    if since.stopping_ns != NEVER:
+        return because(Cause.STOPPING, 0)
+    if since.saturated_ns != NEVER and now_ns - since.saturated_ns > config.arbitration.saturated_ns:
+        return because(Cause.SATURATED, 0)
+    if state.observed.path_speed < 1.0 or state.path.scale < 1.0:
+        return because(Cause.PATH_WAITS, 0)
+    return NOTHING
+
+
+@part
+def arbitrate(
+    config: Any, state: Any, health: Any, frozen: bool, n: int, contacts: int, qd: Any, now_ns: int
+) -> tuple[Findings, int]:
+    """Return what speaks against the law in this cycle, and the degradation level of the slip velocity.
+
+    Args:
+        config, state: of the controller; the times in state are changed.
+        health: of the inputs.
+        frozen: whether the joint values have been equal to the last bit for long.
+        n, contacts: numbers of joints and contacts.
+        qd: joint velocity; (n,) [rad/s].
+        now_ns: the controller's clock.
+    """
+    slip = slip_fault(health, state.observed, now_ns)
+    level = degradation_level(config.arbitration, state.since, slip, now_ns)
+    fault, hold, degraded = find_fault(config, state, n, qd, now_ns), NOTHING, NOTHING
+    if health.outside == Fault.FOREIGN_COMMAND:
+        if fault.cause == Cause.NONE:
+            fault = of_fault(Cause.INPUT, Input.EFFORT_COMMAND, health.outside)
+    else:
+        hold = find_hold(config, state, health, level, slip, frozen, contacts, now_ns)
+    if hold.cause == Cause.NONE and health.outside == Fault.NONE:
+        degraded = find_degraded(config, state, level, slip, now_ns)
+    return Findings(NOTHING, fault, hold, degraded), level

@@ -1,0 +1,85 @@
+"""What only wrench and motion tell: friction that cannot carry the load, and a slip sensor that sees nothing.
+
+Following a falling object is the law's natural behaviour. So what counts as falling is not slip, which the law keeps
+small, but speed gained along gravity beyond what the reference asks for, while there is slip.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from slip_core.compiled import part
+from slip_core.records import REAL, WHOLE, layout
+from slip_core.vectors import ZERO, Mat, Vec, mat, put, vec
+from slip_vic_controller.reference.path_scaling import scale_for_error
+
+EVIDENCE_MEMORY_S = 0.1
+MOVING = 0.01
+"""[m/s] or [rad/s] above which a reference asks for motion."""
+SLIPPING = 0.005
+"""[m/s] above which a slip velocity counts as slip, with the slip activation at zero too."""
+BLIND = 0.1
+"""Share of the evidence below which a slip velocity sees nothing of it."""
+
+DROP_DETECTION = layout(
+    down=(REAL, 3), drop_speed=REAL, memory_s=REAL, error_linear=REAL, error_angular=REAL, evidence=REAL
+)
+"""down: unit vector along gravity {w}, zeros without gravity; drop_speed [m/s]; memory_s [s]; errors at which the path
+stands still [m], [rad]; evidence: slip speed that makes a sensor that shows none implausible [m/s]."""
+OBSERVED = layout(
+    known=WHOLE,
+    fall_speed=REAL,
+    path_speed=REAL,
+    moves=WHOLE,
+    evidence=(REAL, 3),
+    twist=(REAL, 6),
+    blind_since_ns=WHOLE,
+)
+"""What the last evaluation of the law looked like: speed gained along gravity [m/s], how fast the path may run,
+whether the reference moves, slip that motion and wrench add up to [m/s] {w}, twist of the pad {w}."""
+
+
+@part
+def forget(state: Any, never_ns: int) -> None:
+    """Begin anew: nothing has been seen."""
+    state.known, state.fall_speed, state.path_speed, state.moves, state.blind_since_ns = 0, 0.0, 1.0, 0, never_ns
+    state.evidence[:] = 0.0
+    state.twist[:] = 0.0
+
+
+@part
+def in_slip_plane(R: Mat, axes: Vec, v: Vec) -> Vec:
+    """Return the part of v {w} in the directions in which the contact can slip; axes 0 or 1 on pad axes."""
+    return R @ (R.T() @ v).masked(axes)
+
+
+@part
+def observe_motion(config: Any, axes: Any, state: Any, arm: Any, law: Any, reference: Any, dt: float) -> None:
+    """Look at what the law saw: errors, fall, and whether slip and wrench agree.
+
+    The fall is a leaky integral, so a bias of the wrench adds up to bias / mass * memory and no more. The evidence is
+    a_ee - G^T a_o added up over the last EVIDENCE_MEMORY_S: Eq. (17) without its small terms, leaky for the same reason.
+
+    Args:
+        config: see DROP_DETECTION.
+        axes: directions of slip; (6,) 0 or 1 on pad axes.
+        state: changed.
+        arm, law, reference: of this cycle.
+        dt: since the cycle before [s].
+    """
+    R, axes_linear = mat(arm.rotation), vec(axes)
+    slipping = 1.0 if law.slip_speed > SLIPPING else law.gate
+    beyond = vec(law.object_acceleration) - vec(reference.acceleration)
+    gain = in_slip_plane(R, axes_linear, vec(config.down)).dot(beyond)
+    state.fall_speed = max(0.0, state.fall_speed * math.exp(-dt / config.memory_s) + slipping * gain * dt)
+    state.path_speed = scale_for_error(law.error_linear, law.error_angular, config.error_linear, config.error_angular)
+    v_d, w_d = vec(reference.twist), vec(reference.twist[3:])
+    state.moves = 1 if v_d.dot(v_d) + w_d.dot(w_d) > MOVING * MOVING else 0
+    velocity = ZERO
+    if state.known != 0 and dt > 0.0:
+        change = (vec(arm.twist) - vec(state.twist)) - dt * vec(law.carried)
+        velocity = math.exp(-dt / EVIDENCE_MEMORY_S) * vec(state.evidence) + in_slip_plane(R, axes_linear, change)
+    put(state.evidence, velocity)
+    state.twist[:] = arm.twist
+    state.known = 1

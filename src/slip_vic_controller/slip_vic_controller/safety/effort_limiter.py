@@ -1,0 +1,86 @@
+"""The one last step that every command passes: finite, inside the effort limits, no faster than the rate limit.
+
+By induction: the effort before is finite and inside the limits, so what comes out is too, whatever was wanted.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.records import REAL, WHOLE, layout
+from slip_vic_controller.safety.validation import LARGEST, all_finite
+from slip_vic_controller.sizes import MAX_JOINTS
+
+NS = 1e-9
+
+EFFORT_LIMITS = layout(
+    effort=(REAL, MAX_JOINTS), rate=REAL, longest_step_ns=WHOLE, restart_after_ns=WHOLE, period_ns=WHOLE
+)
+"""Effort of every joint [N m] and rate [N m/s]; longest_step_ns, restart_after_ns: see the parameters."""
+LIMITER = layout(started=WHOLE, now_ns=WHOLE, effort=(REAL, MAX_JOINTS))
+"""The effort that left last [N m], and when."""
+
+
+@part
+def start_limiter(limits: Any, state: Any, n: int, measured: Array, gravity: Array, now_ns: int) -> None:
+    """Set what the first command, or the first after a pause, is limited from; (n,) [N m].
+
+    The measured effort is what the joints feel now. Where there is none (not finite, or all zero, which a driver without
+    torque sensors publishes) it is gravity compensation: a restart makes no torque step. The first step counts one
+    control period.
+    """
+    known = all_finite(measured[:n]) and measured[:n].any()
+    good = all_finite(gravity[:n])
+    for j in range(n):
+        start = measured[j] if known else gravity[j] if good else 0.0
+        state.effort[j] = min(max(start, -limits.effort[j]), limits.effort[j])
+    state.started, state.now_ns = 1, now_ns - limits.period_ns
+
+
+@part
+def needs_restart(limits: Any, state: Any, now_ns: int) -> bool:
+    """Return whether the last command is so old that the joints may feel something else by now."""
+    return bool(state.started == 0 or now_ns - state.now_ns > limits.restart_after_ns)
+
+
+@part
+def largest_step(limits: Any, state: Any, now_ns: int) -> float:
+    """Return by how much an effort may differ from the last one [N m]: the same slope at every control rate.
+
+    A clock that goes back allows no step.
+    """
+    return limits.rate * NS * min(max(now_ns - state.now_ns, 0), limits.longest_step_ns)
+
+
+@part
+def limit_effort(limits: Any, state: Any, n: int, wanted: Array, now_ns: int, clipped: Array, limited: Array) -> bool:
+    """Let an effort out: finite, clipped, slope-limited, in this order; the result is `state.effort`.
+
+    Args:
+        limits, state: of the limiter; state is changed.
+        n: number of joints.
+        wanted: (n,) [N m].
+        now_ns: the controller's clock.
+        clipped, limited: result; which joints were clipped or limited, and which were limited in rate; (n,) 0 or 1.
+
+    Returns:
+        Whether `wanted` was finite; if not, the last effort goes out again.
+    """
+    finite = True
+    for j in range(n):
+        finite = finite and abs(wanted[j]) <= LARGEST
+    step = largest_step(limits, state, now_ns)
+    for j in range(n):
+        limit, before = limits.effort[j], state.effort[j]
+        torque = wanted[j] if finite else before
+        inside = min(max(torque, -limit), limit)
+        effort = min(max(inside, before - step), before + step)
+        # Where the rate does not bind this is `inside` to the last bit. Rounding may not carry it over the limit.
+        effort = min(max(effort, -limit), limit)
+        limited[j] = 1 if effort != inside else 0
+        clipped[j] = 1 if effort != inside or inside != torque else 0
+        state.effort[j] = effort
+    state.now_ns = max(now_ns, state.now_ns)
+    return finite

@@ -1,0 +1,159 @@
+"""HOLD: the posture in which it began, with gravity, the load and damping; gains that bear late messages."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.records import REAL, WHOLE, layout
+from slip_core.vectors import Mat, Spatial, Vec, mat, put_spatial, spatial, vec
+from slip_vic_controller.sizes import MAX_JOINTS
+
+EXCESS = 1.5  # times that the inertia in HOLD may be what is moved
+LOAD_LEVER = 0.1  # [m]: how far off the pad centre the unknown part of a load may pull
+SLOWEST = 0.45  # of the loop in slow motion: with the default gains no joint gives way under a load that slides
+
+HOLD_CONFIG = layout(stiffness=REAL, damping=REAL, load_s=REAL, mass=REAL, inertia=(REAL, (3, 3)), weight=(REAL, 3))
+"""stiffness [1/s^2], damping [1/s]: over the joint inertia; load_s: how fast the load is taken from the wrench [s];
+mass [kg], inertia [kg m2], weight [N] {w}: of the object, of several contacts each carries its share."""
+HOLD = layout(known=WHOLE, posture=(REAL, MAX_JOINTS), load_error=(REAL, 6))
+"""The posture that is kept [rad], and what is added to the model's load [N, N m] {ee}."""
+
+
+@part
+def object_load(config: Any, R: Mat, r: Vec) -> Spatial:
+    """Return the wrench on the pad of a resting object; R: pad to {w}; r = x_c - x_o {w} -> {ee}."""
+    weight = vec(config.weight)
+    return R.T() @ Spatial(weight, -r.cross(weight))
+
+
+@part
+def load_error(error: Spatial, model: Spatial, measured: Spatial, dt: float, memory_s: float) -> Spatial:
+    """Return what has to be added to the load of the model, from its value before; [N, N m] {ee} each.
+
+    Low-pass of the wrench that the model does not explain. Slow and bounded by the weight itself, so that HOLD depends
+    on the wrench no more than it must: an object that has slid while the arm came to rest pulls at another point than the
+    model says, and the pads would give way and tilt.
+
+    Args:
+        error: of the cycle before.
+        model: wrench on the pad of a resting object where it is known to be.
+        measured: by the wrench sensor.
+        dt: since the cycle before [s].
+        memory_s: time constant [s].
+    """
+    weight, beyond = model.linear.norm(), measured - model
+    wanted = Spatial(_shortened(beyond.linear, weight), _shortened(beyond.angular, LOAD_LEVER * weight))
+    return error + (1.0 - math.exp(-dt / memory_s)) * (wanted - error)
+
+
+@part
+def update_load_error(config: Any, state: Any, arm: Any, r_pad: Vec, measured: Spatial, dt: float) -> None:
+    """Take the measured wrench on the own pad {ee} into the load of HOLD; r_pad: as of `hold_effort`; dt [s]."""
+    R = mat(arm.rotation)
+    load = object_load(config, R, R @ r_pad)
+    put_spatial(state.load_error, load_error(spatial(state.load_error), load, measured, dt, config.load_s))
+
+
+@part
+def _shortened(v: Vec, most: float) -> Vec:
+    size = v.norm()
+    return v if size <= most else (most / size) * v
+
+
+@part
+def gains_for_delay(stiffness: float, damping: float, delay_s: float) -> tuple[float, float]:
+    """Return the gains for joint states that are late: the same loop in slow motion, so that its margin stays.
+
+    k s^2 and d s have the delay margin of k and d over s; a quarter is left for the rest of the way. No slower than
+    SLOWEST: a simulation that is behind the wall clock has old stamps without any delay in the loop, and an arm without
+    damping does not come to rest.
+    """
+    s = 1.0
+    if delay_s > 0.0:
+        s = max(SLOWEST, min(1.0, 0.75 * delay_margin(stiffness, damping, EXCESS) / delay_s))
+    return s * s * stiffness, s * damping
+
+
+@part
+def delay_margin(stiffness: float, damping: float, excess: float) -> float:
+    """Return the delay [s] from joint state to effort at which HOLD begins to swing.
+
+    The phase margin of excess (d s + k) / s^2 at its crossover, over the crossover frequency.
+
+    Args:
+        stiffness, damping: k [1/s^2], d [1/s].
+        excess: how many times the inertia in HOLD is the one that is moved, where the object is gone.
+    """
+    k, d = excess * stiffness, excess * damping
+    crossover = math.sqrt(0.5 * (d * d + math.sqrt(d * d * d * d + 4.0 * k * k)))
+    return math.atan2(damping * crossover, stiffness) / crossover if crossover > 0.0 else math.inf
+
+
+@part
+def add_inertia_torque(config: Any, arm: Any, n: int, R_o: Mat, r: Vec, qdd: Array, torque: Array) -> None:
+    """Add (M + J_o^T B_o J_o / 2) qdd to `torque` (n,): a joint acceleration with half of a rigidly held object in it.
+
+    A wrist joint turns more of the object than of the arm, and the object may be held, slip or be gone. With half of it
+    the gains are wrong by a factor of at most 1 + P / 2 M in every case; with all or none of it by the whole ratio.
+
+    Args:
+        config: of HOLD.
+        arm: its terms.
+        n: number of joints.
+        R_o: attitude of the object.
+        r: pad centre as seen from the object's centre of mass [m] {w}.
+        qdd: (n,) [rad/s^2].
+        torque: changed.
+    """
+    a, w = Vec(0.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0)
+    for j in range(n):
+        a = a + qdd[j] * Vec(arm.J[0, j], arm.J[1, j], arm.J[2, j])
+        w = w + qdd[j] * Vec(arm.J[3, j], arm.J[4, j], arm.J[5, j])
+    # With J_o of Eq. (14): the object's acceleration is a + r x w, and what it takes acts at the pad.
+    force = config.mass * (a + r.cross(w))
+    moment = R_o @ (mat(config.inertia) @ (R_o.T() @ w)) + force.cross(r)
+    for j in range(n):
+        total = 0.0
+        for k in range(n):
+            total += arm.M[j, k] * qdd[k]
+        total += 0.5 * (force.x * arm.J[0, j] + force.y * arm.J[1, j] + force.z * arm.J[2, j])
+        total += 0.5 * (moment.x * arm.J[3, j] + moment.y * arm.J[4, j] + moment.z * arm.J[5, j])
+        torque[j] += total
+
+
+@part
+def hold_effort(
+    config: Any, state: Any, arm: Any, n: int, pad: Mat, q: Array, qd: Array, r_pad: Vec, late_s: float,
+    carries: bool, torque: Array,
+) -> None:  # fmt: skip
+    """Write g + M (k (q_0 - q) - d qd) - J^T h to `torque`; with the inertia in it one stiffness suits all joints.
+
+    Args:
+        config, state: of HOLD.
+        arm: its terms.
+        n: number of joints.
+        pad: attitude of the pad in the object.
+        q, qd: joint state; (n,) [rad], [rad/s].
+        r_pad: pad centre as seen from the object's centre of mass [m] {ee}.
+        late_s: how late joint states are [s].
+        carries: False where the object falls, and its load is none.
+        torque: result; (n,) [N m].
+    """
+    R = mat(arm.rotation)
+    r = R @ r_pad
+    k, d = gains_for_delay(config.stiffness, config.damping, late_s)
+    h = R @ (object_load(config, R, r) + spatial(state.load_error))
+    qdd = np.empty(MAX_JOINTS)
+    for j in range(n):
+        torque[j] = arm.gravity[j]
+        qdd[j] = k * (state.posture[j] - q[j]) - d * qd[j]
+    add_inertia_torque(config, arm, n, R @ pad.T(), r, qdd, torque)
+    if carries:
+        for j in range(n):
+            torque[j] -= arm.J[0, j] * h.linear.x + arm.J[1, j] * h.linear.y + arm.J[2, j] * h.linear.z
+            torque[j] -= arm.J[3, j] * h.angular.x + arm.J[4, j] * h.angular.y + arm.J[5, j] * h.angular.z

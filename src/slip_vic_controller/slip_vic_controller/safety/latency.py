@@ -1,0 +1,78 @@
+"""How late messages are, by their stamps: joint states before they are answered, slip samples before they are used.
+
+Clocks need not agree: what counts of a joint state is how much more lies between stamp and answer than in the best case
+seen so far.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from slip_core.compiled import part
+from slip_core.records import REAL, WHOLE, layout
+
+DRIFT = 5e-4  # by which two clocks may run apart; more is not taken back
+STEADY_NS = 5_000_000  # below which a growing time from stamp to answer may be clocks that drift
+DECAY_S = 0.5  # in which a delay that is over is forgotten
+FORGET = 0.01
+"""Share of a past worst case that each new sample forgets: a hundred good samples make up for a bad one."""
+_SLACK = 0.1
+"""Part of a cycle by which stamps may be late without counting as one more cycle."""
+
+LATENCY = layout(known=WHOLE, least_ns=WHOLE, last_ns=WHOLE, most_ns=WHOLE, in_a_row=WHOLE)
+"""Of joint states: least time from stamp to answer, what the last one had above it, the most of late, how many in a
+row were too late."""
+SLIP_LATENCY = layout(known=WHOLE, newest_ns=WHOLE, latency_ns=REAL, period_ns=REAL)
+"""Of slip samples: stamp of the newest one, worst latency and period of late."""
+
+
+@part
+def forget_latency(state: Any) -> None:
+    """Begin anew."""
+    state.known, state.least_ns, state.last_ns, state.most_ns, state.in_a_row = 0, 0, 0, 0, 0
+
+
+@part
+def measure_latency(state: Any, now_ns: int, stamp_ns: int, dt_ns: int, late_ns: int) -> None:
+    """Take in that a joint state of `stamp_ns` is answered at `now_ns`, `dt_ns` after the one before.
+
+    One-way delay above its minimum. A single late answer is the machine's hiccup and does not count: two in a row do.
+    While answers are late the least time stays as it is, or a lasting delay would be taken for a clock that drifts.
+    late_ns: what is too late for the law; 0 = nothing.
+    """
+    took_ns = now_ns - stamp_ns
+    least = state.least_ns if state.known != 0 else took_ns
+    if state.last_ns < STEADY_NS:
+        least += int(round(DRIFT * dt_ns))
+    least = min(least, took_ns)
+    last = took_ns - least
+    sure = min(last, state.last_ns)
+    fading = state.most_ns - int(round(state.most_ns * min(1.0, dt_ns * 1e-9 / DECAY_S)))
+    state.in_a_row = state.in_a_row + 1 if 0 < late_ns <= sure else 0
+    state.known, state.least_ns, state.last_ns, state.most_ns = 1, least, last, max(sure, fading)
+
+
+@part
+def measure_slip_latency(state: Any, now_ns: int, queue: Any) -> None:
+    """Take in the slip samples that came with a cycle: maxima that fade; a late sample does not count as a period."""
+    for i in range(queue.count):
+        stamp_ns = queue.samples[i].stamp_ns
+        if state.known != 0 and stamp_ns == state.newest_ns:
+            continue  # the same one again
+        change = now_ns - stamp_ns - state.latency_ns
+        state.latency_ns += change if change > 0.0 else FORGET * change
+        if state.known != 0 and stamp_ns > state.newest_ns:
+            change = stamp_ns - state.newest_ns - state.period_ns
+            state.period_ns += change if change > 0.0 else FORGET * change
+        if state.known == 0 or stamp_ns > state.newest_ns:
+            state.newest_ns = stamp_ns
+        state.known = 1
+
+
+@part
+def whole_cycles(state: Any, period_ns: int) -> tuple[int, int]:
+    """Return for how many cycles a slip sample is held, and how many it is old when it arrives."""
+    held = math.ceil(state.period_ns / period_ns - _SLACK)
+    late = math.ceil(state.latency_ns / period_ns - _SLACK)
+    return max(1, int(held)), max(0, int(late))

@@ -1,0 +1,107 @@
+"""Limit avoidance: torques that keep joints from their stops and limit speeds, before the effort limiter."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.records import REAL, layout
+from slip_core.vectors import ZERO, Spatial, Vec, spatial
+from slip_vic_controller.safety.modes import NOTHING
+from slip_vic_controller.safety.reasons import Cause, Reason
+from slip_vic_controller.sizes import MAX_JOINTS
+
+BRAKED_FROM = 0.75
+"""Part of the pad's speed limits from which it is braked."""
+BRAKE_LINEAR, BRAKE_ANGULAR = 100.0, 10.0
+"""[N s/m], [N m s/rad]."""
+TRIP = 4.0 / 3.0
+"""Of the pad's speed limits: a control loop that runs away ends here."""
+
+MOTION_LIMITS = layout(
+    near_lower=(REAL, MAX_JOINTS), near_upper=(REAL, MAX_JOINTS), margin=REAL, velocity=(REAL, MAX_JOINTS),
+    brake_from=(REAL, MAX_JOINTS), trip=(REAL, MAX_JOINTS), effort=(REAL, MAX_JOINTS), speed_linear=REAL,
+    speed_angular=REAL,
+)  # fmt: skip
+"""near_lower, near_upper [rad]: the joints' stops less the margin [rad]; velocity, brake_from, trip [rad/s]; effort
+[N m]; speed_linear [m/s], speed_angular [rad/s]: of the pad."""
+
+
+@part
+def joint_repulsion(limits: Any, j: int, q: float, qd: float) -> float:
+    """Return the torque of joint j away from its stops and against too high a velocity [N m].
+
+    Grows from zero with the square of the depth, to the full effort at the stop, and in proportion from the braking
+    velocity on, to the full effort at the velocity limit: continuous, bounded, no gains to tune.
+    """
+    speed = abs(qd)
+    if not (q < limits.near_lower[j] or q > limits.near_upper[j] or speed > limits.brake_from[j]):
+        return 0.0
+    low = min(max((limits.near_lower[j] - q) / limits.margin, 0.0), 1.0)
+    high = min(max((q - limits.near_upper[j]) / limits.margin, 0.0), 1.0)
+    brake = min(max((speed - limits.brake_from[j]) / (limits.velocity[j] - limits.brake_from[j]), 0.0), 1.0)
+    sign = 1.0 if qd > 0.0 else -1.0 if qd < 0.0 else 0.0
+    return limits.effort[j] * (low * low - high * high - sign * brake)
+
+
+@part
+def _brake(v: Vec, limit: float, damping: float) -> Vec:
+    speed = v.norm()
+    if not speed > BRAKED_FROM * limit:
+        return ZERO
+    return (-damping * (1.0 - BRAKED_FROM * limit / speed)) * v
+
+
+@part
+def pad_brake(limits: Any, twist: Array) -> Spatial:
+    """Return the wrench that brakes a pad near its speed limits; twist (6,) [m/s, rad/s] {w}: a Cartesian damper."""
+    v = spatial(twist)
+    return Spatial(
+        _brake(v.linear, limits.speed_linear, BRAKE_LINEAR), _brake(v.angular, limits.speed_angular, BRAKE_ANGULAR)
+    )
+
+
+@part
+def avoid_limits(limits: Any, n: int, q: Array, qd: Array, arm: Any, braked: bool, torque: Array) -> None:
+    """Add the torques of limit avoidance to `torque` (n,) [N m].
+
+    Args:
+        limits: see MOTION_LIMITS.
+        n: number of joints.
+        q, qd: joint state; (n,).
+        arm: its terms, looked at where `braked`.
+        braked: whether the pad's speed is limited in this cycle.
+        torque: changed.
+    """
+    force = Spatial(ZERO, ZERO)
+    if braked:
+        force = pad_brake(limits, arm.twist)
+    pushed = force.linear.dot(force.linear) + force.angular.dot(force.angular) != 0.0
+    linear, angular = force.linear, force.angular
+    for j in range(n):
+        torque[j] = torque[j] + joint_repulsion(limits, j, q[j], qd[j])
+        if pushed:
+            torque[j] += arm.J[0, j] * linear.x + arm.J[3, j] * angular.x
+            torque[j] += arm.J[1, j] * linear.y + arm.J[4, j] * angular.y
+            torque[j] += arm.J[2, j] * linear.z + arm.J[5, j] * angular.z
+
+
+@part
+def too_fast(limits: Any, n: int, qd: Array, pad: Any) -> Reason:
+    """Return which speed is beyond what braking should have allowed, NOTHING where none is.
+
+    Args:
+        limits: see MOTION_LIMITS.
+        n: number of joints.
+        qd: (n,) [rad/s].
+        pad: twist of the pad when the law was last at work.
+    """
+    for j in range(n):
+        if abs(qd[j]) > limits.trip[j]:
+            return Reason(Cause.JOINT_TOO_FAST.value, j, 0, abs(qd[j]), limits.velocity[j])
+    if pad.linear.norm() > TRIP * limits.speed_linear:
+        return Reason(Cause.PAD_TOO_FAST.value, 0, 0, pad.linear.norm(), limits.speed_linear)
+    if pad.angular.norm() > TRIP * limits.speed_angular:
+        return Reason(Cause.PAD_TURNS_TOO_FAST.value, 0, 0, pad.angular.norm(), limits.speed_angular)
+    return NOTHING

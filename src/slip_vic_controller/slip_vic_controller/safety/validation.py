@@ -1,0 +1,358 @@
+"""Input validation: what is wrong with a sample when it arrives, and with an input before a cycle uses it.
+
+The clock is an argument: steady time in real time, the joint state's stamp in lockstep. Stamps are compared with stamps
+only, arrival times with arrival times only.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.records import REAL, WHOLE, layout
+from slip_vic_controller.safety.faults import FAULTS, Fault
+from slip_vic_controller.sizes import MAX_FRESH, MAX_JOINTS
+
+LARGEST = 1e154
+"""Beyond it squares overflow; NaN is not below it either."""
+TINY = float(np.finfo(np.float64).tiny)
+ARM_MOVES = 0.02
+"""[rad/s]"""
+_NOT_FINITE, _ABSURD, _DENORMAL, _JUMP, _MOVES, _SAME = 1, 2, 4, 8, 16, 32
+"""What the numbers of a sample show; _SAME: equal to the last bit to the sample before."""
+_LONGEST_COAST_S = 0.1  # for which a velocity explains a change of position
+_WEIGHT = 0.02  # of a new period in the mean
+_TWICE = 2  # stamps in a row that are ahead of the joint state's: one alone is the sample's own fault
+
+RATE = layout(known=WHOLE, last_ns=WHOLE, periods=WHOLE, period_s=REAL, jitter_s=REAL)
+"""Rate statistics of an input: mean period and mean deviation from it."""
+VECTOR_LIMITS = layout(age_ns=WHOLE, frozen_ns=WHOLE, future_ns=WHOLE, linear=REAL, angular=REAL, zero_is_normal=WHOLE)
+"""Limits of a wrench or slip velocity. linear, angular: magnitudes above which a sample is absurd; future_ns: how far a
+stamp may be ahead of the joint state's; zero_is_normal: whether zero may stay for ever, as a slip velocity does."""
+VECTOR_INPUT = layout(
+    seen=WHOLE, known=WHOLE, stamp_ns=WHOLE, arrival_ns=WHOLE, values=(REAL, 6), equal_since_ns=WHOLE, invalid=WHOLE,
+    ahead=WHOLE, refused=WHOLE, refused_ns=WHOLE, rate=RATE, counts=(WHOLE, FAULTS),
+)  # fmt: skip
+"""The newest good sample of a wrench or slip velocity, and what is known of the input. seen: there was one; known: it
+still says when the next one is out of order (a restart of the joint state's clock makes it forgotten)."""
+FRESH = layout(stamp_ns=WHOLE, twist=(REAL, 6))
+SLIP_QUEUE = layout(count=WHOLE, samples=(FRESH, MAX_FRESH))
+"""Good slip samples since the last cycle, in order of arrival."""
+
+JOINT_LIMITS = layout(
+    lower=(REAL, MAX_JOINTS), upper=(REAL, MAX_JOINTS), fastest=(REAL, MAX_JOINTS), jump=REAL, clock_jump_ns=WHOLE,
+    age_ns=WHOLE, frozen_ns=WHOLE, accept_after=WHOLE,
+)  # fmt: skip
+"""Limits of the joint state: absurd positions and speeds; jump [rad] that no velocity need explain; accept_after:
+samples that agree after a jump until it is taken as a restart."""
+JOINT_SAMPLE = layout(
+    stamp_ns=WHOLE, position=(REAL, MAX_JOINTS), velocity=(REAL, MAX_JOINTS), effort=(REAL, MAX_JOINTS)
+)  # fmt: skip
+JOINT_INPUT = layout(
+    known=WHOLE, arrival_ns=WHOLE, last=JOINT_SAMPLE, candidate_known=WHOLE, candidate_ns=WHOLE, candidate=JOINT_SAMPLE,
+    agreeing=WHOLE, equal_since_ns=WHOLE, moves=WHOLE, pending=WHOLE, pending_fault=WHOLE, skipped=WHOLE,
+    answers=JOINT_SAMPLE, rate=RATE, counts=(WHOLE, FAULTS),
+)  # fmt: skip
+"""last: the newest good joint state; candidate: the newest after a jump; answers: the one that the next cycle answers,
+where `pending`, with `pending_fault`."""
+
+
+@part
+def usable(fault: int) -> bool:
+    """Return whether a sample with this fault is used."""
+    return bool(fault == Fault.NONE or fault == Fault.DENORMAL or fault == Fault.RESTARTED)
+
+
+@part
+def fine(fault: int) -> bool:
+    """Return whether an input with this fault counts as good."""
+    return bool(fault == Fault.NONE or fault == Fault.DENORMAL)
+
+
+@part
+def unanswered(fault: int) -> bool:
+    """Return whether a joint state with this fault is dropped in real time."""
+    return bool(fault == Fault.OUT_OF_ORDER or fault == Fault.DUPLICATE or fault == Fault.CLOCK_JUMP)
+
+
+@part
+def all_finite(values: Array) -> bool:
+    """Return whether all numbers (k,) are finite and not beyond LARGEST."""
+    for x in values:  # noqa: SIM110 - compiled code knows no generators
+        if not abs(x) <= LARGEST:
+            return False
+    return True
+
+
+@part
+def _count_period(rate: Any, now_ns: int) -> None:
+    """Take an arrival into the rate statistics."""
+    if rate.known != 0:
+        period = (now_ns - rate.last_ns) * 1e-9
+        change = period - rate.period_s
+        if rate.periods == 0:
+            rate.period_s, change = period, 0.0
+        rate.periods += 1
+        rate.jitter_s += _WEIGHT * (abs(change) - rate.jitter_s)
+        rate.period_s += _WEIGHT * change
+    rate.known, rate.last_ns = 1, now_ns
+
+
+@part
+def _kind(values: Array) -> int:
+    """Return _NOT_FINITE, _DENORMAL or 0."""
+    found = 0
+    for x in values:
+        if not math.isfinite(x):
+            return _NOT_FINITE
+        if x != 0.0 and abs(x) < TINY:
+            found = _DENORMAL
+    return found
+
+
+@part
+def _same(a: Array, b: Array) -> bool:
+    """Return whether all bits are equal: 0 and -0 are not, as no frozen sensor changes a sign."""
+    for i in range(a.shape[0]):
+        if a[i] != b[i] or math.copysign(1.0, a[i]) != math.copysign(1.0, b[i]):
+            return False
+    return True
+
+
+# -- wrench and slip velocity -------------------------------------------------------------------------
+
+
+@part
+def classify_vector(limits: Any, state: Any, stamp_ns: int, values: Array, valid: bool, joint: Any) -> tuple[int, bool]:
+    """Return the fault of a wrench or slip velocity (6,), and whether it equals the last good one to the last bit."""
+    if state.known != 0 and stamp_ns <= state.stamp_ns:
+        return (Fault.DUPLICATE.value if stamp_ns == state.stamp_ns else Fault.OUT_OF_ORDER.value), False
+    if joint.known != 0 and stamp_ns > joint.last.stamp_ns + limits.future_ns:
+        return Fault.FUTURE.value, False
+    if not valid:
+        return Fault.INVALID.value, False
+    kind = _kind(values)
+    if kind == _NOT_FINITE:
+        return Fault.NOT_FINITE.value, False
+    linear = math.sqrt(values[0] * values[0] + values[1] * values[1] + values[2] * values[2])
+    angular = math.sqrt(values[3] * values[3] + values[4] * values[4] + values[5] * values[5])
+    same = state.known != 0 and _same(values, state.values)
+    if linear > limits.linear or angular > limits.angular:
+        return Fault.ABSURD.value, same
+    return (Fault.DENORMAL.value if kind == _DENORMAL else Fault.NONE.value), same
+
+
+@part
+def receive_vector(
+    limits: Any, state: Any, stamp_ns: int, values: Array, valid: bool, refused: bool, now_ns: int, joint: Any
+) -> int:
+    """Take a sample in; return its fault.
+
+    Args:
+        limits: of this input.
+        state: of this input; changed.
+        stamp_ns, values: the sample; (6,).
+        valid: whether the sensor says so.
+        refused: whether the message itself was not what it should be.
+        now_ns: arrival.
+        joint: state of the joint state's input.
+    """
+    if refused:
+        fault, same = Fault.REFUSED, False
+    else:
+        fault, same = classify_vector(limits, state, stamp_ns, values, valid, joint)
+    state.ahead = state.ahead + 1 if fault == Fault.FUTURE else 0
+    if fine(fault):
+        if not same:
+            state.equal_since_ns = stamp_ns
+        state.seen, state.known, state.stamp_ns, state.arrival_ns = 1, 1, stamp_ns, now_ns
+        state.values[:] = values
+        _count_period(state.rate, now_ns)
+    elif fault == Fault.NOT_FINITE or fault == Fault.ABSURD:
+        state.refused, state.refused_ns = fault, now_ns
+    if fault == Fault.NONE:
+        state.invalid = 0
+    else:
+        if fault == Fault.INVALID:
+            state.invalid = 1
+        state.counts[fault] += 1
+    return int(fault)
+
+
+@part
+def queue_slip(queue: Any, stamp_ns: int, twist: Array) -> None:
+    """Keep a good slip sample for the next cycle; where there are too many the oldest goes."""
+    if queue.count == MAX_FRESH:
+        for i in range(MAX_FRESH - 1):
+            queue.samples[i] = queue.samples[i + 1]
+        queue.count -= 1
+    queue.samples[queue.count].stamp_ns = stamp_ns
+    queue.samples[queue.count].twist[:] = twist
+    queue.count += 1
+
+
+@part
+def rebase_vector(limits: Any, state: Any, joint_stamp_ns: int) -> None:
+    """Take the joint state's new clock: a sample ahead of it belongs to the old one."""
+    if state.known != 0 and state.stamp_ns > joint_stamp_ns + limits.future_ns:
+        state.known, state.arrival_ns, state.equal_since_ns, state.invalid, state.ahead = 0, 0, 0, 0, 0
+        state.refused, state.refused_ns = Fault.SILENT.value, 0
+
+
+@part
+def vector_validity(limits: Any, state: Any, now_ns: int, joint_stamp_ns: int, arm_moves: bool) -> int:
+    """Return why the newest good sample does not count in a cycle."""
+    if state.known == 0:
+        return Fault.NEVER_SEEN.value
+    if state.invalid != 0:
+        return Fault.INVALID.value
+    if state.ahead >= _TWICE or state.stamp_ns > joint_stamp_ns + limits.future_ns:
+        # Two clocks that differ, or joint states that were long on their way: not to wait for the age limit.
+        return Fault.FUTURE.value
+    if now_ns - state.arrival_ns > limits.age_ns:
+        # Silent is only who says nothing: "absurdly large" tells a user of an object that has been lost.
+        recent = state.refused != 0 and now_ns - state.refused_ns <= limits.age_ns
+        return state.refused if recent else Fault.SILENT.value
+    if joint_stamp_ns - state.stamp_ns > limits.age_ns:
+        return Fault.STALE.value
+    if state.stamp_ns - state.equal_since_ns > limits.frozen_ns:
+        stays = state.values.any() if limits.zero_is_normal != 0 else arm_moves
+        if stays:
+            return Fault.FROZEN.value
+    return Fault.NONE.value
+
+
+# -- joint state --------------------------------------------------------------------------------------
+
+
+@part
+def _copy_sample(to: Any, stamp_ns: int, q: Array, qd: Array, effort: Array) -> None:
+    n = q.shape[0]
+    to.stamp_ns = stamp_ns
+    to.position[:n] = q
+    to.velocity[:n] = qd
+    to.effort[:n] = effort
+
+
+@part
+def _numbers(limits: Any, q: Array, qd: Array, before: Any, follows: bool, coast_s: float) -> int:
+    """Return what the numbers of a joint state (n,), (n,) show; `before` is looked at where it `follows` one."""
+    found = _kind(q) | _kind(qd)
+    if found & _NOT_FINITE:
+        return _NOT_FINITE
+    n = q.shape[0]
+    for j in range(n):
+        speed = abs(qd[j])
+        if not (limits.lower[j] <= q[j] <= limits.upper[j] and speed <= limits.fastest[j]):
+            found |= _ABSURD
+        if follows and abs(q[j] - before.position[j]) > limits.jump + coast_s * max(speed, abs(before.velocity[j])):
+            found |= _JUMP
+        if speed > ARM_MOVES:
+            found |= _MOVES
+    if follows and _same(q, before.position[:n]) and _same(qd, before.velocity[:n]):
+        found |= _SAME
+    return found
+
+
+@part
+def _clock_fault(limits: Any, passed_ns: int, waited_ns: int) -> int:
+    """Return how a stamp does not follow another one, while `waited_ns` passed on the steady clock."""
+    if passed_ns <= 0:
+        if passed_ns <= -limits.clock_jump_ns:
+            return Fault.CLOCK_JUMP.value
+        return Fault.OUT_OF_ORDER.value if passed_ns < 0 else Fault.DUPLICATE.value
+    return Fault.CLOCK_JUMP.value if passed_ns - waited_ns > limits.clock_jump_ns else Fault.NONE.value
+
+
+@part
+def classify_joints(
+    limits: Any, stamp_ns: int, q: Array, qd: Array, now_ns: int, before: Any, before_ns: int, follows: bool
+) -> tuple[int, int]:
+    """Return what is wrong with a joint state in itself, or as one that follows another; and what its numbers show."""
+    fault, coast_s = Fault.NONE.value, 0.0
+    if follows:
+        passed = stamp_ns - before.stamp_ns
+        coast_s = 2.0 * min(passed * 1e-9, _LONGEST_COAST_S)
+        fault = _clock_fault(limits, passed, now_ns - before_ns)
+    found = _numbers(limits, q, qd, before, follows, coast_s)
+    if found & _NOT_FINITE:
+        return Fault.NOT_FINITE.value, found
+    if found & _ABSURD:
+        return Fault.ABSURD.value, found
+    if fault == Fault.NONE and found & _JUMP:
+        return Fault.JUMP.value, found
+    if fault == Fault.NONE and found & _DENORMAL:
+        return Fault.DENORMAL.value, found
+    return fault, found
+
+
+@part
+def receive_joints(
+    limits: Any, state: Any, stamp_ns: int, q: Array, qd: Array, effort: Array, refused: bool, now_ns: int
+) -> int:
+    """Take a joint state in; return its fault. RESTARTED is good, and everything before it is void.
+
+    Args:
+        limits: of the joint state.
+        state: of the joint state's input; changed.
+        stamp_ns, q, qd, effort: the sample; (n,) [rad], [rad/s], [N m].
+        refused: whether the message itself was not what it should be.
+        now_ns: arrival.
+    """
+    if refused:
+        state.counts[Fault.REFUSED] += 1
+        return Fault.REFUSED.value
+    follows = state.known != 0
+    fault, found = classify_joints(limits, stamp_ns, q, qd, now_ns, state.last, state.arrival_ns, follows)
+    if fault == Fault.CLOCK_JUMP or fault == Fault.JUMP:
+        agrees = False
+        if state.candidate_known != 0:
+            again, _ = classify_joints(limits, stamp_ns, q, qd, now_ns, state.candidate, state.candidate_ns, True)
+            agrees = fine(again)
+        state.agreeing = state.agreeing + 1 if agrees else 1
+        state.candidate_known, state.candidate_ns = 1, now_ns
+        _copy_sample(state.candidate, stamp_ns, q, qd, effort)
+        if state.agreeing >= limits.accept_after:
+            fault = Fault.RESTARTED.value
+    if fault != Fault.NONE:
+        state.counts[fault] += 1
+    if usable(fault):
+        if not found & _SAME:
+            state.equal_since_ns = now_ns
+        state.moves = 1 if found & _MOVES else 0
+        _copy_sample(state.last, stamp_ns, q, qd, effort)
+        state.known, state.arrival_ns, state.candidate_known, state.agreeing = 1, now_ns, 0, 0
+        _count_period(state.rate, now_ns)
+    return fault
+
+
+@part
+def await_answer(state: Any, stamp_ns: int, q: Array, qd: Array, effort: Array, fault: int) -> None:
+    """Let the next cycle answer this joint state; one that was not answered yet is skipped, the newest wins."""
+    if state.pending != 0:
+        state.skipped += 1
+        if state.pending_fault == Fault.RESTARTED and usable(fault):
+            fault = Fault.RESTARTED.value
+    _copy_sample(state.answers, stamp_ns, q, qd, effort)
+    state.pending, state.pending_fault = 1, fault
+
+
+@part
+def silent(limits: Any, state: Any, now_ns: int) -> bool:
+    """Return whether no good joint state has come for the age limit."""
+    return bool(state.known != 0 and now_ns - state.arrival_ns > limits.age_ns)
+
+
+@part
+def frozen(limits: Any, state: Any, now_ns: int) -> bool:
+    """Return whether the values have been equal to the last bit for longer than measured ones can while moving."""
+    return bool(state.known != 0 and now_ns - state.equal_since_ns > limits.frozen_ns)
+
+
+def mean_period_s(rate: Any) -> float:
+    """Return the mean period of an input [s], NaN before there is one."""
+    return float(rate.period_s) if rate.periods else math.nan

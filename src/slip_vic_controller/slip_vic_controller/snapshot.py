@@ -1,0 +1,41 @@
+"""The controller's state as text and back, to the last bit: so a recorded run can be replayed from its middle."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import hashlib
+import json
+import zlib
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_vic_controller.cycle import STATE
+from slip_vic_controller.observer.layouts import ROW
+
+LAYOUT = hashlib.sha256(repr((STATE.descr, ROW.descr)).encode()).hexdigest()[:16]
+"""Which software a state is of."""
+
+
+def to_text(state: Array) -> str:
+    """Return a snapshot as text: its bytes, compressed, and the name of their layout."""
+    packed = base64.b64encode(zlib.compress(state.tobytes(), 1)).decode()
+    return json.dumps({"layout": LAYOUT, "state": packed}, separators=(",", ":"))
+
+
+def from_text(text: str) -> Array:
+    """Return the snapshot of a text.
+
+    Raises:
+        InputError: not such a text, or one of other software.
+    """
+    try:
+        data = json.loads(text)
+        if data["layout"] != LAYOUT:
+            raise ValueError(f"layout {data['layout']}")
+        return np.frombuffer(zlib.decompress(base64.b64decode(data["state"], validate=True))).copy()
+    except (ValueError, KeyError, TypeError, binascii.Error, zlib.error, RecursionError) as error:
+        got = f"{type(error).__name__} {error}"
+        raise InputError("controller state", got=got, expected="a state of this software") from None
