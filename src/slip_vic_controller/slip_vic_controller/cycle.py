@@ -298,8 +298,9 @@ def _bridge(c: Any, s: Any, i: Any, o: Any, fault: int) -> None:
         next_mode(c.modes, s.mode, findings, i.request, now_ns)
         s.path.scale, s.path.rate, s.hold.known = 0.0, 0.0, 0
     # After a pause the limiter starts at what the joints feel; a jump of the positions leaves the efforts believable.
-    rest = np.zeros(MAX_JOINTS)
-    felt = s.joint.answers.effort if fault == Fault.JUMP else rest
+    rest, felt = np.zeros(MAX_JOINTS), np.zeros(MAX_JOINTS)
+    if fault == Fault.JUMP:
+        felt[:] = s.joint.answers.effort
     _finish(c, s, i, o, s.law.position, rest, felt, False)
 
 
