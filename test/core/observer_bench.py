@@ -11,7 +11,7 @@ from slip_vic_controller.core.observer import initial_observer, observe
 from slip_vic_controller.core.observer_config import observer_config
 from slip_vic_controller.core.observer_memory import SlipObserver, pack_motion
 from slip_vic_controller.core.observer_types import Motion
-from slip_vic_controller.core.params import ControllerParams
+from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.core.slip_filter_kernel import AxisFilter
 
 MS = 1_000_000

@@ -17,7 +17,7 @@ from slip_vic_controller.core.impedance import Gains
 from slip_vic_controller.core.law import control_law, grasp_terms
 from slip_vic_controller.core.lyapunov import V_s, V_s_dot
 from slip_vic_controller.core.object_dynamics import ObjectModel, slip_acceleration
-from slip_vic_controller.core.params import ControllerParams
+from slip_vic_controller.params import ControllerParams
 
 from .law_referee import S, exponential
 from .small_arm import HOME, small_arm_urdf

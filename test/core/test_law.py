@@ -11,7 +11,7 @@ from slip_vic_controller.core.attitude import LOG_REPORT
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.grasp import SlipDisplacement
 from slip_vic_controller.core.packing import pack_memory
-from slip_vic_controller.core.params import ControllerParams
+from slip_vic_controller.params import ControllerParams
 
 from .law_referee import RefereeInput, exponential, referee_law
 from .small_arm import HOME, small_arm_urdf

@@ -9,7 +9,7 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import build, parameter_infos
 from slip_vic_controller.core.controller import VicController
-from slip_vic_controller.core.params import ControllerParams
+from slip_vic_controller.params import ControllerParams
 
 from .small_arm import small_arm_urdf
 

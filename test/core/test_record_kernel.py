@@ -13,7 +13,7 @@ from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.diagnostics import TickDiagnostics, described, numbers_of
-from slip_vic_controller.core.params import ControllerParams
+from slip_vic_controller.params import ControllerParams
 
 from .small_arm import HOME, small_arm_urdf
 

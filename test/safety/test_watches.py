@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slip_vic_controller.core.safety_params import SlipWatchParams
+from slip_vic_controller.safety_params import SlipWatchParams
 from slip_vic_controller.core.trouble import Trouble
 from slip_vic_controller.core.watches import VectorWatch
 

@@ -9,9 +9,7 @@ from dataclasses import dataclass
 from slip_bringup.scenario import Scenario
 from slip_core.types import EffortCommand
 from slip_sim_bridge.session import BridgeSession, TickOutputs
-from slip_vic_controller.core.controller import VicController
-from slip_vic_controller.core.inputs import Manifest
-from slip_vic_controller.core.session import ControllerSession, CycleResult
+from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Manifest
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +29,7 @@ class ClosedLoop:
 
     def __init__(self, scenario: Scenario) -> None:
         self.bridge = BridgeSession(scenario.bridge, scenario.urdf)
-        self.controller = ControllerSession(VicController(scenario.controller, scenario.urdf), lockstep=True)
+        self.controller = ControllerSession(Controller(scenario.controller, scenario.urdf, lockstep=True))
 
     def observe(self) -> TickOutputs:
         """Return what the bridge measures now."""
@@ -39,15 +37,15 @@ class ClosedLoop:
 
     def control(self, outputs: TickOutputs) -> CycleResult:
         """Return the controller's answer to a tick's outputs."""
-        inputs = self.controller.inputs
+        controller = self.controller
         for contact in range(self.bridge.contacts):
             for wrench in outputs.wrenches[contact]:
-                inputs.add_wrench(contact, wrench)
+                controller.add_wrench(contact, wrench)
             for slip in outputs.slips[contact]:
-                inputs.add_slip(contact, slip)
-        inputs.add_joint(outputs.joint)
-        inputs.add_manifest(Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2]))
-        result = self.controller.cycle()
+                controller.add_slip(contact, slip)
+        controller.add_joint(outputs.joint)
+        controller.add_manifest(Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2]))
+        result = controller.cycle()
         if result is None:
             raise RuntimeError("the controller did not answer a complete tick")
         return result

@@ -29,8 +29,8 @@ from slip_description import scenario_names, scenario_text
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.presets import SensorPreset, load_preset
 from slip_sim_bridge.simulation import GraspSimulation
-from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.session import Controller
 
 ControllerKind = Literal["vic", "classical"]
 Estimator = Literal["measured", "observer"]
@@ -74,7 +74,7 @@ class Scenario:
         Raises:
             InputError: e.g. a URDF without the frame, joints missing or in another order.
         """
-        VicController(self.controller, self.urdf)
+        Controller(self.controller, self.urdf, lockstep=True)
         GraspSimulation(self.bridge, self.urdf)
 
 

@@ -70,6 +70,6 @@ def place(dtype: np.dtype[np.void], path: str) -> slice:
     """
     start = 0
     for name in path.split("."):
-        dtype, offset = dtype.fields[name][:2]  # type: ignore[index,assignment]
+        dtype, offset = dtype.fields[name][:2]  # type: ignore[index]
         start += offset // 8
     return slice(start, start + dtype.itemsize // 8)

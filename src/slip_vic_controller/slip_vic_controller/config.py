@@ -11,15 +11,15 @@ from slip_core.arrays import Array, inertia_from_six
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_core.stamps import seconds_to_ns
-from slip_vic_controller.core.params import ControllerParams
-from slip_vic_controller.core.safety_params import InputParams, SafetyParams, WatchParams
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.law.gains import gain_report, make_law_gains
 from slip_vic_controller.law.law import LAW_CONFIG, make_law_config
 from slip_vic_controller.observer.config import observer_config
 from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
+from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.reference.paths import PATH, make_path
 from slip_vic_controller.robot import Robot
+from slip_vic_controller.safety_params import InputParams, SafetyParams, WatchParams
 
 
 def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Array:

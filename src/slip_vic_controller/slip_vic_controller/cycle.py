@@ -95,8 +95,9 @@ CYCLE_CONFIG = layout(
     posture_given=WHOLE, posture=(REAL, MAX_JOINTS), has_observer=WHOLE, corrects_follow=WHOLE, dead_band_linear=REAL,
     dead_band_angular=REAL, k_s_adapts=WHOLE, k_s_margin=REAL,
 )  # fmt: skip
-"""bridge_ns: gap of good joint states that is bridged; late_ns: what is too late for the law, 0 = nothing; slow_down_s:
-time in which the path comes to rest; start_s: of the trajectory; k_s_adapts: whether k_s follows the measured delays."""
+"""bridge_ns: gap of good joint states that is bridged; late_ns: what is too late for the law, 0 = nothing;
+slow_down_s: time in which the path comes to rest; start_s: of the trajectory; k_s_adapts: whether k_s follows the
+measured delays."""
 
 CONFIG = layout(
     law=LAW_CONFIG, gains=LAW_GAINS, path=PATH, observer=OBSERVER_CONFIG, cycle=CYCLE_CONFIG, joint=JOINT_LIMITS,
@@ -119,7 +120,7 @@ STATE = layout(
     reference_known=WHOLE, reference=REFERENCE, mode=MODE, since=SINCE, observed=OBSERVED, latency=LATENCY,
     limiter=LIMITER, hold=HOLD, path=PATH_SCALING, tuned=RAMP, law=LAW_STATE, observer=OBSERVER,
 )  # fmt: skip
-"""Everything that is remembered between cycles; the observer's history of ticks and samples follows it in the buffer."""
+"""Everything that is remembered between cycles; the observer's history of ticks and samples follows in the buffer."""
 
 STATE_SIZE = STATE.itemsize // 8
 
@@ -136,7 +137,11 @@ OUTPUTS = layout(
     reference=REFERENCE, motion=MOTION, law=EVALUATION, estimate=ESTIMATE,
 )  # fmt: skip
 """What a cycle gives. answered: 0 = no effort, something is missing; evaluated: `law` holds; ok: the law's effort went
-out; effort [N m]; limited: joints at the rate limit; wanted: before limit avoidance; *_stamps: samples that were used."""
+out; effort [N m]; limited: joints at the rate limit; wanted: before limit avoidance.
+
+ledger: all that the cycle depends on: its number, stamp of the joint state, then stamps of the newest wrench and slip
+velocity of each contact (none where they were not used); behind them the controller's clock, mode, health, request.
+Times are seconds and nanoseconds."""
 
 
 @part
@@ -218,7 +223,7 @@ def _judge_inputs(c: Any, s: Any, i: Any, o: Any, fault: int) -> None:
 
 
 @part
-def _begin_law(c: Any, s: Any, i: Any, history: Array) -> None:
+def begin_law(c: Any, s: Any, i: Any, history: Array) -> None:
     """Begin the law: the arm where it is, no slip, the trajectory starting here and now."""
     law, sample, n = s.law, s.joint.answers, c.law.joints
     law.known, law.stamp_ns, law.start_ns = 1, sample.stamp_ns, sample.stamp_ns
@@ -330,6 +335,15 @@ def _hold(c: Any, s: Any, i: Any, o: Any, wrench_good: bool) -> None:
 
 
 @part
+def keep_law(c: Any, s: Any, i: Any, o: Any) -> None:
+    """Keep what the next evaluation of the law needs of this one."""
+    s.law.e_previous[:] = o.law.e[3:]
+    for k in range(c.law.contacts):
+        s.law.slips[k] = o.slips[k]
+    _keep_joints(c, s, i)
+
+
+@part
 def _keep_joints(c: Any, s: Any, i: Any) -> None:
     """Keep stamp and position of a good joint state, and gravity there."""
     law, sample, n = s.law, s.joint.answers, c.law.joints
@@ -347,12 +361,9 @@ def _follow(c: Any, s: Any, history: Array, i: Any, o: Any, level: int) -> None:
     if wanted < 1.0 or s.path.scale != 1.0 or s.path.rate != 0.0:
         advance(s.path, wanted, dt_ns * 1e-9, c.cycle.slow_down_s)
     law.start_ns += lost_ns(s.path, dt_ns)
-    cause = _evaluate(c, s, history, i, o, level == Level.OBSERVED or level == Level.SLOWING)
+    cause = evaluate_law(c, s, history, i, o, level == Level.OBSERVED or level == Level.SLOWING)
     if cause == Cause.NONE:
-        law.e_previous[:] = o.law.e[3:]
-        for k in range(c.law.contacts):
-            law.slips[k] = o.slips[k]
-        _keep_joints(c, s, i)
+        keep_law(c, s, i, o)
         o.wanted[:n] = o.law.effort[:n]
         observe_motion(c.drop, c.law.contact[0].slip_axes, s.observed, i.arm, o.law, o.reference, dt_ns * 1e-9)
         watch_for_blindness(s.observed, o.law.slip_speed, c.drop.evidence, i.now_ns)
@@ -372,7 +383,7 @@ def _follow(c: Any, s: Any, history: Array, i: Any, o: Any, level: int) -> None:
 
 
 @part
-def _evaluate(c: Any, s: Any, history: Array, i: Any, o: Any, slip_unknown: bool) -> int:
+def evaluate_law(c: Any, s: Any, history: Array, i: Any, o: Any, slip_unknown: bool) -> int:
     """Evaluate the law on the inputs of this cycle; return why it could not be, Cause.NONE where it could.
 
     slip_unknown: there is no slip sample; an observer goes on with the model alone.
@@ -510,7 +521,7 @@ def cycle(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outpu
     else:
         _judge_inputs(c, s, i, o, fault)
         if s.law.known == 0:
-            _begin_law(c, s, i, history)
+            begin_law(c, s, i, history)
         _answer(c, s, history, i, o)
     if never_seen == 0:
         s.queue.count = 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,10 +12,9 @@ from slip_msgs_py import to_msgs
 from slip_msgs_py.fast_io import Refusals
 from slip_msgs_py.once_every import OnceEvery
 from slip_msgs_py.qos import create_publisher
-from slip_vic_controller.core.modes import Mode, Request
-from slip_vic_controller.core.session import ControllerSession, CycleResult
-from slip_vic_controller.core.watches import JointWatch, VectorWatch
 from slip_vic_controller.publishing import DIAGNOSTICS_PERIOD_NS, MODE_PHASE
+from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.session import ControllerSession, CycleResult
 
 PUBLISHERS_PERIOD_S = 0.5
 LEVELS = {Mode.ACTIVE: 0, Mode.DEGRADED: 1, Mode.HOLD: 1, Mode.WAITING_INPUT: 1, Mode.FAULT: 2}
@@ -38,7 +36,7 @@ class ModeInterface:
         self._refusals = refusals
         self._status = status
         self._topic = create_publisher(node, "controller/mode")
-        self._last: tuple[Mode, str] | None = None
+        self._last: tuple[Mode, tuple[int, ...]] | None = None
         self._each_second = OnceEvery(DIAGNOSTICS_PERIOD_NS, MODE_PHASE)
         self._command_topic = ""
         self._inputs: tuple[Any, ...] = ()
@@ -57,39 +55,31 @@ class ModeInterface:
 
     def publish(self, result: CycleResult) -> None:
         """Publish what has changed, and the status about once a second of the joint state's clock."""
-        mode, stamp_ns = result.mode, result.joint.stamp_ns
-        now = (mode.mode, mode.reason)
+        mode, stamp_ns, now = result.mode, result.joint.stamp_ns, (result.mode, result.reason_key)
         if not self._each_second.due(stamp_ns) and now == self._last:
             return
+        reason = result.reason
         if now != self._last:
-            self._topic.publish(to_msgs.string(f"{mode.mode.name}: {mode.reason}" if mode.reason else mode.mode.name))
+            self._topic.publish(to_msgs.string(f"{mode.name}: {reason}" if reason else mode.name))
         self._last = now
-        text = mode.reason or mode.mode.name
         name = f"{self._node.get_name()}: mode"
-        self._status.publish(to_msgs.diagnostics(stamp_ns, name, LEVELS[mode.mode], text, self._values(mode.mode)))
+        text = reason or mode.name
+        self._status.publish(to_msgs.diagnostics(stamp_ns, name, LEVELS[mode], text, self._values(mode)))
 
     def _values(self, mode: Mode) -> dict[str, object]:
-        monitor = self._session.monitor
         values: dict[str, object] = {"mode": mode.name}
-        watches: dict[str, JointWatch | VectorWatch] = {
-            "joint_states": monitor.joint,
-            "wrench": monitor.wrenches[0],
-            "slip_velocity": monitor.slips[0],
-        }
-        for name, watch in watches.items():
-            if not math.isnan(watch.rhythm.period_s):
-                values[f"{name} period_ms"] = f"{1e3 * watch.rhythm.period_s:.3f}"
-                values[f"{name} jitter_ms"] = f"{1e3 * watch.rhythm.jitter_s:.3f}"
+        for name, (period_s, jitter_s) in self._session.rates().items():
+            values[f"{name} period_ms"] = f"{1e3 * period_s:.3f}"
+            values[f"{name} jitter_ms"] = f"{1e3 * jitter_s:.3f}"
         refused = {f"{name} refused": count for name, count in self._refusals.counts.items()}
-        return values | monitor.counts() | refused
+        return values | self._session.counts() | refused
 
     def _on_request(self, request: Request, response: Any) -> Any:
         session = self._session
         if not session.active:
             response.success, response.message = False, "not active"
         elif session.mode == Mode.FAULT and request != Request.RESET_FAULT:
-            reason = session.safety.mode.reason if session.safety is not None else ""
-            response.success, response.message = False, f"in FAULT, reset it first: {reason}"
+            response.success, response.message = False, f"in FAULT, reset it first: {session.reason}"
         else:
             session.request(request)
             response.success, response.message = True, f"{request.name.lower()}: decided in the next cycle"
@@ -99,7 +89,7 @@ class ModeInterface:
         # Counting is quick; who they are takes a good part of a control period, and matters for two only.
         inputs = {item.topic_name: self._owners(item.topic_name, item.get_publisher_count()) for item in self._inputs}
         on_commands = self._owners(self._command_topic, self._node.count_publishers(self._command_topic))
-        self._session.monitor.set_publishers(inputs, on_commands)
+        self._session.set_publishers(inputs, on_commands)
 
     def _owners(self, topic: str, publishers: int) -> int:
         """Return how many differently named nodes publish; a killed node's ghost lives on in discovery for a while."""

@@ -1,6 +1,6 @@
 """The controller node: joint states, wrench and slip velocity in, joint efforts out; a managed (lifecycle) node.
 
-A thin shell around `slip_vic_controller.core`: topics, readiness and publication; no maths here.
+A thin shell around `ControllerSession`: topics, readiness and publication; no maths here.
 """
 
 from __future__ import annotations
@@ -28,12 +28,10 @@ from slip_msgs_py.node_main import memory_mib, run_node
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import allow_changes, declare
-from slip_vic_controller.core.controller import VicController
-from slip_vic_controller.core.inputs import Manifest
-from slip_vic_controller.core.session import NO_EFFORT, ControllerSession, CycleResult
 from slip_vic_controller.mode_interface import ModeInterface
 from slip_vic_controller.node_params import ControllerNodeParams
 from slip_vic_controller.publishing import DiagnosticsPublisher, StatePublisher, TimingPublisher
+from slip_vic_controller.session import NO_EFFORT, Controller, ControllerSession, CycleResult, Manifest
 
 STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only the newest state matters
 SLIP_DEPTH = 100  # every sample counts for the observer
@@ -82,7 +80,7 @@ class SlipVicController(LifecycleNode):
             urdf = self.params.robot_description or read_text(
                 self.params.robot_description_file, "parameter robot_description_file"
             )
-            self.session = ControllerSession(VicController(self.params, urdf), lockstep=self._lockstep)
+            self.session = ControllerSession(Controller(self.params, urdf, lockstep=self._lockstep))
         except SlipVicError as error:
             self._failure = error
             if not self.params.auto_activate:
@@ -119,7 +117,7 @@ class SlipVicController(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def _say_no_command(self) -> None:
-        newest = self.session.monitor.joint.newest
+        newest = self.session.newest_joint
         if newest is not None and not self._lockstep:
             self._send_effort.send(newest.stamp_ns, newest.position, newest.velocity, NO_EFFORT)
 
@@ -204,21 +202,21 @@ class SlipVicController(LifecycleNode):
     # -- callbacks ---------------------------------------------------------------------------------
 
     def _on_joint_state(self, sample: JointSample) -> None:
-        self.session.inputs.add_joint(sample, self._now_ns())
+        self.session.add_joint(sample, self._now_ns())
         self._cycle()
 
     def _on_wrench(self, contact: int, sample: WrenchSample) -> None:
-        self.session.inputs.add_wrench(contact, sample, self._now_ns())
+        self.session.add_wrench(contact, sample, self._now_ns())
         if self._lockstep:
             self._cycle()
 
     def _on_slip(self, contact: int, sample: SlipSample) -> None:
-        self.session.inputs.add_slip(contact, sample, self._now_ns())
+        self.session.add_slip(contact, sample, self._now_ns())
         if self._lockstep:
             self._cycle()
 
     def _on_tick(self, manifest: Manifest) -> None:
-        self.session.inputs.add_manifest(manifest)
+        self.session.add_manifest(manifest)
         self._cycle()
 
     def _on_reference(self, message: Any) -> None:
@@ -258,9 +256,8 @@ class SlipVicController(LifecycleNode):
         self._send_ledger.send(joint.stamp_ns, (*result.ledger, *result.decision))
         self._state_publisher.publish(self.session)
         self._mode.publish(result)
-        if result.diagnostics is not None:
-            mode = result.mode.mode
-            self._diagnostics.publish(result.cycle, joint.stamp_ns, result.diagnostics, mode, result.path_speed)
+        if len(command.effort):
+            self._diagnostics.publish(result)
 
     def announce_when_ready(self) -> None:
         """Tell once that every peer is matched."""

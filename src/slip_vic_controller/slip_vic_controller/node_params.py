@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from slip_core.params import parameter
 from slip_core.timing import TimingParams
-from slip_vic_controller.core.params import ControllerParams
+from slip_vic_controller.params import ControllerParams
 
 
 class ControllerNodeParams(ControllerParams):

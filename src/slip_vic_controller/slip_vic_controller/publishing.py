@@ -7,15 +7,15 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+from slip_core.arrays import Array
 from slip_msgs_py import forms, to_msgs
 from slip_msgs_py.fast_io import Sender, create_sender
 from slip_msgs_py.once_every import OnceEvery
 from slip_msgs_py.qos import create_publisher
-from slip_vic_controller.core.diagnostics import AXES, Glance, TickDiagnostics
-from slip_vic_controller.core.packing import unpack_reference
-from slip_vic_controller.core.session import ControllerSession
-from slip_vic_controller.core.snapshot import to_text
+from slip_vic_controller.law.symbols import AXES
 from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.session import ControllerSession, CycleResult
+from slip_vic_controller.snapshot import to_text
 from slip_vic_controller.timing import SCALARS, CycleTiming
 
 STATE_PERIOD_S = 1.0
@@ -46,38 +46,43 @@ class DiagnosticsPublisher:
         self.status = create_publisher(node, "/diagnostics")
         senders = (self._stiffness, self._damping, self._ee_pose, self._reference_pose, self._reference_twist)
         self.publishers = (self._scalars_publisher, *(sender.publisher for sender in senders))
-        self._last_status: tuple[str, str] | None = None
+        self._last_status: tuple[bool, tuple[int, ...]] | None = None
         self._each_second = OnceEvery(DIAGNOSTICS_PERIOD_NS, LAW_PHASE)
 
-    def publish(self, cycle: int, stamp_ns: int, record: TickDiagnostics, mode: int, path_speed: float) -> None:
+    def publish(self, result: CycleResult) -> None:
         """Publish what is due in this cycle."""
-        if cycle % self._decimation == 0:
-            scalars = record.scalars()
-            self._publish_scalars(stamp_ns, scalars | {"mode": float(mode), "path_speed": path_speed})
-            if record.glance is not None:
-                self._publish_glance(stamp_ns, record.glance, scalars)
-        status = (record.status, record.reason)
+        stamp_ns = result.joint.stamp_ns
+        if result.cycle % self._decimation == 0:
+            scalars = result.scalars()
+            mode, speed = float(result.mode), result.path_speed
+            self._publish_scalars(stamp_ns, scalars | {"mode": mode, "path_speed": speed})
+            record = result.record
+            if record.evaluated:
+                self._publish_poses(stamp_ns, result, record, scalars)
+        status = (result.ok, result.reason_key)
         if self._each_second.due(stamp_ns) or status != self._last_status:
             self._last_status = status
-            level = ERROR if record.status != "ok" else WARN if record.near_singular or record.saturated.any() else OK
-            values = {
-                "cycle": cycle,
-                "near_singular": ", ".join(record.near_singular),
-                "saturated_joints": int(record.saturated.sum()),
-            }
-            text = record.reason or record.status
-            self.status.publish(to_msgs.diagnostics(stamp_ns, f"{self._name}: law", level, text, values))
+            self._publish_status(stamp_ns, result)
+
+    def _publish_status(self, stamp_ns: int, result: CycleResult) -> None:
+        record = result.record
+        near = [name for name in ("arm", "attitude") if record.evaluated and record.law[f"near_singular_{name}"]]
+        saturated = int(record.saturated.sum())
+        level = ERROR if not result.ok else WARN if near or saturated else OK
+        values = {"cycle": result.cycle, "near_singular": ", ".join(near), "saturated_joints": saturated}
+        text = result.reason or ("ok" if result.ok else "bridged")
+        self.status.publish(to_msgs.diagnostics(stamp_ns, f"{self._name}: law", level, text, values))
 
     def _publish_scalars(self, stamp_ns: int, values: Mapping[str, float]) -> None:
         if self._scalars is None:  # the names are the same in every cycle, and known with the first
             self._scalars = Sender(self._scalars_publisher, forms.scalars(tuple(values)))
         self._scalars.send(stamp_ns, tuple(values.values()))
 
-    def _publish_glance(self, stamp_ns: int, glance: Glance, scalars: Mapping[str, float]) -> None:
+    def _publish_poses(self, stamp_ns: int, result: CycleResult, record: Any, scalars: Mapping[str, float]) -> None:
         self._stiffness.send(stamp_ns, [scalars[f"K_{axis}"] for axis in AXES])
         self._damping.send(stamp_ns, [scalars[f"D_{axis}"] for axis in AXES])
-        self._ee_pose.send(stamp_ns, to_msgs.pose_numbers(glance.arm.position, glance.arm.rotation))
-        reference = unpack_reference(glance.reference)
+        arm, reference = result.arm, record.reference
+        self._ee_pose.send(stamp_ns, to_msgs.pose_numbers(arm.position, arm.rotation))
         self._reference_pose.send(stamp_ns, to_msgs.pose_numbers(reference.position, reference.rotation))
         self._reference_twist.send(stamp_ns, reference.twist)
 
@@ -133,16 +138,16 @@ class StatePublisher:
         """Publish after every so many cycles."""
         if (session.cycles + self._ahead) % self._every:
             return
-        memory = session.snapshot()
+        state = session.snapshot()
         if self._worker is None:
-            self._send(memory)
+            self._send(state)
         else:
-            self._worker.submit(self._send, memory)
+            self._worker.submit(self._send, state)
 
     def close(self) -> None:
         """Wait for a text that is being written."""
         if self._worker is not None:
             self._worker.shutdown(wait=True)
 
-    def _send(self, memory: tuple[Any, ...]) -> None:
-        self.publisher.publish(to_msgs.string(to_text(memory)))
+    def _send(self, state: Array) -> None:
+        self.publisher.publish(to_msgs.string(to_text(state)))

@@ -19,10 +19,8 @@ from slip_core.records import new, place, record
 from slip_core.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.arrival import is_silent, receive_joint_state, receive_slip, receive_wrench
 from slip_vic_controller.config import make_config
-from slip_vic_controller.core.params import ControllerParams
 from slip_vic_controller.cycle import INPUTS, OUTPUTS, STATE, STATE_SIZE, cycle, watchdog
 from slip_vic_controller.cycle import describe as describe_cycle
-from slip_vic_controller.law.symbols import SYMBOLS, published
 from slip_vic_controller.law.gains import (
     LAW_GAINS,
     RAMP,
@@ -32,13 +30,16 @@ from slip_vic_controller.law.gains import (
     make_ramp,
     steady,
 )
+from slip_vic_controller.law.symbols import SYMBOLS, published
 from slip_vic_controller.observer.config import capacity
 from slip_vic_controller.observer.layouts import ROW_SIZE
+from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.safety.reasons import ACTIVATION, describe, read_reason
 from slip_vic_controller.safety.validation import mean_period_s
+from slip_vic_controller.sizes import MAX_FRESH
 
 RETUNABLE = ("gains.", "object.", "contacts.position")
 """Parameters that ramp while the law runs."""
@@ -48,6 +49,10 @@ NO_EFFORT = readonly(np.zeros(0))
 _GOOD = frozenset((Fault.NONE, Fault.DENORMAL, Fault.RESTARTED, Fault.NOT_RUN))
 _ARM, _EFFORT, _LEDGER = place(INPUTS, "arm"), place(OUTPUTS, "effort"), place(OUTPUTS, "ledger")
 _ANSWERED, _MODE = place(OUTPUTS, "answered").start, place(OUTPUTS, "mode.mode").start
+_OK, _REASON = (
+    place(OUTPUTS, "ok").start,
+    slice(place(OUTPUTS, "mode.reason").start, place(OUTPUTS, "mode.reason").start + 3),
+)
 _PATH_SCALE = place(OUTPUTS, "path_scale").start
 _NOW, _REQUEST, _MISSING = (place(INPUTS, name).start for name in ("now_ns", "request", "missing"))
 _CYCLES, _LAW_KNOWN = place(STATE, "cycles").start, place(STATE, "law.known").start
@@ -145,6 +150,21 @@ class CycleResult:
         return float(self.outputs[_PATH_SCALE])
 
     @property
+    def ok(self) -> bool:
+        """Whether the effort is the law's."""
+        return bool(self.outputs.view(np.int64)[_OK])
+
+    @property
+    def reason_key(self) -> tuple[int, ...]:
+        """What is different where the words of the reason are, but for their numbers."""
+        return tuple(self.outputs.view(np.int64)[_REASON].tolist())
+
+    @property
+    def arm(self) -> Any:
+        """The arm's terms by name; zeros where the joint state was not good."""
+        return record(self.inputs, INPUTS).arm
+
+    @property
     def record(self) -> Any:
         """The outputs by name."""
         return record(self.outputs, OUTPUTS)
@@ -215,6 +235,11 @@ class ControllerSession:
     def begun(self) -> bool:
         """Whether the law has begun: a state of it is remembered."""
         return bool(self._whole[_LAW_KNOWN])
+
+    @property
+    def gravity(self) -> Array:
+        """Gravity torque at the last good joint state that was answered; (n,) [N m]."""
+        return readonly(self._state.law.gravity[: self._joints])
 
     @property
     def newest_joint(self) -> JointSample | None:
@@ -362,6 +387,36 @@ class ControllerSession:
             self.controller.robot.terms(joint.position, joint.velocity, inputs[_ARM])
         cycle(self._config, self.buffer, inputs, outputs)
         return CycleResult(self.controller, joint, inputs, outputs)
+
+    def give(
+        self,
+        joint: JointSample,
+        wrenches: Sequence[WrenchSample],
+        slips: Sequence[SlipSample | None],
+        new_slips: Sequence[SlipSample],
+        now_ns: int,
+    ) -> None:
+        """Put the samples of the next cycle in place as a replay names them, past input validation.
+
+        Args:
+            joint: the joint state that it answers.
+            wrenches, slips: the newest of each contact; none where the run waited for them.
+            new_slips: of the own contact, since the cycle before.
+            now_ns: the controller's clock.
+        """
+        self.add_joint(joint, now_ns)  # what it knows of the joint state (frozen, restarted) goes on
+        state, n = self._state, self._joints
+        answers = state.joint.answers
+        answers.stamp_ns, answers.position[:n], answers.velocity[:n] = joint.stamp_ns, joint.position, joint.velocity
+        answers.effort[:n] = joint.effort if joint.effort.shape == (n,) else math.nan
+        for of, wrench in zip(state.wrench_inputs, wrenches, strict=False):
+            of.seen, of.stamp_ns, of.values[:] = 1, wrench.stamp_ns, wrench.wrench
+        for of, slip in zip(state.slip_inputs, slips, strict=False):
+            if slip is not None:
+                of.seen, of.stamp_ns, of.values[:] = 1, slip.stamp_ns, slip.twist
+        state.queue.count = len(new_slips[-MAX_FRESH:])
+        for fresh, slip in zip(state.queue.samples, new_slips[-MAX_FRESH:], strict=False):
+            fresh.stamp_ns, fresh.twist[:] = slip.stamp_ns, slip.twist
 
     def watchdog(self, now_ns: int) -> CycleResult | None:
         """Return a command where joint states have stayed away for too long, None where all is well.

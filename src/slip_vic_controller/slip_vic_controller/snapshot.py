@@ -12,17 +12,29 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
+from slip_core.records import place
 from slip_vic_controller.cycle import STATE
 from slip_vic_controller.observer.layouts import ROW
 
 LAYOUT = hashlib.sha256(repr((STATE.descr, ROW.descr)).encode()).hexdigest()[:16]
 """Which software a state is of."""
+_CYCLES = place(STATE, "cycles").start
 
 
 def to_text(state: Array) -> str:
-    """Return a snapshot as text: its bytes, compressed, and the name of their layout."""
+    """Return a snapshot as text: the cycle it begins with, its bytes, compressed, and the name of their layout."""
     packed = base64.b64encode(zlib.compress(state.tobytes(), 1)).decode()
-    return json.dumps({"layout": LAYOUT, "state": packed}, separators=(",", ":"))
+    cycle = int(state.view(np.int64)[_CYCLES])
+    return json.dumps({"layout": LAYOUT, "cycle": cycle, "state": packed}, separators=(",", ":"))
+
+
+def cycle_of(text: str) -> int | None:
+    """Return the cycle that a snapshot begins with, None where it is of other software."""
+    try:
+        data = json.loads(text)
+        return int(data["cycle"]) if data["layout"] == LAYOUT else None
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
 
 
 def from_text(text: str) -> Array:

@@ -12,7 +12,7 @@ from slip_core.params import build
 from slip_description import scenario_names, scenario_text, urdf_text
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.simulation import GraspSimulation
-from slip_vic_controller.core.params import ControllerParams
+from slip_vic_controller.params import ControllerParams
 
 NAMES = ["glass_transport", "paper_planar", "vertical_plane"]
 # What the files say of their paths: distance to joint limits [rad], smallest singular value of J.

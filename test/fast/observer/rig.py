@@ -6,7 +6,7 @@ import numpy as np
 
 from slip_core.params import build
 from slip_core.records import new, record
-from slip_vic_controller.core.params import ControllerParams
+from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.observer.config import capacity, observer_config
 from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE, SAMPLE
 from slip_vic_controller.observer.observer import observe_buffers, reset_buffers

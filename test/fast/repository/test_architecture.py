@@ -42,7 +42,7 @@ ALLOWED = {
     "slip_bringup": ROOMS | NUMERIC | TOOLS | ROS,  # slip_campaigns is named as text and loaded on demand
     "slip_campaigns": {"slip_bringup"} | ROOMS | NUMERIC | TOOLS | ROS,
 }
-SHARED = {"slip_vic_controller.sizes", "slip_vic_controller.core.params"}
+SHARED = {"slip_vic_controller.sizes", "slip_vic_controller.params"}
 OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.compiled": set(),
     "slip_core.records": {"slip_core.arrays"},

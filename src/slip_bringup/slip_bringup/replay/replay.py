@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 from slip_bringup.replay.run_data import LedgerEntry, RecordedRun
 from slip_core.errors import InputError
 from slip_core.types import JointSample, SlipSample, WrenchSample
-from slip_vic_controller.core.controller import VicController
-from slip_vic_controller.core.input_monitor import Health
-from slip_vic_controller.core.inputs import TickInputs
-from slip_vic_controller.core.modes import Mode, Request
-from slip_vic_controller.core.session import ControllerSession
-from slip_vic_controller.core.snapshot import from_text
-from slip_vic_controller.core.trouble import Trouble
+from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.safety.reasons import JOINT_STATES
+from slip_vic_controller.session import Controller, ControllerSession, Health
+from slip_vic_controller.snapshot import from_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,77 +36,56 @@ class Divergence:
 Sample = TypeVar("Sample", JointSample, WrenchSample, SlipSample)
 
 
-class ReplayInputs:
-    """Stands in for the session's input buffer: hands over exactly what a ledger entry names."""
+class _Samples:
+    """Finds the samples that a ledger entry names."""
 
     def __init__(self, run: RecordedRun) -> None:
         self._run = run
         self._slip_needed = run.params.controller == "vic"
-        self._previous_slip = [-1] * len(run.slips)
-        self._slip_stamps = [np.array(sorted(slips), dtype=np.int64) for slips in run.slips]
-        self._entry: LedgerEntry | None = None
-        self.joint_trouble = Trouble.NONE
-
-    def give(self, entry: LedgerEntry) -> None:
-        """Name the cycle that comes next."""
-        self._entry = entry
-        self.joint_trouble = Health.from_code(entry.health).joint
+        self._previous_ns = -1
+        self._stamps = np.array(sorted(run.slips[0]), dtype=np.int64)
 
     def previous(self, entry: LedgerEntry) -> None:
         """Name the cycle before the first one: the slip samples up to it are not new."""
-        self._previous_slip = list(entry.slip_ns)
+        self._previous_ns = entry.slip_ns[0]
 
-    @property
-    def newest_joint(self) -> JointSample:
-        """The joint state the cycle answered."""
-        return self._find(self._run.joints, self._given.joint_ns, "joint_states")
+    def joint(self, entry: LedgerEntry) -> JointSample:
+        """Return the joint state the cycle answered."""
+        return self._find(entry, self._run.joints, entry.joint_ns, "joint_states")
 
-    def complete(self) -> bool:
-        """Always: the entry says that the cycle was answered."""
-        return self._entry is not None
+    def waits(self, entry: LedgerEntry) -> bool:
+        """Return whether the cycle had to wait for an input; its entry names no sample then."""
+        named = any(entry.wrench_ns) or any(entry.slip_ns)
+        return entry.mode == Mode.WAITING_INPUT or (entry.mode == Mode.FAULT and not named)
 
-    def missing(self) -> list[str]:
-        """Whether the cycle had to wait for an input; its entry names no sample then."""
-        named = any(self._given.wrench_ns) or any(self._given.slip_ns)
-        waits = self._given.mode == Mode.WAITING_INPUT or (self._given.mode == Mode.FAULT and not named)
-        return ["an input"] if waits else []
+    def wrenches(self, entry: LedgerEntry) -> list[WrenchSample]:
+        """Return the newest wrench of each contact."""
+        pairs = zip(self._run.wrenches, entry.wrench_ns, strict=True)
+        return [self._find(entry, samples, stamp, "wrench") for samples, stamp in pairs]
 
-    def take(self) -> TickInputs | None:
-        """Return the samples of the cycle, and the slip samples since the one before."""
-        entry, run = self._given, self._run
-        if self.missing():
-            return None
-        wrenches = tuple(
-            self._find(samples, stamp, "wrench") for samples, stamp in zip(run.wrenches, entry.wrench_ns, strict=True)
-        )
-        slips = tuple(self._slip(index, stamp) for index, stamp in enumerate(entry.slip_ns))
-        new_slips = tuple(self._new_slips(index, stamp) for index, stamp in enumerate(entry.slip_ns))
-        return TickInputs(self.newest_joint, wrenches, slips, tuple((sample,) for sample in wrenches), new_slips)
+    def slips(self, entry: LedgerEntry) -> list[SlipSample | None]:
+        """Return the newest slip velocity of each contact, None where there was none and none is needed."""
+        return [
+            None
+            if not self._slip_needed and stamp == 0 and stamp not in samples
+            else self._find(entry, samples, stamp, "slip_velocity")
+            for samples, stamp in zip(self._run.slips, entry.slip_ns, strict=True)
+        ]
 
-    @property
-    def _given(self) -> LedgerEntry:
-        assert self._entry is not None
-        return self._entry
+    def new_slips(self, entry: LedgerEntry) -> list[SlipSample]:
+        """Return the slip samples of the own contact since the cycle before."""
+        stamp = entry.slip_ns[0]
+        first, last = (np.searchsorted(self._stamps, at, side="right") for at in (self._previous_ns, stamp))
+        self._previous_ns = max(self._previous_ns, stamp)
+        found = (self._run.slips[0][int(at)] for at in self._stamps[first:last])
+        return [sample for sample in found if sample.valid]
 
-    def _slip(self, contact: int, stamp_ns: int) -> SlipSample:
-        if not self._slip_needed and stamp_ns == 0 and stamp_ns not in self._run.slips[contact]:
-            return SlipSample(0, np.full(6, np.nan), valid=False)
-        return self._find(self._run.slips[contact], stamp_ns, "slip_velocity")
-
-    def _new_slips(self, contact: int, stamp_ns: int) -> tuple[SlipSample, ...]:
-        stamps = self._slip_stamps[contact]
-        first = np.searchsorted(stamps, self._previous_slip[contact], side="right")
-        last = np.searchsorted(stamps, stamp_ns, side="right")
-        self._previous_slip[contact] = max(self._previous_slip[contact], stamp_ns)
-        found = (self._run.slips[contact][int(stamp)] for stamp in stamps[first:last])
-        return tuple(sample for sample in found if sample.valid)
-
-    def _find(self, samples: dict[int, Sample], stamp_ns: int, topic: str) -> Sample:
+    def _find(self, entry: LedgerEntry, samples: dict[int, Sample], stamp_ns: int, topic: str) -> Sample:
         try:
             return samples[stamp_ns]
         except KeyError:
             raise InputError(
-                f"cycle {self._given.cycle}: {topic}",
+                f"cycle {entry.cycle}: {topic}",
                 got=f"no message with stamp {stamp_ns} ns",
                 expected="every sample the ledger names",
             ) from None
@@ -150,41 +127,40 @@ def replay(run: RecordedRun, begin: int = 0) -> Iterator[Divergence | None]:
 
     Implements: ours: the ledger gives the inputs, clock, verdicts and requests of every cycle; the rest is code.
     """
-    session = ControllerSession(VicController(run.params, run.urdf), lockstep=run.params.mode == "lockstep")
-    inputs = ReplayInputs(run)
-    session.inputs = inputs  # type: ignore[assignment]  # the same five methods
+    session = ControllerSession(Controller(run.params, run.urdf, lockstep=run.params.mode == "lockstep"))
+    samples = _Samples(run)
     changes = {change.index: change.params for change in run.changes}
     if begin > 0:
         session.restore(from_text(run.states[run.ledger[begin].cycle]))
-        inputs.previous(run.ledger[begin - 1])
+        samples.previous(run.ledger[begin - 1])
         for index in [index for index in changes if index < begin]:
             session.know(changes.pop(index))
     for index in range(begin, len(run.ledger)):
         entry, effort = run.ledger[index], run.efforts[index]
         if index in changes:
             session.retune(changes[index])
-        inputs.give(entry)
-        mode, replayed = _cycle(session, inputs, entry)
+        mode, replayed = _cycle(session, samples, entry)
         yield _compare(run, entry, effort, replayed, mode)
 
 
-def _cycle(session: ControllerSession, inputs: ReplayInputs, entry: LedgerEntry) -> tuple[int, NDArray[np.float64]]:
+def _cycle(session: ControllerSession, samples: _Samples, entry: LedgerEntry) -> tuple[int, NDArray[np.float64]]:
     health = Health.from_code(entry.health)
-    if health.joint == Trouble.SILENT and session.state is not None and session.safety is not None:
-        # The watchdog's cycle: no joint state, so nothing of the input side takes part.
-        done = session.supervisor.without_joint_state(
-            session.safety, session.state, entry.now_ns, Request(entry.request)
-        )
-        session.state, session.safety = done.control, done.state
-        session.cycles += 1
-        return int(done.state.mode.mode), done.command.effort
-    session.monitor.joint.judge(inputs.newest_joint, entry.now_ns)
     session.request(Request(entry.request))
-    result = session.cycle(entry.now_ns, health)
-    assert result is not None, "a complete set of inputs is always answered"
-    if not len(result.command.effort):
-        session.state = None  # the run waited for an input, and began anew after it
-    return int(result.mode.mode), result.command.effort
+    newest = session.newest_joint
+    if health.joint == Fault.SILENT and session.begun and newest is not None:
+        # The watchdog's cycle: no joint state, so nothing of the input side takes part.
+        result, _ = session.without_joint_state(newest, entry.now_ns)
+        return int(result.mode), result.command.effort
+    joint = samples.joint(entry)
+    if samples.waits(entry):
+        session.give(joint, (), (), (), entry.now_ns)
+        result = session.answer(joint, health.joint, entry.now_ns, JOINT_STATES, health)
+        session.set_active(session.active)  # the run waited for an input, and began anew after it
+    else:
+        new_slips = samples.new_slips(entry)
+        session.give(joint, samples.wrenches(entry), samples.slips(entry), new_slips, entry.now_ns)
+        result = session.answer(joint, health.joint, entry.now_ns, 0, health)
+    return int(result.mode), result.command.effort
 
 
 def _compare(

@@ -18,8 +18,8 @@ from slip_core.params import build, current_names, flat_names, flatten
 from slip_core.topics import contact_topic
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_msgs_py.from_msgs import JointOrder, slip_sample
-from slip_vic_controller.core.snapshot import from_text
 from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.snapshot import cycle_of
 
 LEDGER: Final = "controller/ledger"
 STATE: Final = "controller/state"
@@ -113,7 +113,9 @@ def read_run(bag: Bag, overrides: dict[str, Any]) -> RecordedRun:
 def _states(bag: Bag, topic: str) -> dict[int, str]:
     if topic not in bag.topics:
         return {}
-    return {from_text(message.value.data)[0]: message.value.data for message in bag.messages(topic)}
+    texts = [message.value.data for message in bag.messages(topic)]
+    cycles = [cycle_of(text) for text in texts]
+    return {cycle: text for cycle, text in zip(cycles, texts, strict=True) if cycle is not None}
 
 
 def _namespace(bag: Bag) -> str:

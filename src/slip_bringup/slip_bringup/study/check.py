@@ -11,9 +11,9 @@ from rich.table import Table
 
 from slip_bringup.scenario import Estimator, controller_values
 from slip_core.params import build, flat_names, load_yaml
-from slip_vic_controller.core.bounds import GainReport, judge_gains
-from slip_vic_controller.core.params import ControllerParams
+from slip_vic_controller.law.bounds import GainReport, judge_gains
 from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.params import ControllerParams
 
 
 def check_table(

@@ -60,16 +60,15 @@ def _run(case: Case, assignments: Sequence[str]) -> CaseResult:
     outcome, reason = "ok", ""
     try:
         for tick in run_in_process(case.load(assignments)):
-            truth, record = tick.outputs.truth, tick.result.diagnostics
+            truth, record = tick.outputs.truth, tick.result.record
             slip = truth.slip_displacement
             speed = max(speed, math.hypot(*truth.slip_velocity[:3].tolist()))
-            glance = None if record is None else record.glance
-            if glance is None:
+            if not record.ok:
                 if ticks and outcome == "ok":
-                    outcome, reason = "held", f"{tick.outputs.stamp_ns * 1e-9:.3f} s: {tick.result.mode.reason}"
+                    outcome, reason = "held", f"{tick.outputs.stamp_ns * 1e-9:.3f} s: {tick.result.reason}"
                 continue
             ticks += 1
-            linear, angular = glance.law.error_linear, glance.law.error_angular
+            linear, angular = float(record.law.error_linear), float(record.law.error_angular)
             squares += linear * linear
             excursion = max(excursion, angular)
             if not linear < LOST_ERROR_M or not math.hypot(*slip[:3].tolist()) < LOST_SLIP_M:

@@ -11,52 +11,63 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from slip_bringup.inprocess import ClosedLoop, Tick, run_in_process
+from slip_bringup.inprocess import ClosedLoop, run_in_process
 from slip_bringup.scenario import Scenario, load_scenario
+from slip_campaigns.bench.bare_law import BareLaw
 from slip_campaigns.bench.chain import chain_urdf
 from slip_campaigns.bench.pingpong import JOINTS, LEDGER_FORM, NEEDED, TRUTH, codec
+from slip_core.arrays import Array
+from slip_core.records import new
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.session import BridgeSession
-from slip_vic_controller.core.arm import ArmModel
-from slip_vic_controller.core.controller import TickResult, VicController
-from slip_vic_controller.core.params import ContactParams, ControllerParams
-from slip_vic_controller.core.state import ControllerState
+from slip_vic_controller.cycle import STATE_SIZE
+from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.params import ContactParams, ControllerParams
+from slip_vic_controller.robot import Robot
+from slip_vic_controller.session import Controller, ControllerSession, CycleResult
 
 SCENARIO = "paper_planar"
 SETTLE_TICKS = 1200  # of the scenario: the arm moves, and the object has begun to slip
 SLIDE_TICKS = 500
+PERIOD_NS = 1_000_000
 Call = Callable[[], object]
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """One tick of a running scenario: all that a control step needs."""
+    """One tick of a running scenario: all that a control cycle needs."""
 
     scenario: Scenario
-    controller: VicController
-    state: ControllerState
-    tick: Tick
+    session: ControllerSession
+    state: Array
+    joint: JointSample
+    wrenches: tuple[WrenchSample, ...]
+    slips: tuple[SlipSample, ...]
 
-    def step(self) -> TickResult:
-        """Do the control step of this moment, from the same state each time."""
-        outputs = self.tick.outputs
-        newest_wrench, newest_slip = outputs.wrenches[0][-1], outputs.slips[0][-1]
-        return self.controller.step(self.state, outputs.joint, (newest_wrench,), (newest_slip,), None)
+    def step(self) -> CycleResult:
+        """Do the control cycle of this moment, with everything in it, from the same state each time."""
+        session = self.session
+        session.buffer[:STATE_SIZE] = self.state  # the observer's history goes on from the same place
+        for contact, (wrench, slip) in enumerate(zip(self.wrenches, self.slips, strict=True)):
+            session.add_wrench(contact, wrench)
+            session.add_slip(contact, slip)
+        session.add_joint(self.joint)
+        result = session.cycle(self.joint.stamp_ns)
+        assert result is not None
+        return result
 
 
 def moment(scenario: Scenario, ticks: int = SETTLE_TICKS) -> Moment:
     """Run a scenario in process up to a tick and return what it is there."""
-    controller = VicController(scenario.controller, scenario.urdf)
-    state: ControllerState | None = None
-    for tick in run_in_process(scenario):
-        outputs = tick.outputs
-        if state is None:
-            state = controller.initial_state(outputs.joint)
-        if outputs.tick == ticks:
-            return Moment(scenario, controller, state, tick)
-        wrenches, slips = (outputs.wrenches[0][-1],), (outputs.slips[0][-1],)
-        state = controller.step(state, outputs.joint, wrenches, slips, None).state
-    raise ValueError(f"{scenario.name} has fewer than {ticks} ticks")
+    loop = ClosedLoop(scenario)
+    for _ in range(ticks):
+        loop.bridge.advance(loop.control(loop.observe()).command)
+    outputs = loop.observe()
+    controller = Controller(scenario.controller, scenario.urdf, lockstep=False)
+    session = ControllerSession(controller)
+    session.restore(loop.controller.buffer)
+    newest = (outputs.wrenches[0][-1],), (outputs.slips[0][-1],)
+    return Moment(scenario, session, session.buffer[:STATE_SIZE].copy(), outputs.joint, *newest)
 
 
 def interleaved(calls: Mapping[str, Call], turns: int) -> dict[str, float]:
@@ -79,33 +90,28 @@ def interleaved(calls: Mapping[str, Call], turns: int) -> dict[str, float]:
     return {name: statistics.median(found) for name, found in times.items()}
 
 
-def bare_terms(arm: ArmModel, joint: JointSample) -> Call:
-    """Return the evaluation of the Pinocchio terms that a control step needs, as arrays, and nothing else."""
-    return lambda: arm.terms(joint.position, joint.velocity)
+def bare_terms(robot: Robot, joint: JointSample) -> Call:
+    """Return the evaluation of the Pinocchio terms that a control cycle needs, as a record, and nothing else."""
+    arm = new(ARM)
+    return lambda: robot.terms(joint.position, joint.velocity, arm)
 
 
 def closed_loop_factor(scenario: Scenario, ticks: int) -> float:
     """Return simulated over wall time of simulator, sensors and law in one loop, without supervision or middleware."""
-    bridge, controller = (
-        BridgeSession(scenario.bridge, scenario.urdf),
-        VicController(scenario.controller, scenario.urdf),
-    )
+    bridge = BridgeSession(scenario.bridge, scenario.urdf)
+    law = BareLaw(Controller(scenario.controller, scenario.urdf, lockstep=True))
     outputs = bridge.observe()
-    state = controller.initial_state(outputs.joint)
 
     def tick() -> None:
-        nonlocal outputs, state
-        wrenches, slips = (outputs.wrenches[0][-1],), (outputs.slips[0][-1],)
-        result = controller.step(state, outputs.joint, wrenches, slips, None, slips)
-        state = result.state
-        bridge.advance(result.command)
+        nonlocal outputs
+        bridge.advance(law.answer(outputs.joint, outputs.wrenches[0][-1], outputs.slips[0]))
         outputs = bridge.observe()
 
     return _factor(tick, scenario, ticks)
 
 
 def supervised_loop_factor(scenario: Scenario, ticks: int) -> float:
-    """Return the same with all that the controller does in a cycle: input watches, mode machine, walls, gate."""
+    """Return the same with all of a cycle: input validation, modes, limit avoidance, effort limiter."""
     run = run_in_process(scenario)
     return _factor(lambda: next(run), scenario, ticks)
 
@@ -130,7 +136,7 @@ def tick_profile(ticks: int, turns: int) -> dict[str, float]:
     encoders = [(codec(form).encode, form.zeros()) for form in sent]
     decoders = [(codec(form).decode, codec(form).encode(0, *form.zeros())) for form in read]
     calls: dict[str, Call] = {
-        "terms": bare_terms(now.controller.arm, now.tick.outputs.joint),
+        "terms": bare_terms(now.session.controller.robot, now.joint),
         "step": now.step,
         "messages: encode": lambda: [encode(0, *numbers) for encode, numbers in encoders],
         "messages: decode": lambda: [decode(data) for decode, data in decoders],
@@ -139,8 +145,7 @@ def tick_profile(ticks: int, turns: int) -> dict[str, float]:
     loop = _loop_parts(now.scenario, ticks)
     return {
         "controller: Pinocchio terms": times["terms"],
-        "controller: law and torque": times["step"] - times["terms"],
-        "controller: inputs and supervision": loop["cycle"] - times["step"],
+        "controller: all but the terms": times["step"] - times["terms"],
         "bridge: simulator step": loop["advance"],
         "bridge: sensors and truth": loop["observe"],
         "messages: encode": times["messages: encode"],
@@ -205,11 +210,13 @@ def scaled_step(joints: int, contacts: int) -> Call:
             slip_axes=(True,) * (6 * contacts),
         ),
     )
-    controller = VicController(params, chain_urdf(joints))
-    q = 0.3 + 0.1 * np.arange(joints, dtype=np.float64)
-    joint = JointSample(0, q, 0.1 * np.ones(joints), np.zeros(joints))
-    state = controller.initial_state(joint)
-    later = replace(joint, stamp_ns=1_000_000)
+    session = ControllerSession(Controller(params, chain_urdf(joints), lockstep=False))
+    joint = JointSample(0, 0.3 + 0.1 * np.arange(joints, dtype=np.float64), 0.1 * np.ones(joints), np.zeros(joints))
     wrenches = tuple(WrenchSample(0, 0.1 * np.arange(6.0)) for _ in range(contacts))
     slips = tuple(SlipSample(0, 1e-3 * np.arange(6.0)) for _ in range(contacts))
-    return lambda: controller.step(state, later, wrenches, slips, None)
+    now = Moment(observer_scenario(), session, session.buffer[:STATE_SIZE].copy(), joint, wrenches, slips)
+    now.step()
+    begun, at = session.buffer[:STATE_SIZE].copy(), replace(joint, stamp_ns=PERIOD_NS)
+    wrenches = tuple(replace(wrench, stamp_ns=PERIOD_NS) for wrench in wrenches)
+    slips = tuple(replace(slip, stamp_ns=PERIOD_NS) for slip in slips)
+    return Moment(now.scenario, session, begun, at, wrenches, slips).step

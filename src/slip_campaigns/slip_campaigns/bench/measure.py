@@ -17,7 +17,7 @@ from slip_msgs_py.realtime import ProcessOptions
 
 FIFO_PRIORITY = 80
 RATES_HZ = (500, 1000, 2000)
-JOINTS = (6, 7, 10, 14)
+JOINTS = (6, 7, 10)
 CONTACTS = (1, 2, 4)
 Say = Callable[[str], None]
 
@@ -104,7 +104,7 @@ def _rounds(effort: Effort, library: Path | None, say: Say) -> Rounds:
     step = cost.moment(vic)
     pieces: dict[str, cost.Call] = {
         "control step": step.step,
-        "pinocchio terms": cost.bare_terms(step.controller.arm, step.tick.outputs.joint),
+        "pinocchio terms": cost.bare_terms(step.session.controller.robot, step.joint),
     }
     pieces["control step, observer"] = cost.moment(cost.observer_scenario()).step
     sticking = cost.holding_bridge(vic)

@@ -35,8 +35,8 @@ from slip_campaigns.faults.wire import Wire
 from slip_core.topics import topic
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.qos import create_subscription, message_class
-from slip_vic_controller.core.controller import VicController
-from slip_vic_controller.core.modes import Mode
+from slip_vic_controller.robot import Robot
+from slip_vic_controller.safety.modes import Mode
 
 PERIOD_S = 0.004
 LATEST_START_S, LONGEST_S = 0.3, 0.5
@@ -154,10 +154,12 @@ class DdsCampaign:
         scenario = campaign_scenario()
         controller = scenario.controller
         self._out, self._cable = out, cable
-        law = VicController(controller, scenario.urdf)
+        robot = Robot(scenario.urdf, controller.ee_frame, controller.joint_names, controller.gravity)
         wires = {name: Wire(name, controller.joint_names, controller.ee_frame) for name in TOPICS}
         bridge = scenario.bridge
-        self._watch = Watch(wires, law, PERIOD_S, bridge.effort_rate, bridge.command_timeout_s, effort_rate)
+        self._watch = Watch(
+            wires, controller, robot, PERIOD_S, bridge.effort_rate, bridge.command_timeout_s, effort_rate
+        )
         self._nodes = Nodes(node, group, environment, scenario, folder, cable)
         self._actions = FaultActions(node, self._nodes, self._watch, scenario, cable)
         self._proxy = Proxy(node, wires, self._watch.forwarded, self._on_state)

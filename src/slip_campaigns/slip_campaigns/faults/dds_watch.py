@@ -14,8 +14,9 @@ from slip_campaigns.faults.wire import Wire
 from slip_core.stamps import NS_PER_S
 from slip_core.topics import topic
 from slip_msgs_py.fast_io import Receiver
-from slip_vic_controller.core.controller import VicController
-from slip_vic_controller.core.modes import Mode
+from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.robot import Robot
+from slip_vic_controller.safety.modes import Mode
 
 REMEMBERED = 2000  # joint states
 TELEPORT_S = 0.3  # after a reset of the simulation, within which its joints may feel anything
@@ -28,7 +29,8 @@ class Watch:
 
     Args:
         wires: by topic.
-        law: for limits and gravity compensation.
+        params: of the controller.
+        robot: for limits and gravity compensation.
         period_s: control period.
         effort_rate: of the bridge's drives [N m/s].
         timeout_s: without a command, after which the bridge holds the arm itself.
@@ -38,18 +40,19 @@ class Watch:
     def __init__(
         self,
         wires: dict[str, Wire],
-        law: VicController,
+        params: ControllerParams,
+        robot: Robot,
         period_s: float,
         effort_rate: float,
         timeout_s: float,
         allowed_rate: float | None = None,
     ) -> None:
-        self._wires, self._law = wires, law
-        safety = law.params.safety
+        self._wires, self._robot = wires, robot
+        safety = params.safety
         limits, inputs = safety.limits, safety.inputs
         rate = limits.effort_rate if allowed_rate is None else allowed_rate
-        promise = Promise(law.arm.effort_limit, rate, limits.longest_step_s, limits.restart_after_s, period_s)
-        observer_s = safety.fallback.observer_s if law.params.slip_estimator == "observer" else 0.0
+        promise = Promise(robot.effort_limit, rate, limits.longest_step_s, limits.restart_after_s, period_s)
+        observer_s = safety.fallback.observer_s if params.slip_estimator == "observer" else 0.0
         ladder = inputs.slip.age_s + safety.fallback.slow_down_s + observer_s
         ages = {JOINT: inputs.joint.age_s, WRENCH: inputs.wrench.age_s, SLIP: ladder}
         self.commands = CommandMonitor(promise)
@@ -160,10 +163,10 @@ class Watch:
         """Return the efforts from which a first command may begin, as the controller was told them."""
         samples = [self._wires[JOINT].receive(data) for stamp, data in self._states if stamp == stamp_ns]
         starts = [sample.effort for sample in samples if sample is not None]
-        shape = self._law.arm.effort_limit.shape
+        shape = self._robot.effort_limit.shape
         for seen in (position, self._last_seen):
             if seen.shape == shape and np.isfinite(seen).all():
-                starts.append(self._law.arm.gravity(seen))
+                starts.append(self._robot.gravity(seen))
         self._last_seen = position
         return tuple(start for start in starts if start.shape == shape and np.isfinite(start).all())
 

@@ -22,10 +22,9 @@ from slip_core.types import EffortCommand
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
-from slip_vic_controller.core.controller import VicController
-from slip_vic_controller.core.modes import Mode, Request
-from slip_vic_controller.core.session import ControllerSession, CycleResult
 from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.session import Controller, ControllerSession, CycleResult
 
 PERIOD_S = 0.004
 DURATION_S = 1.8
@@ -53,7 +52,7 @@ class Outcome:
 
 
 @cache
-def prepared(name: str, observer: bool) -> tuple[Scenario, VicController]:
+def prepared(name: str, observer: bool) -> tuple[Scenario, Controller]:
     """Return a scenario as the campaign runs it, and its law."""
     assignments = [
         f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
@@ -66,7 +65,7 @@ def prepared(name: str, observer: bool) -> tuple[Scenario, VicController]:
         # What friction cannot carry is to be met: more than just enough grip at the start.
         assignments += ["controller.trajectory.displacement=[0.0, 0.1, 0.05]"]
     scenario = load_scenario(name, mode="realtime", assignments=assignments)
-    return scenario, VicController(scenario.controller, scenario.urdf)
+    return scenario, Controller(scenario.controller, scenario.urdf, lockstep=False)
 
 
 class Trial:
@@ -93,7 +92,11 @@ class Trial:
         limits, inputs = safety.limits, safety.inputs
         self._commands = CommandMonitor(
             Promise(
-                self._law.arm.effort_limit, limits.effort_rate, limits.longest_step_s, limits.restart_after_s, PERIOD_S
+                self._law.robot.effort_limit,
+                limits.effort_rate,
+                limits.longest_step_s,
+                limits.restart_after_s,
+                PERIOD_S,
             )
         )
         self._joints = JointMonitor(self.scenario.bridge.effort_rate * PERIOD_S)
@@ -132,7 +135,7 @@ class Trial:
 
     def _run(self) -> None:
         self._bridge = self._new_bridge(self.scenario.bridge, START_NS)
-        self._controller: ControllerSession | None = ControllerSession(self._law, lockstep=False)
+        self._controller: ControllerSession | None = ControllerSession(self._law)
         last_end = max(fault.end_s for fault in self._plan.faults)
         for tick in range(round(DURATION_S / PERIOD_S)):
             t = tick * PERIOD_S
@@ -158,7 +161,7 @@ class Trial:
             if not follows:
                 self._recovered = None if t < last_end else self._recovered
         if self._controller is not None:
-            self._troubles.update(self._controller.monitor.counts())
+            self._troubles.update(self._controller.counts())
 
     # -- nodes -------------------------------------------------------------------------------------
 
@@ -185,7 +188,7 @@ class Trial:
             elif fault.kind in ("reset", "clock_jump", "gains", "request", "grip"):
                 self._happen(fault)
         if self._controller is None and t >= self._controller_back:
-            self._controller = ControllerSession(self._law, lockstep=False)
+            self._controller = ControllerSession(self._law)
 
     def _happen(self, fault: Fault) -> None:
         """What happens at one moment, or begins at it."""
@@ -262,13 +265,13 @@ class Trial:
     def _control(self, t: float) -> None:
         """Let everything arrive, and answer."""
         assert self._controller is not None
-        inputs, now_ns = self._controller.inputs, self._now_ns
-        for name, add in ((WRENCH, inputs.add_wrench), (SLIP, inputs.add_slip)):
+        controller, now_ns = self._controller, self._now_ns
+        for name, add in ((WRENCH, controller.add_wrench), (SLIP, controller.add_slip)):
             for delivery in self._channels[name].arrivals(now_ns):
                 add(0, delivery.sample, now_ns)
                 self._note(name, delivery)
         for delivery in self._channels[JOINT].arrivals(now_ns):
-            inputs.add_joint(delivery.sample, now_ns)
+            controller.add_joint(delivery.sample, now_ns)
             self._note(JOINT, delivery)
             self._answer(self._controller.cycle(now_ns), t)
         self._answer(self._controller.watchdog(now_ns), t)
@@ -281,15 +284,15 @@ class Trial:
     def _answer(self, result: CycleResult | None, t: float) -> None:
         if result is None or self._controller is None:
             return
-        self._modes[result.mode.mode.name] += 1
+        self._modes[result.mode.name] += 1
         starts = [result.joint.effort] if np.isfinite(result.joint.effort).all() else []
-        if self._controller.state is not None:
-            starts.append(self._law.arm.gravity(self._controller.state.position))
+        if self._controller.begun:
+            starts.append(self._controller.gravity)
         self._commands.take(self._now_ns, result.command.effort, tuple(starts))
         self._channels[EFFORT].send(result.command, t, self._now_ns)
         if self._keep:
             self._record.append((self._now_ns, EFFORT, result.command))
-            self._record.append((self._now_ns, "controller/mode", f"{result.mode.mode.name}: {result.mode.reason}"))
+            self._record.append((self._now_ns, "controller/mode", f"{result.mode.name}: {result.reason}"))
 
 
 def run_trial(plan: Plan, *, keep: bool = False) -> Outcome:

@@ -15,8 +15,8 @@ from slip_core.compiled import part
 from slip_core.errors import InputError
 from slip_core.records import REAL, layout
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put, put_mat, spatial, vec
-from slip_vic_controller.core.params import ContactParams
 from slip_vic_controller.law.rotation import exponential, left_jacobian
+from slip_vic_controller.params import ContactParams
 from slip_vic_controller.sizes import MAX_CONTACTS
 
 CONTACT = layout(position=(REAL, (3,)), rotation=(REAL, (3, 3)), slip_axes=(REAL, (6,)))

@@ -17,8 +17,8 @@ import numpy as np
 from slip_core.arrays import Array, inertia_from_six, vector
 from slip_core.compiled import part
 from slip_core.records import REAL, WHOLE, layout, new, record
-from slip_vic_controller.core.params import ControllerParams, GainParams
 from slip_vic_controller.law.bounds import GainReport, check_gains, judge_gains
+from slip_vic_controller.params import ControllerParams, GainParams
 
 GAINS = layout(
     K_D=(REAL, (6,)),

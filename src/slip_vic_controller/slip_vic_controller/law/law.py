@@ -21,12 +21,12 @@ from slip_core.compiled import part
 from slip_core.records import REAL, WHOLE, layout, new, record
 from slip_core.small_kernel import LARGEST
 from slip_core.vectors import ZERO, Spatial, mat, put, put_mat, put_spatial, spatial, vec
-from slip_vic_controller.core.params import ControllerParams
 from slip_vic_controller.law.attitude import LOG, RPY, T_e, attitude_error, on_error_axes
 from slip_vic_controller.law.contact import CONTACT, G_T, Phi2, fill_contacts, slip_velocity
 from slip_vic_controller.law.impedance import faded, limit_spin, slip_activation
 from slip_vic_controller.law.object import ObjectMotion, object_motion
 from slip_vic_controller.law.torque import TORQUE, joint_torque
+from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS
 
 LAW_CONFIG = layout(

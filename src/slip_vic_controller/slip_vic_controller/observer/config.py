@@ -9,8 +9,8 @@ from scipy.special import chdtri  # scipy.stats has the same under a clearer nam
 
 from slip_core.arrays import Array
 from slip_core.records import new, record
-from slip_vic_controller.core.params import ControllerParams
 from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
+from slip_vic_controller.params import ControllerParams
 
 SPARE_ROWS = 64
 """Rows of the history beyond those that are expected: samples that come in a burst."""

@@ -17,8 +17,8 @@ from slip_core.compiled import part
 from slip_core.errors import InputError
 from slip_core.records import REAL, WHOLE, layout, new, record
 from slip_core.vectors import NOTHING, Mat, Spatial, Vec, mat, put, put_mat, put_spatial, spatial, vec
-from slip_vic_controller.core.params import TrajectoryParams
 from slip_vic_controller.law.rotation import exponential, left_jacobian, left_jacobian_rate
+from slip_vic_controller.params import TrajectoryParams
 from slip_vic_controller.sizes import MAX_SEGMENTS
 
 REFERENCE = layout(position=(REAL, (3,)), rotation=(REAL, (3, 3)), twist=(REAL, (6,)), acceleration=(REAL, (6,)))

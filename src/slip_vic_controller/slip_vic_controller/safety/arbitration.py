@@ -1,8 +1,8 @@
 """Arbitration: everything that speaks against the law in a cycle, and what is done while slip is not known.
 
-A fault wins over a reason to hold, and that over a reason to be careful. While slip is unknown, never as if there were
-none: the observer predicts it from the wrench alone for a bounded time; then the path comes to rest, and the law goes on
-with the prediction, or without compensation where there is none; then HOLD.
+A fault wins over a reason to hold, and that over a reason to be careful. While slip is unknown, never as if there
+were none: the observer predicts it from the wrench alone for a bounded time; then the path comes to rest, and the law
+goes on with the prediction, or without compensation where there is none; then HOLD.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Level(IntEnum):
 
 
 HEALTH = layout(joint=WHOLE, wrench=WHOLE, slip=WHOLE, outside=WHOLE)
-"""The fault of each input in a cycle, of wrench and slip the worst of all contacts; outside: publishers on our topics."""
+"""The fault of each input in a cycle, of wrench and slip the worst of all contacts; outside: who else publishes."""
 ARBITRATION = layout(
     observer_ns=WHOLE, slow_down_ns=WHOLE, gap_ns=WHOLE, late_after=WHOLE, saturated_ns=WHOLE, slip_needed=WHOLE,
     resume_slip_linear=REAL, resume_slip_angular=REAL,

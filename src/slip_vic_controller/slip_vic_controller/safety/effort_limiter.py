@@ -55,7 +55,7 @@ def largest_step(limits: Any, state: Any, now_ns: int) -> float:
 
 
 @part
-def limit_effort(limits: Any, state: Any, n: int, wanted: Array, now_ns: int, clipped: Array, limited: Array) -> bool:
+def limit_effort(limits: Any, state: Any, n: int, wanted: Array, now_ns: int, clipped: Any, limited: Any) -> bool:
     """Let an effort out: finite, clipped, slope-limited, in this order; the result is `state.effort`.
 
     Args:

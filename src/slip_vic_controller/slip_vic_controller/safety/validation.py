@@ -162,7 +162,7 @@ def receive_vector(
         joint: state of the joint state's input.
     """
     if refused:
-        fault, same = Fault.REFUSED, False
+        fault, same = Fault.REFUSED.value, False
     else:
         fault, same = classify_vector(limits, state, stamp_ns, values, valid, joint)
     state.ahead = state.ahead + 1 if fault == Fault.FUTURE else 0

@@ -12,8 +12,8 @@ from slip_core import grasp_params
 from slip_core.grasp_params import ArmParams, Six, Three
 from slip_core.params import ParameterModel, parameter
 from slip_core.sensor_params import SlipSensorModel
-from slip_vic_controller.core.safety_params import SafetyParams
-from slip_vic_controller.core.slip_params import MeasuredParams, ObserverParams, WrenchSensorModel
+from slip_vic_controller.safety_params import SafetyParams
+from slip_vic_controller.slip_params import MeasuredParams, ObserverParams, WrenchSensorModel
 
 
 class GainParams(ParameterModel):

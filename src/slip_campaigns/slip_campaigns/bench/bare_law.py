@@ -1,0 +1,67 @@
+"""The law without supervision, to see what supervision costs: no validation, modes, limits or fallbacks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, INT, OUT1, VOID, kernel
+from slip_core.records import new, place, record
+from slip_core.types import EffortCommand, JointSample, SlipSample, WrenchSample
+from slip_vic_controller.cycle import (
+    CONFIG,
+    INPUTS,
+    OUTPUTS,
+    STATE,
+    STATE_SIZE,
+    begin_law,
+    evaluate_law,
+    keep_law,
+)
+from slip_vic_controller.observer.layouts import ROW_SIZE
+from slip_vic_controller.safety.validation import await_answer, queue_slip
+from slip_vic_controller.session import Controller
+
+
+@kernel(VOID(IN1, OUT1, IN1, OUT1, INT, IN1, IN1, IN1, INT, IN1))
+def law_alone(
+    config: Array, state: Array, inputs: Array, outputs: Array, stamp_ns: int, q: Array, qd: Array, wrench: Array,
+    slip_ns: int, twist: Array,
+) -> None:  # fmt: skip
+    """Evaluate the law on one joint state, wrench and slip velocity; records as of `cycle`."""
+    c, s = record(config, CONFIG), record(state[:STATE_SIZE], STATE)
+    i, o = record(inputs, INPUTS), record(outputs, OUTPUTS)
+    history = state[STATE_SIZE:].reshape(-1, ROW_SIZE)
+    await_answer(s.joint, stamp_ns, q, qd, qd, 0)
+    s.path.scale, s.wrench_inputs[0].values[:], s.slip_inputs[0].values[:] = 1.0, wrench, twist
+    queue_slip(s.queue, slip_ns, twist)
+    if s.law.known == 0:
+        begin_law(c, s, i, history)
+    evaluate_law(c, s, history, i, o, False)
+    keep_law(c, s, i, o)
+    s.queue.count = 0
+
+
+class BareLaw:
+    """A controller that is nothing but the law.
+
+    Args:
+        controller: its configuration; one contact.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller, self._state = controller, controller.new_state()
+        self._arm, self._effort = place(INPUTS, "arm"), place(OUTPUTS, "law.effort")
+
+    def answer(self, joint: JointSample, wrench: WrenchSample, slips: Sequence[SlipSample]) -> EffortCommand:
+        """Return the command for a joint state, the newest wrench, and the slip samples since the last call."""
+        inputs, outputs, slip = new(INPUTS), new(OUTPUTS), slips[-1]
+        self._controller.robot.terms(joint.position, joint.velocity, inputs[self._arm])
+        law_alone(
+            self._controller.config, self._state, inputs, outputs, joint.stamp_ns, joint.position, joint.velocity,
+            wrench.wrench, slip.stamp_ns, slip.twist,
+        )  # fmt: skip
+        effort = outputs[self._effort][: len(joint.position)]
+        return EffortCommand(joint.stamp_ns, np.ascontiguousarray(effort))

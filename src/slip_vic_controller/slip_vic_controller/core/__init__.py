@@ -1,1 +1,0 @@
-"""The control law as pure functions; no ROS, no clock, no randomness in here."""
