@@ -49,10 +49,8 @@ NO_EFFORT = readonly(np.zeros(0))
 _GOOD = frozenset((Fault.NONE, Fault.DENORMAL, Fault.RESTARTED, Fault.NOT_RUN))
 _ARM, _EFFORT, _LEDGER = place(INPUTS, "arm"), place(OUTPUTS, "effort"), place(OUTPUTS, "ledger")
 _ANSWERED, _MODE = place(OUTPUTS, "answered").start, place(OUTPUTS, "mode.mode").start
-_OK, _REASON = (
-    place(OUTPUTS, "ok").start,
-    slice(place(OUTPUTS, "mode.reason").start, place(OUTPUTS, "mode.reason").start + 3),
-)
+_OK, _CAUSE = place(OUTPUTS, "ok").start, place(OUTPUTS, "mode.reason").start
+_REASON = slice(_CAUSE, _CAUSE + 3)
 _PATH_SCALE = place(OUTPUTS, "path_scale").start
 _NOW, _REQUEST, _MISSING = (place(INPUTS, name).start for name in ("now_ns", "request", "missing"))
 _CYCLES, _LAW_KNOWN = place(STATE, "cycles").start, place(STATE, "law.known").start
@@ -175,7 +173,7 @@ class CycleResult:
         return describe(read_reason(self.record.mode.reason), self._controller.robot.joint_names)
 
     def scalars(self) -> dict[str, float]:
-        """Return the numbers worth plotting, the same names in the same order in every cycle; NaN where there is none."""
+        """Return the numbers worth plotting, with the same names in every cycle; NaN where there is none."""
         names, places = published(len(self._controller.robot.joint_names))
         symbols = new(SYMBOLS)
         describe_cycle(self._controller.config, self.inputs, self.outputs, symbols)

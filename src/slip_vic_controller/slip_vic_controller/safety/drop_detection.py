@@ -59,7 +59,7 @@ def observe_motion(config: Any, axes: Any, state: Any, arm: Any, law: Any, refer
     """Look at what the law saw: errors, fall, and whether slip and wrench agree.
 
     The fall is a leaky integral, so a bias of the wrench adds up to bias / mass * memory and no more. The evidence is
-    a_ee - G^T a_o added up over the last EVIDENCE_MEMORY_S: Eq. (17) without its small terms, leaky for the same reason.
+    a_ee - G^T a_o added up over the last EVIDENCE_MEMORY_S: Eq. (17) without its small terms, leaky as well.
 
     Args:
         config: see DROP_DETECTION.

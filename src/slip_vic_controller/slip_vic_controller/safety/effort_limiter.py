@@ -27,9 +27,9 @@ LIMITER = layout(started=WHOLE, now_ns=WHOLE, effort=(REAL, MAX_JOINTS))
 def start_limiter(limits: Any, state: Any, n: int, measured: Array, gravity: Array, now_ns: int) -> None:
     """Set what the first command, or the first after a pause, is limited from; (n,) [N m].
 
-    The measured effort is what the joints feel now. Where there is none (not finite, or all zero, which a driver without
-    torque sensors publishes) it is gravity compensation: a restart makes no torque step. The first step counts one
-    control period.
+    The measured effort is what the joints feel now. Where there is none (not finite, or all zero, which a driver
+    without torque sensors publishes) it is gravity compensation: a restart makes no torque step. The first step counts
+    one control period.
     """
     known = all_finite(measured[:n]) and measured[:n].any()
     good = all_finite(gravity[:n])

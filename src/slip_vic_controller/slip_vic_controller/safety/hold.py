@@ -36,8 +36,8 @@ def load_error(error: Spatial, model: Spatial, measured: Spatial, dt: float, mem
     """Return what has to be added to the load of the model, from its value before; [N, N m] {ee} each.
 
     Low-pass of the wrench that the model does not explain. Slow and bounded by the weight itself, so that HOLD depends
-    on the wrench no more than it must: an object that has slid while the arm came to rest pulls at another point than the
-    model says, and the pads would give way and tilt.
+    on the wrench no more than it must: an object that has slid while the arm came to rest pulls at another point than
+    the model says, and the pads would give way and tilt.
 
     Args:
         error: of the cycle before.

@@ -44,11 +44,11 @@ def measure_latency(state: Any, now_ns: int, stamp_ns: int, dt_ns: int, late_ns:
     took_ns = now_ns - stamp_ns
     least = state.least_ns if state.known != 0 else took_ns
     if state.last_ns < STEADY_NS:
-        least += int(round(DRIFT * dt_ns))
+        least += round(DRIFT * dt_ns)
     least = min(least, took_ns)
     last = took_ns - least
     sure = min(last, state.last_ns)
-    fading = state.most_ns - int(round(state.most_ns * min(1.0, dt_ns * 1e-9 / DECAY_S)))
+    fading = state.most_ns - round(state.most_ns * min(1.0, dt_ns * 1e-9 / DECAY_S))
     state.in_a_row = state.in_a_row + 1 if 0 < late_ns <= sure else 0
     state.known, state.least_ns, state.last_ns, state.most_ns = 1, least, last, max(sure, fading)
 

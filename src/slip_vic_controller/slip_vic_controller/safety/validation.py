@@ -117,7 +117,7 @@ def _kind(values: Array) -> int:
 @part
 def _same(a: Array, b: Array) -> bool:
     """Return whether all bits are equal: 0 and -0 are not, as no frozen sensor changes a sign."""
-    for i in range(a.shape[0]):
+    for i in range(a.shape[0]):  # noqa: SIM110 - compiled code knows no generators
         if a[i] != b[i] or math.copysign(1.0, a[i]) != math.copysign(1.0, b[i]):
             return False
     return True
