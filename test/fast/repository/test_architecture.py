@@ -28,12 +28,16 @@ ALLOWED = {
     "slip_msgs_py": {"numpy", "slip_core"} | ROS,
     "slip_description": set(),
     "slip_vic_controller": SHELLS,
-    "slip_vic_controller.core": {"numpy", "scipy", "pydantic", "slip_core"},
-    "slip_vic_controller.core.arm": {"numpy", "pinocchio", "slip_core"},
+    "slip_vic_controller.arrival": {"numpy", "slip_core"},
+    "slip_vic_controller.config": {"numpy", "slip_core"},
+    "slip_vic_controller.cycle": {"numpy", "slip_core"},
     "slip_vic_controller.law": {"numpy", "slip_core"},
     "slip_vic_controller.observer": {"numpy", "scipy", "slip_core"},
     "slip_vic_controller.reference": {"numpy", "scipy", "slip_core"},
     "slip_vic_controller.robot": {"numpy", "pinocchio", "slip_core"},
+    "slip_vic_controller.safety": {"numpy", "slip_core"},
+    "slip_vic_controller.session": {"numpy", "slip_core"},
+    "slip_vic_controller.snapshot": {"numpy", "slip_core"},
     "slip_sim_bridge": SHELLS,
     "slip_sim_bridge.friction": {"numpy", "pydantic", "slip_core"},
     "slip_sim_bridge.plant": {"numpy", "mujoco", "slip_core"},  # no other file knows MuJoCo
@@ -43,16 +47,22 @@ ALLOWED = {
     "slip_campaigns": {"slip_bringup"} | ROOMS | NUMERIC | TOOLS | ROS,
 }
 SHARED = {"slip_vic_controller.sizes", "slip_vic_controller.params"}
+CYCLE = {f"slip_vic_controller.{part}" for part in ("law", "observer", "reference", "safety", "safety_params")} | SHARED
 OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.compiled": set(),
     "slip_core.records": {"slip_core.arrays"},
     "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},
-    "slip_vic_controller.core": {"slip_vic_controller.core"},
-    "slip_vic_controller.core.arm": {"slip_vic_controller.core.arm_kernel"},
+    "slip_vic_controller.arrival": CYCLE | {"slip_vic_controller.cycle"},
+    "slip_vic_controller.config": CYCLE | {"slip_vic_controller.cycle", "slip_vic_controller.robot"},
+    "slip_vic_controller.cycle": CYCLE,
     "slip_vic_controller.law": {"slip_vic_controller.law", *SHARED},
     "slip_vic_controller.observer": {"slip_vic_controller.observer", *SHARED},
     "slip_vic_controller.reference": {"slip_vic_controller.reference", "slip_vic_controller.law.rotation", *SHARED},
     "slip_vic_controller.robot": {"slip_vic_controller.law.arm", *SHARED},
+    "slip_vic_controller.safety": {"slip_vic_controller.safety", "slip_vic_controller.reference.path_scaling", *SHARED},
+    "slip_vic_controller.session": CYCLE
+    | {f"slip_vic_controller.{part}" for part in ("arrival", "config", "cycle", "robot")},
+    "slip_vic_controller.snapshot": {"slip_vic_controller.cycle", "slip_vic_controller.observer"},
     "slip_sim_bridge.friction": {"slip_sim_bridge.friction"},
     "slip_sim_bridge.plant": {f"slip_sim_bridge.{part}" for part in ("plant", "friction", "params")},
     "slip_sim_bridge.sensors": {"slip_sim_bridge.sensors", "slip_sim_bridge.params"},
@@ -112,8 +122,8 @@ def test_module_imports_only_what_its_layer_may(module: str, path: Path) -> None
 @pytest.mark.parametrize(
     ("module", "text"),
     [
-        ("slip_vic_controller.core.law", "import rclpy"),
-        ("slip_vic_controller.core.law", "import pinocchio"),
+        ("slip_vic_controller.law.law", "import rclpy"),
+        ("slip_vic_controller.cycle", "import pinocchio"),
         ("slip_vic_controller.node", "from slip_sim_bridge import friction"),
         ("slip_sim_bridge.node", "import slip_vic_controller"),
         ("slip_sim_bridge.friction.lugre", "from slip_msgs_py import qos"),
