@@ -13,7 +13,7 @@ from pathlib import Path
 from types import FrameType
 
 from slip_bringup.domain import check_domain, domain_from_environment, domain_id
-from slip_bringup.node_command import node_module, parameter_arguments
+from slip_bringup.node_command import node_module, parameter_arguments, run_parameters
 from slip_bringup.processes import Child, ProcessGroup, child_environment, python_module
 from slip_bringup.recording import recorder_command
 from slip_bringup.scenario import Scenario
@@ -128,10 +128,8 @@ class Launcher:
     def _supervise(self, group: ProcessGroup, domain: int, folder: Path) -> RunResult:
         environment = child_environment(domain)
         recording = self._bag is not None
-        peers = ["controller", "recorder"] if recording else ["controller"]
         scenario = self._scenario
-        controller = scenario.controller.model_copy(update={"expected_subscribers": len(peers)})
-        bridge = scenario.bridge.model_copy(update={"wait_for": tuple(peers)})
+        controller, bridge = run_parameters(scenario, recording)
         # The bridge starts last: it needs the others, and its first output is the run's first tick.
         order: list[tuple[str, list[str]]] = []
         if self._bag is not None:

@@ -99,7 +99,9 @@ def violations(module: str, text: str) -> list[str]:
 def modules() -> list[tuple[str, Path]]:
     result = []
     for path in sorted(SRC.glob("*/*/**/*.py")):
-        parts = path.relative_to(SRC).with_suffix("").parts[1:]
+        package, *parts = path.relative_to(SRC).with_suffix("").parts
+        if package != parts[0]:
+            continue  # launch files: read by ros2 launch, imported by nobody
         result.append((".".join(parts[:-1] if parts[-1] == "__init__" else parts), path))
     return result
 

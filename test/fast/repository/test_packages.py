@@ -55,6 +55,7 @@ def imported(text: str) -> set[str]:
 
 def needed(name: str) -> set[str]:
     texts = [path.read_text() for path in (SRC / name / name).rglob("*.py")]
+    texts += [path.read_text() for path in (SRC / name / "launch").glob("*.launch.py")]
     return set().union(UNSEEN.get(name, set()), *map(imported, texts)) - {name}
 
 
