@@ -10,7 +10,7 @@ from slip_bringup.processes import python_module
 from slip_bringup.recording import recorder_command
 from slip_bringup.scenario import NODES, ControllerKind, Mode, Scenario, load_scenario, ros_parameter_file
 from slip_core.params import ParameterModel
-
+from slip_sim_bridge.params import BridgeParams
 from slip_vic_controller.node_params import ControllerNodeParams
 
 
