@@ -34,5 +34,5 @@ setup(
     maintainer_email="maintainers@slip-vic.example",
     description="Record, play, inspect, export and recover ROS 2 bags without rosbag2.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["slip_bag_recorder = slip_bags.record:main"]},
+    entry_points={"console_scripts": ["slip_bag = slip_bags.cli:main"]},
 )

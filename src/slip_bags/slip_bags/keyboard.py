@@ -14,7 +14,6 @@ from typing import Final, TextIO
 
 from slip_bags.player import RATE_STEP, Controls, Player
 
-KEY_HELP: Final = "space pause/resume, right arrow or s step, up/down rate, q quit"
 _POLL_S: Final = 0.02
 _DRAW_S: Final = 0.2
 _WIDTH: Final = 30

@@ -69,7 +69,6 @@ class Layout:
     texts: tuple[Text, ...]
     sizes: tuple[tuple[int, int], ...]
     little_endian: bool
-    used_bytes: int
 
 
 class Schema:
@@ -95,7 +94,7 @@ class Schema:
                 raise InputError(f"schema of {type_name}", got=head, expected="MSG: and a type name")
             blocks.append((_short(head.removeprefix("MSG: ").strip()), body))
         for name, body in blocks:
-            self.types[name] = tuple(self._fields(name, body))
+            self.types[name] = tuple(parse_fields(body, name.partition("/")[0], f"schema of {type_name}"))
 
     def layout(self, data: bytes) -> Layout:
         """Return the layout of one message.
@@ -109,23 +108,28 @@ class Schema:
             detail = f"a type without definition: {error}" if isinstance(error, KeyError) else "a message that is cut"
             raise InputError(f"message of {self.type_name}", got=detail, expected="what its schema says") from None
 
-    def _fields(self, owner: str, body: str) -> list[Field]:
-        package = owner.partition("/")[0]
-        fields = []
-        for line in body.splitlines():
-            text = line.partition("#")[0].strip()
-            if not text:
-                continue
-            match = _FIELD.match(text)
-            if match is None:
-                raise InputError(f"schema of {self.type_name}", got=line, expected="a field: type and name")
-            if match["rest"].lstrip().startswith("="):
-                continue  # a constant
-            kind = match["type"]
-            known = kind in DTYPES or kind in ("string", "wstring")
-            type_name = kind if known else _short(kind if "/" in kind else f"{package}/{kind}")
-            fields.append(Field(match["name"], type_name, int(match["size"] or 0) if match["array"] else None))
-        return fields
+
+def parse_fields(text: str, package: str, what: str) -> list[Field]:
+    """Return the fields of one .msg text, without its constants; unqualified types belong to `package`.
+
+    Raises:
+        InputError: a line that is no field; `what` names the text.
+    """
+    fields = []
+    for line in text.splitlines():
+        content = line.partition("#")[0].strip()
+        if not content:
+            continue
+        match = _FIELD.match(content)
+        if match is None:
+            raise InputError(what, got=line, expected="a field: type and name")
+        if match["rest"].lstrip().startswith("="):
+            continue  # a constant
+        kind = match["type"]
+        known = kind in DTYPES or kind in ("string", "wstring")
+        type_name = kind if known else _short(kind if "/" in kind else f"{package}/{kind}")
+        fields.append(Field(match["name"], type_name, int(match["size"] or 0) if match["array"] else None))
+    return fields
 
 
 class _Walker:
@@ -147,7 +151,7 @@ class _Walker:
         self._struct(self._schema.root, "", 0)
         if self._position > len(self._data):
             raise IndexError
-        return Layout(tuple(self._leaves), tuple(self._texts), tuple(self._sizes), self._little_endian, self._position)
+        return Layout(tuple(self._leaves), tuple(self._texts), tuple(self._sizes), self._little_endian)
 
     def _struct(self, type_name: str, prefix: str, depth: int) -> None:
         if depth > _MAX_DEPTH:

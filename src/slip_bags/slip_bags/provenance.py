@@ -2,35 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.metadata
 import json
 import os
 import platform
 import subprocess
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-VERSIONED: Final = (
-    "numpy",
-    "scipy",
-    "numba",
-    "pin",
-    "mujoco",
-    "mcap",
-    "ros-jazzy-rclpy",
-    "ros-jazzy-rmw-fastrtps-cpp",
-    "slip-vic-controller",
-    "slip-sim-bridge",
-)
-"""Packages that a result depends on."""
+PACKAGES: Final = ("mcap", "ros-jazzy-rclpy", "ros-jazzy-rmw-fastrtps-cpp")
+"""Packages that a recording depends on."""
 _GIT_TIMEOUT_S: Final = 5.0
 
 
 def provenance() -> dict[str, str]:
-    """Return what identifies software and machine, each value one line of text.
-
-    Implements: ours: what a bit-exact replay depends on.
-    """
+    """Return what identifies software and machine, each value one line of text."""
     return {
         "versions": json.dumps(versions()),
         "platform": f"{platform.system()} {platform.release()} {platform.machine()}",
@@ -40,14 +28,12 @@ def provenance() -> dict[str, str]:
     }
 
 
-def versions() -> dict[str, str]:
-    """Return the versions of Python and of the installed packages that matter for the numbers."""
+def versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
+    """Return the versions of Python and of the packages that are installed."""
     found = {"python": platform.python_version()}
-    for package in VERSIONED:
-        try:
+    for package in packages:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
             found[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            continue
     return found
 
 

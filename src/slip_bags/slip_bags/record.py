@@ -54,7 +54,7 @@ def record(options: RecordOptions, listener: Listener, stop: Callable[[], bool])
 
 def _record(node: Node, options: RecordOptions, listener: Listener, stop: Callable[[], bool]) -> dict[str, Any]:
     writer = BagWriter(options.output, options.writer)
-    writer.custom_data.update(provenance())
+    writer.custom_data = {**provenance(), **writer.custom_data}
     try:
         recorder = Recorder(
             node,

@@ -1,4 +1,8 @@
-"""When to send each message: an absolute schedule with rate, pause and step. Knows nothing of ROS."""
+"""When to send each message: an absolute schedule with rate, pause and step. Knows nothing of ROS.
+
+A plain sleep ends 80 us late in the median, 1.4 ms at the 99th percentile on a busy machine; with the last part waited
+for actively, messages go out within 35 to 44 us in the median (docs/bags.md).
+"""
 
 from __future__ import annotations
 

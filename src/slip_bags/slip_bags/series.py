@@ -1,4 +1,8 @@
-"""Columns of decoded values: all messages of one topic as numpy arrays."""
+"""Columns of decoded values: all messages of one topic as numpy arrays.
+
+Whole columns are cut out of many messages at once: about 1 us per message beyond reading its bytes. The decoder of
+`mcap_ros2` takes 10 to 18 us (joint states and wrenches of a recorded run).
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Message definitions for the bag: the ``ros2msg`` schema text and the RIHS01 type hash of a type.
 
 They are found where the message package is installed, without fixed paths: beside the imported package
-(wheels, conda), in the overlays of AMENT_PREFIX_PATH (ROS, colcon), under `sys.prefix`.
+(wheels, conda), in the overlays of AMENT_PREFIX_PATH (ROS, colcon), under `sys.prefix`. The `rosbags` package can make
+such texts too, but of its own list of types and without their comments.
 """
 
 from __future__ import annotations
@@ -17,14 +18,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from slip_bags.layout import parse_fields
 from slip_core.errors import InputError
 
-_BUILTIN: Final = frozenset(
-    ["bool", "byte", "char", "string", "wstring", "float32", "float64"]
-    + [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
-)
 _DELIMITER: Final = "\n" + "=" * 80 + "\nMSG: "
-_FIELD = re.compile(r"^\s*([A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z][A-Za-z0-9_]*)?)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +35,10 @@ class MessageDefinition:
 
 @functools.cache
 def find_definition(type_name: str) -> MessageDefinition:
-    """Return the definition of ``pkg/msg/Type`` as rosbag2 stores it.
+    """Return the definition of ``pkg/msg/Type`` as rosbag2 stores it: depth first, dependencies sorted, each once.
 
     Raises:
         InputError: where the name is not of this form or the type is not installed.
-
-    Implements: ours: rosbag2's concatenation, depth first, dependencies sorted, each once.
     """
     package, name = split_type_name(type_name)
     seen = {f"{package}/{name}"}
@@ -74,12 +69,9 @@ def split_type_name(type_name: str) -> tuple[str, str]:
 
 def dependencies(text: str, package: str) -> list[str]:
     """Return the types a .msg text refers to as ``pkg/Name``, sorted; unqualified names belong to `package`."""
-    found = set()
-    for line in text.splitlines():
-        match = _FIELD.match(line.partition("#")[0])
-        if match and match[1] not in _BUILTIN:
-            found.add(match[1] if "/" in match[1] else f"{package}/{match[1]}")
-    return sorted(found)
+    return sorted(
+        {field.type_name for field in parse_fields(text, package, f"a message of {package}") if "/" in field.type_name}
+    )
 
 
 def _type_hash(package: str, name: str) -> str:

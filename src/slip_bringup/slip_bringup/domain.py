@@ -1,4 +1,8 @@
-"""A ROS_DOMAIN_ID of one's own: locked while in use, so that runs on one machine never hear each other."""
+"""A ROS_DOMAIN_ID of one's own: locked while in use, so that runs on one machine never hear each other.
+
+The lock is a file because it must hold across network namespaces, like the shared memory of DDS; the sockets of ROS's
+`domain_coordinator` do not. That package also turns an OSError inside its block into another error.
+"""
 
 from __future__ import annotations
 

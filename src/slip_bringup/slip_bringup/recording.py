@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import importlib.metadata
-import platform
+import json
 from pathlib import Path
 
-from slip_bags.provenance import VERSIONED
+from slip_bags.provenance import PACKAGES
+from slip_bags.provenance import versions as installed_versions
 from slip_bringup.processes import python_module
 from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
 from slip_core.topics import TOPICS
+
+VERSIONED = ("numpy", "scipy", "numba", "pin", "mujoco", *PACKAGES, "slip-vic-controller", "slip-sim-bridge")
 
 
 def recorded_topics(scenario: Scenario) -> list[tuple[str, str]]:
@@ -27,14 +29,8 @@ def recorded_topics(scenario: Scenario) -> list[tuple[str, str]]:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions that a result depends on."""
-    found = {"python": platform.python_version(), "machine": platform.machine()}
-    for name in VERSIONED:
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            found[name] = "not installed as a package"
-    return found
+    """Return the versions of Python and of the packages that a result depends on."""
+    return installed_versions(VERSIONED)
 
 
 def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str) -> list[str]:
@@ -53,8 +49,9 @@ def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str
         "scenario": scenario.name,
         "controller": scenario.controller.controller,
         "seed": str(scenario.bridge.seed),
+        "versions": json.dumps(versions()),
     }
-    for key, value in {**custom, **versions()}.items():
+    for key, value in custom.items():
         arguments += ["--custom-data", f"{key}={value}"]
     if namespace:
         arguments += ["--namespace", namespace]

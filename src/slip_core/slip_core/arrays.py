@@ -13,10 +13,7 @@ Array = NDArray[np.float64]
 
 
 def readonly(values: ArrayLike) -> Array:
-    """Return a read-only float64 copy of `values`; any shape, unit and frame are kept.
-
-    Implements: ours: value objects must not change behind their owner's back.
-    """
+    """Return a read-only float64 copy of `values`; any shape, unit and frame are kept."""
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array
@@ -27,8 +24,6 @@ def vector(values: ArrayLike, size: int, what: str) -> Array:
 
     Raises:
         InputError: where the shape is not (size,) or an element is not finite.
-
-    Implements: ours: shapes are checked once, at the border.
     """
     try:
         array = readonly(values)
@@ -50,10 +45,7 @@ def skew(v: Array) -> Array:
 
 
 def rotate6(R: Array, twist_or_wrench: Array) -> Array:
-    """Rotate both halves of a 6-vector by R without moving its point; (3, 3), (6,) -> (6,).
-
-    Implements: ours: change of axes only, {ee} to {w} and back with R.T.
-    """
+    """Rotate both halves of a 6-vector by R without moving its point; (3, 3), (6,) -> (6,)."""
     return twist_or_wrench.reshape(2, 3).dot(R.T).reshape(6)
 
 
@@ -83,8 +75,6 @@ def matrix_from_quat_xyzw(quat_xyzw: ArrayLike) -> Array:
 
     Raises:
         InputError: where the quaternion is not finite or its norm is below 1e-6.
-
-    Implements: ours: ROS order in, matrix inside.
     """
     q = vector(quat_xyzw, 4, "quaternion (x, y, z, w)")
     norm = float(np.sqrt(q @ q))
@@ -105,8 +95,6 @@ def inertia_from_six(six: Sequence[float], what: str = "inertia") -> Array:
 
     Raises:
         InputError: where the matrix is not positive definite or breaks the triangle inequality.
-
-    Implements: ours: URDF's six numbers, checked to be a physical body.
     """
     ixx, iyy, izz, ixy, ixz, iyz = vector(six, 6, what)
     matrix = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])

@@ -105,6 +105,14 @@ def test_package_xml_declares_what_is_imported(name: str) -> None:
     assert {node.text for node in package_xml(name).findall("exec_depend")} == ros_keys(needed(name))
 
 
+@pytest.mark.parametrize("name", PACKAGES)
+def test_every_console_script_leads_to_a_function(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for line in setup_arguments(name, monkeypatch)["entry_points"]["console_scripts"]:
+        module, _, function = line.partition("=")[2].strip().partition(":")
+        text = (SRC / name / Path(*module.split("."))).with_suffix(".py").read_text()
+        assert f"def {function}(" in text, line
+
+
 def test_imports_are_found_wherever_they_stand() -> None:
     text = "import numpy.linalg as la\nimport os\ndef f():\n    from mcap.reader import x\n    from slip_core import y"
     assert imported(text) == {"numpy", "mcap", "slip_core"}

@@ -125,7 +125,7 @@ def replay(run: RecordedRun, begin: int = 0) -> Iterator[Divergence | None]:
     Raises:
         InputError: the run cannot be replayed from this bag.
 
-    Implements: ours: the ledger gives the inputs, clock, verdicts and requests of every cycle; the rest is code.
+    The ledger gives the inputs, clock, verdicts and requests of every cycle; the rest is code.
     """
     session = ControllerSession(Controller(run.params, run.urdf, lockstep=run.params.mode == "lockstep"))
     samples = _Samples(run)

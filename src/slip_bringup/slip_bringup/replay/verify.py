@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from slip_bags.provenance import provenance
+from slip_bringup.recording import versions
 from slip_bringup.replay.replay import Divergence, first_index, replay
 from slip_bringup.replay.run_data import RecordedRun
 
@@ -65,7 +66,7 @@ def other_software(custom_data: Mapping[str, str]) -> list[str]:
         recorded = dict(json.loads(custom_data.get("versions", "{}")))
     except (ValueError, TypeError):
         return notes
-    current = json.loads(here["versions"])
+    current = versions()
     for name, version in recorded.items():
         if current.get(name) != version:
             notes.append(f"recorded with {name} {version}, here it is {current.get(name, 'not installed')}")
