@@ -57,13 +57,13 @@ def _flat(values, prefix=""):
 AT_THE_STOP = (-0.47, 0.04, -0.52, -0.2, -1.11, 1.2, 0.9)
 
 
-def driven_into_the_stop(grip, ticks=300, on_solved=None):
+def driven_into_the_stop(grip, ticks=300, on_solved=None, **values):
     """Drive joint 4 into its stop, which shakes hand and object hard; yield after every tick at the stop.
 
     on_solved: called with the change of friction that one more pass over stops and friction makes [N, N m], and with
     the friction, for every solution at the stop.
     """
-    simulation = scene(initial_position=AT_THE_STOP, grip__force=grip)
+    simulation = scene(initial_position=AT_THE_STOP, grip__force=grip, **values)
     plant = simulation.plant
     agree = plant._agree_with_joint_stops
 

@@ -63,6 +63,17 @@ def test_friction_and_joint_stops_agree():
     assert np.ptp([force[2] for _, force in forces]) > 1e-3, "the torque takes part"
 
 
+def test_bristles_remember_their_strain_at_a_joint_stop():
+    """What is elastic stays on the object: the deflection is the whole slip, scaled, at and off the stop."""
+    touched = 0
+    for simulation in driven_into_the_stop(200.0, friction__model="lugre"):
+        plant, rho = simulation.plant, simulation.params.friction.torsional_radius
+        np.testing.assert_allclose(plant._state, plant.data.qpos[-3:] * (1.0, 1.0, rho), rtol=1e-3, atol=1e-9)
+        touched += 1
+    assert touched > 100
+    assert np.abs(plant._state).max() > 1e-5
+
+
 def test_a_reset_leaves_no_memory_in_the_bristles():
     """The same efforts give the same bits after a reset, and the held object is at rest from the start."""
     simulation = scene(friction__model="lugre")
