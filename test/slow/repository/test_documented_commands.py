@@ -1,55 +1,75 @@
-"""Every command that a page shows runs."""
+"""Every command in a block of a page runs, in the order shown; one that takes minutes is tried by a test of its own."""
 
 from __future__ import annotations
 
-import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from slip_bringup.processes import child_environment
-
-ROOT = Path(__file__).parents[3]
-
+from test.support.pages import OURS, PAGES, commands_of
 
 DEADLINE_S = 300.0
+# The demo, the checks themselves and the long measurements have tests of their own; a recording ends with Ctrl-C.
+ELSEWHERE = ("test", "demo", "bench", "study", "faults", "soak", "bag record")
+# These stand for something: a bag of the reader's, a module of his, an option without its value.
+EXAMPLES = ("BAG", "DIR", "FOLDER", "...", "--speed")
+# What a page takes as given before its first command.
+GIVEN = {
+    "bags.md": ("run --record out/mine --set bridge.duration_s=0.4", "run --record out/vic --set bridge.duration_s=1.2")
+}
+# Commands whose page shows that they find a difference.
+DIFFERS = {"bag verify out/vic --set gains.gamma_kp=100.00000000000001": 1}
 
 
-ELSEWHERE = ("test", "demo", "bench", "study", "faults", "soak")
+def to_run(page: Path) -> list[str]:
+    """Return what is run of a page: commands of ours that are complete and not tried elsewhere, each once."""
+    found = [shlex.join(words[1:]) for words in commands_of(page, inline=False) if words[0] in OURS and len(words) > 2]
+    return [
+        command
+        for command in dict.fromkeys(found)
+        if not command.startswith(ELSEWHERE) and not any(word in command.split() for word in EXAMPLES)
+        and "--mode realtime" not in command and "--out docs" not in command
+    ]  # fmt: skip
 
 
-def shown_commands() -> list[str]:
-    found = []
-    for block in re.findall(r"```bash\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.S):
-        for line in block.splitlines():
-            words = shlex.split(line, comments=True)
-            if words[:1] == ["./run"] and words[1] not in ELSEWHERE:
-                found.append(shlex.join(words[1:]))
-    return found
+RUN = {page.name: to_run(page) for page in PAGES}
 
 
-def test_the_readme_shows_the_two_commands_first() -> None:
-    first = re.search(r"```bash\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.S)
-    assert first
-    assert [line.split()[:2] for line in first.group(1).splitlines()] == [["./run", "demo"], ["./run", "test"]]
-
-
-def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
-    """In the order shown, in one folder: later ones may use what earlier ones made."""
+def slip_vic(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     environment = child_environment(0)
     del environment["ROS_DOMAIN_ID"], environment["SLIP_VIC_EVENTS"]
+    return subprocess.run(
+        [sys.executable, "-m", "slip_bringup.cli", *shlex.split(command)],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+        check=False,
+    )
+
+
+@pytest.mark.timeout(DEADLINE_S * 2)
+@pytest.mark.parametrize("page", [name for name, commands in RUN.items() if commands])
+def test_the_commands_of_a_page_run(page: str, tmp_path: Path) -> None:
+    """In the order shown, in one folder: later ones may use what earlier ones made."""
     (tmp_path / "out").mkdir()
-    commands = shown_commands()
-    assert len(commands) >= 4
-    for command in commands:
-        done = subprocess.run(
-            [sys.executable, "-m", "slip_bringup.cli", *shlex.split(command)],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=DEADLINE_S,
-            check=False,
-        )
-        assert done.returncode == 0, f"{command}: {done.stderr}"
+    for command in GIVEN.get(page, ()):
+        assert slip_vic(command, tmp_path).returncode == 0
+    if page == "bags.md":
+        shutil.copytree(tmp_path / "out" / "mine", tmp_path / "out" / "killed")
+        (tmp_path / "out" / "killed" / "metadata.yaml").unlink()
+    for command in RUN[page]:
+        done = slip_vic(command, tmp_path)
+        assert done.returncode == DIFFERS.get(command, 0), f"{command}: {done.stdout}{done.stderr}"
+
+
+def test_there_is_something_to_run() -> None:
+    assert len(RUN["README.md"]) >= 5
+    assert len(RUN["bags.md"]) >= 5
+    assert RUN["sensors.md"]
