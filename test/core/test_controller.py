@@ -14,8 +14,8 @@ from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.types import CartesianReference, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import VicController
-from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.core.rotation import exp_so3, log_so3
+from slip_vic_controller.params import ControllerParams
 
 from .small_arm import HOME, small_arm_urdf
 

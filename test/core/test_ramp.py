@@ -12,9 +12,9 @@ from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.core.controller import VicController
-from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.core.ramp import make_ramp, ramp_time, tuning_at
 from slip_vic_controller.core.tuning import gain_report, make_tuning
+from slip_vic_controller.params import ControllerParams
 
 from .small_arm import HOME, small_arm_urdf
 

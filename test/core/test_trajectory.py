@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from slip_core.params import build
-from slip_vic_controller.params import TrajectoryParams
 from slip_vic_controller.core.trajectory import make_path, reference_at
+from slip_vic_controller.params import TrajectoryParams
 
 from .law_referee import S, exponential
 

@@ -24,8 +24,8 @@ from slip_vic_controller.core.hold import (
 )
 from slip_vic_controller.core.lateness import DECAY_S, Lateness, answered
 from slip_vic_controller.core.modes import Mode
-from slip_vic_controller.safety_params import SafetyParams
 from slip_vic_controller.core.session import ControllerSession
+from slip_vic_controller.safety_params import SafetyParams
 
 from .delivery import answered_outputs
 

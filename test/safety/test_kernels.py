@@ -16,7 +16,6 @@ from slip_vic_controller.core.packing import LawOutcome
 from slip_vic_controller.core.path_time import moving, scale_for_error
 from slip_vic_controller.core.repulsion import TRIP, joint_repulsion, make_walls, pack_walls, pad_brake, too_fast
 from slip_vic_controller.core.rotation import exp_so3
-from slip_vic_controller.safety_params import LimitParams
 from slip_vic_controller.core.watch_kernel import (
     ABSURD,
     DENORMAL,
@@ -27,6 +26,7 @@ from slip_vic_controller.core.watch_kernel import (
     judge_joints,
     judge_six,
 )
+from slip_vic_controller.safety_params import LimitParams
 from test.core.small_arm import JOINT_NAMES, small_arm_urdf
 
 SEEDS = range(200)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from slip_campaigns.faults.plan import ON_NODES, ON_TOPICS
 from slip_vic_controller.core.modes import Mode
-from slip_vic_controller.safety_params import SafetyParams
 from slip_vic_controller.core.trouble import reaction_table
+from slip_vic_controller.safety_params import SafetyParams
 
 PAGE = (Path(__file__).parents[2] / "docs" / "safety.md").read_text(encoding="utf-8")
 

@@ -15,9 +15,9 @@ from slip_sim_bridge.session import BridgeSession
 from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.core.findings import SLIDES
 from slip_vic_controller.core.modes import Mode, Request
-from slip_vic_controller.safety_params import SafetyParams
 from slip_vic_controller.core.session import ControllerSession
 from slip_vic_controller.core.trouble import Trouble, say
+from slip_vic_controller.safety_params import SafetyParams
 
 from .delivery import answered_outputs
 

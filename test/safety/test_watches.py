@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slip_vic_controller.safety_params import SlipWatchParams
 from slip_vic_controller.core.trouble import Trouble
 from slip_vic_controller.core.watches import VectorWatch
+from slip_vic_controller.safety_params import SlipWatchParams
 
 PERIOD_NS = 4_000_000
 PARAMS = SlipWatchParams()

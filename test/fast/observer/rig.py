@@ -6,10 +6,10 @@ import numpy as np
 
 from slip_core.params import build
 from slip_core.records import new, record
-from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.observer.config import capacity, observer_config
 from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE, SAMPLE
 from slip_vic_controller.observer.observer import observe_buffers, reset_buffers
+from slip_vic_controller.params import ControllerParams
 
 MS = 1_000_000
 PLANE = (True, True, False, False, False, True)

@@ -8,22 +8,8 @@ import pytest
 
 from slip_bags.reader import Bag
 from slip_bringup.inprocess import run_in_process
-from slip_bringup.launcher import Launcher
-from slip_bringup.scenario import Scenario, load_scenario
 from slip_core.stamps import stamp_to_ns
-
-DURATION_S = 0.6
-NOISE = (
-    "bridge.sensors.slip.noise_linear=1e-3",
-    "bridge.sensors.slip.rate_hz=120.0",
-    "bridge.sensors.slip.latency_s=0.01",
-    "bridge.sensors.wrench.noise_force=0.05",
-    "bridge.sensors.joint.noise_position=1e-6",
-)
-
-
-def scenario(seed: int, *assignments: str) -> Scenario:
-    return load_scenario("paper_planar", seed=seed, assignments=(f"bridge.duration_s={DURATION_S}", *assignments))
+from test.slow.conftest import Recording, noisy_scenario, record
 
 
 def decoded(bag: Path) -> dict[str, list[Any]]:
@@ -45,12 +31,10 @@ def plain(value: Any) -> Any:
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    folder = tmp_path_factory.mktemp("lockstep")
-    for name, seed in (("first", 5), ("again", 5), ("other", 6)):
-        result = Launcher(scenario(seed, *NOISE), bag=folder / name).run()
-        assert result.lost == 0
-    return {name: folder / name for name in ("first", "again", "other")}
+def recorded(noisy_run: Recording, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    again = record(tmp_path_factory.mktemp("again"), noisy_scenario(5))
+    other = record(tmp_path_factory.mktemp("other"), noisy_scenario(6))
+    return {"first": noisy_run.bag, "again": again.bag, "other": other.bag}
 
 
 def test_same_seed_same_messages(recorded: dict[str, Path]) -> None:
@@ -65,12 +49,12 @@ def test_another_seed_other_messages(recorded: dict[str, Path]) -> None:
 
 
 def test_dds_equals_in_process(recorded: dict[str, Path]) -> None:
-    ticks = list(run_in_process(scenario(5, *NOISE)))
+    ticks = list(run_in_process(noisy_scenario(5)))
     with Bag(recorded["first"]) as bag:
         commands = [m.value for m in bag.messages("/effort_command")]
         states = [m.value for m in bag.messages("/joint_states")]
         slips = [m.value for m in bag.messages("/slip_velocity")]
-    assert len(commands) == len(states) == len(ticks) == round(DURATION_S * 1000)
+    assert len(commands) == len(states) == len(ticks) == 600
     for tick, command, state in zip(ticks, commands, states, strict=True):
         assert stamp_to_ns(command.header.stamp) == stamp_to_ns(state.header.stamp) == tick.outputs.stamp_ns
         assert np.array(state.position).tobytes() == tick.outputs.joint.position.tobytes()

@@ -93,27 +93,26 @@ def test_namespaces_move_everything(processes: Processes, params) -> None:
     assert processes.stop(controller, signal.SIGINT) == 0
 
 
-@pytest.mark.parametrize(
-    ("module", "argument", "words"),
-    [
-        (CONTROLLER, "gains.ks:=5.0", ["gains.ks", "gains.k_s"]),
-        (CONTROLLER, "gains.k_s:=-5.0", ["gains.k_s", "greater than 0"]),
-        (CONTROLLER, "gains.stiffness:=[1.0, 2.0]", ["gains.stiffness"]),
-        (CONTROLLER, "ee_frame:=hand_of_god", ["hand_of_god"]),
-        (CONTROLLER, "robot_description_file:=nowhere.urdf", ["nowhere.urdf"]),
-        (BRIDGE, "friction.model:=glue", ["friction.model", "stribeck"]),
-        (BRIDGE, "joint_names:=[arm_joint2, arm_joint1]", ["initial_position"]),
-    ],
-)
-def test_a_bad_parameter_is_one_line_and_exit_code_2(
-    processes: Processes, module: str, argument: str, words: list[str]
-) -> None:
-    node = processes.python("node", "-m", module, "--ros-args", "-p", argument)
-    assert processes.wait_end(node) == 2, node.tail()
-    lines = list(node.lines)
-    assert len(lines) == 1, node.tail()
-    assert lines[0].startswith("error: ")
-    assert all(word in lines[0] for word in words), lines[0]
+BAD = [
+    (CONTROLLER, "gains.ks:=5.0", ["gains.ks", "gains.k_s"]),
+    (CONTROLLER, "gains.k_s:=-5.0", ["gains.k_s", "greater than 0"]),
+    (CONTROLLER, "gains.stiffness:=[1.0, 2.0]", ["gains.stiffness"]),
+    (CONTROLLER, "ee_frame:=hand_of_god", ["hand_of_god"]),
+    (CONTROLLER, "robot_description_file:=nowhere.urdf", ["nowhere.urdf"]),
+    (BRIDGE, "friction.model:=glue", ["friction.model", "stribeck"]),
+    (BRIDGE, "joint_names:=[arm_joint2, arm_joint1]", ["initial_position"]),
+]
+
+
+def test_a_bad_parameter_is_one_line_and_exit_code_2(processes: Processes) -> None:
+    """All at once: each ends by itself, before it has a node."""
+    nodes = [processes.python(argument, "-m", module, "--ros-args", "-p", argument) for module, argument, _ in BAD]
+    for node, (_, _, words) in zip(nodes, BAD, strict=True):
+        assert processes.wait_end(node) == 2, node.tail()
+        lines = list(node.lines)
+        assert len(lines) == 1, node.tail()
+        assert lines[0].startswith("error: ")
+        assert all(word in lines[0] for word in words), lines[0]
 
 
 def watch_for_publisher(processes: Processes, topic: str) -> None:
