@@ -14,7 +14,7 @@ from slip_core.records import record
 from slip_vic_controller.core.params import ControllerParams
 from slip_vic_controller.law.attitude import LOG, LOG_REPORT, RPY
 from slip_vic_controller.law.law import LAW_CONFIG, make_law_config
-from test.referees.law_referee import referee_law
+from test.referees.law_referee import about, referee_law
 from test.support.law_cases import PI, Case, random_case
 
 REFEREE = 1e-11  # of the largest intermediate of the case: two routes through inverses of well-scaled matrices
@@ -58,6 +58,7 @@ def assert_equal(case: Case) -> dict[str, Any]:
         assert symbols[name] == pytest.approx(expected[name], rel=REFEREE, abs=REFEREE), name
     assert symbols["V_e"] == pytest.approx(expected["V_e"], rel=REFEREE * scale, abs=REFEREE)
     assert symbols["damping_squared"] == pytest.approx(expected["damping_squared"], rel=1e-6, abs=REFEREE)
+    assert symbols["sigma_min"] == pytest.approx(expected["sigma_min"], abs=1e-6)  # a root of a difference near zero
     n = case.joints
     largest = max(np.abs(expected["tau"]).max(), np.abs(expected["tau_task"]).max(), scale)
     torques = ("tau_task", "tau_null")
@@ -205,3 +206,32 @@ def test_parameters_become_the_config() -> None:
     many = {"position": (0.0,) * 15, "orientation_xyzw": (0.0, 0.0, 0.0, 1.0) * 5, "slip_axes": (True,) * 30}
     with pytest.raises(InputError, match="at most 4"):
         make_law_config(build(ControllerParams, {"contacts": many}, "test"), np.full(6, 30.0))
+
+
+def test_gimbal_lock_gives_a_bounded_effort_and_says_so() -> None:
+    """T_e of roll, pitch, yaw is singular at +-90 deg of pitch: the fallback is damped, the law goes on."""
+    for pitch in (PI / 2, -PI / 2, PI / 2 - 1e-9, PI / 2 - 0.05):
+        case = random_case(3, attitude=RPY)
+        error = about(2, 0.3) @ about(1, pitch) @ about(0, -0.2)
+        case.reference.rotation[:] = case.arm.rotation @ error.T
+        found = case.evaluate()
+        assert found.ok
+        assert found.near_singular_attitude
+        assert np.abs(found.a_C).max() < 1e5
+        assert all(map(math.isfinite, case.symbols().values()))
+
+
+def test_what_is_ok_is_finite_and_inside_the_limits_whatever_comes_in() -> None:
+    rng, good = np.random.default_rng(0), 0
+    for trial in range(1000):
+        case = random_case(trial, contacts=1 + trial % 3, attitude=trial % 2)
+        buffer = case.buffers[rng.integers(1, len(case.buffers))]
+        numbers = (0.0, 5e-324, 1e-300, -1e-9, 1e3, 1e9, 1e154, -1e300, math.inf, math.nan)
+        buffer[rng.integers(0, buffer.size, 1 + trial % 4)] = rng.choice(numbers)
+        found = case.evaluate()
+        good += found.ok
+        if found.ok:
+            assert np.isfinite(found.torque.tau).all()
+            assert (np.abs(found.effort) <= case.config.effort_limit).all()
+            assert np.isfinite(found.e).all()
+    assert 100 < good < 990
