@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from slip_core.params import build
-from slip_vic_controller.core.params import TrajectoryParams
 from slip_vic_controller.law.attitude import LOG, RPY
+from slip_vic_controller.params import TrajectoryParams
 from slip_vic_controller.reference.paths import make_path
 from slip_vic_controller.robot import Robot
 from test.referees.law_referee import S, V_s_dot, exponential, referee_law, slip_acceleration, two

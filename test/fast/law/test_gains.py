@@ -12,9 +12,10 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.records import record
-from slip_vic_controller.core.params import ControllerParams
 from slip_vic_controller.law.gains import LAW_GAINS, RAMP, gain_report, make_law_gains, make_ramp, ramp_time, steady
-from test.support.law_kernels import gains_now
+from slip_vic_controller.params import ControllerParams
+from test.support.law_cases import random_case
+from test.support.law_kernels import gains_now, run_gains
 
 MS = 1_000_000
 STIFF = {"gains.stiffness": (20.0,) * 6, "gains.damping": (5.0,) * 6}
@@ -106,3 +107,17 @@ def test_a_harder_change_takes_longer_and_a_softer_one_only_the_least_time() -> 
     assert ramp_time(soft, hard) > 0.3
     assert ramp_time(hard, soft) == 0.0
     assert record(make_ramp(hard, soft, 0, 0.2), RAMP).duration_ns == 200 * MS
+
+
+def test_a_change_reaches_the_law_without_a_kick() -> None:
+    """An arm that stands 20 mm off its goal feels the new stiffness as a slow rise of its torque."""
+    ramp, case = make_ramp(law_gains(), law_gains(**STIFF), 50 * MS, 0.2), random_case(1, slip=0.0, angle=0.0)
+    case.arm.twist[:], case.reference.twist[:], case.reference.acceleration[:] = 0.0, 0.0, 0.0
+    case.reference.position[:] = case.arm.position + [0.02, 0.0, 0.0]
+    torques = []
+    for k in range(1200):
+        run_gains(ramp, k * MS, case.buffers[1])
+        torques.append(np.array(case.evaluate().torque.tau))
+    whole = np.abs(torques[-1] - torques[0]).max()
+    assert whole > 0.1, "a change without consequence proves nothing"
+    assert np.abs(np.diff(torques, axis=0)).max() < 0.02 * whole

@@ -18,9 +18,9 @@ def digests() -> list[str]:
     """Return what the bytes of each result come to: law and symbols, observer's motion, slip, ramp, references."""
     from slip_core.params import build
     from slip_core.records import record
-    from slip_vic_controller.core.params import ControllerParams, TrajectoryParams
     from slip_vic_controller.law.bounds import held_sample_limit
     from slip_vic_controller.law.gains import RAMP, make_law_gains, make_ramp
+    from slip_vic_controller.params import ControllerParams, TrajectoryParams
     from slip_vic_controller.reference.paths import make_path
     from test.support import law_kernels as run
     from test.support.law_cases import PI, random_case

@@ -7,7 +7,7 @@ import pytest
 
 from slip_core.params import build
 from slip_core.records import new, record
-from slip_vic_controller.core.params import TrajectoryParams
+from slip_vic_controller.params import TrajectoryParams
 from slip_vic_controller.reference.path_scaling import PATH_SCALING
 from slip_vic_controller.reference.paths import REFERENCE, make_path
 from test.support import law_kernels as run

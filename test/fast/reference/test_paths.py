@@ -7,7 +7,7 @@ import pytest
 
 from slip_core.errors import InputError
 from slip_core.params import build
-from slip_vic_controller.core.params import TrajectoryParams
+from slip_vic_controller.params import TrajectoryParams
 from slip_vic_controller.reference.paths import make_path
 from slip_vic_controller.sizes import MAX_SEGMENTS
 from test.referees.law_referee import S, exponential
