@@ -113,7 +113,7 @@ def test_a_change_reaches_the_law_without_a_kick() -> None:
     """An arm that stands 20 mm off its goal feels the new stiffness as a slow rise of its torque."""
     ramp, case = make_ramp(law_gains(), law_gains(**STIFF), 50 * MS, 0.2), random_case(1, slip=0.0, angle=0.0)
     case.arm.twist[:], case.reference.twist[:], case.reference.acceleration[:] = 0.0, 0.0, 0.0
-    case.reference.position[:] = case.arm.position + [0.02, 0.0, 0.0]
+    case.reference.position[:] = case.arm.position + np.array([0.02, 0.0, 0.0])
     torques = []
     for k in range(1200):
         run_gains(ramp, k * MS, case.buffers[1])
