@@ -51,10 +51,11 @@ _ARM, _EFFORT, _LEDGER = place(INPUTS, "arm"), place(OUTPUTS, "effort"), place(O
 _ANSWERED, _MODE = place(OUTPUTS, "answered").start, place(OUTPUTS, "mode.mode").start
 _OK, _CAUSE = place(OUTPUTS, "ok").start, place(OUTPUTS, "mode.reason").start
 _REASON = slice(_CAUSE, _CAUSE + 3)
+_MODES = tuple(Mode)
 _PATH_SCALE = place(OUTPUTS, "path_scale").start
 _NOW, _REQUEST, _MISSING = (place(INPUTS, name).start for name in ("now_ns", "request", "missing"))
 _CYCLES, _LAW_KNOWN = place(STATE, "cycles").start, place(STATE, "law.known").start
-_STATE_MODE, _BEGUN = place(STATE, "mode.mode").start, place(STATE, "begun").start
+_STATE_MODE, _PENDING = place(STATE, "mode.mode").start, place(STATE, "joint.pending").start
 
 
 class Health(NamedTuple):
@@ -129,11 +130,12 @@ class CycleResult:
 
     def __init__(self, controller: Controller, joint: JointSample, inputs: Array, outputs: Array) -> None:
         self._controller, self.joint, self.inputs, self.outputs = controller, joint, inputs, outputs
+        outputs.setflags(write=False)
         whole = outputs.view(np.int64)
         used = 3 + 4 * controller.contacts
         ledger = whole[_LEDGER].tolist()
         self.ledger, self.decision = tuple(ledger[:used]), tuple(ledger[used : used + 5])
-        self.mode = Mode(int(whole[_MODE]))
+        self.mode = _MODES[whole[_MODE]]
         effort = outputs[_EFFORT][: len(controller.robot.joint_names)] if whole[_ANSWERED] else NO_EFFORT
         self.command = EffortCommand(joint.stamp_ns, effort)
 
@@ -217,7 +219,7 @@ class ControllerSession:
     @property
     def mode(self) -> Mode:
         """The mode of the last cycle."""
-        return Mode(int(self._whole[_STATE_MODE]))
+        return _MODES[self._whole[_STATE_MODE]]
 
     @property
     def reason(self) -> str:
@@ -264,7 +266,7 @@ class ControllerSession:
         fault = receive_joint_state(
             self._config, self.buffer, sample.stamp_ns, q, qd, effort, refused, now_ns, self._lockstep
         )
-        if self._state.joint.pending:
+        if self._whole[_PENDING]:
             self._joint, self._joint_fault = sample, Fault(fault)
 
     def add_wrench(self, contact: int, sample: WrenchSample, now_ns: int | None = None) -> None:
