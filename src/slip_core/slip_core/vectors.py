@@ -258,3 +258,18 @@ def put_spatial(a: Array, s: Spatial) -> None:
     """Write linear and angular part to an array (6,)."""
     put(a[:3], s.linear)
     put(a[3:], s.angular)
+
+
+@part
+def quaternion(R: Mat) -> tuple[Vec, float]:
+    """Return vector and scalar part, up to a common factor: Shepperd's choice of the largest element, w >= 0."""
+    xx, yy, zz = R.x.x, R.y.y, R.z.z
+    trace = xx + yy + zz
+    v, w = Vec(R.z.y - R.y.z, R.x.z - R.z.x, R.y.x - R.x.y), 1.0 + trace
+    if xx >= trace and xx >= yy and xx >= zz:  # of equal elements the first counts
+        v, w = Vec(1.0 + 2.0 * xx - trace, R.y.x + R.x.y, R.z.x + R.x.z), R.z.y - R.y.z
+    elif yy >= trace and yy >= zz:
+        v, w = Vec(R.y.x + R.x.y, 1.0 + 2.0 * yy - trace, R.z.y + R.y.z), R.x.z - R.z.x
+    elif zz >= trace:
+        v, w = Vec(R.z.x + R.x.z, R.z.y + R.y.z, 1.0 + 2.0 * zz - trace), R.y.x - R.x.y
+    return (-v, -w) if w < 0.0 else (v, w)

@@ -14,7 +14,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, Int64MultiArray, String
 
-from slip_core import pose_kernel
+from slip_core import poses
 from slip_core.arrays import Array, readonly
 from slip_core.stamps import split_ns
 from slip_core.types import ObjectTruth, SlipSample
@@ -115,14 +115,14 @@ def slip_numbers(sample: SlipSample) -> Array:
 def pose_numbers(position: Array, rotation: Array) -> Array:
     """Return position and quaternion x y z w; (3,) [m], (3, 3) -> (7,)."""
     numbers = np.empty(7)
-    pose_kernel.pose(position, np.ascontiguousarray(rotation), numbers)
+    poses.pose(position, np.ascontiguousarray(rotation), numbers)
     return numbers
 
 
 def odometry_numbers(truth: ObjectTruth) -> tuple[Array, Array]:
     """Return the object's pose (7,) in `world` and its twist (6,) in object axes."""
     numbers = np.empty(13)
-    pose_kernel.odometry(truth.position, np.ascontiguousarray(truth.rotation), truth.twist, numbers)
+    poses.odometry(truth.position, np.ascontiguousarray(truth.rotation), truth.twist, numbers)
     return numbers[:7], numbers[7:]
 
 

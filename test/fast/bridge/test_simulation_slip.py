@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-from slip_core.arrays import rotate6, skew
 from slip_description import urdf_text
+from test.referees.arrays import rotate6, skew
 from test.referees.grasp_twin import GraspTwin
 from test.support.every import every
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from slip_core.arrays import Array
+from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, OUT2, VOID, kernel
 from slip_core.params import build
-from slip_core.records import new, record
+from slip_core.records import new, record, records
 from slip_vic_controller.observer.config import capacity, observer_config
 from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE, SAMPLE
-from slip_vic_controller.observer.observer import observe_buffers, reset_buffers
+from slip_vic_controller.observer.observer import observe, reset
 from slip_vic_controller.params import ControllerParams
 
 MS = 1_000_000
@@ -22,6 +24,23 @@ def make_params(**values) -> ControllerParams:
 
 def six(x: float = 0.0, y: float = 0.0, turn: float = 0.0) -> np.ndarray:
     return np.array([x, y, 0.0, 0.0, 0.0, turn])
+
+
+@kernel(VOID(IN1, OUT1, INT, IN1))
+def reset_buffers(config: Array, state: Array, stamp_ns: int, v_ee: Array) -> None:
+    """`reset` of buffers."""
+    reset(record(config, OBSERVER_CONFIG), record(state, OBSERVER), stamp_ns, v_ee)
+
+
+@kernel(BOOL(IN1, OUT1, OUT2, IN1, INT, IN2, INT))
+def observe_buffers(
+    config: Array, state: Array, history: Array, motion: Array, stamp_ns: int, samples: Array, count: int
+) -> bool:
+    """`observe` of buffers; samples: (n, 7)."""
+    return observe(
+        record(config, OBSERVER_CONFIG), record(state, OBSERVER), history, record(motion, MOTION), stamp_ns,
+        records(samples, SAMPLE), count,
+    )  # fmt: skip
 
 
 class Observer:

@@ -17,9 +17,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from slip_core.arrays import Array
+from slip_core.cholesky import LARGEST
 from slip_core.compiled import part
 from slip_core.records import REAL, WHOLE, layout, new, record
-from slip_core.small_kernel import LARGEST
 from slip_core.vectors import ZERO, Spatial, mat, put, put_mat, put_spatial, spatial, vec
 from slip_vic_controller.law.attitude import LOG, RPY, T_e, attitude_error, on_error_axes
 from slip_vic_controller.law.contact import CONTACT, G_T, Phi2, fill_contacts, slip_velocity

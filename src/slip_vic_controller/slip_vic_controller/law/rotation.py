@@ -9,7 +9,7 @@ import math
 from typing import Final
 
 from slip_core.compiled import part
-from slip_core.vectors import Mat, Vec
+from slip_core.vectors import Mat, Vec, quaternion
 
 SERIES_BELOW: Final = 0.01
 """theta^2 [rad^2] below which the series is used: its first left-out term is below 1e-16 there."""
@@ -68,21 +68,6 @@ def logarithm(R: Mat) -> Vec:
     size = v.norm()
     k = 2.0 * math.atan2(size, w) / size if size > 1e-12 else 2.0 / w
     return k * v
-
-
-@part
-def quaternion(R: Mat) -> tuple[Vec, float]:
-    """Return vector and scalar part, up to a common factor: Shepperd's choice of the largest element, w >= 0."""
-    xx, yy, zz = R.x.x, R.y.y, R.z.z
-    trace = xx + yy + zz
-    v, w = Vec(R.z.y - R.y.z, R.x.z - R.z.x, R.y.x - R.x.y), 1.0 + trace
-    if xx >= trace and xx >= yy and xx >= zz:  # of equal elements the first counts
-        v, w = Vec(1.0 + 2.0 * xx - trace, R.y.x + R.x.y, R.z.x + R.x.z), R.z.y - R.y.z
-    elif yy >= trace and yy >= zz:
-        v, w = Vec(R.y.x + R.x.y, 1.0 + 2.0 * yy - trace, R.z.y + R.y.z), R.x.z - R.z.x
-    elif zz >= trace:
-        v, w = Vec(R.z.x + R.x.z, R.z.y + R.y.z, 1.0 + 2.0 * zz - trace), R.y.x - R.x.y
-    return (-v, -w) if w < 0.0 else (v, w)
 
 
 @part

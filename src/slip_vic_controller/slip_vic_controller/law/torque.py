@@ -11,9 +11,9 @@ from typing import Any, Final
 import numpy as np
 
 from slip_core.arrays import Array
+from slip_core.cholesky import back_substitute, cholesky, forward_substitute
 from slip_core.compiled import part
 from slip_core.records import REAL, layout
-from slip_core.small_kernel import back_substitute, cholesky, forward_substitute
 from slip_core.vectors import Spatial, mat, put_spatial, spatial
 from slip_vic_controller.sizes import MAX_JOINTS
 

@@ -12,14 +12,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from slip_core.arrays import Array
-from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, OUT2, VOID, kernel, part
-from slip_core.records import record, records
-from slip_core.small_kernel import LARGEST
+from slip_core.cholesky import LARGEST
+from slip_core.compiled import part
+from slip_core.records import records
 from slip_core.vectors import Spatial, Vec, mat, put, put_spatial, spatial, vec
 from slip_vic_controller.observer.axis import Axis, put_axis, read_axis
 from slip_vic_controller.observer.history import append
-from slip_vic_controller.observer.layouts import AXES, MOTION, OBSERVER, OBSERVER_CONFIG, ROW, SAMPLE, TICK_ROW
+from slip_vic_controller.observer.layouts import AXES, ROW, TICK_ROW
 from slip_vic_controller.observer.slip import drop_old_rows, observe_slip
 from slip_vic_controller.observer.stick import observe_stick
 
@@ -140,20 +139,3 @@ def is_small(state: Any) -> bool:
         for number in read_axis(x):
             small = small and abs(number) <= LARGEST
     return small
-
-
-@kernel(VOID(IN1, OUT1, INT, IN1))
-def reset_buffers(config: Array, state: Array, stamp_ns: int, v_ee: Array) -> None:
-    """`reset` of buffers."""
-    reset(record(config, OBSERVER_CONFIG), record(state, OBSERVER), stamp_ns, v_ee)
-
-
-@kernel(BOOL(IN1, OUT1, OUT2, IN1, INT, IN2, INT))
-def observe_buffers(
-    config: Array, state: Array, history: Array, motion: Array, stamp_ns: int, samples: Array, count: int
-) -> bool:
-    """`observe` of buffers; samples: (n, 7)."""
-    return observe(
-        record(config, OBSERVER_CONFIG), record(state, OBSERVER), history, record(motion, MOTION), stamp_ns,
-        records(samples, SAMPLE), count,
-    )  # fmt: skip

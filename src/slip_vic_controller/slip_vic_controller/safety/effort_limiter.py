@@ -8,9 +8,10 @@ from __future__ import annotations
 from typing import Any
 
 from slip_core.arrays import Array
+from slip_core.cholesky import LARGEST
 from slip_core.compiled import part
 from slip_core.records import REAL, WHOLE, layout
-from slip_vic_controller.safety.validation import LARGEST, all_finite
+from slip_vic_controller.safety.validation import all_finite
 from slip_vic_controller.sizes import MAX_JOINTS
 
 NS = 1e-9

@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 
 from slip_core.arrays import Array
+from slip_core.cholesky import LARGEST
 from slip_core.compiled import part
 from slip_core.records import REAL, WHOLE, layout
 from slip_vic_controller.safety.faults import FAULTS, Fault
 from slip_vic_controller.sizes import MAX_FRESH, MAX_JOINTS
 
-LARGEST = 1e154
-"""Beyond it squares overflow; NaN is not below it either."""
 TINY = float(np.finfo(np.float64).tiny)
 ARM_MOVES = 0.02
 """[rad/s]"""

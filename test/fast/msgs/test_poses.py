@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from slip_core.arrays import quat_xyzw_from_matrix, rotate6
 from slip_core.types import ObjectTruth
 from slip_msgs_py import to_msgs
+from test.referees.arrays import quat_xyzw_from_matrix, rotate6
 
 SAME = 1e-15  # a few roundings of numbers of size 1
 HALF_TURNS = [np.diag(signs) for signs in ((1.0, 1, 1), (1.0, -1, -1), (-1.0, 1, -1), (-1.0, -1, 1))]

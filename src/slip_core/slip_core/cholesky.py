@@ -1,4 +1,4 @@
-"""Parts of kernels: vectors and matrices of a few rows, by loops."""
+"""Cholesky factors by loops: no linear algebra library, so the same bits on every processor."""
 
 from __future__ import annotations
 
