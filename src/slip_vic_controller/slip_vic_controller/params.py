@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import ClassVar, Literal
+from typing import Literal
 
 from pydantic import Field, model_validator
 
@@ -72,8 +72,6 @@ class GainParams(ParameterModel):
             if min(values) <= 0.0:
                 raise ValueError(f"{name} {list(values)}: every gain must be positive")
         return self
-
-    spin_lever: ClassVar = property(lambda self: self.characteristic_length)
 
 
 class ObjectParams(grasp_params.ObjectParams):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from slip_core import sensor_params
 from slip_core.params import ParameterModel, parameter
 
@@ -128,12 +126,3 @@ class ObserverParams(ParameterModel):
     correct_follow: bool = parameter(
         True, "use the estimated error of the object's acceleration in the compensation too"
     )
-
-    rough_linear: ClassVar = property(lambda self: self.process_noise_linear)
-    rough_angular: ClassVar = property(lambda self: self.process_noise_angular)
-    floor_linear: ClassVar = property(lambda self: self.min_slip_std_m_s)
-    floor_angular: ClassVar = property(lambda self: self.min_slip_std_rad_s)
-    rest_linear: ClassVar = property(lambda self: self.stick_acceleration_std_m_s2)
-    rest_angular: ClassVar = property(lambda self: self.stick_acceleration_std_rad_s2)
-    calm_linear: ClassVar = property(lambda self: self.stick_speed_std_m_s)
-    calm_angular: ClassVar = property(lambda self: self.stick_speed_std_rad_s)

@@ -28,6 +28,14 @@ def test_every_named_file_of_the_repository_exists(page: Path) -> None:
         assert (ROOT / name).exists(), name
 
 
+@every("page", PAGES)
+def test_every_named_module_exists(page: Path) -> None:
+    """Also where a page gives only the end of its path, such as `law/gains.py`."""
+    known = [f"/{path.relative_to(ROOT)}" for folder in ("src", "test") for path in (ROOT / folder).rglob("*.py")]
+    for name in re.findall(r"`([\w/]+\.py)`", page.read_text()):
+        assert name == "friction/x.py" or any(path.endswith(f"/{name}") for path in known), name
+
+
 def test_the_readme_shows_the_two_commands_first() -> None:
     first = re.search(r"```bash\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.S)
     assert first
