@@ -21,7 +21,7 @@ from slip_campaigns.bench.measure import BenchResult
 from slip_campaigns.bench.report import write_results
 from slip_campaigns.bench.samples import Metric, Rounds, metric_from, relative_spread, rotated
 from slip_core.errors import InputError
-from slip_vic_controller.core.arm import ArmModel
+from slip_vic_controller.robot import Robot
 
 values = st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=9).map(tuple)
 
@@ -182,16 +182,16 @@ def test_compare_on_the_command_line(
 # -- what is measured is what it says -----------------------------------------------------------------
 
 
-@pytest.mark.parametrize("joints", [6, 7, 14])
+@pytest.mark.parametrize("joints", measure.JOINTS)
 def test_the_chain_has_the_joints_it_says(joints: int) -> None:
-    arm = ArmModel(chain_urdf(joints), "ee", [f"joint{i}" for i in range(1, joints + 1)])
+    arm = Robot(chain_urdf(joints), "ee", [f"joint{i}" for i in range(1, joints + 1)])
     assert len(arm.effort_limit) == joints
 
 
 def test_the_measured_control_step_does_the_whole_law() -> None:
     now = cost.moment(load_scenario(cost.SCENARIO), ticks=30)
     result = now.step()
-    assert result.diagnostics.status == "ok"
+    assert result.ok
     assert result.command.effort.tobytes() == now.step().command.effort.tobytes()
 
 

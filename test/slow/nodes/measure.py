@@ -35,7 +35,7 @@ from slip_campaigns.faults.monitors import LOST_M
 from slip_msgs_py.cpu_latency import LATENCY_FILE, CpuLatency
 from slip_msgs_py.events import Started
 from slip_msgs_py.realtime import ProcessOptions, set_up_interpreter
-from slip_vic_controller.core.modes import Mode
+from slip_vic_controller.safety.modes import Mode
 
 START_S, STOP_S = 60.0, 10.0
 HIGHEST = 95

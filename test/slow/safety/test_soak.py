@@ -27,7 +27,7 @@ from slip_campaigns.soak.operator import STEPS, operator_of
 from slip_campaigns.soak.run import sample_process, soak_scenario
 from slip_msgs_py import to_msgs
 from slip_msgs_py.qos import create_publisher
-from slip_vic_controller.core.modes import Mode
+from slip_vic_controller.safety.modes import Mode
 
 LEAK = """
 import os, sys, time
