@@ -10,7 +10,7 @@ from slip_core.records import layout, new, record
 from slip_core.vectors import mat, put, put_mat, put_spatial, spatial, vec
 from slip_vic_controller.law import attitude, contact, impedance, rotation, torque
 from slip_vic_controller.law.arm import ARM
-from slip_vic_controller.law.contact import CONTACT, SAMPLE, SLIP
+from slip_vic_controller.law.contact import CONTACT, CONTACT_SAMPLE, SLIP
 from slip_vic_controller.law.gains import GAINS, LAW_GAINS, RAMP, gains_at
 from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG, evaluate, predict_motion
 from slip_vic_controller.law.object import object_motion
@@ -21,7 +21,7 @@ from slip_vic_controller.reference.path_scaling import PATH_SCALING
 from slip_vic_controller.reference.paths import PATH, REFERENCE
 from slip_vic_controller.sizes import MAX_CONTACTS
 
-SAMPLES, SLIPS = layout(at=(SAMPLE, MAX_CONTACTS)), layout(at=(SLIP, MAX_CONTACTS))
+SAMPLES, SLIPS = layout(at=(CONTACT_SAMPLE, MAX_CONTACTS)), layout(at=(SLIP, MAX_CONTACTS))
 OBJECT_MOTION = layout(w_o=("f8", 3), r=("f8", 3), h_o=("f8", 6), a_o=("f8", 6))
 ATTITUDE = layout(
     error=("f8", 3), rate=("f8", 3), Theta=("f8", 3), T_e=("f8", (3, 3)), T_e_inverse=("f8", (3, 3)),

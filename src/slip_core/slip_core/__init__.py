@@ -1,1 +1,1 @@
-"""What every package shares, without ROS: errors, parameters, topic table, values, vectors, the compiler's door."""
+"""What every package shares, without ROS: errors, parameters, topic table, values, vectors, records, compiled code."""

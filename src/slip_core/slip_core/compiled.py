@@ -1,4 +1,4 @@
-"""The compiler's door: formulas of a control cycle as machine code, made once and kept.
+"""The only module that calls the compiler: formulas of a control cycle as machine code, made once and kept.
 
 What is compiled is what is read: the same functions run in Python with NUMBA_DISABLE_JIT=1, to the same bits.
 Compilation is strict IEEE arithmetic (no fast-math, no fused operations, no linear algebra library), so results do not
@@ -68,7 +68,7 @@ def _folder(package: Path) -> Path:
 
 
 def _sources(package: Path) -> list[bytes]:
-    """Return the texts of all modules that import the compiler's door, and of all that these import, here or there."""
+    """Return the texts of all modules that import this one, and of all that these import, here or there."""
     texts = _texts(package) | _texts(Path(__file__).parent)
     wanted, left = set[str](), [name for name, text in texts.items() if b"slip_core.compiled" in text]
     while left:

@@ -120,10 +120,6 @@ class Vec(NamedTuple):
             self.x * other.y - self.y * other.x,
         )
 
-    def masked(self, mask: Vec) -> Vec:
-        """Return the product by components: with 0 and 1, the part along the chosen axes."""
-        return Vec(mask.x * self.x, mask.y * self.y, mask.z * self.z)
-
     def norm(self) -> float:
         """Return the length."""
         return math.sqrt(self.x * self.x + self.y * self.y + self.z * self.z)
@@ -202,10 +198,6 @@ class Spatial(NamedTuple):
 
     def __rmul__(self, k: float) -> Spatial:  # type: ignore[override]
         return Spatial(k * self.linear, k * self.angular)
-
-    def masked(self, mask: Spatial) -> Spatial:
-        """Return the product by components."""
-        return Spatial(self.linear.masked(mask.linear), self.angular.masked(mask.angular))
 
     def dot(self, other: Spatial) -> float:
         """Return the scalar product of both parts: the power of a wrench along a twist."""

@@ -21,7 +21,14 @@ from slip_core.records import REAL, WHOLE, layout, record
 from slip_core.vectors import IDENTITY, ZERO, mat, put, put_mat, put_spatial, spatial, vec
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.bounds import held_sample_limit
-from slip_vic_controller.law.contact import SAMPLE, SLIP, beyond_dead_band, contact_arm, integrate_slips, pad_rotation
+from slip_vic_controller.law.contact import (
+    CONTACT_SAMPLE,
+    SLIP,
+    beyond_dead_band,
+    contact_arm,
+    integrate_slips,
+    pad_rotation,
+)
 from slip_vic_controller.law.gains import LAW_GAINS, RAMP, gains_at
 from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG, evaluate, predict_motion
 from slip_vic_controller.law.symbols import ESTIMATE, SYMBOLS, no_symbols, symbols
@@ -133,7 +140,7 @@ OUTPUTS = layout(
     answered=WHOLE, evaluated=WHOLE, ok=WHOLE, ledger=(WHOLE, LEDGER), effort=(REAL, MAX_JOINTS),
     limited=(WHOLE, MAX_JOINTS), saturated=(WHOLE, MAX_JOINTS), health=HEALTH, mode=MODE,
     path_scale=REAL, wanted=(REAL, MAX_JOINTS),
-    samples=(SAMPLE, MAX_CONTACTS), slips=(SLIP, MAX_CONTACTS), follow_error=(REAL, 6), gains=LAW_GAINS,
+    samples=(CONTACT_SAMPLE, MAX_CONTACTS), slips=(SLIP, MAX_CONTACTS), follow_error=(REAL, 6), gains=LAW_GAINS,
     reference=REFERENCE, motion=MOTION, law=EVALUATION, estimate=ESTIMATE,
 )  # fmt: skip
 """What a cycle gives. answered: 0 = no effort, something is missing; evaluated: `law` holds; ok: the law's effort went
@@ -208,8 +215,8 @@ def _wait(c: Any, s: Any, i: Any, missing: Reason, keep_limiter: int) -> None:
 
 
 @part
-def _judge_inputs(c: Any, s: Any, i: Any, o: Any, fault: int) -> None:
-    """Write what the inputs are worth in this cycle, and what it uses."""
+def _classify_inputs(c: Any, s: Any, i: Any, o: Any, fault: int) -> None:
+    """Write the fault of each input in this cycle, and the stamps of the samples that it uses."""
     stamp_ns, moves = s.joint.answers.stamp_ns, s.joint.moves != 0
     if i.health_given == 0:
         o.health.joint, o.health.wrench, o.health.slip, o.health.outside = fault, 0, 0, s.outside
@@ -519,7 +526,7 @@ def cycle(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outpu
     if missing != 0:
         _wait(c, s, i, because(Cause.WAITS, missing), 0)
     else:
-        _judge_inputs(c, s, i, o, fault)
+        _classify_inputs(c, s, i, o, fault)
         if s.law.known == 0:
             begin_law(c, s, i, history)
         _answer(c, s, history, i, o)

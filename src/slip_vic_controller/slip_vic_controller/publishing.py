@@ -120,12 +120,12 @@ class TimingPublisher:
 
 
 class StatePublisher:
-    """Publishes the controller's memory once a second, so that a replay can begin in the middle of a bag.
+    """Publishes the controller's state once a second, so that a replay can begin in the middle of a bag.
 
     Args:
         node: owner of the publisher.
         period_s: control period.
-        in_background: whether another thread writes the text: a memory is a value, so the next cycle need not wait.
+        in_background: whether another thread writes the text: a snapshot is a copy, so the next cycle need not wait.
     """
 
     def __init__(self, node: Any, period_s: float, *, in_background: bool) -> None:

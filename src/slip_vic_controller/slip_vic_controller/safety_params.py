@@ -153,7 +153,7 @@ class SafetyParams(ParameterModel):
     hold_damping: float = parameter(30.0, "joint damping over joint inertia in HOLD", unit="1/s", ge=0.0)
     hold_load_s: float = parameter(
         0.05,
-        "time constant with which HOLD learns from the wrench a load that the model does not explain",
+        "time constant with which HOLD takes from the wrench the load that the model does not explain",
         unit="s",
         gt=0.0,
     )

@@ -1,4 +1,4 @@
-"""Parameters of the slip estimate: what is known of the sensors, which estimator, and its tuning."""
+"""Parameters of the slip estimate: what is known of the sensors, which estimator, and its parameters."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, OUT2, VOID, kernel
 from slip_core.params import build
 from slip_core.records import new, record, records
 from slip_vic_controller.observer.config import capacity, observer_config
-from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE, SAMPLE
+from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE, SLIP_SAMPLE
 from slip_vic_controller.observer.observer import observe, reset
 from slip_vic_controller.params import ControllerParams
 
@@ -39,7 +39,7 @@ def observe_buffers(
     """`observe` of buffers; samples: (n, 7)."""
     return observe(
         record(config, OBSERVER_CONFIG), record(state, OBSERVER), history, record(motion, MOTION), stamp_ns,
-        records(samples, SAMPLE), count,
+        records(samples, SLIP_SAMPLE), count,
     )  # fmt: skip
 
 
@@ -62,13 +62,13 @@ class Observer:
 
     def observe(self, motion: np.ndarray, stamp_ns: int, samples) -> bool:
         """Take in a tick, a MOTION buffer, and its samples: pairs of stamp and twist (6,)."""
-        fresh = np.zeros((len(samples), SAMPLE.itemsize // 8))
-        for sample, (sample_ns, twist) in zip(fresh.view(SAMPLE)[:, 0], samples, strict=True):
+        fresh = np.zeros((len(samples), SLIP_SAMPLE.itemsize // 8))
+        for sample, (sample_ns, twist) in zip(fresh.view(SLIP_SAMPLE)[:, 0], samples, strict=True):
             sample["stamp_ns"], sample["twist"] = sample_ns, twist
         return self.observe_packed(motion, stamp_ns, fresh)
 
     def observe_packed(self, motion: np.ndarray, stamp_ns: int, fresh: np.ndarray) -> bool:
-        """Take in a tick and its samples, rows of SAMPLE."""
+        """Take in a tick and its samples, rows of SLIP_SAMPLE."""
         buffers = self.config_buffer, self.buffer, self.history, motion
         return observe_buffers(*buffers, stamp_ns, fresh, len(fresh))
 

@@ -6,7 +6,7 @@ import random
 
 import numpy as np
 
-from slip_vic_controller.observer.layouts import SAMPLE
+from slip_vic_controller.observer.layouts import SLIP_SAMPLE
 from test.fast.observer.bench import Bench
 from test.fast.observer.ride import SENSOR, SLIDE, Ride
 from test.fast.observer.rig import MS, Observer, make_motion, make_params, six
@@ -203,7 +203,7 @@ def test_no_slip_is_found_in_stick_over_a_million_noisy_samples() -> None:
         fresh[:, :, 1:] = readings
         for rows, follow in zip(fresh, follows, strict=True):
             stamp_ns += MS
-            rows.view(SAMPLE)["stamp_ns"][:, 0] = np.arange(stamp_ns - PER_TICK, stamp_ns)
+            rows.view(SLIP_SAMPLE)["stamp_ns"][:, 0] = np.arange(stamp_ns - PER_TICK, stamp_ns)
             assert observer.observe_packed(make_motion(np.zeros(6), follow), stamp_ns, rows)
             assert not observer.state.sliding
     assert observer.state.significance > 0.0

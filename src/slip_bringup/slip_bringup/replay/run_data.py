@@ -69,7 +69,7 @@ class RecordedRun:
     """Everything a replay needs, and what it must reproduce.
 
     joints, wrenches, slips: by stamp [ns], the last two per contact. efforts: per ledger entry, (n,) [N m] or (0,).
-    states: the controller's memory as text, by the cycle that begins with it.
+    states: the controller's state as text, by the cycle that begins with it.
     """
 
     params: ControllerNodeParams

@@ -32,7 +32,7 @@ METRICS = (
 
 @dataclass(frozen=True, slots=True)
 class CaseResult:
-    """Outcome: ok, diverged, held (the supervision stopped the law), refused (bad parameters) or crashed; and why.
+    """Outcome: ok, diverged, held (the mode machine stopped the law), refused (bad parameters) or crashed; and why.
 
     metrics: by the names of `METRICS`, NaN where there is nothing to measure.
     """

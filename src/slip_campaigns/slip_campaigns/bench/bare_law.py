@@ -1,4 +1,4 @@
-"""The law without supervision, to see what supervision costs: no validation, modes, limits or fallbacks."""
+"""The law alone, to see what the rest of a cycle costs: no input validation, modes, limits or fallbacks."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def bare_terms(robot: Robot, joint: JointSample) -> Call:
 
 
 def closed_loop_factor(scenario: Scenario, ticks: int) -> float:
-    """Return simulated over wall time of simulator, sensors and law in one loop, without supervision or middleware."""
+    """Return simulated over wall time of simulator, sensors and law in one loop: the law alone, no middleware."""
     bridge = BridgeSession(scenario.bridge, scenario.urdf)
     law = BareLaw(Controller(scenario.controller, scenario.urdf, lockstep=True))
     outputs = bridge.observe()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -36,7 +37,7 @@ RESTART_S = 0.2  # time from the start of a node to its first message
 
 @dataclass
 class Outcome:
-    """What a trial showed: violations, seconds from the last fault's end to the law (None: not), modes and samples.
+    """What a trial showed: violations, seconds from the last fault's end to the law (None: not), modes and commands.
 
     objects_lost: how often the object left the pads; the simulation is then started anew, as an operator would.
     """
@@ -46,7 +47,6 @@ class Outcome:
     recovery_s: float | None
     modes: Counter[str]
     commands: int
-    troubles: Counter[str]
     record: list[tuple[int, str, Any]] = field(default_factory=list)
     objects_lost: int = 0
 
@@ -100,16 +100,15 @@ class Trial:
             )
         )
         self._joints = JointMonitor(self.scenario.bridge.effort_rate * PERIOD_S)
-        ladder = safety.fallback.slow_down_s + (safety.fallback.observer_s if plan.observer else 0.0)
+        degraded_s = safety.fallback.slow_down_s + (safety.fallback.observer_s if plan.observer else 0.0)
         self._safe = SafeStateMonitor(
             {
                 JOINT: inputs.joint.age_s + PERIOD_S,
                 WRENCH: inputs.wrench.age_s + PERIOD_S,
-                SLIP: inputs.slip.age_s + ladder + PERIOD_S,
+                SLIP: inputs.slip.age_s + degraded_s + PERIOD_S,
             }
         )
         self._modes: Counter[str] = Counter()
-        self._troubles: Counter[str] = Counter()
         self._record: list[tuple[int, str, Any]] = []
         self._done: set[Fault] = set()
         self._controller_back = self._bridge_back = 0.0
@@ -129,8 +128,7 @@ class Trial:
             self._commands.violations.append(f"{type(error).__name__}: {error}")
         violations = self._commands.violations + self._joints.violations + self._safe.violations
         return Outcome(
-            self._plan, violations, self._recovered, self._modes, self._commands.commands, self._troubles, self._record,
-            self._lost,
+            self._plan, violations, self._recovered, self._modes, self._commands.commands, self._record, self._lost,
         )  # fmt: skip
 
     def _run(self) -> None:
@@ -160,8 +158,6 @@ class Trial:
                 self._recovered = t - last_end
             if not follows:
                 self._recovered = None if t < last_end else self._recovered
-        if self._controller is not None:
-            self._troubles.update(self._controller.counts())
 
     # -- nodes -------------------------------------------------------------------------------------
 
@@ -212,10 +208,8 @@ class Trial:
         values["gains.stiffness"] = [factor * k for k in values["gains.stiffness"]]
         values["gains.k_s"] = min(factor * values["gains.k_s"], 200.0)
         values["object.mass"] = values["object.mass"] * factor
-        try:
+        with suppress(InputError):  # gains may be refused; that is no violation
             controller.retune(build(ControllerNodeParams, values, "trial"))
-        except InputError:
-            self._troubles["gains refused"] += 1
 
     def _restart_bridge(self, back: float) -> None:
         """Let the bridge be away until `back` [s] and then begin where the arm is, with the object in the grasp."""

@@ -28,7 +28,7 @@ The position of contact 0, the own one, is LAW_GAINS.contact_position: it moves 
 SLIP = layout(position=(REAL, (3,)), rotation=(REAL, (3, 3)))
 """Pose of a pad relative to {p}: s_l [m] on {p}; R_s, {c} to {p}."""
 
-SAMPLE = layout(wrench=(REAL, (6,)), slip_twist=(REAL, (6,)))
+CONTACT_SAMPLE = layout(wrench=(REAL, (6,)), slip_twist=(REAL, (6,)))
 """What is known at one contact, on the axes of its pad: h_ee [N, N m] and v_s [m/s, rad/s]."""
 
 
@@ -50,7 +50,7 @@ def fill_contacts(params: ContactParams, contacts: Any) -> int:
 
 @part
 def slip_velocity(contact: Any, sample: Any) -> Spatial:
-    """Return v_s of a SAMPLE, zero on axes on which the CONTACT cannot slip; [m/s, rad/s] {c}."""
+    """Return v_s of a CONTACT_SAMPLE, zero on axes on which the CONTACT cannot slip; [m/s, rad/s] {c}."""
     return spatial(contact.slip_axes) * spatial(sample.slip_twist)
 
 
@@ -70,9 +70,9 @@ def integrate_slip(slip: Any, v_s: Spatial, dt: float, out: Any) -> None:
 
 @part
 def integrate_slips(config: Any, samples: Any, slips: Any, dt: float, slips_out: Any) -> None:
-    """Move the slip displacement of every contact for `dt` [s]; LAW_CONFIG, SAMPLE each, SLIP each -> SLIP each.
+    """Move the slip displacement of every contact for `dt` [s].
 
-    `slips_out` may be `slips`.
+    config: LAW_CONFIG; samples: CONTACT_SAMPLE each; slips and slips_out: SLIP each, and may be the same.
     """
     for i in range(config.contacts):
         integrate_slip(slips[i], slip_velocity(config.contact[i], samples[i]), dt, slips_out[i])

@@ -128,7 +128,7 @@ def control_law(
         config: LAW_CONFIG.
         gains: LAW_GAINS.
         arm: ARM.
-        samples: SAMPLE of each contact.
+        samples: CONTACT_SAMPLE of each contact.
         follow_error: what an observer adds to G^T a_o; (6,) [m/s^2, rad/s^2] {ee}.
         e_previous: orientation error one cycle earlier; (3,) [rad].
         slips: SLIP of each contact.
@@ -262,7 +262,7 @@ def predict_motion(config: Any, gains: Any, arm: Any, samples: Any, slips: Any, 
         config: LAW_CONFIG.
         gains: LAW_GAINS.
         arm: ARM.
-        samples: SAMPLE of each contact.
+        samples: CONTACT_SAMPLE of each contact.
         slips: SLIP of each contact, before the slip of this cycle is known.
         slip_twist: v_s that the observer knows; (6,) [m/s, rad/s] {ee}.
         motion: rotation R_ee; v_ee; follow = G^T a_o + Phi2 and force = G^T a_o - gravity (6,); drag = -f_ee / m and

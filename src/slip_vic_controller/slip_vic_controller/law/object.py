@@ -33,7 +33,7 @@ def object_motion(
     Args:
         config: LAW_CONFIG.
         gains: LAW_GAINS.
-        samples: SAMPLE of each contact.
+        samples: CONTACT_SAMPLE of each contact.
         slips: SLIP of each contact.
         R_ee: attitude of the own pad.
         w_ee: its turning [rad/s] {w}.

@@ -40,7 +40,7 @@ def joint_torque(
         config: LAW_CONFIG.
         arm: ARM.
         a_C: control acceleration [m/s^2, rad/s^2] {w}.
-        samples: SAMPLE of each contact, of which the own wrench counts.
+        samples: CONTACT_SAMPLE of each contact, of which the own wrench counts.
         q, qd, posture: joint state and posture of the null space; [rad], [rad/s], [rad].
         out: TORQUE.
 

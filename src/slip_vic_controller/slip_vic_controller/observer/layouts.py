@@ -62,7 +62,7 @@ object's material point under the pad [m/s^2, rad/s^2]. force: the part of it th
 drag: acceleration that the pad gives to the centre of mass [m/s^2]. w_o: angular velocity of the object [rad/s].
 """
 
-SAMPLE = layout(stamp_ns=WHOLE, twist=(REAL, 6))
+SLIP_SAMPLE = layout(stamp_ns=WHOLE, twist=(REAL, 6))
 """A slip sample: when it was measured, and the slip twist [m/s, rad/s] {ee}."""
 
 OBSERVER = layout(
@@ -95,7 +95,7 @@ TICK_ROW, SAMPLE_ROW = 0, 1
 ROW = layout(
     stamp_ns=WHOLE,
     kind=WHOLE,
-    sample=SAMPLE,
+    sample=SLIP_SAMPLE,
     dt=REAL,
     turn_linear=(REAL, 3),
     turn_angular=(REAL, 3),

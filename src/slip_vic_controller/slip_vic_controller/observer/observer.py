@@ -53,7 +53,7 @@ def observe(config: Any, state: Any, history: Any, motion: Any, stamp_ns: int, s
         history: (capacity, ROW_SIZE) float64, zeros in the beginning; belongs to the state, overwritten.
         motion: MOTION of this tick.
         stamp_ns: of this tick, not before the last one.
-        samples: SAMPLE records of the own contact, in any order.
+        samples: SLIP_SAMPLE records of the own contact, in any order.
         count: how many of them there are.
     """
     rows = records(history, ROW)

@@ -51,7 +51,7 @@ def forget(state: Any, never_ns: int) -> None:
 @part
 def in_slip_plane(R: Mat, axes: Vec, v: Vec) -> Vec:
     """Return the part of v {w} in the directions in which the contact can slip; axes 0 or 1 on pad axes."""
-    return R @ (R.T() @ v).masked(axes)
+    return R @ (axes * (R.T() @ v))
 
 
 @part

@@ -69,7 +69,7 @@ class Reaction(NamedTuple):
 _BRIDGED = "the last effort is repeated for `inputs.bridge_s`, then HOLD from the last good position"
 _AGE = "none by itself; the age limit decides"
 _AHEAD = "stamp more than `inputs.future_s` ahead of the joint state: two clocks, or joint states that come late"
-_LADDER = "slip ladder: observer alone, then slow down along the path, then HOLD"
+_DEGRADED = "DEGRADED: observer alone, then slow down along the path; then HOLD"
 
 # (input, fault) -> reaction. "any" stands for all three inputs.
 REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
@@ -121,16 +121,16 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
         ("wrench", Fault.FROZEN): Reaction(
             "equal to the last bit for `inputs.wrench.frozen_s` while the arm moves", "not used", "HOLD"
         ),
-        ("slip", Fault.INVALID): Reaction("the sensor says so: NaN", "not used", _LADDER),
+        ("slip", Fault.INVALID): Reaction("the sensor says so: NaN", "not used", _DEGRADED),
         ("slip", Fault.ABSURD): Reaction("above `inputs.slip.linear`, `angular`", "dropped", _AGE),
-        ("slip", Fault.FUTURE): Reaction(_AHEAD, "dropped", f"from the second in a row on {_LADDER}"),
-        ("slip", Fault.SILENT): Reaction("nothing for `inputs.slip.age_s`", "-", _LADDER),
-        ("slip", Fault.STALE): Reaction("newest stamp older than `inputs.slip.age_s`", "not used", _LADDER),
+        ("slip", Fault.FUTURE): Reaction(_AHEAD, "dropped", f"from the second in a row on: {_DEGRADED}"),
+        ("slip", Fault.SILENT): Reaction("nothing for `inputs.slip.age_s`", "-", _DEGRADED),
+        ("slip", Fault.STALE): Reaction("newest stamp older than `inputs.slip.age_s`", "not used", _DEGRADED),
         ("slip", Fault.FROZEN): Reaction(
-            "not zero and equal to the last bit for `inputs.slip.frozen_s`", "not used", _LADDER
+            "not zero and equal to the last bit for `inputs.slip.frozen_s`", "not used", _DEGRADED
         ),
         ("slip", Fault.IMPLAUSIBLE): Reaction(
-            "none, while wrench and motion show `fallback.evidence`", "not used", _LADDER
+            "none, while wrench and motion show `fallback.evidence`", "not used", _DEGRADED
         ),
         ("effort command", Fault.FOREIGN_COMMAND): Reaction("another publisher on our topic", "-", "FAULT"),
     }
