@@ -1,0 +1,142 @@
+"""What friction the contact has: told, learnt from where it slipped, or probed.
+
+Nothing but loads is used, no friction law. A slip sample comes late and tells of its own stamp, so a short history of
+loads is kept, and the load at that stamp counts.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Any, Final
+
+from slip_core.compiled import part
+from slip_core.records import REAL, WHOLE, layout
+from slip_vic_controller.sizes import NEVER
+
+LOADS: Final = 256
+"""Control cycles that the history goes back."""
+
+
+class Friction(IntEnum):
+    """Where the friction limit comes from."""
+
+    KNOWN = 0
+    LEARNT = 1
+    UNKNOWN = 2
+
+
+LOAD = layout(stamp_ns=WHOLE, measured=REAL, commanded=REAL)
+"""At a stamp: |S^-1 Sigma h_ee|, and |l(a_C)| of the command that led to it, which is that of the cycle before [N]."""
+LOAD_HISTORY = layout(count=WHOLE, loads=(LOAD, (LOADS,)))
+ESTIMATE_CONFIG = layout(
+    friction=WHOLE,
+    told=REAL,
+    kept=REAL,
+    least=REAL,
+    probe=REAL,
+    threshold=REAL,
+    quiet_ns=WHOLE,
+    sensor_delay_ns=WHOLE,
+    trust=REAL,
+)
+"""friction: Friction; told: mu N as told, or the most that is ever probed [N]; kept: share of the load at which it
+slipped; least: floor of F^ [N]; probe: eps, load beyond the certified one [N]; threshold: slip speed |S v_s| that
+counts [m/s]; quiet_ns: without slip for so long, it holds again; sensor_delay_ns: age at which a cycle's load is known
+to have been carried; trust: least that the model's load may be of the measured one: below it, the model is not believed
+(an object lighter than told by more than this)."""
+ESTIMATE = layout(
+    F_hat=REAL, slipped_at=REAL, certified=REAL, slipping=WHOLE, slip_ns=WHOLE, events=WHOLE, event_ns=WHOLE
+)
+"""F^ [N]; slipped_at: smallest load at which it has slipped, in the model's units, 0 before [N]; certified: largest
+load carried without slip [N]; slipping, slip_ns: whether, and the stamp of the newest slip sample; events, event_ns:
+how often F^ was made smaller, and the stamp of the last time."""
+
+
+@part
+def start_estimate(config: Any, state: Any, history: Any, at_rest: float) -> None:
+    """Begin with what is told, or with what the object's weight shows; at_rest: load at rest [N]."""
+    state.F_hat, state.slipped_at = config.told, 0.0
+    state.certified = min(at_rest + config.probe, config.told)
+    state.slipping, state.slip_ns, state.events, state.event_ns = 0, NEVER, 0, NEVER
+    history.count = 0
+
+
+@part
+def remember(history: Any, stamp_ns: int, measured: float, commanded: float) -> None:
+    """Add the load measured at a stamp, and what the cycle before had commanded [N]."""
+    place = history.loads[history.count % LOADS]
+    place.stamp_ns, place.measured, place.commanded = stamp_ns, measured, commanded
+    history.count += 1
+
+
+@part
+def index_at(history: Any, stamp_ns: int) -> int:
+    """Return the place of the newest load that is not younger than a stamp, else of the oldest; -1: there is none."""
+    newest = history.count - 1
+    oldest = max(history.count - LOADS, 0)
+    if newest < 0:
+        return -1
+    while newest > oldest and history.loads[newest % LOADS].stamp_ns > stamp_ns:
+        newest -= 1
+    return int(newest % LOADS)
+
+
+@part
+def certify(config: Any, state: Any, history: Any, now_ns: int) -> None:
+    """Let the load of a cycle count as carried, once the slip sensor would have told otherwise."""
+    if state.slipping != 0:
+        return
+    i = index_at(history, now_ns - config.sensor_delay_ns)
+    if i >= 0 and history.loads[i].stamp_ns <= now_ns - config.sensor_delay_ns:
+        state.certified = min(max(state.certified, history.loads[i].commanded), state.F_hat)
+
+
+@part
+def slip_sample(config: Any, state: Any, history: Any, stamp_ns: int, speed: float) -> bool:
+    """Take a slip sample; return whether F^ has become smaller.
+
+    Only the first sample of a slip tells where friction ended: what loads there are while it slides is the sliding
+    friction and the law's doing.
+
+    Args:
+        config, state, history: ESTIMATE_CONFIG, ESTIMATE, LOAD_HISTORY.
+        stamp_ns: when the sample was measured.
+        speed: |S v_s| [m/s]; of a flag: infinite or 0.
+
+    Implements: ours: F^ <- min(F^, 0.95 min(|S^-1 h_ee|, |l(a_C)|)) at the stamp of the first slip sample.
+    """
+    if not speed > config.threshold:
+        if state.slipping != 0 and stamp_ns - state.slip_ns >= config.quiet_ns:
+            state.slipping = 0
+        return False
+    first = state.slipping == 0
+    state.slipping, state.slip_ns = 1, max(stamp_ns, state.slip_ns)
+    i = index_at(history, stamp_ns)
+    if not first or i < 0 or config.friction == Friction.KNOWN:
+        return False
+    load = history.loads[i]
+    carried = max(min(load.measured, load.commanded), config.trust * load.measured)
+    learnt = max(config.kept * carried, config.least)
+    if learnt >= state.F_hat:
+        return False
+    state.F_hat, state.slipped_at = learnt, carried
+    state.certified = min(state.certified, learnt)
+    state.events += 1
+    state.event_ns = stamp_ns
+    return True
+
+
+@part
+def certain(config: Any, state: Any, margin: float) -> float:
+    """Return the load with which braking is planned [N]; margin: beta."""
+    if config.friction == Friction.UNKNOWN:
+        return min(state.certified, margin * state.F_hat)
+    return float(margin * state.F_hat)
+
+
+@part
+def allowed(config: Any, state: Any, margin: float) -> float:
+    """Return the load that may be asked now [N]: with unknown friction a little more than what is certain."""
+    if config.friction == Friction.UNKNOWN:
+        return min(state.certified + config.probe, margin * state.F_hat)
+    return float(margin * state.F_hat)

@@ -1,0 +1,431 @@
+"""The reference governor: how fast the path is run through, so that the load stays within what friction carries.
+
+A cycle calls, in this order: `feel`, `slip_sample` for every slip sample, `next_point` a few times while
+`wants_points`, `run`, then its law with `governed` as reference, then `hold_back` with the law's a_C. All of it is in
+place and deterministic: what it knows is GOVERNOR, the PATH_GRID and the LOAD_HISTORY.
+
+Planning (sampling the path, backward pass) is done in pieces of `points_per_cycle`, never at once. While a pass for a
+smaller F^ is under way, the pad brakes as hard as the new F^ admits: any braking is on the safe side of any plan, and
+no cycle asks for more than the new F^. A plan for a larger F^ may wait: the old one is safe.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import Any, Final
+
+from slip_core.compiled import part
+from slip_core.records import REAL, WHOLE, layout
+from slip_core.vectors import Mat, Spatial, Vec, put_spatial, spatial, vec
+from slip_vic_controller.reference.backward_pass import at_rest, range_of_u, step_back
+from slip_vic_controller.reference.friction_estimate import (
+    ESTIMATE,
+    ESTIMATE_CONFIG,
+    allowed,
+    certain,
+    certify,
+    remember,
+    start_estimate,
+)
+from slip_vic_controller.reference.guard import guard_factor
+from slip_vic_controller.reference.load import Held, drawn, size, surface, turning, weight
+from slip_vic_controller.reference.path_grid import (
+    FASTEST,
+    GRID_POINTS,
+    Along,
+    Governing,
+    along,
+    bound,
+    bound_next,
+    cell,
+    path_time,
+    sample_time,
+    take_point,
+)
+
+MAX_WINDOW: Final = 64
+"""Largest number of cycles of the moving average."""
+SEARCH_PASSES: Final = 3
+"""Bisections of the search for the least load that still stops on the path."""
+REPLAN: Final = 1.005
+"""Rise of the certain load that is worth a new pass."""
+ARRIVED_SHARE: Final = 1e-6
+"""Share of the path that may be left when it counts as run through."""
+OVER: Final = 1.1
+"""sdot^2 over K beyond which an overrun is said, ..."""
+SLOWEST: Final = 2e-2
+"""... if this speed of the pad or more is too much [m/s]."""
+
+
+class Phase(IntEnum):
+    """What the planning is at."""
+
+    SAMPLING = 0
+    BACKWARD = 1
+    READY = 2
+
+
+class Search(IntEnum):
+    """Whether a pass looks for the least load that still stops on the path."""
+
+    NO = 0
+    CEILING = 1
+    BISECTION = 2
+    LAST = 3
+
+
+GOVERNOR_CONFIG = layout(
+    mode=WHOLE, margin=REAL, path_margin=REAL, given_up=REAL, radius=REAL, slip_axes=(REAL, (6,)), gravity=(REAL, (3,)),
+    duration=REAL, length=REAL, floor=REAL, most_speed=REAL, most_turning=REAL, points_per_cycle=WHOLE, window=WHOLE,
+    estimate=ESTIMATE_CONFIG,
+)  # fmt: skip
+"""mode: Governing; margin: beta, share of F^ that may be asked; path_margin: share of that in the backward pass, 0.97;
+given_up: share of the load at which it slipped that may be asked where nothing less stops on the path, 0.985; radius:
+rho [m]; slip_axes: Sigma, 0 or 1, {ee}; gravity [m/s^2] {w}; duration of the user's path [s]; length: L [m] and floor
+[m/s] of the path's length; most_speed [m/s], most_turning [rad/s] of the pad; points_per_cycle: of planning; window:
+cycles of the moving average."""
+
+GOVERNOR = layout(
+    s=REAL, rate=REAL, time=REAL, end=REAL, out_s=REAL, out_rate=REAL, out_u=REAL, out_time=REAL,
+    phase=WHOLE, cursor=WHOLE, planned=WHOLE, urgent=WHOLE, search=WHOLE, search_pass=WHOLE,
+    asked=REAL, pass_load=REAL, plan_load=REAL, low_load=REAL, high_load=REAL,
+    infeasible=WHOLE, heaviest_time=REAL, weight_load=REAL, overrun=WHOLE, strained=WHOLE, arrived=WHOLE,
+    feedback=(REAL, (6,)), usable=REAL, ceiling=REAL, commanded=REAL, measured=REAL, guard=REAL, bound=REAL,
+    ring_count=WHOLE, ring=(REAL, (MAX_WINDOW, 3)), estimate=ESTIMATE,
+)  # fmt: skip
+"""s, rate: where on the path, and sdot; time: the user's time there [s]; end: of s; out_*: the same after smoothing,
+out_u = sddot. phase, cursor, planned, urgent, search, search_pass: the planning; asked, pass_load, plan_load, low_load,
+high_load: loads that are planned for, of the pass under way, of the plan in use, and between which the search is [N].
+infeasible: friction does not carry the weight everywhere on the path; heaviest_time, weight_load: where the weight
+loads most [s], and that load [N]; overrun: no load that is allowed stops on the path; strained: no sddot keeps the load
+of feedback and path within the limit; feedback: a_C - a_d of the last cycle {w}; usable, ceiling: loads that path and
+guard may ask [N]; commanded, measured: loads of the last cycle [N]; guard: factor on a_C; bound: sdot^2 over K; ring:
+s, sdot, sddot."""
+
+
+@part
+def start_path(config: Any, state: Any) -> None:
+    """Begin a path: it has to be sampled. What is known of friction stays."""
+    state.s = state.rate = state.end = 0.0
+    state.time = sample_time(config.mode, 0, config.duration)
+    state.phase, state.cursor, state.planned, state.urgent = Phase.SAMPLING, 0, 0, 0
+    state.search, state.search_pass = Search.NO, 0
+    state.asked = state.pass_load = state.plan_load = state.low_load = state.high_load = 0.0
+    state.infeasible, state.heaviest_time, state.weight_load = 0, 0.0, 0.0
+    state.overrun, state.strained, state.arrived = 0, 0, 0
+    state.bound, state.guard = 0.0, 1.0
+    steady(config, state)
+
+
+@part
+def start_governor(config: Any, state: Any, history: Any, at_rest: float) -> None:
+    """Begin: nothing is known of friction beyond what is told; at_rest: load of the object at rest [N]."""
+    start_estimate(config.estimate, state.estimate, history, at_rest)
+    state.commanded = state.measured = at_rest
+    put_spatial(state.feedback, Spatial(Vec(0.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0)))
+    start_path(config, state)
+
+
+@part
+def steady(config: Any, state: Any) -> None:
+    """Let the moving average begin anew where the path is now."""
+    for i in range(config.window):
+        state.ring[i, 0], state.ring[i, 1], state.ring[i, 2] = state.s, state.rate, 0.0
+    state.ring_count = 0
+    state.out_s, state.out_rate, state.out_u, state.out_time = state.s, state.rate, 0.0, state.time
+
+
+# -- planning, in pieces
+
+
+@part
+def wants_points(state: Any) -> bool:
+    """Return whether the path is still being sampled."""
+    return bool(state.phase == Phase.SAMPLING)
+
+
+@part
+def wanted_time(config: Any, state: Any) -> float:
+    """Return the user's time of the point that is sampled next [s]."""
+    return sample_time(config.mode, state.cursor, config.duration)
+
+
+@part
+def next_point(
+    config: Any, state: Any, grid: Any, held: Held, rotation: Mat, twist: Spatial, acceleration: Spatial
+) -> None:
+    """Take the path's point at `wanted_time`; after the last the first backward pass begins.
+
+    Args:
+        config, state, grid: GOVERNOR_CONFIG, GOVERNOR, PATH_GRID.
+        held: object on pad axes.
+        rotation, twist, acceleration: of the path in the user's time {w}.
+    """
+    i, time = state.cursor, wanted_time(config, state)
+    at = along(config, time, rotation, twist, acceleration)
+    weights = surface(spatial(config.slip_axes), config.radius)
+    most_rate = math.sqrt(FASTEST) if config.mode == Governing.TIME_OPTIMAL else 1.0
+    limits = most_rate, config.most_speed, config.most_turning
+    take_point(grid, i, time, at, held, weights, vec(config.gravity), limits)
+    heavy = math.sqrt(grid.points[i].cc)
+    if i == 0 or heavy > state.weight_load:
+        state.weight_load, state.heaviest_time = heavy, time
+    state.cursor += 1
+    if state.cursor == GRID_POINTS:
+        state.end = grid.points[GRID_POINTS - 1].s
+        begin_plan(state, certain(config.estimate, state.estimate, config.margin))
+
+
+@part
+def begin_plan(state: Any, F: float) -> None:
+    """Begin to plan for a load F [N], whatever was under way."""
+    state.asked, state.search = F, Search.NO
+    begin_pass(state, F)
+
+
+@part
+def begin_pass(state: Any, F: float) -> None:
+    """Begin a backward pass for a load F [N]."""
+    state.phase, state.cursor, state.pass_load = Phase.BACKWARD, GRID_POINTS - 1, F
+
+
+@part
+def plan(config: Any, state: Any, grid: Any) -> None:
+    """Do a cycle's share of the planning, and begin anew where F^ has changed."""
+    if state.phase == Phase.SAMPLING:
+        return
+    F = certain(config.estimate, state.estimate, config.margin)
+    if state.asked > F:
+        state.urgent = 1
+        begin_plan(state, F)
+    elif state.phase == Phase.READY and REPLAN * state.asked < F:
+        begin_plan(state, F)
+    if state.phase == Phase.BACKWARD:
+        free_end = config.mode != Governing.TIME_OPTIMAL
+        for _ in range(min(config.points_per_cycle, state.cursor + 1)):
+            step_back(grid, state.cursor, config.path_margin * state.pass_load, free_end)
+            state.cursor -= 1
+        if state.cursor < 0:
+            end_pass(config, state, grid)
+
+
+@part
+def end_pass(config: Any, state: Any, grid: Any) -> None:
+    """Take the plan if the pad can still stop under it; otherwise give up margin first, and the path's end last.
+
+    The least load in [asked, given_up * slipped_at] that stops on the path is looked for, by bisection.
+    """
+    late = state.planned == 1 and state.rate * state.rate > bound_next(grid, state.s)
+    most = config.given_up * state.estimate.slipped_at
+    if state.search == Search.NO and late and most > state.asked:
+        state.search, state.high_load = Search.CEILING, most
+        begin_pass(state, most)
+    elif state.search == Search.CEILING and late:  # nothing stops on the path: brake with what there is
+        state.search = Search.LAST
+        begin_pass(state, state.asked)
+    elif state.search == Search.CEILING:
+        state.search, state.search_pass, state.low_load = Search.BISECTION, 0, state.asked
+        begin_pass(state, 0.5 * (state.low_load + state.high_load))
+    elif state.search == Search.BISECTION:
+        if late:
+            state.low_load = state.pass_load
+        else:
+            state.high_load = state.pass_load
+        state.search_pass += 1
+        if state.search_pass < SEARCH_PASSES:
+            begin_pass(state, 0.5 * (state.low_load + state.high_load))
+        else:
+            state.search = Search.LAST
+            begin_pass(state, state.high_load)
+    else:
+        take_plan(config, state, grid)
+
+
+@part
+def take_plan(config: Any, state: Any, grid: Any) -> None:
+    """Use the pass that has just ended."""
+    for i in range(GRID_POINTS):
+        grid.points[i].K = grid.points[i].K_next
+    state.phase, state.search, state.urgent, state.plan_load = Phase.READY, Search.NO, 0, state.pass_load
+    carries = config.path_margin * state.plan_load
+    state.infeasible = 1 if state.weight_load > carries else 0
+    if state.planned == 0:
+        state.planned = 1
+        if config.mode != Governing.TIME_OPTIMAL and at_rest(
+            grid.points[0], carries
+        ):  # the timing of a path that begins at rest need not
+            state.rate = math.sqrt(min(grid.points[0].K, grid.points[1].K))
+            steady(config, state)
+
+
+# -- running
+
+
+@part
+def run(
+    config: Any, state: Any, grid: Any, held: Held, point: Along, x_e: Vec, R_ee: Mat, v_ee: Spatial,
+    most_rate: float, dt: float,
+) -> None:  # fmt: skip
+    """Do a cycle's planning and its step on the path: writes out_s, out_rate, out_u, out_time.
+
+    Args:
+        config, state, grid: GOVERNOR_CONFIG, GOVERNOR, PATH_GRID.
+        held: object on pad axes.
+        point: the path at state.time, from `along`.
+        x_e: the pad over that point of the path [m] {w}.
+        R_ee, v_ee: the pad's attitude and twist {w}.
+        most_rate: largest sdot that anything else admits; 0 = come to rest on the path.
+        dt: control period [s].
+    """
+    plan(config, state, grid)
+    F = state.estimate.F_hat
+    state.usable = allowed(config.estimate, state.estimate, config.margin)
+    state.ceiling = allowed(config.estimate, state.estimate, 1.0)
+    if state.planned == 1 and state.urgent == 0 and state.plan_load > max(state.usable, config.margin * F):
+        state.usable = state.plan_load  # margin was given up
+        state.ceiling = max(state.ceiling, state.plan_load)
+    if state.planned == 0 or state.arrived == 1:
+        smooth(config, state, grid, 0.0)
+        return
+    if state.estimate.slipping == 1:
+        anchor(config, state, grid, point, x_e, v_ee, dt)
+        return
+    u = step_on(config, state, grid, held, point, R_ee, v_ee.angular, most_rate, dt)
+    smooth(config, state, grid, u)
+    state.s += dt * (state.rate + 0.5 * dt * u)
+    state.rate = max(state.rate + dt * u, 0.0)
+    if state.s >= state.end * (1.0 - ARRIVED_SHARE):
+        state.s, state.rate, state.arrived = state.end, 0.0, 1
+    state.time = time_at(config, state, grid, state.s)
+
+
+@part
+def step_on(
+    config: Any, state: Any, grid: Any, held: Held, point: Along, R_ee: Mat, w_ee: Vec, most_rate: float, dt: float
+) -> float:
+    """Return sddot of this cycle.
+
+    The largest whose load, with that of the impedance's feedback, is allowed, and after which sdot^2 is within K. While
+    a smaller F^ is being planned for: the smallest.
+    """
+    weights = surface(spatial(config.slip_axes), config.radius)
+    rate = state.rate
+    a = rate * rate * point.curve + spatial(state.feedback)
+    b = drawn(held, weights, R_ee, a) + turning(held, weights, R_ee, w_ee)
+    b = b + weight(held, weights, R_ee, vec(config.gravity))
+    l_u = drawn(held, weights, R_ee, point.tangent)
+    uu, ub = l_u.dot(l_u), l_u.dot(b)
+    low, high, any_u = range_of_u(uu, ub, b.dot(b), state.usable)
+    state.strained = 0 if any_u else 1
+    if not any_u:
+        low = high = -ub / uu if uu > 0.0 else 0.0
+    stop = -rate / dt
+    K, slope = bound(grid, state.s + dt * rate)
+    state.bound = rate * rate / K if K > 0.0 else (0.0 if rate <= 0.0 else FASTEST)
+    m = 0.5 * slope * dt
+    d = 0.25 * m * m + K - m * rate
+    fastest = max(0.5 * m + math.sqrt(d), 0.0) if d > 0.0 else 0.0
+    want = (min(fastest, most_rate) - rate) / dt
+    if state.urgent == 1:
+        want = stop
+    u = max(min(max(want, low), high), stop)
+    u = min(u, max(want, 0.0))  # where the load asks for more than K admits, the guard has the last word
+    if state.urgent == 0 and (rate * rate - OVER * K) * pace(config, point) > SLOWEST * SLOWEST:
+        state.overrun = 1
+    return u
+
+
+@part
+def pace(config: Any, point: Along) -> float:
+    """Return the square of the pad's speed over sdot, turning as a length."""
+    p, w = point.tangent.linear, config.length * point.tangent.angular
+    return p.dot(p) + w.dot(w)
+
+
+@part
+def smooth(config: Any, state: Any, grid: Any, u: float) -> None:
+    """Average s, sdot and sddot over the window alike: the mean of admissible accelerations is admissible."""
+    place = state.ring_count % config.window
+    state.ring[place, 0], state.ring[place, 1], state.ring[place, 2] = state.s, state.rate, u
+    state.ring_count += 1
+    s = rate = rate_rate = 0.0
+    for i in range(config.window):
+        s += state.ring[i, 0]
+        rate += state.ring[i, 1]
+        rate_rate += state.ring[i, 2]
+    state.out_s, state.out_rate, state.out_u = s / config.window, rate / config.window, rate_rate / config.window
+    state.out_time = time_at(config, state, grid, state.out_s) if state.planned == 1 else state.time
+
+
+@part
+def time_at(config: Any, state: Any, grid: Any, s: float) -> float:
+    """Return the user's time at s [s]; where the path has been run through, its end."""
+    return float(config.duration) if s >= state.end else path_time(grid, s)
+
+
+@part
+def governed(state: Any, point: Along) -> tuple[Spatial, Spatial]:
+    """Return twist and acceleration of the reference {w}; point: the path at state.out_time, from `along`.
+
+    While the contact slips a_d = 0: the object leads, and a reference would drag it.
+    """
+    rate = state.out_rate
+    if state.estimate.slipping == 1:
+        return rate * point.tangent, 0.0 * point.tangent
+    return rate * point.tangent, rate * rate * point.curve + state.out_u * point.tangent
+
+
+@part
+def anchor(config: Any, state: Any, grid: Any, point: Along, x_e: Vec, v_ee: Spatial, dt: float) -> None:
+    """Let s follow the pad while the contact slips; arguments as of `run`."""
+    p, w = point.tangent.linear, config.length * point.tangent.angular
+    square = pace(config, point) + config.floor * config.floor
+    rate = (p.dot(v_ee.linear) + config.length * w.dot(v_ee.angular)) / square
+    cap = grid.points[cell(grid, state.s)].cap
+    state.rate = min(max(rate, 0.0), math.sqrt(cap))
+    state.s += p.dot(x_e) / square + dt * state.rate
+    state.s = min(max(state.s, 0.0), state.end * (1.0 - 2.0 * ARRIVED_SHARE))
+    state.time = path_time(grid, state.s)
+    steady(config, state)
+
+
+# -- before and after the law
+
+
+@part
+def feel(config: Any, state: Any, history: Any, h_ee: Spatial, now_ns: int) -> None:
+    """Remember the measured load; to be called before the slip samples of this cycle are taken.
+
+    Args:
+        config, state, history: GOVERNOR_CONFIG, GOVERNOR, LOAD_HISTORY.
+        h_ee: measured wrench {ee}.
+        now_ns: stamp of this cycle's measurements [ns].
+    """
+    weights = surface(spatial(config.slip_axes), config.radius)
+    state.measured = size(weights * h_ee)
+    remember(history, now_ns, state.measured, state.commanded)
+    certify(config.estimate, state.estimate, history, now_ns)
+
+
+@part
+def hold_back(config: Any, state: Any, held: Held, R_ee: Mat, w_ee: Vec, a_C: Spatial, a_d: Spatial) -> float:
+    """Return the guard's factor on a_C, and keep the feedback and the load that are commanded.
+
+    Args:
+        config, state: GOVERNOR_CONFIG, GOVERNOR.
+        held: object on pad axes.
+        R_ee, w_ee: the pad's attitude and turning {w} [rad/s].
+        a_C, a_d: control acceleration of the law, and the reference's in it {w}.
+
+    Implements: ours: the load of the commanded acceleration never exceeds F^ while the contact holds.
+    """
+    weights = surface(spatial(config.slip_axes), config.radius)
+    l_a = drawn(held, weights, R_ee, a_C)
+    l_0 = turning(held, weights, R_ee, w_ee) + weight(held, weights, R_ee, vec(config.gravity))
+    k = 1.0
+    if config.mode != Governing.OFF and state.estimate.slipping == 0:
+        k = guard_factor(l_a, l_0, state.ceiling)
+    state.guard, state.commanded = k, size(k * l_a + l_0)
+    put_spatial(state.feedback, a_C - a_d)
+    return k

@@ -1,0 +1,104 @@
+"""What an acceleration of the pad asks of the contact: the load that friction must carry while nothing slips.
+
+With v_s = 0 the object moves with the pad, so its motion follows from the pad's, and the wrench at the contact from
+the object's dynamics. The load is that wrench on the axes on which the contact can slip, torque divided by the
+torsional radius: friction carries it while |l| <= mu N =: F, the limit surface of a soft finger. It is affine in the
+acceleration:
+
+    l(a_c) = drawn(a_c) + turning(w) + weight,   Eq. (10) and (17) with v_s = 0
+
+All loads are on the axes of the pad.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from slip_core.compiled import part
+from slip_core.vectors import Mat, Spatial, Vec
+
+
+class Held(NamedTuple):
+    """The object as the pad holds it, on pad axes.
+
+    mass [kg]; inertia J (3, 3) [kg m2] about the centre of mass; r = x_c - x_o [m].
+    """
+
+    mass: float
+    inertia: Mat
+    r: Vec
+
+
+@part
+def held_by(
+    mass: float, inertia: Mat, position: Vec, rotation: Mat, slip_position: Vec, slip_rotation: Mat
+) -> Held:  # fmt: skip
+    """Return the object on the axes of the pad that holds it.
+
+    Args:
+        mass: [kg].
+        inertia: [kg m2] {o}.
+        position, rotation: the pad on the object when the grasp was made [m], {c} to {o}.
+        slip_position, slip_rotation: how it has slipped since, s [m] {p}, {c} to {p}.
+    """
+    pad = rotation @ slip_rotation
+    return Held(mass, pad.T() @ (inertia @ pad), pad.T() @ (position + rotation @ slip_position))
+
+
+@part
+def surface(slip_axes: Spatial, radius: float) -> Spatial:
+    """Return S^-1 Sigma as weights of the six components: 0 or 1 for forces, 0 or 1 / radius for torques [1/m]."""
+    return Spatial(slip_axes.linear, (1.0 / radius) * slip_axes.angular)
+
+
+@part
+def at_contact(held: Held, force: Vec, torque: Vec) -> Spatial:
+    """Return G^-1 h_o: a wrench at the centre of mass taken to the contact."""
+    return Spatial(force, torque - held.r.cross(force))
+
+
+@part
+def drawn(held: Held, weights: Spatial, R: Mat, a: Spatial) -> Spatial:
+    """Return the load that an acceleration of the pad draws; a [m/s^2, rad/s^2] {w}; R: {ee} to {w}.
+
+    Implements: Eq. (10), (17): -S^-1 Sigma R^T G^-1 B_o G^-T a.
+    """
+    a_c = R.T() @ a
+    force = -held.mass * (a_c.linear - a_c.angular.cross(held.r))
+    return weights * at_contact(held, force, -(held.inertia @ a_c.angular))
+
+
+@part
+def turning(held: Held, weights: Spatial, R: Mat, w: Vec) -> Spatial:
+    """Return the load of turning at w [rad/s] {w}: centripetal and gyroscopic.
+
+    Implements: Eq. (10), (17): S^-1 Sigma R^T G^-1 (B_o G^-T Phi2 - C_o v_o).
+    """
+    w_c = R.T() @ w
+    force = held.mass * (w_c.dot(held.r) * w_c - w_c.dot(w_c) * held.r)
+    return weights * at_contact(held, force, -w_c.cross(held.inertia @ w_c))
+
+
+@part
+def weight(held: Held, weights: Spatial, R: Mat, gravity: Vec) -> Spatial:
+    """Return the load of the object's weight; gravity [m/s^2] {w}.
+
+    Implements: Eq. (10): -S^-1 Sigma R^T G^-1 g_o.
+    """
+    return weights * at_contact(held, held.mass * (R.T() @ gravity), Vec(0.0, 0.0, 0.0))
+
+
+@part
+def load(held: Held, weights: Spatial, R: Mat, w: Vec, gravity: Vec, a: Spatial) -> Spatial:
+    """Return l(a): the load of a pad that turns at w [rad/s] and accelerates at a [m/s^2, rad/s^2]; all {w}.
+
+    Implements: Eq. (10), (17) with v_s = 0: S^-1 Sigma R^T h_ee, h_ee = -G^-1 (B_o a_o + C_o v_o + g_o).
+    """
+    return drawn(held, weights, R, a) + turning(held, weights, R, w) + weight(held, weights, R, gravity)
+
+
+@part
+def size(load: Spatial) -> float:
+    """Return |l| [N]."""
+    return math.sqrt(load.dot(load))

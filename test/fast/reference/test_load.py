@@ -1,0 +1,78 @@
+"""The load of a pad acceleration: against matrices in plain numpy, and its properties."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from slip_core.vectors import mat, spatial, vec
+from slip_vic_controller.reference.guard import guard_factor
+from slip_vic_controller.reference.load import Held, held_by, load, size, surface
+
+SEED, CASES = 5, 60
+ROUNDING = 1e-12
+"""Relative: a few hundred operations."""
+
+
+def skew(a):
+    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0.0]])
+
+
+def referee(m, J_o, R_o, R, r, w, a, gravity, axes, rho):
+    """S^-1 Sigma R^T h, h = -G^-1 (B a_o + C v_o + g), with matrices {w}."""
+    G = np.eye(6)
+    G[3:, :3] = skew(r)
+    J = R_o @ J_o @ R_o.T
+    B, C = np.zeros((6, 6)), np.zeros((6, 6))
+    B[:3, :3], B[3:, 3:], C[3:, 3:] = m * np.eye(3), J, skew(w) @ J
+    Phi2 = np.concatenate((np.cross(w, np.cross(w, r)), np.zeros(3)))
+    a_o = np.linalg.solve(G.T, a - Phi2)
+    v_o = np.concatenate((np.zeros(3), w))
+    h = -np.linalg.solve(G, B @ a_o + C @ v_o + np.concatenate((-m * gravity, np.zeros(3))))
+    turned = np.concatenate((R.T @ h[:3], R.T @ h[3:]))
+    return np.array([1, 1, 1, 1 / rho, 1 / rho, 1 / rho]) * axes * turned
+
+
+def test_load_is_the_wrench_that_rigid_motion_needs() -> None:
+    rng = np.random.default_rng(SEED)
+    for _ in range(CASES):
+        R_o, R_c, R_s, R_start = Rotation.random(4, rng).as_matrix()
+        position, slip = rng.normal(size=(2, 3)) * 0.03
+        A = rng.normal(size=(3, 3))
+        J = 1e-3 * (A @ A.T + np.eye(3))
+        m, rho, axes = rng.uniform(0.1, 2), rng.uniform(0.01, 0.1), rng.integers(0, 2, 6).astype(float)
+        w, gravity, a = rng.normal(size=3), rng.normal(size=3) * 9, rng.normal(size=6)
+        R = R_o @ R_c @ R_s
+        r = R_o @ (position + R_c @ slip)
+        held = held_by(m, mat(J), vec(position), mat(R_c), vec(slip), mat(R_s))
+        ours = load(held, surface(spatial(axes), rho), mat(R), vec(w), vec(gravity), spatial(a))
+        theirs = referee(m, J, R_o, R, r, w, a, gravity, axes, rho)
+        np.testing.assert_allclose(np.concatenate(ours), theirs, rtol=0, atol=ROUNDING * np.abs(theirs).max() + 1e-15)
+        assert abs(size(ours) - np.linalg.norm(theirs)) <= ROUNDING * np.linalg.norm(theirs)
+        del R_start
+
+
+def test_a_still_pad_carries_the_weight() -> None:
+    held = Held(0.5, mat(1e-3 * np.eye(3)), vec(np.array([0.0, 0.02, 0.0])))
+    weights = surface(spatial(np.array([1.0, 1, 0, 0, 0, 1])), 0.03)
+    nothing = spatial(np.zeros(6))
+    l = load(held, weights, mat(np.eye(3)), nothing.linear, vec(np.array([0, -9.81, 0])), nothing)  # noqa: E741
+    np.testing.assert_allclose(np.concatenate(l), [0, -0.5 * 9.81, 0, 0, 0, 0], atol=1e-15)
+
+
+def test_the_guard_takes_the_largest_factor_within_the_limit() -> None:
+    rng = np.random.default_rng(SEED)
+    shares = np.linspace(0, 1, 2001)
+    kinds = set()
+    for _ in range(500):
+        drawn, rest = rng.normal(size=(2, 6)) * rng.uniform(0.1, 2, (2, 1))
+        F = rng.uniform(0.3, 3)
+        k = guard_factor(spatial(drawn), spatial(rest), F)
+        sizes = np.linalg.norm(np.outer(shares, drawn) + rest, axis=1)
+        assert 0.0 <= k <= 1.0
+        if sizes.min() < F:
+            assert np.linalg.norm(k * drawn + rest) <= F * (1 + 1e-12)
+            assert k >= shares[sizes <= F].max() - 1e-9
+            kinds.add("whole" if k == 1.0 else "part")
+        elif sizes.min() > F * 1.001:
+            assert np.linalg.norm(k * drawn + rest) <= sizes.min() * (1 + 1e-6)
+            kinds.add("too heavy")
+    assert kinds == {"whole", "part", "too heavy"}
