@@ -116,6 +116,7 @@ def load_scenario(
         apply_sensor(values, load_preset(sensor))
     if estimator is not None:
         values["controller"]["slip_estimator"] = estimator
+    _tell_friction(values)
     for assignment in assignments:
         _assign(values, *parse_assignment(assignment))
     controller_params = build(ControllerNodeParams, values["controller"], f"{origin}: controller")
@@ -164,6 +165,16 @@ def apply_sensor(values: dict[str, dict[str, Any]], preset: SensorPreset) -> Non
             f"{part}_sensor.{name}": value for name, value in flat.items() if f"{part}_sensor.{name}" in known
         }
     values["controller"] |= current_names(ControllerNodeParams, preset.controller, "sensor file")
+
+
+def _tell_friction(values: dict[str, dict[str, Any]]) -> None:
+    """Tell the controller's governor of the friction that the scenario has, where it does not say so itself."""
+    bridge = {**flatten(BridgeParams()), **values["bridge"]}
+    told = {
+        "governor.friction_limit": bridge["friction.mu_s"] * bridge["grip.force"],
+        "governor.torsional_radius": bridge["friction.torsional_radius"],
+    }
+    values["controller"] = told | values["controller"]
 
 
 def _read(name_or_path: str) -> tuple[str, str]:

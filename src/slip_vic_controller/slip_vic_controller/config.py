@@ -17,9 +17,25 @@ from slip_vic_controller.law.law import LAW_CONFIG, make_law_config
 from slip_vic_controller.observer.config import observer_config
 from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
 from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.reference.friction_estimate import Friction
+from slip_vic_controller.reference.governor import MAX_WINDOW
+from slip_vic_controller.reference.path_grid import Governing
 from slip_vic_controller.reference.paths import PATH, make_path
 from slip_vic_controller.robot import Robot
+from slip_vic_controller.safety.limit_avoidance import BRAKED_FROM
 from slip_vic_controller.safety_params import InputParams, SafetyParams, WatchParams
+
+PATH_MARGIN, GIVEN_UP, KEPT = 0.97, 0.985, 0.95
+"""Shares of a load: in the backward pass; of that at which it slipped, where nothing less stops; kept of it."""
+LEAST_SHARE, TRUST = 0.02, 0.5
+"""Least friction that is believed, of what is told; least load of the model that is believed, of the measured one."""
+PATH_LENGTH_M, PATH_FLOOR_M_S = 0.1, 0.05
+"""Time-optimal: length that makes turning a way, and the speed at which the path goes on where it turns back."""
+POINTS_PER_CYCLE = 25
+LEAST_SLIP_M_S, NOISE_DEVIATIONS = 5e-5, 6.0
+"""What counts as slip: a speed, and so many standard deviations of a sample."""
+QUIET_S = 0.05
+"""Without slip for so long, it holds again."""
 
 
 def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Array:
@@ -44,6 +60,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     _fill_limits(config, safety, robot, params.control_period_s)
     _fill_drop(config.drop, params)
     _fill_hold(config.hold, params)
+    _fill_governor(config.governor, params)
     buffer.setflags(write=False)
     return buffer
 
@@ -134,3 +151,24 @@ def _fill_hold(hold: Any, params: ControllerParams) -> None:
     hold.mass = share * params.object.mass
     hold.inertia[:] = share * inertia_from_six(params.object.inertia, "parameter object.inertia")
     hold.weight[:] = hold.mass * np.array(params.gravity)
+
+
+def _fill_governor(governor: Any, params: ControllerParams) -> None:
+    given, path, sensor, limits = params.governor, params.trajectory, params.slip_sensor, params.safety.limits
+    governed = path.kind not in ("hold", "topic")
+    governor.mode = Governing[given.mode.upper()] if governed else Governing.OFF
+    governor.margin, governor.path_margin, governor.given_up = given.margin, PATH_MARGIN, GIVEN_UP
+    governor.radius, governor.slip_axes[:] = given.torsional_radius, params.contacts.slip_axes[:6]
+    governor.gravity[:] = params.gravity
+    last = path.waypoint_times_s[-1] if path.kind == "waypoints" and path.waypoint_times_s else path.duration_s
+    governor.duration, governor.length, governor.floor = last, PATH_LENGTH_M, PATH_FLOOR_M_S
+    governor.most_speed, governor.most_turning = BRAKED_FROM * limits.speed_linear, BRAKED_FROM * limits.speed_angular
+    governor.points_per_cycle = POINTS_PER_CYCLE
+    governor.window = min(max(1, round(given.window_s / params.control_period_s)), MAX_WINDOW)
+    estimate = governor.estimate
+    estimate.friction, estimate.told, estimate.kept = Friction[given.friction.upper()], given.friction_limit, KEPT
+    estimate.least, estimate.probe, estimate.trust = LEAST_SHARE * given.friction_limit, given.probe, TRUST
+    noise = math.hypot(math.sqrt(2.0) * sensor.noise_linear, given.torsional_radius * sensor.noise_angular)
+    estimate.threshold = max(LEAST_SLIP_M_S, NOISE_DEVIATIONS * noise, sensor.quantum_linear)
+    estimate.quiet_ns = seconds_to_ns(QUIET_S)
+    estimate.sensor_delay_ns = seconds_to_ns(sensor.latency_s + sensor.period_s)

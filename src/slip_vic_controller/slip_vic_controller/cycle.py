@@ -19,6 +19,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import REAL, WHOLE, layout, record
 from slip_core.vectors import IDENTITY, ZERO, mat, put, put_mat, put_spatial, spatial, vec
+from slip_vic_controller.governing import begin_governing, govern, governed_reference, guard, rest_on_path
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.bounds import held_sample_limit
 from slip_vic_controller.law.contact import (
@@ -30,10 +31,13 @@ from slip_vic_controller.law.contact import (
     pad_rotation,
 )
 from slip_vic_controller.law.gains import LAW_GAINS, RAMP, gains_at
-from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG, evaluate, predict_motion
+from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG, evaluate, predict_motion, scale_acceleration
 from slip_vic_controller.law.symbols import ESTIMATE, SYMBOLS, no_symbols, symbols
 from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE
 from slip_vic_controller.observer.observer import observe, reset
+from slip_vic_controller.reference.friction_estimate import LOAD_HISTORY
+from slip_vic_controller.reference.governor import GOVERNOR, GOVERNOR_CONFIG
+from slip_vic_controller.reference.path_grid import PATH_GRID, Governing
 from slip_vic_controller.reference.path_scaling import PATH_SCALING, advance, lost_ns, scaled
 from slip_vic_controller.reference.paths import PATH, REFERENCE, Reference, put_reference, reference_at
 from slip_vic_controller.safety.arbitration import (
@@ -109,7 +113,7 @@ measured delays."""
 CONFIG = layout(
     law=LAW_CONFIG, gains=LAW_GAINS, path=PATH, observer=OBSERVER_CONFIG, cycle=CYCLE_CONFIG, joint=JOINT_LIMITS,
     wrench=VECTOR_LIMITS, slip=VECTOR_LIMITS, modes=MODE_POLICY, arbitration=ARBITRATION, drop=DROP_DETECTION,
-    motion=MOTION_LIMITS, effort=EFFORT_LIMITS, hold=HOLD_CONFIG,
+    motion=MOTION_LIMITS, effort=EFFORT_LIMITS, hold=HOLD_CONFIG, governor=GOVERNOR_CONFIG,
 )  # fmt: skip
 """All that does not change while the controller runs."""
 
@@ -126,6 +130,7 @@ STATE = layout(
     wrench_inputs=(VECTOR_INPUT, MAX_CONTACTS), slip_inputs=(VECTOR_INPUT, MAX_CONTACTS), queue=SLIP_QUEUE,
     reference_known=WHOLE, reference=REFERENCE, mode=MODE, since=SINCE, observed=OBSERVED, latency=LATENCY,
     limiter=LIMITER, hold=HOLD, path=PATH_SCALING, tuned=RAMP, law=LAW_STATE, observer=OBSERVER,
+    governor=GOVERNOR, grid=PATH_GRID, loads=LOAD_HISTORY,
 )  # fmt: skip
 """Everything that is remembered between cycles; the observer's history of ticks and samples follows in the buffer."""
 
@@ -230,7 +235,7 @@ def _classify_inputs(c: Any, s: Any, i: Any, o: Any, fault: int) -> None:
 
 
 @part
-def begin_law(c: Any, s: Any, i: Any, history: Array) -> None:
+def begin_law(c: Any, s: Any, i: Any, o: Any) -> None:
     """Begin the law: the arm where it is, no slip, the trajectory starting here and now."""
     law, sample, n = s.law, s.joint.answers, c.law.joints
     law.known, law.stamp_ns, law.start_ns = 1, sample.stamp_ns, sample.stamp_ns
@@ -248,6 +253,9 @@ def begin_law(c: Any, s: Any, i: Any, history: Array) -> None:
     law.ramp.begin_ns = sample.stamp_ns
     if c.cycle.has_observer != 0:
         reset(c.observer, s.observer, sample.stamp_ns, i.arm.twist)
+    if c.governor.mode != Governing.OFF:
+        gains_at(law.ramp, sample.stamp_ns, o.gains)
+        begin_governing(c, s, i.arm, o.gains)
 
 
 @part
@@ -277,6 +285,7 @@ def _answer(c: Any, s: Any, history: Array, i: Any, o: Any) -> None:
         forget(s.observed, s.observed.blind_since_ns)
         if c.cycle.has_observer != 0:
             reset(c.observer, s.observer, sample.stamp_ns, i.arm.twist)  # what it knew is void
+        rest_on_path(c, s)
     _follow(c, s, history, i, o, level)
 
 
@@ -365,10 +374,13 @@ def _follow(c: Any, s: Any, history: Array, i: Any, o: Any, level: int) -> None:
     dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
     stops = level == Level.SLOWING or s.since.stopping_ns != NEVER
     wanted = 0.0 if stops else s.observed.path_speed
-    if wanted < 1.0 or s.path.scale != 1.0 or s.path.rate != 0.0:
+    governed = c.governor.mode != Governing.OFF
+    if not governed and (wanted < 1.0 or s.path.scale != 1.0 or s.path.rate != 0.0):
         advance(s.path, wanted, dt_ns * 1e-9, c.cycle.slow_down_s)
+    if governed:
+        s.path.scale, s.path.rate = 1.0, 0.0  # the governor brings the path to rest, as friction admits
     law.start_ns += lost_ns(s.path, dt_ns)
-    cause = evaluate_law(c, s, history, i, o, level == Level.OBSERVED or level == Level.SLOWING)
+    cause = evaluate_law(c, s, history, i, o, level == Level.OBSERVED or level == Level.SLOWING, stops)
     if cause == Cause.NONE:
         keep_law(c, s, i, o)
         o.wanted[:n] = o.law.effort[:n]
@@ -390,10 +402,10 @@ def _follow(c: Any, s: Any, history: Array, i: Any, o: Any, level: int) -> None:
 
 
 @part
-def evaluate_law(c: Any, s: Any, history: Array, i: Any, o: Any, slip_unknown: bool) -> int:
+def evaluate_law(c: Any, s: Any, history: Array, i: Any, o: Any, slip_unknown: bool, stops: bool) -> int:
     """Evaluate the law on the inputs of this cycle; return why it could not be, Cause.NONE where it could.
 
-    slip_unknown: there is no slip sample; an observer goes on with the model alone.
+    slip_unknown: there is no slip sample; an observer goes on with the model alone. stops: the path comes to rest.
     """
     law, sample, contacts = s.law, s.joint.answers, c.law.contacts
     if sample.stamp_ns < law.stamp_ns:
@@ -423,14 +435,21 @@ def evaluate_law(c: Any, s: Any, history: Array, i: Any, o: Any, slip_unknown: b
             v_s = spatial(c.law.contact[0].slip_axes) * spatial(o.samples[0].slip_twist)
             put_spatial(o.samples[0].slip_twist, beyond_dead_band(v_s, linear, angular))
         _adapt_slip_gain(c, s, o)
+    dt = (sample.stamp_ns - law.stamp_ns) * 1e-9
+    governed = c.governor.mode != Governing.OFF
+    if governed:
+        govern(c, s, i.arm, o, dt, 0.0 if stops else s.observed.path_speed)
     if not _reference(c, s, o):
         return Cause.BAD_REFERENCE.value
-    dt = (sample.stamp_ns - law.stamp_ns) * 1e-9
     integrate_slips(c.law, o.samples, law.slips, dt, o.slips)
     evaluate(
         c.law, o.gains, i.arm, o.samples, o.follow_error, law.e_previous, o.slips, o.reference, sample.position,
         sample.velocity, law.posture, o.law,
     )  # fmt: skip
+    if governed:
+        factor = guard(c, s, i.arm, o)
+        if factor < 1.0:
+            scale_acceleration(c.law, i.arm, o.samples, sample, law.posture, factor, o.law)
     o.evaluated = o.law.ok
     return Cause.NONE.value if o.law.ok != 0 else Cause.NO_TORQUE.value
 
@@ -455,6 +474,8 @@ def _reference(c: Any, s: Any, o: Any) -> bool:
         desired = Reference(
             vec(given.position), mat(given.rotation), spatial(given.twist), spatial(given.acceleration)
         )  # fmt: skip
+    elif c.governor.mode != Governing.OFF:
+        desired = governed_reference(c, s)
     else:
         t = (s.joint.answers.stamp_ns - law.start_ns) * 1e-9 - c.cycle.start_s
         desired = reference_at(c.path, t, law.start_position, law.start_rotation)
@@ -528,7 +549,7 @@ def cycle(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outpu
     else:
         _classify_inputs(c, s, i, o, fault)
         if s.law.known == 0:
-            begin_law(c, s, i, history)
+            begin_law(c, s, i, o)
         _answer(c, s, history, i, o)
     if never_seen == 0:
         s.queue.count = 0

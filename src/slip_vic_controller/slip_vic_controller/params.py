@@ -86,6 +86,28 @@ class ContactParams(grasp_params.ContactParams):
     AT_RUNTIME = frozenset({"position"})
 
 
+class GovernorParams(ParameterModel):
+    """Reference governor: how fast a built-in trajectory is run through, so that friction carries the object."""
+
+    mode: Literal["off", "slow_down", "time_optimal"] = parameter(
+        "off", "off: the trajectory as planned; slow_down: never faster than that; time_optimal: its path, fastest"
+    )
+    margin: float = parameter(0.95, "share of the friction limit that a motion may ask", gt=0.0, le=1.0)
+    friction: Literal["known", "learnt", "unknown"] = parameter(
+        "learnt",
+        "known: as told; learnt: made smaller where it slips; unknown: found by asking a little more each time",
+    )
+    friction_limit: float = parameter(
+        0.25, "friction force that the grasp is told to have; with friction unknown the most that is tried", unit="N",
+        gt=0.0,
+    )  # fmt: skip
+    torsional_radius: float = parameter(0.03, "largest friction torque over largest friction force", unit="m", gt=0.0)
+    probe: float = parameter(0.01, "friction unknown: load asked beyond the largest one carried", unit="N", gt=0.0)
+    window_s: float = parameter(
+        0.02, "time over which position, velocity and acceleration are averaged", unit="s", ge=0.0
+    )
+
+
 class NullspaceParams(ParameterModel):
     """Posture torque in the null space of the task."""
 
@@ -172,6 +194,7 @@ class ControllerParams(ArmParams):
     wrench_sensor: WrenchSensorModel = Field(default_factory=WrenchSensorModel)
     measured: MeasuredParams = Field(default_factory=MeasuredParams)
     observer: ObserverParams = Field(default_factory=ObserverParams)
+    governor: GovernorParams = Field(default_factory=GovernorParams)
     nullspace: NullspaceParams = Field(default_factory=NullspaceParams)
     singularity: SingularityParams = Field(default_factory=SingularityParams)
     safety: SafetyParams = Field(default_factory=SafetyParams)

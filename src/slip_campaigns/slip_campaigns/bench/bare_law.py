@@ -38,8 +38,8 @@ def law_alone(
     s.path.scale, s.wrench_inputs[0].values[:], s.slip_inputs[0].values[:] = 1.0, wrench, twist
     queue_slip(s.queue, slip_ns, twist)
     if s.law.known == 0:
-        begin_law(c, s, i, history)
-    evaluate_law(c, s, history, i, o, False)
+        begin_law(c, s, i, o)
+    evaluate_law(c, s, history, i, o, False, False)
     keep_law(c, s, i, o)
     s.queue.count = 0
 

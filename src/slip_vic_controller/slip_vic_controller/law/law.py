@@ -199,6 +199,23 @@ def evaluate(
 
 
 @part
+def scale_acceleration(
+    config: Any, arm: Any, samples: Any, sample: Any, posture: Array, factor: float, evaluation: Any
+) -> None:
+    """Command `factor` a_C instead of the a_C of an EVALUATION: torque and effort follow.
+
+    Args:
+        config, arm, samples, posture, evaluation: as of `evaluate`.
+        sample: position and velocity of the joints.
+        factor: of a guard, in [0, 1].
+    """
+    a_C = factor * spatial(evaluation.a_C)
+    put_spatial(evaluation.a_C, a_C)
+    solved, _ = joint_torque(config, arm, a_C, samples, sample.position, sample.velocity, posture, evaluation.torque)
+    evaluation.ok = limit_effort(config, evaluation) and solved and evaluation.ok != 0
+
+
+@part
 def put_law(out: Any, law: Law) -> None:
     """Write the symbols of the law to an EVALUATION."""
     out.near_singular_attitude, out.gate = law.near_singular, law.gate

@@ -139,6 +139,10 @@ def find_hold(
         return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.FROZEN)
     if level == Level.HOLD or (unknown and not at_work):  # the levels are for a law that is at work
         return of_fault(Cause.INPUT, Input.SLIP, fault)
+    governor = state.governor
+    if governor.infeasible != 0:
+        where, carries = round(1e3 * governor.heaviest_time), config.governor.path_margin * governor.plan_load
+        return Reason(Cause.PATH_TOO_HEAVY.value, where, 0, governor.weight_load, carries)
     if not at_work and arbitration.slip_needed != 0 and slides(arbitration, state.slip_inputs, contacts):
         # With the delay of its loop the law would swing instead of catching what already slides fast.
         return because(Cause.SLIDES, 0)
@@ -157,6 +161,8 @@ def find_degraded(config: Any, state: Any, level: int, fault: int, now_ns: int) 
         return because(Cause.STOPPING, 0)
     if since.saturated_ns != NEVER and now_ns - since.saturated_ns > config.arbitration.saturated_ns:
         return because(Cause.SATURATED, 0)
+    if state.governor.overrun != 0:
+        return because(Cause.OVERRUNS, 0)
     if state.observed.path_speed < 1.0 or state.path.scale < 1.0:
         return because(Cause.PATH_WAITS, 0)
     return NOTHING

@@ -36,6 +36,8 @@ class Cause(IntEnum):
     NO_ESTIMATE = 18
     NO_TORQUE = 19
     INTERNAL = 20
+    PATH_TOO_HEAVY = 21  # value: load of the weight, limit [N]; detail: where, time of the trajectory [ms]
+    OVERRUNS = 22
 
 
 class Prefix(IntEnum):
@@ -129,6 +131,9 @@ def _cause_text(reason: Reason, joint_names: Sequence[str]) -> str:
     if cause in (Cause.PAD_TOO_FAST, Cause.PAD_TURNS_TOO_FAST):
         unit = "m/s" if cause == Cause.PAD_TOO_FAST else "rad/s"
         return f"the pad moves at {value:.1f} {unit}, the limit is {limit:.1f}"
+    if cause == Cause.PATH_TOO_HEAVY:
+        load = f"its weight asks {value:.3f} N, friction may be asked {limit:.3f} N"
+        return f"friction cannot carry the object where the path is at {1e-3 * reason.detail:.3f} s: {load}"
     if cause == Cause.CANNOT_CARRY:
         return f"friction cannot carry the load: it has gained {value:.2f} m/s of fall"
     return _WORDS[cause]
@@ -148,5 +153,6 @@ _WORDS = {
     Cause.BAD_REFERENCE: "reference is not finite",
     Cause.NO_ESTIMATE: "the slip observer gave no finite estimate",
     Cause.NO_TORQUE: "the law gave no finite torque",
+    Cause.OVERRUNS: "friction is too little to stop on the path: it is overrun",
     Cause.INTERNAL: "the control cycle failed: this is a bug, please report it",
 }

@@ -1,0 +1,109 @@
+"""The reference governor in the cycle: what it is told of grasp, path and slip, and the reference that it gives."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from slip_core.compiled import part
+from slip_core.vectors import ZERO, Spatial, mat, spatial, vec
+from slip_vic_controller.reference import governor
+from slip_vic_controller.reference.friction_estimate import slip_sample
+from slip_vic_controller.reference.load import Held, held_by, load, size, surface
+from slip_vic_controller.reference.path_grid import Along, along
+from slip_vic_controller.reference.paths import Reference, reference_at
+
+UNLIMITED = 1e3
+"""A speed along the path that limits nothing."""
+POINTS_PER_CYCLE = 10
+"""Points of the path that are sampled in a cycle."""
+
+
+@part
+def held(c: Any, s: Any, gains: Any) -> Held:
+    """Return the object as the own pad holds it."""
+    contact, slip = c.law.contact[0], s.law.slips[0]
+    return held_by(
+        gains.object.mass, mat(gains.object.inertia), vec(gains.contact_position), mat(contact.rotation),
+        vec(slip.position), mat(slip.rotation),
+    )  # fmt: skip
+
+
+@part
+def begin_governing(c: Any, s: Any, arm: Any, gains: Any) -> None:
+    """Begin with the load of the object at rest; c, s: CONFIG and STATE of the cycle."""
+    weights = surface(spatial(c.governor.slip_axes), c.governor.radius)
+    nothing = Spatial(ZERO, ZERO)
+    at_rest = load(held(c, s, gains), weights, mat(arm.rotation), ZERO, vec(c.governor.gravity), nothing)
+    governor.start_governor(c.governor, s.governor, s.loads, size(at_rest))
+
+
+@part
+def rest_on_path(c: Any, s: Any) -> None:
+    """Go on from rest where the path is."""
+    s.governor.rate = 0.0
+    governor.steady(c.governor, s.governor)
+
+
+@part
+def path_at(c: Any, s: Any, time: float) -> Reference:
+    """Return the trajectory as planned at its own time [s]."""
+    return reference_at(c.path, time, s.law.start_position, s.law.start_rotation)
+
+
+@part
+def along_path(c: Any, planned: Reference, time: float) -> Along:
+    """Return a point of the path over s."""
+    return along(c.governor, time, planned.rotation, planned.twist, planned.acceleration)
+
+
+@part
+def govern(c: Any, s: Any, arm: Any, o: Any, dt: float, path_speed: float) -> None:
+    """Do the governor's cycle: loads, slip samples, planning, and the step on the path.
+
+    Args:
+        c, s, o: CONFIG, STATE and OUTPUTS of the cycle.
+        arm: ARM.
+        dt: since the cycle before [s].
+        path_speed: how fast the path may be run through for other reasons; 1 = not limited, 0 = come to rest.
+    """
+    state, grasped, stamp_ns = s.governor, held(c, s, o.gains), s.joint.answers.stamp_ns
+    governor.feel(c.governor, state, s.loads, spatial(o.samples[0].wrench), stamp_ns)
+    for k in range(s.queue.count):
+        sample = s.queue.samples[k]
+        v = spatial(c.governor.slip_axes).masked(spatial(sample.twist))
+        turning = c.governor.radius * v.angular.norm()
+        speed = math.sqrt(v.linear.dot(v.linear) + turning * turning)
+        slip_sample(c.governor.estimate, state.estimate, s.loads, sample.stamp_ns, speed)
+    for _ in range(POINTS_PER_CYCLE):
+        if governor.wants_points(state):
+            planned = path_at(c, s, governor.wanted_time(c.governor, state))
+            governor.next_point(
+                c.governor, state, s.grid, grasped, planned.rotation, planned.twist, planned.acceleration
+            )
+    if (stamp_ns - s.law.start_ns) * 1e-9 < c.cycle.start_s:  # the trajectory rests first
+        governor.plan(c.governor, state, s.grid)
+        return
+    planned = path_at(c, s, state.time)
+    most_rate = UNLIMITED if path_speed >= 1.0 else path_speed * max(state.rate, c.governor.floor)
+    governor.run(
+        c.governor, state, s.grid, grasped, along_path(c, planned, state.time), vec(arm.position) - planned.position,
+        mat(arm.rotation), spatial(arm.twist), most_rate, dt if dt > 0.0 else 1e-9 * c.cycle.period_ns,
+    )  # fmt: skip
+
+
+@part
+def governed_reference(c: Any, s: Any) -> Reference:
+    """Return the reference where the governor has it."""
+    state = s.governor
+    planned = path_at(c, s, state.out_time)
+    twist, acceleration = governor.governed(state, along_path(c, planned, state.out_time))
+    return Reference(planned.position, planned.rotation, twist, acceleration)
+
+
+@part
+def guard(c: Any, s: Any, arm: Any, o: Any) -> float:
+    """Return the factor on a_C with which friction carries the object, and keep what the next cycle needs of it."""
+    a_C, a_d, v_ee = spatial(o.law.a_C), spatial(o.law.a_d), spatial(arm.twist)
+    grasped = held(c, s, o.gains)
+    return governor.hold_back(c.governor, s.governor, grasped, mat(arm.rotation), v_ee.angular, a_C, a_d)
