@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from slip_bringup.scenario import ControllerKind, Mode
 
 CONSOLE = Console(stderr=True)
-CONTROLLERS = click.Choice(["vic", "classical"])
+CONTROLLERS = click.Choice(["vic", "classical", "governed"])
 
 
 DEVELOPERS: Final = {name: f"slip_campaigns.{name}.cli" for name in ("bench", "faults", "soak")}

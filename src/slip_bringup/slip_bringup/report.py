@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 from slip_bringup.series import RunSeries, rotation_angle_about
 from slip_core.arrays import Array
 
-COLOURS = {"classical": "#c44e52", "vic": "#1f6fb2"}
+COLOURS = {"classical": "#d55e00", "vic": "#0072b2", "governed": "#009e73"}
+"""Told apart by colour-blind people too (Okabe and Ito)."""
 DESIRED = {"color": "black", "linestyle": ":", "linewidth": 1.4, "label": "desired"}
 NAMES = "xyz"
 

@@ -32,7 +32,8 @@ from slip_sim_bridge.simulation import GraspSimulation
 from slip_vic_controller.node_params import ControllerNodeParams
 from slip_vic_controller.session import Controller
 
-ControllerKind = Literal["vic", "classical"]
+ControllerKind = Literal["vic", "classical", "governed"]
+"""The paper's law, classical impedance control, and the paper's law below the reference governor."""
 Estimator = Literal["measured", "observer"]
 Mode = Literal["lockstep", "realtime"]
 NODES: dict[str, tuple[str, type[ParameterModel]]] = {
@@ -103,7 +104,9 @@ def load_scenario(
     outer = validate(ScenarioFile, yaml.safe_load(text), origin)
     values = _values(outer, origin)
     values["bridge"]["duration_s"] = outer.duration_s
-    values["controller"]["controller"] = controller
+    values["controller"]["controller"] = "vic" if controller == "governed" else controller
+    if controller == "governed":
+        values["controller"]["governor.mode"] = "slow_down"
     for node in values.values():
         node["mode"] = mode
     if mode == "realtime":
@@ -171,7 +174,7 @@ def _tell_friction(values: dict[str, dict[str, Any]]) -> None:
     """Tell the controller's governor of the friction that the scenario has, where it does not say so itself."""
     bridge = {**flatten(BridgeParams()), **values["bridge"]}
     told = {
-        "governor.friction_limit": bridge["friction.mu_s"] * bridge["grip.force"],
+        "governor.friction_limit": round(bridge["friction.mu_s"] * bridge["grip.force"], 12),
         "governor.torsional_radius": bridge["friction.torsional_radius"],
     }
     values["controller"] = told | values["controller"]

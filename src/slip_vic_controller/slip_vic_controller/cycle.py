@@ -19,7 +19,15 @@ from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import REAL, WHOLE, layout, record
 from slip_core.vectors import IDENTITY, ZERO, mat, put, put_mat, put_spatial, spatial, vec
-from slip_vic_controller.governing import begin_governing, govern, governed_reference, guard, rest_on_path
+from slip_vic_controller.governing import (
+    GOVERNED,
+    begin_governing,
+    govern,
+    governed_reference,
+    guard,
+    put_governed,
+    rest_on_path,
+)
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.bounds import held_sample_limit
 from slip_vic_controller.law.contact import (
@@ -144,7 +152,7 @@ LEDGER = 3 + 4 * MAX_CONTACTS + 5
 OUTPUTS = layout(
     answered=WHOLE, evaluated=WHOLE, ok=WHOLE, ledger=(WHOLE, LEDGER), effort=(REAL, MAX_JOINTS),
     limited=(WHOLE, MAX_JOINTS), saturated=(WHOLE, MAX_JOINTS), health=HEALTH, mode=MODE,
-    path_scale=REAL, wanted=(REAL, MAX_JOINTS),
+    path_scale=REAL, governor=GOVERNED, wanted=(REAL, MAX_JOINTS),
     samples=(CONTACT_SAMPLE, MAX_CONTACTS), slips=(SLIP, MAX_CONTACTS), follow_error=(REAL, 6), gains=LAW_GAINS,
     reference=REFERENCE, motion=MOTION, law=EVALUATION, estimate=ESTIMATE,
 )  # fmt: skip
@@ -192,6 +200,7 @@ def _end(c: Any, s: Any, i: Any, o: Any) -> None:
     """Write mode and the end of the ledger."""
     o.mode = s.mode
     o.path_scale = s.path.scale
+    put_governed(c, s, o.governor)
     at, h = 3 + 4 * c.law.contacts, o.health
     _put_time(o.ledger, at, i.now_ns)
     o.ledger[at + 2] = s.mode.mode

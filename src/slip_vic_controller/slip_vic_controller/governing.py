@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from slip_core.compiled import part
+from slip_core.records import REAL, layout
 from slip_core.vectors import ZERO, Spatial, mat, spatial, vec
 from slip_vic_controller.reference import governor
 from slip_vic_controller.reference.friction_estimate import slip_sample
@@ -13,6 +14,12 @@ from slip_vic_controller.reference.load import Held, held_by, load, size, surfac
 from slip_vic_controller.reference.path_grid import Along, along
 from slip_vic_controller.reference.paths import Reference, reference_at
 
+GOVERNED = layout(
+    path_s=REAL, path_rate=REAL, friction_limit=REAL, load_commanded=REAL, load_measured=REAL, load_ratio=REAL,
+    guard=REAL, friction_events=REAL,
+)  # fmt: skip
+"""What is published of the governor: where on the path and how fast; F^, loads commanded and measured [N], commanded
+load over F^; the guard's factor on a_C; how often F^ was made smaller."""
 UNLIMITED = 1e3
 """A speed along the path that limits nothing."""
 POINTS_PER_CYCLE = 10
@@ -71,7 +78,7 @@ def govern(c: Any, s: Any, arm: Any, o: Any, dt: float, path_speed: float) -> No
     governor.feel(c.governor, state, s.loads, spatial(o.samples[0].wrench), stamp_ns)
     for k in range(s.queue.count):
         sample = s.queue.samples[k]
-        v = spatial(c.governor.slip_axes).masked(spatial(sample.twist))
+        v = spatial(c.governor.slip_axes) * spatial(sample.twist)
         turning = c.governor.radius * v.angular.norm()
         speed = math.sqrt(v.linear.dot(v.linear) + turning * turning)
         slip_sample(c.governor.estimate, state.estimate, s.loads, sample.stamp_ns, speed)
@@ -107,3 +114,13 @@ def guard(c: Any, s: Any, arm: Any, o: Any) -> float:
     a_C, a_d, v_ee = spatial(o.law.a_C), spatial(o.law.a_d), spatial(arm.twist)
     grasped = held(c, s, o.gains)
     return governor.hold_back(c.governor, s.governor, grasped, mat(arm.rotation), v_ee.angular, a_C, a_d)
+
+
+@part
+def put_governed(c: Any, s: Any, out: Any) -> None:
+    """Write what is published of the governor to a GOVERNED."""
+    state = s.governor
+    out.path_s, out.path_rate, out.guard = state.out_s, state.out_rate, state.guard
+    out.friction_limit, out.friction_events = state.estimate.F_hat, float(state.estimate.events)
+    out.load_commanded, out.load_measured = state.commanded, state.measured
+    out.load_ratio = state.commanded / state.estimate.F_hat if state.estimate.F_hat > 0.0 else 0.0

@@ -6,7 +6,7 @@ import itertools
 import math
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from slip_core import grasp_params
 from slip_core.grasp_params import ArmParams, Six, Three
@@ -92,6 +92,13 @@ class GovernorParams(ParameterModel):
     mode: Literal["off", "slow_down", "time_optimal"] = parameter(
         "off", "off: the trajectory as planned; slow_down: never faster than that; time_optimal: its path, fastest"
     )
+
+    @field_validator("mode", mode="before")
+    @classmethod
+    def _off_is_a_word(cls, value: object) -> object:
+        """YAML reads a bare `off` as false."""
+        return "off" if value is False else value
+
     margin: float = parameter(0.95, "share of the friction limit that a motion may ask", gt=0.0, le=1.0)
     friction: Literal["known", "learnt", "unknown"] = parameter(
         "learnt",

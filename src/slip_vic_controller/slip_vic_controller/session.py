@@ -21,6 +21,7 @@ from slip_vic_controller.arrival import is_silent, receive_joint_state, receive_
 from slip_vic_controller.config import make_config
 from slip_vic_controller.cycle import INPUTS, OUTPUTS, STATE, STATE_SIZE, cycle, watchdog
 from slip_vic_controller.cycle import describe as describe_cycle
+from slip_vic_controller.governing import GOVERNED
 from slip_vic_controller.law.gains import (
     LAW_GAINS,
     RAMP,
@@ -52,6 +53,7 @@ _ANSWERED, _MODE = place(OUTPUTS, "answered").start, place(OUTPUTS, "mode.mode")
 _OK, _CAUSE = place(OUTPUTS, "ok").start, place(OUTPUTS, "mode.reason").start
 _REASON = slice(_CAUSE, _CAUSE + 3)
 _MODES = tuple(Mode)
+_GOVERNED, _GOVERNED_NAMES = place(OUTPUTS, "governor"), GOVERNED.names or ()
 _PATH_SCALE = place(OUTPUTS, "path_scale").start
 _NOW, _REQUEST, _MISSING = (place(INPUTS, name).start for name in ("now_ns", "request", "missing"))
 _CYCLES, _LAW_KNOWN = place(STATE, "cycles").start, place(STATE, "law.known").start
@@ -179,7 +181,10 @@ class CycleResult:
         names, places = published(len(self._controller.robot.joint_names))
         symbols = new(SYMBOLS)
         describe_cycle(self._controller.config, self.inputs, self.outputs, symbols)
-        return dict(zip(names, symbols[places].tolist(), strict=True))
+        numbers = dict(zip(names, symbols[places].tolist(), strict=True))
+        if self._controller.params.governor.mode != "off":
+            numbers |= zip(_GOVERNED_NAMES, self.outputs[_GOVERNED].tolist(), strict=True)
+        return numbers
 
 
 class ControllerSession:

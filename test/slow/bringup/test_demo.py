@@ -22,7 +22,7 @@ def test_summary_has_the_documented_form(demo: tuple[Path, str]) -> None:
     assert summary["scenario"] == "paper_planar"
     assert summary["seed"] == 0
     assert {"mujoco", "pin", "numpy"} <= set(summary["versions"])
-    assert list(summary["runs"]) == ["classical", "vic"]
+    assert list(summary["runs"]) == ["classical", "vic", "governed"]
     for run in summary["runs"].values():
         assert set(run) >= NUMBERS
         assert all(isinstance(run[name], int | float) for name in NUMBERS)
@@ -37,6 +37,12 @@ def test_vic_slips_twenty_times_less(demo: tuple[Path, str]) -> None:
     assert runs["vic"]["slip_linear_m"] < 2e-3
 
 
+def test_governed_does_not_slip(demo: tuple[Path, str]) -> None:
+    runs = json.loads((demo[0] / "summary.json").read_text())["runs"]
+    assert runs["governed"]["slip_linear_peak_m"] < 1e-6
+    assert max(map(abs, runs["governed"]["final_error"])) < 1e-6
+
+
 def test_bags_are_where_the_summary_says(demo: tuple[Path, str]) -> None:
     for run in json.loads((demo[0] / "summary.json").read_text())["runs"].values():
         with Bag(run["bag"]) as bag:
@@ -48,4 +54,4 @@ def test_picture_and_table(demo: tuple[Path, str]) -> None:
     assert (out / "report.png").read_bytes().startswith(PNG_HEAD)
     assert "slip at the end [mm]" in text
     assert "ratio" in text
-    assert sorted(path.name for path in out.iterdir()) == ["classical", "report.png", "summary.json", "vic"]
+    assert sorted(path.name for path in out.iterdir()) == ["classical", "governed", "report.png", "summary.json", "vic"]

@@ -6,7 +6,7 @@ import math
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Final, get_args
+from typing import Final
 
 from slip_bags.reader import Bag
 from slip_bringup.launcher import Launcher
@@ -24,7 +24,7 @@ COMMAND: Final = "slip-vic bag references"
 EVERY_TICK: Final = ("/clock", "/joint_states", "/effort_command", "/controller/ledger", "/object_state", "/slip_truth")
 LARGEST_BYTES: Final = 2_000_000
 SHORT: Final = f"--set bridge.duration_s={DURATION_S}"
-CONTROLLERS: Final = {
+CONTROLLERS: Final[dict[ControllerKind, str]] = {
     "classical": "Classical impedance control: the arm keeps its path, and the object slips.",
     "vic": "Variable impedance control: stiffness fades with slip and compensation drives it to zero.",
 }
@@ -33,7 +33,7 @@ CONTROLLERS: Final = {
 def reference_names() -> Iterator[tuple[str, ControllerKind, str]]:
     """Yield (scenario, controller, folder name) of every reference bag."""
     for scenario in scenario_names():
-        for controller in get_args(ControllerKind):
+        for controller in CONTROLLERS:
             yield scenario, controller, f"{scenario}_{controller}"
 
 

@@ -1,0 +1,84 @@
+"""The governor in the product's own simulation: nothing slips, and what friction cannot carry is refused."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from slip_bringup.inprocess import run_in_process
+from slip_bringup.scenario import load_scenario
+from slip_vic_controller.safety.modes import Mode
+
+HELD_M = 1e-7
+"""Slip of a grasp that holds: rounding of the friction's projection."""
+
+
+@dataclass
+class Run:
+    slip_m: float
+    error_m: float
+    mode: Mode
+    reason: str
+    most_load_ratio: float
+    events: int
+
+
+def run(scenario: str, *assignments: str, sensor: str = "", seconds: float = 3.0) -> Run:
+    """Run a scenario governed; the observer works where there is a sensor."""
+    loaded = load_scenario(
+        scenario, controller="governed", sensor=sensor, estimator="observer" if sensor else None,
+        assignments=(*assignments, f"bridge.duration_s={seconds}"),
+    )  # fmt: skip
+    slip = load = 0.0
+    for tick in run_in_process(loaded):
+        slip = max(slip, float(np.linalg.norm(tick.outputs.truth.slip_displacement[:3])))
+        governor = tick.result.record.governor
+        load = max(load, float(governor.load_ratio))
+    result = tick.result
+    error = float(result.record.law.error_linear) if result.record.ok else math.nan
+    return Run(slip, error, result.mode, result.reason, load, int(governor.friction_events))
+
+
+def test_nothing_slips_and_the_pad_arrives() -> None:
+    for scenario in ("paper_planar", "glass_transport", "vertical_plane"):
+        done = run(scenario)
+        assert done.slip_m < HELD_M, scenario
+        assert done.error_m < 1e-3, scenario
+        assert done.mode == Mode.ACTIVE, done.reason
+        assert done.most_load_ratio <= 1.0 + 1e-9
+        assert done.events == 0
+
+
+def test_slow_noisy_sensors_cost_nothing_where_friction_is_as_told() -> None:
+    for sensor in ("optical_flow_120", "vision_25"):
+        done = run("paper_planar", sensor=sensor)
+        assert done.slip_m < HELD_M, sensor
+        assert done.events == 0, "a false alarm"
+
+
+def test_friction_that_is_less_than_told_is_learnt_from_one_short_slip() -> None:
+    less = "bridge.friction.mu_s=0.3", "bridge.friction.mu_k=0.24"  # 40 % less
+    done = run("paper_planar", *less, sensor="optical_flow_120", seconds=4.0)
+    assert 0.0 < done.slip_m < 4e-4
+    assert done.events >= 1
+    assert done.error_m < 1e-3
+
+
+def test_unknown_friction_is_found_by_probing() -> None:
+    assert run("paper_planar", "controller.governor.friction=unknown", seconds=4.0).slip_m < HELD_M
+
+
+def test_a_path_that_friction_cannot_carry_is_refused_with_its_place() -> None:
+    done = run("vertical_plane", "controller.governor.margin=0.95", seconds=1.0)
+    assert done.slip_m < HELD_M
+    assert done.mode == Mode.HOLD
+    assert done.reason.startswith("friction cannot carry the object where the path is at 0.800 s")
+
+
+def test_off_is_the_printed_law_to_the_last_bit() -> None:
+    printed, off = (
+        load_scenario("paper_planar", controller=kind, assignments=("bridge.duration_s=0.3", *extra))
+        for kind, extra in (("vic", ()), ("governed", ("controller.governor.mode=off",)))
+    )  # fmt: skip
+    pairs = zip(run_in_process(printed), run_in_process(off), strict=True)
+    assert all(a.result.command.effort.tobytes() == b.result.command.effort.tobytes() for a, b in pairs)
