@@ -23,6 +23,10 @@ def _names(text: str) -> list[str]:
 @click.option("--out", type=click.Path(path_type=Path), default=Path("study"), show_default=True, help="folder")
 @click.option("--jobs", type=click.IntRange(1), default=None, help="parallel processes; default one per core")
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
+@click.option(
+    "--lottery", "drawn", type=click.IntRange(0), default=0, help="draw so many cases nobody tuned to instead"
+)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the lottery")
 def study(
     scenarios: str,
     sensors: str,
@@ -32,8 +36,13 @@ def study(
     out: Path,
     jobs: int | None,
     assignments: tuple[str, ...],
+    drawn: int,
+    seed: int,
 ) -> None:
     """Run scenario x sensor x estimator x mismatch over seeds: study.csv, study.png; goes on where it stopped."""
+    if drawn:
+        _lottery(drawn, seed, out, jobs or os.cpu_count() or 1)
+        return
     from slip_bringup.study.cases import MISMATCHES, all_cases
     from slip_bringup.study.runner import run_cases
     from slip_bringup.study.summary import summary_table, write_picture
@@ -63,6 +72,23 @@ def study(
     write_picture(out / "study.png", rows)
     Console().print(summary_table(rows))
     click.echo(f"{len(cases) - len(left)} of {len(cases)} cases were there already; {table.path}, {out / 'study.png'}")
+
+
+def _lottery(cases: int, seed: int, out: Path, jobs: int) -> None:
+    """Draw cases, run each with every law, and say how the laws compare."""
+    from slip_bringup.study.lottery import lottery, lottery_table, write_lottery
+
+    out.mkdir(parents=True, exist_ok=True)
+    results = []
+    console = Console(stderr=True)
+    with Progress(console=console, disable=not console.is_terminal) as progress:
+        task = progress.add_task("lottery", total=cases)
+        for result in lottery(cases, seed, jobs):
+            results.append(result)
+            progress.update(task, completed=result[0].number + 1)
+    write_lottery(out / "lottery.csv", results)
+    Console(width=120).print(lottery_table(results))
+    click.echo(f"{len(results)} of {cases} drawn cases are feasible; {out / 'lottery.csv'}")
 
 
 @click.command()

@@ -6,13 +6,19 @@ trouble of the wrench sensor. A configuration is a list of assignments, so laws 
 
 from __future__ import annotations
 
+import csv
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
 from statistics import median
 from typing import Literal, NamedTuple
 
 import numpy as np
+from rich.table import Table
 
 from slip_bringup.inprocess import run_in_process
 from slip_bringup.scenario import ControllerKind, Estimator, Scenario, load_scenario
@@ -86,6 +92,8 @@ class Law:
 
 CLASSICAL = Law("classical", "classical", None)
 OBSERVER = Law("law + observer")
+GOVERNED = Law("governed + observer", "governed")
+LAWS = (CLASSICAL, OBSERVER, GOVERNED)
 
 
 class Drawn(NamedTuple):
@@ -212,22 +220,23 @@ def _play(scenario: Scenario) -> Drawn:
             now = tick.outputs.stamp_ns * 1e-9
             slip = tick.outputs.truth.slip_displacement
             peak = max(peak, float(np.linalg.norm(tick.outputs.truth.slip_velocity[:3])))
-            result, record = tick.result, tick.result.record
-            if result.mode == Mode.FAULT:
-                outcome, reason = "fault", f"{now:.3f} s: {result.reason}"
+            record = tick.result.record
+            if tick.result.mode == Mode.FAULT:
+                outcome, reason = "fault", f"{now:.3f} s: {tick.result.reason}"
                 break
             if not float(np.linalg.norm(slip[:3])) < LOST_SLIP_M:
                 outcome, reason = "lost", f"{now:.3f} s: the object has left the pads"
                 break
             if not record.ok:
                 continue
-            drift = max(drift, float(record.law.error_linear))
+            error, turned = float(record.law.error_linear), float(record.law.error_angular)
+            drift = max(drift, error)
             if not drift < LOST_ERROR_M:
                 outcome, reason = "lost", f"{now:.3f} s: the pad is {drift:.2f} m from its reference"
                 break
             if now < scenario.controller.trajectory.duration_s + scenario.controller.trajectory.start_s:
                 continue
-            at_goal = record.law.error_linear < ARRIVED_M and record.law.error_angular < ARRIVED_RAD
+            at_goal = error < ARRIVED_M and turned < ARRIVED_RAD
             since = math.nan if not at_goal else since if since == since else now
     except DivergenceError as failure:
         outcome, reason = "lost", str(failure)
@@ -235,12 +244,17 @@ def _play(scenario: Scenario) -> Drawn:
     return Drawn(outcome, reason, length, angle, peak, drift, since)
 
 
-def lottery(cases: int, seed: int, laws: Sequence[Law]) -> Iterator[tuple[Ticket, dict[str, Drawn]]]:
-    """Yield every feasible case of a lottery with what each law makes of it; `cases` are drawn."""
-    for number in range(cases):
-        ticket = draw(number, seed)
-        if ticket.feasible:
-            yield ticket, {law.name: play(ticket, law) for law in laws}
+def lottery(cases: int, seed: int, jobs: int) -> Iterator[tuple[Ticket, dict[str, Drawn]]]:
+    """Yield every feasible case of a lottery with what each law makes of it, in their order; `cases` are drawn."""
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        for ticket, results in pool.map(_drawn_and_played, range(cases), itertools.repeat(seed)):
+            if results:
+                yield ticket, results
+
+
+def _drawn_and_played(number: int, seed: int) -> tuple[Ticket, dict[str, Drawn]]:
+    ticket = draw(number, seed)
+    return ticket, {law.name: play(ticket, law) for law in LAWS} if ticket.feasible else {}
 
 
 class Score(NamedTuple):
@@ -274,3 +288,28 @@ def score(results: Sequence[tuple[Ticket, Mapping[str, Drawn]]], law: str) -> Sc
         sum(a.outcome == "ok" and (b.outcome != "ok" or b.slip > a.slip + WORSE_M) for a, b in pairs),
         median(ratios) if ratios else math.nan,
     )
+
+
+def lottery_table(results: Sequence[tuple[Ticket, Mapping[str, Drawn]]]) -> Table:
+    """Return how the laws compare with classical control, per scenario and over all."""
+    table = Table(title="lottery: laws against classical control in equal worlds")
+    for name in ("scenario", "law", "cases", "lost", "classical lost", "lost alone", "worse", "median ratio"):
+        table.add_column(name, justify="left" if name in ("scenario", "law") else "right")
+    for scenario in (*scenario_names(), "all"):
+        chosen = [result for result in results if scenario in ("all", result[0].scenario)]
+        for law in LAWS[1:] if chosen else ():
+            found = score(chosen, law.name)
+            counts = (found.cases, found.lost, found.classical_lost, found.lost_alone, found.worse)
+            table.add_row(scenario, law.name, *map(str, counts), f"{found.ratio:.3g}")
+    return table
+
+
+def write_lottery(path: Path, results: Sequence[tuple[Ticket, Mapping[str, Drawn]]]) -> None:
+    """Write one row per case and law."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(("number", "scenario", "kind", "sensor", "seed", "trouble", "world", "law", *Drawn._fields))
+        for ticket, by_law in results:
+            case = (ticket.number, ticket.scenario, ticket.kind, ticket.sensor, ticket.seed, ticket.trouble)
+            for law, drawn in by_law.items():
+                rows.writerow((*case, " ".join(ticket.world), law, *drawn))
