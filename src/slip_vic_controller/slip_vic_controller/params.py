@@ -186,8 +186,12 @@ class DiagnosticsParams(ParameterModel):
 class ControllerParams(ArmParams):
     """Everything the controller needs to know."""
 
-    controller: Literal["vic", "classical"] = parameter("vic", "classical = the same law, gate and fading off")
-    mode: Literal["lockstep", "realtime"] = parameter("lockstep", "who waits for whom")
+    controller: Literal["vic", "classical"] = parameter(
+        "vic", "classical = the same law, slip activation and fading off"
+    )
+    mode: Literal["lockstep", "realtime"] = parameter(
+        "lockstep", "lockstep waits for all samples of a stamp; realtime answers each joint state with the newest ones"
+    )
     control_period_s: float = parameter(0.001, "control period", unit="s", gt=0.0)
     attitude: Literal["log", "rpy"] = parameter("log", "coordinates of the orientation error")
     feed_forward: bool = parameter(True, "use the desired acceleration a_d as feed-forward", runtime=True)

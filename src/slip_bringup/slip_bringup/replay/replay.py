@@ -92,7 +92,7 @@ class _Samples:
 
 
 def first_index(run: RecordedRun, from_s: float = 0.0) -> int:
-    """Return where in the ledger a replay begins: at its first cycle, or where the memory of the controller is known.
+    """Return where in the ledger a replay begins: at its first cycle, or where a snapshot of the controller is known.
 
     Args:
         run: the run.

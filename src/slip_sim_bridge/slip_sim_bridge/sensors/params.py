@@ -15,12 +15,12 @@ class SlipFaultParams(ParameterModel):
 
     gain: float = parameter(1.0, "reading over truth; 0.7 to 0.93 was seen before calibration", runtime=True, gt=0.0)
     bias: Six = parameter(NO_BIAS, "constant added to readings, on pad axes", unit="m/s, rad/s", runtime=True)
-    outlier_probability: float = parameter(0.0, "share of samples with a wild value", runtime=True, ge=0.0, le=1.0)
+    outlier_probability: float = parameter(0.0, "share of samples that are outliers", runtime=True, ge=0.0, le=1.0)
     outlier_linear: float = parameter(
-        0.2, "standard deviation of a wild linear value", unit="m/s", runtime=True, ge=0.0
+        0.2, "standard deviation of the linear values of an outlier", unit="m/s", runtime=True, ge=0.0
     )
     outlier_angular: float = parameter(
-        5.0, "standard deviation of a wild angular value", unit="rad/s", runtime=True, ge=0.0
+        5.0, "standard deviation of the angular values of an outlier", unit="rad/s", runtime=True, ge=0.0
     )
     dropout_probability: float = parameter(0.0, "share of samples that are lost", runtime=True, ge=0.0, le=1.0)
     lifted_chips: int = parameter(

@@ -87,7 +87,7 @@ class Sensor(Generic[Sample]):
 
 
 class JointSensor:
-    """Joint encoders: a joint state every tick, its values as old and as rough as the parameters say."""
+    """Joint encoders: a joint state every tick, its values as old and as noisy as the parameters say."""
 
     def __init__(self, params: JointSensorParams, rng: Callable[[], np.random.Generator]) -> None:
         self._params = params

@@ -1,4 +1,4 @@
-"""HOLD: the posture in which it began, with gravity, the load and damping; gains that bear late messages."""
+"""HOLD: the posture in which it began, with gravity, the load and damping; gains that are stable with late messages."""
 
 from __future__ import annotations
 
