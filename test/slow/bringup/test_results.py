@@ -27,9 +27,8 @@ class Outcome:
 def run(scenario: str, controller: str) -> Outcome:
     errors, reasons = [], set()
     for tick in run_in_process(load_scenario(scenario, controller=controller)):
-        diagnostics = tick.result.diagnostics
-        reasons.add(diagnostics.reason)
-        errors.append(diagnostics.terms.law.e)
+        reasons.add(tick.result.reason)
+        errors.append(tick.result.record.law.e.copy())
     slip = tick.outputs.truth.slip_displacement
     e = np.array(errors)
     return Outcome(
