@@ -310,7 +310,7 @@ def _stop_first(c: Any, s: Any, request: int, now_ns: int) -> int:
     if s.since.stopping_ns != NEVER and now_ns - s.since.stopping_ns >= 2 * c.arbitration.slow_down_ns:
         s.since.stopping_ns = NEVER
         return Request.HOLD.value
-    return request
+    return Request.NONE.value  # who asks twice does not stop the path more suddenly
 
 
 @part

@@ -1,0 +1,191 @@
+"""Limits, drop detection, latency and arbitration in plain form."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_vic_controller.safety.arbitration import Level
+from slip_vic_controller.safety.faults import Fault, Input, describe_fault
+from slip_vic_controller.safety.modes import Mode
+
+# -- effort limiter -----------------------------------------------------------------------------------
+
+
+def limit_effort(
+    effort_limit: Array, step: float, before: Array, wanted: Array
+) -> tuple[Array, Array, Array, bool]:
+    """Return effort, clipped or limited, limited, and whether `wanted` was finite."""
+    finite = bool(np.isfinite(wanted).all() and (np.abs(wanted) <= 1e154).all())
+    wanted = wanted if finite else before
+    inside = np.clip(wanted, -effort_limit, effort_limit)
+    effort = np.clip(np.clip(inside, before - step, before + step), -effort_limit, effort_limit)
+    return effort, (effort != inside) | (inside != wanted), effort != inside, finite
+
+
+# -- limit avoidance ----------------------------------------------------------------------------------
+
+
+def joint_repulsion(limits: Any, q: Array, qd: Array) -> Array:
+    """Return the torque away from stops and against too high velocities; limits: MOTION_LIMITS of n joints."""
+    n = len(q)
+    low = np.clip((limits.near_lower[:n] - q) / limits.margin, 0.0, 1.0)
+    high = np.clip((q - limits.near_upper[:n]) / limits.margin, 0.0, 1.0)
+    reach = limits.velocity[:n] - limits.brake_from[:n]
+    brake = np.clip((np.abs(qd) - limits.brake_from[:n]) / reach, 0.0, 1.0)
+    return limits.effort[:n] * (low**2 - high**2 - np.sign(qd) * brake)
+
+
+def pad_brake(limits: Any, J: Array, twist: Array) -> Array:
+    """Return the torque of a Cartesian damper of 100 N s/m, 10 N m s/rad on the speed above 3/4 of the limits."""
+    force = np.zeros(6)
+    for half, limit, damping in ((slice(3), limits.speed_linear, 100.0), (slice(3, 6), limits.speed_angular, 10.0)):
+        speed = float(np.linalg.norm(twist[half]))
+        if speed > 0.75 * limit:
+            force[half] = -damping * (speed - 0.75 * limit) * twist[half] / speed
+    return J.T @ force
+
+
+def too_fast(limits: Any, names: tuple[str, ...], qd: Array, twist: Array) -> str:
+    over = np.abs(qd) > limits.trip[: len(qd)]
+    if over.any():
+        i = int(over.argmax())
+        return f"{names[i]} turns at {abs(qd[i]):.1f} rad/s, the limit is {limits.velocity[i]:.1f}"
+    halves = (twist[:3], limits.speed_linear, "m/s"), (twist[3:], limits.speed_angular, "rad/s")
+    for half, limit, unit in halves:
+        speed = float(np.linalg.norm(half))
+        if speed > limit * 4.0 / 3.0:
+            return f"the pad moves at {speed:.1f} {unit}, the limit is {limit:.1f}"
+    return ""
+
+
+# -- drop detection -----------------------------------------------------------------------------------
+
+
+def fall_speed(down: Array, memory_s: float, speed: float, beyond: Array, P: Array, slipping: float, dt: float) -> float:
+    """Return the speed gained along `down` in the directions of slip, from `speed` before; P projects on these."""
+    return max(0.0, speed * math.exp(-dt / memory_s) + slipping * float(down @ P @ beyond) * dt)
+
+
+def slip_evidence(evidence: Array, change: Array, carried: Array, P: Array, dt: float) -> Array:
+    """Return what a_ee - G^T a_o has added up to over the last 0.1 s."""
+    return evidence * math.exp(-dt / 0.1) + P @ (change - dt * carried)
+
+
+# -- latency ------------------------------------------------------------------------------------------
+
+
+class Latency(NamedTuple):
+    least_ns: int | None = None
+    last_ns: int = 0
+    most_ns: int = 0
+    in_a_row: int = 0
+
+
+def answered(before: Latency, now_ns: int, stamp_ns: int, dt_ns: int, late_ns: int) -> Latency:
+    took_ns = now_ns - stamp_ns
+    least = took_ns if before.least_ns is None else before.least_ns
+    if before.last_ns < 5_000_000:
+        least += round(5e-4 * dt_ns)
+    least = min(least, took_ns)
+    last = took_ns - least
+    sure = min(last, before.last_ns)
+    fading = before.most_ns - round(before.most_ns * min(1.0, dt_ns * 1e-9 / 0.5))
+    return Latency(least, last, max(sure, fading), before.in_a_row + 1 if 0 < late_ns <= sure else 0)
+
+
+# -- arbitration --------------------------------------------------------------------------------------
+
+
+class Memory(NamedTuple):
+    """What arbitration looks at, None = not so."""
+
+    now_ns: int
+    mode: Mode
+    slip_unknown_ns: int | None
+    too_fast_ns: int | None
+    saturated_ns: int | None
+    stopping_ns: int | None
+    blind_ns: int | None
+    fall_speed: float
+    path_speed: float
+    path_scale: float
+    reference_moves: bool
+    late_in_a_row: int
+    pad_twist: Array
+    slips: tuple[Array, ...]
+
+
+class Verdict(NamedTuple):
+    fault: str
+    hold: str
+    degraded: str
+    level: Level
+    slip_unknown_ns: int | None
+    too_fast_ns: int | None
+
+
+def arbitrate(
+    config: Any, names: tuple[str, ...], memory: Memory, health: tuple[Fault, ...], frozen: bool, qd: Array, now_ns: int
+) -> Verdict:
+    """Return what speaks against the law; config: CONFIG; health: wrench, slip velocity, outside."""
+    wrench, slip, outside = health
+    limits, follows = config.arbitration, memory.mode in (Mode.ACTIVE, Mode.DEGRADED)
+    if slip == Fault.NONE and memory.blind_ns is not None and now_ns - memory.blind_ns > 50_000_000:
+        slip = Fault.IMPLAUSIBLE
+    unknown = bool(limits.slip_needed) and slip not in (Fault.NONE, Fault.DENORMAL)
+    since, level, words = None, Level.MEASURED, ""
+    slip_words = describe_fault(Input.SLIP, slip)
+    if unknown:
+        since = now_ns if memory.slip_unknown_ns is None else memory.slip_unknown_ns
+        passed = now_ns - since
+        if passed < limits.observer_ns:
+            level, words = Level.OBSERVED, f"{slip_words}: predicting it from the wrench"
+        elif passed < limits.observer_ns + limits.slow_down_ns:
+            level, words = Level.SLOWING, f"{slip_words}: slowing down"
+        else:
+            level = Level.HOLD
+    fastest, fast_since, fault = too_fast(config.motion, names, qd, memory.pad_twist), None, ""
+    if fastest:
+        fast_since = now_ns if memory.too_fast_ns is None else memory.too_fast_ns
+        fault = fastest if now_ns - fast_since > 5_000_000 else ""
+    if not fault and memory.fall_speed > config.drop.drop_speed:
+        fault = f"friction cannot carry the load: it has gained {memory.fall_speed:.2f} m/s of fall"
+    if outside == Fault.FOREIGN_COMMAND:
+        fault = fault or describe_fault(Input.EFFORT_COMMAND, outside)
+        return Verdict(fault, "", "", level, since, fast_since)
+    holds = (
+        (outside != Fault.NONE, describe_fault(Input.ANY, outside)),
+        (wrench not in (Fault.NONE, Fault.DENORMAL), describe_fault(Input.WRENCH, wrench)),
+        (
+            now_ns - memory.now_ns > limits.gap_ns and memory.mode != Mode.WAITING_INPUT,
+            describe_fault(Input.JOINT_STATE, Fault.NOT_RUN),
+        ),
+        (memory.late_in_a_row >= limits.late_after, describe_fault(Input.JOINT_STATE, Fault.LATE)),
+        (frozen and memory.reference_moves and follows, describe_fault(Input.JOINT_STATE, Fault.FROZEN)),
+        (level == Level.HOLD or (unknown and not follows), slip_words),
+        (
+            not follows and bool(limits.slip_needed) and any(_slides(limits, v) for v in memory.slips),
+            "the object slides: it comes to rest first",
+        ),
+    )
+    hold = next((text for so, text in holds if so), "")
+    cares = (
+        (bool(words), words),
+        (memory.stopping_ns is not None, "asked to hold: comes to rest first"),
+        (
+            memory.saturated_ns is not None and now_ns - memory.saturated_ns > limits.saturated_ns,
+            "saturated: slip cannot be driven to zero",
+        ),
+        (memory.path_speed < 1.0 or memory.path_scale < 1.0, "the path waits for the arm"),
+    )
+    degraded = "" if hold else next((text for so, text in cares if so), "")
+    return Verdict(fault, hold, degraded, level, since, fast_since)
+
+
+def _slides(limits: Any, v: Array) -> bool:
+    fast = np.linalg.norm(v[:3]) > limits.resume_slip_linear, np.linalg.norm(v[3:]) > limits.resume_slip_angular
+    return bool(fast[0] or fast[1])
