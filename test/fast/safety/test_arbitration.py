@@ -1,0 +1,151 @@
+"""Arbitration: what speaks against the law, against a plain form over random memories; degradation levels by time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slip_core.records import new, record
+from slip_vic_controller.cycle import CONFIG, STATE, STATE_SIZE
+from slip_vic_controller.safety.arbitration import HEALTH, Level
+from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.safety.reasons import describe, read_reason
+from slip_vic_controller.sizes import NEVER
+from test.referees import safety_referee
+from test.referees.safety_referee import Memory, Verdict
+from test.support.made_up import MS, N, NOW_NS, controller_of
+from test.support.safety_kernels import ARBITRATED, run_arbitrate
+
+TWIST, STILL = np.zeros(6), np.zeros(N)
+TIMES = ("slip_unknown_ns", "too_fast_ns", "saturated_ns", "stopping_ns")
+WRENCHES = (Fault.NONE, Fault.NONE, Fault.NONE, Fault.DENORMAL, Fault.SILENT)
+SLIPS = (Fault.NONE, Fault.NONE, Fault.DENORMAL, Fault.INVALID, Fault.FROZEN)
+OUTSIDE = (Fault.NONE,) * 6 + (Fault.SECOND_PUBLISHER, Fault.FOREIGN_COMMAND)
+QUIET = Memory(
+    now_ns=NOW_NS - MS, mode=Mode.ACTIVE, slip_unknown_ns=None, too_fast_ns=None, saturated_ns=None, stopping_ns=None,
+    blind_ns=None, fall_speed=0.0, path_speed=1.0, path_scale=1.0, reference_moves=False, late_in_a_row=0,
+    pad_twist=TWIST, slips=(TWIST,),
+)  # fmt: skip
+GOOD = (Fault.NONE, Fault.NONE, Fault.NONE)
+
+
+class Arbitration:
+    """What runs and the plain form, for one kind of controller."""
+
+    def __init__(self, **values) -> None:
+        self.controller = controller_of(**values)
+        self.config, self.buffer = self.controller.config, self.controller.new_state()
+        self.state = record(self.buffer[:STATE_SIZE], STATE)
+        self.limits = record(self.config, CONFIG).arbitration
+        self.names = self.controller.robot.joint_names
+
+    def judge(self, memory: Memory, health=GOOD, frozen: bool = False, qd=STILL, now_ns: int = NOW_NS) -> Verdict:
+        s, m = self.state, memory
+        s.now_ns, s.mode.mode, s.path.scale, s.latency.in_a_row = m.now_ns, m.mode, m.path_scale, m.late_in_a_row
+        for name in TIMES:
+            value = getattr(m, name)
+            s.since[name] = NEVER if value is None else value
+        s.observed.blind_since_ns = NEVER if m.blind_ns is None else m.blind_ns
+        s.observed.fall_speed, s.observed.path_speed, s.observed.moves = m.fall_speed, m.path_speed, m.reference_moves
+        s.observed.twist[:] = m.pad_twist
+        for of, slip in zip(s.slip_inputs, m.slips, strict=False):
+            of["values"][:] = slip
+        given, out = new(HEALTH), new(ARBITRATED)
+        given.view(np.int64)[:] = (Fault.NONE, *health)
+        run_arbitrate(self.config, self.buffer, given, frozen, np.array(qd), now_ns, out)
+        found = record(out, ARBITRATED)
+        texts = (describe(read_reason(found[name]), self.names) for name in ("fault", "hold", "degraded"))
+        since = (None if t == NEVER else int(t) for t in (s.since.slip_unknown_ns, s.since.too_fast_ns))
+        verdict = Verdict(*texts, Level(found.level), *since)
+        plain = safety_referee.arbitrate(record(self.config, CONFIG), self.names, m, health, frozen, qd, now_ns)
+        for name in TIMES[2:]:
+            assert s.since[name] == (NEVER if getattr(m, name) is None else getattr(m, name))
+        assert verdict == plain
+        return verdict
+
+
+def kinds() -> list[Arbitration]:
+    safety = {"safety__inputs__joint__late_s": 0.01}
+    return [Arbitration(**safety), Arbitration(slip_estimator="observer", **safety), Arbitration(controller="classical")]
+
+
+def random_memory(rng: np.random.Generator, limits) -> Memory:
+    def since(longest_ns: float) -> int | None:
+        return None if rng.uniform() < 0.7 else NOW_NS - int(rng.uniform() * 1.5 * longest_ns)
+
+    def small(size: float) -> float:
+        return float(size * rng.uniform()) if rng.uniform() < 0.3 else 0.0
+
+    ladder_ns = limits.observer_ns + limits.slow_down_ns
+    return Memory(
+        now_ns=NOW_NS - (MS if rng.uniform() < 0.9 else 2 * int(limits.gap_ns)), mode=Mode(rng.integers(5)),
+        slip_unknown_ns=since(ladder_ns), too_fast_ns=since(8e6), saturated_ns=since(limits.saturated_ns),
+        stopping_ns=since(1e8), blind_ns=since(8e7), fall_speed=small(0.6), path_speed=1.0 - small(1.0),
+        path_scale=1.0 - small(1.0), reference_moves=rng.uniform() < 0.5,
+        late_in_a_row=int(rng.choice((0, 0, 0, limits.late_after - 1, limits.late_after))),
+        pad_twist=rng.normal(size=6) * small(4.0), slips=(rng.normal(size=6) * small(0.5),),
+    )  # fmt: skip
+
+
+def test_it_is_the_plain_form() -> None:
+    said: set[str] = set()
+    for kind in kinds():
+        robot = kind.controller.robot
+        for seed in range(1500):
+            rng = np.random.default_rng(seed)
+            memory = random_memory(rng, kind.limits)
+            health = tuple(of[rng.integers(len(of))] for of in (WRENCHES, SLIPS, OUTSIDE))
+            qd = robot.velocity_limit * rng.uniform(-1.0, 1.0, N) * (2.0 if rng.uniform() < 0.2 else 0.1)
+            verdict = kind.judge(memory, health, bool(rng.uniform() < 0.2), qd)
+            said.update(text for text in verdict[:3] if text and not any(c.isdigit() for c in text))
+            said.add(verdict.level.name)
+    assert {
+        "OBSERVED", "SLOWING", "HOLD", "MEASURED", "wrench is silent", "an input has two publishers",
+        "joint state was not answered for too long", "joint state is late", "joint state is frozen",
+        "slip velocity is invalid", "slip velocity is invalid: predicting it from the wrench",
+        "slip velocity contradicts the wrench: slowing down", "the object slides: it comes to rest first",
+        "asked to hold: comes to rest first", "saturated: slip cannot be driven to zero", "the path waits for the arm",
+        "effort command is published by somebody else too",
+    } <= said  # fmt: skip
+
+
+def test_nothing_speaks_against_a_law_whose_inputs_are_good() -> None:
+    for kind in kinds():
+        assert kind.judge(QUIET) == Verdict("", "", "", Level.MEASURED, None, None)
+
+
+def test_levels_take_their_time_from_the_moment_slip_became_unknown() -> None:
+    bad = (Fault.NONE, Fault.INVALID, Fault.NONE)
+    for kind in kinds()[:2]:
+        observer_ns, slow_ns = int(kind.limits.observer_ns), int(kind.limits.slow_down_ns)
+        assert (observer_ns > 0) == (kind.controller.params.slip_estimator == "observer")
+        expected = []
+        if observer_ns:
+            expected += [(0, Level.OBSERVED), (observer_ns - 1, Level.OBSERVED)]
+        expected += [(observer_ns, Level.SLOWING), (observer_ns + slow_ns - 1, Level.SLOWING)]
+        expected += [(observer_ns + slow_ns, Level.HOLD), (10 * (observer_ns + slow_ns), Level.HOLD)]
+        since = kind.judge(QUIET, bad).slip_unknown_ns
+        assert since == NOW_NS
+        for passed, level in expected:
+            memory = QUIET._replace(slip_unknown_ns=since, now_ns=NOW_NS + passed - MS)
+            verdict = kind.judge(memory, bad, now_ns=NOW_NS + passed)
+            assert (verdict.level, verdict.slip_unknown_ns) == (level, since)
+            assert bool(verdict.hold) == (level == Level.HOLD)
+        assert kind.judge(QUIET._replace(slip_unknown_ns=since), GOOD).slip_unknown_ns is None
+
+
+def test_the_classical_law_needs_no_slip_velocity() -> None:
+    verdict = kinds()[2].judge(QUIET, (Fault.NONE, Fault.SILENT, Fault.NONE))
+    assert verdict == Verdict("", "", "", Level.MEASURED, None, None)
+
+
+def test_speed_is_a_fault_after_five_milliseconds() -> None:
+    kind = kinds()[0]
+    qd = 2.0 * kind.controller.robot.velocity_limit * (np.arange(N) == 3)
+    first = kind.judge(QUIET, qd=qd)
+    assert (first.fault, first.too_fast_ns) == ("", NOW_NS)
+    assert kind.judge(QUIET._replace(too_fast_ns=NOW_NS - 5 * MS), qd=qd).fault == ""
+    assert kind.judge(QUIET._replace(too_fast_ns=NOW_NS - 5 * MS - 1), qd=qd).fault == (
+        "arm_joint4 turns at 5.0 rad/s, the limit is 2.5"
+    )
+    assert kind.judge(QUIET._replace(too_fast_ns=NOW_NS - 6 * MS)).too_fast_ns is None

@@ -1,0 +1,151 @@
+"""Drop detection and slip evidence: what wrench and motion add up to, against numpy and by what they mean."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slip_core.records import new, record
+from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.law.law import EVALUATION
+from slip_vic_controller.reference.paths import REFERENCE
+from slip_vic_controller.safety.drop_detection import DROP_DETECTION, OBSERVED
+from slip_vic_controller.sizes import NEVER
+from test.referees.law_referee import exponential
+from test.referees.safety_referee import fall_speed, slip_evidence
+from test.support.safety_kernels import run_blindness, run_drop_detection
+
+EQUAL = 1e-12
+LINEAR = (1.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+
+class Detection:
+    """What runs, with records by name."""
+
+    def __init__(self, axes=LINEAR) -> None:
+        layouts = (DROP_DETECTION, OBSERVED, ARM, EVALUATION, REFERENCE)
+        self.buffers = [new(layout) for layout in layouts]
+        views = [record(buffer, layout) for buffer, layout in zip(self.buffers, layouts, strict=True)]
+        self.config, self.observed, self.arm, self.law, self.reference = views
+        self.axes = np.array(axes)
+        self.config.down[:], self.config.drop_speed, self.config.memory_s = (0.0, 0.0, -1.0), 0.2, 0.3
+        self.config.error_linear, self.config.error_angular, self.config.evidence = 0.1, 0.5, 0.08
+        self.observed.path_speed, self.observed.blind_since_ns = 1.0, NEVER
+        self.arm.rotation[:] = np.eye(3)
+
+    @property
+    def P(self) -> np.ndarray:
+        R = np.array(self.arm.rotation)
+        return R @ np.diag(self.axes[:3]) @ R.T
+
+    def observe(self, dt: float):
+        config, observed, arm, law, reference = self.buffers
+        run_drop_detection(config, self.axes, observed, arm, law, reference, dt)
+        return self.observed
+
+
+def random_detection(rng: np.random.Generator, known: bool) -> Detection:
+    d = Detection(rng.integers(0, 2, 6).astype(float))
+    down = rng.normal(size=3)
+    d.config.down[:] = down / np.linalg.norm(down)
+    d.arm.rotation[:], d.arm.twist[:] = exponential(rng.normal(size=3)), 0.3 * rng.normal(size=6)
+    d.law.object_acceleration[:], d.law.carried[:] = rng.normal(size=(2, 3))
+    d.law.slip_speed, d.law.gate = 0.01 * rng.uniform(), rng.uniform()
+    d.law.error_linear, d.law.error_angular = 0.2 * rng.uniform(), rng.uniform()
+    d.reference.twist[:], d.reference.acceleration[:] = 0.006 * rng.normal(size=6), 0.1 * rng.normal(size=6)
+    d.observed.known, d.observed.fall_speed = known, abs(rng.normal())
+    d.observed.evidence[:], d.observed.twist[:] = 0.1 * rng.normal(size=3), 0.3 * rng.normal(size=6)
+    return d
+
+
+def test_it_is_the_plain_form() -> None:
+    moves = set()
+    for seed in range(300):
+        rng, known = np.random.default_rng(seed), seed % 3 > 0
+        d, dt = random_detection(rng, known), (0.0, 0.001, 0.004)[seed % 5 % 3]
+        slipping = 1.0 if d.law.slip_speed > 0.005 else d.law.gate
+        beyond = d.law.object_acceleration - d.reference.acceleration[:3]
+        fall = fall_speed(d.config.down, 0.3, d.observed.fall_speed, beyond, d.P, slipping, dt)
+        change = d.arm.twist[:3] - d.observed.twist[:3]
+        seen = slip_evidence(d.observed.evidence, change, d.law.carried, d.P, dt) if known and dt > 0.0 else np.zeros(3)
+        worst = max(d.law.error_linear / 0.1, d.law.error_angular / 0.5)
+        found = d.observe(dt)
+        assert found.fall_speed == pytest.approx(fall, abs=EQUAL)
+        np.testing.assert_allclose(found.evidence, seen, atol=EQUAL)
+        assert found.path_speed == pytest.approx(min(1.0, max(0.0, 2.0 - 2.0 * worst)), abs=EQUAL)
+        assert found.moves == (np.linalg.norm(d.reference.twist) > 0.01)
+        np.testing.assert_array_equal(found.twist, d.arm.twist)
+        assert found.known == 1
+        moves.add(int(found.moves))
+    assert moves == {0, 1}
+
+
+def fallen(d: Detection, acceleration, ticks: int = 100) -> float:
+    d.law.object_acceleration[:] = acceleration
+    for _ in range(ticks):
+        d.observe(0.001)
+    return float(d.observed.fall_speed)
+
+
+def test_what_slips_downwards_falls_and_nothing_else_does() -> None:
+    """Pads that hold with their normal force along z of the pad: gravity in the plane of slip, or along its normal."""
+    down = Detection()
+    down.config.down[:] = (0.0, -1.0, 0.0)
+    down.law.slip_speed = 0.02
+    assert fallen(down, (0.0, -2.0, 0.0)) == pytest.approx(0.2, rel=0.2)  # 2 m/s^2 for 0.1 s, a little forgotten
+    for change in ("upwards", "sideways", "held", "carried by the normal force", "as the reference asks"):
+        d = Detection()
+        d.config.down[:], d.law.slip_speed = (0.0, -1.0, 0.0), 0.02
+        acceleration = {"upwards": (0.0, 2.0, 0.0), "sideways": (2.0, 0.0, 0.0)}.get(change, (0.0, -2.0, 0.0))
+        if change == "held":
+            d.law.slip_speed = 0.0
+        if change == "carried by the normal force":
+            d.config.down[:], acceleration = (0.0, 0.0, -1.0), (0.0, 0.0, -2.0)
+        if change == "as the reference asks":
+            d.reference.acceleration[1] = -2.0
+        assert fallen(d, acceleration) == 0.0, change
+
+
+def test_a_bias_adds_up_to_no_more_than_its_memory_and_is_forgotten() -> None:
+    d = Detection()
+    d.config.down[:], d.law.slip_speed = (0.0, -1.0, 0.0), 0.02
+    assert fallen(d, (0.0, -0.1, 0.0), 5000) == pytest.approx(0.1 * 0.3, rel=0.01)
+    assert fallen(d, (0.0, 0.0, 0.0), 3000) < 1e-4
+
+
+def test_a_pad_that_leaves_its_object_is_evidence_of_slip() -> None:
+    """The pad gains 0.1 m/s in the plane of slip that the wrench does not give to the object; and it is forgotten."""
+    d = Detection()
+    d.observe(0.001)
+    for k in range(20):
+        d.arm.twist[0] = 0.005 * (k + 1)
+        d.arm.twist[2] = 0.5 * k  # along the normal no contact slips
+        d.observe(0.001)
+    np.testing.assert_allclose(d.observed.evidence, (0.1, 0.0, 0.0), rtol=0.15)
+    carried = Detection()
+    carried.observe(0.001)
+    carried.law.carried[0] = 5.0
+    for k in range(20):
+        carried.arm.twist[0] = 0.005 * (k + 1)
+        carried.observe(0.001)
+    np.testing.assert_allclose(carried.observed.evidence, 0.0, atol=EQUAL)
+    for _ in range(1000):
+        d.observe(0.001)
+    assert np.linalg.norm(d.observed.evidence) < 1e-4
+
+
+def test_a_sensor_is_blind_since_it_shows_less_than_a_tenth_of_the_evidence() -> None:
+    d = Detection()
+    observed = d.buffers[1]
+
+    def blind(evidence, slip_speed: float, now_ns: int) -> int:
+        d.observed.evidence[:] = evidence
+        run_blindness(observed, slip_speed, 0.08, now_ns)
+        return int(d.observed.blind_since_ns)
+
+    strong = (0.06, 0.0, -0.06)
+    assert blind((0.05, 0.0, -0.06), 0.0, 10) == NEVER
+    assert blind(strong, 0.0081, 20) == NEVER
+    assert blind(strong, 0.0079, 30) == 30
+    assert blind(strong, 0.0, 40) == 30
+    assert blind(strong, 0.01, 50) == NEVER

@@ -1,0 +1,160 @@
+"""The effort limiter: whatever is wanted, what leaves it is finite, inside the limits and no steeper than the slope."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from slip_core.records import new, record
+from slip_vic_controller.safety.effort_limiter import EFFORT_LIMITS, LIMITER
+from test.referees.safety_referee import limit_effort
+from test.support.every import every
+from test.support.safety_kernels import limiter_needs_restart, limiter_step, run_limiter, run_start_limiter
+
+N, PERIOD_NS = 3, 4_000_000
+LIMIT = np.array([87.0, 12.0, 1e-3])
+ROUNDING = 1e-12  # one addition of numbers below 100
+any_float = st.floats(allow_nan=True, allow_infinity=True, width=64)
+wants = st.lists(st.tuples(arrays(float, N, elements=any_float), st.integers(-(10**9), 10**9)), min_size=1, max_size=20)
+
+
+def limits_record() -> np.ndarray:
+    buffer = new(EFFORT_LIMITS)
+    limits = record(buffer, EFFORT_LIMITS)
+    limits.effort[:N], limits.rate = LIMIT, 1000.0
+    limits.longest_step_ns, limits.restart_after_ns, limits.period_ns = 5_000_000, 50_000_000, PERIOD_NS
+    return buffer
+
+
+LIMITS = limits_record()
+
+
+class Limiter:
+    """What runs, from an effort at a time."""
+
+    def __init__(self, effort=(0.0, 0.0, 0.0), now_ns: int = 0) -> None:
+        self.buffer = new(LIMITER)
+        self.record = record(self.buffer, LIMITER)
+        self.record.started, self.record.now_ns, self.record.effort[:N] = 1, now_ns, effort
+
+    @property
+    def effort(self) -> np.ndarray:
+        return self.record.effort[:N].copy()
+
+    def take(self, wanted: np.ndarray, now_ns: int) -> bool:
+        flags = np.full((2, N), 7.0)
+        finite = run_limiter(LIMITS, self.buffer, N, wanted, now_ns, flags)
+        self.clipped, self.limited = flags == 1.0
+        assert ((flags == 0.0) | (flags == 1.0)).all()
+        return bool(finite)
+
+
+@given(wants)
+@settings(max_examples=200)
+def test_any_sequence_stays_finite_inside_and_slow(sequence: list[tuple[np.ndarray, int]]) -> None:
+    limiter, now = Limiter(), 0
+    for wanted, passed in sequence:
+        now += passed
+        before, before_ns = limiter.effort, int(limiter.record.now_ns)
+        finite = limiter.take(wanted, now)
+        assert np.isfinite(limiter.effort).all()
+        assert (np.abs(limiter.effort) <= LIMIT).all()
+        allowed = 1000.0 * min(max(now - before_ns, 0), 5_000_000) * 1e-9
+        assert (np.abs(limiter.effort - before) <= allowed + ROUNDING).all()
+        assert limiter.record.now_ns == max(before_ns, now)
+        assert finite == (np.isfinite(wanted).all() and bool((np.abs(wanted) <= 1e154).all()))
+
+
+def test_it_is_the_plain_form() -> None:
+    rng = np.random.default_rng(0)
+    for case in range(500):
+        before = rng.uniform(-1.0, 1.0, N) * LIMIT
+        wanted = rng.choice((1.0, 3.0)) * rng.normal(size=N) * LIMIT
+        if case % 10 == 0:
+            wanted[case % N] = (math.nan, math.inf, -math.inf, 1e200)[case // 10 % 4]
+        limiter, now = Limiter(before, 1_000_000), 1_000_000 + int(rng.integers(-1_000_000, 8_000_000))
+        step = limiter_step(LIMITS, limiter.buffer, now)
+        effort, clipped, limited, finite = limit_effort(LIMIT, step, before, wanted)
+        assert limiter.take(wanted, now) == finite
+        np.testing.assert_array_equal(limiter.effort, effort)
+        np.testing.assert_array_equal(limiter.clipped, clipped)
+        np.testing.assert_array_equal(limiter.limited, limited)
+        assert step == pytest.approx(1e-6 * min(max(now - 1_000_000, 0), 5_000_000), rel=1e-12, abs=0.0)
+
+
+@every("period_ns", [250_000, 1_000_000, 4_000_000])
+def test_slope_does_not_depend_on_the_control_rate(period_ns: int) -> None:
+    """A step of 50 N m takes 50 ms, at 4 kHz as at 250 Hz."""
+    limiter, now = Limiter(), 0
+    while limiter.effort[0] < 50.0:
+        now += period_ns
+        limiter.take(np.array([50.0, 0.0, 0.0]), now)
+    assert now == pytest.approx(50_000_000, abs=period_ns)
+
+
+def test_what_needs_no_limit_passes_to_the_last_bit() -> None:
+    limiter, wanted = Limiter(), np.array([0.1, -0.2, 1e-4])
+    assert limiter.take(wanted, 1_000_000)
+    assert limiter.effort.tobytes() == wanted.tobytes()
+    assert not limiter.clipped.any()
+    assert not limiter.limited.any()
+
+
+def test_flags_say_which_joint_was_held_back_and_why() -> None:
+    limiter = Limiter((86.5, 0.0, 0.0))
+    limiter.take(np.array([100.0, 5.0, 0.0]), 1_000_000)
+    assert limiter.clipped.tolist() == [True, True, False]  # held back at all
+    assert limiter.limited.tolist() == [False, True, False]
+    np.testing.assert_allclose(limiter.effort, [87.0, 1.0, 0.0], atol=ROUNDING)
+
+
+@every("wanted", [np.full(3, np.nan), np.array([1.0, np.inf, 0.0]), np.array([1.0, 0.0, -1e200])])
+def test_what_is_no_effort_repeats_the_last_one(wanted: np.ndarray) -> None:
+    last = np.array([3.0, -2.0, 0.0])
+    limiter = Limiter(last)
+    assert not limiter.take(wanted, 1_000_000)
+    np.testing.assert_array_equal(limiter.effort, last)
+
+
+def test_a_clock_that_goes_back_allows_no_step_and_is_not_followed() -> None:
+    limiter = Limiter(now_ns=10_000_000)
+    limiter.take(LIMIT.copy(), 9_000_000)
+    np.testing.assert_array_equal(limiter.effort, 0.0)
+    limiter.take(LIMIT.copy(), 11_000_000)
+    assert limiter.effort[0] == pytest.approx(1.0)
+
+
+GRAVITY = np.array([7.0, 8.0, 5e-4])
+
+
+@every(
+    "measured, gravity, expected",
+    [
+        (np.array([5.0, 1.0, 0.0]), GRAVITY, [5.0, 1.0, 0.0]),
+        (np.array([500.0, 1.0, -1.0]), GRAVITY, [87.0, 1.0, -1e-3]),
+        (np.array([np.nan, 1.0, 0.0]), GRAVITY, GRAVITY),
+        (np.zeros(3), GRAVITY, GRAVITY),
+        (np.zeros(3), 100.0 * GRAVITY, LIMIT),
+        (np.full(3, np.inf), np.array([1.0, np.nan, 2.0]), np.zeros(3)),
+        (np.array([5.0, 1.0, 0.0]), np.full(3, np.nan), [5.0, 1.0, 0.0]),
+    ],
+)
+def test_start_is_what_the_joints_feel_or_gravity(measured, gravity, expected) -> None:
+    limiter = Limiter()
+    limiter.record.started = 0
+    assert limiter_needs_restart(LIMITS, limiter.buffer, 0)
+    run_start_limiter(LIMITS, limiter.buffer, N, measured, gravity, 10**9)
+    np.testing.assert_array_equal(limiter.effort, expected)
+    assert limiter_step(LIMITS, limiter.buffer, 10**9) == pytest.approx(1000.0 * 0.004)  # one control period
+    assert limiter.record.started == 1
+
+
+def test_restart_after_a_pause_only() -> None:
+    limiter = Limiter(now_ns=1_000)
+    assert not limiter_needs_restart(LIMITS, limiter.buffer, 50_001_000)
+    assert limiter_needs_restart(LIMITS, limiter.buffer, 50_001_001)

@@ -1,0 +1,112 @@
+"""Latency of joint states and slip samples, with made-up clocks."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from slip_core.records import new, record
+from slip_vic_controller.safety.latency import DECAY_S, LATENCY, SLIP_LATENCY
+from slip_vic_controller.safety.validation import SLIP_QUEUE
+from test.referees.safety_referee import Latency, answered
+from test.support.safety_kernels import run_latency, run_slip_latency
+
+MS = 1_000_000
+
+
+def run(took_ms, buffer=None, *, offset_ns: int = 123):
+    """Return the record after answers that took so long; of the plain form too, which is equal."""
+    buffer = new(LATENCY) if buffer is None else buffer.copy()
+    state = record(buffer, LATENCY)
+    plain = Latency(
+        int(state.least_ns) if state.known else None, int(state.last_ns), int(state.most_ns), int(state.in_a_row)
+    )
+    for k, took in enumerate(took_ms):
+        now_ns = 1_000 * MS + k * 4 * MS + offset_ns
+        stamp_ns = now_ns - round(took * MS) - offset_ns
+        plain = answered(plain, now_ns, stamp_ns, 4 * MS, 12 * MS)
+        run_latency(buffer, now_ns, stamp_ns, 4 * MS, 12 * MS)
+        assert plain == (state.least_ns, state.last_ns, state.most_ns, state.in_a_row)
+        assert state.known == 1
+    return state, buffer
+
+
+def test_it_is_the_plain_form() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        run(rng.choice((1.0, 3.0, 15.0, 30.0), 50) + rng.uniform(0.0, 5.0, 50))
+
+
+def test_clocks_need_not_agree() -> None:
+    state, _ = run([5.0] * 20, offset_ns=10**15)
+    assert state.last_ns == 0
+    assert state.most_ns == 0
+
+
+def test_one_late_answer_does_not_count_and_five_do() -> None:
+    _, good = run([1.0] * 20)
+    assert run([30.0], good)[0].most_ns == 0
+    late, _ = run([30.0] * 6, good)
+    assert late.in_a_row == 5
+    assert late.most_ns == pytest.approx(29 * MS, rel=1e-2)
+
+
+def test_a_lasting_delay_is_not_forgotten_and_one_that_ends_is() -> None:
+    late, buffer = run([30.0] * 2000, run([1.0] * 20)[1])
+    assert late.last_ns == pytest.approx(29 * MS, rel=1e-2)
+    over, _ = run([1.0] * round(5 * DECAY_S / 0.004), buffer)
+    assert over.in_a_row == 0
+    assert over.most_ns < 0.02 * late.most_ns
+
+
+def test_clocks_that_drift_apart_are_not_late() -> None:
+    buffer = new(LATENCY)
+    for k in range(20_000):
+        stamp_ns = k * 4 * MS
+        run_latency(buffer, stamp_ns + round(2e-4 * stamp_ns), stamp_ns, 4 * MS, 12 * MS)
+    assert record(buffer, LATENCY).most_ns < 1 * MS
+
+
+class Slips:
+    """Slip samples that come with cycles of 1 ms."""
+
+    def __init__(self) -> None:
+        self.buffer, self.queue, self.cycles = new(SLIP_LATENCY), new(SLIP_QUEUE), np.zeros(2)
+
+    def take(self, now_ms: float, *stamps_ms: float) -> tuple[int, int]:
+        queue = record(self.queue, SLIP_QUEUE)
+        queue.count = len(stamps_ms)
+        for sample, stamp_ms in zip(queue.samples, stamps_ms, strict=False):
+            sample.stamp_ns = round(stamp_ms * MS)
+        run_slip_latency(self.buffer, round(now_ms * MS), self.queue, MS, self.cycles)
+        return int(self.cycles[0]), int(self.cycles[1])
+
+
+def test_period_and_age_of_slip_samples_in_whole_cycles() -> None:
+    slips = Slips()
+    assert slips.take(0.0, 0.0) == (1, 0)
+    assert slips.take(5.0, 5.0) == (5, 0)
+    assert slips.take(10.0, 10.0) == (5, 0)
+    assert slips.take(17.05, 15.0) == (5, 2)  # a little more than two cycles late counts as two
+    assert slips.take(22.2, 20.0) == (5, 3)
+    assert slips.take(23.0) == (5, 3)
+    assert slips.take(24.0, 20.0) == (5, 3)  # the same one again
+    assert slips.take(25.0, 19.0)[0] == 5  # a late sample does not count as a period
+    assert slips.take(28.1, 24.0, 28.0)[0] == 5  # 4 and 4 ms, where it was 5
+
+
+def test_a_bad_time_is_made_up_for_by_hundreds_of_good_ones() -> None:
+    slips = Slips()
+    slips.take(0.0, 0.0)
+    slips.take(40.0, 20.0)
+    t = 40.0
+    for _ in range(1000):
+        t += 1.0
+        held, late = slips.take(t, t)
+    assert (held, late) == (1, 0)
+    state = record(slips.buffer, SLIP_LATENCY)
+    assert state.period_ns == pytest.approx(MS, rel=0.01)
+    assert math.isclose(state.latency_ns, 0.0, abs_tol=0.01 * 20 * MS)
+    assert state.newest_ns == round(t * MS)

@@ -1,0 +1,194 @@
+"""The mode machine: every mode with every finding and request, against a plain form and by its rules."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from slip_core.records import new, record
+from slip_vic_controller.safety.modes import MODE, MODE_POLICY, NOTHING, Mode, Request
+from slip_vic_controller.safety.reasons import Cause, Prefix, Reason, because, describe, put_reason, read_reason
+from slip_vic_controller.sizes import NEVER
+from test.referees import mode_referee
+from test.referees.mode_referee import Found, ModeState, Policy
+from test.support.every import every
+from test.support.safety_kernels import FINDINGS, run_begin_modes, run_modes
+
+POLICY = Policy(auto_enable=True, auto_resume=True, resume_after_ns=100)
+MANUAL = Policy(auto_enable=False, auto_resume=False, resume_after_ns=100)
+NO_RESUME = Policy(auto_enable=True, auto_resume=False, resume_after_ns=100)
+CODES = {
+    "missing": because(Cause.WAITS, 8),
+    "fault": Reason(Cause.CANNOT_CARRY.value, 0, 0, 0.5, 0.0),
+    "hold": because(Cause.SLIDES, 0),
+    "degraded": because(Cause.PATH_WAITS, 0),
+}
+WORDS = {name: describe(reason, ()) for name, reason in CODES.items()}
+H, F = WORDS["hold"], WORDS["fault"]
+FOUND = tuple(
+    Found(**{name: WORDS[name] for name in names})
+    for names in ((), ("hold",), ("fault",), ("missing",), ("degraded",), tuple(WORDS))
+)
+GOOD, BAD, FAULTY, MISSING, DEGRADED, _ = FOUND
+REASONS = [
+    Reason(code.cause, code.detail, prefix, code.value, code.limit)
+    for code in (*CODES.values(), because(Cause.ASKED, 0), because(Cause.STOPPING, 0), because(Cause.NOT_ENABLED, 0))
+    for prefix in (Prefix.NONE, Prefix.ASKED_AND, Prefix.RESUMES_AFTER, Prefix.AFTER_RESET)
+]
+
+
+class Machine:
+    """What runs, with texts for its reasons."""
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy, self.buffer = new(MODE_POLICY), new(MODE)
+        self.policy.view(np.int64)[:] = policy
+        self.record, self.now_ns = record(self.buffer, MODE), 0
+        run_begin_modes(self.policy, self.buffer, 0)
+
+    def put(self, state: ModeState, reason: Reason) -> None:
+        self.record.mode, self.record.since_ns, self.record.enabled = state.mode, state.since_ns, state.enabled
+        self.record.good_since_ns = NEVER if state.good_since_ns is None else state.good_since_ns
+        put_reason(self.record.reason, reason)
+
+    def step(self, found: Found, request: Request, now_ns: int) -> ModeState:
+        findings = new(FINDINGS)
+        for name, text in zip(found._fields, found, strict=True):
+            put_reason(record(findings, FINDINGS)[name], CODES[name] if text else NOTHING)
+        run_modes(self.policy, self.buffer, findings, request, now_ns)
+        return self.state
+
+    @property
+    def state(self) -> ModeState:
+        r = self.record
+        good = None if r.good_since_ns == NEVER else int(r.good_since_ns)
+        return ModeState(Mode(r.mode), describe(read_reason(r.reason), ()), int(r.since_ns), bool(r.enabled), good)
+
+
+def run(policy: Policy, *steps: tuple[Found, Request, int]) -> ModeState:
+    """Return the state after steps, each some time after the one before."""
+    machine, now_ns, state = Machine(policy), 0, mode_referee.begin(policy, 0)
+    for found, request, passed in steps:
+        now_ns += passed
+        state = mode_referee.next_mode(state, found, request, now_ns, policy)
+        assert machine.step(found, request, now_ns) == state
+    return machine.state
+
+
+ALL = list(
+    itertools.product(
+        Mode, FOUND, Request, (True, False), (None, 0), (POLICY, MANUAL, NO_RESUME), (50, 100), (0, 9, 18, 27)
+    )
+)
+
+
+def test_rules_that_hold_for_every_transition() -> None:
+    machines = {policy: Machine(policy) for policy in (POLICY, MANUAL, NO_RESUME)}
+    for mode, found, request, enabled, good_since, policy, now, reason in ALL:
+        code = REASONS[reason] if mode != Mode.FAULT else CODES["fault"]  # a fault's reason says nothing before it
+        before = ModeState(mode, describe(code, ()), -1, enabled, good_since)
+        machine = machines[policy]
+        machine.put(before, code)
+        after = machine.step(found, request, now)
+        case = f"{before} {found} {request} {policy}"
+        assert after == mode_referee.next_mode(before, found, request, now, policy), case
+        if mode == Mode.FAULT and request != Request.RESET_FAULT:
+            assert after.mode == Mode.FAULT, case
+        if found.fault:
+            assert after.mode == Mode.FAULT, case
+        if after.mode.follows:
+            assert found in (GOOD, DEGRADED), case
+            assert after.enabled, case
+            assert mode != Mode.FAULT, case
+        if found.missing and mode != Mode.FAULT and not found.fault:
+            assert after.mode == Mode.WAITING_INPUT, case
+        if request == Request.HOLD:
+            assert not after.mode.follows, case
+        assert (after.reason != "") or after.mode == Mode.ACTIVE, case
+        assert after.since_ns == (before.since_ns if after.mode == mode else now), case
+
+
+def test_a_random_walk_is_that_of_the_plain_form() -> None:
+    rng = np.random.default_rng(1)
+    for policy in (POLICY, MANUAL, NO_RESUME):
+        likely = [*[GOOD] * 6, *FOUND]
+        steps = [
+            (likely[rng.integers(len(likely))], Request(int(rng.choice(4, p=(0.7, 0.1, 0.1, 0.1)))), int(passed))
+            for passed in rng.choice((1, 99, 100), 3000)
+        ]
+        run(policy, *steps)
+
+
+def test_begins_waiting() -> None:
+    assert Machine(POLICY).state == ModeState(Mode.WAITING_INPUT, "no input yet", 0, True, None)
+    assert not Machine(MANUAL).state.enabled
+
+
+def test_good_inputs_lead_straight_to_active() -> None:
+    assert run(POLICY, (MISSING, Request.NONE, 1), (GOOD, Request.NONE, 1)).mode == Mode.ACTIVE
+
+
+def test_without_auto_enable_a_user_enables() -> None:
+    held = run(MANUAL, (GOOD, Request.NONE, 1))
+    assert (held.mode, held.reason) == (Mode.HOLD, "not enabled")
+    assert run(MANUAL, (GOOD, Request.NONE, 1), (GOOD, Request.ENABLE, 1)).mode == Mode.ACTIVE
+
+
+def test_hold_that_an_input_caused_ends_after_a_while() -> None:
+    steps = [(GOOD, Request.NONE, 1), (BAD, Request.NONE, 1), (GOOD, Request.NONE, 1)]
+    waiting = run(POLICY, *steps)
+    assert (waiting.mode, waiting.reason) == (Mode.HOLD, f"resumes after: {H}")
+    assert run(POLICY, *steps, (GOOD, Request.NONE, 99)).mode == Mode.HOLD
+    assert run(POLICY, *steps, (GOOD, Request.NONE, 100)).mode == Mode.ACTIVE
+    assert run(POLICY, *steps, (BAD, Request.NONE, 99), (GOOD, Request.NONE, 50)).mode == Mode.HOLD
+
+
+def test_without_auto_resume_a_user_resumes() -> None:
+    steps = [(GOOD, Request.NONE, 1), (BAD, Request.NONE, 1), (GOOD, Request.NONE, 10_000)]
+    assert run(NO_RESUME, *steps).mode == Mode.HOLD
+    assert run(NO_RESUME, *steps, (GOOD, Request.ENABLE, 1)).mode == Mode.ACTIVE
+
+
+def test_without_auto_resume_what_held_before_the_law_began_does_not_cost_the_wish_for_it() -> None:
+    assert run(NO_RESUME, (BAD, Request.NONE, 1), (GOOD, Request.NONE, 1), (GOOD, Request.NONE, 100)).mode == Mode.ACTIVE
+
+
+def test_hold_that_a_user_asked_for_stays() -> None:
+    steps = [(GOOD, Request.NONE, 1), (GOOD, Request.HOLD, 1), (GOOD, Request.NONE, 10_000)]
+    held = run(POLICY, *steps)
+    assert (held.mode, held.reason) == (Mode.HOLD, "asked to hold")
+    assert run(POLICY, *steps, (GOOD, Request.ENABLE, 1)).mode == Mode.ACTIVE
+    # Also where an input was bad in between, and with auto_resume: what a user asked for ends by a user.
+    bad = run(POLICY, *steps, (BAD, Request.NONE, 1))
+    assert (bad.enabled, bad.reason) == (False, f"asked to hold; {H}")
+    assert run(POLICY, *steps, (BAD, Request.NONE, 1), (GOOD, Request.NONE, 10_000)).reason == "asked to hold"
+
+
+@every("request_", [Request.NONE, Request.ENABLE, Request.HOLD])
+def test_fault_latches(request_: Request) -> None:
+    state = run(POLICY, (GOOD, Request.NONE, 1), (FAULTY, Request.NONE, 1), (GOOD, request_, 10_000))
+    assert (state.mode, state.reason) == (Mode.FAULT, F)
+
+
+def test_reset_leads_to_hold_and_not_further() -> None:
+    steps = [(FAULTY, Request.NONE, 1), (GOOD, Request.RESET_FAULT, 1), (GOOD, Request.NONE, 10_000)]
+    held = run(POLICY, *steps)
+    assert (held.mode, held.reason) == (Mode.HOLD, f"not enabled, after a reset of: {F}")
+    assert run(POLICY, *steps, (GOOD, Request.ENABLE, 1)).mode == Mode.ACTIVE
+    assert run(POLICY, (FAULTY, Request.NONE, 1), (FAULTY, Request.RESET_FAULT, 1)).mode == Mode.FAULT
+
+
+def test_degraded_comes_and_goes_with_its_cause() -> None:
+    steps = [(GOOD, Request.NONE, 1), (DEGRADED, Request.NONE, 1)]
+    assert run(POLICY, *steps).reason == WORDS["degraded"]
+    assert run(POLICY, *steps, (GOOD, Request.NONE, 1)).mode == Mode.ACTIVE
+
+
+def test_every_cause_has_words() -> None:
+    for cause in Cause:
+        text = describe(Reason(cause, 1 if cause != Cause.WAITS else 8, 0, 1.0, 1.0), ("a", "b"))
+        assert (text == "") == (cause == Cause.NONE)
+    every_bit = describe(because(Cause.WAITS, 2**11 - 1), ())
+    assert every_bit.startswith("waits for activation, a good joint state, joint_states, wrench of contact 0,")
+    assert every_bit.endswith("wrench of contact 3, slip of contact 0, slip of contact 1, slip of contact 2, slip of contact 3")

@@ -1,0 +1,110 @@
+"""A controller of the small test arm with made-up samples: no bridge, no physics, whatever a test wants to say."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from slip_core.params import build
+from slip_core.types import JointSample, SlipSample, WrenchSample
+from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Health
+from slip_vic_controller.safety.faults import Fault
+from test.support.small_arm import HOME, small_arm_urdf
+
+MS = 1_000_000
+STAMP_NS = 1_000_000_000_000
+NOW_NS = 5_000_000_000
+POSITION = np.array(HOME)
+VELOCITY = np.full(7, 0.05)
+LOAD = np.array([0.1, 0.2, -4.9, 0.0, 0.0, 0.01])
+SLIP = np.array([0.004, -0.002, 0.0, 0.0, 0.0, 0.03])
+TINY = 1e-7  # that no measured number is equal to the last bit to the one before
+N = len(HOME)
+
+
+def controller_of(lockstep: bool = False, **values: Any) -> Controller:
+    """Return a controller of parameters, flat names with `__` for the dot."""
+    return _controller(lockstep, tuple((name.replace("__", "."), value) for name, value in values.items()))
+
+
+@lru_cache
+def _controller(lockstep: bool, values: tuple[tuple[str, Any], ...]) -> Controller:
+    return Controller(build(ControllerParams, dict(values), "test"), small_arm_urdf(), lockstep=lockstep)
+
+
+class MadeUp:
+    """A session, the two clocks, and ordinary samples where a test says nothing else.
+
+    lockstep, values: as of `controller_of`.
+    """
+
+    def __init__(self, lockstep: bool = False, **values: Any) -> None:
+        self.controller = controller_of(lockstep, **values)
+        self.session = ControllerSession(self.controller)
+        self.stamp_ns, self.now_ns, self.tick = STAMP_NS, NOW_NS, 0
+
+    @property
+    def state(self) -> Any:
+        return self.session.state
+
+    def pass_time(self, passed_ns: int = MS) -> None:
+        self.stamp_ns, self.now_ns, self.tick = self.stamp_ns + passed_ns, self.now_ns + passed_ns, self.tick + 1
+
+    def noise(self, size: int) -> np.ndarray:
+        return TINY * np.random.default_rng(self.tick).uniform(-1.0, 1.0, size)
+
+    def joint(self, position=POSITION, velocity=VELOCITY, effort=None) -> JointSample:
+        """Return a joint state at the present stamp."""
+        effort = np.zeros(len(position)) if effort is None else effort
+        return JointSample(self.stamp_ns, position + self.noise(len(position)), np.array(velocity), effort)
+
+    def deliver(self, wrench=LOAD, slip=SLIP) -> None:
+        """Let wrench and slip velocity arrive; None = none; a slip velocity of NaN is invalid."""
+        if wrench is not None:
+            noise = self.noise(6) if np.isfinite(wrench).all() else 0.0
+            self.session.add_wrench(0, WrenchSample(self.stamp_ns, wrench + noise), self.now_ns)
+        if slip is not None:
+            noise = self.noise(6) * (slip != 0.0) if np.isfinite(slip).all() else 0.0
+            sample = SlipSample(self.stamp_ns, slip + noise, valid=bool(np.isfinite(slip).all()))
+            self.session.add_slip(0, sample, self.now_ns)
+
+    def cycle(self, joint: JointSample | None = None, wrench=LOAD, slip=SLIP, passed_ns: int = MS) -> CycleResult:
+        """Let time pass, samples arrive, and return the answer."""
+        self.pass_time(passed_ns)
+        self.deliver(wrench, slip)
+        self.session.add_joint(self.joint() if joint is None else joint, self.now_ns)
+        result = self.session.cycle(self.now_ns)
+        assert result is not None
+        return result
+
+    def run(self, cycles: int, **given: Any) -> CycleResult:
+        """Run cycles; return the last answer. given: as of `cycle`, joint as of `joint` in a dictionary."""
+        joint = given.pop("joint", {})
+        for _ in range(cycles):
+            self.stamp_ns, self.now_ns = self.stamp_ns + MS, self.now_ns + MS
+            sample = self.joint(**joint)
+            self.stamp_ns, self.now_ns = self.stamp_ns - MS, self.now_ns - MS
+            result = self.cycle(sample, **given)
+        return result
+
+    def past_validation(
+        self, joint: JointSample | None = None, wrench=LOAD, slip=SLIP, *, health: Health | None = None,
+        passed_ns: int = MS,
+    ) -> CycleResult:  # fmt: skip
+        """Return the answer to samples that input validation does not look at, as in a replay."""
+        self.pass_time(passed_ns)
+        joint = self.joint() if joint is None else joint
+        new = SlipSample(self.stamp_ns, slip)
+        self.session.give(joint, [WrenchSample(self.stamp_ns, wrench)], [new], [new], self.now_ns)
+        return self.session.answer(joint, Fault.NONE, self.now_ns, 0, Health() if health is None else health)
+
+
+def law_at_work(lockstep: bool = False, **values: Any) -> MadeUp:
+    """Return a controller whose law has begun, at rest and without slip."""
+    made_up = MadeUp(lockstep, **values)
+    made_up.cycle(made_up.joint(velocity=np.zeros(N)), slip=np.zeros(6), passed_ns=0)
+    assert made_up.session.mode.follows
+    return made_up
