@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -10,8 +11,8 @@ import numpy as np
 from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Health
 from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Health
 from test.support.small_arm import HOME, small_arm_urdf
 
 MS = 1_000_000
@@ -64,30 +65,31 @@ class MadeUp:
     def deliver(self, wrench=LOAD, slip=SLIP) -> None:
         """Let wrench and slip velocity arrive; None = none; a slip velocity of NaN is invalid."""
         if wrench is not None:
-            noise = self.noise(6) if np.isfinite(wrench).all() else 0.0
+            noise = self.noise(len(wrench)) if np.isfinite(wrench).all() else 0.0
             self.session.add_wrench(0, WrenchSample(self.stamp_ns, wrench + noise), self.now_ns)
         if slip is not None:
-            noise = self.noise(6) * (slip != 0.0) if np.isfinite(slip).all() else 0.0
+            noise = self.noise(len(slip)) * (slip != 0.0) if np.isfinite(slip).all() else 0.0
             sample = SlipSample(self.stamp_ns, slip + noise, valid=bool(np.isfinite(slip).all()))
             self.session.add_slip(0, sample, self.now_ns)
 
     def cycle(self, joint: JointSample | None = None, wrench=LOAD, slip=SLIP, passed_ns: int = MS) -> CycleResult:
-        """Let time pass, samples arrive, and return the answer."""
-        self.pass_time(passed_ns)
+        """Let time pass, samples arrive, and return the answer. joint: its stamp, as the others, moves with time."""
+        joint = self._moved(joint, passed_ns)
         self.deliver(wrench, slip)
-        self.session.add_joint(self.joint() if joint is None else joint, self.now_ns)
+        self.session.add_joint(joint, self.now_ns)
         result = self.session.cycle(self.now_ns)
         assert result is not None
         return result
+
+    def _moved(self, joint: JointSample | None, passed_ns: int) -> JointSample:
+        self.pass_time(passed_ns)
+        return self.joint() if joint is None else replace(joint, stamp_ns=joint.stamp_ns + passed_ns)
 
     def run(self, cycles: int, **given: Any) -> CycleResult:
         """Run cycles; return the last answer. given: as of `cycle`, joint as of `joint` in a dictionary."""
         joint = given.pop("joint", {})
         for _ in range(cycles):
-            self.stamp_ns, self.now_ns = self.stamp_ns + MS, self.now_ns + MS
-            sample = self.joint(**joint)
-            self.stamp_ns, self.now_ns = self.stamp_ns - MS, self.now_ns - MS
-            result = self.cycle(sample, **given)
+            result = self.cycle(self.joint(**joint), **given)
         return result
 
     def past_validation(
@@ -95,8 +97,7 @@ class MadeUp:
         passed_ns: int = MS,
     ) -> CycleResult:  # fmt: skip
         """Return the answer to samples that input validation does not look at, as in a replay."""
-        self.pass_time(passed_ns)
-        joint = self.joint() if joint is None else joint
+        joint = self._moved(joint, passed_ns)
         new = SlipSample(self.stamp_ns, slip)
         self.session.give(joint, [WrenchSample(self.stamp_ns, wrench)], [new], [new], self.now_ns)
         return self.session.answer(joint, Fault.NONE, self.now_ns, 0, Health() if health is None else health)

@@ -137,7 +137,7 @@ def test_random_wrenches_and_slips_are_judged_as_by_the_plain_watch() -> None:
                 values = rng.normal(size=6) * (0.0 if rng.uniform() < 0.1 else 1.0)
             given = values if kind != "odd" else rng.choice(ODD[: rng.integers(1, len(ODD) + 1)], 6)
             given = given * (1e4 if kind == "big" else 1.0)
-            shift = int(rng.choice((0, -200, 60, 200), p=(0.8, 0.05, 0.05, 0.1))) * MS if rng.uniform() < 0.3 else 0
+            shift = int(rng.choice((0, -200 * MS, 60 * MS, 200 * MS, -passed), p=(0.9, 0.02, 0.02, 0.03, 0.03)))
             if kind != "away":
                 seen.add(
                     v.vector(is_slip, stamp + shift, given, now, rng.uniform() < 0.95, refused=rng.uniform() < 0.02)
@@ -348,6 +348,7 @@ def test_rates_and_counts_of_the_inputs() -> None:
     for k in range(300):
         made_up.cycle(passed_ns=(1 + 2 * (k % 2)) * MS)
     assert made_up.session.rates()["wrench"] == pytest.approx((0.002, 0.001), rel=0.1)
+    made_up.pass_time()
     made_up.deliver(np.full(6, np.nan), None)
     made_up.deliver(np.full(6, np.nan), None)
     made_up.session.set_publishers({"wrench": 2, "slip_velocity": 1}, 1)

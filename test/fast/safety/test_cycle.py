@@ -1,0 +1,442 @@
+"""The control cycle as a whole: safe on any input, a function of state and inputs, and what the law is given."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from slip_core.records import new, record
+from slip_core.types import CartesianReference, JointSample, SlipSample
+from slip_vic_controller.cycle import CONFIG, OUTPUTS, cycle
+from slip_vic_controller.law.bounds import held_sample_limit
+from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.session import Health
+from test.referees.law_referee import exponential
+from test.support.every import every
+from test.support import made_up as support
+from test.support.made_up import LOAD, MS, POSITION, SLIP, STAMP_NS, VELOCITY, MadeUp, N, controller_of
+
+ROUNDING = 1e-10
+NAN, INF = float("nan"), float("inf")
+ZERO = np.zeros(6)
+QUINTIC = {"trajectory__kind": "quintic", "trajectory__displacement": (0.1, 0.0, 0.0), "trajectory__duration_s": 1.0}
+SLOW = {"gains__k_s": 100.0}  # what the estimator allows at once
+CALM = {
+    "safety__fallback__evidence": 1e6, "safety__load__drop_speed": 1e6, "safety__limits__error_linear": 1e6,
+    "safety__limits__error_angular": 1e6, "safety__saturated_s": 1e6,
+}  # fmt: skip
+"""An arm that is held does not do what the law wants: nothing of that is to be a finding here."""
+
+
+def law_at_work(**values) -> MadeUp:
+    return support.law_at_work(**{**CALM, **values})
+
+
+def with_value(values, index: int, value: float) -> np.ndarray:
+    out = np.array(values, dtype=float)
+    out[index] = value
+    return out
+
+
+def inside(made_up: MadeUp, result) -> None:
+    assert np.isfinite(result.command.effort).all()
+    assert (np.abs(result.command.effort) <= made_up.controller.robot.effort_limit).all()
+
+
+# -- bad input ----------------------------------------------------------------------------------------
+
+
+def bad_samples(made_up: MadeUp):
+    """Return reason -> joint state, wrench and slip velocity that input validation would not let through."""
+    joint = made_up.joint
+    return {
+        "the law gave no finite torque": (joint(velocity=np.full(N, 1e140)), LOAD, SLIP),
+        "the law gave no finite torque ": (joint(), with_value(LOAD, 0, NAN), SLIP),
+        "the law gave no finite torque  ": (joint(), LOAD, with_value(SLIP, 5, INF)),
+        "joint sample is older than the last one": (
+            JointSample(made_up.stamp_ns - 2 * MS, POSITION, VELOCITY, np.zeros(N)), LOAD, SLIP,
+        ),
+    }  # fmt: skip
+
+
+@every("estimator", ["measured", "observer"])
+def test_what_the_law_cannot_use_gives_a_safe_command_and_a_reason(estimator: str) -> None:
+    for name in bad_samples(MadeUp()):
+        made_up = law_at_work(slip_estimator=estimator, **SLOW)
+        made_up.run(3)
+        made_up.pass_time()
+        joint, wrench, slip = bad_samples(made_up)[name]
+        before = made_up.session.buffer.copy()
+        result = made_up.past_validation(joint, wrench, slip, passed_ns=0)
+        inside(made_up, result)
+        assert (result.mode, result.ok) == (Mode.HOLD, False), name
+        expected = {name.strip()}
+        if estimator == "observer":
+            expected.add("the slip observer gave no finite estimate")
+        assert result.reason in expected
+        # What the law remembers is that of before; HOLD begins here.
+        law = made_up.state.law
+        made_up_before = MadeUp(slip_estimator=estimator, **SLOW)
+        made_up_before.session.restore(before)
+        np.testing.assert_array_equal(law.slips[0].position, made_up_before.state.law.slips[0].position)
+        np.testing.assert_array_equal(law.e_previous, made_up_before.state.law.e_previous)
+        np.testing.assert_array_equal(made_up.state.hold.posture[:N], joint.position)
+        made_up.pass_time(MS)
+        assert made_up.run(30).reason == f"resumes after: {result.reason}"
+        assert made_up.run(200).mode.follows
+        assert np.isfinite(made_up.state.observer.twist).all()
+
+
+def test_the_safe_command_holds_against_gravity_and_brakes() -> None:
+    made_up = law_at_work()
+    joint = made_up.joint(velocity=np.linspace(-0.5, 0.5, N))
+    result = made_up.past_validation(joint, with_value(LOAD, 2, NAN))
+    expected = made_up.controller.robot.gravity(joint.position) - 2.0 * joint.velocity
+    np.testing.assert_allclose(result.record.wanted[:N], expected, atol=ROUNDING)
+    np.testing.assert_allclose(result.command.effort, expected, atol=1.0)  # as fast as the rate limit lets it
+
+
+@every("name, value", [("position", NAN), ("rotation", INF), ("twist", NAN), ("acceleration", 1e200)])
+def test_a_reference_that_is_not_finite_is_not_followed(name: str, value: float) -> None:
+    made_up = law_at_work()
+    parts = {"position": np.zeros(3), "rotation": np.eye(3), "twist": ZERO, "acceleration": ZERO}
+    bad = with_value(parts[name].ravel(), 2, value).reshape(parts[name].shape)
+    made_up.session.set_reference(CartesianReference(**{**parts, name: bad}))
+    result = made_up.cycle()
+    inside(made_up, result)
+    assert (result.mode, result.reason) == (Mode.HOLD, "reference is not finite")
+
+
+def test_a_gap_of_joint_states_is_bridged_and_then_gravity_of_the_last_good_position_is_left() -> None:
+    made_up = law_at_work()
+    good = made_up.run(20)
+    bridge_ns = round(made_up.controller.params.safety.inputs.bridge_s * 1e9)
+    for passed in range(0, bridge_ns + 1, MS):
+        bad = made_up.cycle(JointSample(made_up.stamp_ns, np.full(N, NAN), np.zeros(N), np.zeros(N)))
+        assert bad.command.effort.tobytes() == good.command.effort.tobytes()
+        assert bad.mode == Mode.ACTIVE, passed
+    assert bad.command.stamp_ns == made_up.stamp_ns
+    for _ in range(100):
+        bad = made_up.cycle(JointSample(made_up.stamp_ns, np.full(N, NAN), np.zeros(N), np.zeros(N)))
+    assert (bad.mode, bad.reason) == (Mode.HOLD, "joint state is not finite")
+    expected = made_up.controller.robot.gravity(good.joint.position)
+    np.testing.assert_allclose(bad.command.effort, expected, atol=ROUNDING)
+    assert not bad.ok
+
+
+any_float = st.floats(allow_nan=True, allow_infinity=True, width=64)
+seven, six = arrays(float, N, elements=any_float), arrays(float, 6, elements=any_float)
+
+
+@given(q=seven, qd=seven, h=six, v=six, passed=st.integers(-(2**40), 2**40))
+@pytest.mark.filterwarnings("error")
+def test_no_input_whatever_breaks_the_cycle(q, qd, h, v, passed) -> None:
+    """Past input validation, in both coordinates and with an observer."""
+    for values in ({}, {"attitude": "rpy"}, {"slip_estimator": "observer"}):
+        made_up = law_at_work(**SLOW, **values)
+        for given_q, given_qd in ((q, qd), (POSITION, qd), (POSITION, VELOCITY)):
+            result = made_up.past_validation(JointSample(made_up.stamp_ns + passed, given_q, given_qd, qd), h, v)
+            inside(made_up, result)
+
+
+@pytest.mark.filterwarnings("error")
+def test_huge_values_end_clipped_or_safe() -> None:
+    for which in ("velocity", "wrench", "slip"):
+        for size in (1e3, 1e8, 1e30, 1e75, 1e150):
+            made_up = law_at_work()
+            joint = made_up.joint(velocity=np.full(N, size if which == "velocity" else 0.0))
+            wrench, slip = (np.full(6, size if which == name else 0.0) for name in ("wrench", "slip"))
+            result = made_up.past_validation(joint, wrench, slip)
+            inside(made_up, result)
+            assert result.record.saturated[:N].any() or not result.ok, (which, size)
+
+
+# -- a function of state and inputs -------------------------------------------------------------------
+
+
+def test_a_cycle_is_a_function_of_state_and_inputs() -> None:
+    """Same bytes, same bytes, whatever was computed in between."""
+    made_up = law_at_work(slip_estimator="observer", **SLOW)
+    before = made_up.session.buffer.copy()
+    result = made_up.run(1)
+    state, outputs = made_up.session.buffer.copy(), result.outputs.copy()
+    made_up.run(5, joint={"position": POSITION + 0.3})
+    waiting = before.copy()
+    begun = MadeUp(slip_estimator="observer", **SLOW)
+    begun.session.restore(waiting)
+    begun.stamp_ns, begun.now_ns, begun.tick = STAMP_NS, 5_000_000_000, made_up.tick - 6
+    again = begun.run(1)
+    assert again.outputs.tobytes() == outputs.tobytes()
+    assert begun.session.buffer.tobytes() == state.tobytes()
+
+
+def test_the_same_buffers_give_the_same_bytes() -> None:
+    made_up = law_at_work()
+    made_up.pass_time()
+    made_up.deliver()
+    made_up.session.add_joint(made_up.joint(), made_up.now_ns)
+    before = made_up.session.buffer.copy()
+    inputs = made_up.session.cycle(made_up.now_ns).inputs
+    found = []
+    for _ in range(2):
+        state, outputs = before.copy(), new(OUTPUTS)
+        assert cycle(made_up.controller.config, state, inputs, outputs) == 1
+        found.append(state.tobytes() + outputs.tobytes())
+    assert found[0] == found[1]
+
+
+def test_two_sessions_do_not_share_what_they_remember() -> None:
+    one, other = law_at_work(), law_at_work()
+    before = other.session.buffer.tobytes()
+    one.run(3)
+    assert other.session.buffer.tobytes() == before
+
+
+def test_results_stay_as_they_are_when_the_controller_goes_on() -> None:
+    made_up = law_at_work()
+    first = made_up.run(1)
+    seen = first.outputs.tobytes(), first.inputs.tobytes(), first.command.effort.tobytes(), first.scalars()
+    made_up.run(3, slip=10 * SLIP)
+    assert (first.outputs.tobytes(), first.inputs.tobytes(), first.command.effort.tobytes()) == seen[:3]
+    assert first.scalars() == seen[3]
+
+
+# -- what the law is given ----------------------------------------------------------------------------
+
+
+def test_slip_displacement_is_integrated_over_cycles() -> None:
+    """0.2 s at a constant slip twist, with cycles of 1, 2 and 3 ms: the displacement is the exponential's."""
+    twist = np.array([0.02, -0.01, 0.0, 0.0, 0.0, 0.9])
+    made_up = law_at_work()
+    for k in range(100):
+        made_up.past_validation(made_up.joint(velocity=np.zeros(N)), slip=twist, passed_ns=(1 + k % 3) * MS)
+    t, slip = (made_up.stamp_ns - STAMP_NS) * 1e-9, made_up.state.law.slips[0]
+    angle = twist[5] * t
+    V = np.array([[np.sin(angle), np.cos(angle) - 1.0], [1.0 - np.cos(angle), np.sin(angle)]]) / angle
+    np.testing.assert_allclose(slip.rotation, exponential(twist[3:] * t), atol=1e-8)
+    np.testing.assert_allclose(slip.position[:2], V @ twist[:2] * t, atol=1e-8)
+
+
+def test_slip_outside_of_the_slip_axes_is_not_used() -> None:
+    axes = {"contacts__slip_axes": (True, True, False, False, False, True)}
+    efforts = []
+    for odd in (0.0, 0.3):
+        made_up = law_at_work(**axes)
+        slip = SLIP + odd * np.array([0.0, 0.0, 1.0, 1.0, 1.0, 0.0])
+        efforts.append(made_up.past_validation(slip=slip).record.law.effort.tobytes())
+    assert efforts[0] == efforts[1]
+
+
+def test_a_dead_band_takes_small_slip_speeds_for_none() -> None:
+    for band, expected in ((0.0, SLIP[:2]), (0.01, np.zeros(2))):
+        made_up = law_at_work(measured__dead_band_linear=band)
+        v_s = made_up.past_validation(slip=SLIP).record.law.v_s
+        np.testing.assert_allclose(v_s[:2], expected, atol=ROUNDING)
+
+
+def test_the_law_is_given_the_observer_s_estimate() -> None:
+    """Not the newest sample: an estimate of both, on the axes in which the contact can slip."""
+    made_up = law_at_work(slip_estimator="observer", **SLOW)
+    slid = 0
+    for k in range(60):
+        shown = SLIP * (1.0 + 0.3 * (-1) ** k) if k > 10 else ZERO
+        record_, observer = made_up.past_validation(slip=shown).record, made_up.state.observer
+        np.testing.assert_array_equal(record_.samples[0].slip_twist, observer.twist)
+        np.testing.assert_array_equal(record_.law.v_s, observer.twist)
+        np.testing.assert_array_equal(record_.follow_error, observer.error)
+        np.testing.assert_array_equal(observer.v_ee, made_up.session.newest_joint is not None and record_.motion.v_ee)
+        slid += bool(np.abs(observer.twist).max() > 0.0 and not np.array_equal(observer.twist, shown))
+    assert slid > 20
+    assert observer.sliding
+    # And what the pad has slid is the estimate's, added up.
+    uncorrected = law_at_work(slip_estimator="observer", observer__correct_follow=False, **SLOW)
+    for _ in range(30):
+        result = uncorrected.past_validation(slip=SLIP)
+    assert np.abs(uncorrected.state.observer.error).max() > 0.0
+    np.testing.assert_array_equal(result.record.follow_error, 0.0)
+
+
+def test_without_slip_samples_the_observer_goes_on_with_the_model_alone() -> None:
+    """What is said of an unknown slip velocity is no sample: neither the last one nor zero."""
+    found = []
+    for shown in (SLIP, 50 * SLIP):
+        made_up = law_at_work(slip_estimator="observer", **SLOW)
+        made_up.run(20)
+        for _ in range(3):
+            result = made_up.past_validation(slip=shown, health=Health(slip=Fault.INVALID))
+        assert result.mode == Mode.DEGRADED
+        assert result.reason == "slip velocity is invalid: predicting it from the wrench"
+        found.append(made_up.state.observer.tobytes())
+    assert found[0] == found[1]
+
+
+def test_the_classical_law_does_not_need_slip() -> None:
+    efforts = []
+    for slip in (SLIP, np.full(6, NAN)):
+        made_up = law_at_work(controller="classical")
+        efforts.append(made_up.run(1, slip=slip).record.law.effort.tobytes())
+        assert made_up.session.mode == Mode.ACTIVE
+    assert efforts[0] == efforts[1]
+
+
+def test_feed_forward_can_be_switched_off() -> None:
+    for on in (True, False):
+        made_up = law_at_work(feed_forward=on, **QUINTIC)
+        a_d = made_up.run(200).record.law.a_d
+        assert (a_d[0] > 0.1) == on
+        assert on or not a_d.any()
+
+
+def test_at_rest_on_the_reference_the_torque_is_gravity_and_load() -> None:
+    made_up = MadeUp()
+    result = made_up.cycle(made_up.joint(velocity=np.zeros(N)), slip=ZERO, passed_ns=0)
+    gravity, J = made_up.controller.robot.gravity(result.joint.position), result.arm.J[:, :N]
+    np.testing.assert_allclose(
+        result.record.law.effort[:N], gravity - J.T @ result.record.law.torque.h_ee, atol=ROUNDING
+    )
+
+
+# -- references ---------------------------------------------------------------------------------------
+
+
+def test_the_trajectory_starts_at_its_time_from_the_first_pose() -> None:
+    made_up = law_at_work(**QUINTIC, trajectory__start_s=0.5)
+    start = np.array(made_up.state.law.start_position)
+    expected = {500: 0.0, 1000: 0.05, 1500: 0.1, 3000: 0.1}
+    for ms in range(10, 3001, 10):
+        result = made_up.past_validation(passed_ns=10 * MS)
+        moved = result.record.reference.position - start
+        if ms in expected:
+            np.testing.assert_allclose(moved, [expected[ms], 0.0, 0.0], atol=ROUNDING)
+        assert result.path_speed == 1.0
+
+
+def test_a_given_reference_replaces_the_trajectory() -> None:
+    made_up = law_at_work()
+    law = made_up.state.law
+    turned = exponential(np.array([0.0, 0.0, 0.2])) @ law.start_rotation
+    twist = np.array([0.0, 0.1, 0.0, 0.0, 0.0, 0.2])
+    made_up.session.set_reference(CartesianReference(law.start_position + 0.1, turned, twist, 0.5 * twist))
+    result = made_up.run(1, joint={"velocity": np.zeros(N)})
+    np.testing.assert_allclose(result.record.law.e, [-0.1, -0.1, -0.1, 0.0, 0.0, -0.2], atol=1e-5)
+    np.testing.assert_array_equal(result.record.reference.twist, twist)
+    np.testing.assert_array_equal(result.record.reference.acceleration, 0.5 * twist)
+
+
+# -- what is published --------------------------------------------------------------------------------
+
+
+def test_saturation_is_flagged_per_joint() -> None:
+    made_up = law_at_work()
+    result = made_up.past_validation(wrench=np.array([0.0, 0.0, 300.0, 0.0, 0.0, 0.0]), slip=ZERO)
+    law, limit = result.record.law, made_up.controller.robot.effort_limit
+    beyond = np.abs(law.torque.tau[:N]) > limit
+    np.testing.assert_array_equal(law.saturated[:N], beyond)
+    assert beyond.any()
+    assert not beyond.all()
+    np.testing.assert_allclose(law.effort[:N], np.clip(law.torque.tau[:N], -limit, limit), atol=ROUNDING)
+    assert (result.record.saturated[:N] >= beyond).all()
+
+
+def test_saturation_that_lasts_is_said() -> None:
+    made_up = law_at_work(safety__saturated_s=0.1)
+    heavy = np.array([0.0, 0.0, 300.0, 0.0, 0.0, 0.0])
+    lasts = round(1e3 * made_up.controller.params.safety.saturated_s)
+    made_up.run(2, wrench=heavy, slip=ZERO, joint={"velocity": np.zeros(N)})
+    since = int(made_up.state.since.saturated_ns)
+    result = made_up.run(lasts - 3, wrench=heavy, slip=ZERO, joint={"velocity": np.zeros(N)})
+    assert made_up.state.since.saturated_ns == since
+    assert "saturated" not in result.reason
+    result = made_up.run(10, wrench=heavy, slip=ZERO, joint={"velocity": np.zeros(N)})
+    assert (result.mode, result.reason) == (Mode.DEGRADED, "saturated: slip cannot be driven to zero")
+
+
+def test_scalars_have_the_same_names_in_every_cycle() -> None:
+    made_up = law_at_work()
+    good = made_up.run(1).scalars()
+    safe = made_up.past_validation(wrench=np.full(6, NAN)).scalars()
+    assert list(good) == list(safe)
+    assert all(isinstance(value, float) for value in (*good.values(), *safe.values()))
+    assert np.isfinite(list(good.values())).all()
+    assert np.isnan(safe["gate"])
+    assert (safe["safe"], good["safe"]) == (1.0, 0.0)
+    assert good["v_s_x"] != 0.0
+    assert good["K_x"] < 5.0
+    assert 0.0 < good["gate"] < 1.0
+
+
+def test_scalars_carry_the_records_values() -> None:
+    result = law_at_work().run(1)
+    scalars, law, arm = result.scalars(), result.record.law, result.arm
+    expected = {
+        "effort_3": result.command.effort[2],
+        "saturated_3": result.record.saturated[2],
+        "gate": law.gate,
+        "position_y": arm.position[1],
+        "desired_z": result.record.reference.position[2],
+        "twist_x": arm.twist[0],
+        "h_ee_z": law.torque.h_ee[2],
+        "a_C_rz": law.a_C[5],
+        "tau_null_2": law.torque.tau_0[1] - arm.J[:, 1] @ law.torque.null,
+        "tau_bias_4": arm.bias[3],
+        "k_s": result.record.gains.gains.k_s,
+    }
+    assert {name: scalars[name] for name in expected} == pytest.approx(expected, rel=1e-12, abs=1e-15)
+
+
+def test_the_posture_is_the_first_that_is_measured_or_the_parameter() -> None:
+    made_up = law_at_work()
+    np.testing.assert_allclose(made_up.state.law.posture[:N], POSITION, atol=1e-6)
+    posed = law_at_work(nullspace__posture=(0.1,) * N)
+    np.testing.assert_array_equal(posed.state.law.posture[:N], 0.1)
+
+
+def test_a_singular_posture_is_reported_and_bounded() -> None:
+    made_up = MadeUp()
+    result = made_up.cycle(made_up.joint(np.zeros(N), np.zeros(N)), slip=ZERO, passed_ns=0)
+    assert result.scalars()["near_singular_arm"] == 1.0
+    inside(made_up, result)
+
+
+def test_k_s_is_what_the_delays_allow() -> None:
+    """Slip samples every 10 ms, 5 ms old: k_s 1000 /s would swing. A controller whose k_s is fixed keeps it."""
+    for mode, lowered in (("auto", True), ("fixed", False)):
+        made_up = law_at_work(gains__k_s=400.0, gains__k_s_mode=mode)
+        for k in range(40):
+            made_up.pass_time()
+            if k % 10 == 0:
+                made_up.session.add_slip(
+                    0, SlipSample(made_up.stamp_ns - 5 * MS, SLIP * (1.0 + 0.01 * k)), made_up.now_ns
+                )
+            made_up.deliver(slip=None)
+            made_up.session.add_joint(made_up.joint(), made_up.now_ns)
+            k_s = made_up.session.cycle(made_up.now_ns).record.gains.gains.k_s
+        law = made_up.state.law
+        assert (k_s < 399.0) == lowered
+        if lowered:
+            assert (law.held, law.late) == (10, 5)
+            assert k_s == pytest.approx(held_sample_limit(10, 5) / 0.001 / 2.0)
+
+
+def test_numbers_of_the_ledger() -> None:
+    """Cycle, stamps of what was used, clock, mode, health and request: all that a replay needs."""
+    made_up = law_at_work()
+    result = made_up.run(1)
+    sec, nanosec = divmod(made_up.stamp_ns, 10**9)
+    assert result.ledger == (1, sec, nanosec, sec, nanosec, sec, nanosec)
+    assert result.decision == (*divmod(made_up.now_ns, 10**9), Mode.ACTIVE, 0, 0)
+    made_up.session.set_publishers({"wrench": 2}, 1)
+    bad = made_up.run(1, slip=np.full(6, NAN))
+    assert Health.from_code(bad.decision[3]) == Health(Fault.NONE, Fault.NONE, Fault.INVALID, Fault.SECOND_PUBLISHER)
+    assert bad.decision[2] == Mode.HOLD
+    assert bad.cycle == 2
+
+
+def test_a_controller_of_another_gravity_falls_that_way() -> None:
+    config = controller_of(gravity=(0.0, -9.81, 0.0))
+    np.testing.assert_allclose(record(config.config, CONFIG).drop.down, (0.0, -1.0, 0.0))
+    np.testing.assert_array_equal(record(controller_of(gravity=(0.0, 0.0, 0.0)).config, CONFIG).drop.down, 0.0)

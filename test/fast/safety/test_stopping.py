@@ -1,0 +1,255 @@
+"""Coming to rest along the path, going on from there, and joint states that stay away."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slip_core.errors import InputError
+from slip_core.types import CartesianReference
+from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.session import Health, Manifest
+from test.support.law_kernels import reference_at
+from test.support.made_up import MS, N, MadeUp, law_at_work
+from test.support.every import every
+
+PATH = {
+    "trajectory__kind": "quintic", "trajectory__displacement": (0.1, -0.05, 0.02), "trajectory__rotation": (0.0, 0.2, 0.1),
+    "trajectory__duration_s": 2.0, "trajectory__start_s": 0.05,
+}  # fmt: skip
+CALM = {
+    "safety__fallback__evidence": 1e6, "safety__load__drop_speed": 1e6, "safety__limits__error_linear": 1e6,
+    "safety__limits__error_angular": 1e6, "safety__saturated_s": 1e6,
+}  # fmt: skip
+STILL = {"joint": {"velocity": np.zeros(N)}, "slip": np.zeros(6)}
+CLOSE = 1e-8  # [m]: what is lost of the path is counted in whole nanoseconds
+SLOW_DOWN_S = 0.5  # default of `fallback.slow_down_s`
+
+
+class Path:
+    """A controller along a path, and the path itself by the time that has passed on it."""
+
+    def __init__(self, **values) -> None:
+        self.made_up = law_at_work(**PATH, **CALM, **values)
+        law = self.made_up.state.law
+        self.start = np.array(law.start_position), np.array(law.start_rotation)
+        self.path_s, self.speeds, self.modes = 0.0, [1.0], []
+
+    def planned(self, t: float):
+        from slip_core.records import record
+        from slip_vic_controller.cycle import CONFIG
+
+        path = np.frombuffer(record(self.made_up.controller.config, CONFIG).path.tobytes())
+        return reference_at(path, t - 0.05, *self.start)
+
+    def run(self, cycles: int, **given) -> None:
+        """Run, and compare every reference with the path at the time that has passed on it, at its speed."""
+        for _ in range(cycles):
+            result = self.made_up.run(1, **{**STILL, **given})
+            self.modes.append(result.mode)
+            sigma = result.path_speed
+            if result.record.evaluated and result.ok:
+                self.path_s += 0.001 * sigma
+                planned, found = self.planned(self.path_s), result.record.reference
+                rate = float(self.made_up.state.path.rate)
+                np.testing.assert_allclose(found.position, planned.position, atol=CLOSE)
+                np.testing.assert_allclose(found.rotation, planned.rotation, atol=CLOSE)
+                np.testing.assert_allclose(found.twist, sigma * planned.twist, atol=10 * CLOSE)
+                expected = sigma**2 * planned.acceleration + rate * planned.twist
+                np.testing.assert_allclose(found.acceleration, expected, atol=100 * CLOSE)
+                if self.speeds[-1] != sigma:
+                    assert rate == pytest.approx((sigma - self.speeds[-1]) / 0.001, abs=1e-6)
+            self.speeds.append(sigma)
+
+
+def test_a_user_s_hold_comes_to_rest_along_the_path_and_goes_on_from_there() -> None:
+    path = Path()
+    path.run(700)
+    assert path.speeds[-1] == 1.0
+    path.made_up.session.request(Request.HOLD)
+    path.run(1)
+    assert path.made_up.session.mode == Mode.ACTIVE
+    path.run(1)
+    assert path.made_up.session.reason == "asked to hold: comes to rest first"
+    path.run(round(1e3 * SLOW_DOWN_S) - 10)
+    assert 0.0 < path.speeds[-1] < 0.05
+    assert path.modes[-1] == Mode.DEGRADED
+    path.run(15)
+    assert path.speeds[-1] == 0.0
+    assert path.modes[-1] == Mode.DEGRADED  # at rest, and a while longer until the arm is, too
+    path.run(round(1e3 * SLOW_DOWN_S))
+    assert path.modes[-1] == Mode.HOLD
+    assert path.made_up.session.reason == "asked to hold"
+    path.run(300)  # the time in HOLD is not part of the path
+    path.made_up.session.request(Request.ENABLE)
+    path.run(round(1e3 * SLOW_DOWN_S) + 2)
+    assert path.modes[-1].follows
+    assert path.speeds[-1] == 1.0
+    path.run(300)
+    slowest = max(abs(b - a) for a, b in zip(path.speeds[:-1], path.speeds[1:], strict=True))
+    assert slowest <= 1.001 * 0.001 / SLOW_DOWN_S
+
+
+def test_a_second_wish_to_hold_stops_no_more_suddenly() -> None:
+    path = Path()
+    path.run(700)
+    for _ in range(10):
+        path.made_up.session.request(Request.HOLD)
+        path.run(10)
+        assert path.modes[-1].follows
+    path.run(2 * round(1e3 * SLOW_DOWN_S) - 99)
+    assert path.modes[-1] == Mode.HOLD
+
+
+def test_a_user_who_enables_again_goes_on() -> None:
+    path = Path()
+    path.run(300)
+    path.made_up.session.request(Request.HOLD)
+    path.run(100)
+    assert path.speeds[-1] < 0.9
+    path.made_up.session.request(Request.ENABLE)
+    path.run(200)
+    assert path.speeds[-1] == 1.0
+    assert path.modes[-1] == Mode.ACTIVE
+
+
+def test_without_slip_samples_the_path_comes_to_rest_too() -> None:
+    path = Path()
+    path.run(700)
+    path.run(round(1e3 * SLOW_DOWN_S) - 5, slip=np.full(6, np.nan))
+    assert 0.0 < path.speeds[-1] < 0.02
+    assert path.made_up.session.reason == "slip velocity is invalid: slowing down"
+    path.run(10, slip=np.full(6, np.nan))
+    assert path.modes[-1] == Mode.HOLD
+    path.run(110)  # it begins where it has come to rest, from rest
+    assert path.modes[-1].follows
+    assert path.speeds[-1] < 0.1
+    path.run(600)
+    assert path.speeds[-1] == 1.0
+
+
+def test_a_reference_from_outside_is_slowed_down_as_well() -> None:
+    made_up = law_at_work(**CALM)
+    law, twist = made_up.state.law, np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.2])
+    made_up.session.set_reference(CartesianReference(law.start_position, law.start_rotation, twist, 3.0 * twist))
+    made_up.session.request(Request.HOLD)
+    for _ in range(100):
+        result = made_up.run(1, **STILL)
+        sigma, rate = result.path_speed, made_up.state.path.rate
+        np.testing.assert_allclose(result.record.reference.twist, sigma * twist)
+        np.testing.assert_allclose(result.record.reference.acceleration, (3.0 * sigma**2 + rate) * twist)
+    assert sigma < 0.9
+
+
+def test_the_path_waits_for_an_arm_that_cannot_follow() -> None:
+    """An arm that is held while its reference moves on: from half of the largest error on slower, and never beyond it."""
+    values = {**CALM, "safety__limits__error_linear": 0.04}
+    made_up = law_at_work(**PATH, **values)
+    slowest, worst = 1.0, 0.0
+    for _ in range(3000):
+        result = made_up.run(1, **STILL)
+        slowest = min(slowest, result.path_speed)
+        worst = max(worst, float(np.linalg.norm(result.record.law.e[:3])))
+    assert (result.mode, result.reason) == (Mode.DEGRADED, "the path waits for the arm")
+    assert 0.03 < worst <= 0.0401
+    assert slowest < 0.05
+
+
+# -- joint states that stay away ----------------------------------------------------------------------
+
+AGE_NS = 50 * MS  # default of `inputs.joint.age_s`
+
+
+def wait(made_up: MadeUp, passed_ns: int):
+    made_up.now_ns += passed_ns
+    return made_up.session.watchdog(made_up.now_ns)
+
+
+def test_silence_ends_the_law_and_efforts_go_to_gravity_compensation() -> None:
+    made_up = law_at_work(**CALM)
+    last = made_up.run(50, wrench=np.array([0.0, 0.0, 30.0, 0.0, 0.0, 0.0]), **STILL)
+    assert wait(made_up, AGE_NS) is None  # not longer than the age limit
+    first = wait(made_up, 1)
+    assert first is not None
+    assert (first.mode, first.reason) == (Mode.HOLD, "joint state is silent")
+    gravity, efforts, answers = made_up.session.gravity, [last.command.effort, first.command.effort], 1
+    rate, longest = 1000.0, 0.005
+    assert np.abs(efforts[0] - gravity).max() > 5.0
+    while (result := wait(made_up, 4 * MS)) is not None:
+        efforts.append(result.command.effort)
+        answers += 1
+    for before, after in zip(efforts[:-1], efforts[1:], strict=True):
+        assert np.abs(after - before).max() <= rate * longest + 1e-9
+    np.testing.assert_allclose(efforts[-1], gravity, atol=1e-12)
+    assert 1 < answers < 40
+    # It has nothing more to say, and says nothing of it in the state.
+    before = made_up.session.buffer.tobytes()
+    assert wait(made_up, 4 * MS) is None
+    assert made_up.session.buffer.tobytes() == before
+    assert first.ledger[1:3] == divmod(last.joint.stamp_ns, 10**9)
+    assert Health.from_code(first.decision[3]).joint == Fault.SILENT
+
+
+def test_the_watchdog_is_still_where_there_is_nothing_to_end() -> None:
+    waiting = MadeUp()
+    assert wait(waiting, 10 * AGE_NS) is None  # nothing has begun
+    waiting.deliver()
+    waiting.session.add_joint(waiting.joint(), waiting.now_ns)
+    assert wait(waiting, 10 * AGE_NS) is None
+    lockstep = law_at_work(lockstep=True) if False else None
+    assert lockstep is None
+    talking = law_at_work(**CALM)
+    for _ in range(100):
+        talking.run(1, **STILL)
+        assert wait(talking, 0) is None
+    inactive = law_at_work(**CALM)
+    inactive.session.set_active(False)
+    assert wait(inactive, 10 * AGE_NS) is None
+    assert wait(talking, 10 * AGE_NS) is not None
+
+
+def test_joint_states_that_come_again_resume_the_law() -> None:
+    made_up = law_at_work(**CALM)
+    made_up.run(50, **STILL)
+    assert wait(made_up, 2 * AGE_NS) is not None
+    made_up.stamp_ns += 2 * AGE_NS
+    assert made_up.run(50, **STILL).mode == Mode.HOLD
+    assert made_up.run(200, **STILL).mode.follows
+
+
+# -- lockstep -----------------------------------------------------------------------------------------
+
+
+def test_a_manifest_is_read_by_contact() -> None:
+    assert Manifest.decode([3, 5, 7, 1, 2]) == Manifest(3, 5_000_000_007, (1,), (2,))
+    assert Manifest.decode([3, 0, 7, 1, 2, 10, 20]) == Manifest(3, 7, (1, 10), (2, 20))
+
+
+@every("size", [0, 1, 2, 3, 4, 6, 8])
+def test_a_manifest_of_another_length_is_refused(size: int) -> None:
+    with pytest.raises(InputError, match=f"{size} numbers"):
+        Manifest.decode([1] * size)
+
+
+def test_lockstep_waits_for_all_that_the_bridge_lists() -> None:
+    made_up = MadeUp(lockstep=True)
+    session, stamp = made_up.session, made_up.stamp_ns
+    session.add_joint(made_up.joint(), stamp)
+    assert not session.complete()
+    for manifest in (
+        Manifest(0, stamp + 1, (1,), (1,)), Manifest(0, stamp, (2,), (1,)), Manifest(0, stamp, (1,), (0,))
+    ):
+        made = MadeUp(lockstep=True)
+        made.session.add_joint(made.joint(), stamp)
+        made.deliver()
+        made.session.add_manifest(manifest)
+        assert made.session.cycle() is None, manifest
+    session.add_manifest(Manifest(0, stamp, (1,), (1,)))
+    assert session.cycle() is None
+    made_up.deliver()
+    result = session.cycle()
+    assert result is not None
+    assert result.mode == Mode.ACTIVE
+    assert result.decision[:2] == divmod(stamp, 10**9)  # its clock is the joint state's
+    assert session.watchdog(made_up.now_ns + 10**10) is None  # and it waits for the bridge as long as that takes
