@@ -15,9 +15,7 @@ from slip_vic_controller.safety.modes import Mode
 # -- effort limiter -----------------------------------------------------------------------------------
 
 
-def limit_effort(
-    effort_limit: Array, step: float, before: Array, wanted: Array
-) -> tuple[Array, Array, Array, bool]:
+def limit_effort(effort_limit: Array, step: float, before: Array, wanted: Array) -> tuple[Array, Array, Array, bool]:
     """Return effort, clipped or limited, limited, and whether `wanted` was finite."""
     finite = bool(np.isfinite(wanted).all() and (np.abs(wanted) <= 1e154).all())
     wanted = wanted if finite else before
@@ -65,7 +63,9 @@ def too_fast(limits: Any, names: tuple[str, ...], qd: Array, twist: Array) -> st
 # -- drop detection -----------------------------------------------------------------------------------
 
 
-def fall_speed(down: Array, memory_s: float, speed: float, beyond: Array, P: Array, slipping: float, dt: float) -> float:
+def fall_speed(
+    down: Array, memory_s: float, speed: float, beyond: Array, P: Array, slipping: float, dt: float
+) -> float:
     """Return the speed gained along `down` in the directions of slip, from `speed` before; P projects on these."""
     return max(0.0, speed * math.exp(-dt / memory_s) + slipping * float(down @ P @ beyond) * dt)
 

@@ -95,7 +95,10 @@ class JointReferee:
 
     def __init__(self, robot: Robot, params: InputParams, *, lockstep: bool) -> None:
         joint = params.joint
-        self.lower, self.upper = robot.position_lower - joint.position_slack, robot.position_upper + joint.position_slack
+        self.lower, self.upper = (
+            robot.position_lower - joint.position_slack,
+            robot.position_upper + joint.position_slack,
+        )
         self.fastest, self.jump = robot.velocity_limit * joint.velocity_factor, joint.jump
         self.clock_jump_ns = round(params.clock_jump_s * 1e9)
         self.age_ns, self.frozen_ns = round(joint.age_s * 1e9), round(joint.frozen_s * 1e9)

@@ -45,7 +45,7 @@ class MadeUp:
     def __init__(self, lockstep: bool = False, **values: Any) -> None:
         self.controller = controller_of(lockstep, **values)
         self.session = ControllerSession(self.controller)
-        self.stamp_ns, self.now_ns, self.tick = STAMP_NS, NOW_NS, 0
+        self.stamp_ns, self.now_ns, self.tick = STAMP_NS, STAMP_NS if lockstep else NOW_NS, 0
 
     @property
     def state(self) -> Any:

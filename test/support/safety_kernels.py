@@ -65,9 +65,7 @@ def run_blindness(observed, slip_speed, evidence, now_ns) -> None:
 @kernel(INT(IN1, OUT1, INT, IN1, INT, OUT2))
 def run_limiter(limits, state, n, wanted, now_ns, flags) -> int:
     """flags: clipped, limited; (2, n)."""
-    finite = limit_effort(
-        record(limits, EFFORT_LIMITS), record(state, LIMITER), n, wanted, now_ns, flags[0], flags[1]
-    )
+    finite = limit_effort(record(limits, EFFORT_LIMITS), record(state, LIMITER), n, wanted, now_ns, flags[0], flags[1])
     return 1 if finite else 0
 
 

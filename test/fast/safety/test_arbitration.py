@@ -13,7 +13,7 @@ from slip_vic_controller.safety.reasons import describe, read_reason
 from slip_vic_controller.sizes import NEVER
 from test.referees import safety_referee
 from test.referees.safety_referee import Memory, Verdict
-from test.support.made_up import MS, N, NOW_NS, controller_of
+from test.support.made_up import MS, NOW_NS, N, controller_of
 from test.support.safety_kernels import ARBITRATED, run_arbitrate
 
 TWIST, STILL = np.zeros(6), np.zeros(N)
@@ -66,7 +66,11 @@ class Arbitration:
 
 def kinds() -> list[Arbitration]:
     safety = {"safety__inputs__joint__late_s": 0.01}
-    return [Arbitration(**safety), Arbitration(slip_estimator="observer", **safety), Arbitration(controller="classical")]
+    return [
+        Arbitration(**safety),
+        Arbitration(slip_estimator="observer", **safety),
+        Arbitration(controller="classical"),
+    ]
 
 
 def random_memory(rng: np.random.Generator, limits) -> Memory:

@@ -16,8 +16,8 @@ from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.session import Health
 from test.referees.law_referee import exponential
-from test.support.every import every
 from test.support import made_up as support
+from test.support.every import every
 from test.support.made_up import LOAD, MS, POSITION, SLIP, STAMP_NS, VELOCITY, MadeUp, N, controller_of
 
 ROUNDING = 1e-10

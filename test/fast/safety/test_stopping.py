@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from slip_core.errors import InputError
+from slip_core.records import record
 from slip_core.types import CartesianReference
+from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import Health, Manifest
-from test.support.law_kernels import reference_at
-from test.support.made_up import MS, N, MadeUp, law_at_work
 from test.support.every import every
+from test.support.law_kernels import reference_at
+from test.support.made_up import MS, MadeUp, N, law_at_work
 
 PATH = {
-    "trajectory__kind": "quintic", "trajectory__displacement": (0.1, -0.05, 0.02), "trajectory__rotation": (0.0, 0.2, 0.1),
-    "trajectory__duration_s": 2.0, "trajectory__start_s": 0.05,
+    "trajectory__kind": "quintic", "trajectory__displacement": (0.1, -0.05, 0.02),
+    "trajectory__rotation": (0.0, 0.2, 0.1), "trajectory__duration_s": 2.0, "trajectory__start_s": 0.05,
 }  # fmt: skip
 CALM = {
     "safety__fallback__evidence": 1e6, "safety__load__drop_speed": 1e6, "safety__limits__error_linear": 1e6,
@@ -37,9 +41,6 @@ class Path:
         self.path_s, self.speeds, self.modes = 0.0, [1.0], []
 
     def planned(self, t: float):
-        from slip_core.records import record
-        from slip_vic_controller.cycle import CONFIG
-
         path = np.frombuffer(record(self.made_up.controller.config, CONFIG).path.tobytes())
         return reference_at(path, t - 0.05, *self.start)
 
@@ -69,10 +70,8 @@ def test_a_user_s_hold_comes_to_rest_along_the_path_and_goes_on_from_there() -> 
     assert path.speeds[-1] == 1.0
     path.made_up.session.request(Request.HOLD)
     path.run(1)
-    assert path.made_up.session.mode == Mode.ACTIVE
-    path.run(1)
     assert path.made_up.session.reason == "asked to hold: comes to rest first"
-    path.run(round(1e3 * SLOW_DOWN_S) - 10)
+    path.run(round(1e3 * SLOW_DOWN_S) - 9)
     assert 0.0 < path.speeds[-1] < 0.05
     assert path.modes[-1] == Mode.DEGRADED
     path.run(15)
@@ -87,7 +86,7 @@ def test_a_user_s_hold_comes_to_rest_along_the_path_and_goes_on_from_there() -> 
     assert path.modes[-1].follows
     assert path.speeds[-1] == 1.0
     path.run(300)
-    slowest = max(abs(b - a) for a, b in zip(path.speeds[:-1], path.speeds[1:], strict=True))
+    slowest = max(abs(b - a) for a, b in pairwise(path.speeds))
     assert slowest <= 1.001 * 0.001 / SLOW_DOWN_S
 
 
@@ -143,7 +142,7 @@ def test_a_reference_from_outside_is_slowed_down_as_well() -> None:
 
 
 def test_the_path_waits_for_an_arm_that_cannot_follow() -> None:
-    """An arm that is held while its reference moves on: from half of the largest error on slower, and never beyond it."""
+    """An arm that is held while its reference moves on: slower from half of the largest error, at rest beyond it."""
     values = {**CALM, "safety__limits__error_linear": 0.04}
     made_up = law_at_work(**PATH, **values)
     slowest, worst = 1.0, 0.0
@@ -152,7 +151,7 @@ def test_the_path_waits_for_an_arm_that_cannot_follow() -> None:
         slowest = min(slowest, result.path_speed)
         worst = max(worst, float(np.linalg.norm(result.record.law.e[:3])))
     assert (result.mode, result.reason) == (Mode.DEGRADED, "the path waits for the arm")
-    assert 0.03 < worst <= 0.0401
+    assert 0.03 < worst < 0.045  # the path brakes in a known time, and the error is that of the cycle before
     assert slowest < 0.05
 
 
@@ -167,28 +166,35 @@ def wait(made_up: MadeUp, passed_ns: int):
 
 
 def test_silence_ends_the_law_and_efforts_go_to_gravity_compensation() -> None:
-    made_up = law_at_work(**CALM)
-    last = made_up.run(50, wrench=np.array([0.0, 0.0, 30.0, 0.0, 0.0, 0.0]), **STILL)
-    assert wait(made_up, AGE_NS) is None  # not longer than the age limit
-    first = wait(made_up, 1)
-    assert first is not None
-    assert (first.mode, first.reason) == (Mode.HOLD, "joint state is silent")
-    gravity, efforts, answers = made_up.session.gravity, [last.command.effort, first.command.effort], 1
-    rate, longest = 1000.0, 0.005
-    assert np.abs(efforts[0] - gravity).max() > 5.0
-    while (result := wait(made_up, 4 * MS)) is not None:
-        efforts.append(result.command.effort)
-        answers += 1
-    for before, after in zip(efforts[:-1], efforts[1:], strict=True):
-        assert np.abs(after - before).max() <= rate * longest + 1e-9
-    np.testing.assert_allclose(efforts[-1], gravity, atol=1e-12)
-    assert 1 < answers < 40
-    # It has nothing more to say, and says nothing of it in the state.
-    before = made_up.session.buffer.tobytes()
-    assert wait(made_up, 4 * MS) is None
-    assert made_up.session.buffer.tobytes() == before
-    assert first.ledger[1:3] == divmod(last.joint.stamp_ns, 10**9)
-    assert Health.from_code(first.decision[3]).joint == Fault.SILENT
+    """Within the rate limit where the last command is young; and from what the joints may feel where it is old."""
+    for age_ns in (20 * MS, AGE_NS):
+        made_up = law_at_work(**CALM, safety__inputs__joint__age_s=1e-9 * age_ns)
+        last = made_up.run(50, wrench=np.array([0.0, 0.0, 30.0, 0.0, 0.0, 0.0]), **STILL)
+        assert wait(made_up, age_ns) is None  # not longer than the age limit
+        first = wait(made_up, 1)
+        assert first is not None
+        assert (first.mode, first.reason, first.ok) == (Mode.HOLD, "joint state is silent", False)
+        gravity, efforts = made_up.session.gravity, [last.command.effort, first.command.effort]
+        assert np.abs(efforts[0] - gravity).max() > 6.0
+        while (result := wait(made_up, 4 * MS)) is not None:
+            efforts.append(result.command.effort)
+        steps = [np.abs(after - before).max() for before, after in pairwise(efforts)]
+        if age_ns < AGE_NS:
+            assert steps[0] == pytest.approx(5.0)  # 1000 N m/s, and a pause counts 5 ms
+            assert max(steps[1:]) <= 4.0 + 1e-9
+            assert len(efforts) > 3
+        np.testing.assert_allclose(efforts[-1], gravity, atol=1e-12)
+        # It has nothing more to say, and says nothing of it in the state.
+        before = made_up.session.buffer.tobytes()
+        assert wait(made_up, 4 * MS) is None
+        assert made_up.session.buffer.tobytes() == before
+        assert first.ledger[1:3] == divmod(last.joint.stamp_ns, 10**9)
+        assert Health.from_code(first.decision[3]).joint == Fault.SILENT
+        # A user's wish is not lost on it.
+        made_up.session.request(Request.HOLD)
+        asked = wait(made_up, 4 * MS)
+        assert asked is not None
+        assert asked.reason == "asked to hold; joint state is silent"
 
 
 def test_the_watchdog_is_still_where_there_is_nothing_to_end() -> None:
@@ -197,8 +203,6 @@ def test_the_watchdog_is_still_where_there_is_nothing_to_end() -> None:
     waiting.deliver()
     waiting.session.add_joint(waiting.joint(), waiting.now_ns)
     assert wait(waiting, 10 * AGE_NS) is None
-    lockstep = law_at_work(lockstep=True) if False else None
-    assert lockstep is None
     talking = law_at_work(**CALM)
     for _ in range(100):
         talking.run(1, **STILL)
@@ -238,7 +242,9 @@ def test_lockstep_waits_for_all_that_the_bridge_lists() -> None:
     session.add_joint(made_up.joint(), stamp)
     assert not session.complete()
     for manifest in (
-        Manifest(0, stamp + 1, (1,), (1,)), Manifest(0, stamp, (2,), (1,)), Manifest(0, stamp, (1,), (0,))
+        Manifest(0, stamp + 1, (1,), (1,)),
+        Manifest(0, stamp, (2,), (1,)),
+        Manifest(0, stamp, (1,), (0,)),
     ):
         made = MadeUp(lockstep=True)
         made.session.add_joint(made.joint(), stamp)

@@ -8,10 +8,10 @@ import pytest
 
 from slip_core.errors import InputError
 from slip_core.params import build, parameter_infos
-from slip_vic_controller.core.controller import VicController
 from slip_vic_controller.params import ControllerParams
-
-from .small_arm import small_arm_urdf
+from slip_vic_controller.session import Controller
+from test.support.every import every
+from test.support.small_arm import small_arm_urdf
 
 BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"gains.stiffness": (5.0, 5.0, 0.0, 1.0, 1.0, 1.0)}, ["stiffness", "positive"]),
@@ -51,13 +51,20 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"joint_names": ("arm_joint1",)}, ["joint_names", "moves ee"]),
     ({"ee_frame": "tool"}, ["ee_frame", "tool"]),
     ({"gravity": (0.0, 0.0)}, ["gravity"]),
+    ({"safety.limits.restart_after_s": 1e300}, ["safety.limits.restart_after_s", "at most 1e+09"]),
+    ({"safety.inputs.accept_after": 10**18}, ["safety.inputs.accept_after", "at most 1e+09"]),
+    ({"control_period_s": 1e-9}, ["control_period_s", "at least 1e-06 s"]),
+    (
+        {"slip_estimator": "observer", "observer.memory_s": 1e6, "gains.k_s": 100.0},
+        ["observer.memory_s", "1000000 periods"],
+    ),
 ]
 
 
-@pytest.mark.parametrize(("values", "words"), BAD, ids=[" ".join(values) for values, _ in BAD])
+@every("values, words", BAD)
 def test_bad_parameters_give_one_clear_line(values: dict[str, Any], words: list[str]) -> None:
     with pytest.raises(InputError) as caught:
-        VicController(build(ControllerParams, values, "test.yaml"), small_arm_urdf())
+        Controller(build(ControllerParams, values, "test.yaml"), small_arm_urdf(), lockstep=True)
     line = str(caught.value)
     assert "\n" not in line
     for word in words:

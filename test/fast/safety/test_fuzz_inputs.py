@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -25,15 +24,13 @@ from slip_msgs_py import from_msgs, to_msgs
 from slip_msgs_py.fast_io import Receiver
 from slip_msgs_py.qos import message_class
 from slip_sim_bridge.session import BridgeSession
-from slip_vic_controller.core.controller import VicController
-from slip_vic_controller.core.inputs import Manifest
-from slip_vic_controller.core.modes import Request
-from slip_vic_controller.core.session import ControllerSession
+from slip_vic_controller.safety.modes import Request
+from slip_vic_controller.session import Controller, ControllerSession, Manifest
 
 JOINTS = tuple(f"arm_joint{i}" for i in range(1, 8))
 FRAME = "ee"
 NS = 1_000_000_000
-SETTINGS = settings(max_examples=150, deadline=None)
+SETTINGS = settings(max_examples=100)
 ODD = (0.0, -0.0, math.nan, math.inf, -math.inf, 1e308, -1e308, 5e-324, 1e-310, 1.0, -1e3)
 number = st.one_of(st.floats(width=64), st.sampled_from(ODD))
 names = st.one_of(
@@ -46,9 +43,8 @@ def numbers(most: int = 9) -> st.SearchStrategy[list[float]]:
     return st.one_of(st.lists(number, min_size=7, max_size=7), st.lists(number, max_size=most))
 
 
-@pytest.fixture(scope="module", params=TOPICS)
-def wire(request: pytest.FixtureRequest) -> Wire:
-    return Wire(request.param, JOINTS, FRAME)
+WIRES = tuple(Wire(name, JOINTS, FRAME) for name in TOPICS)
+wires = st.sampled_from(WIRES)
 
 
 def good_bytes(name: str) -> bytes:
@@ -78,7 +74,7 @@ def sound(sample: Any) -> None:
         assert sample.effort.shape in ((0,), (len(JOINTS),))
 
 
-@given(data=st.binary(max_size=400))
+@given(wire=wires, data=st.binary(max_size=400))
 @SETTINGS
 def test_raw_bytes(wire: Wire, data: bytes) -> None:
     sample = wire.receive(data)
@@ -86,7 +82,9 @@ def test_raw_bytes(wire: Wire, data: bytes) -> None:
         sound(sample)
 
 
-@given(cuts=st.lists(st.tuples(st.floats(0.0, 0.999), st.binary(max_size=9), st.integers(0, 9)), max_size=5))
+@given(
+    wire=wires, cuts=st.lists(st.tuples(st.floats(0.0, 0.999), st.binary(max_size=9), st.integers(0, 9)), max_size=5)
+)
 @SETTINGS
 def test_damaged_bytes(wire: Wire, cuts: list[tuple[float, bytes, int]]) -> None:
     """Bytes that are nearly a message get far into the decoder, and into its fast path."""
@@ -203,21 +201,23 @@ steps = st.lists(
 
 
 @given(first_bad=st.booleans(), sequence=steps)
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=100)
 def test_session_never_raises_and_keeps_the_promise(first_bad: bool, sequence: list[tuple[str, Any, int]]) -> None:
     """From the very first sample on, which may be bad as well."""
     scenario, law = prepared("paper_planar", True)
     limits = law.params.safety.limits
-    promise = Promise(law.arm.effort_limit, limits.effort_rate, limits.longest_step_s, limits.restart_after_s, PERIOD_S)
+    promise = Promise(
+        law.robot.effort_limit, limits.effort_rate, limits.longest_step_s, limits.restart_after_s, PERIOD_S
+    )
     _run(scenario, law, CommandMonitor(promise), first_bad, sequence)
 
 
 def _run(
-    scenario: Any, law: VicController, monitor: CommandMonitor, first_bad: bool, sequence: list[tuple[str, Any, int]]
+    scenario: Any, law: Controller, monitor: CommandMonitor, first_bad: bool, sequence: list[tuple[str, Any, int]]
 ) -> None:
     bridge = BridgeSession(scenario.bridge, scenario.urdf)
     bridge.start_at(1000 * NS)
-    session = ControllerSession(law, lockstep=False)
+    session = ControllerSession(law)
     now_ns = 5 * NS
     bad_first = [("joint", np.full(7, np.nan), 0)] if first_bad else []
     for kind, values, passed in [*bad_first, *sequence, ("good", None, 0), ("good", None, 0)]:
@@ -229,23 +229,23 @@ def _run(
         if kind == "joint":
             joint = JointSample(stamp_ns, wild7, joint.velocity if passed % 2 else wild7[::-1].copy(), wild7)
         elif kind == "wrench":
-            session.inputs.add_wrench(0, WrenchSample(stamp_ns, wild7[:6]), now_ns)
+            session.add_wrench(0, WrenchSample(stamp_ns, wild7[:6]), now_ns)
         elif kind == "slip":
-            session.inputs.add_slip(0, from_msgs.slip_sample(stamp_ns, wild7[:6]), now_ns)
+            session.add_slip(0, from_msgs.slip_sample(stamp_ns, wild7[:6]), now_ns)
         elif kind == "request":
             session.request(Request(abs(passed) % 4))
         for wrench in outputs.wrenches[0]:
-            session.inputs.add_wrench(0, wrench, now_ns)
+            session.add_wrench(0, wrench, now_ns)
         for slip in outputs.slips[0]:
-            session.inputs.add_slip(0, slip, now_ns)
-        session.inputs.add_joint(joint, now_ns)
+            session.add_slip(0, slip, now_ns)
+        session.add_joint(joint, now_ns)
         results = [session.cycle(now_ns)] if kind != "watchdog" else []
         results.append(session.watchdog(now_ns))
         for result in results:
             if result is not None:
                 starts = [joint.effort] if np.isfinite(joint.effort).all() else []
-                if session.state is not None:
-                    starts.append(law.arm.gravity(session.state.position))
+                if session.begun:
+                    starts.append(session.gravity)
                 monitor.take(now_ns, result.command.effort, tuple(starts))
         bridge.advance(None)
     assert monitor.violations == []

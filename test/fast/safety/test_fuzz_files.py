@@ -18,12 +18,12 @@ from slip_core.errors import InputError, SlipVicError
 from slip_core.params import ParameterModel, build, flat_names, flatten, parameter_infos, parse_assignment
 from slip_description import scenario_names, scenario_text
 from slip_sim_bridge.simulation import GraspSimulation
-from slip_vic_controller.core.arm import ArmModel
-from slip_vic_controller.core.controller import VicController
+from slip_vic_controller.robot import Robot
+from slip_vic_controller.session import Controller
 
-MANY = settings(max_examples=200, deadline=None)
-SETTINGS = settings(max_examples=60, deadline=None)
-SLOW = settings(max_examples=25, deadline=None)  # unknown names are compared with all known ones
+MANY = settings(max_examples=100)
+SETTINGS = settings(max_examples=60)
+SLOW = settings(max_examples=25)  # unknown names are compared with all known ones
 MODELS = {name: model for name, (_, model) in NODES.items()}
 LEAVES = [(name, info.name) for name, model in MODELS.items() for info in parameter_infos(model)]
 odd = st.one_of(
@@ -38,6 +38,10 @@ def scenario() -> Scenario:
     return load_scenario("paper_planar")
 
 
+def make_controller(params: Any, urdf: str) -> Controller:
+    return Controller(params, urdf, lockstep=True)
+
+
 def one_line(action: Callable[[], Any]) -> Any | None:
     """Return what an action returns, None where it refuses its input in one line; any other exception is a crash."""
     try:
@@ -50,9 +54,8 @@ def one_line(action: Callable[[], Any]) -> Any | None:
     return None
 
 
-@pytest.mark.parametrize("node", MODELS)
-@given(data=st.data())
-@SETTINGS
+@given(data=st.data(), node=st.sampled_from(sorted(MODELS)))
+@MANY
 def test_any_value_of_any_parameter(scenario: Scenario, node: str, data: st.DataObject) -> None:
     flat = flatten(getattr(scenario, node))
     names = data.draw(st.lists(st.sampled_from(sorted(flat)), min_size=1, max_size=3))
@@ -87,7 +90,7 @@ def test_numbers_that_are_accepted_make_a_law_and_a_simulation(
     for (node, name), value in changes:
         before = flats[node][name]
         flats[node][name] = [value] * len(before) if isinstance(before, list) else value
-    for node, make in (("controller", VicController), ("bridge", GraspSimulation)):
+    for node, make in (("controller", make_controller), ("bridge", GraspSimulation)):
         params = one_line(lambda node=node: build(MODELS[node], flats[node], "fuzz"))
         if params is not None:
             one_line(lambda make=make, params=params: make(params, scenario.urdf))
@@ -180,7 +183,7 @@ def test_scenario_files_of_the_right_outer_form(parts: dict[str, Any]) -> None:
 def test_urdf_texts(scenario: Scenario, seed: int, count: int) -> None:
     text = mutated_text(scenario.urdf, seed, count)
     controller = scenario.controller
-    one_line(lambda: ArmModel(text, controller.ee_frame, controller.joint_names))
+    one_line(lambda: Robot(text, controller.ee_frame, controller.joint_names))
     one_line(lambda: GraspSimulation(scenario.bridge, text))
 
 
@@ -188,5 +191,5 @@ def test_urdf_texts(scenario: Scenario, seed: int, count: int) -> None:
 @MANY
 def test_urdf_of_anything(scenario: Scenario, text: str) -> None:
     controller = scenario.controller
-    one_line(lambda: ArmModel(text, controller.ee_frame, controller.joint_names))
+    one_line(lambda: Robot(text, controller.ee_frame, controller.joint_names))
     one_line(lambda: GraspSimulation(scenario.bridge, text))

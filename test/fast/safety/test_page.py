@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from slip_campaigns.faults.plan import ON_NODES, ON_TOPICS
-from slip_vic_controller.core.modes import Mode
-from slip_vic_controller.core.trouble import reaction_table
+from slip_vic_controller.safety.faults import reaction_table
+from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety_params import SafetyParams
 
-PAGE = (Path(__file__).parents[2] / "docs" / "safety.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "safety.md").read_text(encoding="utf-8")
 
 
 def test_reaction_table_is_the_code_s() -> None:
