@@ -119,7 +119,7 @@ def load_scenario(
         apply_sensor(values, load_preset(sensor))
     if estimator is not None:
         values["controller"]["slip_estimator"] = estimator
-    _tell_friction(values)
+    _tell_friction(values, origin)
     for assignment in assignments:
         _assign(values, *parse_assignment(assignment))
     controller_params = build(ControllerNodeParams, values["controller"], f"{origin}: controller")
@@ -170,12 +170,12 @@ def apply_sensor(values: dict[str, dict[str, Any]], preset: SensorPreset) -> Non
     values["controller"] |= current_names(ControllerNodeParams, preset.controller, "sensor file")
 
 
-def _tell_friction(values: dict[str, dict[str, Any]]) -> None:
+def _tell_friction(values: dict[str, dict[str, Any]], origin: str) -> None:
     """Tell the controller's governor of the friction that the scenario has, where it does not say so itself."""
-    bridge = {**flatten(BridgeParams()), **values["bridge"]}
+    bridge = build(BridgeParams, values["bridge"], f"{origin}: bridge")
     told = {
-        "governor.friction_limit": round(bridge["friction.mu_s"] * bridge["grip.force"], 12),
-        "governor.torsional_radius": bridge["friction.torsional_radius"],
+        "governor.friction_limit": round(bridge.friction.mu_s * bridge.grip.force, 12),
+        "governor.torsional_radius": bridge.friction.torsional_radius,
     }
     values["controller"] = told | values["controller"]
 

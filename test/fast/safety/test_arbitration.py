@@ -95,7 +95,7 @@ def test_it_is_the_plain_form() -> None:
     said: set[str] = set()
     for kind in kinds():
         robot = kind.controller.robot
-        for seed in range(1500):
+        for seed in range(700):
             rng = np.random.default_rng(seed)
             memory = random_memory(rng, kind.limits)
             health = tuple(of[rng.integers(len(of))] for of in (WRENCHES, SLIPS, OUTSIDE))

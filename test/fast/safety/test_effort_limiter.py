@@ -55,7 +55,7 @@ class Limiter:
 
 
 @given(wants)
-@settings(max_examples=200)
+@settings(max_examples=100)
 def test_any_sequence_stays_finite_inside_and_slow(sequence: list[tuple[np.ndarray, int]]) -> None:
     limiter, now = Limiter(), 0
     for wanted, passed in sequence:

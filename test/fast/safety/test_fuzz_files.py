@@ -21,9 +21,9 @@ from slip_sim_bridge.simulation import GraspSimulation
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.session import Controller
 
-MANY = settings(max_examples=100)
-SETTINGS = settings(max_examples=60)
-SLOW = settings(max_examples=25)  # unknown names are compared with all known ones
+MANY = settings(max_examples=60)
+SETTINGS = settings(max_examples=40)
+SLOW = settings(max_examples=15)  # unknown names are compared with all known ones
 MODELS = {name: model for name, (_, model) in NODES.items()}
 LEAVES = [(name, info.name) for name, model in MODELS.items() for info in parameter_infos(model)]
 odd = st.one_of(

@@ -12,9 +12,15 @@ import numpy as np
 
 ROOT = Path(__file__).parents[3]
 KINDS = (
-    {"gains__k_s": 100.0, "trajectory__kind": "quintic", "trajectory__displacement": (0.1, 0.0, 0.05)},
     {"gains__k_s": 100.0, "slip_estimator": "observer", "trajectory__kind": "circle", "trajectory__duration_s": 4.0},
-    {"gains__k_s": 100.0, "attitude": "rpy", "gains__spin": "bounded", "measured__dead_band_linear": 1e-3},
+    {
+        "gains__k_s": 100.0,
+        "attitude": "rpy",
+        "gains__spin": "bounded",
+        "measured__dead_band_linear": 1e-3,
+        "trajectory__kind": "quintic",
+        "trajectory__displacement": (0.1, 0.0, 0.05),
+    },
 )
 CALM = {"safety__load__drop_speed": 1e6, "safety__fallback__evidence": 1e6}  # nobody moves the arm
 

@@ -52,11 +52,11 @@ def test_a_session_goes_on_from_the_bytes_of_any_cycle() -> None:
                 made_up.session.retune(build(ControllerParams, values, "test"))
             snapshots.append((made_up.session.snapshot(), made_up.stamp_ns, made_up.now_ns, made_up.tick))
             results.append(disturbed_cycle(made_up, k))
-        for first in (0, 1, 14, 16, 31, 43, 45, 75, 95, 130):
+        for first in (0, 1, 14, 31, 43, 45, 75, 95):
             other = MadeUp(**kind)
             state, other.stamp_ns, other.now_ns, other.tick = snapshots[first]
             other.session.restore(from_text(to_text(state)))
-            for k in range(first, min(CYCLES, first + 40)):
+            for k in range(first, min(CYCLES, first + 25)):
                 if k == 15:
                     other.session.retune(build(ControllerParams, values, "test"))
                 assert disturbed_cycle(other, k) == results[k], (kind, first, k)

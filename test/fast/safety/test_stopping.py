@@ -80,7 +80,7 @@ def test_a_user_s_hold_comes_to_rest_along_the_path_and_goes_on_from_there() -> 
     path.run(round(1e3 * SLOW_DOWN_S))
     assert path.modes[-1] == Mode.HOLD
     assert path.made_up.session.reason == "asked to hold"
-    path.run(300)  # the time in HOLD is not part of the path
+    path.run(150)  # the time in HOLD is not part of the path
     path.made_up.session.request(Request.ENABLE)
     path.run(round(1e3 * SLOW_DOWN_S) + 2)
     assert path.modes[-1].follows
