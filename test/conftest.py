@@ -1,8 +1,13 @@
 """Fixtures shared by all tests."""
 
+import os
+
 import hypothesis
 
+from slip_msgs_py.last_resort import LOUD_VARIABLE
 from test.support.ros import processes, ros_domain, ros_node  # noqa: F401  # fixtures are found by name
+
+os.environ.setdefault(LOUD_VARIABLE, "1")  # a bug that a node outlives is none that a test may miss
 
 # A deadline would make a crowded machine fail tests that have nothing to do with time; random means seeded.
 hypothesis.settings.register_profile("suite", deadline=None, derandomize=True)

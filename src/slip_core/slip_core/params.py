@@ -14,10 +14,10 @@ import typing
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Final, TypeVar
+from typing import Any, ClassVar, Final, Self, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from slip_core.errors import InputError, nearest
 
@@ -28,6 +28,45 @@ OLD_NAMES_END: Final = "0.2.0"
 """The version from which the old names of parameters (``formerly``) are unknown names; a test holds them to it."""
 
 
+RANGES: Final[Mapping[str, tuple[float, float]]] = _types.MappingProxyType(
+    {
+        "": (1e-9, 1e6),
+        "s": (1e-6, 1e6),
+        "Hz": (1e-3, 1e6),
+        "kg": (1e-6, 1e6),
+        "kg m2": (1e-12, 1e6),
+        "kg, kg m2": (1e-6, 1e6),
+        "kg^-1/2": (1e-6, 1e3),
+        "m": (1e-6, 1e3),
+        "rad": (1e-6, 1e4),
+        "m, rad": (1e-6, 1e3),
+        "m/s": (1e-9, 1e3),
+        "rad/s": (1e-9, 1e5),
+        "m/s, rad/s": (1e-9, 1e3),
+        "m/s2": (1e-9, 1e5),
+        "m/s^2": (1e-9, 1e5),
+        "rad/s^2": (1e-9, 1e6),
+        "N": (1e-6, 1e6),
+        "N m": (1e-6, 1e6),
+        "N, N m": (1e-6, 1e6),
+        "N m/s": (1e-3, 1e8),
+        "N/m": (1e-3, 1e9),
+        "N m/rad": (1e-6, 1e7),
+        "N/m, N m/rad": (1e-6, 1e7),
+        "N s/m": (1e-6, 1e7),
+        "N m s/rad": (1e-6, 1e7),
+        "N s/m, N m s/rad": (1e-6, 1e7),
+        "1/s": (1e-6, 1e6),
+        "1/s2": (1e-6, 1e8),
+        "1/s^2": (1e-6, 1e8),
+        "s/m": (1e-6, 1e6),
+        "s/rad": (1e-6, 1e6),
+    }
+)
+"""By unit, the smallest size of what must be above zero and the largest of all: wider than any machine has it, and so
+narrow that no product or quotient in a formula leaves double precision. A declaration may be narrower."""
+
+
 class ParameterModel(BaseModel):
     """Base of all parameter groups: frozen, strict about unknown names, finite numbers only."""
 
@@ -36,11 +75,38 @@ class ParameterModel(BaseModel):
     AT_RUNTIME: ClassVar[frozenset[str]] = frozenset()
     """Parameters of a shared declaration that this node takes changes of at run time."""
 
+    @model_validator(mode="after")
+    def _in_range(self) -> Self:
+        """Refuse what a bound of a declaration cannot: numbers in vectors, and rates so low that they have no period."""
+        for name in type(self).model_fields:
+            values = getattr(self, name)
+            if isinstance(values, tuple) and values and isinstance(values[0], float):
+                unit = parameter_unit(type(self), name)
+                if max(map(abs, values)) > RANGES[unit][1]:
+                    raise ValueError(
+                        f"{name} {list(values)}: no number may be beyond {RANGES[unit][1]:g} {unit}".rstrip()
+                    )
+            elif (
+                isinstance(values, float)
+                and 0.0 < values < RANGES["Hz"][0]
+                and parameter_unit(type(self), name) == "Hz"
+            ):
+                raise ValueError(f"{name} {values}: 0, or at least {RANGES['Hz'][0]:g} Hz")
+        return self
+
+
+def parameter_unit(model: type[ParameterModel], name: str) -> str:
+    """Return the unit of a model's own parameter."""
+    extra = model.model_fields[name].json_schema_extra
+    return str(extra["unit"]) if isinstance(extra, dict) else ""
+
 
 def parameter(
     default: Any, description: str, *, unit: str = "", runtime: bool = False, formerly: str = "", **bounds: Any
 ) -> Any:
     """Declare one parameter: one declaration for code, ROS, YAML and documentation.
+
+    A number has the range of its unit (`RANGES`), where its bounds are not narrower.
 
     Args:
         default: value where none is given.
@@ -50,6 +116,15 @@ def parameter(
         formerly: dotted name that it had in the release before; empty where it was not renamed.
         bounds: pydantic's, e.g. ``gt=0.0``.
     """
+    if isinstance(default, float):
+        smallest, largest = RANGES[unit]
+        if bounds.get("gt") == 0.0:
+            del bounds["gt"]
+            bounds["ge"] = smallest
+        if "lt" not in bounds:
+            bounds.setdefault("le", largest)
+        if not {"gt", "ge"} & bounds.keys():
+            bounds["ge"] = -largest
     extra: dict[str, Any] = {"unit": unit, "runtime": runtime, "formerly": formerly}
     return Field(default=default, description=description, json_schema_extra=extra, **bounds)
 

@@ -196,7 +196,10 @@ class CdrCodec:
         raise ValueError("got other numbers of values than fields")
 
     def decode(self, data: bytes) -> tuple[int, list[Numbers]] | None:
-        """Return stamp [ns] and arrays (read-only views of the bytes), or None where the message has another form."""
+        """Return stamp [ns] and arrays (read-only views of the bytes), or None where the message has another form.
+
+        Also where the stamp is none: nanoseconds of a second or more could not be sent back.
+        """
         if len(data) != self.size:
             return None
         for start, stop, piece in self._fixed:
@@ -205,6 +208,8 @@ class CdrCodec:
         stamp_ns = 0
         if self._stamp_at is not None:
             sec, nanosec = _STAMP.unpack_from(data, self._stamp_at)
+            if nanosec >= NS_PER_S:
+                return None
             stamp_ns = sec * NS_PER_S + nanosec
         body = data[len(_HEADER) :]  # a copy in which numbers are aligned as CDR aligns them
         return stamp_ns, [_frombuffer(body, dtype, count, start) for dtype, count, start in self._starts]

@@ -106,11 +106,13 @@ class Receiver(Generic[Sample]):
         except RuntimeError:
             name = self._class.__name__
             raise InputError("message", got=f"{len(data)} bytes that are no {name}", expected=name) from None
+        sec, nanosec = numbers_at(message, self._stamp) if self._stamp else (0, 0)
+        if nanosec >= NS_PER_S:
+            raise InputError("stamp", got=f"{nanosec} nanoseconds", expected="less than a second of them")
         make = self._learn(message)
         if self._left > 0:
             self._left -= 1
             self._known[len(data)] = CdrCodec(message, self._fields, self._stamp), make
-        sec, nanosec = numbers_at(message, self._stamp) if self._stamp else (0, 0)
         return make(sec * NS_PER_S + nanosec, *(np.array(numbers_at(message, path)) for path in self._fields))
 
 

@@ -12,6 +12,9 @@ from slip_core.errors import InputError
 from slip_core.params import ParameterInfo, ParameterModel, build, flatten, parameter_infos
 
 Model = TypeVar("Model", bound=ParameterModel)
+NO_SIM_TIME = "use_sim_time: this node goes by steady time and by the stamps of what it receives"
+OWN_TIME = (Parameter("use_sim_time", value=False),)
+"""For the constructor of a node: one that asks no ROS clock need not listen to `/clock`, which anybody may set."""
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
 
@@ -86,6 +89,10 @@ def allow_changes(node: Any, current: Model, apply: Callable[[Model], None]) -> 
     state = {"values": current}
 
     def on_set(parameters: list[Any]) -> SetParametersResult:
+        if any(p.name == "use_sim_time" and p.value is not False for p in parameters):
+            return SetParametersResult(successful=False, reason=NO_SIM_TIME)
+        if not all(p.name for p in parameters):  # rclpy takes this one for declared
+            return SetParametersResult(successful=False, reason="a parameter without a name")
         flat = flatten(state["values"])
         flat |= {p.name: _plain(p.value) for p in parameters if p.name in flat}
         try:

@@ -28,7 +28,7 @@ from slip_msgs_py.fast_io import Refusals, Sender, create_receiver, create_sende
 from slip_msgs_py.node_main import memory_mib, run_node
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
-from slip_msgs_py.ros_params import allow_changes, declare
+from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare
 from slip_sim_bridge import pacing
 from slip_sim_bridge.pacing import Pacer
 from slip_sim_bridge.params import BridgeParams
@@ -45,7 +45,9 @@ class SlipSimBridge(Node):
     """Publishes joint states, wrench, slip, ground truth and clock; waits for or samples effort commands."""
 
     def __init__(self, executor: Any = None) -> None:
-        super().__init__("slip_sim_bridge", automatically_declare_parameters_from_overrides=True)
+        super().__init__(
+            "slip_sim_bridge", automatically_declare_parameters_from_overrides=True, parameter_overrides=[*OWN_TIME]
+        )
         self.params = declare(self, BridgeParams)
         urdf = self.params.robot_description or read_text(
             self.params.robot_description_file, "parameter robot_description_file"
@@ -126,7 +128,7 @@ class SlipSimBridge(Node):
         try:
             self.session.set_grip_force(float(message.data))
         except InputError as error:
-            self.get_logger().error(f"grip force refused: {error}")
+            self._refusals.add("grip_force", error)
 
     def _on_reset(self, _request: Any, response: Any) -> Any:
         self.session.request_reset()

@@ -301,7 +301,8 @@ def _answer(c: Any, s: Any, history: Array, i: Any, o: Any) -> None:
 @part
 def _stop_first(c: Any, s: Any, request: int, now_ns: int) -> int:
     """Let a user's HOLD begin when the path has come to rest: a sudden stop throws a weakly gripped object."""
-    if request == Request.ENABLE or request == Request.RESET_FAULT or not follows(s.mode.mode):
+    stays = request == Request.ENABLE or request == Request.RESET_FAULT or request == Request.FAILED
+    if stays or not follows(s.mode.mode):
         s.since.stopping_ns = NEVER
         return request
     if request == Request.HOLD and s.since.stopping_ns == NEVER:

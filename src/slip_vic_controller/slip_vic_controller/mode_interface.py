@@ -16,7 +16,8 @@ from slip_vic_controller.publishing import DIAGNOSTICS_PERIOD_NS, MODE_PHASE
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import ControllerSession, CycleResult
 
-PUBLISHERS_PERIOD_S = 0.5
+PUBLISHERS_PERIOD_S = 0.02  # so long a foreign command may go unseen; a look takes some 30 us
+GO_ON = "; to go on call ~/reset_fault, then ~/enable"
 LEVELS = {Mode.ACTIVE: 0, Mode.DEGRADED: 1, Mode.HOLD: 1, Mode.WAITING_INPUT: 1, Mode.FAULT: 2}
 
 
@@ -52,13 +53,14 @@ class ModeInterface:
         self._command_topic, self._inputs = command_topic, tuple(inputs)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._node.create_timer(PUBLISHERS_PERIOD_S, self._look_for_publishers, clock=steady)
+        self._look_for_publishers()
 
     def publish(self, result: CycleResult) -> None:
         """Publish what has changed, and the status about once a second of the joint state's clock."""
         mode, stamp_ns, now = result.mode, result.joint.stamp_ns, (result.mode, result.reason_key)
         if not self._each_second.due(stamp_ns) and now == self._last:
             return
-        reason = result.reason
+        reason = result.reason + GO_ON if mode == Mode.FAULT else result.reason
         if now != self._last:
             self._topic.publish(to_msgs.string(f"{mode.name}: {reason}" if reason else mode.name))
         self._last = now
@@ -79,7 +81,7 @@ class ModeInterface:
         if not session.active:
             response.success, response.message = False, "not active"
         elif session.mode == Mode.FAULT and request != Request.RESET_FAULT:
-            response.success, response.message = False, f"in FAULT, reset it first: {session.reason}"
+            response.success, response.message = False, f"in FAULT: {session.reason}{GO_ON}"
         else:
             session.request(request)
             response.success, response.message = True, f"{request.name.lower()}: decided in the next cycle"
@@ -88,8 +90,8 @@ class ModeInterface:
     def _look_for_publishers(self) -> None:
         # Counting is quick; who they are takes a good part of a control period, and matters for two only.
         inputs = {item.topic_name: self._owners(item.topic_name, item.get_publisher_count()) for item in self._inputs}
-        on_commands = self._owners(self._command_topic, self._node.count_publishers(self._command_topic))
-        self._session.set_publishers(inputs, on_commands)
+        # Whoever is on our command topic is foreign, also under our name: a process that starts sees no ghosts.
+        self._session.set_publishers(inputs, self._node.count_publishers(self._command_topic))
 
     def _owners(self, topic: str, publishers: int) -> int:
         """Return how many differently named nodes publish; a killed node's ghost lives on in discovery for a while."""

@@ -5,12 +5,16 @@ A thin shell around `ControllerSession`: topics, readiness and publication; no m
 
 from __future__ import annotations
 
+import functools
 import sys
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import Any
 
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock, ClockType
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -24,10 +28,11 @@ from slip_msgs_py.endpoint_matching import EndpointMatching
 from slip_msgs_py.events import Done, Ready, emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
+from slip_msgs_py.last_resort import LastResort, fails_loudly
 from slip_msgs_py.node_main import memory_mib, run_node
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
-from slip_msgs_py.ros_params import allow_changes, declare
+from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare
 from slip_vic_controller.mode_interface import ModeInterface
 from slip_vic_controller.node_params import ControllerNodeParams
 from slip_vic_controller.publishing import DiagnosticsPublisher, StatePublisher, TimingPublisher
@@ -37,17 +42,35 @@ STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only
 SLIP_DEPTH = 100  # every sample counts for the observer
 LOOK_S = 0.02
 WATCHDOG_S = 0.01
+_Transition = Callable[[Any, LifecycleState], TransitionCallbackReturn]
 LINGER_S = 0.2  # for the answer of the transition that ends the process to reach who asked
 
 
-class SlipVicController(LifecycleNode):
+def _transition(callback: _Transition) -> _Transition:
+    """Let a failure in a transition be seen: rclpy makes an ERROR of it and says nothing."""
+
+    @functools.wraps(callback)
+    def run(self: SlipVicController, state: LifecycleState) -> TransitionCallbackReturn:
+        try:
+            return callback(self, state)
+        except Exception as error:
+            self._failed_transition = error
+            self.on_failure("a transition", error)
+            return TransitionCallbackReturn.ERROR
+
+    return run
+
+
+class SlipVicController(LastResort, LifecycleNode):
     """Answers every complete set of inputs with one effort command, stamped as the joint state it answers.
 
     Unconfigured it has no topics; inactive it answers with empty commands, which let the arm hold itself.
     """
 
     def __init__(self, executor: Any = None) -> None:
-        super().__init__("slip_vic_controller", automatically_declare_parameters_from_overrides=True)
+        super().__init__(
+            "slip_vic_controller", automatically_declare_parameters_from_overrides=True, parameter_overrides=[*OWN_TIME]
+        )
         self.params = declare(self, ControllerNodeParams)
         self._lockstep = self.params.mode == "lockstep"
         self._refusals = Refusals(self.get_logger().error)
@@ -58,6 +81,9 @@ class SlipVicController(LifecycleNode):
         self._peers: EndpointMatching | None = None
         self._finished_at: float | None = None
         self._ready = False
+        self._failures: set[str] = set()
+        self._failed_transition: Exception | None = None
+        self._service_change_state.callback = self.answering("change_state", self._guarded(self._service_change_state))
         allow_changes(self, self.params, self._on_change)
         if self.params.auto_activate:
             self.trigger_configure()
@@ -72,8 +98,50 @@ class SlipVicController(LifecycleNode):
             self.session.retune(wanted)
         self.params = wanted
 
+    # -- what must not end the node ----------------------------------------------------------------
+
+    def on_failure(self, what: str, error: Exception) -> None:
+        """Go to FAULT, with a command from the last good joint state, and say once of each kind what failed."""
+        kind = f"{what}: {type(error).__name__}"
+        if kind not in self._failures:
+            self._failures.add(kind)
+            at = traceback.extract_tb(error.__traceback__)[-1]
+            text = " ".join(str(error).split())
+            self.get_logger().error(f"failed in {kind}: {text} ({Path(at.filename).name}:{at.lineno})")
+        if self._peers is None:
+            return
+        try:
+            now_ns = time.monotonic_ns()
+            result = self.session.failed(now_ns)
+            if result is not None:
+                self._publish(result, now_ns)
+        except Exception as again:
+            if "last resort" not in self._failures:
+                self._failures.add("last resort")
+                self.get_logger().error(f"the last resort failed too: {again!r}")
+
+    def _guarded(self, service: Any) -> Callable[[Any, Any], Any]:
+        """Return rclpy's callback of `change_state`, answering False to what is no transition of the present state."""
+        change = service.callback
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return change(request, response)
+            except RCLError:
+                response.success = False
+                return response
+
+        return answer
+
+    def on_error(self, _state: LifecycleState) -> TransitionCallbackReturn:
+        """Become unconfigured after a transition that failed."""
+        if self._peers is not None:
+            self._destroy_endpoints()
+        return TransitionCallbackReturn.SUCCESS
+
     # -- lifecycle ---------------------------------------------------------------------------------
 
+    @_transition
     def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Read the arm, make the law, and create topics and services."""
         try:
@@ -91,22 +159,26 @@ class SlipVicController(LifecycleNode):
         self._create_endpoints()
         return TransitionCallbackReturn.SUCCESS
 
+    @_transition
     def on_activate(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Give efforts as soon as every input has been seen."""
         self.session.set_active(True)
         return TransitionCallbackReturn.SUCCESS
 
+    @_transition
     def on_deactivate(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Say once that there is no command any more, and give no effort from now on."""
         self.session.set_active(False)
         self._say_no_command()
         return TransitionCallbackReturn.SUCCESS
 
+    @_transition
     def on_cleanup(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Remove topics and services, and forget everything."""
         self._destroy_endpoints()
         return TransitionCallbackReturn.SUCCESS
 
+    @_transition
     def on_shutdown(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """End: as `on_deactivate` and `on_cleanup`; then the process ends."""
         if self._peers is not None:
@@ -271,6 +343,8 @@ class SlipVicController(LifecycleNode):
         """Run until asked to stop."""
 
         def goes_on() -> bool:
+            if self._failed_transition is not None and fails_loudly():
+                raise self._failed_transition
             self.announce_when_ready()
             over = self._finished_at is not None and time.monotonic() - self._finished_at > LINGER_S
             return not should_stop() and not over

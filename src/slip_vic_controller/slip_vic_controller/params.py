@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 
 from slip_core import grasp_params
 from slip_core.grasp_params import ArmParams, Six, Three
-from slip_core.params import ParameterModel, parameter
+from slip_core.params import RANGES, ParameterModel, parameter, parameter_unit
 from slip_core.sensor_params import SlipSensorModel
 from slip_vic_controller.safety_params import SafetyParams
 from slip_vic_controller.slip_params import MeasuredParams, ObserverParams, WrenchSensorModel
@@ -69,8 +69,11 @@ class GainParams(ParameterModel):
     def _positive(self) -> GainParams:
         for name in ("stiffness", "damping", "inertia"):
             values = getattr(self, name)
-            if min(values) <= 0.0:
-                raise ValueError(f"{name} {list(values)}: every gain must be positive")
+            unit = parameter_unit(type(self), name)
+            if min(values) < RANGES[unit][0]:
+                raise ValueError(
+                    f"{name} {list(values)}: every gain must be positive, at least {RANGES[unit][0]:g} {unit}"
+                )
         return self
 
 
@@ -192,7 +195,7 @@ class ControllerParams(ArmParams):
     mode: Literal["lockstep", "realtime"] = parameter(
         "lockstep", "lockstep waits for all samples of a stamp; realtime answers each joint state with the newest ones"
     )
-    control_period_s: float = parameter(0.001, "control period", unit="s", gt=0.0)
+    control_period_s: float = parameter(0.001, "control period", unit="s", ge=1e-5, le=1.0)
     attitude: Literal["log", "rpy"] = parameter("log", "coordinates of the orientation error")
     feed_forward: bool = parameter(True, "use the desired acceleration a_d as feed-forward", runtime=True)
     object: ObjectParams = Field(default_factory=ObjectParams)

@@ -441,6 +441,18 @@ class ControllerSession:
             return None
         return result
 
+    def failed(self, now_ns: int) -> CycleResult | None:
+        """Go to FAULT because the node has failed; return a command where the law has begun.
+
+        It comes from the last good joint state alone, so that it needs nothing of what failed. Without one the drive or
+        the bridge holds the arm, and the next cycle goes to FAULT.
+        """
+        self._request = Request.FAILED
+        newest = self.newest_joint
+        if not self.active or not self.begun or self.mode == Mode.WAITING_INPUT or newest is None:
+            return None
+        return self.without_joint_state(newest, newest.stamp_ns if self._lockstep else now_ns)[0]
+
     def without_joint_state(self, newest: JointSample, now_ns: int) -> tuple[CycleResult, bool]:
         """Run one cycle of the watchdog; return its result, and whether effort or mode have changed by it."""
         inputs, outputs = self._records(now_ns, 0)

@@ -98,12 +98,12 @@ def watcher(ros_node: Any) -> Watcher:
 def start(processes: Processes, tmp_path: Path):
     """Start a node of paper_planar in real time, with assignments."""
 
-    def run(name: str, *assignments: str) -> Any:
+    def run(name: str, *assignments: str, script: Path | None = None) -> Any:
         scenario = load_scenario("paper_planar", mode="realtime", assignments=assignments)
         path = tmp_path / f"{name}.yaml"
         path.write_text(ros_parameter_file(getattr(scenario, name), NODES[name][0]))
-        module = {"controller": CONTROLLER, "bridge": BRIDGE}[name]
-        return processes.python(name, "-m", module, "--ros-args", "--params-file", path)
+        node = [script] if script else ["-m", {"controller": CONTROLLER, "bridge": BRIDGE}[name]]
+        return processes.python(name, *node, "--ros-args", "--params-file", path)
 
     return run
 

@@ -95,7 +95,7 @@ def test_namespaces_move_everything(processes: Processes, params) -> None:
 
 BAD = [
     (CONTROLLER, "gains.ks:=5.0", ["gains.ks", "gains.k_s"]),
-    (CONTROLLER, "gains.k_s:=-5.0", ["gains.k_s", "greater than 0"]),
+    (CONTROLLER, "gains.k_s:=-5.0", ["gains.k_s", "greater than"]),
     (CONTROLLER, "gains.stiffness:=[1.0, 2.0]", ["gains.stiffness"]),
     (CONTROLLER, "ee_frame:=hand_of_god", ["hand_of_god"]),
     (CONTROLLER, "robot_description_file:=nowhere.urdf", ["nowhere.urdf"]),

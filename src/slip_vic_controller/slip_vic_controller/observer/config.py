@@ -8,12 +8,15 @@ import numpy as np
 from scipy.special import chdtri  # scipy.stats has the same under a clearer name, and takes half a second to import
 
 from slip_core.arrays import Array
+from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
 from slip_vic_controller.params import ControllerParams
 
 SPARE_ROWS = 64
 """Rows of the history beyond those that are expected: samples that come in a burst."""
+MOST_ROWS = 100_000
+"""Rows of a history that still fits into memory and into a cycle many times."""
 
 
 def observer_config(params: ControllerParams) -> Array:
@@ -78,10 +81,17 @@ def capacity(params: ControllerParams) -> int:
     """Return how many rows the history needs: ticks of the memory with their samples, or the window in stick.
 
     More samples than the sensor's rate gives make the history shorter in time, not longer.
+
+    Raises:
+        InputError: it would be too long.
     """
     tuning, T = params.observer, params.control_period_s
     ticks = math.ceil(tuning.memory_s / T) + 1
     period = params.slip_sensor.period_s or T
     samples = math.ceil(tuning.memory_s / period) + 1
     window = max(1, round(tuning.window_s / T))
-    return max(ticks + samples, window + 1) + SPARE_ROWS
+    rows = max(ticks + samples, window + 1) + SPARE_ROWS
+    if rows > MOST_ROWS:
+        what = "parameters observer.memory_s, observer.window_s, control_period_s, slip_sensor.rate_hz"
+        raise InputError(what, got=f"a history of {rows} rows", expected=f"at most {MOST_ROWS}")
+    return rows

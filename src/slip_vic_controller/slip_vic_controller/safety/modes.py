@@ -34,12 +34,13 @@ class Mode(IntEnum):
 
 
 class Request(IntEnum):
-    """What a user asked for since the last cycle."""
+    """What was asked for since the last cycle, by a user if nothing else is said."""
 
     NONE = 0
     ENABLE = 1
     HOLD = 2
     RESET_FAULT = 3
+    FAILED = 4  # the node itself asks for FAULT: one of its callbacks has failed
 
 
 MODE_POLICY = layout(auto_enable=WHOLE, auto_resume=WHOLE, resume_after_ns=WHOLE)
@@ -89,6 +90,8 @@ def next_mode(policy: Any, state: Any, findings: Findings, request: int, now_ns:
     good_since = NEVER if missing or hold else now_ns if state.good_since_ns == NEVER else state.good_since_ns
     if state.mode == Mode.FAULT and request != Request.RESET_FAULT:
         state.enabled, state.good_since_ns = 0, good_since
+    elif request == Request.FAILED:
+        _go(state, Mode.FAULT, because(Cause.INTERNAL.value, 0), now_ns, False, good_since)
     elif findings.fault.cause != Cause.NONE:
         _go(state, Mode.FAULT, findings.fault, now_ns, False, good_since)
     else:

@@ -154,5 +154,5 @@ _WORDS = {
     Cause.NO_ESTIMATE: "the slip observer gave no finite estimate",
     Cause.NO_TORQUE: "the law gave no finite torque",
     Cause.OVERRUNS: "friction is too little to stop on the path: it is overrun",
-    Cause.INTERNAL: "the control cycle failed: this is a bug, please report it",
+    Cause.INTERNAL: "the controller itself failed, see its log: this is a bug, please report it",
 }

@@ -1,0 +1,75 @@
+"""A node that does not end because one of its callbacks fails, whatever arrived and wherever the bug is.
+
+An exception that leaves a callback ends the executor's spin, and with it every message that was waiting. Here it stays
+in the callback, and the node decides what it means.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any, Final
+
+LOUD_VARIABLE: Final = "SLIP_VIC_FAIL_LOUDLY"
+"""Environment variable; "1" lets every unexpected exception end the process, as tests want it."""
+
+
+def fails_loudly() -> bool:
+    """Return whether unexpected exceptions are to end the process."""
+    return os.environ.get(LOUD_VARIABLE) == "1"
+
+
+class LastResort:
+    """Mixin in front of an rclpy node: its callbacks, also those that rclpy makes for itself, hand failures over."""
+
+    def on_failure(self, what: str, error: Exception) -> None:
+        """Decide what an exception in a callback of `what` means; must not raise."""
+        raise NotImplementedError
+
+    def fail(self, what: str, error: Exception) -> None:
+        """Hand an exception over that is just being handled; where failures are loud, raise it."""
+        if fails_loudly():
+            raise error
+        self.on_failure(what, error)
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Callable[[Any], None], *rest: Any, **options: Any
+    ) -> Any:
+        """Create a subscription as rclpy does."""
+
+        def take(message: Any) -> None:
+            try:
+                callback(message)
+            except Exception as error:
+                self.fail(f"topic {topic}", error)
+
+        return super().create_subscription(msg_type, topic, take, *rest, **options)  # type: ignore[misc]
+
+    def create_timer(self, period_s: float, callback: Callable[[], None], *rest: Any, **options: Any) -> Any:
+        """Create a timer as rclpy does."""
+
+        def tick() -> None:
+            try:
+                callback()
+            except Exception as error:
+                self.fail("a timer", error)
+
+        return super().create_timer(period_s, tick, *rest, **options)  # type: ignore[misc]
+
+    def create_service(
+        self, srv_type: Any, name: str, callback: Callable[[Any, Any], Any], *rest: Any, **options: Any
+    ) -> Any:
+        """Create a service as rclpy does; a failed call is answered with the response as it was then."""
+        return super().create_service(srv_type, name, self.answering(name, callback), *rest, **options)  # type: ignore[misc]
+
+    def answering(self, name: str, callback: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+        """Return a service's callback that always answers."""
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return callback(request, response)
+            except Exception as error:
+                self.fail(f"service {name}", error)
+                return response
+
+        return answer
