@@ -77,7 +77,7 @@ class ParameterModel(BaseModel):
 
     @model_validator(mode="after")
     def _in_range(self) -> Self:
-        """Refuse what a bound of a declaration cannot: numbers in vectors, and rates so low that they have no period."""
+        """Refuse what the bounds of a declaration cannot: numbers in vectors, rates too low to have a period."""
         for name in type(self).model_fields:
             values = getattr(self, name)
             if isinstance(values, tuple) and values and isinstance(values[0], float):

@@ -133,7 +133,7 @@ def test_everything_but_numbers_and_stamp_must_match(kind: Kind) -> None:
                 free.update(range(leaf.offset, leaf.offset + struct.calcsize(leaf.kind) * leaf.count))
     for at in range(len(written)):
         changed = bytearray(written)
-        changed[at] ^= 0x40
+        changed[at] ^= 0x20  # in a stamp still less than a second of nanoseconds
         assert (codec.decode(bytes(changed)) is not None) == (at in free), f"byte {at}"
 
 

@@ -186,3 +186,18 @@ def test_a_message_of_another_type_is_not_taken_for_this_one() -> None:
     receive(serialize_message(TwistStamped()))
     with pytest.raises(InputError, match="TwistStamped"):
         receive(serialize_message(Header()))
+
+
+def test_a_stamp_that_could_not_be_sent_back_is_refused() -> None:
+    """`nanosec` is a uint32; a second of them or more would carry into `sec`, and beyond it near the largest."""
+    receiver = joint_receiver()
+    good = JointState(name=list(NAMES), position=[1.0] * 3, velocity=[0.0] * 3, effort=[0.0] * 3)
+    for sec, nanosec in ((2**31 - 1, 999_999_999), (-(2**31), 0), (0, 0)):
+        good.header.stamp.sec, good.header.stamp.nanosec = sec, nanosec
+        for _ in range(2):  # the typed way, then the quick one
+            assert receiver(serialize_message(good)).stamp_ns == sec * 1_000_000_000 + nanosec
+    for sec, nanosec in ((2**31 - 1, 2**32 - 1), (0, 1_000_000_000), (-1, 2**32 - 1)):
+        good.header.stamp.sec, good.header.stamp.nanosec = sec, nanosec
+        for way in (receiver, joint_receiver()):
+            with pytest.raises(InputError, match=r"stamp: got .* nanoseconds"):
+                way(serialize_message(good))
