@@ -6,11 +6,14 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from slip_bringup.scenario import Scenario, load_scenario
+from slip_bringup.scenario import ControllerKind, Estimator, Scenario, load_scenario
 from slip_core.errors import InputError, nearest
 
-CLASSICAL, MEASURED, OBSERVER = "classical", "measured", "observer"
-ESTIMATORS = (CLASSICAL, MEASURED, OBSERVER)
+CLASSICAL, MEASURED, OBSERVER, GOVERNED = "classical", "measured", "observer", "governed"
+ESTIMATORS = (CLASSICAL, MEASURED, OBSERVER, GOVERNED)
+SLIP_FROM: dict[str, Estimator | None] = {
+    CLASSICAL: None, MEASURED: "measured", OBSERVER: "observer", GOVERNED: "observer"
+}  # fmt: skip
 SHARE = 0.2
 NO_MISMATCH = "none"
 MISMATCHES = (
@@ -21,7 +24,9 @@ MISMATCHES = (
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One run. estimator "classical" is classical impedance control, which reads no slip sensor."""
+    """One run. estimator "classical" is classical impedance control, which reads no slip sensor; "governed" is the
+    reference governor above the law with the observer.
+    """
 
     scenario: str
     sensor: str
@@ -30,9 +35,11 @@ class Case:
     seed: int
 
     @property
-    def controller(self) -> str:
+    def controller(self) -> ControllerKind:
         """Which control law."""
-        return "classical" if self.estimator == CLASSICAL else "vic"
+        if self.estimator == CLASSICAL:
+            return "classical"
+        return "governed" if self.estimator == GOVERNED else "vic"
 
     @property
     def key(self) -> tuple[str, ...]:
@@ -44,12 +51,10 @@ class Case:
         known = load_scenario(self.scenario, sensor=self.sensor, seed=self.seed, assignments=assignments)
         return load_scenario(
             self.scenario,
-            controller="classical" if self.estimator == CLASSICAL else "vic",
+            controller=self.controller,
             sensor=self.sensor,
             seed=self.seed,
-            estimator=None
-            if self.estimator == CLASSICAL
-            else ("observer" if self.estimator == OBSERVER else "measured"),
+            estimator=SLIP_FROM[self.estimator],
             assignments=(*assignments, *mismatch_assignments(self.mismatch, known)),
         )
 
