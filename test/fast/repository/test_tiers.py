@@ -21,7 +21,6 @@ DDS = {"rclpy"}
 PURE_ROS = {"rclpy.serialization", "rclpy.qos"}  # encoding and value objects: no node, no middleware
 FIXTURES = {"processes", "ros_node", "ros_domain"}
 TIERS = {"fast", "slow", "referees", "support"}
-MOVING = {"core", "safety", "sim"}
 
 
 def imported(tree: ast.AST) -> Iterator[str]:
@@ -103,7 +102,7 @@ def test_the_guard_stops_dds() -> None:
 
 
 def test_every_test_is_in_a_tier() -> None:
-    outside = {path.relative_to(TEST).parts[0] for path in TEST.rglob("test_*.py")} - TIERS - MOVING
+    outside = {path.relative_to(TEST).parts[0] for path in TEST.rglob("test_*.py")} - TIERS
     assert outside == set()
     assert not list((TEST / "referees").rglob("test_*.py"))  # referees are used by tests, and are none
     assert not list((TEST / "support").rglob("test_*.py"))

@@ -1,0 +1,106 @@
+"""Gains and payload that change while the law runs: no kick, refused as a whole; k_s gives way to measured delays."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slip_core.errors import InputError
+from slip_core.params import build
+from slip_core.types import JointSample, SlipSample, WrenchSample
+from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.session import Controller, ControllerSession, CycleResult
+from test.support.small_arm import HOME, small_arm_urdf
+
+MS = 1_000_000
+REST = np.zeros(7)
+LET_BE = {"safety.fallback.evidence": 10.0, "safety.load.drop_speed": 10.0, "safety.inputs.joint.frozen_s": 5.0}
+"""An arm that stands still whatever its effort, with a wrench to match, would be taken for what it is."""
+STIFF = {"gains.stiffness": (20.0,) * 6, "gains.damping": (5.0,) * 6}
+WEIGHT = np.array([0.0, 0.0, -4.9, 0.0, 0.0, 0.0])
+
+
+def params(**values: Any) -> ControllerParams:
+    return build(ControllerParams, LET_BE | {name.replace("__", "."): value for name, value in values.items()}, "test")
+
+
+def new_session(**values: Any) -> ControllerSession:
+    return ControllerSession(Controller(params(**values), small_arm_urdf(), lockstep=False))
+
+
+def step(session: ControllerSession, k: int, slip_age: int = 0) -> CycleResult:
+    """Answer a joint state at rest, k ms after the beginning."""
+    stamp_ns = (1000 + k) * MS
+    session.add_wrench(0, WrenchSample(stamp_ns, WEIGHT + 1e-6 * k), stamp_ns)
+    session.add_slip(0, SlipSample(stamp_ns - slip_age * MS, np.zeros(6)), stamp_ns)
+    session.add_joint(JointSample(stamp_ns, np.array(HOME), REST, REST), stamp_ns)
+    result = session.cycle(stamp_ns)
+    assert result is not None
+    return result
+
+
+def test_a_change_reaches_the_law_without_a_kick() -> None:
+    session = new_session()
+    step(session, 0)
+    session.state.law.start_position[0] += 0.02  # the arm is 20 mm off its goal
+    efforts, stiffness = [], []
+    for k in range(1, 1200):
+        if k == 50:
+            session.retune(params(**STIFF))
+        result = step(session, k)
+        efforts.append(result.command.effort)
+        stiffness.append(float(result.record.gains.gains.K_D[0]))
+    whole = np.abs(efforts[-1] - efforts[20]).max()
+    assert (stiffness[0], stiffness[-1]) == (5.0, 20.0)
+    assert whole > 0.1, "a change without consequence proves nothing"
+    assert np.abs(np.diff(efforts[20:], axis=0)).max() < 0.02 * whole
+
+
+def test_a_refused_change_leaves_everything_as_it_was() -> None:
+    session = new_session(gains__k_s_mode="fixed")
+    for k in range(5):
+        step(session, k)
+    before = session.buffer.tobytes()
+    with pytest.raises(InputError, match="k_s"):
+        session.retune(params(gains__k_s_mode="fixed", gains__k_s=5000.0, **STIFF))
+    with pytest.raises(InputError, match="restart the node"):
+        session.retune(params(gains__k_s_mode="fixed", nullspace__stiffness=3.0))
+    assert session.buffer.tobytes() == before
+
+
+def test_gains_that_were_changed_before_the_law_begins_are_ramped_to() -> None:
+    session = new_session()
+    session.retune(params(**STIFF))
+    stiffness = [float(step(session, k).record.gains.gains.K_D[0]) for k in range(1000)]
+    assert stiffness[0] == 5.0
+    assert stiffness[-1] == 20.0
+    assert all(b >= a for a, b in itertools.pairwise(stiffness))
+
+
+def test_k_s_gives_way_to_delays_that_are_measured_and_not_where_it_is_fixed() -> None:
+    used = {}
+    for mode in ("auto", "fixed"):
+        session = new_session(gains__k_s_mode=mode)
+        for k in range(60):
+            result = step(session, k, slip_age=10)
+        used[mode] = float(result.record.gains.gains.k_s)
+        latency = session.state.law.slip_latency
+        assert (latency.latency_ns, latency.period_ns) == (10 * MS, MS)
+    assert used["fixed"] == 1000.0
+    assert 70.0 < used["auto"] < 80.0  # half of 2 cos(10 pi / 21) / T = 149.5
+
+
+def test_a_sample_that_is_late_once_is_forgotten_slowly() -> None:
+    session = new_session()
+    for k in range(20):
+        step(session, k)
+    latency = session.state.law.slip_latency
+    step(session, 21, slip_age=0)
+    assert latency.period_ns == 2 * MS, "the longest time between two samples"
+    for k in range(22, 700):
+        step(session, k)
+    assert latency.latency_ns == 0.0
+    assert latency.period_ns < 1.01 * MS
