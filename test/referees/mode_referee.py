@@ -37,6 +37,9 @@ def begin(policy: Policy, now_ns: int) -> ModeState:
     return ModeState(Mode.WAITING_INPUT, "no input yet", now_ns, policy.auto_enable, None)
 
 
+FAILURE = "the controller itself failed, see its log: this is a bug, please report it"
+
+
 def next_mode(state: ModeState, found: Found, request: Request, now_ns: int, policy: Policy) -> ModeState:
     """Return the mode of this cycle."""
     enabled = request == Request.ENABLE or (state.enabled and request != Request.HOLD)
@@ -45,6 +48,8 @@ def next_mode(state: ModeState, found: Found, request: Request, now_ns: int, pol
         good_since = None
     if state.mode == Mode.FAULT and request != Request.RESET_FAULT:
         return state._replace(enabled=False, good_since_ns=good_since)
+    if request == Request.FAILED:
+        return _to(state, Mode.FAULT, FAILURE, now_ns, False, good_since)
     if found.fault:
         return _to(state, Mode.FAULT, found.fault, now_ns, False, good_since)
     if state.mode == Mode.FAULT:

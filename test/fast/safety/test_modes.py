@@ -95,13 +95,14 @@ def test_rules_that_hold_for_every_transition() -> None:
         assert after == mode_referee.next_mode(before, found, request, now, policy), case
         if mode == Mode.FAULT and request != Request.RESET_FAULT:
             assert after.mode == Mode.FAULT, case
-        if found.fault:
+        failed = bool(found.fault) or request == Request.FAILED
+        if failed:
             assert after.mode == Mode.FAULT, case
         if after.mode.follows:
             assert found in (GOOD, DEGRADED), case
             assert after.enabled, case
             assert mode != Mode.FAULT, case
-        if found.missing and mode != Mode.FAULT and not found.fault:
+        if found.missing and mode != Mode.FAULT and not failed:
             assert after.mode == Mode.WAITING_INPUT, case
         if request == Request.HOLD:
             assert not after.mode.follows, case
