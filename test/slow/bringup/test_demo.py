@@ -53,5 +53,5 @@ def test_picture_and_table(demo: tuple[Path, str]) -> None:
     out, text = demo
     assert (out / "report.png").read_bytes().startswith(PNG_HEAD)
     assert "slip at the end [mm]" in text
-    assert "ratio" in text
+    assert "classical / vic" in text
     assert sorted(path.name for path in out.iterdir()) == ["classical", "governed", "report.png", "summary.json", "vic"]

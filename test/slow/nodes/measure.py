@@ -101,7 +101,7 @@ def late() -> None:
             largest, works = 0.0, True
             for tick in run_in_process(scenario, ticks):
                 largest = max(largest, float(np.abs(tick.outputs.truth.slip_displacement[:3]).max()))
-                works = works and tick.result.mode.mode == Mode.ACTIVE
+                works = works and tick.result.mode == Mode.ACTIVE
                 if largest > LOST_M:
                     break
             words = f"{1e3 * largest:.2f} mm" if largest < LOST_M else "lost"

@@ -74,7 +74,7 @@ def test_the_law_bears_the_scenario_of_a_soak() -> None:
     assert scenario.controller.trajectory.duration_s > 3600.0
     modes = set()
     for tick in run_in_process(scenario):
-        modes.add(tick.result.mode.mode)
+        modes.add(tick.result.mode)
         if tick.outputs.tick == 250 * 20:
             break
     assert modes == {Mode.ACTIVE}
