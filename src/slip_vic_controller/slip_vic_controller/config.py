@@ -9,7 +9,6 @@ import numpy as np
 
 from slip_core.arrays import Array, inertia_from_six
 from slip_core.errors import InputError
-from slip_core.params import flatten, parameter_infos
 from slip_core.records import new, record
 from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.cycle import CONFIG
@@ -37,11 +36,6 @@ LEAST_SLIP_M_S, NOISE_DEVIATIONS = 5e-5, 6.0
 """What counts as slip: a speed, and so many standard deviations of a sample."""
 QUIET_S = 0.05
 """Without slip for so long, it holds again."""
-LARGEST = 1e9
-"""Of a time in seconds, so that sums of it in nanoseconds are whole numbers; and of a number of samples."""
-SHORTEST_PERIOD_S = 1e-6
-MOST_PERIODS = 1_000_000
-"""That an observer's history may hold."""
 
 
 def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Array:
@@ -51,7 +45,6 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     Raises:
         InputError: parameters and arm do not fit.
     """
-    _check_sizes(params)
     buffer = new(CONFIG)
     config = record(buffer, CONFIG)
     _copy(config, "law", make_law_config(params, robot.effort_limit), LAW_CONFIG)
@@ -70,26 +63,6 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     _fill_governor(config.governor, params)
     buffer.setflags(write=False)
     return buffer
-
-
-def _check_sizes(params: ControllerParams) -> None:
-    """Refuse what whole nanoseconds, or a history of the observer, cannot hold."""
-    flat, T = flatten(params), params.control_period_s
-    for info in parameter_infos(type(params)):
-        if info.unit == "s" or info.kind is int:
-            largest = np.max(flat[info.name], initial=0.0)
-            if largest > LARGEST:
-                raise InputError(f"parameter {info.name}", got=flat[info.name], expected=f"at most {LARGEST:g}")
-    if T < SHORTEST_PERIOD_S:
-        raise InputError("parameter control_period_s", got=T, expected=f"at least {SHORTEST_PERIOD_S:g} s")
-    if params.slip_estimator == "observer":
-        longest = MOST_PERIODS * min(T, params.slip_sensor.period_s or T)
-        for name in ("memory_s", "window_s", "dwell_s"):
-            seconds = getattr(params.observer, name)
-            if seconds > longest:
-                raise InputError(
-                    f"parameter observer.{name}", got=seconds, expected=f"at most {MOST_PERIODS} periods: {longest:g} s"
-                )
 
 
 def _copy(config: Any, name: str, buffer: Array, layout: np.dtype[np.void]) -> None:

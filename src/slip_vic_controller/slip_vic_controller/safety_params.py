@@ -110,6 +110,7 @@ class InputParams(ParameterModel):
         5,
         "number of consecutive samples that agree with each other after which a jump counts as a restart of the source",
         ge=2,
+        le=1_000_000,
     )
 
 
