@@ -222,6 +222,19 @@ def test_joint_states_that_come_again_resume_the_law() -> None:
     assert made_up.run(200, **STILL).mode.follows
 
 
+def test_what_happened_in_silence_is_no_evidence_of_slip() -> None:
+    """A user enables the law at once, and the arm turns by then: its change of speed was not the law's."""
+    made_up = law_at_work(**CALM, safety__inputs__future_s=1.0)
+    made_up.run(20, **STILL)
+    assert wait(made_up, 2 * AGE_NS) is not None
+    made_up.stamp_ns += 2 * AGE_NS
+    made_up.session.request(Request.ENABLE)
+    result = made_up.run(1, joint={"velocity": np.full(N, 0.5)}, slip=np.zeros(6))
+    assert result.ok, result.reason
+    assert np.abs(result.arm.twist).max() > 0.2
+    np.testing.assert_array_equal(made_up.state.observed.evidence, 0.0)
+
+
 # -- lockstep -----------------------------------------------------------------------------------------
 
 
