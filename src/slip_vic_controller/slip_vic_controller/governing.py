@@ -7,10 +7,11 @@ from typing import Any
 
 from slip_core.compiled import part
 from slip_core.records import REAL, layout
-from slip_core.vectors import ZERO, Spatial, mat, spatial, vec
+from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, spatial, vec
+from slip_vic_controller.law.contact import contact_arm, pad_rotation
 from slip_vic_controller.reference import governor
 from slip_vic_controller.reference.friction_estimate import slip_sample
-from slip_vic_controller.reference.load import Held, held_by, load, size, surface
+from slip_vic_controller.reference.load import Held, load, size, surface
 from slip_vic_controller.reference.path_grid import Along, along
 from slip_vic_controller.reference.paths import Reference, reference_at
 
@@ -22,18 +23,28 @@ GOVERNED = layout(
 load over F^; the guard's factor on a_C; how often F^ was made smaller."""
 UNLIMITED = 1e3
 """A speed along the path that limits nothing."""
-POINTS_PER_CYCLE = 10
+SAMPLES_PER_CYCLE = 10
 """Points of the path that are sampled in a cycle."""
+
+
+@part
+def held_by(mass: float, inertia: Mat, position: Vec, contact: Any, slip: Any) -> Held:
+    """Return the object on the axes of the pad that holds it.
+
+    Args:
+        mass, inertia: [kg], [kg m2] {o}.
+        position: of the contact on the object, o_x_p [m] {o}.
+        contact, slip: CONTACT, SLIP.
+    """
+    pad = pad_rotation(contact, slip)
+    return Held(mass, pad.T() @ (inertia @ pad), contact_arm(pad, position, contact, slip))
 
 
 @part
 def held(c: Any, s: Any, gains: Any) -> Held:
     """Return the object as the own pad holds it."""
-    contact, slip = c.law.contact[0], s.law.slips[0]
-    return held_by(
-        gains.object.mass, mat(gains.object.inertia), vec(gains.contact_position), mat(contact.rotation),
-        vec(slip.position), mat(slip.rotation),
-    )  # fmt: skip
+    grasped, position = gains.object, vec(gains.contact_position)
+    return held_by(grasped.mass, mat(grasped.inertia), position, c.law.contact[0], s.law.slips[0])
 
 
 @part
@@ -82,7 +93,7 @@ def govern(c: Any, s: Any, arm: Any, o: Any, dt: float, path_speed: float) -> No
         turning = c.governor.radius * v.angular.norm()
         speed = math.sqrt(v.linear.dot(v.linear) + turning * turning)
         slip_sample(c.governor.estimate, state.estimate, s.loads, sample.stamp_ns, speed)
-    for _ in range(POINTS_PER_CYCLE):
+    for _ in range(SAMPLES_PER_CYCLE):
         if governor.wants_points(state):
             planned = path_at(c, s, governor.wanted_time(c.governor, state))
             governor.next_point(

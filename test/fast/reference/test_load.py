@@ -3,9 +3,12 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from slip_core.records import new, record
 from slip_core.vectors import mat, spatial, vec
+from slip_vic_controller.governing import held_by
+from slip_vic_controller.law.contact import CONTACT, SLIP
 from slip_vic_controller.reference.guard import guard_factor
-from slip_vic_controller.reference.load import Held, held_by, load, size, surface
+from slip_vic_controller.reference.load import Held, load, size, surface
 
 SEED, CASES = 5, 60
 ROUNDING = 1e-12
@@ -42,7 +45,9 @@ def test_load_is_the_wrench_that_rigid_motion_needs() -> None:
         w, gravity, a = rng.normal(size=3), rng.normal(size=3) * 9, rng.normal(size=6)
         R = R_o @ R_c @ R_s
         r = R_o @ (position + R_c @ slip)
-        held = held_by(m, mat(J), vec(position), mat(R_c), vec(slip), mat(R_s))
+        contact, pad = record(new(CONTACT), CONTACT), record(new(SLIP), SLIP)
+        contact.rotation[:], pad.position[:], pad.rotation[:] = R_c, slip, R_s
+        held = held_by(m, mat(J), vec(position), contact, pad)
         ours = load(held, surface(spatial(axes), rho), mat(R), vec(w), vec(gravity), spatial(a))
         theirs = referee(m, J, R_o, R, r, w, a, gravity, axes, rho)
         np.testing.assert_allclose(np.concatenate(ours), theirs, rtol=0, atol=ROUNDING * np.abs(theirs).max() + 1e-15)

@@ -56,7 +56,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_vic_controller.arrival": CYCLE | {"slip_vic_controller.cycle"},
     "slip_vic_controller.config": CYCLE | {"slip_vic_controller.cycle", "slip_vic_controller.robot"},
     "slip_vic_controller.cycle": CYCLE | {"slip_vic_controller.governing"},
-    "slip_vic_controller.governing": {"slip_vic_controller.reference"},
+    "slip_vic_controller.governing": {"slip_vic_controller.reference", "slip_vic_controller.law.contact"},
     "slip_vic_controller.law": {"slip_vic_controller.law", *SHARED},
     "slip_vic_controller.observer": {"slip_vic_controller.observer", *SHARED},
     "slip_vic_controller.reference": {"slip_vic_controller.reference", "slip_vic_controller.law.rotation", *SHARED},

@@ -21,6 +21,7 @@ import numpy as np
 from rich.table import Table
 
 from slip_bringup.inprocess import run_in_process
+from slip_bringup.metrics import ARRIVED
 from slip_bringup.scenario import ControllerKind, Estimator, Scenario, load_scenario
 from slip_core.errors import SlipVicError
 from slip_description import scenario_names
@@ -111,7 +112,6 @@ class Drawn(NamedTuple):
     arrival: float
 
 
-ARRIVED_M, ARRIVED_RAD = 1e-3, math.radians(0.5)
 REFUSED = Drawn("refused", "", math.nan, math.nan, math.nan, math.nan, math.nan)
 
 
@@ -236,7 +236,7 @@ def _play(scenario: Scenario) -> Drawn:
                 break
             if now < scenario.controller.trajectory.duration_s + scenario.controller.trajectory.start_s:
                 continue
-            at_goal = error < ARRIVED_M and turned < ARRIVED_RAD
+            at_goal = error < ARRIVED[0] and turned < ARRIVED[1]
             since = math.nan if not at_goal else since if since == since else now
     except DivergenceError as failure:
         outcome, reason = "lost", str(failure)

@@ -31,22 +31,6 @@ class Held(NamedTuple):
 
 
 @part
-def held_by(
-    mass: float, inertia: Mat, position: Vec, rotation: Mat, slip_position: Vec, slip_rotation: Mat
-) -> Held:  # fmt: skip
-    """Return the object on the axes of the pad that holds it.
-
-    Args:
-        mass: [kg].
-        inertia: [kg m2] {o}.
-        position, rotation: the pad on the object when the grasp was made [m], {c} to {o}.
-        slip_position, slip_rotation: how it has slipped since, s [m] {p}, {c} to {p}.
-    """
-    pad = rotation @ slip_rotation
-    return Held(mass, pad.T() @ (inertia @ pad), pad.T() @ (position + rotation @ slip_position))
-
-
-@part
 def surface(slip_axes: Spatial, radius: float) -> Spatial:
     """Return S^-1 Sigma as weights of the six components: 0 or 1 for forces, 0 or 1 / radius for torques [1/m]."""
     return Spatial(slip_axes.linear, (1.0 / radius) * slip_axes.angular)
