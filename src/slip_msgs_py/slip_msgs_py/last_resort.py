@@ -7,7 +7,9 @@ in the callback, and the node decides what it means.
 from __future__ import annotations
 
 import os
+import traceback
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Final
 
 LOUD_VARIABLE: Final = "SLIP_VIC_FAIL_LOUDLY"
@@ -17,6 +19,27 @@ LOUD_VARIABLE: Final = "SLIP_VIC_FAIL_LOUDLY"
 def fails_loudly() -> bool:
     """Return whether unexpected exceptions are to end the process."""
     return os.environ.get(LOUD_VARIABLE) == "1"
+
+
+class Failures:
+    """Reports unexpected exceptions, once of each kind.
+
+    Args:
+        report: takes the line.
+    """
+
+    def __init__(self, report: Callable[[str], Any]) -> None:
+        self._report = report
+        self._known: set[str] = set()
+
+    def add(self, what: str, error: Exception) -> None:
+        """Report an exception in `what`, where it is the first of its kind there."""
+        kind = f"{what}: {type(error).__name__}"
+        if kind not in self._known:
+            self._known.add(kind)
+            at = traceback.extract_tb(error.__traceback__)[-1:]
+            where = f" ({Path(at[0].filename).name}:{at[0].lineno})" if at else ""
+            self._report(f"failed in {kind}: {' '.join(str(error).split())}{where}")
 
 
 class LastResort:

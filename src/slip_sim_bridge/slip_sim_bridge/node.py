@@ -14,7 +14,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from slip_core.errors import InputError, ProtocolError, SlipVicError
+from slip_core.errors import InputError, ProtocolError
 from slip_core.resources import read_text
 from slip_core.stamps import split_ns
 from slip_core.timing import Window, spread
@@ -25,6 +25,7 @@ from slip_msgs_py.endpoint_matching import EndpointMatching, wait_until
 from slip_msgs_py.events import Done, Progress, Started, emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, Sender, create_receiver, create_sender
+from slip_msgs_py.last_resort import Failures, LastResort
 from slip_msgs_py.node_main import memory_mib, run_node
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
@@ -41,8 +42,12 @@ LATENCIES_KEPT = 100_000
 LATENCY = pacing.SCALARS.index("latency_s")
 
 
-class SlipSimBridge(Node):
-    """Publishes joint states, wrench, slip, ground truth and clock; waits for or samples effort commands."""
+class SlipSimBridge(LastResort, Node):
+    """Publishes joint states, wrench, slip, ground truth and clock; waits for or samples effort commands.
+
+    A tick that fails in real time puts everything back and holds the arm, and time goes on; in lockstep it ends the
+    run. Either way a run with a failure in it ends with the failure.
+    """
 
     def __init__(self, executor: Any = None) -> None:
         super().__init__(
@@ -59,7 +64,8 @@ class SlipSimBridge(Node):
         self._command: EffortCommand | None = None
         self._stamp_ns = -1
         self._over = False
-        self._failure: SlipVicError | None = None
+        self._failure: Exception | None = None
+        self._failures = Failures(self.get_logger().error)
         self._pacer: Pacer | None = None
         self._latencies = Window(LATENCIES_KEPT)
         self._refusals = Refusals(self.get_logger().error)
@@ -113,6 +119,11 @@ class SlipSimBridge(Node):
     def _watch_ready(self, name: str) -> None:
         create_subscription(self, f"{name}/ready", lambda _message: self._peers_ready.add(name), depth=1, reliable=True)
 
+    def on_failure(self, what: str, error: Exception) -> None:
+        """Say once of each kind what failed, and go on; where commands stay away for that, the arm is held."""
+        self._failures.add(what, error)
+        self._failure = self._failure or error
+
     # -- callbacks ---------------------------------------------------------------------------------
 
     def _on_command(self, command: EffortCommand) -> None:
@@ -149,6 +160,8 @@ class SlipSimBridge(Node):
             self._run_lockstep(should_stop)
         else:
             self._run_realtime(should_stop)
+        if self._failure is not None and not should_stop():
+            raise self._failure
         wall = time.monotonic() - self._started_wall
         results = {"ticks": self.session.tick, "sim_time_s": self.session.elapsed_s, "wall_time_s": wall}
         emit(Done({**results, "memory_mib": memory_mib(), **self._timing()}))
@@ -198,9 +211,7 @@ class SlipSimBridge(Node):
 
         self._spinner.spin_while(self, lambda: not should_stop() and not self._over and not too_late(), STOP_CHECK_S)
         if too_late() and not should_stop():
-            raise ProtocolError(self._missing_command())
-        if self._failure is not None:
-            raise self._failure
+            raise self._failure or ProtocolError(self._missing_command())
 
     def _begin_lockstep_tick(self) -> None:
         outputs = self.session.observe()
@@ -215,7 +226,7 @@ class SlipSimBridge(Node):
                 self._over = True
             else:
                 self._begin_lockstep_tick()
-        except SlipVicError as error:
+        except Exception as error:
             self._failure, self._over = error, True
         self._report_progress()
         if self._over:
@@ -231,52 +242,71 @@ class SlipSimBridge(Node):
         )
 
     def _run_realtime(self, should_stop: Callable[[], bool]) -> None:
-        outputs = self._first_tick(should_stop)
+        if not self._first_tick(should_stop):
+            return
         pacer, clock = self._pacer, time.monotonic
-        while outputs is not None and pacer is not None:
+        while pacer is not None:
             truth_is_due = True  # in the time that is left once the command is there
             while (left := pacer.left(clock())) > 0.0 and not should_stop():
                 if truth_is_due and pacer.is_answered:
                     truth_is_due = False
-                    self._publish_truth(outputs)
+                    self._tried(self._publish_truth, self._outputs)
                 else:
                     self._spinner.turn(left)
             if should_stop():
                 return
             if truth_is_due:
-                self._publish_truth(outputs)
+                self._tried(self._publish_truth, self._outputs)
             numbers = pacer.end(clock())
             self._latencies.add(numbers[LATENCY])
-            self.session.advance(self._command)
+            if not self._tried(self.session.advance, self._command):
+                self._command = None
+                self.session.request_reset()
             if self.session.finished:
                 return
-            outputs = self.session.observe()
-            pacer.published(clock())
-            self._publish(outputs)
-            if self._send_timing is not None:
-                self._send_timing.send(outputs.stamp_ns, numbers)
+            self._tried(self._show, pacer, numbers)
             self._report_progress()
 
-    def _first_tick(self, should_stop: Callable[[], bool]) -> TickOutputs | None:
-        """Publish tick 0 with the present time until its command comes back: then everybody is warm and connected."""
+    def _tried(self, step: Callable[..., None], *arguments: Any) -> bool:
+        """Do one step of a tick; return whether it was done, and say where it failed."""
+        try:
+            step(*arguments)
+        except Exception as error:
+            self.fail("a tick", error)
+            return False
+        return True
+
+    def _show(self, pacer: Pacer, numbers: tuple[float, ...]) -> None:
+        """Measure and publish a tick that begins, and how the one before went."""
+        self._outputs = self.session.observe()
+        pacer.published(time.monotonic())
+        self._publish(self._outputs)
+        if self._send_timing is not None:
+            self._send_timing.send(self._outputs.stamp_ns, numbers)
+
+    def _first_tick(self, should_stop: Callable[[], bool]) -> bool:
+        """Publish tick 0 with the present time until its command comes back: then everybody is warm and connected.
+
+        Return whether the run is to go on.
+        """
         deadline = time.monotonic() + self.params.peer_timeout_s
         while not should_stop():
             self.session.start_at(time.time_ns())
-            outputs = self.session.observe()
+            self._outputs = self.session.observe()
             self._pacer = Pacer(self.params.control_period_s, time.monotonic())
             self._pacer.published(time.monotonic())
-            self._publish(outputs)
+            self._publish(self._outputs)
             if not self.params.wait_for:
-                return outputs
+                return True
             attempt = time.monotonic() + FIRST_TICK_S
             while not self._pacer.is_answered and (left := attempt - time.monotonic()) > 0.0:
                 self._spinner.turn(left)
             if self._pacer.is_answered:
                 self._started_wall = time.monotonic()
-                return outputs
+                return True
             if time.monotonic() > deadline:
                 raise ProtocolError(f"no effort_command for the first state within {self.params.peer_timeout_s:g} s")
-        return None
+        return False
 
     def _publish(self, outputs: TickOutputs) -> None:
         """Send what the controller waits for; in lockstep the list of a tick's samples comes after them."""

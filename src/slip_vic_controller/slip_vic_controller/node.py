@@ -8,10 +8,8 @@ from __future__ import annotations
 import functools
 import sys
 import time
-import traceback
 from collections.abc import Callable, Iterator
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from rclpy._rclpy_pybind11 import RCLError
@@ -28,7 +26,7 @@ from slip_msgs_py.endpoint_matching import EndpointMatching
 from slip_msgs_py.events import Done, Ready, emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
-from slip_msgs_py.last_resort import LastResort, fails_loudly
+from slip_msgs_py.last_resort import Failures, LastResort, fails_loudly
 from slip_msgs_py.node_main import memory_mib, run_node
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
@@ -81,7 +79,7 @@ class SlipVicController(LastResort, LifecycleNode):
         self._peers: EndpointMatching | None = None
         self._finished_at: float | None = None
         self._ready = False
-        self._failures: set[str] = set()
+        self._failures = Failures(self.get_logger().error)
         self._failed_transition: Exception | None = None
         self._service_change_state.callback = self.answering("change_state", self._guarded(self._service_change_state))
         allow_changes(self, self.params, self._on_change)
@@ -102,12 +100,7 @@ class SlipVicController(LastResort, LifecycleNode):
 
     def on_failure(self, what: str, error: Exception) -> None:
         """Go to FAULT, with a command from the last good joint state, and say once of each kind what failed."""
-        kind = f"{what}: {type(error).__name__}"
-        if kind not in self._failures:
-            self._failures.add(kind)
-            at = traceback.extract_tb(error.__traceback__)[-1]
-            text = " ".join(str(error).split())
-            self.get_logger().error(f"failed in {kind}: {text} ({Path(at.filename).name}:{at.lineno})")
+        self._failures.add(what, error)
         if self._peers is None:
             return
         try:
@@ -116,9 +109,7 @@ class SlipVicController(LastResort, LifecycleNode):
             if result is not None:
                 self._publish(result, now_ns)
         except Exception as again:
-            if "last resort" not in self._failures:
-                self._failures.add("last resort")
-                self.get_logger().error(f"the last resort failed too: {again!r}")
+            self._failures.add("the last resort", again)
 
     def _guarded(self, service: Any) -> Callable[[Any, Any], Any]:
         """Return rclpy's callback of `change_state`, answering False to what is no transition of the present state."""

@@ -240,3 +240,36 @@ def test_a_bug_of_our_own_is_a_fault_with_efforts_that_go_on(
     assert all(len(message.effort) == 7 for message in watcher.commands[count:])
     assert sum("failed in" in line for line in controller.lines) == 1, controller.tail()
     watcher.wait_law()
+
+
+@pytest.mark.parametrize("loud", ["0", "1"])
+def test_a_bug_of_the_bridge_puts_the_arm_back_and_does_not_end_it(
+    watcher: Watcher, start: Any, processes: Processes, loud: str
+) -> None:
+    from rcl_interfaces.srv import SetParameters
+    from sensor_msgs.msg import JointState
+
+    positions: list[float] = []
+    watcher.node.create_subscription(JointState, "joint_states", lambda m: positions.append(m.position[0]), 100)
+    processes.environment[LOUD_VARIABLE] = loud
+    start("controller", *CONTROLLER_SLOW)
+    bridge = start("bridge", *BRIDGE_ENDLESS, script=Path(__file__).with_name("failing_bridge.py"))
+    if loud == "1":
+        assert processes.wait_end(bridge) == 1
+        assert "ZeroDivisionError: put in by a test" in bridge.tail()
+        return
+    watcher.spin(lambda: any("failed in a tick" in line for line in bridge.lines), "the failure")
+    count = len(positions)
+    watcher.spin(lambda: len(positions) > count + 100, "joint states that go on")
+    assert sum("failed in" in line for line in bridge.lines) == 1, bridge.tail()
+    assert watcher.call(SetParameters, "/slip_sim_bridge/set_parameters", SetParameters.Request()) is not None
+    watcher.wait_law()
+
+
+def test_a_run_with_a_failure_in_it_does_not_end_well(start: Any, processes: Processes) -> None:
+    processes.environment[LOUD_VARIABLE] = "0"
+    script = Path(__file__).with_name("failing_bridge.py")
+    start("controller", *CONTROLLER_SLOW)
+    bridge = start("bridge", "bridge.control_period_s=0.004", "bridge.duration_s=2.0", script=script)
+    assert processes.wait_end(bridge) == 1
+    assert "ZeroDivisionError: put in by a test" in bridge.tail()
