@@ -41,9 +41,10 @@ NODES: dict[str, tuple[str, type[ParameterModel]]] = {
     "bridge": ("slip_sim_bridge", BridgeParams),
 }
 
-IN_REAL_TIME: dict[str, Any] = {"gains.spin": "bounded"}
-"""Of the controller. The printed law, which follows the object's spin wherever it goes, loses the object with a single
-control period of delay (docs/sensors.md)."""
+BOUNDED: dict[str, Any] = {"gains.spin": "bounded"}
+"""Of the controller, in real time and below the governor. The printed law, which follows the object's spin wherever it
+goes, loses the object with a single control period of delay (docs/sensors.md), and can ask for more than the arm has
+(docs/safety.md)."""
 
 
 class ScenarioFile(ParameterModel):
@@ -93,9 +94,9 @@ def load_scenario(
     """Read a scenario by name or path and apply ``--set`` assignments.
 
     An assignment names a node's parameter (``controller.gains.k_s=500``, ``bridge.grip.force=0.6``) or,
-    without prefix, one that both nodes share (``object.mass=0.6``). Real time brings `IN_REAL_TIME`. A `sensor` (name
-    or file) gives both nodes what a slip sensor is, and the controller settings that suit it; `estimator` and
-    assignments come after it.
+    without prefix, one that both nodes share (``object.mass=0.6``). Real time and the governor bring `BOUNDED`. A
+    `sensor` (name or file) gives both nodes what a slip sensor is, and the controller settings that suit it;
+    `estimator` and assignments come after it.
 
     Raises:
         InputError: unknown scenario, unknown parameter (nearest names offered), bad value, unreadable URDF.
@@ -109,8 +110,8 @@ def load_scenario(
         values["controller"]["governor.mode"] = "slow_down"
     for node in values.values():
         node["mode"] = mode
-    if mode == "realtime":
-        values["controller"] |= IN_REAL_TIME
+    if mode == "realtime" or controller == "governed":
+        values["controller"] |= BOUNDED
     values["bridge"]["seed"] = seed
     if urdf_file is not None:
         for node in values.values():

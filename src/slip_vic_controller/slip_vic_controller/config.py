@@ -132,7 +132,7 @@ def _fill_limits(config: Any, safety: SafetyParams, robot: Robot, period_s: floa
     motion.effort[:n], effort.effort[:n] = robot.effort_limit, robot.effort_limit
     motion.speed_linear, motion.speed_angular = limits.speed_linear, limits.speed_angular
     effort.rate, effort.period_ns = limits.effort_rate, seconds_to_ns(period_s)
-    effort.longest_step_ns = seconds_to_ns(limits.longest_step_s)
+    effort.longest_step_ns = seconds_to_ns(max(limits.longest_step_s, period_s))  # a control period is no pause
     effort.restart_after_ns = seconds_to_ns(limits.restart_after_s)
 
 

@@ -12,7 +12,11 @@ class LimitParams(ParameterModel):
 
     effort_rate: float = parameter(1000.0, "largest change of a joint's effort", unit="N m/s", gt=0.0)
     longest_step_s: float = parameter(
-        0.005, "longest time between two commands that the rate limit counts: a pause allows no jump", unit="s", gt=0.0
+        0.005,
+        "longest time between two commands that the rate limit counts, where a control period is not longer: a pause "
+        "allows no jump",
+        unit="s",
+        gt=0.0,
     )
     restart_after_s: float = parameter(
         0.05, "pause after which the rate limit starts again from the measured effort", unit="s", gt=0.0

@@ -28,7 +28,7 @@ from slip_bringup.launcher import Launcher
 from slip_bringup.metrics import summarise
 from slip_bringup.node_command import node_command
 from slip_bringup.processes import ProcessGroup, child_environment
-from slip_bringup.scenario import IN_REAL_TIME, Scenario, load_scenario
+from slip_bringup.scenario import BOUNDED, Scenario, load_scenario
 from slip_bringup.series import read_series
 from slip_campaigns.bench.machine import fifo_permitted
 from slip_campaigns.faults.monitors import LOST_M
@@ -146,7 +146,7 @@ def scenario_in(mode: str, seconds: float | None, rate_hz: float = 1000.0) -> Sc
     changes = [f"controller.control_period_s={period}", f"bridge.control_period_s={period}"]
     if seconds is not None:
         changes.append(f"bridge.duration_s={seconds}")
-    changes += [f"controller.{name}={value}" for name, value in IN_REAL_TIME.items()]  # the same law in both modes
+    changes += [f"controller.{name}={value}" for name, value in BOUNDED.items()]  # the same law in both modes
     return load_scenario("paper_planar", mode=mode, assignments=tuple(changes))
 
 

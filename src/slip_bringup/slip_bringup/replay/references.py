@@ -28,6 +28,12 @@ CONTROLLERS: Final[dict[ControllerKind, str]] = {
     "classical": "Classical impedance control: the arm keeps its path, and the object slips.",
     "vic": "Variable impedance control: stiffness fades with slip and compensation drives it to zero.",
 }
+PRINTED: Final = ("controller.gains.spin=follow",)
+BEYOND_THE_ARM: Final = (
+    "controller.safety.limits.effort_rate=20000.0", "controller.safety.limits.velocity_scale=3.0",
+    "bridge.effort_rate=20000.0",
+)  # fmt: skip
+"""What the printed law needs in the scenarios in which the real limits of the arm are too narrow for it."""
 
 
 def reference_names() -> Iterator[tuple[str, ControllerKind, str]]:
@@ -35,6 +41,14 @@ def reference_names() -> Iterator[tuple[str, ControllerKind, str]]:
     for scenario in scenario_names():
         for controller in CONTROLLERS:
             yield scenario, controller, f"{scenario}_{controller}"
+
+
+def settings(scenario: str, controller: ControllerKind) -> tuple[str, ...]:
+    """Return the assignments of a reference bag: with vic it holds the printed law, to the last bit."""
+    if controller != "vic":
+        return ()
+    bounded = load_scenario(scenario, controller=controller).controller.gains.spin == "bounded"
+    return (*PRINTED, *BEYOND_THE_ARM) if bounded else ()
 
 
 def make_references(folder: Path, tell: Callable[[str], None]) -> None:
@@ -49,8 +63,9 @@ def make_references(folder: Path, tell: Callable[[str], None]) -> None:
     try:
         rows = []
         for scenario, controller, name in reference_names():
+            own = settings(scenario, controller)
             loaded = load_scenario(
-                scenario, controller=controller, seed=SEED, assignments=(f"bridge.duration_s={DURATION_S}",)
+                scenario, controller=controller, seed=SEED, assignments=(f"bridge.duration_s={DURATION_S}", *own)
             )
             result = Launcher(loaded, bag=staging / name).run()
             with Bag(staging / name) as bag:
@@ -65,8 +80,9 @@ def make_references(folder: Path, tell: Callable[[str], None]) -> None:
             numbers = summarise(read_series(staging / name))
             slip = f"{1e3 * numbers['slip_linear_m']:.2f} mm, {math.degrees(numbers['slip_angular_rad']):.2f} deg"
             what = f"{' '.join(loaded.description.split())} {CONTROLLERS[controller]}"
+            chosen = " ".join((SHORT, *(f"--set {assignment}" for assignment in own)))
             command = (
-                f"slip-vic run --scenario {scenario} --controller {controller} --seed {SEED} {SHORT} --record {name}"
+                f"slip-vic run --scenario {scenario} --controller {controller} --seed {SEED} {chosen} --record {name}"
             )
             rows.append(f"| `{name}` | {size / 2**20:.2f} MiB | {result.messages} | {slip} | {what} | `{command}` |")
         (staging / "README.md").write_text(_readme(rows), encoding="utf-8")

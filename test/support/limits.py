@@ -1,0 +1,89 @@
+"""What a controller asks of the arm in a scenario: ``python test/support/limits.py table``, shown in docs/safety.md."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from slip_bringup.inprocess import run_in_process
+from slip_bringup.scenario import ControllerKind, Scenario, load_scenario
+from slip_vic_controller.robot import Robot
+from slip_vic_controller.safety.modes import Mode
+
+SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
+LONG_ENOUGH = "bridge.duration_s=2.5"
+"""All paths have ended by then."""
+FREE = (
+    "controller.safety.limits.effort_rate=1e6", "controller.safety.limits.velocity_scale=10.0", "bridge.effort_rate=1e6"
+)  # fmt: skip
+"""Limits that limit nothing."""
+
+
+@dataclass
+class Asked:
+    """What was asked of the arm: slope of the law's efforts [N m/s], efforts and velocities over the URDF's limits.
+
+    limited: whether an effort was clipped or slowed down; end: mode at the end or at a FAULT, with time and reason.
+    """
+
+    slope: float = 0.0
+    effort: float = 0.0
+    velocity: float = 0.0
+    limited: bool = False
+    slip_m: float = 0.0
+    end: str = ""
+
+
+def asked(scenario: Scenario) -> Asked:
+    """Run a scenario until its end or a FAULT and return what it asked of the arm."""
+    params, found, before = scenario.controller, Asked(), None
+    robot = Robot(scenario.urdf, params.ee_frame, params.joint_names, params.gravity)
+    n = len(params.joint_names)
+    for tick in run_in_process(scenario):
+        record = tick.result.record
+        wanted = np.array(record.wanted[:n])
+        if before is not None and tick.result.ok:
+            found.slope = max(found.slope, float(np.abs(wanted - before).max()) / params.control_period_s)
+        before = wanted
+        found.effort = max(found.effort, float((np.abs(wanted) / robot.effort_limit).max()))
+        found.velocity = max(found.velocity, float((np.abs(tick.outputs.joint.velocity) / robot.velocity_limit).max()))
+        found.limited |= bool(record.saturated[:n].any())
+        found.slip_m = max(found.slip_m, float(np.linalg.norm(tick.outputs.truth.slip_displacement[:3])))
+        found.end = f"{tick.result.mode.name} {tick.result.reason}".strip()
+        if tick.result.mode == Mode.FAULT:
+            found.end = f"FAULT at {1e-9 * tick.outputs.stamp_ns:.3f} s: {tick.result.reason}"
+            break
+    return found
+
+
+def shipped(name: str, kind: ControllerKind, assignments: Iterable[str] = ()) -> Scenario:
+    return load_scenario(name, controller=kind, assignments=(LONG_ENOUGH, *assignments))
+
+
+def table() -> None:
+    rows = ("| scenario | law | slope | of the velocity limits | ends | peak slip |", "|---|---|---|---|---|---|")
+    print(*rows, sep="\n")
+    for name in SCENARIOS:
+        for words, kind, assignments in (
+            ("classical", "classical", ()),
+            ("printed, limits of the arm", "vic", ("controller.gains.spin=follow",)),
+            ("printed, no limits", "vic", ("controller.gains.spin=follow", *FREE)),
+            ("`bounded`", "vic", ("controller.gains.spin=bounded",)),
+            ("governed", "governed", ()),
+        ):
+            found = asked(shipped(name, kind, assignments))
+            print(
+                f"| `{name}` | {words} | {found.slope:.0f} N m/s | {100 * found.velocity:.0f} % | {found.end} "
+                f"| {1e3 * found.slip_m:.2f} mm |",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", choices=["table"])
+    parser.parse_args()
+    table()
