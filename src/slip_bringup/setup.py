@@ -31,7 +31,7 @@ setup(
         "rich",
         "scipy",
     ],
-    extras_require={"test": ["pytest"]},
+    extras_require={"test": ["pytest"], "cluster": ["ray"]},
     zip_safe=False,
     maintainer="slip-vic maintainers",
     maintainer_email="maintainers@slip-vic.example",

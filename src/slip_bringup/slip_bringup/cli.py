@@ -13,7 +13,7 @@ from rich.console import Console
 
 from slip_bags.cli import bag, run_command
 from slip_bringup.replay.cli import references, verify
-from slip_bringup.study.cli import check, study
+from slip_bringup.study.cli import check, merge, study
 
 if TYPE_CHECKING:
     from slip_bringup.scenario import ControllerKind, Mode
@@ -144,6 +144,7 @@ bag.add_command(verify)
 bag.add_command(references)
 cli.add_command(bag)
 cli.add_command(check)
+cli.add_command(merge)
 cli.add_command(study)
 
 

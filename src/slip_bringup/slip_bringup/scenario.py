@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -80,6 +80,21 @@ class Scenario:
         GraspSimulation(self.bridge, self.urdf)
 
 
+@dataclass(frozen=True, slots=True)
+class Texts:
+    """Contents of files by the name under which they are asked for: what stands here is not opened.
+
+    So a run can be made on a machine that has none of these files.
+    """
+
+    scenarios: Mapping[str, str] = field(default_factory=dict)
+    sensors: Mapping[str, str] = field(default_factory=dict)
+    urdfs: Mapping[str, str] = field(default_factory=dict)
+
+
+NO_TEXTS = Texts()
+
+
 def load_scenario(
     name_or_path: str,
     *,
@@ -90,18 +105,19 @@ def load_scenario(
     urdf_file: Path | None = None,
     sensor: str = "",
     estimator: Estimator | None = None,
+    texts: Texts = NO_TEXTS,
 ) -> Scenario:
     """Read a scenario by name or path and apply ``--set`` assignments.
 
     An assignment names a node's parameter (``controller.gains.k_s=500``, ``bridge.grip.force=0.6``) or,
     without prefix, one that both nodes share (``object.mass=0.6``). Real time and the governor bring `BOUNDED`. A
     `sensor` (name or file) gives both nodes what a slip sensor is, and the controller settings that suit it;
-    `estimator` and assignments come after it.
+    `estimator` and assignments come after it. Files whose contents stand in `texts` are not opened.
 
     Raises:
         InputError: unknown scenario, unknown parameter (nearest names offered), bad value, unreadable URDF.
     """
-    text, origin = _read(name_or_path)
+    text, origin = read_scenario(name_or_path, texts)
     outer = validate(ScenarioFile, yaml.safe_load(text), origin)
     values = _values(outer, origin)
     values["bridge"]["duration_s"] = outer.duration_s
@@ -117,7 +133,7 @@ def load_scenario(
         for node in values.values():
             node["robot_description_file"] = str(urdf_file)
     if sensor:
-        apply_sensor(values, load_preset(sensor))
+        apply_sensor(values, load_preset(sensor, texts.sensors.get(sensor)))
     if estimator is not None:
         values["controller"]["slip_estimator"] = estimator
     _tell_friction(values, origin)
@@ -125,8 +141,9 @@ def load_scenario(
         _assign(values, *parse_assignment(assignment))
     controller_params = build(ControllerNodeParams, values["controller"], f"{origin}: controller")
     bridge_params = build(BridgeParams, values["bridge"], f"{origin}: bridge")
-    urdf = bridge_params.robot_description or read_text(
-        bridge_params.robot_description_file, "parameter robot_description_file"
+    file = bridge_params.robot_description_file
+    urdf = (
+        bridge_params.robot_description or texts.urdfs.get(file) or read_text(file, "parameter robot_description_file")
     )
     return Scenario(outer.name, outer.description, text, controller_params, bridge_params, urdf)
 
@@ -143,7 +160,7 @@ def controller_values(
     Raises:
         InputError: unknown scenario, sensor or parameter.
     """
-    text, origin = _read(name_or_path)
+    text, origin = read_scenario(name_or_path)
     outer = validate(ScenarioFile, yaml.safe_load(text), origin)
     values = _values(outer, origin)
     if sensor:
@@ -181,7 +198,14 @@ def _tell_friction(values: dict[str, dict[str, Any]], origin: str) -> None:
     values["controller"] = told | values["controller"]
 
 
-def _read(name_or_path: str) -> tuple[str, str]:
+def read_scenario(name_or_path: str, texts: Texts = NO_TEXTS) -> tuple[str, str]:
+    """Return the text of a scenario and what to call it in messages.
+
+    Raises:
+        InputError: unknown scenario, or a file that cannot be read.
+    """
+    if name_or_path in texts.scenarios:
+        return texts.scenarios[name_or_path], f"scenario {name_or_path}"
     known = scenario_names()
     if name_or_path in known:
         return scenario_text(name_or_path), f"scenario {name_or_path}"

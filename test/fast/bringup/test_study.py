@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import io
+import os
+import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from rich.console import Console
 
 from slip_bringup.cli import cli
-from slip_bringup.study.cases import MISMATCHES, Case, all_cases
+from slip_bringup.study.cases import MISMATCHES, Asked, Case, all_cases
+from slip_bringup.study.contents import MixedVersions, check_versions, gather, versions
+from slip_bringup.study.progress import progress
 from slip_bringup.study.run_case import METRICS, CaseResult, run_case
 from slip_bringup.study.summary import spread, write_picture
-from slip_bringup.study.table import COLUMNS, StudyTable
+from slip_bringup.study.table import COLUMNS, Settings, StudyTable, merge
 from slip_core.errors import InputError
+from slip_description import scenario_text, urdf_text
+from slip_sim_bridge.sensors.presets import preset_text
 
 ISSUE_COLUMNS = (
     "scenario,controller,sensor,estimator,mismatch,seed,outcome,slip_linear_m,slip_angular_rad,slip_speed_peak_m_s,"
@@ -72,22 +81,138 @@ def test_a_simulation_that_diverges_is_no_refusal() -> None:
     assert "simulation diverged" in result.reason
 
 
+SETTINGS = Settings((), {"sensor event_1000": "d1"}, {"numpy": "2.0"})
+
+
 def test_a_table_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    table = StudyTable(tmp_path, ())
-    table.append(result(case(0)))
-    table.append(CaseResult(case(1), "crashed", "it was\nthe weather", dict.fromkeys(METRICS, float("nan"))))
+    with StudyTable(tmp_path, SETTINGS) as table:
+        table.append(result(case(1)))
+        table.append(CaseResult(case(2), "crashed", "it was\nthe weather", dict.fromkeys(METRICS, float("nan"))))
     with table.path.open("a", encoding="utf-8") as file:
         file.write("paper_planar,vic,event_1000,obs")  # cut off by a full disk or a kill
-    again = StudyTable(tmp_path, ())
-    assert again.done() == {case(0).key}
-    again.append(result(case(1)))
-    assert [row["seed"] for row in again.rows()] == ["0", "1"]
+    with StudyTable(tmp_path, SETTINGS) as again:
+        assert again.done() == {case(1).key}
+        again.append(result(case(0)))
+        assert [row["seed"] for row in again.rows()] == ["1", "0"]
+        again.sort()
+        again.append(result(case(10)))
+        again.append(result(case(2)))
+        again.sort()
+        assert [row["seed"] for row in again.rows()] == ["0", "1", "2", "10"]
 
 
-def test_a_folder_keeps_to_one_set_of_overrides(tmp_path: Path) -> None:
-    StudyTable(tmp_path, ())
+def test_a_row_keeps_every_bit(tmp_path: Path) -> None:
+    with StudyTable(tmp_path, SETTINGS) as table:
+        table.append(result(case(), 0.1 + 0.2))
+        assert {float(table.rows()[0][name]) for name in METRICS} == {0.1 + 0.2}
+
+
+def test_a_folder_keeps_to_what_it_is_made_of(tmp_path: Path) -> None:
+    with StudyTable(tmp_path, SETTINGS):
+        pass
+    others = {
+        "same overrides": replace(SETTINGS, assignments=("object.mass=1.0",)),
+        "made with numpy 2.0, expected numpy 2.1": replace(SETTINGS, versions={"numpy": "2.1"}),
+        "of sensor event_1000 d1, expected sensor event_1000 d2": replace(
+            SETTINGS, digests={"sensor event_1000": "d2"}
+        ),
+    }
+    for said, other in others.items():
+        with pytest.raises(InputError, match=said):
+            StudyTable(tmp_path, other)
+    with StudyTable(tmp_path, replace(SETTINGS, digests={"sensor ideal": "d3"})) as table:
+        assert table.settings.digests == {"sensor event_1000": "d1", "sensor ideal": "d3"}
+    (tmp_path / "study.json").write_text('{"assignments": []}')  # as versions before wrote it
     with pytest.raises(InputError, match="another folder"):
-        StudyTable(tmp_path, ("object.mass=1.0",))
+        StudyTable(tmp_path, SETTINGS)
+
+
+def test_a_folder_is_for_one_study_at_a_time(tmp_path: Path) -> None:
+    with StudyTable(tmp_path, SETTINGS), pytest.raises(InputError, match=f"in use by process {os.getpid()}"):
+        StudyTable(tmp_path, SETTINGS)
+    with StudyTable(tmp_path, SETTINGS):
+        pass
+
+
+ASKED = Asked(("paper_planar",), ("ideal", "vision_25"), ("classical", "observer"), ("none",), 5)
+
+
+def test_what_was_asked_comes_back_from_the_file(tmp_path: Path) -> None:
+    asked = (ASKED, replace(ASKED, shard=(2, 3)))
+    written = replace(SETTINGS, asked=asked)
+    with StudyTable(tmp_path, written):
+        pass
+    assert Settings.read(tmp_path / "study.json") == written
+    with StudyTable(tmp_path, replace(SETTINGS, asked=(ASKED, replace(ASKED, seeds=6)))) as table:
+        assert table.settings.asked == (*asked, replace(ASKED, seeds=6))
+
+
+def test_shards_are_all_cases_once_and_merge_to_the_whole(tmp_path: Path) -> None:
+    parts = [replace(ASKED, shard=(i, 3)) for i in (1, 2, 3)]
+    assert sorted((c for part in parts for c in part.cases()), key=lambda c: c.key) == sorted(
+        ASKED.cases(), key=lambda c: c.key
+    )
+    for number, part in enumerate(parts):
+        with StudyTable(tmp_path / str(number), replace(SETTINGS, asked=(part,))) as table:
+            for one in part.cases():
+                table.append(result(one, one.seed / 7.0))
+    with StudyTable(tmp_path / "whole", replace(SETTINGS, asked=(ASKED,))) as whole:
+        for one in reversed(ASKED.cases()):
+            whole.append(result(one, one.seed / 7.0))
+        whole.sort()
+    folders = [tmp_path / name for name in "201"]
+    merge(folders, tmp_path / "merged").__exit__()
+    assert (tmp_path / "merged/study.csv").read_text() == whole.path.read_text()
+
+
+def test_merge_refuses_what_does_not_fit(tmp_path: Path) -> None:
+    for name, numpy_version, value in (("a", "2.0", 1.0), ("b", "2.1", 1.0), ("c", "2.0", 2.0)):
+        with StudyTable(tmp_path / name, replace(SETTINGS, versions={"numpy": numpy_version})) as table:
+            table.append(result(case(), value))
+    with pytest.raises(InputError, match=r"b: got a study made with numpy 2\.1, expected numpy 2\.0"):
+        merge([tmp_path / "a", tmp_path / "b"], tmp_path / "out")
+    with pytest.raises(InputError, match="another result of paper_planar"):
+        merge([tmp_path / "a", tmp_path / "c"], tmp_path / "out")
+    with pytest.raises(InputError, match=r"nothing.study\.json"):
+        merge([tmp_path / "nothing"], tmp_path / "out")
+
+
+def test_a_case_runs_from_texts_alone(tmp_path: Path) -> None:
+    """Files of one's own, gone before the case is loaded."""
+    files = tmp_path / "task.yaml", tmp_path / "mine.yaml", tmp_path / "arm.urdf"
+    for file, text in zip(files, (scenario_text("paper_planar"), preset_text("event_1000"), urdf_text()), strict=True):
+        file.write_text(text)
+    own = Case(str(files[0]), str(files[1]), "observer", "mass+", 3)
+    arm = (f"bridge.robot_description_file={files[2]}",)
+    contents = gather([own.scenario], [own.sensor], arm)
+    before = own.load(arm)
+    for file in files:
+        file.unlink()
+    assert own.load(contents.assignments, contents.texts) == before
+    assert set(contents.digests()) == {f"scenario {files[0]}", f"sensor {files[1]}", f"arm {files[2]}"}
+
+
+def test_a_worker_with_other_versions_is_named() -> None:
+    check_versions(versions())
+    with pytest.raises(MixedVersions, match=r"mujoco .* expected 0\.1"):
+        check_versions({**versions(), "mujoco": "0.1"})
+    error = pickle.loads(pickle.dumps(MixedVersions("worker on a: got b")))  # as it comes back from a worker
+    assert str(error) == "worker on a: got b"
+
+
+def test_progress_without_a_terminal_is_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr("slip_bringup.study.progress.time.monotonic", lambda: now[0])
+    written = io.StringIO()
+    with progress("study", 100, 40, Console(file=written)) as report:
+        for done in range(41, 101):
+            now[0] += 0.5
+            report(done, "1 workers died" if done > 90 else "")
+    assert written.getvalue().splitlines() == [
+        "study: 60 of 100 done, 2 per second, about 20 s left",
+        "study: 80 of 100 done, 2 per second, about 10 s left",
+        "study: 100 of 100 done, 2 per second, 1 workers died",
+    ]
 
 
 def test_spread_is_median_interval_and_worst() -> None:

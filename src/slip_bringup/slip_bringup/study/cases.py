@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Self
 
-from slip_bringup.scenario import ControllerKind, Estimator, Scenario, load_scenario
+from slip_bringup.scenario import NO_TEXTS, ControllerKind, Estimator, Scenario, Texts, load_scenario
 from slip_core.errors import InputError, nearest
 
 CLASSICAL, MEASURED, OBSERVER, GOVERNED = "classical", "measured", "observer", "governed"
@@ -46,9 +47,9 @@ class Case:
         """The leading columns of the table."""
         return (self.scenario, self.controller, self.sensor, self.estimator, self.mismatch, str(self.seed))
 
-    def load(self, assignments: Sequence[str] = ()) -> Scenario:
+    def load(self, assignments: Sequence[str] = (), texts: Texts = NO_TEXTS) -> Scenario:
         """Return the scenario of this run: only the simulated world has the mismatch, the controller knows nothing."""
-        known = load_scenario(self.scenario, sensor=self.sensor, seed=self.seed, assignments=assignments)
+        known = load_scenario(self.scenario, sensor=self.sensor, seed=self.seed, assignments=assignments, texts=texts)
         return load_scenario(
             self.scenario,
             controller=self.controller,
@@ -56,6 +57,7 @@ class Case:
             seed=self.seed,
             estimator=SLIP_FROM[self.estimator],
             assignments=(*assignments, *mismatch_assignments(self.mismatch, known)),
+            texts=texts,
         )
 
 
@@ -79,6 +81,37 @@ def all_cases(
     return [
         Case(scenario, sensor, estimator, mismatch, seed) for seed, scenario, mismatch, sensor, estimator in product
     ]
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a study was asked for: all combinations, or every n-th of them from the i-th on (shard i of n, from 1)."""
+
+    scenarios: tuple[str, ...]
+    sensors: tuple[str, ...]
+    estimators: tuple[str, ...]
+    mismatches: tuple[str, ...]
+    seeds: int
+    shard: tuple[int, int] = (1, 1)
+
+    @classmethod
+    def read(cls, values: Mapping[str, Any]) -> Self:
+        """Return what was asked from its fields as JSON has them."""
+        scenarios, sensors, estimators, mismatches = (
+            tuple(values[name]) for name in ("scenarios", "sensors", "estimators", "mismatches")
+        )
+        first, shards = values["shard"]
+        return cls(scenarios, sensors, estimators, mismatches, int(values["seeds"]), (int(first), int(shards)))
+
+    def cases(self) -> list[Case]:
+        """Return the cases in their order.
+
+        Raises:
+            InputError: an unknown estimator or mismatch.
+        """
+        first, shards = self.shard
+        whole = all_cases(self.scenarios, self.sensors, self.estimators, self.mismatches, self.seeds)
+        return whole[first - 1 :: shards]
 
 
 def mismatch_assignments(name: str, known: Scenario) -> list[str]:

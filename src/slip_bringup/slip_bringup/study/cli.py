@@ -1,17 +1,42 @@
-"""``slip-vic study`` and ``slip-vic check``."""
+"""``slip-vic study``, ``slip-vic merge`` and ``slip-vic check``."""
 
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress
+
+if TYPE_CHECKING:
+    from slip_bringup.study.engines import EngineName
 
 
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",") if name.strip()]
+def names(text: str) -> tuple[str, ...]:
+    """Return the names of a comma separated list."""
+    return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def _shard(context: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d+)/(\d+)", text)
+    if found is None or not 1 <= int(found[1]) <= int(found[2]):
+        raise click.BadParameter(f"{text} is not i/n with i from 1 to n")
+    return int(found[1]), int(found[2])
+
+
+def workers(command: click.decorators.FC) -> click.decorators.FC:
+    """Add the options that say on which workers a command runs its cases."""
+    jobs = click.option(
+        "--jobs", type=click.IntRange(1), default=os.cpu_count() or 1, help="parallel processes; default one per core"
+    )
+    engine = click.option(
+        "--engine", type=click.Choice(["pool", "ray"]), default="pool", show_default=True,
+        help="pool: processes of this machine; ray: the cluster at RAY_ADDRESS, else one on this machine",
+    )  # fmt: skip
+    return engine(jobs(command))
 
 
 @click.command()
@@ -21,7 +46,9 @@ def _names(text: str) -> list[str]:
 @click.option("--mismatch", "mismatches", default="none", show_default=True, help="names, comma separated, or all")
 @click.option("--seeds", type=click.IntRange(1), default=5, show_default=True, help="how many seeds, from 0")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("study"), show_default=True, help="folder")
-@click.option("--jobs", type=click.IntRange(1), default=None, help="parallel processes; default one per core")
+@workers
+@click.option("--shard", default="1/1", callback=_shard, metavar="I/N", help="every N-th case from the I-th on")
+@click.option("--resume", "go_on", is_flag=True, help="go on with all that --out was asked for")
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
 @click.option(
     "--lottery", "drawn", type=click.IntRange(0), default=0, help="draw so many cases nobody tuned to instead"
@@ -34,44 +61,39 @@ def study(
     mismatches: str,
     seeds: int,
     out: Path,
-    jobs: int | None,
+    jobs: int,
+    engine: EngineName,
+    shard: tuple[int, int],
+    go_on: bool,
     assignments: tuple[str, ...],
     drawn: int,
     seed: int,
 ) -> None:
     """Run scenario x sensor x estimator x mismatch over seeds: study.csv, study.png; goes on where it stopped."""
     if drawn:
-        _lottery(drawn, seed, out, jobs or os.cpu_count() or 1)
+        _lottery(drawn, seed, out, jobs)
         return
-    from slip_bringup.study.cases import MISMATCHES, all_cases
-    from slip_bringup.study.runner import run_cases
-    from slip_bringup.study.summary import summary_table, write_picture
-    from slip_bringup.study.table import StudyTable
-    from slip_sim_bridge.sensors.presets import load_preset, preset_names
+    from slip_bringup.study.cases import MISMATCHES, Asked
+    from slip_bringup.study.command import resume, run_study
+    from slip_sim_bridge.sensors.presets import preset_names
 
-    wanted_sensors = _names(sensors) or preset_names()
-    for name in wanted_sensors:
-        load_preset(name)
-    wrong = list(MISMATCHES) if mismatches == "all" else _names(mismatches)
-    cases = all_cases(_names(scenarios), wanted_sensors, _names(estimators), wrong, seeds)
-    for scenario in _names(scenarios):
-        next(case for case in cases if case.scenario == scenario).load(assignments).check()
-    table = StudyTable(out, assignments)
-    done = table.done()
-    left = [case for case in cases if case.key not in done]
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
-    )  # fmt: skip
-    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
-        task = progress.add_task("study", total=len(cases), completed=len(cases) - len(left))
-        for result in run_cases(left, assignments, jobs or os.cpu_count() or 1):
-            table.append(result)
-            progress.advance(task)
-    rows = table.rows()
-    write_picture(out / "study.png", rows)
-    Console().print(summary_table(rows))
-    click.echo(f"{len(cases) - len(left)} of {len(cases)} cases were there already; {table.path}, {out / 'study.png'}")
+    if go_on:
+        click.echo(resume(out, engine, jobs))
+        return
+    wrong = MISMATCHES if mismatches == "all" else names(mismatches)
+    wanted = names(sensors) or tuple(preset_names())
+    asked = Asked(names(scenarios), wanted, names(estimators), wrong, seeds, shard)
+    click.echo(run_study([asked], assignments, out, engine, jobs))
+
+
+@click.command()
+@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path, exists=True))
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="folder")
+def merge(folders: tuple[Path, ...], out: Path) -> None:
+    """Put studies that were made in parts (--shard) into one folder; parts that do not fit are refused."""
+    from slip_bringup.study.command import merge_studies
+
+    click.echo(merge_studies(folders, out))
 
 
 def _lottery(cases: int, seed: int, out: Path, jobs: int) -> None:

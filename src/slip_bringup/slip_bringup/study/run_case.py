@@ -7,9 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from slip_bringup.inprocess import run_in_process
+from slip_bringup.metrics import ARRIVED
+from slip_bringup.scenario import NO_TEXTS, Texts
 from slip_bringup.study.cases import Case
+from slip_core.arrays import Array
 from slip_core.errors import SlipVicError
 from slip_sim_bridge.plant import DivergenceError
 
@@ -27,7 +31,11 @@ METRICS = (
     "final_error_m",
     "final_error_rad",
     "attitude_excursion_rad",
+    "effort_rate_rms_n_m_s",
+    "arrival_s",
 )
+"""At the end: slip_*, final_error_*; arrival_s: since when the pad stays within 1 mm and 0.5 degrees of the end of its
+path; effort_rate_rms_n_m_s: of the norm of the change of all efforts from tick to tick."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,23 +51,34 @@ class CaseResult:
     metrics: dict[str, float]
 
 
-def run_case(case: Case, assignments: Sequence[str]) -> CaseResult:
-    """Run one case; whatever goes wrong becomes a result."""
+def run_case(case: Case, assignments: Sequence[str], texts: Texts = NO_TEXTS) -> CaseResult:
+    """Run one case; whatever goes wrong becomes a result. Files whose contents stand in `texts` are not opened."""
     try:
-        return _run(case, assignments)
+        return _run(case, assignments, texts)
     except SlipVicError as error:
-        return CaseResult(case, "refused", str(error), dict.fromkeys(METRICS, math.nan))
+        return failed(case, "refused", str(error))
     except Exception as error:  # a study must survive whatever a case does
-        return CaseResult(case, "crashed", f"{type(error).__name__}: {error}", dict.fromkeys(METRICS, math.nan))
+        return failed(case, "crashed", f"{type(error).__name__}: {error}")
 
 
-def _run(case: Case, assignments: Sequence[str]) -> CaseResult:
+def failed(case: Case, outcome: str, reason: str) -> CaseResult:
+    """Return the result of a case that has no numbers."""
+    return CaseResult(case, outcome, reason, dict.fromkeys(METRICS, math.nan))
+
+
+def _run(case: Case, assignments: Sequence[str], texts: Texts) -> CaseResult:
     ticks, squares, excursion, speed = 0, 0.0, 0.0, 0.0
     linear = angular = 0.0
     slip = np.zeros(6)
     outcome, reason = "ok", ""
+    scenario = case.load(assignments, texts)
+    steps = _EffortSteps()
+    times: list[float] = []
+    poses: list[Array] = []
+    goal = np.zeros((4, 3))
     try:
-        for tick in run_in_process(case.load(assignments)):
+        for tick in run_in_process(scenario):
+            steps.add(tick.result.command.effort)
             truth, record = tick.outputs.truth, tick.result.record
             slip = truth.slip_displacement
             speed = max(speed, math.hypot(*truth.slip_velocity[:3].tolist()))
@@ -68,6 +87,9 @@ def _run(case: Case, assignments: Sequence[str]) -> CaseResult:
                     outcome, reason = "held", f"{tick.outputs.stamp_ns * 1e-9:.3f} s: {tick.result.reason}"
                 continue
             ticks += 1
+            times.append(tick.outputs.stamp_ns * 1e-9)
+            poses.append(np.vstack((tick.result.arm.position, tick.result.arm.rotation)))
+            goal = np.vstack((record.reference.position, record.reference.rotation))
             linear, angular = float(record.law.error_linear), float(record.law.error_angular)
             squares += linear * linear
             excursion = max(excursion, angular)
@@ -84,5 +106,43 @@ def _run(case: Case, assignments: Sequence[str]) -> CaseResult:
         linear,
         angular,
         excursion,
+        steps.rms / scenario.controller.control_period_s,
+        _arrival(times, np.array(poses), goal) if ticks else math.nan,
     )
     return CaseResult(case, outcome, reason, dict(zip(METRICS, values, strict=True)))
+
+
+class _EffortSteps:
+    """Root mean square of the norm of the change of all efforts from tick to tick [N m]."""
+
+    def __init__(self) -> None:
+        self._last: Array | None = None
+        self._squares, self._count = 0.0, 0
+
+    def add(self, effort: Array) -> None:
+        """Take the efforts of a tick [N m]; empty ones are no command."""
+        if not effort.size:
+            return
+        if self._last is not None:
+            step = effort - self._last
+            self._squares, self._count = self._squares + float((step * step).sum()), self._count + 1
+        self._last = effort.copy()
+
+    @property
+    def rms(self) -> float:
+        return math.sqrt(self._squares / max(self._count, 1))
+
+
+def _arrival(times: Sequence[float], poses: Array, goal: Array) -> float:
+    """Return since when the pad stays at its goal [s]; NaN where it does not.
+
+    Args:
+        times: of the ticks [s]; (N,).
+        poses: position [m] above rotation matrix of the pad {w}; (N, 4, 3).
+        goal: the last desired pose, in the same form; (4, 3).
+    """
+    linear = np.linalg.norm(poses[:, 0] - goal[0], axis=1)
+    angular = Rotation.from_matrix(poses[:, 1:] @ goal[1:].T).magnitude()
+    away = np.flatnonzero(~((linear < ARRIVED[0]) & (angular < ARRIVED[1])))
+    first = 0 if away.size == 0 else int(away[-1]) + 1
+    return times[first] if first < len(times) else math.nan

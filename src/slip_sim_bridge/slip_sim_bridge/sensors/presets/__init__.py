@@ -31,21 +31,31 @@ def preset_names() -> list[str]:
     return sorted(entry.name.removesuffix(".yaml") for entry in _FILES.iterdir() if entry.name.endswith(".yaml"))
 
 
-def load_preset(name_or_path: str) -> SensorPreset:
-    """Read a sensor by name or from a YAML file of the same form.
+def load_preset(name_or_path: str, text: str | None = None) -> SensorPreset:
+    """Read a sensor by name or from a YAML file of the same form; with its `text` nothing is opened.
 
     Raises:
         InputError: unknown name (nearest offered), or a file that does not fit.
     """
-    if name_or_path in preset_names():
-        content = yaml.safe_load((_FILES / f"{name_or_path}.yaml").read_text(encoding="utf-8"))
-    elif Path(name_or_path).suffix in (".yaml", ".yml"):
-        content = load_yaml(Path(name_or_path))
-    else:
-        raise InputError(
-            f"sensor {name_or_path}",
-            got="an unknown name",
-            expected=nearest(name_or_path, preset_names()),
-            fix="or give a .yaml file",
-        )
+    content = yaml.safe_load(preset_text(name_or_path) if text is None else text)
     return validate(SensorPreset, content, f"sensor {name_or_path}")
+
+
+def preset_text(name_or_path: str) -> str:
+    """Return the YAML text of a sensor by name or from a file.
+
+    Raises:
+        InputError: unknown name (nearest offered), or a file that cannot be read.
+    """
+    if name_or_path in preset_names():
+        return (_FILES / f"{name_or_path}.yaml").read_text(encoding="utf-8")
+    path = Path(name_or_path)
+    if path.suffix in (".yaml", ".yml"):
+        load_yaml(path)  # for its clear error
+        return path.read_text(encoding="utf-8")
+    raise InputError(
+        f"sensor {name_or_path}",
+        got="an unknown name",
+        expected=nearest(name_or_path, preset_names()),
+        fix="or give a .yaml file",
+    )

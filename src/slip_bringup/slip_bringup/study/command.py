@@ -1,0 +1,76 @@
+"""What ``slip-vic study`` and ``slip-vic merge`` do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from slip_bringup.study.cases import Asked
+from slip_bringup.study.contents import gather
+from slip_bringup.study.engines import EngineName, open_engine
+from slip_bringup.study.prepare import prepare
+from slip_bringup.study.progress import progress
+from slip_bringup.study.runner import run_cases
+from slip_bringup.study.summary import summary_table, write_picture
+from slip_bringup.study.table import Settings, StudyTable, merge
+
+
+def run_study(asked: Sequence[Asked], assignments: Sequence[str], out: Path, engine: EngineName, jobs: int) -> str:
+    """Run the cases that a folder does not have yet; return one line on what was done.
+
+    Raises:
+        InputError: an unknown name, a bad override, a folder that is in use or holds another study, no cluster.
+        MixedVersions: a worker has other versions.
+    """
+    cases = list(dict.fromkeys(case for one in asked for case in one.cases()))
+    scenarios = dict.fromkeys(name for one in asked for name in one.scenarios)
+    contents = gather(scenarios, dict.fromkeys(name for one in asked for name in one.sensors), assignments)
+    prepare()  # here, before workers that start together all begin to
+    for case in {case.scenario: case for case in reversed(cases)}.values():
+        case.load(assignments, contents.texts).check()
+    settings = Settings.of(contents, asked)
+    with StudyTable(out, settings) as table:
+        done = table.done()
+        left = [case for case in cases if case.key not in done]
+        there = now = len(cases) - len(left)
+        deaths = 0
+        with progress("study", len(cases), there, Console(stderr=True)) as report:
+            if left:
+                with open_engine(engine, jobs) as workers:
+                    for result in run_cases(left, contents, workers):
+                        table.append(result)
+                        now, deaths = now + 1, workers.deaths
+                        report(now, f"{deaths} workers died" if deaths else "")
+        table.sort()
+        picture = _show(table)
+    died = f"; {deaths} workers died" if deaths else ""
+    return f"{there} of {len(cases)} cases were there already{died}; {table.path}, {picture}"
+
+
+def resume(out: Path, engine: EngineName, jobs: int) -> str:
+    """Go on with everything that a folder was asked for; see `run_study`."""
+    settings = Settings.read(out / "study.json")
+    return run_study(settings.asked, settings.assignments, out, engine, jobs)
+
+
+def merge_studies(folders: Sequence[Path], out: Path) -> str:
+    """Put studies into one folder; return one line on what is there and what is not.
+
+    Raises:
+        InputError: they do not fit together.
+    """
+    with merge(folders, out) as table:
+        picture = _show(table)
+        wanted = {case.key for one in table.settings.asked for case in one.cases()}
+        missing = len(wanted - table.done())
+        return f"{len(table.rows())} rows, {missing} of {len(wanted)} cases are missing; {table.path}, {picture}"
+
+
+def _show(table: StudyTable) -> Path:
+    rows = table.rows()
+    picture = table.path.with_suffix(".png")
+    write_picture(picture, rows)
+    Console().print(summary_table(rows))
+    return picture
