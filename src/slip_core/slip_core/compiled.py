@@ -20,6 +20,8 @@ from typing import Any, TypeVar, cast
 import numba
 from numba.core import config
 
+from slip_core.part_compiler import STRICT, Part
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 VOID, REAL, INT = numba.types.void, numba.types.float64, numba.types.int64
@@ -44,14 +46,14 @@ def kernel(signature: Any) -> Callable[[F], F]:
 
     def compile_now(function: F) -> F:
         config.CACHE_DIR = str(_folder(_package(Path(function.__code__.co_filename))))
-        return cast(F, numba.njit(signature, cache=True, error_model="numpy", fastmath=False)(function))
+        return cast(F, numba.njit(signature, cache=True, **STRICT)(function))
 
     return compile_now
 
 
 def part(function: F) -> F:
     """Mark a function that only kernels call: it becomes part of them."""
-    return cast(F, numba.njit(error_model="numpy", fastmath=False)(function))
+    return function if config.DISABLE_JIT else cast(F, Part(function))
 
 
 @functools.lru_cache
