@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import signal
 import tempfile
@@ -17,11 +18,12 @@ from slip_bringup.node_command import node_module, parameter_arguments, run_para
 from slip_bringup.processes import Child, ProcessGroup, child_environment, python_module
 from slip_bringup.recording import recorder_command
 from slip_bringup.scenario import Scenario
+from slip_bringup.study.prepare import prepare
 from slip_core.errors import InputError, ProtocolError
 from slip_msgs_py.events import Event, Progress, Started, Warned
 from slip_msgs_py.realtime import ProcessOptions
 
-READY_TIMEOUT_S = 60.0  # the very first start may have to compile
+READY_TIMEOUT_S = 60.0
 NO_OPTIONS = ProcessOptions()
 POLL_S = 0.02
 TIMING = ("fresh", "overruns", "missed", "latency")
@@ -94,6 +96,7 @@ class Launcher:
         self._one_process = one_process
         self.warnings: list[str] = []
         self._stop = threading.Event()
+        check_ros()
         scenario.check()
         if one_process and scenario.bridge.mode == "realtime":
             raise InputError(
@@ -110,6 +113,7 @@ class Launcher:
             Interrupted: SIGINT or SIGTERM came first.
         """
         self._on_progress = on_progress
+        prepare()  # children that compile would miss the deadline by which they have to be ready
         previous = {number: signal.signal(number, self._on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             with (
@@ -226,6 +230,19 @@ class Launcher:
             return {}
         said = {**children["bridge"].results, **children["controller"].results}
         return {key: float(value) for key, value in said.items() if key.startswith(TIMING)}
+
+
+def check_ros() -> None:
+    """Look for ROS.
+
+    Raises:
+        InputError: this Python has none.
+    """
+    if importlib.util.find_spec("rclpy") is None:
+        raise InputError(
+            "ROS 2", got="no rclpy in this Python", expected="ROS 2 Jazzy",
+            fix="pip install 'slip-vic[ros]', or source /opt/ros/jazzy/setup.bash before the start",
+        )  # fmt: skip
 
 
 def _with_cores(options: ProcessOptions, mode: str) -> ProcessOptions:

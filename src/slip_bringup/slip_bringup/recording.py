@@ -11,7 +11,17 @@ from slip_bringup.processes import python_module
 from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
 from slip_core.topics import TOPICS
 
-VERSIONED = ("numpy", "scipy", "numba", "pin", "mujoco", *PACKAGES, "slip-vic-controller", "slip-sim-bridge")
+VERSIONED = (
+    "numpy",
+    "scipy",
+    "numba",
+    "pin",
+    "mujoco",
+    *PACKAGES,
+    "slip-vic",
+    "slip-vic-controller",
+    "slip-sim-bridge",
+)
 
 
 def recorded_topics(scenario: Scenario) -> list[tuple[str, str]]:

@@ -3,12 +3,14 @@
 import ast
 import runpy
 import sys
+import tomllib
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
 import setuptools
 
+import slip_bringup
 from slip_core.topics import TOPICS
 from test.support.every import every
 
@@ -141,8 +143,37 @@ def test_package_has_what_ament_needs(name: str) -> None:
     assert 'extras_require={"test": ["pytest"]' in (folder / "setup.py").read_text()
 
 
+def project() -> dict:
+    """Return the [project] and the setuptools part of the root's pyproject.toml: what pip makes one wheel of."""
+    return tomllib.loads((SRC.parent / "pyproject.toml").read_text())
+
+
+def test_the_wheel_has_all_packages_with_their_data(monkeypatch: pytest.MonkeyPatch) -> None:
+    built = project()["tool"]["setuptools"]
+    assert sorted(built["packages"]["find"]["where"]) == [f"src/{name}" for name in PACKAGES]
+    shared = built["package-data"]["*"]
+    for name in PACKAGES:
+        own = setup_arguments(name, monkeypatch)["package_data"][name]
+        assert sorted(own) == sorted([*shared, *built["package-data"].get(name, [])]), name
+
+
+def test_the_wheel_declares_what_its_packages_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    built = project()["project"]
+    arguments = [setup_arguments(name, monkeypatch) for name in PACKAGES]
+    declared = set().union(*(one["install_requires"] for one in arguments))
+    assert set(built["dependencies"]) == declared - {"setuptools"} - set(PACKAGES)
+    scripts = {f"{name} = {where}" for name, where in built["scripts"].items()}
+    assert scripts == {line for one in arguments for line in one["entry_points"]["console_scripts"]}
+    ros = [line for line in (SRC.parent / "requirements.in").read_text().splitlines() if line.startswith("ros-")]
+    assert built["optional-dependencies"]["ros"] == ros
+    for extra, packages in built["optional-dependencies"].items():
+        if extra != "ros":
+            assert any(one["extras_require"].get(extra) == packages for one in arguments), extra
+
+
 def test_versions_agree() -> None:
     versions = {package_xml(name).findtext("version") for name in PACKAGES}
+    assert versions == {project()["project"]["version"], slip_bringup.__version__}
     assert len(versions) == 1
     (version,) = versions
     assert all(f'version="{version}"' in (SRC / name / "setup.py").read_text() for name in PACKAGES)

@@ -1,4 +1,4 @@
-"""Compile the formulas once on a machine, before its workers all begin to."""
+"""Compile the formulas once on a machine, before processes that start together all begin to."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ import os
 from pathlib import Path
 
 from slip_bringup.study.contents import digest, versions
+
+MODULES = ("slip_core.poses", "slip_vic_controller.session", "slip_sim_bridge.session")
+"""These import all modules with compiled formulas."""
 
 
 @functools.cache
@@ -31,7 +34,7 @@ def prepare() -> None:
 
 def _compile() -> str:
     """Import the compiled modules; return the folder in which the last of them keeps its machine code."""
-    for module in ("slip_vic_controller.session", "slip_sim_bridge.session"):
+    for module in MODULES:
         importlib.import_module(module)
     importlib.import_module("slip_sim_bridge.plant.implicit").compile_laws()
     return str(importlib.import_module("numba.core.config").CACHE_DIR)
