@@ -12,6 +12,8 @@ import click
 from rich.console import Console
 
 from slip_bags.cli import bag, run_command
+from slip_bringup import __version__
+from slip_bringup.arm.cli import arm
 from slip_bringup.replay.cli import references, verify
 from slip_bringup.study.cli import check, merge, study
 
@@ -44,7 +46,7 @@ class Commands(click.Group):
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.version_option(package_name="slip_bringup", prog_name="slip-vic")
+@click.version_option(__version__, prog_name="slip-vic")
 def cli() -> None:
     """Variable impedance control for slippery grasps on ROS 2: run, record, compare."""
 
@@ -116,12 +118,16 @@ def run(
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out"), show_default=True, help="output folder")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="seed of the sensor noise")
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
+@click.option("--urdf", type=click.Path(path_type=Path), help="another arm")
 @click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
-def demo(scenario: str, out: Path, seed: int, assignments: tuple[str, ...], domain_id: int | None) -> None:
+def demo(
+    scenario: str, out: Path, seed: int, assignments: tuple[str, ...], urdf: Path | None, domain_id: int | None
+) -> None:
     """Compare classical and variable impedance on one scenario: table, summary.json, report.png, bags."""
     from slip_bringup.demo import run_demo
+    from slip_bringup.scenario import urdf_assignment
 
-    run_demo(scenario, out, seed, assignments, domain_id, CONSOLE)
+    run_demo(scenario, out, seed, (*urdf_assignment(urdf), *assignments), domain_id, CONSOLE)
 
 
 @cli.command()
@@ -142,6 +148,7 @@ def params(scenarios: tuple[str, ...], out: Path, complete: bool, reference: boo
 
 bag.add_command(verify)
 bag.add_command(references)
+cli.add_command(arm)
 cli.add_command(bag)
 cli.add_command(check)
 cli.add_command(merge)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any, Literal
 import yaml
 from pydantic import Field
 
+from slip_bringup.reach import check_start
 from slip_core.errors import InputError, nearest
 from slip_core.params import (
     ParameterModel,
@@ -30,6 +32,7 @@ from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.presets import SensorPreset, load_preset
 from slip_sim_bridge.simulation import GraspSimulation
 from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.robot import Robot
 from slip_vic_controller.session import Controller
 
 ControllerKind = Literal["vic", "classical", "governed"]
@@ -74,10 +77,20 @@ class Scenario:
         """Make controller and simulation once, so that what does not fit is said before any process starts.
 
         Raises:
-            InputError: e.g. a URDF without the frame, joints missing or in another order.
+            InputError: e.g. a URDF without the frame, joints missing or in another order, a path out of reach.
         """
         Controller(self.controller, self.urdf, lockstep=True)
         GraspSimulation(self.bridge, self.urdf)
+        self.check_arm()
+
+    def check_arm(self) -> None:
+        """Look whether the arm can start where the scenario says, and follow its path.
+
+        Raises:
+            InputError: it cannot; or a URDF that does not fit.
+        """
+        known = self.controller
+        check_start(Robot(self.urdf, known.ee_frame, known.joint_names, known.gravity), known, self.bridge)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +133,7 @@ def load_scenario(
     text, origin = read_scenario(name_or_path, texts)
     outer = validate(ScenarioFile, yaml.safe_load(text), origin)
     values = _values(outer, origin)
+    _find_arm(values, name_or_path)
     values["bridge"]["duration_s"] = outer.duration_s
     values["controller"]["controller"] = "vic" if controller == "governed" else controller
     if controller == "governed":
@@ -198,6 +212,14 @@ def _tell_friction(values: dict[str, dict[str, Any]], origin: str) -> None:
     values["controller"] = told | values["controller"]
 
 
+def _find_arm(values: dict[str, dict[str, Any]], name_or_path: str) -> None:
+    """Let a scenario file name its arm by a path from its own folder."""
+    for node in values.values():
+        file = str(node.get("robot_description_file", ""))
+        if file and not file.startswith("package://"):
+            node["robot_description_file"] = str(Path(name_or_path).parent / file)
+
+
 def read_scenario(name_or_path: str, texts: Texts = NO_TEXTS) -> tuple[str, str]:
     """Return the text of a scenario and what to call it in messages.
 
@@ -245,6 +267,11 @@ def _assign(values: dict[str, dict[str, Any]], key: str, value: Any) -> None:
         raise InputError(f"--set {key}", got="an unknown parameter", expected=nearest(key, known, renamed=renamed))
     for owner in owners:
         values[owner] |= current_names(NODES[owner][1], {name: value}, f"--set {key}")
+
+
+def urdf_assignment(urdf: Path | None) -> tuple[str, ...]:
+    """Return the ``--set`` assignment that ``--urdf`` stands for; none without a file."""
+    return () if urdf is None else (f"robot_description_file={json.dumps(str(urdf))}",)
 
 
 def ros_parameter_file(params: ParameterModel, node_name: str, *, complete: bool = True) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -34,7 +35,17 @@ MISTAKES = {
     "domain out of range": (["--domain-id", "500"], ["ROS_DOMAIN_ID", "500"]),
     "controller unknown": (["--controller", "pid"], ["pid", "vic"]),
     "urdf missing": (["--urdf", "nowhere.urdf"], ["nowhere.urdf"]),
-    "urdf without the frame": (["--urdf", "tip.urdf"], ["ee_frame", "frame of the URDF", "tip"]),
+    "urdf without the frame": (["--urdf", "tip.urdf"], ["ee_frame", "link of the URDF", "tip"]),
+    "joint without limits": (["--urdf", "endless.urdf"], ["arm_joint1", "<limit"]),
+    "start beyond a limit": (
+        ["--set", "bridge.initial_position=[0, 0, 0, 1.0, 0, 1, 0]"],
+        ["arm_joint4", "limits", "slip-vic arm"],
+    ),
+    "start in a singular posture": (
+        ["--set", "controller.singularity.sigma_min=0.5"],
+        ["singular", "sigma_min"],
+    ),
+    "path out of reach": (["--set", "controller.trajectory.displacement=[0, 0, 2]"], ["trajectory", "% of its time"]),
     "urdf is not xml": (["--urdf", "broken.urdf"], ["robot_description", "URDF"]),
     "scenario file is not yaml": (["--scenario", "broken.yaml"], ["broken.yaml"]),
     "scenario file with an unknown key": (["--scenario", "extra.yaml"], ["durration_s", "duration_s"]),
@@ -46,6 +57,7 @@ MISTAKES = {
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "tip.urdf").write_text(URDF_WITHOUT_EE)
+    (tmp_path / "endless.urdf").write_text(re.sub(r'<limit[^>]*"-2.8973"[^>]*velocity="2.175"[^>]*>', "", urdf_text()))
     (tmp_path / "broken.urdf").write_text("<robot")
     (tmp_path / "broken.yaml").write_text("a: [1")
     (tmp_path / "extra.yaml").write_text("name: a\ndescription: b\ndurration_s: 1\n")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from slip_bringup.scenario import Estimator, controller_values
+from slip_bringup.scenario import Estimator, controller_values, load_scenario
 from slip_core.params import build, flat_names, load_yaml
 from slip_vic_controller.law.bounds import GainReport, judge_gains
 from slip_vic_controller.node_params import ControllerNodeParams
@@ -22,8 +22,9 @@ def check_table(
     """Return the table, and whether the gains would be accepted.
 
     Raises:
-        InputError: unknown scenario, sensor or parameter, or a file that cannot be read.
+        InputError: unknown scenario, sensor or parameter, an unreadable file, an arm that cannot follow the path.
     """
+    load_scenario(scenario, assignments=assignments).check_arm()
     extra = {} if file is None else _read(file)
     values = controller_values(scenario, sensor, estimator, extra, assignments)
     params = build(ControllerNodeParams, values, str(file or scenario))

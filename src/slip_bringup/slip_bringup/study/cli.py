@@ -50,6 +50,7 @@ def workers(command: click.decorators.FC) -> click.decorators.FC:
 @click.option("--shard", default="1/1", callback=_shard, metavar="I/N", help="every N-th case from the I-th on")
 @click.option("--resume", "go_on", is_flag=True, help="go on with all that --out was asked for")
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
+@click.option("--urdf", type=click.Path(path_type=Path), help="another arm")
 @click.option(
     "--lottery", "drawn", type=click.IntRange(0), default=0, help="draw so many cases nobody tuned to instead"
 )
@@ -66,6 +67,7 @@ def study(
     shard: tuple[int, int],
     go_on: bool,
     assignments: tuple[str, ...],
+    urdf: Path | None,
     drawn: int,
     seed: int,
 ) -> None:
@@ -73,6 +75,7 @@ def study(
     if drawn:
         _lottery(drawn, seed, out, jobs)
         return
+    from slip_bringup.scenario import urdf_assignment
     from slip_bringup.study.cases import MISMATCHES, Asked
     from slip_bringup.study.command import resume, run_study
     from slip_sim_bridge.sensors.presets import preset_names
@@ -83,7 +86,7 @@ def study(
     wrong = MISMATCHES if mismatches == "all" else names(mismatches)
     wanted = names(sensors) or tuple(preset_names())
     asked = Asked(names(scenarios), wanted, names(estimators), wrong, seeds, shard)
-    click.echo(run_study([asked], assignments, out, engine, jobs))
+    click.echo(run_study([asked], (*urdf_assignment(urdf), *assignments), out, engine, jobs))
 
 
 @click.command()
@@ -119,11 +122,24 @@ def _lottery(cases: int, seed: int, out: Path, jobs: int) -> None:
 @click.option("--sensor", default="", help="name or .yaml file; default the scenario's own")
 @click.option("--estimator", type=click.Choice(["measured", "observer"]), help="default the sensor's")
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
-def check(scenario: str, params: Path | None, sensor: str, estimator: str | None, assignments: tuple[str, ...]) -> None:
-    """Judge the gains with a sensor: bound on k_s, Propositions 1 to 3, margins; exit code 2 where one fails."""
+@click.option("--urdf", type=click.Path(path_type=Path), help="another arm")
+def check(
+    scenario: str,
+    params: Path | None,
+    sensor: str,
+    estimator: str | None,
+    assignments: tuple[str, ...],
+    urdf: Path | None,
+) -> None:
+    """Judge the gains with a sensor: bound on k_s, Propositions 1 to 3, margins; exit code 2 where one fails.
+
+    Also whether the arm can start where the scenario says, and follow its path.
+    """
+    from slip_bringup.scenario import urdf_assignment
     from slip_bringup.study.check import check_table
 
-    table, good = check_table(scenario, params, sensor, estimator, assignments)  # type: ignore[arg-type]
+    assigned = (*urdf_assignment(urdf), *assignments)
+    table, good = check_table(scenario, params, sensor, estimator, assigned)  # type: ignore[arg-type]
     Console(width=150).print(table)
     if not good:
         raise click.exceptions.Exit(2)

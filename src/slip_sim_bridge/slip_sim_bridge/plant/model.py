@@ -13,7 +13,8 @@ import mujoco
 import numpy as np
 
 from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw, readonly
-from slip_core.errors import InputError, nearest
+from slip_core.errors import InputError
+from slip_core.urdf import usable_urdf
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 
@@ -30,7 +31,7 @@ def arm_spec(params: BridgeParams, urdf_text: str) -> mujoco.MjSpec:
         InputError: where the URDF does not parse or lacks the frame or a joint.
     """
     try:
-        spec = mujoco.MjSpec.from_string(urdf_text)
+        spec = mujoco.MjSpec.from_string(usable_urdf(urdf_text, params.ee_frame, params.joint_names))
     except ValueError as error:
         raise InputError("robot_description", got=str(error), expected="a URDF") from None
     spec.compiler.fusestatic = False
@@ -41,23 +42,6 @@ def arm_spec(params: BridgeParams, urdf_text: str) -> mujoco.MjSpec:
     spec.option.gravity = params.gravity
     spec.option.timestep = params.control_period_s
 
-    bodies = [body.name for body in spec.bodies]
-    if params.ee_frame not in bodies:
-        raise InputError(
-            "parameter ee_frame",
-            got=params.ee_frame,
-            expected=f"a link of the URDF; {nearest(params.ee_frame, bodies)}",
-        )
-    joints = [joint.name for joint in spec.joints]
-    for name in params.joint_names:
-        if name not in joints:
-            raise InputError("parameter joint_names", got=name, expected=f"joints of the URDF; {nearest(name, joints)}")
-    if tuple(joints) != params.joint_names:
-        raise InputError(
-            "parameter joint_names",
-            got=list(params.joint_names),
-            expected=f"all movable joints of the URDF from base to tip: {', '.join(joints)}",
-        )
     for joint in spec.joints:
         joint.damping = np.zeros(3)
         joint.frictionloss = 0.0

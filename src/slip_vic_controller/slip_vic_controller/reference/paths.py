@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from slip_core.arrays import Array
-from slip_core.compiled import part
+from slip_core.compiled import IN1, OUT2, VOID, kernel, part
 from slip_core.errors import InputError
 from slip_core.records import REAL, WHOLE, layout, new, record
 from slip_core.vectors import NOTHING, Mat, Spatial, Vec, mat, put, put_mat, put_spatial, spatial, vec
@@ -190,6 +190,14 @@ def rising(x: float) -> tuple[float, float, float]:
     """Return the integral, the value and the slope of the quintic step from 0 to 1 at x in [0, 1]."""
     cube, both = x * x * x, x * (1.0 - x)
     return x * cube * (2.5 + x * (x - 3.0)), cube * (10.0 + x * (6.0 * x - 15.0)), 30.0 * (both * both)
+
+
+@kernel(VOID(IN1, IN1, OUT2))
+def sample_path(path: Array, times: Array, out: Array) -> None:
+    """Write displacement and rotation vector at times (k,) [s] of a PATH to `out` (k, 6) [m, rad] {w}."""
+    shape = record(path, PATH)
+    for k in range(len(times)):
+        put_spatial(out[k], point_at(shape, times[k]).value)
 
 
 def make_path(params: TrajectoryParams) -> Array:

@@ -1,0 +1,139 @@
+"""Where an arm gets on the way of a scenario: by inverse kinematics, before anything is started."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_sim_bridge.params import BridgeParams
+from slip_vic_controller.params import ControllerParams, TrajectoryParams
+from slip_vic_controller.reference.paths import make_path, sample_path
+from slip_vic_controller.robot import Robot
+
+REACHED = 1e-4
+"""[m, rad] Pose error below which a point counts as reached: a tenth of what counts as arriving."""
+POINTS = 60
+_ITERATIONS = 40
+_LONGEST_STEP = 0.3
+"""[rad, m] of a joint in one iteration: longer ones jump to another branch of solutions."""
+_PULL = 0.3
+"""Share of the way back to the first posture per iteration, in the null space: what the controller's spring does."""
+
+
+class Way(NamedTuple):
+    """What the way of a scenario asks of an arm.
+
+    times (k,) [s]; joints (k, n): positions at the points reached; share: reached part of the time, 1 = all;
+    blocked: why it ends there, empty where it does not; margin (n,) [rad, m]: least distance to a limit;
+    sigma: least singular value of the Jacobian; speed (n,): largest share of the velocity limit; load (n,): largest
+    share of the effort limit that arm and object at rest take.
+    """
+
+    times: Array
+    joints: Array
+    share: float
+    blocked: str
+    margin: Array
+    sigma: float
+    speed: Array
+    load: Array
+
+
+def posture_for(robot: Robot, q: Array, position: Array, rotation: Array, home: Array) -> Array | None:
+    """Return joint positions with {ee} at a pose, by Gauss-Newton from `q` (n,); None where it does not get there.
+
+    position (3,) [m], rotation (3, 3) {w}; home (n,): posture that joints beyond six are pulled to.
+    """
+    for _ in range(_ITERATIONS):
+        now, turned, J = robot.frame(q)
+        error = np.concatenate((position - now, Rotation.from_matrix(rotation @ turned.T).as_rotvec()))
+        if np.abs(error).max() < REACHED:
+            return q
+        inverse = np.linalg.pinv(J, rcond=1e-4)
+        step = inverse @ error + _PULL * ((home - q) - inverse @ (J @ (home - q)))
+        q = q + step * min(1.0, _LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
+    return None
+
+
+def pad_path(trajectory: TrajectoryParams, points: int = POINTS) -> tuple[Array, Array]:
+    """Return times (k,) [s] and displacement with rotation vector (k, 6) [m, rad] {w} of a built-in trajectory."""
+    given = trajectory.waypoint_times_s
+    times = np.linspace(0.0, given[-1] if trajectory.kind == "waypoints" and given else trajectory.duration_s, points)
+    values = np.zeros((points, 6))
+    sample_path(make_path(trajectory), times, values)
+    return times, values
+
+
+def follow(robot: Robot, start: Array, times: Array, path: Array, payload: Array) -> Way:
+    """Follow a path, as `pad_path` gives it, from joint positions `start` (n,); payload (3,) [N] {w} hangs at {ee}."""
+    position, rotation, _ = robot.frame(start)
+    joints: list[Array] = []
+    sigma, load, blocked = math.inf, np.zeros(len(start)), ""
+    q = start
+    for point in path:
+        found = posture_for(
+            robot, q, position + point[:3], Rotation.from_rotvec(point[3:]).as_matrix() @ rotation, start
+        )
+        if found is None:
+            blocked = "no posture of the arm gets the pad there"
+            break
+        outside = (found < robot.position_lower) | (found > robot.position_upper)
+        if outside.any():
+            j = int(outside.argmax())
+            blocked = f"{robot.joint_names[j]} would have to go to {found[j]:.3g}, beyond its limit"
+            break
+        q = found
+        joints.append(q)
+        J = robot.frame(q)[2]
+        sigma = min(sigma, float(np.linalg.svd(J, compute_uv=False)[-1]))
+        load = np.maximum(load, np.abs(robot.gravity(q) - J[:3].T @ payload) / robot.effort_limit)
+    way = np.array(joints).reshape(-1, len(start))
+    steps = np.diff(way, axis=0) / np.diff(times[: max(len(way), 1)])[:, None]
+    return Way(
+        times[: len(way)],
+        way,
+        1.0 if not blocked else len(way) / len(path),
+        blocked,
+        np.minimum(way - robot.position_lower, robot.position_upper - way).min(axis=0, initial=math.inf),
+        sigma,
+        (np.abs(steps) / robot.velocity_limit).max(axis=0, initial=0.0),
+        load,
+    )
+
+
+def check_start(robot: Robot, controller: ControllerParams, bridge: BridgeParams) -> None:
+    """Look whether the arm can start where a scenario says, and follow its path.
+
+    Raises:
+        InputError: a start beyond a limit or in a singular posture, a path that leaves the arm's reach.
+    """
+    fix = "`slip-vic arm FILE` finds a start and says what the arm reaches"
+    start = np.array(bridge.initial_position)
+    for j, name in enumerate(robot.joint_names):
+        low, high = robot.position_lower[j], robot.position_upper[j]
+        if not low <= start[j] <= high:
+            raise InputError(
+                "parameter initial_position", got=f"{name} at {start[j]:.4g}",
+                expected=f"within its limits {low:.4g}..{high:.4g}", fix=fix,
+            )  # fmt: skip
+    sigma = float(np.linalg.svd(robot.frame(start)[2], compute_uv=False)[-1])
+    least = controller.singularity.sigma_min
+    if sigma < least:
+        raise InputError(
+            "parameter initial_position", got=f"a singular posture (least singular value of the Jacobian {sigma:.2g})",
+            expected=f"at least singularity.sigma_min = {least:g}", fix=fix,
+        )  # fmt: skip
+    times, path = pad_path(controller.trajectory)
+    way = follow(robot, start, times, path, np.zeros(3))
+    if way.blocked:
+        raise InputError(
+            "parameter trajectory",
+            got=f"a path that the arm leaves after {100.0 * way.share:.0f} % of its time: {way.blocked}",
+            expected="a path within its reach",
+            fix=fix,
+        )

@@ -1,0 +1,303 @@
+"""A URDF as both nodes read it: what neither of them uses is taken out, and what is missing is said by its name.
+
+Files of real arms name meshes that are not there, carry gripper joints that nobody commands, and have joints without
+end. Pinocchio and MuJoCo treat each of these in a way of their own; here they are settled once, for both.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError, nearest
+
+MOVING = ("revolute", "continuous", "prismatic")
+NO_LIMIT = 1e4
+"""[rad] Limits that stand for none: a joint without end is read as a revolute one that never comes there."""
+
+_PREFIX = re.compile(r"([</\s])(\w+):(?=[\w.]+[\s=/>])")
+"""Names such as `drake:acceleration`, which a file may use without saying what `drake` is."""
+_KEPT = ("link", "joint", "material")
+_IN_FIXED_JOINT = ("parent", "child", "origin")
+
+
+def parse_urdf(text: str) -> Element:
+    """Return the <robot> element of a URDF text.
+
+    Raises:
+        InputError: not XML, another format, or xacro that was not expanded.
+    """
+    try:
+        root = ElementTree.fromstring(text if _declares_prefixes(text) else _PREFIX.sub(r"\1\2_", text))
+    except ElementTree.ParseError as error:
+        raise InputError("robot_description", got=text.strip()[:40], expected="a URDF", fix=str(error)) from None
+    if root.tag != "robot":
+        raise InputError("robot_description", got=f"<{root.tag}>", expected="a URDF, whose root is <robot>")
+    if any("xacro" in element.tag or "${" in "".join(element.attrib.values()) for element in root.iter()):
+        raise InputError(
+            "robot_description", got="xacro", expected="a URDF", fix="expand it first: xacro arm.xacro > arm.urdf"
+        )
+    return root
+
+
+def _declares_prefixes(text: str) -> bool:
+    return "xmlns:" in text or not _PREFIX.search(text)
+
+
+def named(root: Element, tag: str) -> dict[str, Element]:
+    """Return the links or joints of a robot by name, in the order of the file; tag: "link" or "joint".
+
+    Raises:
+        InputError: a name that is missing or there twice, a joint without parent or child.
+    """
+    found: dict[str, Element] = {}
+    for element in root.findall(tag):
+        name = element.get("name", "")
+        if not name or name in found:
+            raise InputError(
+                f"URDF {tag} {name}", got="the name twice" if name else "no name", expected="one name each"
+            )
+        found[name] = element
+        for end in ("parent", "child") if tag == "joint" else ():
+            part = element.find(end)
+            if part is None or part.get("link") is None:
+                raise InputError(f"URDF joint {name}", got=f"no <{end}>", expected=f'<{end} link="..."/>')
+    return found
+
+
+def end_of(joint: Element, end: str) -> str:
+    """Return the link at an end of a joint; end: "parent" or "child"."""
+    part = joint.find(end)
+    return "" if part is None else part.get("link", "")
+
+
+def chain(root: Element, link: str) -> list[Element]:
+    """Return the joints that carry a link, from the base to it, fixed ones too.
+
+    Raises:
+        InputError: links in a ring.
+    """
+    above = {end_of(joint, "child"): joint for joint in named(root, "joint").values()}
+    joints: list[Element] = []
+    while link in above:
+        joint = above[link]
+        if joint in joints:
+            raise InputError(f"URDF joint {joint.get('name')}", got="links in a ring", expected="a tree")
+        joints.insert(0, joint)
+        link = end_of(joint, "parent")
+    return joints
+
+
+def moving(joints: Sequence[Element]) -> list[str]:
+    """Return the names of those joints that are not fixed."""
+    return [str(joint.get("name")) for joint in joints if joint.get("type") != "fixed"]
+
+
+def usable_urdf(text: str, ee_frame: str, joint_names: Sequence[str]) -> str:
+    """Return the URDF with `joint_names` as its only moving joints; the same text where nothing has to change.
+
+    Other joints are locked where they are 0, joints without end get limits that are never met, shapes from mesh files
+    and impossible inertias of links that do not move are left out.
+
+    Args:
+        text: a URDF.
+        ee_frame: link at the pad centre.
+        joint_names: the joints that carry it, from base to tip.
+
+    Raises:
+        InputError: names that do not fit; a joint's limits or a moving link's inertia missing or impossible.
+    """
+    root = parse_urdf(text)
+    links, joints = named(root, "link"), named(root, "joint")
+    if ee_frame not in links:
+        raise InputError("ee_frame", got=ee_frame, expected="a link of the URDF", fix=nearest(ee_frame, links))
+    _check_names(moving(chain(root, ee_frame)), moving(list(joints.values())), ee_frame, joint_names)
+    for name in joint_names:
+        check_limits(joints[name])
+    carried = carried_links(root, joint_names)
+    for name in joint_names:
+        _check_inertias(name, [links[one] for one in carried[name]])
+    changed = _lock(joints, joint_names)
+    changed |= _drop_unused(links, {one for group in carried.values() for one in group})
+    if not changed:
+        return text
+    for element in list(root):
+        if element.tag not in _KEPT:
+            root.remove(element)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _check_names(carrying: list[str], movable: list[str], ee_frame: str, names: Sequence[str]) -> None:
+    """Compare the wanted joints with those that carry the pad, from base to tip."""
+    for name in names:
+        if name not in movable:
+            raise InputError(
+                "joint_names",
+                got=name,
+                expected=f"a moving joint of the URDF; {nearest(name, movable)}",
+                fix="for an arm of your own: slip-vic arm FILE",
+            )
+    if len(set(names)) != len(names):
+        raise InputError("joint_names", got=list(names), expected="no name twice")
+    if extra := [name for name in carrying if name not in names]:
+        raise InputError("joint_names", got=list(names), expected=f"also {', '.join(extra)}, which moves {ee_frame}")
+    if list(names) != carrying:
+        raise InputError("joint_names", got=list(names), expected=f"those that move {ee_frame}, in the order of the "
+                         f"URDF's chain from base to tip: {', '.join(carrying)}")  # fmt: skip
+
+
+def check_limits(joint: Element) -> None:
+    """Look whether a commanded joint has what a controller must know of it.
+
+    Raises:
+        InputError: with the joint's name.
+    """
+    name, kind = joint.get("name"), joint.get("type")
+    if kind not in MOVING:
+        raise InputError(f"URDF joint {name}", got=f"type {kind}", expected="revolute, continuous or prismatic")
+    limit = joint.find("limit")
+    if limit is None:
+        raise InputError(
+            f"URDF joint {name}", got="no <limit>", expected='<limit lower="" upper="" effort="" velocity=""/>'
+        )
+    for key in ("effort", "velocity"):
+        if not _number(joint, limit, key) > 0.0:
+            raise InputError(f"URDF joint {name}", got=f'{key}="{limit.get(key)}"', expected=f"a positive {key} limit")
+    if kind != "continuous" and not _number(joint, limit, "lower") < _number(joint, limit, "upper"):
+        raise InputError(
+            f"URDF joint {name}",
+            got=f"limits {limit.get('lower', '0')}..{limit.get('upper', '0')}",
+            expected="lower < upper",
+            fix='a joint that does not move is type="fixed", one without end type="continuous"',
+        )
+
+
+def _number(joint: Element, element: Element, key: str) -> float:
+    text = element.get(key, "0")
+    try:
+        return float(text)
+    except ValueError:
+        name = joint.get("name")
+        raise InputError(f"URDF {joint.tag} {name}", got=f'{key}="{text}"', expected="a number") from None
+
+
+def carried_links(root: Element, joint_names: Sequence[str]) -> dict[str, list[str]]:
+    """Return the links that are one rigid body behind each commanded joint, where all other joints are locked."""
+    below: dict[str, list[Element]] = {}
+    for joint in named(root, "joint").values():
+        below.setdefault(end_of(joint, "parent"), []).append(joint)
+    groups = {}
+    for joint in named(root, "joint").values():
+        name = str(joint.get("name"))
+        if name in joint_names:
+            group = [end_of(joint, "child")]
+            for link in group:
+                group += [end_of(one, "child") for one in below.get(link, []) if one.get("name") not in joint_names]
+            groups[name] = group
+    return groups
+
+
+def inertial(link: Element) -> tuple[float, Array] | None:
+    """Return mass [kg] and inertia (3, 3) [kg m2] of a link, None where it has none.
+
+    Raises:
+        InputError: what is no number.
+    """
+    found = link.find("inertial")
+    if found is None:
+        return None
+    mass, tensor = found.find("mass"), found.find("inertia")
+    m = 0.0 if mass is None else _number(link, mass, "value")
+    keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    xx, xy, xz, yy, yz, zz = (0.0 if tensor is None else _number(link, tensor, key) for key in keys)
+    return m, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def is_physical(inertia: Array) -> bool:
+    """Whether (3, 3) [kg m2] is the inertia of a body: principal moments positive, none above the sum of the others."""
+    a, b, c = np.linalg.eigvalsh(inertia)
+    return bool(a >= 0.0 and a + b >= c)
+
+
+def _check_inertias(joint: str, group: list[Element]) -> None:
+    """Look whether what a joint moves is a body."""
+    total = 0.0
+    for link in group:
+        found = inertial(link)
+        if found is None:
+            continue
+        mass, tensor = found
+        total += mass
+        if not (math.isfinite(mass) and mass >= 0.0):
+            raise InputError(
+                f"URDF link {link.get('name')}", got=f"mass {mass:g}", expected="a mass that is not negative"
+            )
+        if not is_physical(tensor):
+            moments = ", ".join(f"{value:.3g}" for value in np.linalg.eigvalsh(tensor))
+            raise InputError(
+                f"URDF link {link.get('name')}",
+                got=f"an inertia that no body has (principal moments {moments})",
+                expected="positive moments, none above the sum of the other two",
+                fix="correct <inertia>, or let `slip-vic arm` write a URDF with the nearest possible one",
+            )
+    if not total > 0.0:
+        names = ", ".join(str(link.get("name")) for link in group)
+        raise InputError(
+            f"URDF joint {joint}",
+            got=f"no mass behind it (link {names})",
+            expected="<inertial> with <mass> and <inertia>",
+            fix="add them from the arm's data sheet",
+        )
+
+
+def _lock(joints: dict[str, Element], joint_names: Sequence[str]) -> bool:
+    """Fix all joints but the commanded ones, which get an end; return whether anything changed."""
+    changed = False
+    for name, joint in joints.items():
+        if name not in joint_names:
+            if joint.get("type") != "fixed":
+                fix(joint)
+                changed = True
+        elif joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            assert limit is not None
+            limit.set("lower", f"{-NO_LIMIT:g}")
+            limit.set("upper", f"{NO_LIMIT:g}")
+            changed = True
+        if (follows := joint.find("mimic")) is not None:
+            joint.remove(follows)
+            changed = True
+    return changed
+
+
+def fix(joint: Element) -> None:
+    """Make a joint a fixed one, where it is 0."""
+    joint.set("type", "fixed")
+    for part in list(joint):
+        if part.tag not in _IN_FIXED_JOINT:
+            joint.remove(part)
+
+
+def _drop_unused(links: dict[str, Element], carried: set[str]) -> bool:
+    """Take out shapes from files, shapes of moving links without mass, to which MuJoCo would give one, and inertias
+    of links that do not move, where they are impossible; return whether anything changed.
+    """
+    changed = False
+    for name, link in links.items():
+        parts = [*link.findall("visual"), *link.findall("collision")]
+        found = inertial(link)
+        if not (name in carried and found is None):
+            parts = [part for part in parts if part.find("geometry/mesh") is not None]
+        if name not in carried and found is not None and not (found[0] >= 0.0 and is_physical(found[1])):
+            parts += link.findall("inertial")
+        for part in parts:
+            link.remove(part)
+        changed |= bool(parts)
+    return changed
