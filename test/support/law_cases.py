@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.records import new, record
+from slip_core.records import new, place, record
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.attitude import LOG, RPY
 from slip_vic_controller.law.gains import LAW_GAINS
@@ -17,9 +17,10 @@ from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG
 from slip_vic_controller.law.symbols import ESTIMATE, SYMBOLS, published
 from slip_vic_controller.observer.layouts import MOTION
 from slip_vic_controller.reference.paths import REFERENCE
+from slip_vic_controller.safety.validation import JOINT_SAMPLE
 from test.referees.law_referee import RefereeInput, exponential
 from test.support import law_kernels as run
-from test.support.law_kernels import SAMPLES, SLIPS
+from test.support.law_kernels import GIVEN, MEMORY, SAMPLES, SLIPS
 
 PI = math.pi
 
@@ -50,12 +51,16 @@ class Case:
 
     def evaluate(self) -> Any:
         """Return the EVALUATION record; its buffer is `evaluation`."""
+        given, memory, sample = (new(layout) for layout in (GIVEN, MEMORY, JOINT_SAMPLE))
         config, gains, arm, samples, slips, reference = self.buffers
-        self.evaluation = new(EVALUATION)
-        run.run_law(
-            config, gains, arm, samples, self.follow_error, self.previous, slips, reference, self.q, self.qd,
-            self.posture, self.evaluation,
-        )  # fmt: skip
+        buffers = {"gains": gains, "samples": samples, "slips": slips, "reference": reference}
+        for name, buffer in (buffers | {"follow_error": self.follow_error}).items():
+            given[place(GIVEN, name)] = buffer
+        memory[: self.joints], memory[place(MEMORY, "e_previous")] = self.posture, self.previous
+        state = record(sample, JOINT_SAMPLE)
+        state.position[: self.joints], state.velocity[: self.joints] = self.q, self.qd
+        run.run_law(config, arm, sample, memory, given)
+        self.evaluation = given[place(GIVEN, "law")]
         return record(self.evaluation, EVALUATION)
 
     def symbols(self, estimate: Array | None = None) -> dict[str, float]:

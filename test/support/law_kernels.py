@@ -19,9 +19,15 @@ from slip_vic_controller.observer.layouts import MOTION
 from slip_vic_controller.reference import path_scaling, paths
 from slip_vic_controller.reference.path_scaling import PATH_SCALING
 from slip_vic_controller.reference.paths import PATH, REFERENCE
-from slip_vic_controller.sizes import MAX_CONTACTS
+from slip_vic_controller.safety.validation import JOINT_SAMPLE
+from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS
 
 SAMPLES, SLIPS = layout(at=(CONTACT_SAMPLE, MAX_CONTACTS)), layout(at=(SLIP, MAX_CONTACTS))
+MEMORY = layout(posture=("f8", MAX_JOINTS), e_previous=("f8", 3))
+GIVEN = layout(
+    gains=LAW_GAINS, samples=(CONTACT_SAMPLE, MAX_CONTACTS), slips=(SLIP, MAX_CONTACTS), reference=REFERENCE,
+    follow_error=("f8", 6), law=EVALUATION,
+)  # fmt: skip
 OBJECT_MOTION = layout(w_o=("f8", 3), r=("f8", 3), h_o=("f8", 6), a_o=("f8", 6))
 ATTITUDE = layout(
     error=("f8", 3), rate=("f8", 3), Theta=("f8", 3), T_e=("f8", (3, 3)), T_e_inverse=("f8", (3, 3)),
@@ -29,14 +35,11 @@ ATTITUDE = layout(
 )  # fmt: skip
 
 
-@kernel(VOID(*[IN1] * 11, OUT1))
-def run_law(
-    config, gains, arm, samples, follow_error, e_previous, slips, reference, q, qd, posture, evaluation
-) -> None:
+@kernel(VOID(*[IN1] * 4, OUT1))
+def run_law(config, arm, sample, memory, given) -> None:
     evaluate(
-        record(config, LAW_CONFIG), record(gains, LAW_GAINS), record(arm, ARM), record(samples, SAMPLES).at,
-        follow_error, e_previous, record(slips, SLIPS).at, record(reference, REFERENCE), q, qd, posture,
-        record(evaluation, EVALUATION),
+        record(config, LAW_CONFIG), record(arm, ARM), record(sample, JOINT_SAMPLE), record(memory, MEMORY),
+        record(given, GIVEN),
     )  # fmt: skip
 
 

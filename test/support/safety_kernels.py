@@ -27,7 +27,7 @@ from slip_vic_controller.safety.latency import LATENCY, SLIP_LATENCY
 from slip_vic_controller.safety.limit_avoidance import MOTION_LIMITS, avoid_limits
 from slip_vic_controller.safety.modes import MODE, MODE_POLICY, Findings, begin_modes, next_mode
 from slip_vic_controller.safety.reasons import REASON, put_reason, read_reason
-from slip_vic_controller.safety.validation import SLIP_QUEUE, vector_validity
+from slip_vic_controller.safety.validation import JOINT_SAMPLE, SLIP_QUEUE, vector_validity
 
 FINDINGS = layout(missing=REASON, fault=REASON, hold=REASON, degraded=REASON)
 ARBITRATED = layout(fault=REASON, hold=REASON, degraded=REASON, level=WHOLE)
@@ -97,13 +97,13 @@ def run_drop_detection(config, axes, state, arm, law, reference, dt) -> None:
     )  # fmt: skip
 
 
-@kernel(VOID(IN1, IN1, IN1, INT, IN1, IN1, IN1, IN1, REAL, BOOL, OUT1))
-def run_hold(config, state, arm, n, pad, q, qd, r_pad, late_s, carries, torque) -> None:
+@kernel(VOID(IN1, IN1, IN1, IN1, IN1, IN1, REAL, BOOL, OUT1))
+def run_hold(config, state, arm, sample, pad, r_pad, late_s, carries, torque) -> None:
     """pad: attitude of the pad in the object, by rows; (9,)."""
-    hold.hold_effort(
-        record(config, HOLD_CONFIG), record(state, HOLD), record(arm, ARM), n, mat(pad.reshape(3, 3)), q, qd,
-        vec(r_pad), late_s, carries, torque,
-    )  # fmt: skip
+    c, s, a = record(config, HOLD_CONFIG), record(state, HOLD), record(arm, ARM)
+    hold.hold_effort(c, s, a, record(sample, JOINT_SAMPLE), mat(pad.reshape(3, 3)), vec(r_pad), late_s, torque)
+    if carries:
+        hold.carry_load(c, s, a, vec(r_pad), torque)
 
 
 @kernel(VOID(IN1, OUT1, IN1, IN1, IN1, REAL))

@@ -105,6 +105,7 @@ def recover(bag_path: Path, output: Path | None, compression: str) -> None:
 @click.option("--flush-period", type=click.FloatRange(0.0), default=1.0, show_default=True, help="[s]")
 @click.option("--min-free-mib", type=click.IntRange(0), default=64, show_default=True, help="stop below so much space")
 def record(
+    *,
     topics: tuple[str, ...],
     output: Path | None,
     everything: bool,
@@ -182,6 +183,7 @@ def record(
 @click.option("--wait-for-subscribers", is_flag=True, help="start when every topic has a subscriber")
 @click.option("--disable-keyboard-controls", is_flag=True)
 def play(
+    *,
     bag_path: Path,
     rate: float,
     loop: bool,

@@ -67,6 +67,7 @@ def cli() -> None:
 @click.option("--awake/--no-awake", default=True, help="keep the cores from sleeping; default: yes")
 @click.option("--one-process", is_flag=True, help="bridge and controller in one process; topics stay real")
 def run(
+    *,
     scenario: str,
     kind: ControllerKind,
     mode: Mode,

@@ -59,7 +59,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     _fill_modes(config, params)
     _fill_limits(config, safety, robot, params.control_period_s)
     _fill_drop(config.drop, params)
-    _fill_hold(config.hold, params)
+    _fill_hold(config.hold, params, len(robot.joint_names))
     _fill_governor(config.governor, params)
     buffer.setflags(write=False)
     return buffer
@@ -145,8 +145,9 @@ def _fill_drop(drop: Any, params: ControllerParams) -> None:
     drop.evidence = safety.fallback.evidence
 
 
-def _fill_hold(hold: Any, params: ControllerParams) -> None:
+def _fill_hold(hold: Any, params: ControllerParams, joints: int) -> None:
     safety, share = params.safety, 1.0 / (len(params.contacts.position) // 3)
+    hold.joints = joints
     hold.stiffness, hold.damping, hold.load_s = safety.hold_stiffness, safety.hold_damping, safety.hold_load_s
     hold.mass = share * params.object.mass
     hold.inertia[:] = share * inertia_from_six(params.object.inertia, "parameter object.inertia")

@@ -66,7 +66,7 @@ from slip_vic_controller.safety.effort_limiter import (
     start_limiter,
 )
 from slip_vic_controller.safety.faults import Fault, Input
-from slip_vic_controller.safety.hold import HOLD, HOLD_CONFIG, hold_effort, update_load_error
+from slip_vic_controller.safety.hold import HOLD, HOLD_CONFIG, carry_load, hold_effort, update_load_error
 from slip_vic_controller.safety.latency import (
     LATENCY,
     SLIP_LATENCY,
@@ -344,14 +344,14 @@ def _hold(c: Any, s: Any, i: Any, o: Any, wrench_good: bool) -> None:
         s.hold.posture[:n] = sample.position[:n]
         s.hold.load_error[:] = 0.0
     dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
-    carries = not (s.mode.reason.cause == Cause.CANNOT_CARRY and s.mode.reason.prefix == 0)
     pad = pad_rotation(c.law.contact[0], law.slips[0])
     r = contact_arm(pad, vec(c.law.contact[0].position), c.law.contact[0], law.slips[0])
     if wrench_good:
         measured = spatial(s.wrench_inputs[0].values)
         update_load_error(c.hold, s.hold, i.arm, r, measured, dt_ns * 1e-9)
-    late_s = s.latency.most_ns * 1e-9
-    hold_effort(c.hold, s.hold, i.arm, n, pad, sample.position, sample.velocity, r, late_s, carries, o.wanted)
+    hold_effort(c.hold, s.hold, i.arm, sample, pad, r, s.latency.most_ns * 1e-9, o.wanted)
+    if not (s.mode.reason.cause == Cause.CANNOT_CARRY and s.mode.reason.prefix == 0):
+        carry_load(c.hold, s.hold, i.arm, r, o.wanted)
     law.start_ns += dt_ns
     _keep_joints(c, s, i)
     s.path.scale, s.path.rate = 0.0, 0.0
@@ -452,14 +452,11 @@ def evaluate_law(c: Any, s: Any, history: Array, i: Any, o: Any, slip_unknown: b
     if not _reference(c, s, o):
         return Cause.BAD_REFERENCE.value
     integrate_slips(c.law, o.samples, law.slips, dt, o.slips)
-    evaluate(
-        c.law, o.gains, i.arm, o.samples, o.follow_error, law.e_previous, o.slips, o.reference, sample.position,
-        sample.velocity, law.posture, o.law,
-    )  # fmt: skip
+    evaluate(c.law, i.arm, sample, law, o)
     if governed:
         factor = guard(c, s, i.arm, o)
         if factor < 1.0:
-            scale_acceleration(c.law, i.arm, o.samples, sample, law.posture, factor, o.law)
+            scale_acceleration(c.law, i.arm, sample, law, factor, o)
     o.evaluated = o.law.ok
     return Cause.NONE.value if o.law.ok != 0 else Cause.NO_TORQUE.value
 

@@ -16,6 +16,7 @@ from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.safety.hold import EXCESS, HOLD, HOLD_CONFIG, LOAD_LEVER, SLOWEST
 from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.safety.validation import JOINT_SAMPLE
 from slip_vic_controller.safety_params import SafetyParams
 from slip_vic_controller.session import Controller
 from test.referees import hold_referee
@@ -50,11 +51,15 @@ class Random:
         self.arm.M[:n, :n], self.arm.J[:, :n] = root @ root.T, rng.standard_normal((6, n))
         self.arm.rotation[:], self.arm.gravity[:n] = exponential(rng.standard_normal(3)), rng.standard_normal(n)
         self.pad, self.r_pad = exponential(rng.standard_normal(3)), 0.3 * rng.standard_normal(3)
-        self.q, self.qd = rng.standard_normal((2, n))
+        self.sample_buffer = new(JOINT_SAMPLE)
+        sample = record(self.sample_buffer, JOINT_SAMPLE)
+        self.q, self.qd = sample.position[:n], sample.velocity[:n]
+        self.q[:], self.qd[:] = rng.standard_normal((2, n))
+        self.config.joints = n
 
     def torque(self, late_s: float, carries: bool) -> np.ndarray:
         out, (config, hold, arm) = np.empty(self.n), self.buffers
-        run_hold(config, hold, arm, self.n, self.pad.ravel(), self.q, self.qd, self.r_pad, late_s, carries, out)
+        run_hold(config, hold, arm, self.sample_buffer, self.pad.ravel(), self.r_pad, late_s, carries, out)
         return out
 
     def referee(self, late_s: float, carries: bool) -> np.ndarray:

@@ -56,6 +56,7 @@ def workers(command: click.decorators.FC) -> click.decorators.FC:
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the lottery")
 def study(
+    *,
     scenarios: str,
     sensors: str,
     estimators: str,

@@ -5,11 +5,11 @@ A cycle calls, in this order (all arguments are records by name, `samples` and `
     gains_at(ramp, stamp_ns, gains)                                                   # gains.py
     predict_motion(config, gains, arm, samples, slips, slip_twist, motion)            # only with an observer
     integrate_slips(config, samples, slips, dt, slips)                                # contact.py
-    evaluate(config, gains, arm, samples, follow_error, e_previous, slips, reference, q, qd, posture, evaluation)
+    evaluate(config, arm, sample, memory, given)
 
-with `samples[0].slip_twist` the slip velocity that the law shall use, measured or estimated; `slips` in `evaluate` are
-those of this cycle; `e_previous` is `evaluation.e[3:]` of the last one (zeros at first), for its branch; `follow_error`
-(6,) {ee} is what an observer adds to G^T a_o (zeros without). Nothing here knows of sensors, time or modes.
+with `given` a record that holds `gains`, `samples`, `slips` of this cycle, `reference`, `follow_error` (6,) {ee}, which
+an observer adds to G^T a_o (zeros without), and `law`, the EVALUATION to fill; `samples[0].slip_twist` is the slip
+velocity that the law shall use, measured or estimated. Nothing here knows of sensors, time or modes.
 """
 
 from __future__ import annotations
@@ -164,31 +164,22 @@ def control_law(
 
 
 @part
-def evaluate(
-    config: Any,
-    gains: Any,
-    arm: Any,
-    samples: Any,
-    follow_error: Array,
-    e_previous: Array,
-    slips: Any,
-    reference: Any,
-    q: Array,
-    qd: Array,
-    posture: Array,
-    evaluation: Any,
-) -> None:
+def evaluate(config: Any, arm: Any, sample: Any, memory: Any, given: Any) -> None:
     """Fill an EVALUATION: the law, the joint torque, and the effort inside its limits.
 
     Args:
-        config, gains, arm, samples, follow_error, e_previous, slips, reference: as of `control_law`.
-        q, qd, posture: joint state, and posture of the null space; [rad], [rad/s], [rad].
-        evaluation: EVALUATION.
+        config, arm: LAW_CONFIG, ARM.
+        sample: position and velocity of the joints; [rad], [rad/s].
+        memory: posture of the null space [rad], and e_previous, for the branch of the orientation error: its value one
+            cycle earlier, `evaluation.e[3:]` (zeros at first) [rad].
+        given: gains, samples, follow_error, slips, reference, as of `control_law`, and law: the EVALUATION.
 
     Implements: Eq. (21), (28), (29), the whole law.
     """
-    law = control_law(config, gains, arm, samples, follow_error, e_previous, slips, reference)
-    solved, damping_squared = joint_torque(config, arm, law.a_C, samples, q, qd, posture, evaluation.torque)
+    evaluation, samples, slips = given.law, given.samples, given.slips
+    law = control_law(config, given.gains, arm, samples, given.follow_error, memory.e_previous, slips, given.reference)
+    q, qd = sample.position, sample.velocity
+    solved, damping_squared = joint_torque(config, arm, law.a_C, samples, q, qd, memory.posture, evaluation.torque)
     finite = limit_effort(config, evaluation) and finite_memory(config, law, slips)
     evaluation.ok = solved and finite
     evaluation.near_singular_arm, evaluation.damping_squared = damping_squared > 0.0, damping_squared
@@ -199,19 +190,17 @@ def evaluate(
 
 
 @part
-def scale_acceleration(
-    config: Any, arm: Any, samples: Any, sample: Any, posture: Array, factor: float, evaluation: Any
-) -> None:
+def scale_acceleration(config: Any, arm: Any, sample: Any, memory: Any, factor: float, given: Any) -> None:
     """Command `factor` a_C instead of the a_C of an EVALUATION: torque and effort follow.
 
     Args:
-        config, arm, samples, posture, evaluation: as of `evaluate`.
-        sample: position and velocity of the joints.
+        config, arm, sample, memory, given: as of `evaluate`.
         factor: of a guard, in [0, 1].
     """
+    evaluation, q, qd = given.law, sample.position, sample.velocity
     a_C = factor * spatial(evaluation.a_C)
     put_spatial(evaluation.a_C, a_C)
-    solved, _ = joint_torque(config, arm, a_C, samples, sample.position, sample.velocity, posture, evaluation.torque)
+    solved, _ = joint_torque(config, arm, a_C, given.samples, q, qd, memory.posture, evaluation.torque)
     evaluation.ok = limit_effort(config, evaluation) and solved and evaluation.ok != 0
 
 

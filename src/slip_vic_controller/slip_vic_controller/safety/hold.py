@@ -17,8 +17,11 @@ EXCESS = 1.5  # times that the inertia in HOLD may be what is moved
 LOAD_LEVER = 0.1  # [m]: how far off the pad centre the unknown part of a load may pull
 SLOWEST = 0.45  # of the loop in slow motion: with the default gains no joint gives way under a load that slides
 
-HOLD_CONFIG = layout(stiffness=REAL, damping=REAL, load_s=REAL, mass=REAL, inertia=(REAL, (3, 3)), weight=(REAL, 3))
-"""stiffness [1/s^2], damping [1/s]: over the joint inertia; load_s: how fast the load is taken from the wrench [s];
+HOLD_CONFIG = layout(
+    joints=WHOLE, stiffness=REAL, damping=REAL, load_s=REAL, mass=REAL, inertia=(REAL, (3, 3)), weight=(REAL, 3)
+)
+"""joints in use; stiffness [1/s^2], damping [1/s]: over the joint inertia; load_s: how fast the load is taken from the
+wrench [s];
 mass [kg], inertia [kg m2], weight [N] {w}: of the object, of several contacts each carries its share."""
 HOLD = layout(known=WHOLE, posture=(REAL, MAX_JOINTS), load_error=(REAL, 6))
 """The posture that is kept [rad], and what is added to the model's load [N, N m] {ee}."""
@@ -95,7 +98,7 @@ def delay_margin(stiffness: float, damping: float, excess: float) -> float:
 
 
 @part
-def add_inertia_torque(config: Any, arm: Any, n: int, R_o: Mat, r: Vec, qdd: Array, torque: Array) -> None:
+def add_inertia_torque(config: Any, arm: Any, R_o: Mat, r: Vec, qdd: Array, torque: Array) -> None:
     """Add (M + J_o^T B_o J_o / 2) qdd to `torque` (n,): a joint acceleration with half of a rigidly held object in it.
 
     A wrist joint turns more of the object than of the arm, and the object may be held, slip or be gone. With half of it
@@ -104,13 +107,12 @@ def add_inertia_torque(config: Any, arm: Any, n: int, R_o: Mat, r: Vec, qdd: Arr
     Args:
         config: of HOLD.
         arm: its terms.
-        n: number of joints.
         R_o: attitude of the object.
         r: pad centre as seen from the object's centre of mass [m] {w}.
         qdd: (n,) [rad/s^2].
         torque: changed.
     """
-    a, w = Vec(0.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0)
+    n, a, w = config.joints, Vec(0.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0)
     for j in range(n):
         a = a + qdd[j] * Vec(arm.J[0, j], arm.J[1, j], arm.J[2, j])
         w = w + qdd[j] * Vec(arm.J[3, j], arm.J[4, j], arm.J[5, j])
@@ -128,32 +130,33 @@ def add_inertia_torque(config: Any, arm: Any, n: int, R_o: Mat, r: Vec, qdd: Arr
 
 @part
 def hold_effort(
-    config: Any, state: Any, arm: Any, n: int, pad: Mat, q: Array, qd: Array, r_pad: Vec, late_s: float,
-    carries: bool, torque: Array,
-) -> None:  # fmt: skip
-    """Write g + M (k (q_0 - q) - d qd) - J^T h to `torque`; with the inertia in it one stiffness suits all joints.
+    config: Any, state: Any, arm: Any, sample: Any, pad: Mat, r_pad: Vec, late_s: float, torque: Array
+) -> None:
+    """Write g + M (k (q_0 - q) - d qd) to `torque`; with the inertia in it one stiffness suits all joints.
 
     Args:
         config, state: of HOLD.
         arm: its terms.
-        n: number of joints.
+        sample: position and velocity of the joints; [rad], [rad/s].
         pad: attitude of the pad in the object.
-        q, qd: joint state; (n,) [rad], [rad/s].
         r_pad: pad centre as seen from the object's centre of mass [m] {ee}.
         late_s: how late joint states are [s].
-        carries: False where the object falls, and its load is none.
         torque: result; (n,) [N m].
     """
-    R = mat(arm.rotation)
-    r = R @ r_pad
     k, d = gains_for_delay(config.stiffness, config.damping, late_s)
-    h = R @ (object_load(config, R, r) + spatial(state.load_error))
     qdd = np.empty(MAX_JOINTS)
-    for j in range(n):
+    for j in range(config.joints):
         torque[j] = arm.gravity[j]
-        qdd[j] = k * (state.posture[j] - q[j]) - d * qd[j]
-    add_inertia_torque(config, arm, n, R @ pad.T(), r, qdd, torque)
-    if carries:
-        for j in range(n):
-            torque[j] -= arm.J[0, j] * h.linear.x + arm.J[1, j] * h.linear.y + arm.J[2, j] * h.linear.z
-            torque[j] -= arm.J[3, j] * h.angular.x + arm.J[4, j] * h.angular.y + arm.J[5, j] * h.angular.z
+        qdd[j] = k * (state.posture[j] - sample.position[j]) - d * sample.velocity[j]
+    R = mat(arm.rotation)
+    add_inertia_torque(config, arm, R @ pad.T(), R @ r_pad, qdd, torque)
+
+
+@part
+def carry_load(config: Any, state: Any, arm: Any, r_pad: Vec, torque: Array) -> None:
+    """Add -J^T h to `torque` (n,) [N m]: the load of an object that does not fall; arguments as of `hold_effort`."""
+    R = mat(arm.rotation)
+    h = R @ (object_load(config, R, R @ r_pad) + spatial(state.load_error))
+    for j in range(config.joints):
+        torque[j] -= arm.J[0, j] * h.linear.x + arm.J[1, j] * h.linear.y + arm.J[2, j] * h.linear.z
+        torque[j] -= arm.J[3, j] * h.angular.x + arm.J[4, j] * h.angular.y + arm.J[5, j] * h.angular.z
