@@ -85,7 +85,7 @@ def test_the_effort_is_the_referee_s() -> None:
 
 def test_at_rest_in_its_posture_it_is_gravity_and_load() -> None:
     case = Random(0, 7)
-    case.q, case.qd = np.array(case.hold.posture[:7]), np.zeros(7)
+    case.q[:], case.qd[:] = case.hold.posture[:7], 0.0
     np.testing.assert_array_equal(case.torque(0.0, False), case.arm.gravity[:7])
     R, r = case.arm.rotation, case.arm.rotation @ case.r_pad
     load = hold_referee.object_load(R, r, case.config.weight) + case.hold.load_error
