@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from slip_bringup.launcher import Launcher
-from slip_bringup.metrics import summarise
+from slip_bringup.metrics import summarise, summary_rows
 from slip_bringup.progress import run_progress
 from slip_bringup.recording import versions
 from slip_bringup.report import write_report
@@ -97,23 +97,10 @@ def comparison_table(scenario: str, runs: Mapping[str, Mapping[str, Any]]) -> Ta
         table.add_column(name, justify="right")
     table.add_column("classical / vic", justify="right")
 
-    def row(label: str, values: list[float], pattern: str, *, ratio: bool = False) -> None:
-        text = f"{values[0] / values[1]:.1f}" if ratio and values[1] > 0.0 else ""
-        table.add_row(escape(label), *(pattern.format(value) for value in values), text)
-
-    def column(key: str) -> list[Any]:
-        return [run[key] for run in runs.values()]
-
-    row("slip at the end [mm]", [1e3 * v for v in column("slip_linear_m")], "{:.2f}", ratio=True)
-    row("slip at the end [deg]", [float(np.degrees(v)) for v in column("slip_angular_rad")], "{:.2f}", ratio=True)
-    row("peak slip [mm]", [1e3 * v for v in column("slip_linear_peak_m")], "{:.2f}", ratio=True)
-    row("peak slip speed [mm/s]", [1e3 * v for v in column("slip_speed_peak_m_s")], "{:.1f}", ratio=True)
-    row("tracking rms [mm]", [1e3 * float(np.linalg.norm(v[:3])) for v in column("tracking_rms")], "{:.2f}")
-    row("tracking rms [deg]", [float(np.degrees(np.linalg.norm(v[3:]))) for v in column("tracking_rms")], "{:.2f}")
-    row("final error [mm]", [1e3 * float(np.linalg.norm(v[:3])) for v in column("final_error")], "{:.3f}")
-    row("final error [deg]", [float(np.degrees(np.linalg.norm(v[3:]))) for v in column("final_error")], "{:.3f}")
-    row("arrives after [s]", column("arrival_s"), "{:.2f}")
-    row("peak effort [N m]", column("effort_peak_nm"), "{:.1f}")
-    row("ticks", column("ticks"), "{:d}")
-    row("simulated / wall time", column("real_time_factor"), "{:.2f}")
+    for row in summary_rows(list(runs.values())):
+        first, second = row.values[:2]
+        ratio = f"{first / second:.1f}" if row.key.startswith("slip_") and second > 0.0 else ""
+        table.add_row(escape(row.label), *row.texts, ratio)
+    table.add_row("ticks", *(f"{run['ticks']:d}" for run in runs.values()), "")
+    table.add_row("simulated / wall time", *(f"{run['real_time_factor']:.2f}" for run in runs.values()), "")
     return table

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -46,3 +48,45 @@ def arrival_s(series: RunSeries) -> float:
         return math.nan
     first = 0 if near.all() else int(np.flatnonzero(~near)[-1]) + 1
     return float(series.law_time[first])
+
+
+@dataclass(frozen=True, slots=True)
+class SummaryRow:
+    """One row of a table that compares runs: its numbers in the unit of its label, and as they are shown."""
+
+    key: str
+    label: str
+    values: tuple[float, ...]
+    texts: tuple[str, ...]
+
+
+def summary_rows(runs: Sequence[Mapping[str, Any]]) -> list[SummaryRow]:
+    """Return what tables show of some runs, each as `summarise` returns it."""
+    return [
+        SummaryRow(key, label, values, tuple(pattern.format(value) for value in values))
+        for key, label, number, pattern in _ROWS
+        for values in [tuple(number(run) for run in runs)]
+    ]
+
+
+def _number(key: str, scale: float = 1.0) -> Callable[[Mapping[str, Any]], float]:
+    return lambda run: scale * float(run[key])
+
+
+def _size(key: str, part: slice, scale: float) -> Callable[[Mapping[str, Any]], float]:
+    return lambda run: scale * float(np.linalg.norm(run[key][part]))
+
+
+_DEG = 180.0 / math.pi
+_ROWS: tuple[tuple[str, str, Callable[[Mapping[str, Any]], float], str], ...] = (
+    ("slip_linear_m", "slip at the end [mm]", _number("slip_linear_m", 1e3), "{:.2f}"),
+    ("slip_angular_rad", "slip at the end [deg]", _number("slip_angular_rad", _DEG), "{:.2f}"),
+    ("slip_linear_peak_m", "peak slip [mm]", _number("slip_linear_peak_m", 1e3), "{:.2f}"),
+    ("slip_speed_peak_m_s", "peak slip speed [mm/s]", _number("slip_speed_peak_m_s", 1e3), "{:.1f}"),
+    ("tracking_mm", "tracking rms [mm]", _size("tracking_rms", slice(0, 3), 1e3), "{:.2f}"),
+    ("tracking_deg", "tracking rms [deg]", _size("tracking_rms", slice(3, 6), _DEG), "{:.2f}"),
+    ("final_mm", "final error [mm]", _size("final_error", slice(0, 3), 1e3), "{:.3f}"),
+    ("final_deg", "final error [deg]", _size("final_error", slice(3, 6), _DEG), "{:.3f}"),
+    ("arrival_s", "arrives after [s]", _number("arrival_s"), "{:.2f}"),
+    ("effort_peak_nm", "peak effort [N m]", _number("effort_peak_nm"), "{:.1f}"),
+)

@@ -1,0 +1,1 @@
+// `slip-vic watch` sends the same model without frames, then frames; see live.py.

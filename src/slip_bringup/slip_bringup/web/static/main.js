@@ -1,0 +1,122 @@
+// The page: build everything from the model, then show one frame after the other.
+
+const READOUTS = [["slip_mm", "slip", "mm"], ["slip_deg", "turned", "deg"], ["slip_speed", "slip speed", "mm/s"], ["error_mm", "tracking error", "mm"]];
+
+function problem(text) {
+  const place = document.getElementById("problem");
+  place.textContent = text;
+  place.hidden = false;
+}
+
+function seriesOf(model, name, run, arm) {
+  const plot = model.plots.find((found) => found.name === name);
+  return plot?.variants[0].series.find((series) => series.run === run && series.arm === arm)?.values;
+}
+
+function runCard(model, run, number) {
+  const card = document.createElement("article");
+  card.className = "run";
+  card.dataset.run = run.label;
+  card.style.setProperty("--colour", `var(--run-${number % 6})`);
+  card.innerHTML = `<h2><span class="label"></span><span class="mode"></span></h2><div class="views"><canvas class="arm" role="img"></canvas></div>`;
+  card.querySelector(".label").textContent = run.label;
+  const views = card.querySelector(".views"), readouts = [];
+  run.arms.forEach((arm, k) => {
+    const canvas = document.createElement("canvas");
+    canvas.className = "grasp";
+    canvas.setAttribute("role", "img");
+    views.append(canvas);
+    const list = document.createElement("dl");
+    list.className = "readouts";
+    for (const [name, label, unit] of READOUTS) {
+      const values = seriesOf(model, name, number, k);
+      if (!values) continue;
+      const term = document.createElement("dt"), text = document.createElement("dd"), value = document.createElement("span"), small = document.createElement("small");
+      term.textContent = run.arms.length > 1 ? `${label}, ${arm.name}` : label;
+      small.textContent = ` ${unit}`;
+      value.dataset.value = name;
+      text.append(value, small);
+      const pair = document.createElement("div");
+      pair.append(text, term);
+      list.append(pair);
+      readouts.push({ values, value });
+    }
+    card.append(list);
+  });
+  document.getElementById("runs").append(card);
+  const say = (frame) => {
+    for (const { values, value } of readouts) value.textContent = shown(values[frame]);
+    const modes = run.arms[0].modes.filter(([from]) => from <= model.time[frame] + 1e-6);
+    card.querySelector(".mode").textContent = modes.length ? modes[modes.length - 1][1] : "";
+    const text = `${run.label} at ${model.time[frame].toFixed(2)} s: ` + [...card.querySelectorAll(".readouts > div")].map((pair) => `${pair.children[1].textContent} ${pair.children[0].textContent}`).join(", ");
+    for (const canvas of views.children) canvas.setAttribute("aria-label", text);
+  };
+  return { arm: views.querySelector(".arm"), grasp: [...views.querySelectorAll(".grasp")], say };
+}
+
+function largest(model) { // slip speed of all runs, which the longest arrow stands for [m/s]
+  let most = 0;
+  for (const run of model.runs) {
+    for (const arm of run.arms) {
+      for (let i = 0; i < 6 * model.count; i += 6) {
+        const speed = Math.hypot(arm.slip[i], arm.slip[i + 1], arm.slip[i + 2]);
+        if (speed > most) most = speed;
+      }
+    }
+  }
+  return most;
+}
+
+function build(model) {
+  const cards = model.runs.map((run, number) => runCard(model, run, number));
+  const fastest = largest(model);
+  let views = null, scenes = [], asked = false, frame = 0;
+  const draw = () => {
+    asked = false;
+    for (const scene of scenes) scene.show(frame);
+    views?.draw();
+    document.body.dataset.frame = frame;
+  };
+  const redraw = () => { if (!asked) { asked = true; requestAnimationFrame(draw); } };
+  const show = (next) => {
+    frame = next;
+    for (const card of cards) card.say(frame);
+    plots?.show(frame);
+    redraw();
+  };
+  let plots = null;
+  const player = new Player(model, show);
+  try {
+    scenes = model.runs.map((_, number) => new RunScene(model, number, fastest));
+    views = new Views(scenes, cards, redraw);
+    for (const scene of scenes) { scene.follow(0, model.count); scene.paint(); }
+    views.fit();
+  } catch (error) {
+    views = null;
+    scenes = [];
+    problem(`No 3D pictures: ${error.message}. Plots and numbers are complete. (Is WebGL switched off?)`);
+  }
+  const toggle = startTheme(() => {
+    for (const scene of scenes) scene.paint();
+    plots?.repaint();
+    redraw();
+  });
+  player.onReset = () => views?.reset();
+  player.onTheme = toggle;
+  player.limits();
+  player.go(player.end);
+  draw();
+  plots = new Plots(model, document.getElementById("plots"), (t) => { player.pause(); player.go(t); });
+  plots.show(frame);
+  new ResizeObserver(redraw).observe(document.getElementById("runs"));
+  document.body.dataset.ready = performance.now().toFixed(0);
+  return { player, plots, scenes, views, redraw };
+}
+
+async function main() {
+  const model = unpack(await inflate(document.getElementById("data").textContent));
+  model.count = model.time.length;
+  build(model);
+}
+
+main().catch((error) => { console.error(error); problem(`This page cannot be shown: ${error.message}`); });

@@ -1,0 +1,163 @@
+// One WebGL context draws every picture; each picture is a plain canvas on the page, so that they scroll with it.
+
+const START = { azimuth: -0.9, height: 0.5, zoom: 1 };
+
+class Renderer {
+  constructor() {
+    this.gl = new THREE.WebGLRenderer({ antialias: true, alpha: true, preserveDrawingBuffer: true });
+    this.gl.setPixelRatio(1);
+  }
+
+  draw(canvas, scene, camera) {
+    const ratio = Math.min(2, window.devicePixelRatio || 1);
+    const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
+    if (!width || !height) return null;
+    if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
+    const size = this.gl.getSize(new THREE.Vector2());
+    if (size.x !== width || size.y !== height) this.gl.setSize(width, height, false);
+    this.gl.render(scene, camera);
+    const pen = canvas.getContext("2d");
+    pen.clearRect(0, 0, width, height);
+    pen.drawImage(this.gl.domElement, 0, 0);
+    return { pen, width, height, ratio };
+  }
+}
+
+class Views {
+  constructor(scenes, canvases, redraw) {
+    this.scenes = scenes;
+    this.canvases = canvases; // per run: {arm, grasp: [one per arm]}
+    this.redraw = redraw;
+    this.view = { ...START };
+    this.camera = new THREE.PerspectiveCamera(32, 1, 0.05, 20);
+    this.camera.up.set(0, 0, 1);
+    this.close = new THREE.OrthographicCamera(-1, 1, 1, -1, -0.6, 0.6);
+    this.close.layers.set(GRASP);
+    this.close.matrixAutoUpdate = false;
+    this.renderer = new Renderer();
+    for (const pair of canvases) this.turnable(pair.arm);
+  }
+
+  fit() { // every run is seen with the same camera: it looks at all of them
+    const box = new THREE.Box3();
+    for (const scene of this.scenes) {
+      for (const own of scene.arms) {
+        for (const link of own.robot.links) box.expandByPoint(new THREE.Vector3().setFromMatrixPosition(link.matrixWorld));
+        for (const point of own.walked.points) box.expandByPoint(point);
+      }
+      if (scene.object) box.expandByPoint(scene.object.position);
+    }
+    box.expandByScalar(0.1);
+    this.target = box.getCenter(new THREE.Vector3());
+    this.radius = 0.5 * box.getSize(new THREE.Vector3()).length();
+    const seen = new THREE.Box2();
+    let half = 0.03;
+    for (const scene of this.scenes) {
+      for (const own of scene.arms) {
+        if (!own.known) continue;
+        seen.union(own.ways);
+        half = Math.max(half, 0.5 * own.span);
+      }
+    }
+    const middle = seen.isEmpty() ? new THREE.Vector2() : seen.getCenter(new THREE.Vector2());
+    const room = seen.isEmpty() ? new THREE.Vector2() : seen.getSize(new THREE.Vector2());
+    this.grasps = { span: 1.25 * half + 0.5 * Math.max(room.x, room.y), x: middle.x, y: middle.y };
+    const reach = new THREE.Vector3();
+    let count = 0;
+    for (const scene of this.scenes) for (const own of scene.arms) if (own.walked.points.length) { reach.add(own.walked.points[own.walked.points.length >> 1]); count++; }
+    this.facing = count ? Math.atan2(reach.y, reach.x) : 0;
+  }
+
+  draw() {
+    this.scenes.forEach((scene, i) => {
+      this.drawArm(scene, this.canvases[i].arm);
+      scene.arms.forEach((own, k) => this.drawGrasp(scene, own, this.canvases[i].grasp[k]));
+    });
+  }
+
+  drawArm(scene, canvas) {
+    const { azimuth, height, zoom } = this.view;
+    const aspect = Math.max(0.1, canvas.clientWidth / Math.max(1, canvas.clientHeight));
+    const half = Math.atan(Math.tan((this.camera.fov * Math.PI) / 360) * Math.min(1, aspect));
+    const distance = (0.72 * this.radius) / Math.sin(half) / zoom;
+    const angle = this.facing + azimuth;
+    this.camera.aspect = aspect;
+    this.camera.position.set(Math.cos(angle) * Math.cos(height), Math.sin(angle) * Math.cos(height), Math.sin(height)).multiplyScalar(distance).add(this.target);
+    this.camera.lookAt(this.target);
+    this.camera.updateProjectionMatrix();
+    this.renderer.draw(canvas, scene.scene, this.camera);
+  }
+
+  drawGrasp(scene, own, canvas) {
+    if (!canvas.clientWidth) return;
+    const aspect = canvas.clientWidth / Math.max(1, canvas.clientHeight);
+    const { span, x, y } = this.grasps;
+    const [w, h] = aspect > 1 ? [span * aspect, span] : [span, span / aspect];
+    Object.assign(this.close, { left: -w, right: w, top: h, bottom: -h });
+    this.close.updateProjectionMatrix();
+    // Pad frame: x approach, z normal. Seen against the normal that points up, approach upwards in the picture.
+    const up = own.up ?? 1;
+    const local = new THREE.Matrix4().makeBasis(new THREE.Vector3(0, -up, 0), new THREE.Vector3(1, 0, 0), new THREE.Vector3(0, 0, up));
+    local.setPosition(x, y, 0.3 * up);
+    this.close.matrix.multiplyMatrices(own.robot.tip.matrixWorld, local);
+    this.close.matrixWorldNeedsUpdate = true;
+    const drawn = this.renderer.draw(canvas, scene.scene, this.close);
+    if (drawn) this.scale(drawn, drawn.width / (2 * w));
+  }
+
+  scale({ pen, height, ratio }, pixels) { // a bar of 20 mm
+    const length = 0.02 * pixels, x = 10 * ratio, y = height - 10 * ratio;
+    pen.strokeStyle = pen.fillStyle = colour("ink");
+    pen.lineWidth = 2 * ratio;
+    pen.beginPath();
+    pen.moveTo(x, y - 4 * ratio); pen.lineTo(x, y); pen.lineTo(x + length, y); pen.lineTo(x + length, y - 4 * ratio);
+    pen.stroke();
+    pen.font = `${11 * ratio}px system-ui, sans-serif`;
+    pen.fillText("20 mm", x + length + 6 * ratio, y + ratio);
+  }
+
+  reset() {
+    Object.assign(this.view, START);
+    this.redraw();
+  }
+
+  turnable(canvas) {
+    const fingers = new Map();
+    let spread = 0;
+    const turn = (dx, dy) => {
+      this.view.azimuth -= 0.008 * dx;
+      this.view.height = Math.min(1.5, Math.max(-0.2, this.view.height + 0.008 * dy));
+      this.redraw();
+    };
+    const closer = (factor) => {
+      this.view.zoom = Math.min(12, Math.max(0.4, this.view.zoom * factor));
+      this.redraw();
+    };
+    canvas.tabIndex = 0;
+    canvas.addEventListener("pointerdown", (event) => { fingers.set(event.pointerId, event); canvas.setPointerCapture(event.pointerId); });
+    canvas.addEventListener("pointermove", (event) => {
+      const before = fingers.get(event.pointerId);
+      if (!before) return;
+      fingers.set(event.pointerId, event);
+      if (fingers.size === 1) return turn(event.clientX - before.clientX, event.clientY - before.clientY);
+      const [a, b] = [...fingers.values()];
+      const apart = Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
+      if (spread) closer(apart / spread);
+      spread = apart;
+    });
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (event) => { fingers.delete(event.pointerId); spread = 0; });
+    canvas.addEventListener("wheel", (event) => {
+      if (!event.ctrlKey && document.activeElement !== canvas) return; // the page scrolls
+      event.preventDefault();
+      closer(Math.exp(-0.002 * event.deltaY));
+    }, { passive: false });
+    canvas.addEventListener("dblclick", () => this.reset());
+    canvas.addEventListener("keydown", (event) => {
+      const step = { ArrowLeft: [-20, 0], ArrowRight: [20, 0], ArrowUp: [0, 20], ArrowDown: [0, -20] }[event.key];
+      if (!step) return;
+      event.preventDefault();
+      event.stopPropagation();
+      turn(...step);
+    });
+  }
+}
