@@ -8,7 +8,7 @@ setup(
     name=NAME,
     version="0.1.0",
     packages=find_packages(),
-    package_data={NAME: ["py.typed"]},
+    package_data={NAME: ["py.typed"], f"{NAME}.web": ["static/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -30,6 +30,8 @@ setup(
         "pyyaml",
         "rich",
         "scipy",
+        "trimesh",
+        "uplot-python",
     ],
     extras_require={"test": ["pytest"], "cluster": ["ray"]},
     zip_safe=False,

@@ -16,6 +16,7 @@ from slip_bringup import __version__
 from slip_bringup.arm.cli import arm
 from slip_bringup.replay.cli import references, verify
 from slip_bringup.study.cli import check, merge, study
+from slip_bringup.web.cli import report
 
 if TYPE_CHECKING:
     from slip_bringup.scenario import ControllerKind, Mode
@@ -124,7 +125,7 @@ def run(
 def demo(
     scenario: str, out: Path, seed: int, assignments: tuple[str, ...], urdf: Path | None, domain_id: int | None
 ) -> None:
-    """Compare classical and variable impedance on one scenario: table, summary.json, report.png, bags."""
+    """Compare classical and variable impedance on one scenario: table, report.html, summary.json, report.png, bags."""
     from slip_bringup.demo import run_demo
     from slip_bringup.scenario import urdf_assignment
 
@@ -153,6 +154,7 @@ cli.add_command(arm)
 cli.add_command(bag)
 cli.add_command(check)
 cli.add_command(merge)
+cli.add_command(report)
 cli.add_command(study)
 
 

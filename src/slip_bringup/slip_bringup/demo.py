@@ -1,15 +1,16 @@
-"""The demo: one scenario under classical, variable and governed impedance, over DDS: table, summary and picture."""
+"""The demo: one scenario under classical, variable and governed impedance, over DDS: table, summary, page, picture."""
 
 from __future__ import annotations
 
 import json
 import os
+import shlex
 import shutil
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args
 
-import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -21,6 +22,7 @@ from slip_bringup.recording import versions
 from slip_bringup.report import write_report
 from slip_bringup.scenario import ControllerKind, load_scenario
 from slip_bringup.series import RunSeries, read_series
+from slip_bringup.web.page import write_page
 from slip_core.errors import InputError
 
 ORDER: tuple[ControllerKind, ...] = ("classical", "vic", "governed")
@@ -29,7 +31,7 @@ ORDER: tuple[ControllerKind, ...] = ("classical", "vic", "governed")
 def run_demo(
     scenario: str, out: Path, seed: int, assignments: tuple[str, ...], domain: int | None, console: Console
 ) -> dict[str, Any]:
-    """Run all controllers, write ``summary.json``, ``report.png`` and the bags into `out`, return the summary.
+    """Run all controllers, write page, ``summary.json``, ``report.png`` and the bags into `out`, return the summary.
 
     Nothing is written into `out` before all runs are complete: bags are recorded beside it and moved in.
 
@@ -60,13 +62,21 @@ def run_demo(
                 }
         summary = {"scenario": loaded["vic"].name, "seed": seed, "versions": versions(), "runs": runs}
         write_report(staging / "report.png", f"{loaded['vic'].name}: {loaded['vic'].description}", series)
+        write_page(
+            staging / "report.html",
+            {kind: staging / kind for kind in ORDER},
+            command=shlex.join(["slip-vic", *sys.argv[1:]]),
+            title=loaded["vic"].name,
+            description=loaded["vic"].description,
+        )
         (staging / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         _move_in(staging, out)
     finally:
         shutil.rmtree(staging, ignore_errors=True)
     console_out = Console()
     console_out.print(comparison_table(loaded["vic"].name, runs))
-    console_out.print(f"summary: {out / 'summary.json'}\npicture: {out / 'report.png'}", soft_wrap=True)
+    files = {"page": "report.html", "summary": "summary.json", "picture": "report.png"}
+    console_out.print("\n".join(f"{what}: {out / name}" for what, name in files.items()), soft_wrap=True)
     return summary
 
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from slip_bags.reader import Bag
+from slip_bags.series import Series
 from slip_core.arrays import Array
 from slip_core.errors import InputError
-from slip_core.stamps import stamp_to_ns
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -48,55 +48,55 @@ def read_series(path: Path) -> RunSeries:
         InputError: where the bag lacks a topic that a run has.
     """
     with Bag(path) as bag:
-        truth = _messages(bag, "slip_truth")
-        odometry = _messages(bag, "object_state")
-        efforts = [message for message in _messages(bag, "effort_command") if len(message.effort)]
-        scalars = _messages(bag, "controller/scalars")
-        ee_pose = _messages(bag, "controller/ee_pose")[0].pose
-    start_ns = stamp_to_ns(truth[0].header.stamp)
-    object_position = np.array([_xyz(m.pose.pose.position) for m in odometry])
-    object_rotation = Rotation.from_quat([_xyzw(m.pose.pose.orientation) for m in odometry]).as_matrix()
-    object_twist = np.array([[*_xyz(m.twist.twist.linear), *_xyz(m.twist.twist.angular)] for m in odometry])
+        truth = _series(bag, "slip_truth")
+        odometry = _series(bag, "object_state")
+        commands = _series(bag, "effort_command")
+        scalars = _series(bag, "controller/scalars")
+        ee_pose = _series(bag, "controller/ee_pose")
+    start_ns = _stamps(truth)[0]
+    object_position = _columns(odometry, "pose.pose.position.", "xyz")
+    object_rotation = Rotation.from_quat(_columns(odometry, "pose.pose.orientation.", "xyzw")).as_matrix()
+    twist = [_columns(odometry, f"twist.twist.{part}.", "xyz") for part in ("linear", "angular")]
     # {p} is {ee} at the first tick, fixed in the object from then on.
     R_0 = object_rotation[0]
-    o_x_p = R_0.T @ (np.array(_xyz(ee_pose.position)) - object_position[0])
-    o_R_p = R_0.T @ Rotation.from_quat(_xyzw(ee_pose.orientation)).as_matrix()
+    o_x_p = R_0.T @ (_columns(ee_pose, "pose.position.", "xyz")[0] - object_position[0])
+    o_R_p = R_0.T @ Rotation.from_quat(_columns(ee_pose, "pose.orientation.", "xyzw")[0]).as_matrix()
     lever = object_rotation @ o_x_p
-    linear = np.einsum("nij,nj->ni", object_rotation, object_twist[:, :3])
-    angular = np.einsum("nij,nj->ni", object_rotation, object_twist[:, 3:])
-    names = list(scalars[0].name)
-    table = np.array([m.position for m in scalars])
+    linear, angular = (np.einsum("nij,nj->ni", object_rotation, part) for part in twist)
+    names = [str(name) for name in scalars["name"][0]]
+    table = scalars["position"]
     return RunSeries(
         time=_times(truth, start_ns),
-        slip_displacement=np.array([m.position for m in truth]),
-        slip_velocity=np.array([m.velocity for m in truth]),
+        slip_displacement=truth["position"],
+        slip_velocity=truth["velocity"],
         grasp_position=object_position + lever,
         grasp_rotation=object_rotation @ o_R_p,
         grasp_twist=np.hstack([linear + np.cross(angular, lever), angular]),
-        effort=np.array([m.effort for m in efforts]),
+        effort=np.array([row for row in commands["effort"] if len(row)]),
         law_time=_times(scalars, start_ns),
         law={name: table[:, i] for i, name in enumerate(names)},
     )
 
 
-def _messages(bag: Bag, topic: str) -> list[Any]:
+def _series(bag: Bag, topic: str) -> Series:
     full = next((name for name in bag.topics if name.rstrip("/").endswith(f"/{topic.lstrip('/')}")), None)
-    found = [message.value for message in bag.messages(full)] if full else []
-    if not found:
+    found = bag.series(full) if full else None
+    if found is None or not found.count:
         raise InputError(f"bag {bag.path}", got=f"no message on {topic}", expected="a recorded run of this suite")
     return found
 
 
-def _times(messages: list[Any], start_ns: int) -> Array:
-    return np.array([(stamp_to_ns(m.header.stamp) - start_ns) * 1e-9 for m in messages])
+def _stamps(series: Series) -> NDArray[np.int64]:
+    assert series.stamp_ns is not None, "every topic here has a header"
+    return series.stamp_ns
 
 
-def _xyz(value: Any) -> tuple[float, float, float]:
-    return value.x, value.y, value.z
+def _times(series: Series, start_ns: int) -> Array:
+    return np.array((_stamps(series) - start_ns) * 1e-9)
 
 
-def _xyzw(value: Any) -> tuple[float, float, float, float]:
-    return value.x, value.y, value.z, value.w
+def _columns(series: Series, prefix: str, parts: str) -> Array:
+    return np.stack([series[prefix + part] for part in parts], axis=1)
 
 
 def rotation_angle_about(rotations: Array, axis: Array) -> Array:

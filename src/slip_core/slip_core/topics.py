@@ -41,6 +41,7 @@ _TABLE = (
     Topic("lockstep_tick", "std_msgs/msg/Int64MultiArray", "bridge", "lockstep only: tick, stamp (sec, nsec), then wrench and slip samples published so far per contact"),
     Topic("/clock", "rosgraph_msgs/msg/Clock", "bridge", "simulation time"),
     Topic("robot_description", "std_msgs/msg/String", "bridge", "URDF of the arm", latched=True),
+    Topic("object_description", "std_msgs/msg/String", "bridge", "URDF of the grasped object: one link `object`, for display", latched=True),
     Topic("grip_force", "std_msgs/msg/Float64", "user", "grip force for the simulated gripper [N]", depth=10),
     Topic("reference", "trajectory_msgs/msg/MultiDOFJointTrajectory", "user", "desired pose, twist and acceleration of `ee` in `world`: one point per message", depth=10),
     Topic("effort_command", "sensor_msgs/msg/JointState", "controller", "joint efforts [N m] with the positions and velocities they answer, stamped as that joint state"),

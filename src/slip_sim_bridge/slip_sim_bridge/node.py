@@ -32,7 +32,7 @@ from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare
 from slip_sim_bridge import pacing
 from slip_sim_bridge.pacing import Pacer
-from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.params import BridgeParams, object_urdf
 from slip_sim_bridge.session import BridgeSession, TickOutputs
 
 PROGRESS_EVERY_S = 0.1
@@ -101,6 +101,8 @@ class SlipSimBridge(LastResort, Node):
         self._send_timing = None if self._lockstep else create_sender(self, "bridge/timing", timing)
         self._pub_urdf = create_publisher(self, "robot_description")
         self._pub_urdf.publish(to_msgs.string(urdf))
+        self._pub_object = create_publisher(self, "object_description")
+        self._pub_object.publish(to_msgs.string(object_urdf(self.params)))
         self._sub_command = create_receiver(
             self,
             "effort_command",

@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
-from slip_core.grasp_params import ArmParams, ContactParams, ObjectParams
+from slip_core.grasp_params import ArmParams, ContactParams, ObjectParams, Three
 from slip_core.params import ParameterModel, parameter
 from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.sensors.params import SensorsParams
@@ -38,11 +38,28 @@ class HoldParams(ParameterModel):
     damping: float = parameter(40.0, "joint damping over joint inertia while holding", unit="1/s", ge=0.0)
 
 
+class DisplayParams(ParameterModel):
+    """How the object is drawn; nothing here changes a result."""
+
+    object_size: Three = parameter(
+        (0.18, 0.14, 0.014),
+        "edges of the box about the centre of mass, on the object's axes, that stands for the object in every picture",
+        unit="m",
+    )
+
+    @model_validator(mode="after")
+    def _positive(self) -> Self:
+        if min(self.object_size) <= 0.0:
+            raise ValueError(f"object_size is {list(self.object_size)}; every edge must be longer than 0")
+        return self
+
+
 class BridgeParams(ArmParams):
     """Everything the bridge can be told: the simulation, and how the node runs."""
 
     object: ObjectParams = ObjectParams()
     contacts: ContactParams = ContactParams()
+    display: DisplayParams = DisplayParams()
     initial_position: tuple[float, ...] = parameter(
         (-0.6, -0.6, 0.4, -2.3, 1.6, 1.6, -0.8), "joint positions at the start and after a reset", unit="rad"
     )
@@ -95,3 +112,23 @@ class BridgeParams(ArmParams):
     def control_period_ns(self) -> int:
         """The control period on the integer clock [ns]."""
         return round(self.control_period_s * _CLOCK_TICKS_PER_S)
+
+
+def object_urdf(params: BridgeParams) -> str:
+    """Return the object as a URDF of one link, `object`, in its display size: for RViz, Foxglove and rerun."""
+    x, y, z = params.display.object_size
+    ixx, iyy, izz, ixy, ixz, iyz = params.object.inertia
+    return f"""<?xml version="1.0"?>
+<robot name="object">
+  <link name="object">
+    <inertial>
+      <mass value="{params.object.mass!r}"/>
+      <inertia ixx="{ixx!r}" iyy="{iyy!r}" izz="{izz!r}" ixy="{ixy!r}" ixz="{ixz!r}" iyz="{iyz!r}"/>
+    </inertial>
+    <visual>
+      <geometry><box size="{x!r} {y!r} {z!r}"/></geometry>
+      <material name="object"><color rgba="0.91 0.86 0.75 1"/></material>
+    </visual>
+  </link>
+</robot>
+"""

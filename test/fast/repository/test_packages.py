@@ -34,13 +34,17 @@ LIBRARIES = {
     "pydantic": ("pydantic", "python3-pydantic"),
     "rich": ("rich", "python3-rich"),
     "scipy": ("scipy", "python3-scipy"),
+    "trimesh": ("trimesh", None),
+    "uplot": ("uplot-python", None),
     "yaml": ("pyyaml", "python3-yaml"),
     "zstandard": ("zstandard", None),
 }
-# What a package loads without an import statement: message classes by name, the Parquet engine of pandas.
+# What a package loads without an import statement: message classes by name, the Parquet engine of pandas, the script
+# inside of a wheel.
 UNSEEN = {
     "slip_msgs_py": {row.type.partition("/")[0] for row in TOPICS.values()},
     "slip_bags": {"pyarrow"},
+    "slip_bringup": {"uplot"},
 }
 
 

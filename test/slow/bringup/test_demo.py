@@ -54,4 +54,5 @@ def test_picture_and_table(demo: tuple[Path, str]) -> None:
     assert (out / "report.png").read_bytes().startswith(PNG_HEAD)
     assert "slip at the end [mm]" in text
     assert "classical / vic" in text
-    assert sorted(path.name for path in out.iterdir()) == ["classical", "governed", "report.png", "summary.json", "vic"]
+    files = ["classical", "governed", "report.html", "report.png", "summary.json", "vic"]
+    assert sorted(path.name for path in out.iterdir()) == files

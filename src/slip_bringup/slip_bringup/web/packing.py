@@ -1,6 +1,6 @@
 """Text and arrays as one block of bytes: a JSON header that refers to the arrays behind it, gzipped.
 
-    uint32 length of the header | header, UTF-8, filled with spaces to a multiple of 4 | the arrays, little endian
+uint32 length of the header | header, UTF-8, filled with spaces to a multiple of 4 | the arrays, little endian
 """
 
 from __future__ import annotations

@@ -20,7 +20,17 @@ from slip_bringup.web.scripts import three, uplot
 from slip_core.errors import InputError
 
 STATIC: Final = importlib.resources.files(__package__) / "static"
-MODULES: Final = ("data.js", "colours.js", "robot.js", "scene.js", "views.js", "plots.js", "player.js", "live.js", "main.js")
+MODULES: Final = (
+    "data.js",
+    "colours.js",
+    "robot.js",
+    "scene.js",
+    "views.js",
+    "plots.js",
+    "player.js",
+    "live.js",
+    "main.js",
+)
 """In the order in which the page runs them: each uses what stands before it."""
 
 

@@ -55,7 +55,9 @@ def describe_plots(runs: Sequence[Run], packer: Packer) -> list[dict[str, Any]]:
     if any(np.isfinite(arm.efforts).any() for _, _, arm in arms):
         share = _variant("most loaded joint", "% of limit", [(n, p, _share(arm)) for n, p, arm in arms], packer)
         joints = [
-            _variant(arms[0][2].joint_names[joint], "N m", [(n, p, arm.efforts[:, joint]) for n, p, arm in arms], packer)
+            _variant(
+                arms[0][2].joint_names[joint], "N m", [(n, p, arm.efforts[:, joint]) for n, p, arm in arms], packer
+            )
             for joint in range(min(arm.efforts.shape[1] for _, _, arm in arms))
         ]
         described.insert(-1, _described(Plot(EFFORT, "joint effort", ""), [share, *joints]))

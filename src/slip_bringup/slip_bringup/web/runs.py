@@ -10,7 +10,6 @@ from typing import Any, Final
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from slip_bags.reader import Bag
 from slip_bags.series import Series
@@ -340,5 +339,3 @@ def thinned(points: Array, distance: float = 2e-3) -> Array:
     walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     keep = np.unique(np.searchsorted(walked, np.arange(0.0, walked[-1], distance)))
     return points[np.unique(np.append(keep, len(points) - 1))]
-
-

@@ -107,7 +107,12 @@ def _shape(shape: ET.Element, packer: Packer, missing: list[str]) -> dict[str, A
             missing.append(file)
             return None
         scale = _numbers(shape, "scale", (1.0, 1.0, 1.0))
-        return {"kind": "mesh", "size": scale, "points": packer.add(points), "faces": packer.add(faces.astype(np.uint32))}
+        return {
+            "kind": "mesh",
+            "size": scale,
+            "points": packer.add(points),
+            "faces": packer.add(faces.astype(np.uint32)),
+        }
     return None
 
 

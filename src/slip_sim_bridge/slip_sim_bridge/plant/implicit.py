@@ -21,6 +21,7 @@ from slip_sim_bridge.plant.model import (
     OBJECT,
     Divergence,
     add_pad,
+    add_scenery,
     arm_spec,
     compile_spec,
     effort_limits,
@@ -45,8 +46,10 @@ def build_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
     """
     spec = arm_spec(params, urdf_text)
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    grasped = add_pad(spec, params.ee_frame).add_body(name=OBJECT)
+    pad = add_pad(spec, params.ee_frame)
+    grasped = pad.add_body(name=OBJECT)
     set_object_inertia(grasped, params)
+    add_scenery(spec, params, pad, grasped)
     slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
     for name, kind, axis in zip(SLIP_JOINTS, (slide, slide, hinge), np.eye(3), strict=True):
         grasped.add_joint(name=name, type=kind, axis=axis)

@@ -32,6 +32,7 @@ from slip_sim_bridge.plant.model import (
     PAD,
     Divergence,
     add_pad,
+    add_scenery,
     arm_spec,
     compile_spec,
     effort_limits,
@@ -96,6 +97,9 @@ def build_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
             roller = f"{name}_roller_{k}"
             _add_geom(pad, roller, mujoco.mjtGeom.mjGEOM_SPHERE, [_TIP_RADIUS, 0, 0], [x, y, side * height])
             _add_pair(spec, roller, condim=1)
+    add_scenery(spec, params, pad, grasped)
+    for name in (OBJECT, *PAD_JOINTS):
+        spec.geom(name).group = 3  # what computes is not what is drawn
     return compile_spec(spec)
 
 

@@ -37,7 +37,7 @@ function runCard(model, run, number) {
       value.dataset.value = name;
       text.append(value, small);
       const pair = document.createElement("div");
-      pair.append(text, term);
+      pair.append(term, text);
       list.append(pair);
       readouts.push({ values, value });
     }
@@ -48,7 +48,7 @@ function runCard(model, run, number) {
     for (const { values, value } of readouts) value.textContent = shown(values[frame]);
     const modes = run.arms[0].modes.filter(([from]) => from <= model.time[frame] + 1e-6);
     card.querySelector(".mode").textContent = modes.length ? modes[modes.length - 1][1] : "";
-    const text = `${run.label} at ${model.time[frame].toFixed(2)} s: ` + [...card.querySelectorAll(".readouts > div")].map((pair) => `${pair.children[1].textContent} ${pair.children[0].textContent}`).join(", ");
+    const text = `${run.label} at ${model.time[frame].toFixed(2)} s: ` + [...card.querySelectorAll(".readouts > div")].map((pair) => `${pair.children[0].textContent} ${pair.children[1].textContent}`).join(", ");
     for (const canvas of views.children) canvas.setAttribute("aria-label", text);
   };
   return { arm: views.querySelector(".arm"), grasp: [...views.querySelectorAll(".grasp")], say };
@@ -86,6 +86,11 @@ function build(model) {
   };
   let plots = null;
   const player = new Player(model, show);
+  const toggle = startTheme(() => {
+    for (const scene of scenes) scene.paint();
+    plots?.repaint();
+    redraw();
+  });
   try {
     scenes = model.runs.map((_, number) => new RunScene(model, number, fastest));
     views = new Views(scenes, cards, redraw);
@@ -96,11 +101,6 @@ function build(model) {
     scenes = [];
     problem(`No 3D pictures: ${error.message}. Plots and numbers are complete. (Is WebGL switched off?)`);
   }
-  const toggle = startTheme(() => {
-    for (const scene of scenes) scene.paint();
-    plots?.repaint();
-    redraw();
-  });
   player.onReset = () => views?.reset();
   player.onTheme = toggle;
   player.limits();
@@ -116,7 +116,7 @@ function build(model) {
 async function main() {
   const model = unpack(await inflate(document.getElementById("data").textContent));
   model.count = model.time.length;
-  build(model);
+  window.slipPage = build(model); // for the browser's console, and for tests
 }
 
 main().catch((error) => { console.error(error); problem(`This page cannot be shown: ${error.message}`); });

@@ -20,7 +20,7 @@ class RunScene {
   }
 
   light() {
-    for (const light of [new THREE.HemisphereLight(0xffffff, 0x6b7280, 0.62), new THREE.DirectionalLight(0xffffff, 0.42), new THREE.DirectionalLight(0xffffff, 0.16)]) {
+    for (const light of [new THREE.HemisphereLight(0xffffff, 0x747b86, 0.8), new THREE.DirectionalLight(0xffffff, 0.46), new THREE.DirectionalLight(0xffffff, 0.2)]) {
       light.layers.enable(GRASP);
       this.scene.add(light);
       if (light.isDirectionalLight) light.position.set(...(light.intensity > 0.3 ? [1.2, -1.5, 2.5] : [-2, 2, 1]));

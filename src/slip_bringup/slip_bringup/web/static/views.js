@@ -1,6 +1,6 @@
 // One WebGL context draws every picture; each picture is a plain canvas on the page, so that they scroll with it.
 
-const START = { azimuth: -0.9, height: 0.5, zoom: 1 };
+const START = { azimuth: 0.3, height: 0.5, zoom: 1 };
 
 class Renderer {
   constructor() {
@@ -62,10 +62,18 @@ class Views {
     const middle = seen.isEmpty() ? new THREE.Vector2() : seen.getCenter(new THREE.Vector2());
     const room = seen.isEmpty() ? new THREE.Vector2() : seen.getSize(new THREE.Vector2());
     this.grasps = { span: 1.25 * half + 0.5 * Math.max(room.x, room.y), x: middle.x, y: middle.y };
-    const reach = new THREE.Vector3();
-    let count = 0;
-    for (const scene of this.scenes) for (const own of scene.arms) if (own.walked.points.length) { reach.add(own.walked.points[own.walked.points.length >> 1]); count++; }
-    this.facing = count ? Math.atan2(reach.y, reach.x) : 0;
+    this.facing = this.across();
+  }
+
+  across() { // the side from which the path is seen at its full length, and not from behind the arm
+    const points = this.scenes.flatMap((scene) => scene.arms.flatMap((own) => own.walked.points));
+    if (points.length < 2) return 0;
+    const base = this.scenes[0].arms[0].robot.root.position, first = points[0];
+    const far = points.reduce((best, point) => (point.distanceTo(first) > best.distanceTo(first) ? point : best), first);
+    const out = Math.atan2(far.y + first.y - 2 * base.y, far.x + first.x - 2 * base.x);
+    if (Math.hypot(far.x - first.x, far.y - first.y) < 0.05) return out;
+    const beside = Math.atan2(far.y - first.y, far.x - first.x) + Math.PI / 2;
+    return Math.cos(beside - out) >= 0 ? beside : beside + Math.PI;
   }
 
   draw() {
@@ -79,7 +87,7 @@ class Views {
     const { azimuth, height, zoom } = this.view;
     const aspect = Math.max(0.1, canvas.clientWidth / Math.max(1, canvas.clientHeight));
     const half = Math.atan(Math.tan((this.camera.fov * Math.PI) / 360) * Math.min(1, aspect));
-    const distance = (0.72 * this.radius) / Math.sin(half) / zoom;
+    const distance = (0.66 * this.radius) / Math.sin(half) / zoom;
     const angle = this.facing + azimuth;
     this.camera.aspect = aspect;
     this.camera.position.set(Math.cos(angle) * Math.cos(height), Math.sin(angle) * Math.cos(height), Math.sin(height)).multiplyScalar(distance).add(this.target);

@@ -1,0 +1,145 @@
+"""The demo's page in a real browser: from disk, without network; screenshots are kept in SLIP_VIC_ARTEFACTS."""
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page
+
+from slip_bags.reader import Bag
+from test.support.browser import address_of, browser_context, open_page
+
+MIDDLE_S = 0.9
+MOST_BYTES = 5_000_000
+POSITION_TOLERANCE_M = 1e-6  # poses are float32
+FRAME_S = 8.0 / 2000
+
+
+@pytest.fixture(scope="module")
+def opened(demo: tuple[Path, str]) -> Iterator[tuple[Page, list[str], Path]]:
+    with browser_context() as context:
+        page, errors = open_page(context, address_of(demo[0] / "report.html"))
+        yield page, errors, demo[0]
+
+
+def shot(page: Page, name: str, *, whole: bool = False) -> None:
+    folder = Path(os.environ.get("SLIP_VIC_ARTEFACTS", "out/screenshots"))
+    folder.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=folder / f"{name}.png", full_page=whole)
+
+
+def go(page: Page, time_s: float) -> None:
+    page.eval_on_selector("#slider", "(s, t) => { s.value = t; s.dispatchEvent(new Event('input')); }", time_s)
+    page.wait_for_function("t => Math.abs(window.slipPage.player.t - t) < 1e-9", arg=time_s)
+    frame = page.evaluate("window.slipPage.player.frameAt(window.slipPage.player.t)")
+    page.wait_for_function("frame => +document.body.dataset.frame === frame", arg=frame)
+
+
+def shown(page: Page, run: str, name: str) -> float:
+    return float(page.inner_text(f'.run[data-run="{run}"] [data-value="{name}"]'))
+
+
+def pixels(page: Page, selector: str) -> list[int]:
+    script = "c => Array.from(c.getContext('2d').getImageData(0, 0, c.width, c.height).data)"
+    return page.eval_on_selector(selector, script)
+
+
+def test_page_is_whole_small_and_without_errors(opened: tuple[Page, list[str], Path]) -> None:
+    page, errors, out = opened
+    assert errors == []
+    assert not page.is_visible("#problem")
+    assert (out / "report.html").stat().st_size < MOST_BYTES
+    assert [card.get_attribute("data-run") for card in page.query_selector_all(".run")] == [
+        "classical",
+        "vic",
+        "governed",
+    ]
+    names = {card.get_attribute("data-plot") for card in page.query_selector_all(".plot")}
+    assert {"slip_mm", "slip_deg", "slip_speed", "error_mm", "stiffness", "gate", "load", "effort", "mode"} <= names
+
+
+def test_numbers_at_the_end_are_those_of_the_summary(opened: tuple[Page, list[str], Path]) -> None:
+    page, _, out = opened
+    runs = json.loads((out / "summary.json").read_text())["runs"]
+    go(page, page.evaluate("window.slipPage.player.end"))
+    shot(page, "demo_end", whole=True)
+    table = page.eval_on_selector_all(
+        "#summary tr", "rows => rows.map(row => [...row.cells].map(cell => cell.innerText))"
+    )
+    rows = {row[0]: row[1:] for row in table}
+    for column, (name, run) in enumerate(runs.items()):
+        assert shown(page, name, "slip_mm") == round(1e3 * run["slip_linear_m"], 2)
+        assert shown(page, name, "slip_deg") == round(float(np.degrees(run["slip_angular_rad"])), 2)
+        assert rows["slip at the end [mm]"][column] == f"{1e3 * run['slip_linear_m']:.2f}"
+        assert rows["peak effort [N m]"][column] == f"{run['effort_peak_nm']:.1f}"
+
+
+def test_slider_moves_picture_and_numbers(opened: tuple[Page, list[str], Path]) -> None:
+    page, errors, out = opened
+    go(page, 0.0)
+    before = pixels(page, '.run[data-run="classical"] .grasp'), pixels(page, '.run[data-run="classical"] .arm')
+    assert all(len(set(picture)) > 50 for picture in before), "a blank picture"
+    assert shown(page, "classical", "slip_mm") == 0.0
+    go(page, MIDDLE_S)
+    shot(page, "demo_middle")
+    after = pixels(page, '.run[data-run="classical"] .grasp'), pixels(page, '.run[data-run="classical"] .arm')
+    assert all(a != b for a, b in zip(before, after, strict=True))
+    with Bag(out / "classical") as bag:
+        truth = bag.series("slip_truth")
+    row = int(np.searchsorted((truth.stamp_ns - truth.stamp_ns[0]) * 1e-9, MIDDLE_S - FRAME_S))
+    near = 1e3 * np.linalg.norm(truth["position"][row : row + 5, :3], axis=1)  # the frame is at most one step older
+    assert near.min() - 0.01 <= shown(page, "classical", "slip_mm") <= near.max() + 0.01
+    assert errors == []
+
+
+def test_the_drawn_arm_is_where_the_controller_says(opened: tuple[Page, list[str], Path]) -> None:
+    page, _, out = opened
+    with Bag(out / "vic") as bag:
+        poses = bag.series("controller/ee_pose")
+    last = poses.count - 1
+    go(page, float((poses.stamp_ns[last] - poses.stamp_ns[0]) * 1e-9) + FRAME_S)
+    drawn = page.evaluate("Array.from(window.slipPage.scenes[1].arms[0].robot.tip.matrixWorld.elements).slice(12, 15)")
+    recorded = [poses[f"pose.position.{axis}"][last] for axis in "xyz"]
+    np.testing.assert_allclose(drawn, recorded, atol=10 * POSITION_TOLERANCE_M)
+
+
+def test_keys_play_and_zoom(opened: tuple[Page, list[str], Path]) -> None:
+    page, errors, _ = opened
+    page.keyboard.press("Home")
+    assert page.evaluate("window.slipPage.player.t") == 0.0
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate("window.slipPage.player.t") == pytest.approx(0.02)
+    page.keyboard.press("Space")
+    page.wait_for_function("window.slipPage.player.t > 0.1")
+    page.keyboard.press("Space")
+    assert not page.evaluate("window.slipPage.player.playing")
+    limits = "window.slipPage.plots.all.map(own => [own.u.scales.x.min, own.u.scales.x.max])"
+    page.evaluate("window.slipPage.plots.all[0].u.setScale('x', {min: 1, max: 2})")
+    assert page.evaluate(limits) == [[1, 2]] * len(page.query_selector_all(".plot"))
+    page.keyboard.press("t")
+    assert page.get_attribute("html", "data-theme") == "dark"
+    assert errors == []
+
+
+SCREENS: dict[str, dict[str, Any]] = {
+    "laptop_dark": {"viewport": {"width": 1024, "height": 768}, "color_scheme": "dark"},
+    "phone": {
+        "viewport": {"width": 390, "height": 844},
+        "device_scale_factor": 2,
+        "is_mobile": True,
+        "has_touch": True,
+    },
+}
+
+
+@pytest.mark.parametrize("name", SCREENS)
+def test_page_fits_the_screen(demo: tuple[Path, str], name: str) -> None:
+    with browser_context(**SCREENS[name]) as context:
+        page, errors = open_page(context, address_of(demo[0] / "report.html"))
+        shot(page, name, whole=True)
+        assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+        assert errors == []
