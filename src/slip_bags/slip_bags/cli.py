@@ -126,10 +126,10 @@ def record(
     min_free_mib: int,
 ) -> None:
     """Record topics until Ctrl-C; QoS follows the publishers, topics may appear late."""
-    from slip_bags.listeners import Listener, TerminalListener
-    from slip_bags.record import RecordOptions
-    from slip_bags.record import record as run_recorder
-    from slip_bags.recorder import Selection
+    from slip_bags.recording.listeners import Listener, TerminalListener
+    from slip_bags.recording.record import RecordOptions
+    from slip_bags.recording.record import record as run_recorder
+    from slip_bags.recording.recorder import Selection
     from slip_bags.terminal import print_summary
     from slip_bags.writer import WriterOptions
     from slip_msgs_py.stop_flag import StopFlag
@@ -204,8 +204,8 @@ def play(
 
     Keys: space pause/resume, right arrow or s one message, up/down rate, q quit.
     """
-    from slip_bags.keyboard import TerminalControls, raw_keys, terminal
-    from slip_bags.player import Player, PlayOptions, wait_for_discovery
+    from slip_bags.playing.keyboard import TerminalControls, raw_keys, terminal
+    from slip_bags.playing.player import Player, PlayOptions, wait_for_discovery
     from slip_bags.reader import Bag
     from slip_bags.ros_node import request_realtime, ros_node
     from slip_msgs_py.stop_flag import StopFlag

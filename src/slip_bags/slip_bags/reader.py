@@ -26,8 +26,8 @@ from mcap_ros2.decoder import DecoderFactory
 
 from slip_bags.format import BagMetadata, FileInfo, TopicInfo, parse_metadata, parse_qos
 from slip_bags.layout import Schema
-from slip_bags.mcap_file import Entry, McapFile
 from slip_bags.series import Series
+from slip_bags.storage.mcap_file import Entry, McapFile
 from slip_core.errors import InputError, nearest
 
 _TIME = itemgetter(0)

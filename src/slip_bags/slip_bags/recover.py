@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from slip_bags.format import BagMetadata, TopicInfo, parse_metadata, parse_qos
-from slip_bags.salvage import Salvage, SalvagedMessage, salvage
+from slip_bags.storage.salvage import Salvage, SalvagedMessage, salvage
 from slip_bags.writer import BagWriter, WriterOptions
 from slip_core.errors import InputError
 

@@ -19,7 +19,7 @@ from typing import Final
 from mcap.records import Metadata
 
 from slip_bags.format import INFINITE_NS, BagMetadata, FileInfo, TopicInfo, metadata_text, qos_text
-from slip_bags.mcap_writer import COMPRESSIONS, Contents, McapWriter
+from slip_bags.storage.mcap_writer import COMPRESSIONS, Contents, McapWriter
 from slip_core.errors import InputError, SlipVicError
 
 LIBRARY: Final = "slip-vic bag"

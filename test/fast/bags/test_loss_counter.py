@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_bags.loss_counter import LossCounter
-from slip_bags.raw_subscription import Arrival
+from slip_bags.recording.loss_counter import LossCounter
+from slip_bags.recording.raw_subscription import Arrival
 
 
 def count(*numbers_and_times: tuple[int, int]) -> LossCounter:

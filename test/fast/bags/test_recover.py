@@ -14,7 +14,7 @@ from rosbags.highlevel import AnyReader
 
 from slip_bags.reader import Bag, RawMessage
 from slip_bags.recover import recover
-from slip_bags.salvage import Salvage, salvage
+from slip_bags.storage.salvage import Salvage, salvage
 from slip_bags.writer import WriterOptions
 from slip_core.errors import InputError
 from test.support.bag_maker import make_bag

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_bags.schedule import SLICE_NS, SPIN_NS, Schedule
+from slip_bags.playing.schedule import SLICE_NS, SPIN_NS, Schedule
 
 SECOND = 10**9
 ROUNDING_NS = 2  # two roundings to whole nanoseconds

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from slip_bags.listeners import Listener
+from slip_bags.recording.listeners import Listener
 from slip_bringup.launcher import Launcher
 from slip_bringup.scenario import load_scenario
 from slip_msgs_py import events

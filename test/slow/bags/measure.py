@@ -180,8 +180,8 @@ def writer(path: str, repeat: int) -> None:
     from mcap.records import Metadata
     from mcap.writer import CompressionType, Writer
 
-    from slip_bags.mcap_writer import CHUNK_BYTES, McapWriter
     from slip_bags.reader import Bag
+    from slip_bags.storage.mcap_writer import CHUNK_BYTES, McapWriter
 
     with Bag(path) as bag:
         messages = list(bag.raw())

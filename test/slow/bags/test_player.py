@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import WrenchStamped
 
-from slip_bags.raw_subscription import Arrival, RawSubscription, recording_qos
 from slip_bags.reader import Bag
+from slip_bags.recording.raw_subscription import Arrival, RawSubscription, recording_qos
 from slip_bags.ros_node import request_realtime
 from test.support.bag_maker import PERIOD_NS, START_NS, make_bag
 from test.support.ros import DEADLINE_S, wait_until

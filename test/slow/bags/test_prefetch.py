@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from slip_bags import player as player_module
-from slip_bags.prefetch import DEPTH, Prefetch
+from slip_bags.playing.prefetch import DEPTH, Prefetch
 from slip_core.errors import InputError
 
 
@@ -36,7 +36,7 @@ def test_closing_ends_the_thread():
 
 
 def test_bags_too_large_to_preload_are_played_the_same(ros_node, tmp_path, monkeypatch):
-    from slip_bags.player import Controls, Player, PlayOptions
+    from slip_bags.playing.player import Controls, Player, PlayOptions
     from slip_bags.reader import Bag
     from test.support.bag_maker import make_bag
 

@@ -15,8 +15,8 @@ from rosbags.highlevel import AnyReader
 from std_msgs.msg import String
 
 from slip_bags.format import QosProfile
-from slip_bags.raw_subscription import Arrival, RawSubscription, recording_qos
 from slip_bags.reader import Bag
+from slip_bags.recording.raw_subscription import Arrival, RawSubscription, recording_qos
 from slip_bags.recover import recover
 from slip_bags.typedefs import find_definition
 from slip_msgs_py.events import Failed, Ready, Status

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from rclpy.node import Node
 
 from slip_bags.format import QosProfile
-from slip_bags.raw_subscription import Arrival, RawSubscription, recording_qos
+from slip_bags.recording.raw_subscription import Arrival, RawSubscription, recording_qos
 
 OVERLAP_S: Final = 0.5  # old subscriptions stay this long after the last change
 MATCH_LIMIT_S: Final = 5.0  # and no longer than this where a publisher never matches

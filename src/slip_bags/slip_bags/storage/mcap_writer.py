@@ -37,7 +37,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from slip_bags.scan import MAGIC
+from slip_bags.storage.scan import MAGIC
 
 CHUNK_BYTES: Final = 786432  # rosbag2's chunk size
 LEVEL: Final = 3  # of zstd: its default

@@ -15,7 +15,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
 
-from slip_bags.scan import (
+from slip_bags.storage.scan import (
     DAMAGE,
     MAGIC,
     DamagedError,

@@ -12,7 +12,7 @@ import tty
 from collections.abc import Callable, Iterator
 from typing import Final, TextIO
 
-from slip_bags.player import RATE_STEP, Controls, Player
+from slip_bags.playing.player import RATE_STEP, Controls, Player
 
 _POLL_S: Final = 0.02
 _DRAW_S: Final = 0.2

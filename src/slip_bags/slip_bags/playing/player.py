@@ -20,9 +20,9 @@ from rosgraph_msgs.msg import Clock
 
 from slip_bags.format import TopicInfo
 from slip_bags.patterns import check_patterns
-from slip_bags.prefetch import Prefetch
+from slip_bags.playing.prefetch import Prefetch
+from slip_bags.playing.schedule import Schedule
 from slip_bags.reader import Bag
-from slip_bags.schedule import Schedule
 from slip_bags.typedefs import split_type_name
 from slip_core.errors import InputError
 

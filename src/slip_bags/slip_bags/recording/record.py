@@ -14,9 +14,9 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from slip_bags.listeners import Listener
 from slip_bags.provenance import provenance
-from slip_bags.recorder import POLL_S, Recorder, Selection
+from slip_bags.recording.listeners import Listener
+from slip_bags.recording.recorder import POLL_S, Recorder, Selection
 from slip_bags.ros_node import ros_node
 from slip_bags.writer import BagWriter, StorageError, WriterOptions
 

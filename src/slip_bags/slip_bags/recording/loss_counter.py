@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from slip_bags.raw_subscription import Arrival
+from slip_bags.recording.raw_subscription import Arrival
 
 
 class LossCounter:

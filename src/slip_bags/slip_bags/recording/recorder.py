@@ -19,10 +19,10 @@ from rclpy.node import Node
 from rclpy.type_hash import TypeHash
 
 from slip_bags.format import QosProfile, TopicInfo
-from slip_bags.loss_counter import LossCounter
 from slip_bags.patterns import check_patterns
-from slip_bags.raw_subscription import Arrival
-from slip_bags.subscription import Offer, TopicSubscription
+from slip_bags.recording.loss_counter import LossCounter
+from slip_bags.recording.raw_subscription import Arrival
+from slip_bags.recording.subscription import Offer, TopicSubscription
 from slip_bags.typedefs import MessageDefinition, find_definition, split_type_name
 from slip_bags.writer import BagWriter
 from slip_core.errors import InputError

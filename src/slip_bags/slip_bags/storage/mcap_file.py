@@ -20,7 +20,7 @@ from mcap.reader import FOOTER_SIZE, SeekingReader
 from mcap.records import Attachment, AttachmentIndex, Channel, Chunk, ChunkIndex, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from slip_bags.scan import DAMAGE, MAGIC, DamagedError, chunk_content
+from slip_bags.storage.scan import DAMAGE, MAGIC, DamagedError, chunk_content
 from slip_core.errors import InputError
 
 _HEAD: Final = struct.Struct("<BQ")

@@ -9,7 +9,7 @@ from rich.console import Console
 from slip_msgs_py.events import Ready, Status, emit, warn
 
 if TYPE_CHECKING:
-    from slip_bags.recorder import Recorder
+    from slip_bags.recording.recorder import Recorder
 
 
 class Listener:

@@ -1,0 +1,1 @@
+"""Play a bag on time: schedule, read-ahead, keys."""

@@ -1,0 +1,1 @@
+"""MCAP files: written, read by their index, and what can be saved of a damaged one."""
