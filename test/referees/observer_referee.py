@@ -27,6 +27,8 @@ class Tick:
     turn: np.ndarray
     drag: np.ndarray
     samples: list[tuple[int, tuple[float, ...]]] = field(default_factory=list)
+    contradicts: list[bool] = field(default_factory=list)
+    after: list[np.ndarray] = field(default_factory=list)
     x: np.ndarray | None = None
     P: np.ndarray | None = None
 
@@ -149,14 +151,51 @@ class ObserverReferee:
             first = min(first, k)
         self.x, self.P = self.history[first - 1].x, self.history[first - 1].P
         self._run(first)
+        if fresh and self._contradicted():
+            return
         P_vv = self.P[:, 0, 0]
         self.significance = float(np.sum(self.x[:, 0] ** 2 / (P_vv + self.floor_variance)))
         confirmed = np.all((self.P[:, 1, 1] < self.stick_P_bb) & (P_vv < self.stick_P_vv))
         self.quiet = self.quiet + 1 if confirmed and self.significance < self.config.nis_stick else 0
         if self.quiet >= self.config.dwell_ticks:
-            self._at_rest(*kalman.correct(self.x, self.P, np.zeros(len(self.x)), self.floor_variance))
-            self.sliding, self.quiet, self.since_ns = False, 0, tick.stamp_ns
-            self.sample_mean, self.history = np.zeros(len(self.x)), []
+            self._end_slip()
+
+    def _end_slip(self) -> None:
+        self._at_rest(*kalman.correct(self.x, self.P, np.zeros(len(self.x)), self.floor_variance))
+        self.sliding, self.quiet, self.since_ns = False, 0, self.stamp_ns
+        self.sample_mean, self.history = np.zeros(len(self.x)), []
+
+    def _contradicted(self) -> bool:
+        """Believe the three newest samples where all contradict the estimate; return whether they say rest."""
+        newest = [(k, i) for k, tick in enumerate(self.history) for i in range(len(tick.samples))][-3:]
+        if len(newest) < 3 or not all(self.history[k].contradicts[i] for k, i in newest):
+            return False
+        values = np.array([self.history[k].samples[i][1] for k, i in newest])
+        rest = np.sum(values.sum(axis=0) ** 2 / (3 * self.measurement_variance)) < self.config.nis_slip
+        if rest:
+            self._end_slip()
+            self.P = self._model_unknown(np.zeros(len(self.x)))
+            return True
+        k, i = newest[0]
+        z, tick = values[0], self.history[k]
+        linear = self.axes < 3
+        read = np.where(linear, np.any(z[linear]), np.any(z[~linear]))
+        band = np.where(read, 0.0, self.dead_band)
+        self.x = tick.after[i].copy()
+        self.x[:, 0] = z
+        first = self.x
+        self.P = self._model_unknown(self.measurement_variance + band**2)
+        tick.samples = tick.samples[i:]
+        self._take_samples(tick, 1)
+        tick.contradicts, tick.after = [True, *tick.contradicts], [first, *tick.after]
+        tick.x, tick.P, self.history = self.x, self.P, self.history[k:]
+        self._run(1)
+        return False
+
+    def _model_unknown(self, P_vv) -> np.ndarray:
+        P = np.zeros((len(self.axes), 3, 3))
+        P[:, 0, 0], P[:, 1, 1], P[:, 2, 2] = P_vv, self.prior_P_bb, self.prior_P_cc
+        return P
 
     def _run(self, first: int) -> None:
         for tick in self.history[first:]:
@@ -164,9 +203,14 @@ class ObserverReferee:
             q_v, q_b = self.process_variance, self.drift_variance
             self.x, self.P = kalman.predict(self.x, self.P, step, tick.force, tick.dt, q_v, q_b)
             self._oppose(tick)
-            for sample in tick.samples:
-                self._correct(np.array(sample[1]))
+            self._take_samples(tick, 0)
             tick.x, tick.P = self.x, self.P
+
+    def _take_samples(self, tick: Tick, first: int) -> None:
+        tick.contradicts, tick.after = [], []
+        for _, values in tick.samples[first:]:
+            tick.contradicts.append(self._correct(np.array(values)))
+            tick.after.append(self.x)
 
     def _oppose(self, tick: Tick) -> None:
         """Friction opposes slip: v is on the side of d, and along it."""
@@ -186,15 +230,21 @@ class ObserverReferee:
         x[k], P[k] = kalman.correct(x[k], P[k], max(along, 0.0) * d[k], R)
         self.x, self.P = x, P
 
-    def _correct(self, z) -> None:
+    def _correct(self, z) -> bool:
+        """Take a sample in; return whether it contradicts the estimate."""
         x, P = self.x.copy(), self.P.copy()
+        beyond = False
         for half in (self.axes < 3, self.axes >= 3):
             dead = not np.any(z[half])
             for k in np.flatnonzero(half):
                 R = self.measurement_variance[k]
+                band = self.dead_band[k] if dead else 0.0
+                excess = max(abs(z[k] - x[k, 0]) - band, 0.0)
+                beyond = beyond or excess**2 > self.config.outlier_deviations**2 * (P[k, 0, 0] + R)
                 if dead and self.dead_band[k] > 0.0:
                     x[k], P[k] = kalman.correct_within(x[k], P[k], self.dead_band[k], R)
                 else:
                     R = kalman.robust_variance(x[k], P[k], z[k], R, self.config.outlier_deviations)
                     x[k], P[k] = kalman.correct(x[k], P[k], z[k], np.asarray(R))
         self.x, self.P = x, P
+        return beyond

@@ -63,11 +63,9 @@ def too_fast(limits: Any, names: tuple[str, ...], qd: Array, twist: Array) -> st
 # -- drop detection -----------------------------------------------------------------------------------
 
 
-def fall_speed(
-    down: Array, memory_s: float, speed: float, beyond: Array, P: Array, slipping: float, dt: float
-) -> float:
-    """Return the speed gained along `down` in the directions of slip, from `speed` before; P projects on these."""
-    return max(0.0, speed * math.exp(-dt / memory_s) + slipping * float(down @ P @ beyond) * dt)
+def fall_speed(down: Array, speed: float, beyond: Array, P: Array, slipping: float, dt: float) -> float:
+    """Return the speed `beyond` the reference along `down` in the directions of slip, `speed` before; P projects."""
+    return float(np.clip(slipping * (down @ P @ beyond), 0.0, speed + 5.0 * dt))
 
 
 def slip_evidence(evidence: Array, change: Array, carried: Array, P: Array, dt: float) -> Array:
@@ -153,7 +151,7 @@ def arbitrate(
         fast_since = now_ns if memory.too_fast_ns is None else memory.too_fast_ns
         fault = fastest if now_ns - fast_since > 5_000_000 else ""
     if not fault and memory.fall_speed > config.drop.drop_speed:
-        fault = f"friction cannot carry the load: it has gained {memory.fall_speed:.2f} m/s of fall"
+        fault = f"the object falls: it slips, and moves down {memory.fall_speed:.2f} m/s faster than the reference"
     if outside == Fault.FOREIGN_COMMAND:
         fault = fault or describe_fault(Input.EFFORT_COMMAND, outside)
         return Verdict(fault, "", "", level, since, fast_since)

@@ -12,6 +12,7 @@ from slip_vic_controller.law import attitude, contact, impedance, rotation, torq
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.contact import CONTACT, CONTACT_SAMPLE, SLIP
 from slip_vic_controller.law.gains import GAINS, LAW_GAINS, RAMP, gains_at
+from slip_vic_controller.law.giving_up import GIVEN_UP, GIVING_UP, judge_compensation
 from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG, evaluate, predict_motion
 from slip_vic_controller.law.object import object_motion
 from slip_vic_controller.law.symbols import ESTIMATE, SYMBOLS, no_symbols, symbols
@@ -33,6 +34,13 @@ ATTITUDE = layout(
     error=("f8", 3), rate=("f8", 3), Theta=("f8", 3), T_e=("f8", (3, 3)), T_e_inverse=("f8", (3, 3)),
     near_singular="i8",
 )  # fmt: skip
+
+
+@kernel(VOID(IN1, OUT1, OUT1, IN1, REAL, REAL))
+def run_giving_up(config, state, gains, v_s, error, dt) -> None:
+    judge_compensation(
+        record(config, GIVING_UP), record(state, GIVEN_UP), record(gains, GAINS), spatial(v_s), error, dt
+    )
 
 
 @kernel(VOID(*[IN1] * 4, OUT1))

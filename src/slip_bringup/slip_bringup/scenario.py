@@ -49,6 +49,9 @@ BOUNDED: dict[str, Any] = {"gains.spin": "bounded"}
 goes, loses the object with a single control period of delay (docs/sensors.md), and can ask for more than the arm has
 (docs/safety.md)."""
 
+GOVERNED: dict[str, Any] = {"governor.mode": "slow_down", "gains.spin": "bounded", "gains.give_up": True}
+"""Of the controller that is governed: the law below it bounds spin, and gives the compensation up where it fails."""
+
 
 class ScenarioFile(ParameterModel):
     """The file's outer form; the inner values are checked by the nodes' own parameter models."""
@@ -137,7 +140,7 @@ def load_scenario(
     values["bridge"]["duration_s"] = outer.duration_s
     values["controller"]["controller"] = "vic" if controller == "governed" else controller
     if controller == "governed":
-        values["controller"]["governor.mode"] = "slow_down"
+        values["controller"] |= GOVERNED
     for node in values.values():
         node["mode"] = mode
     if mode == "realtime" or controller == "governed":

@@ -10,6 +10,7 @@ import numpy as np
 from slip_core.arrays import Array, inertia_from_six
 from slip_core.errors import InputError
 from slip_core.records import new, record
+from slip_core.sensor_params import SlipSensorModel
 from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.law.gains import gain_report, make_law_gains
@@ -36,6 +37,8 @@ LEAST_SLIP_M_S, NOISE_DEVIATIONS = 5e-5, 6.0
 """What counts as slip: a speed, and so many standard deviations of a sample."""
 QUIET_S = 0.05
 """Without slip for so long, it holds again."""
+QUANTISED_REPEATS = 5
+"""How many times as long a sensor with a quantum may repeat a reading before it counts as frozen."""
 
 
 def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Array:
@@ -53,9 +56,11 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     _copy(config, "gains", gains, config.gains.dtype)
     if params.slip_estimator == "observer":
         _copy(config, "observer", observer_config(params), OBSERVER_CONFIG)
+    config.giving_up.on, config.giving_up.longest_s = int(params.gains.give_up), params.gains.give_up_after_s
+    config.giving_up.error = params.gains.give_up_error_m
     safety = params.safety
     _fill_cycle(config.cycle, params, len(robot.joint_names))
-    _fill_inputs(config, safety.inputs, robot, lockstep=lockstep)
+    _fill_inputs(config, safety.inputs, params.slip_sensor, robot, lockstep=lockstep)
     _fill_modes(config, params)
     _fill_limits(config, safety, robot, params.control_period_s)
     _fill_drop(config.drop, params)
@@ -86,7 +91,7 @@ def _fill_cycle(cycle: Any, params: ControllerParams, joints: int) -> None:
     cycle.k_s_adapts, cycle.k_s_margin = int(params.gains.k_s_mode != "fixed"), params.gains.k_s_margin
 
 
-def _fill_inputs(config: Any, inputs: InputParams, robot: Robot, *, lockstep: bool) -> None:
+def _fill_inputs(config: Any, inputs: InputParams, sensor: SlipSensorModel, robot: Robot, *, lockstep: bool) -> None:
     n, joint, limits = len(robot.joint_names), inputs.joint, config.joint
     limits.lower[:n], limits.upper[:n] = (
         robot.position_lower - joint.position_slack,
@@ -98,6 +103,8 @@ def _fill_inputs(config: Any, inputs: InputParams, robot: Robot, *, lockstep: bo
     limits.accept_after = 1 if lockstep else inputs.accept_after
     _fill_vector(config.wrench, inputs, inputs.wrench, (inputs.wrench.force, inputs.wrench.torque), zero_is_normal=0)
     _fill_vector(config.slip, inputs, inputs.slip, (inputs.slip.linear, inputs.slip.angular), zero_is_normal=1)
+    if sensor.quantum_linear > 0.0:  # a slip that changes by less than a quantum reads the same
+        config.slip.frozen_ns *= QUANTISED_REPEATS
 
 
 def _fill_vector(
@@ -140,7 +147,7 @@ def _fill_drop(drop: Any, params: ControllerParams) -> None:
     safety, g = params.safety, math.hypot(*params.gravity)
     if g > 0.0:  # without gravity nothing falls
         drop.down[:] = np.array(params.gravity) / g
-    drop.drop_speed, drop.memory_s = safety.load.drop_speed, safety.load.memory_s
+    drop.drop_speed = safety.load.drop_speed
     drop.error_linear, drop.error_angular = safety.limits.error_linear, safety.limits.error_angular
     drop.evidence = safety.fallback.evidence
 

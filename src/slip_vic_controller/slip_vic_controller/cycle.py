@@ -25,6 +25,7 @@ from slip_vic_controller.governing import (
     govern,
     governed_reference,
     guard,
+    held,
     put_governed,
     rest_on_path,
 )
@@ -37,8 +38,10 @@ from slip_vic_controller.law.contact import (
     contact_arm,
     integrate_slips,
     pad_rotation,
+    slip_velocity,
 )
 from slip_vic_controller.law.gains import LAW_GAINS, RAMP, gains_at
+from slip_vic_controller.law.giving_up import GIVEN_UP, GIVING_UP, judge_compensation, start_giving_up
 from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG, evaluate, predict_motion, scale_acceleration
 from slip_vic_controller.law.symbols import ESTIMATE, SYMBOLS, no_symbols, symbols
 from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE
@@ -119,9 +122,9 @@ slow_down_s: time in which the path comes to rest; start_s: of the trajectory; k
 measured delays."""
 
 CONFIG = layout(
-    law=LAW_CONFIG, gains=LAW_GAINS, path=PATH, observer=OBSERVER_CONFIG, cycle=CYCLE_CONFIG, joint=JOINT_LIMITS,
-    wrench=VECTOR_LIMITS, slip=VECTOR_LIMITS, modes=MODE_POLICY, arbitration=ARBITRATION, drop=DROP_DETECTION,
-    motion=MOTION_LIMITS, effort=EFFORT_LIMITS, hold=HOLD_CONFIG, governor=GOVERNOR_CONFIG,
+    law=LAW_CONFIG, gains=LAW_GAINS, giving_up=GIVING_UP, path=PATH, observer=OBSERVER_CONFIG, cycle=CYCLE_CONFIG,
+    joint=JOINT_LIMITS, wrench=VECTOR_LIMITS, slip=VECTOR_LIMITS, modes=MODE_POLICY, arbitration=ARBITRATION,
+    drop=DROP_DETECTION, motion=MOTION_LIMITS, effort=EFFORT_LIMITS, hold=HOLD_CONFIG, governor=GOVERNOR_CONFIG,
 )  # fmt: skip
 """All that does not change while the controller runs."""
 
@@ -129,9 +132,11 @@ LAW_STATE = layout(
     known=WHOLE, stamp_ns=WHOLE, start_ns=WHOLE, start_position=(REAL, 3), start_rotation=(REAL, (3, 3)),
     posture=(REAL, MAX_JOINTS), position=(REAL, MAX_JOINTS), gravity=(REAL, MAX_JOINTS), e_previous=(REAL, 3),
     slips=(SLIP, MAX_CONTACTS), ramp=RAMP, slip_latency=SLIP_LATENCY, held=WHOLE, late=WHOLE, k_s_limit=REAL,
+    given_up=GIVEN_UP,
 )  # fmt: skip
 """What the law needs of the past. stamp_ns: of the last joint state; start_*: origin of the trajectory; position,
-gravity: the last finite joint position and g there; held, late, k_s_limit: delays in cycles, and the k_s for them."""
+gravity: the last finite joint position and g there; held, late, k_s_limit: delays in cycles, and the k_s for them;
+given_up: whether the compensation is."""
 
 STATE = layout(
     cycles=WHOLE, begun=WHOLE, now_ns=WHOLE, outside=WHOLE, joint=JOINT_INPUT,
@@ -258,6 +263,7 @@ def begin_law(c: Any, s: Any, i: Any, o: Any) -> None:
         put_mat(law.slips[k].rotation, IDENTITY)
     law.slip_latency.known, law.slip_latency.latency_ns, law.slip_latency.period_ns = 0, 0.0, 0.0
     law.held = 0
+    start_giving_up(law.given_up)
     law.ramp = s.tuned
     law.ramp.begin_ns = sample.stamp_ns
     if c.cycle.has_observer != 0:
@@ -350,7 +356,7 @@ def _hold(c: Any, s: Any, i: Any, o: Any, wrench_good: bool) -> None:
         measured = spatial(s.wrench_inputs[0].values)
         update_load_error(c.hold, s.hold, i.arm, r, measured, dt_ns * 1e-9)
     hold_effort(c.hold, s.hold, i.arm, sample, pad, r, s.latency.most_ns * 1e-9, o.wanted)
-    if not (s.mode.reason.cause == Cause.CANNOT_CARRY and s.mode.reason.prefix == 0):
+    if not (s.mode.reason.cause == Cause.FALLS and s.mode.reason.prefix == 0):
         carry_load(c.hold, s.hold, i.arm, r, o.wanted)
     law.start_ns += dt_ns
     _keep_joints(c, s, i)
@@ -448,13 +454,17 @@ def evaluate_law(c: Any, s: Any, history: Array, i: Any, o: Any, slip_unknown: b
     dt = (sample.stamp_ns - law.stamp_ns) * 1e-9
     governed = c.governor.mode != Governing.OFF
     if governed:
-        govern(c, s, i.arm, o, dt, 0.0 if stops else s.observed.path_speed)
+        grasped = held(c, s, o.gains)
+        govern(c, s, i.arm, o, grasped, dt, 0.0 if stops else s.observed.path_speed)
     if not _reference(c, s, o):
         return Cause.BAD_REFERENCE.value
+    error = (vec(i.arm.position) - vec(o.reference.position)).norm()
+    v_s = slip_velocity(c.law.contact[0], o.samples[0])
+    judge_compensation(c.giving_up, law.given_up, o.gains.gains, v_s, error, dt)
     integrate_slips(c.law, o.samples, law.slips, dt, o.slips)
     evaluate(c.law, i.arm, sample, law, o)
     if governed:
-        factor = guard(c, s, i.arm, o)
+        factor = guard(c, s, i.arm, o, grasped)
         if factor < 1.0:
             scale_acceleration(c.law, i.arm, sample, law, factor, o)
     o.evaluated = o.law.ok

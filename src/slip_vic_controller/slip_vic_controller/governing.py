@@ -17,10 +17,10 @@ from slip_vic_controller.reference.paths import Reference, reference_at
 
 GOVERNED = layout(
     path_s=REAL, path_rate=REAL, friction_limit=REAL, load_commanded=REAL, load_measured=REAL, load_ratio=REAL,
-    guard=REAL, friction_events=REAL,
+    guard=REAL, friction_events=REAL, given_up=REAL,
 )  # fmt: skip
 """What is published of the governor: where on the path and how fast; F^, loads commanded and measured [N], commanded
-load over F^; the guard's factor on a_C; how often F^ was made smaller."""
+load over F^; the guard's factor on a_C; how often F^ was made smaller; whether the compensation is given up."""
 UNLIMITED = 1e3
 """A speed along the path that limits nothing."""
 SAMPLES_PER_CYCLE = 10
@@ -76,16 +76,17 @@ def along_path(c: Any, planned: Reference, time: float) -> Along:
 
 
 @part
-def govern(c: Any, s: Any, arm: Any, o: Any, dt: float, path_speed: float) -> None:
+def govern(c: Any, s: Any, arm: Any, o: Any, grasped: Held, dt: float, path_speed: float) -> None:
     """Do the governor's cycle: loads, slip samples, planning, and the step on the path.
 
     Args:
         c, s, o: CONFIG, STATE and OUTPUTS of the cycle.
         arm: ARM.
+        grasped: the object, from `held`.
         dt: since the cycle before [s].
         path_speed: how fast the path may be run through for other reasons; 1 = not limited, 0 = come to rest.
     """
-    state, grasped, stamp_ns = s.governor, held(c, s, o.gains), s.joint.answers.stamp_ns
+    state, stamp_ns = s.governor, s.joint.answers.stamp_ns
     governor.feel(c.governor, state, s.loads, spatial(o.samples[0].wrench), stamp_ns)
     for k in range(s.queue.count):
         sample = s.queue.samples[k]
@@ -120,10 +121,9 @@ def governed_reference(c: Any, s: Any) -> Reference:
 
 
 @part
-def guard(c: Any, s: Any, arm: Any, o: Any) -> float:
+def guard(c: Any, s: Any, arm: Any, o: Any, grasped: Held) -> float:
     """Return the factor on a_C with which friction carries the object, and keep what the next cycle needs of it."""
     a_C, a_d, v_ee = spatial(o.law.a_C), spatial(o.law.a_d), spatial(arm.twist)
-    grasped = held(c, s, o.gains)
     return governor.hold_back(c.governor, s.governor, grasped, mat(arm.rotation), v_ee.angular, a_C, a_d)
 
 
@@ -134,4 +134,5 @@ def put_governed(c: Any, s: Any, out: Any) -> None:
     out.path_s, out.path_rate, out.guard = state.out_s, state.out_rate, state.guard
     out.friction_limit, out.friction_events = state.estimate.F_hat, float(state.estimate.events)
     out.load_commanded, out.load_measured = state.commanded, state.measured
+    out.given_up = float(s.law.given_up.given_up)
     out.load_ratio = state.commanded / state.estimate.F_hat if state.estimate.F_hat > 0.0 else 0.0

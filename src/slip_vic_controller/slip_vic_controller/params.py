@@ -60,6 +60,16 @@ class GainParams(ParameterModel):
         ge=0.0,
     )
 
+    give_up: bool = parameter(
+        False, "give the compensation up where it does not end the slip, and return to plain impedance meanwhile"
+    )
+    give_up_after_s: float = parameter(
+        0.15, "give_up: longest time for which the slip activation may stay open", unit="s", gt=0.0
+    )
+    give_up_error_m: float = parameter(
+        0.02, "give_up: largest distance by which the arm may give way while it is open", unit="m", gt=0.0
+    )
+
     ramp_s: float = parameter(
         0.2, "shortest time that a change of gains or payload at run time takes; stability may ask for more", unit="s",
         runtime=True, gt=0.0,

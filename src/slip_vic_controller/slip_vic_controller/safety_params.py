@@ -137,12 +137,11 @@ class FallbackParams(ParameterModel):
 
 
 class LoadParams(ParameterModel):
-    """Drop detection: friction that cannot carry the load."""
+    """Drop detection: an object that falls."""
 
     drop_speed: float = parameter(
-        0.3, "downward speed beyond the reference, gained while slipping, that is a fault", unit="m/s", gt=0.0
+        0.3, "downward speed of the object beyond the reference, while it slips, that is a fault", unit="m/s", gt=0.0
     )
-    memory_s: float = parameter(0.6, "time constant with which a gained speed is forgotten", unit="s", gt=0.0)
 
 
 class SafetyParams(ParameterModel):

@@ -165,6 +165,32 @@ def test_samples_alone_find_a_slip_that_the_model_misses() -> None:
     assert not seen[0]
 
 
+def test_samples_that_go_on_contradicting_the_model_are_believed() -> None:
+    """A slip that a wrong model has made up: a filter sure of its model would take every sample for an outlier."""
+    for reads, rest in ((0.0, True), (0.02, False)):
+        bench = sliding_bench()
+        for _ in range(200):  # the wrench misses 1 m/s^2 that the object has
+            estimate = bench.step(six(x=1.0))
+        assert estimate.twist[0] > 0.2
+        seen = []
+        for _ in range(3):
+            sample = (bench.tick + 1) * MS, six(x=reads)
+            seen.append(bench.step(six(x=1.0), samples=[sample]).twist[0])
+        assert min(seen[:2]) > 0.1, "one or two may be outliers"
+        assert bool(bench.state.sliding) != rest
+        assert abs(seen[2] - reads) < 4e-3
+        assert not rest or bench.state.axes[0].P_bb == bench.config.prior_P_bb[0]
+
+
+def test_outliers_between_good_samples_are_none() -> None:
+    bench = sliding_bench()
+    true = bench.state.twist[0]
+    for k in range(60):
+        sample = (bench.tick + 1) * MS, six(x=true if k % 3 else 0.5)
+        estimate = bench.step(np.zeros(6), samples=[sample])
+    assert abs(estimate.twist[0] - true) < 5e-3
+
+
 def test_friction_direction_turns_an_estimate_that_cannot_be() -> None:
     """Friction drags the object along y while the estimate says that the pad slides along x."""
     ends = {}

@@ -20,7 +20,7 @@ MANUAL = Policy(auto_enable=False, auto_resume=False, resume_after_ns=100)
 NO_RESUME = Policy(auto_enable=True, auto_resume=False, resume_after_ns=100)
 CODES = {
     "missing": because(Cause.WAITS, 8),
-    "fault": Reason(Cause.CANNOT_CARRY.value, 0, 0, 0.5, 0.0),
+    "fault": Reason(Cause.FALLS.value, 0, 0, 0.5, 0.0),
     "hold": because(Cause.SLIDES, 0),
     "degraded": because(Cause.PATH_WAITS, 0),
 }

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from slip_core.records import record
-from slip_core.types import JointSample
+from slip_core.types import JointSample, SlipSample
+from slip_sim_bridge.sensors.presets import load_preset, preset_names
+from slip_sim_bridge.sensors.slip import SlipMeasurement
 from slip_vic_controller.arrival import is_silent, receive_joint_state, receive_slip, receive_wrench
 from slip_vic_controller.cycle import STATE, STATE_SIZE
 from slip_vic_controller.safety.faults import WORDS, Fault, Input, describe_fault
@@ -22,6 +24,7 @@ WRENCH, SLIP = INPUTS.wrench, INPUTS.slip
 ODD = (0.0, -0.0, 1.0, -3.0, 1e-310, -1e-320, 50.0, 1e150, 1e200, np.nan, np.inf, -np.inf)
 AGE_NS = round(SLIP.age_s * 1e9)
 PERIOD_NS = 4 * MS
+SLIP_AXES = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 QUIET = np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.0])
 ACCEPT = INPUTS.accept_after
 
@@ -29,8 +32,8 @@ ACCEPT = INPUTS.accept_after
 class Validation:
     """What runs, and the referees beside it."""
 
-    def __init__(self, lockstep: bool = False) -> None:
-        controller = controller_of(lockstep)
+    def __init__(self, lockstep: bool = False, quantum: float = 0.0) -> None:
+        controller = controller_of(lockstep, slip_sensor__quantum_linear=quantum)
         self.config, self.buffer, self.lockstep = controller.config, controller.new_state(), lockstep
         self.state = record(self.buffer[:STATE_SIZE], STATE)
         self.joints = JointReferee(controller.robot, INPUTS, lockstep=lockstep)
@@ -38,6 +41,8 @@ class Validation:
             False: VectorReferee(WRENCH, (WRENCH.force, WRENCH.torque), INPUTS.future_s, zero_is_normal=False),
             True: VectorReferee(SLIP, (SLIP.linear, SLIP.angular), INPUTS.future_s, zero_is_normal=True),
         }
+        if quantum > 0.0:
+            self.vectors[True].frozen_ns *= 5
 
     def joint(self, stamp_ns: int, q, qd, now_ns: int, refused: bool = False) -> Fault:
         q, qd = np.array(q, dtype=float), np.array(qd, dtype=float)
@@ -323,6 +328,25 @@ def test_only_values_that_should_change_are_frozen() -> None:
             False, STAMP_NS + passed, np.array([1.0, 0.0 if passed % (2 * PERIOD_NS) else -0.0, 0, 0, 0, 0]), NOW_NS
         )
     assert v.validity(False, NOW_NS, STAMP_NS + passed, True) == Fault.NONE
+
+
+def test_no_sensor_that_works_is_frozen_and_one_that_does_not_work_is() -> None:
+    """A slip of constant speed, read by every preset: one with a quantum repeats its readings, and may."""
+    for name in preset_names():
+        params = load_preset(name).slip
+        period_ns = round(1e9 / params.rate_hz) if params.rate_hz else MS
+        for seed in range(3):
+            for speed in (0.00285, 0.02):
+                rng = np.random.default_rng(seed)
+                sensor = SlipMeasurement(params, SLIP_AXES, lambda rng=rng: rng)
+                v = Validation(quantum=params.quantum_linear)
+                for stamp_ns in range(STAMP_NS, STAMP_NS + 300 * MS, period_ns):
+                    truth = speed * SLIP_AXES * (1.0 + 1e-6 * rng.random())
+                    v.vector(True, stamp_ns, sensor(SlipSample(stamp_ns, truth), rng).twist, stamp_ns)
+                    assert v.validity(True, stamp_ns, stamp_ns) == Fault.NONE, (name, seed, speed)
+        for stamp_ns in range(STAMP_NS + 10**9, STAMP_NS + 10**9 + 700 * MS, period_ns):
+            v.vector(True, stamp_ns, QUIET, stamp_ns)
+        assert v.validity(True, stamp_ns, stamp_ns) == Fault.FROZEN, name
 
 
 def test_of_too_many_slip_samples_between_two_cycles_the_oldest_go() -> None:

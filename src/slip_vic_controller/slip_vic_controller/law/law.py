@@ -54,7 +54,6 @@ EVALUATION = layout(
     error_linear=REAL,
     error_angular=REAL,
     slip_speed=REAL,
-    object_acceleration=(REAL, (3,)),
     carried=(REAL, (3,)),
     v_s=(REAL, (6,)),
     w_o=(REAL, (3,)),
@@ -80,7 +79,7 @@ EVALUATION = layout(
 
 ok: every number is finite and every factor exists, else nothing here may be used; near_singular_*: which fallback was
 at work; damping_squared: what was added to J B^-1 J^T; error_linear [m], error_angular [rad], slip_speed (linear)
-[m/s]; object_acceleration, carried: a_o and G^T a_o + Phi2, linear parts [m/s^2] {w}. On pad axes {ee}: v_s to gated,
+[m/s]; carried: G^T a_o + Phi2, linear part [m/s^2] {w}. On pad axes {ee}: v_s to gated,
 see `Law` (w_o, r, h_o, a_o of its ObjectMotion). On {w}: e to a_C; e, e_dot, K, D in the coordinates of the error.
 torque: before the limits, with its parts; effort: inside them [N m]; saturated: which joints are beyond.
 """
@@ -185,7 +184,6 @@ def evaluate(config: Any, arm: Any, sample: Any, memory: Any, given: Any) -> Non
     evaluation.near_singular_arm, evaluation.damping_squared = damping_squared > 0.0, damping_squared
     put_law(evaluation, law)
     R_ee = mat(arm.rotation)
-    put(evaluation.object_acceleration, R_ee @ law.object.a_o.linear)
     put(evaluation.carried, R_ee @ law.follow.linear)
 
 

@@ -136,6 +136,16 @@ def robust_variance(x: Axis, z: float, R: float, limit: float) -> float:
 
 
 @part
+def contradicts(x: Axis, z: float, R: float, limit: float, band: float) -> bool:
+    """Return whether a measurement z, variance R, lies beyond `limit` standard deviations of the estimate.
+
+    band: 0, or where z = 0 only says that the measurement lies within +-`band` [m/s or rad/s].
+    """
+    beyond = max(abs(z - x.v) - band, 0.0)
+    return beyond * beyond > limit * limit * (x.P_vv + R)
+
+
+@part
 def probability_within(x: Axis, band: float, R: float) -> float:
     """Return the probability of a measurement, variance R, within +-`band` [m/s or rad/s]: Phi(high) - Phi(low)."""
     deviation = math.sqrt(x.P_vv + R)

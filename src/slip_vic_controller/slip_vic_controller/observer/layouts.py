@@ -96,6 +96,7 @@ ROW = layout(
     stamp_ns=WHOLE,
     kind=WHOLE,
     sample=SLIP_SAMPLE,
+    contradicts=WHOLE,
     dt=REAL,
     turn_linear=(REAL, 3),
     turn_angular=(REAL, 3),
@@ -109,7 +110,8 @@ ROW = layout(
 )
 """A row of the history: a tick, or a sample behind the tick at which it counts.
 
-stamp_ns: of the tick; kind: TICK_ROW or SAMPLE_ROW; sample: of a SAMPLE_ROW. Of a tick: dt since the tick before [s];
+stamp_ns: of the tick; kind: TICK_ROW or SAMPLE_ROW; sample: of a SAMPLE_ROW, and whether it contradicts the estimate
+before it. Of a tick: dt since the tick before [s];
 turn_linear, turn_angular: w_ee + 2 w_o, w_ee + w_o [rad/s]; drag [m/s^2]; step: change of the slip velocity as the
 uncorrected model has it; force: specific force. In stick: time, steps, impulses: dt, step and dt force added up since
 its beginning. In slip: axes, the estimate with this row taken in.

@@ -11,6 +11,7 @@ from slip_core.compiled import part
 from slip_core.vectors import Spatial, Vec, vec
 from slip_vic_controller.observer.axis import (
     Axis,
+    contradicts,
     correct,
     correct_within,
     predict,
@@ -19,10 +20,12 @@ from slip_vic_controller.observer.axis import (
     robust_variance,
 )
 from slip_vic_controller.observer.history import drop_oldest, insert, row_at
-from slip_vic_controller.observer.layouts import AXES, TICK_ROW
+from slip_vic_controller.observer.layouts import AXES, SAMPLE_ROW, TICK_ROW
 
 LEAST_SHARE = 1e-3
 """Share of an axis across the friction force below which its direction says nothing of it."""
+LASTING = 3
+"""Samples in a row that contradict the estimate: then it is the model that is wrong, and no outliers."""
 
 
 @part
@@ -80,18 +83,25 @@ def friction_direction_update(config: Any, row: Any) -> None:
 
 
 @part
+def reads_within(config: Any, sample: Any, i: int) -> float:
+    """Return the dead band in which an axis of a sample lies, 0 where the sample reads a number."""
+    first = 0 if i < 3 else 3
+    reads = sample.twist
+    size = abs(reads[first]) + abs(reads[first + 1]) + abs(reads[first + 2])
+    return config.dead_band[i] if size == 0.0 else 0.0
+
+
+@part
 def correct_sample(config: Any, ahead: Any, row: Any) -> None:
     """Take the sample of a row in; a half of it that reads zero only says that it is within the dead band."""
-    reads = row.sample.twist
-    linear = abs(reads[0]) + abs(reads[1]) + abs(reads[2])
-    angular = abs(reads[3]) + abs(reads[4]) + abs(reads[5])
+    row.contradicts = 0
     for i in range(AXES):
         if config.axes[i]:
-            x, z, R = read_axis(ahead[i]), reads[i], config.measurement_variance[i]
-            if (linear if i < 3 else angular) == 0.0 and config.dead_band[i] > 0.0:
-                x = correct_within(x, config.dead_band[i], R)
-            else:
-                x = correct(x, z, robust_variance(x, z, R, config.outlier_deviations))
+            x, z, R = read_axis(ahead[i]), row.sample.twist[i], config.measurement_variance[i]
+            band, limit = reads_within(config, row.sample, i), config.outlier_deviations
+            if contradicts(x, z, R, limit, band):
+                row.contradicts = 1
+            x = correct_within(x, band, R) if band > 0.0 else correct(x, z, robust_variance(x, z, R, limit))
             put_axis(row.axes[i], x)
 
 
@@ -170,10 +180,74 @@ def place_samples(config: Any, state: Any, history: Any, rows: Any, samples: Any
 
 
 @part
+def contradicted_since(state: Any, rows: Any) -> int:
+    """Return the number of the row of the first of LASTING newest samples that all contradict the estimate, else -1."""
+    count, i = 0, state.rows
+    while i > 0 and count < LASTING:
+        i -= 1
+        row = row_at(state, rows, i)
+        if row.kind == SAMPLE_ROW:
+            if row.contradicts == 0:
+                return -1
+            count += 1
+    return i if count == LASTING else -1
+
+
+@part
+def say_rest(config: Any, state: Any, rows: Any, first: int) -> bool:
+    """Return whether the mean of the samples from row `first` on is insignificant against v = 0."""
+    total = 0.0
+    for i in range(AXES):
+        if config.axes[i]:
+            added, n = 0.0, 0
+            for k in range(first, state.rows):
+                row = row_at(state, rows, k)
+                if row.kind == SAMPLE_ROW:
+                    added, n = added + row.sample.twist[i], n + 1
+            total += added * added / (n * config.measurement_variance[i])
+    return total < config.nis_slip
+
+
+@part
+def believe_samples(config: Any, state: Any, rows: Any, first: int) -> None:
+    """Begin anew at the sample of row `first`: the model's errors are as unknown as in the beginning.
+
+    A filter that is sure of a wrong model takes every sample for an outlier, and so would never come back.
+    """
+    for _ in range(first):
+        drop_oldest(state, rows)
+    row = row_at(state, rows, 0)
+    for i in range(AXES):
+        if config.axes[i]:
+            x, band = row.axes[i], reads_within(config, row.sample, i)
+            P_vv = config.measurement_variance[i] + band * band
+            y = Axis(row.sample.twist[i], x.b, x.c, P_vv, 0.0, 0.0, config.prior_P_bb[i], 0.0, config.prior_P_cc[i])
+            put_axis(row.axes[i], y)
+    rerun(config, state, rows, row.axes, 1)
+
+
+@part
+def rest_of_samples(config: Any, state: Any) -> None:
+    """End a slip that the samples never saw, the model's errors as unknown as in the beginning."""
+    begin_stick(config, state)
+    for i in range(AXES):
+        if config.axes[i]:
+            x = state.axes[i]
+            P_bb, P_cc = config.prior_P_bb[i], config.prior_P_cc[i]
+            put_axis(state.axes[i], Axis(0.0, x.b, x.c, 0.0, 0.0, 0.0, P_bb, 0.0, P_cc))
+
+
+@part
 def observe_slip(config: Any, state: Any, history: Any, rows: Any, samples: Any, count: int) -> None:
-    """Predict, correct, and test whether the slip is over; the tick's row is the last one."""
+    """Predict, correct, and test whether the slip is over, or never was; the tick's row is the last one of a tick."""
     first = place_samples(config, state, history, rows, samples, count)
     rerun(config, state, rows, row_at(state, rows, first - 1).axes, first)
+    since = contradicted_since(state, rows) if count > 0 else -1
+    if since >= 0 and say_rest(config, state, rows, since):
+        rest_of_samples(config, state)
+        return
+    if since >= 0:
+        believe_samples(config, state, rows, since)
     state.significance = normalised_innovation_squared(config, state)
     at_rest = is_confirmed(config, state) and state.significance < config.nis_stick
     state.quiet = state.quiet + 1 if at_rest else 0

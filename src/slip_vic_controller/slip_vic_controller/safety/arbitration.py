@@ -105,7 +105,7 @@ def find_fault(config: Any, state: Any, n: int, qd: Any, now_ns: int) -> Reason:
     if found.cause != Cause.NONE and now_ns - state.since.too_fast_ns > FAST_NS:
         return found
     if state.observed.fall_speed > config.drop.drop_speed:
-        return Reason(Cause.CANNOT_CARRY.value, 0, 0, state.observed.fall_speed, 0.0)
+        return Reason(Cause.FALLS.value, 0, 0, state.observed.fall_speed, 0.0)
     return NOTHING
 
 
@@ -163,6 +163,8 @@ def find_degraded(config: Any, state: Any, level: int, fault: int, now_ns: int) 
         return because(Cause.SATURATED, 0)
     if state.governor.overrun != 0:
         return because(Cause.OVERRUNS, 0)
+    if state.law.given_up.given_up != 0:
+        return because(Cause.GIVEN_UP, 0)
     if state.observed.path_speed < 1.0 or state.path.scale < 1.0:
         return because(Cause.PATH_WAITS, 0)
     return NOTHING

@@ -1,7 +1,8 @@
-"""What only wrench and motion tell: friction that cannot carry the load, and a slip sensor that sees nothing.
+"""What only wrench and motion tell: an object that falls, and a slip sensor that sees nothing.
 
 Following a falling object is the law's natural behaviour. So what counts as falling is not slip, which the law keeps
-small, but speed gained along gravity beyond what the reference asks for, while there is slip.
+small, but the object's speed along gravity beyond the reference's, while there is slip. It is the speed of the pad
+less the slip velocity, so neither the object's mass nor the wrench can make a fall of what is none.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ MOVING = 0.01
 """[m/s] or [rad/s] above which a reference asks for motion."""
 SLIPPING = 0.005
 """[m/s] above which a slip velocity counts as slip, with the slip activation at zero too."""
+RISE = 5.0
+"""[m/s^2] Most by which a fall can grow: half of free fall, so that one wrong slip sample is none."""
 BLIND = 0.1
 """Share of the evidence below which a slip velocity sees nothing of it."""
 
-DROP_DETECTION = layout(
-    down=(REAL, 3), drop_speed=REAL, memory_s=REAL, error_linear=REAL, error_angular=REAL, evidence=REAL
-)
-"""down: unit vector along gravity {w}, zeros without gravity; drop_speed [m/s]; memory_s [s]; errors at which the path
-stands still [m], [rad]; evidence: slip speed that makes a sensor that shows none implausible [m/s]."""
+DROP_DETECTION = layout(down=(REAL, 3), drop_speed=REAL, error_linear=REAL, error_angular=REAL, evidence=REAL)
+"""down: unit vector along gravity {w}, zeros without gravity; drop_speed [m/s]; errors at which the path stands
+still [m], [rad]; evidence: slip speed that makes a sensor that shows none implausible [m/s]."""
 OBSERVED = layout(
     known=WHOLE,
     fall_speed=REAL,
@@ -36,7 +37,7 @@ OBSERVED = layout(
     twist=(REAL, 6),
     blind_since_ns=WHOLE,
 )
-"""What the last evaluation of the law looked like: speed gained along gravity [m/s], how fast the path may run,
+"""What the last evaluation of the law looked like: speed of the object's fall [m/s], how fast the path may run,
 whether the reference moves, slip that motion and wrench add up to [m/s] {w}, twist of the pad {w}."""
 
 
@@ -58,8 +59,8 @@ def in_slip_plane(R: Mat, axes: Vec, v: Vec) -> Vec:
 def observe_motion(config: Any, axes: Any, state: Any, arm: Any, law: Any, reference: Any, dt: float) -> None:
     """Look at what the law saw: errors, fall, and whether slip and wrench agree.
 
-    The fall is a leaky integral, so a bias of the wrench adds up to bias / mass * memory and no more. The evidence is
-    a_ee - G^T a_o added up over the last EVIDENCE_MEMORY_S: Eq. (17) without its small terms, leaky as well.
+    The evidence is a_ee - G^T a_o added up over the last EVIDENCE_MEMORY_S and forgotten: Eq. (17) without its small
+    terms.
 
     Args:
         config: see DROP_DETECTION.
@@ -70,9 +71,9 @@ def observe_motion(config: Any, axes: Any, state: Any, arm: Any, law: Any, refer
     """
     R, axes_linear = mat(arm.rotation), vec(axes)
     slipping = 1.0 if law.slip_speed > SLIPPING else law.gate
-    beyond = vec(law.object_acceleration) - vec(reference.acceleration)
-    gain = in_slip_plane(R, axes_linear, vec(config.down)).dot(beyond)
-    state.fall_speed = max(0.0, state.fall_speed * math.exp(-dt / config.memory_s) + slipping * gain * dt)
+    beyond = vec(arm.twist) - R @ (axes_linear * vec(law.v_s)) - vec(reference.twist)
+    fall = slipping * in_slip_plane(R, axes_linear, vec(config.down)).dot(beyond)
+    state.fall_speed = max(0.0, min(fall, state.fall_speed + RISE * dt))
     state.path_speed = scale_for_error(law.error_linear, law.error_angular, config.error_linear, config.error_angular)
     v_d, w_d = vec(reference.twist), vec(reference.twist[3:])
     state.moves = 1 if v_d.dot(v_d) + w_d.dot(w_d) > MOVING * MOVING else 0

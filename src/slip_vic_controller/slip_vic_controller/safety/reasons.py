@@ -28,7 +28,7 @@ class Cause(IntEnum):
     JOINT_TOO_FAST = 10  # detail: joint; value, limit [rad/s]
     PAD_TOO_FAST = 11  # value, limit [m/s]
     PAD_TURNS_TOO_FAST = 12  # value, limit [rad/s]
-    CANNOT_CARRY = 13  # value [m/s]
+    FALLS = 13  # value [m/s]
     SATURATED = 14
     PATH_WAITS = 15
     OLD_JOINT_STATE = 16
@@ -38,6 +38,7 @@ class Cause(IntEnum):
     INTERNAL = 20
     PATH_TOO_HEAVY = 21  # value: load of the weight, limit [N]; detail: where, time of the trajectory [ms]
     OVERRUNS = 22
+    GIVEN_UP = 23
 
 
 class Prefix(IntEnum):
@@ -134,8 +135,8 @@ def _cause_text(reason: Reason, joint_names: Sequence[str]) -> str:
     if cause == Cause.PATH_TOO_HEAVY:
         load = f"its weight asks {value:.3f} N, friction may be asked {limit:.3f} N"
         return f"friction cannot carry the object where the path is at {1e-3 * reason.detail:.3f} s: {load}"
-    if cause == Cause.CANNOT_CARRY:
-        return f"friction cannot carry the load: it has gained {value:.2f} m/s of fall"
+    if cause == Cause.FALLS:
+        return f"the object falls: it slips, and moves down {value:.2f} m/s faster than the reference"
     return _WORDS[cause]
 
 
@@ -154,5 +155,6 @@ _WORDS = {
     Cause.NO_ESTIMATE: "the slip observer gave no finite estimate",
     Cause.NO_TORQUE: "the law gave no finite torque",
     Cause.OVERRUNS: "friction is too little to stop on the path: it is overrun",
+    Cause.GIVEN_UP: "compensation given up: it does not end the slip, or takes the arm away; impedance alone",
     Cause.INTERNAL: "the controller itself failed, see its log: this is a bug, please report it",
 }

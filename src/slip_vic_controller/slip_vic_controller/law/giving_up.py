@@ -1,0 +1,63 @@
+"""When the compensation is given up: where it does not end the slip, or takes the arm away, the impedance works alone.
+
+The law promises that slip decays at the rate k_s once the slip activation is open. Where it stays open for long, or
+the arm has given way far, that promise is broken: the model is wrong, the slip is not there, or friction cannot carry
+the object. An open activation is then worse than none: it hands the arm's own acceleration back to it, and the arm
+drifts. Given up, the slip activation and the fading are off, as in classical impedance control, until slip has been
+insignificant for as long as it had been open.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from slip_core.compiled import part
+from slip_core.records import REAL, WHOLE, layout
+from slip_core.vectors import Spatial
+from slip_vic_controller.law.impedance import slip_activation
+
+OPEN: Final = 0.1
+"""Slip activation from which the compensation counts as at work."""
+
+GIVING_UP = layout(on=WHOLE, longest_s=REAL, error=REAL)
+"""on: 0 = the compensation is never given up, as printed; longest_s: that it may be at work [s]; error: by which the
+arm may give way meanwhile [m]."""
+GIVEN_UP = layout(given_up=WHOLE, times=WHOLE, open_s=REAL, error=REAL)
+"""given_up: 1 while the impedance works alone; times: how often; open_s: how long the slip activation has been open,
+less how long it has been shut since [s]; error: when it opened [m]."""
+
+
+@part
+def start_giving_up(state: Any) -> None:
+    """Begin: the compensation is at work."""
+    state.given_up, state.times, state.open_s, state.error = 0, 0, 0.0, 0.0
+
+
+@part
+def judge_compensation(config: Any, state: Any, gains: Any, v_s: Spatial, error: float, dt: float) -> None:
+    """Give the compensation up, or take it up again, and switch it off in the gains where it is given up.
+
+    Args:
+        config, state: GIVING_UP, GIVEN_UP.
+        gains: GAINS of this cycle; changed.
+        v_s: slip velocity that the law shall use [m/s, rad/s].
+        error: distance of the pad from its reference [m].
+        dt: since the cycle before [s].
+
+    Implements: ours.
+    """
+    if config.on == 0:
+        return
+    if slip_activation(gains, v_s) > OPEN:
+        state.open_s = min(state.open_s + dt, config.longest_s)
+    else:
+        state.open_s = max(state.open_s - dt, 0.0)
+    if state.open_s == 0.0:
+        state.given_up, state.error = 0, error
+    elif state.given_up == 0 and (state.open_s >= config.longest_s or error > state.error + config.error):
+        state.given_up, state.open_s = 1, config.longest_s
+        state.times += 1
+    if state.given_up != 0:
+        gains.alpha = 0.0
+        gains.gamma_k[:] = 0.0
+        gains.gamma_d[:] = 0.0

@@ -1,0 +1,74 @@
+"""When the compensation is given up and taken up again."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slip_core.records import new, record
+from slip_vic_controller.law.gains import GAINS
+from slip_vic_controller.law.giving_up import GIVEN_UP, GIVING_UP
+from test.support.law_kernels import run_giving_up
+
+SLIPS, STICKS = np.array([0.005, 0.0, 0.0, 0.0, 0.0, 0.0]), np.zeros(6)
+MS = 1e-3
+
+
+class Judge:
+    """What runs; every cycle begins with full gains, as in the control cycle."""
+
+    def __init__(self, on: bool = True) -> None:
+        self.config, self.state = new(GIVING_UP), new(GIVEN_UP)
+        config = record(self.config, GIVING_UP)
+        config.on, config.longest_s, config.error = int(on), 0.15, 0.02
+
+    def cycles(self, v_s: np.ndarray, seconds: float, error: float = 0.0) -> bool:
+        """Return whether the compensation is given up after so long."""
+        for _ in range(round(seconds / MS)):
+            gains = new(GAINS)
+            g = record(gains, GAINS)
+            g.alpha, g.characteristic_length, g.gamma_k[:], g.gamma_d[:] = 220.0, 0.03, 100.0, 100.0
+            full = gains.copy()
+            run_giving_up(self.config, self.state, gains, v_s, error, MS)
+            given_up = bool(record(self.state, GIVEN_UP).given_up)
+            impedance_alone = g.alpha == 0.0 and not g.gamma_k.any() and not g.gamma_d.any()
+            assert impedance_alone if given_up else gains.tobytes() == full.tobytes()
+        return given_up
+
+
+def test_a_short_slip_is_the_laws_business() -> None:
+    judge = Judge()
+    for _ in range(5):
+        assert not judge.cycles(SLIPS, 0.1)
+        assert not judge.cycles(STICKS, 0.1)
+
+
+def test_a_slip_that_does_not_end_is_given_up_until_it_has_been_over_for_as_long() -> None:
+    judge = Judge()
+    assert not judge.cycles(SLIPS, 0.148)
+    assert judge.cycles(SLIPS, 0.004)
+    assert judge.cycles(SLIPS, 1.0)
+    assert judge.cycles(STICKS, 0.148)
+    assert not judge.cycles(STICKS, 0.004)
+    assert record(judge.state, GIVEN_UP).times == 1
+
+
+def test_an_activation_that_flickers_is_open() -> None:
+    """Noise of the wrench: three of four cycles beyond what counts as open."""
+    judge = Judge()
+    given_up = [judge.cycles(STICKS if k % 4 == 0 else SLIPS, MS) for k in range(400)]
+    assert not given_up[200]
+    assert given_up[-1]
+
+
+def test_an_arm_that_gives_way_far_meanwhile_ends_it_at_once() -> None:
+    judge = Judge()
+    judge.cycles(STICKS, 0.1, error=0.01)  # an error from before counts for nothing
+    assert not judge.cycles(SLIPS, 0.01, error=0.029)
+    assert judge.cycles(SLIPS, 0.001, error=0.031)
+    assert judge.cycles(STICKS, 0.148, error=0.0)
+
+
+def test_as_printed_it_is_never_given_up() -> None:
+    judge = Judge(on=False)
+    assert not judge.cycles(SLIPS, 1.0, error=1.0)
+    assert not judge.state.any()
