@@ -25,6 +25,7 @@ setup(
         "click",
         "matplotlib",
         "numpy",
+        "optuna",
         "psutil",
         "pydantic",
         "pyyaml",

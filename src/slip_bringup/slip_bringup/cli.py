@@ -15,7 +15,7 @@ from slip_bags.cli import bag, run_command
 from slip_bringup import __version__
 from slip_bringup.arm.cli import arm
 from slip_bringup.replay.cli import references, verify
-from slip_bringup.study.cli import check, merge, study
+from slip_bringup.study.cli import check, merge, study, tune
 from slip_bringup.web.cli import report
 
 if TYPE_CHECKING:
@@ -156,6 +156,7 @@ cli.add_command(check)
 cli.add_command(merge)
 cli.add_command(report)
 cli.add_command(study)
+cli.add_command(tune)
 
 
 def main() -> int:

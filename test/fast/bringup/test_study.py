@@ -44,10 +44,10 @@ def test_columns_are_the_promised_ones() -> None:
 
 
 def test_every_combination_once() -> None:
-    cases = all_cases(["paper_planar"], ["ideal", "vision_25"], ["classical", "observer"], ["none", "mass+"], 3)
+    cases = all_cases(["paper_planar"], ["ideal", "vision_25"], ["classical", "observer"], ["none", "mass+"], range(3))
     assert len(cases) == len(set(cases)) == 24
     with pytest.raises(InputError, match=r"mass\+"):
-        all_cases(["paper_planar"], ["ideal"], ["observer"], ["mass"], 1)
+        all_cases(["paper_planar"], ["ideal"], ["observer"], ["mass"], range(1))
 
 
 @pytest.mark.parametrize("mismatch", MISMATCHES)

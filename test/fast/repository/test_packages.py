@@ -27,6 +27,7 @@ LIBRARIES = {
     "mujoco": ("mujoco", None),
     "numba": ("numba", "python3-numba"),
     "numpy": ("numpy", "python3-numpy"),
+    "optuna": ("optuna", None),
     "pandas": ("pandas", "python3-pandas"),
     "pinocchio": ("pin", "pinocchio"),
     "psutil": ("psutil", "python3-psutil"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -66,7 +66,7 @@ def all_cases(
     sensors: Sequence[str],
     estimators: Sequence[str],
     mismatches: Sequence[str],
-    seeds: int,
+    seeds: Iterable[int],
 ) -> list[Case]:
     """Return every combination; the seed runs slowest, so that a study that is stopped early has all kinds of cases.
 
@@ -77,7 +77,7 @@ def all_cases(
         for name in given:
             if name not in known:
                 raise InputError(f"{what} {name}", got="an unknown name", expected=nearest(name, known))
-    product = itertools.product(range(seeds), scenarios, mismatches, sensors, estimators)
+    product = itertools.product(seeds, scenarios, mismatches, sensors, estimators)
     return [
         Case(scenario, sensor, estimator, mismatch, seed) for seed, scenario, mismatch, sensor, estimator in product
     ]
@@ -85,7 +85,10 @@ def all_cases(
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What a study was asked for: all combinations, or every n-th of them from the i-th on (shard i of n, from 1)."""
+    """What a study was asked for: all combinations, or every n-th of them from the i-th on (shard i of n, from 1).
+
+    seeds: how many, from `first_seed` on.
+    """
 
     scenarios: tuple[str, ...]
     sensors: tuple[str, ...]
@@ -93,6 +96,7 @@ class Asked:
     mismatches: tuple[str, ...]
     seeds: int
     shard: tuple[int, int] = (1, 1)
+    first_seed: int = 0
 
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> Self:
@@ -101,7 +105,8 @@ class Asked:
             tuple(values[name]) for name in ("scenarios", "sensors", "estimators", "mismatches")
         )
         first, shards = values["shard"]
-        return cls(scenarios, sensors, estimators, mismatches, int(values["seeds"]), (int(first), int(shards)))
+        seeds, first_seed = int(values["seeds"]), int(values["first_seed"])
+        return cls(scenarios, sensors, estimators, mismatches, seeds, (int(first), int(shards)), first_seed)
 
     def cases(self) -> list[Case]:
         """Return the cases in their order.
@@ -110,7 +115,8 @@ class Asked:
             InputError: an unknown estimator or mismatch.
         """
         first, shards = self.shard
-        whole = all_cases(self.scenarios, self.sensors, self.estimators, self.mismatches, self.seeds)
+        seeds = range(self.first_seed, self.first_seed + self.seeds)
+        whole = all_cases(self.scenarios, self.sensors, self.estimators, self.mismatches, seeds)
         return whole[first - 1 :: shards]
 
 

@@ -1,9 +1,11 @@
-"""``slip-vic study``, ``slip-vic merge`` and ``slip-vic check``."""
+"""``slip-vic study``, ``slip-vic merge``, ``slip-vic check`` and ``slip-vic tune``."""
 
 from __future__ import annotations
 
 import os
 import re
+import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -144,3 +146,53 @@ def check(
     Console(width=150).print(table)
     if not good:
         raise click.exceptions.Exit(2)
+
+
+@click.command()
+@click.option("--scenario", default="paper_planar", show_default=True, help="name or .yaml file")
+@click.option("--sensor", required=True, help="name or .yaml file")
+@click.option(
+    "--estimator", type=click.Choice(["measured", "observer", "governed"]), default="observer", show_default=True
+)
+@click.option("--mismatch", "mismatches", default="none,mass+,mass-,friction+,friction-", show_default=True)
+@click.option("--seeds", type=click.IntRange(1), default=2, show_default=True, help="seeds that the search sees")
+@click.option(
+    "--unseen", type=click.IntRange(1), default=5, show_default=True, help="seeds that the result is tried on"
+)
+@click.option("--trials", type=click.IntRange(2), default=40, show_default=True, help="sets that are tried")
+@click.option("--batch", type=click.IntRange(1), default=4, show_default=True, help="sets that run at the same time")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the search")
+@click.option(
+    "--effort-rate", type=click.FloatRange(1.0), default=1.2, show_default=True,
+    help="largest effort rate, as a factor on the default's in the same case",
+)  # fmt: skip
+@click.option("--later", type=click.FloatRange(0.0), default=0.3, show_default=True, help="latest arrival after it [s]")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("tune"), show_default=True, help="folder")
+@workers
+@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
+def tune(
+    scenario: str,
+    sensor: str,
+    estimator: str,
+    mismatches: str,
+    seeds: int,
+    unseen: int,
+    trials: int,
+    batch: int,
+    seed: int,
+    effort_rate: float,
+    later: float,
+    out: Path,
+    jobs: int,
+    engine: EngineName,
+    assignments: tuple[str, ...],
+) -> None:
+    """Search gains for less slip with a sensor: controller.yaml, tune.html; goes on where it stopped."""
+    from slip_bringup.study.cases import MISMATCHES
+    from slip_bringup.study.tune.command import Wanted, run_tune
+    from slip_bringup.study.tune.space import Bounds
+
+    wrong = MISMATCHES if mismatches == "all" else names(mismatches)
+    bounds = Bounds(effort_rate, later)
+    wanted = Wanted(scenario, sensor, estimator, wrong, seeds, unseen, bounds, trials, batch, seed, assignments)
+    click.echo(run_tune(wanted, out, engine, jobs, shlex.join(["slip-vic", *sys.argv[1:]])))

@@ -10,7 +10,7 @@ import csv
 import fcntl
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
@@ -106,9 +106,7 @@ class StudyTable:
         file = folder / "study.json"
         with contextlib.ExitStack() as undo:
             try:
-                folder.mkdir(parents=True, exist_ok=True)
-                lock = undo.enter_context((folder / "study.lock").open("a+"))
-                _lock(lock, folder)
+                undo.enter_context(locked(folder))
                 if file.exists():
                     settings = Settings.read(file).joined(settings, f"--out {folder}")
                 settings.write(file)
@@ -202,19 +200,27 @@ def merge(folders: Sequence[Path], out: Path) -> StudyTable:
     return table
 
 
-def _lock(lock: Any, folder: Path) -> None:
-    """Take the lock of a folder; it ends with the process, however that ends."""
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        lock.seek(0)
-        raise InputError(
-            f"--out {folder}", got=f"a folder in use by {lock.read().strip() or 'another study'}",
-            expected="a folder of its own for each study that runs", fix="wait for it, or give another folder",
-        ) from None  # fmt: skip
-    lock.truncate(0)
-    lock.write(f"process {os.getpid()} on {os.uname().nodename}\n")
-    lock.flush()
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder while the block runs; it ends with the process, however that ends.
+
+    Raises:
+        InputError: somebody else holds it.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "study.lock").open("a+") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.seek(0)
+            raise InputError(
+                f"--out {folder}", got=f"a folder in use by {lock.read().strip() or 'another study'}",
+                expected="a folder of its own for each study that runs", fix="wait for it, or give another folder",
+            ) from None  # fmt: skip
+        lock.truncate(0)
+        lock.write(f"process {os.getpid()} on {os.uname().nodename}\n")
+        lock.flush()
+        yield
 
 
 def _write_rows(path: Path, rows: Iterable[Row]) -> None:

@@ -1,9 +1,10 @@
-"""Ray: workers on one machine or many. An extra: ``pip install 'slip_bringup[cluster]'``."""
+"""Ray: workers on one machine or many. An extra: ``pip install 'slip-vic[cluster]'``."""
 
 from __future__ import annotations
 
 import importlib
 import os
+import socket
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -11,7 +12,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from slip_bringup.study.engines import DEATHS, Died, Result, Shared, Task
-from slip_core.errors import InputError
+from slip_core.errors import InputError, SlipVicError
 
 QUEUED = 2
 """Tasks that the cluster has at a time, for each of its cores: no core waits for the next one."""
@@ -19,6 +20,9 @@ QUEUED = 2
 LOOK_S = 2.0
 """How often the number of cores is asked for, so that a node that joins gets work [s]."""
 
+
+ANSWER_S = 5.0
+"""How long the head of a cluster may take to answer [s]."""
 
 QUIET = {
     "RAY_USAGE_STATS_ENABLED": "0",  # nothing is sent to anybody
@@ -46,14 +50,17 @@ class RayEngine:
         except ModuleNotFoundError:
             raise InputError(
                 "--engine ray", got="no package ray", expected="an optional package",
-                fix="install the extra slip_bringup[cluster], or use --engine pool",
+                fix="install the extra slip-vic[cluster], or use --engine pool",
             ) from None  # fmt: skip
         # Without an address Ray joins whatever cluster a file in /tmp names.
         address = os.environ.get("RAY_ADDRESS") or "local"
         own = {"num_cpus": jobs, "include_dashboard": False} if address == "local" else {}
         try:
+            if ":" in address:  # Ray itself tries for minutes before it says that nobody is there
+                host, _, port = address.rpartition(":")
+                socket.create_connection((host, int(port)), ANSWER_S).close()
             self._ray.init(address=address, log_to_driver=False, logging_level="ERROR", **own)
-        except (ConnectionError, ValueError, RuntimeError) as error:
+        except (OSError, ValueError, RuntimeError) as error:
             raise InputError(
                 "RAY_ADDRESS", got=f"{address} ({error})", expected="the address of a cluster",
                 fix="start one with `ray start --head`, or unset RAY_ADDRESS",
@@ -85,7 +92,7 @@ class RayEngine:
         look_at = cores = 0.0
         while True:
             if time.monotonic() >= look_at:
-                look_at, cores = time.monotonic() + LOOK_S, ray.cluster_resources().get("CPU", 0.0)
+                look_at, cores = time.monotonic() + LOOK_S, self._cores()
             while len(task_of) < QUEUED * max(1.0, cores):
                 if (task := again.pop() if again else next(waiting, None)) is None:
                     break
@@ -111,3 +118,14 @@ class RayEngine:
                         yield task, Died(f"its process died {DEATHS} times: {type(error).__name__}")
                 else:
                     yield task, result
+
+    def _cores(self) -> float:
+        """Return how many cores the cluster has.
+
+        Raises:
+            SlipVicError: the node on this machine has died; without it Ray waits for ever.
+        """
+        alive = {node["NodeID"]: node["Resources"].get("CPU", 0.0) for node in self._ray.nodes() if node["Alive"]}
+        if self._ray.get_runtime_context().get_node_id() not in alive:
+            raise SlipVicError("the Ray node on this machine has died; start it again, and the same command goes on")
+        return float(sum(alive.values()))

@@ -1,0 +1,97 @@
+"""Numbers for docs/studies.md: what an engine costs for each task, and a study on Ray of which parts are killed.
+
+python test/slow/bringup/measure_study.py overhead
+python test/slow/bringup/measure_study.py kills      # needs Ray
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.util
+import os
+import random
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import psutil
+
+SUPPORT = Path(__file__).parents[2] / "support"
+sys.path.insert(0, str(SUPPORT))
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
+
+from slip_bringup.study.engines import EngineName, open_engine  # noqa: E402
+
+tasks, rays = importlib.import_module("study_tasks"), importlib.import_module("ray_cluster")
+JOBS = 2
+TASKS = 2000
+
+
+def overhead(folder: Path) -> None:
+    """Print the time to start an engine, and of a task that does nothing but leave a file."""
+    names: list[EngineName] = ["pool", *(["ray"] if importlib.util.find_spec("ray") else [])]
+    for name in names:
+        start = time.perf_counter()
+        with open_engine(name, JOBS) as engine:
+            list(engine.run(tasks.note_and_square, str(folder), range(2 * JOBS)))
+            begun = time.perf_counter()
+            list(engine.run(tasks.note_and_square, str(folder), range(TASKS)))
+            end = time.perf_counter()
+        print(f"{name}: {begun - start:.1f} s to start, {1e3 * (end - begun) / TASKS:.2f} ms for each task")
+
+
+def rows_of(folder: Path) -> int:
+    """Return how many rows a study has."""
+    table = folder / "study.csv"
+    return max(0, len(table.read_text().splitlines()) - 1) if table.exists() else 0
+
+
+def kills(folder: Path) -> None:
+    """Kill workers, a node and the client of a study on a head and three nodes; compare with a study on the pool."""
+    study = [sys.executable, "-m", "slip_bringup.cli", "study"]
+    asked = ["--sensors", "ideal,vision_25,event_1000", "--estimators", "observer,classical", "--seeds", "6"]
+    short = ["--set", "bridge.duration_s=0.5"]
+    on_ray = [*study, "--engine", "ray", "--out", str(folder / "ray")]
+    killed: list[str] = []
+    rng = random.Random(0)
+    start = time.perf_counter()
+    with rays.ray_cluster(3) as cluster:
+        client = subprocess.Popen([*on_ray, *asked, *short])
+        plan = {3: "worker", 7: "worker", 11: "worker", 14: "node", 17: "new node", 20: "worker", 24: "client"}
+        for rows, what in plan.items():
+            while rows_of(folder / "ray") < rows:
+                if client.poll() is not None:
+                    raise SystemExit("the study ended before everything was killed")
+                time.sleep(0.02)
+            if what == "worker":
+                while not (busy := rays.busy_workers("run_on_worker")):
+                    time.sleep(0.02)
+                rng.choice(busy).kill()
+            elif what == "node":
+                rays.kill_node(cluster)
+            elif what == "new node":
+                cluster.add_node(num_cpus=1)
+            else:
+                client.kill()
+                client.wait()
+            killed.append(f"{what} after {rows} rows")
+        print("killed or joined:", ", ".join(killed), f"; {rows_of(folder / 'ray')} rows on the disk")
+        subprocess.run([*on_ray, "--resume"], check=True)
+    print(f"with all kills {time.perf_counter() - start:.0f} s")
+    left = [p for p in psutil.process_iter(["cmdline"]) if (p.info["cmdline"] or [""])[0].startswith("ray::")]
+    print(f"processes of Ray that are left: {len(left)}")
+    start = time.perf_counter()
+    subprocess.run([*study, *asked, *short, "--jobs", "3", "--out", folder / "pool"], check=True)
+    print(f"on the pool without kills {time.perf_counter() - start:.0f} s")
+    same = (folder / "ray/study.csv").read_bytes() == (folder / "pool/study.csv").read_bytes()
+    print(f"{rows_of(folder / 'pool')} rows, files equal: {same}")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=["overhead", "kills"])
+    with tempfile.TemporaryDirectory() as scratch:
+        {"overhead": overhead, "kills": kills}[parser.parse_args().what](Path(scratch))
