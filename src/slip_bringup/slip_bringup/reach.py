@@ -21,6 +21,8 @@ POINTS = 60
 _ITERATIONS = 40
 _LONGEST_STEP = 0.3
 """[rad, m] of a joint in one iteration: longer ones jump to another branch of solutions."""
+_DAMPING = 1e-8 * np.eye(6)
+"""Square of a singular value: keeps steps finite in singular postures."""
 _PULL = 0.3
 """Share of the way back to the first posture per iteration, in the null space: what the controller's spring does."""
 
@@ -45,17 +47,16 @@ class Way(NamedTuple):
 
 
 def posture_for(robot: Robot, q: Array, position: Array, rotation: Array, home: Array) -> Array | None:
-    """Return joint positions with {ee} at a pose, by Gauss-Newton from `q` (n,); None where it does not get there.
+    """Return joint positions with {ee} at a pose, by damped Gauss-Newton from `q` (n,); None where it fails.
 
     position (3,) [m], rotation (3, 3) {w}; home (n,): posture that joints beyond six are pulled to.
     """
     for _ in range(_ITERATIONS):
-        now, turned, J = robot.frame(q)
-        error = np.concatenate((position - now, Rotation.from_matrix(rotation @ turned.T).as_rotvec()))
+        error, J = robot.way_to(q, position, rotation)
         if np.abs(error).max() < REACHED:
             return q
-        inverse = np.linalg.pinv(J, rcond=1e-4)
-        step = inverse @ error + _PULL * ((home - q) - inverse @ (J @ (home - q)))
+        back = _PULL * (home - q)
+        step = back + J.T @ np.linalg.solve(J @ J.T + _DAMPING, error - J @ back)
         q = q + step * min(1.0, _LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
     return None
 

@@ -76,6 +76,14 @@ class Robot:
         pose = pin.updateFramePlacement(self._model, self._data, self._frame)
         return np.array(pose.translation), np.array(pose.rotation), np.array(jacobian)
 
+    def way_to(self, q: Array, position: Array, rotation: Array) -> tuple[Array, Array]:
+        """Return displacement and rotation vector from {ee} to a pose, and its Jacobian; (6,), (6, n) {w}.
+
+        q (n,); position (3,) [m], rotation (3, 3) {w}.
+        """
+        here, turned, J = self.frame(q)
+        return np.concatenate((position - here, pin.log3(rotation @ turned.T))), J
+
     def gravity(self, q: Array) -> Array:
         """Return the gravity torque g(q); (n,) [rad] -> (n,) [N m].
 

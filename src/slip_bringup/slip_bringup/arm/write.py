@@ -12,18 +12,20 @@ import yaml
 from rich.table import Table
 
 from slip_bringup.arm.hand import Hand, find_hand, finger_positions
-from slip_bringup.arm.posture import Start, find_start
+from slip_bringup.arm.posture import Start, best_start, postures
 from slip_bringup.arm.write_urdf import PAD, arm_urdf
 from slip_bringup.reach import pad_path
 from slip_bringup.reference import write_files
-from slip_bringup.scenario import NODES, Scenario, load_scenario, read_scenario, ros_parameter_file
+from slip_bringup.scenario import NODES, load_scenario, read_scenario, ros_parameter_file
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.urdf import parse_urdf
+from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.robot import Robot
 
 URDF_NAME = "arm.urdf"
 _ROUNDED = 9
+_SMALLER = (0.7, 0.5, 0.35, 0.25)
 _LENGTHS = {"displacement", "rotation", "waypoints", "radius"}
 _TIMES = {"start_s", "duration_s", "waypoint_times_s", "period_s", "ramp_s"}
 
@@ -80,9 +82,22 @@ class Arm:
         times, path = pad_path(controller.trajectory)
         weight = controller.object.mass * np.array(controller.gravity)
         robot = Robot(self.urdf, PAD, self.hand.joints, controller.gravity)
-        start = find_start(robot, rotation, math.sqrt(scale) * times, scale * path, weight)
-        _refuse(known, start, robot)
-        assert start is not None
+        known_postures = postures(robot, rotation)
+
+        def at(size: float) -> Start | None:
+            return best_start(robot, known_postures, math.sqrt(size) * times, size * path, weight)
+
+        start = at(scale)
+        reason = failing(start, robot, controller)
+        if start is None or reason:
+            smaller = (scale * part for part in _SMALLER)
+            fits = next((size for size in smaller if not failing(at(size), robot, controller)), None)
+            raise InputError(
+                f"scenario {known.name} with this arm",
+                got=reason,
+                expected="a start from which its path can be followed",
+                fix=f"--scale {fits:.2g} is within reach" if fits else "try another --scenario, --approach or --normal",
+            )
         return self._content(base, start, scale), start
 
     def _content(self, base: str, start: Start, scale: float) -> dict[str, Any]:
@@ -117,31 +132,20 @@ def _scale(trajectory: dict[str, Any], scale: float) -> None:
             trajectory[key] = many if isinstance(value, list) else many[0]
 
 
-def _refuse(known: Scenario, start: Start | None, robot: Robot) -> None:
-    """Say where the best start that was found fails.
-
-    Raises:
-        InputError: where it does.
-    """
-    smaller = "a smaller path: --scale 0.5; or another scenario: --scenario NAME"
-    what = f"scenario {known.name} with this arm"
+def failing(start: Start | None, robot: Robot, params: ControllerParams) -> str:
+    """Return why a start will not do; empty where it will."""
     if start is None:
-        raise InputError(what, got="no posture with the hand in its attitude", expected="one", fix=smaller)
-    way = start.way
-    least = known.controller.singularity.sigma_min
+        return "no posture with the hand in the attitude of the start"
+    way, least = start.way, params.singularity.sigma_min
     if way.blocked:
-        got = f"a path that ends after {100.0 * way.share:.0f} % of its time: {way.blocked}"
-        raise InputError(what, got=got, expected="a path within reach", fix=smaller)
-    if way.sigma < least:
-        got = f"a path through a singular posture (least singular value {way.sigma:.2g})"
-        raise InputError(what, got=got, expected=f"at least singularity.sigma_min = {least:g}", fix=smaller)
+        return f"a path that ends after {100.0 * way.share:.0f} % of its time: {way.blocked}"
     for share, limit in ((way.speed, "velocity"), (way.load, "effort")):
         worst = int(share.argmax())
         if share[worst] >= 1.0:
-            name = robot.joint_names[worst]
-            got = f"{name} at {100.0 * share[worst]:.0f} % of its {limit} limit on the path"
-            fix = smaller if limit == "velocity" else "a lighter object, or the arm's true effort limits in the URDF"
-            raise InputError(what, got=got, expected="less than 100 %", fix=fix)
+            return f"{robot.joint_names[worst]} at {100.0 * share[worst]:.0f} % of its {limit} limit on the path"
+    if way.sigma < least:
+        return f"a path through a singular posture (least singular value {way.sigma:.2g}, sigma_min is {least:g})"
+    return ""
 
 
 def read_arm(file: Path) -> str:
