@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[3]
+FAST = "-q test/fast -n auto --dist loadfile"
 
 
 @pytest.fixture
@@ -77,10 +78,19 @@ def called(tmp_path: Path) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("arguments", "calls"),
     [
-        ((), ["ruff format --check .", "ruff check .", "mypy ", "python -m pytest "]),
+        (
+            (),
+            [
+                "ruff format --check .",
+                "ruff check .",
+                "mypy ",
+                f"python -m pytest {FAST}",
+                "python -m pytest test/slow",
+            ],
+        ),
         (("-k", "law"), ["ruff format --check .", "ruff check .", "mypy ", "python -m pytest -k law"]),
-        (("--fast",), ["python -m pytest -q test/fast"]),
-        (("--fast", "-x"), ["python -m pytest -q test/fast -x"]),
+        (("--fast",), [f"python -m pytest {FAST}"]),
+        (("--fast", "-x"), [f"python -m pytest {FAST} -x"]),
     ],
 )
 def test_the_checks_of_each_tier(called: dict[str, str], arguments: tuple[str, ...], calls: list[str]) -> None:
