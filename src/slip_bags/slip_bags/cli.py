@@ -52,15 +52,21 @@ def info(bag_path: Path, as_json: bool, no_scan: bool, attachment: str | None) -
 
 @bag.command()
 @_BAG
-@click.option("-o", "--output", type=_FOLDER, required=True, help="new folder: one file per topic")
+@click.option("-o", "--output", type=_FOLDER, required=True, help="new folder: one file per topic, or a bag")
 @click.option("-t", "--topic", "topics", multiple=True, help="only this topic; repeatable")
-@click.option("-f", "--format", "file_format", type=click.Choice(["csv", "parquet"]), default="csv", show_default=True)
+@click.option(
+    "-f", "--format", "file_format", type=click.Choice(["csv", "parquet", "mcap"]), default="csv", show_default=True
+)
 def export(bag_path: Path, output: Path, topics: tuple[str, ...], file_format: Any) -> None:
-    """Export topics as tables: CSV or Parquet, one row per message, one column per number."""
+    """Export topics as tables: CSV or Parquet, one row per message, one column per number; mcap: a bag with /tf."""
     from slip_bags.export import export as write_tables
+    from slip_bags.export import export_bag
     from slip_bags.reader import Bag
 
     with Bag(bag_path) as opened:
+        if file_format == "mcap":
+            click.echo(f"{output}: {export_bag(opened, topics, output)} messages on /tf added")
+            return
         written = write_tables(opened, topics, output, file_format)
     for path, rows in written:
         click.echo(f"{path}: {rows} rows")
@@ -100,6 +106,7 @@ def recover(bag_path: Path, output: Path | None, compression: str) -> None:
 @click.option("--queue-depth", type=click.IntRange(1), default=2000, show_default=True, help="per topic")
 @click.option("--attach", multiple=True, metavar="NAME=FILE", help="store a file in the bag")
 @click.option("--custom-data", multiple=True, metavar="KEY=VALUE", help="store a text in metadata.yaml")
+@click.option("--tf", "transforms", is_flag=True, help="make /tf of joint states and odometry, instead of recording it")
 @click.option("--node-name", default="recorder", show_default=True)
 @click.option("--namespace", default="/", show_default=True, help="of the recorder's node and of relative names")
 @click.option("--flush-period", type=click.FloatRange(0.0), default=1.0, show_default=True, help="[s]")
@@ -120,6 +127,7 @@ def record(
     queue_depth: int,
     attach: tuple[str, ...],
     custom_data: tuple[str, ...],
+    transforms: bool,
     node_name: str,
     namespace: str,
     flush_period: float,
@@ -149,6 +157,7 @@ def record(
                 attachments=_read_attachments(attach),
             ),
             queue_depth=queue_depth,
+            transforms=transforms,
             duration_s=duration,
             flush_period_s=flush_period,
             min_free_bytes=min_free_mib << 20,

@@ -1,4 +1,4 @@
-"""Export topics to CSV, Parquet and pandas: one table per topic, one column per number."""
+"""Export topics to CSV, Parquet and pandas, one table per topic, one column per number; or to a bag with `/tf`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from numpy.typing import NDArray
 
 from slip_bags.reader import Bag
 from slip_bags.series import Series
+from slip_bags.transforms import Transforms, tf_topic
+from slip_bags.writer import BagWriter, WriterOptions
 from slip_core.errors import InputError
+from slip_msgs_py.transforms import TOPIC
 
 FileFormat = Literal["csv", "parquet"]
 
@@ -79,6 +82,38 @@ def export(bag: Bag, topics: Sequence[str], folder: Path, file_format: FileForma
             temporary.unlink(missing_ok=True)
         written.append((path, len(table)))
     return written
+
+
+def export_bag(bag: Bag, topics: Sequence[str], folder: Path) -> int:
+    """Write the messages into a new bag, and `/tf` made of them; returns the number of messages made.
+
+    A `/tf` that the bag has is left out for the one that is made. URDFs are taken from topics, else from attachments.
+
+    Raises:
+        InputError: the folder exists, no such topic, damaged data, a description that is no URDF.
+    """
+    infos = [bag.topic(name) for name in topics] or list(bag.topics.values())
+    kept = {info.name: info for info in infos if info.name != TOPIC and info.message_count}
+    urdfs = {
+        "" if name == "arm.urdf" else name.removesuffix(".urdf"): data.decode("utf-8")
+        for name, data in bag.attachments.items()
+        if name.endswith(".urdf")
+    }
+    transforms = Transforms({name: info.type_name for name, info in kept.items()}, urdfs=urdfs)
+    made = 0
+    writer = BagWriter(folder, WriterOptions(custom_data=bag.custom_data, attachments=bag.attachments))
+    try:
+        for info in kept.values():
+            writer.add_topic(info, bag.schema_text(info.name))
+        writer.add_topic(*tf_topic())
+        for message in bag.raw(kept):
+            writer.write(*message)
+            for transform in transforms.feed(message):
+                writer.write(*transform)
+                made += 1
+    finally:
+        writer.close()
+    return made
 
 
 def file_name(topic: str) -> str:

@@ -20,6 +20,7 @@ from typing import Final
 
 from slip_bags.layout import parse_fields
 from slip_core.errors import InputError
+from slip_msgs_py import transforms
 
 _DELIMITER: Final = "\n" + "=" * 80 + "\nMSG: "
 
@@ -89,6 +90,8 @@ def _read(package: str, name: str, suffix: str) -> str:
         path = prefix / relative
         if path.is_file():
             return path.read_bytes().decode("utf-8")
+    if (f"{package}/msg/{name}", suffix) == (transforms.TYPE, ".msg"):
+        return transforms.TEXT
     raise InputError(
         f"message type {package}/msg/{name}",
         got=f"no {relative}",

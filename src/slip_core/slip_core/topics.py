@@ -58,6 +58,7 @@ _TABLE = (
     Topic("bridge/timing", "sensor_msgs/msg/JointState", "bridge", "real time only, per tick: period, lateness, state-to-command latency [s]; fresh share, overruns, real-time factor"),
     Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "controller", "status and reason of the law and of the mode, in real time also of the timing, about once a second", depth=10),
     Topic("controller/mode", "std_msgs/msg/String", "controller", "WAITING_INPUT, HOLD, ACTIVE, DEGRADED or FAULT, and the reason; sent where it changes", latched=True),
+    Topic("/tf", "tf2_msgs/msg/TFMessage", "bridge", "world -> links of the arm -> ..., world -> object: by the bridge where `publish_tf` is set, in a bag by the recorder", depth=100, recorded=False),
     Topic("controller/ready", "std_msgs/msg/String", "controller", "sent once, when every peer is matched", latched=True),
     Topic("recorder/ready", "std_msgs/msg/String", "recorder", "sent once, when every recorded topic is matched", latched=True, recorded=False),
 )  # fmt: skip

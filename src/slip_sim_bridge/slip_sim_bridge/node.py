@@ -31,6 +31,7 @@ from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare
 from slip_sim_bridge import pacing
+from slip_sim_bridge.frames import FramePublisher
 from slip_sim_bridge.pacing import Pacer
 from slip_sim_bridge.params import BridgeParams, object_urdf
 from slip_sim_bridge.session import BridgeSession, TickOutputs
@@ -103,6 +104,7 @@ class SlipSimBridge(LastResort, Node):
         self._pub_urdf.publish(to_msgs.string(urdf))
         self._pub_object = create_publisher(self, "object_description")
         self._pub_object.publish(to_msgs.string(object_urdf(self.params)))
+        self._frames = FramePublisher(self, urdf) if self.params.publish_tf else None
         self._sub_command = create_receiver(
             self,
             "effort_command",
@@ -330,6 +332,8 @@ class SlipSimBridge(LastResort, Node):
         self._send_clock.send(stamp_ns)
         self._send_object.send(stamp_ns, *to_msgs.odometry_numbers(truth))
         self._send_truth.send(stamp_ns, truth.slip_displacement, truth.slip_velocity)
+        if self._frames is not None:
+            self._frames.publish(stamp_ns, outputs.joint.position, truth)
 
     def _report_progress(self) -> None:
         now = time.monotonic()

@@ -19,6 +19,7 @@ from slip_bags.recording.listeners import Listener
 from slip_bags.recording.recorder import POLL_S, Recorder, Selection
 from slip_bags.ros_node import ros_node
 from slip_bags.writer import BagWriter, StorageError, WriterOptions
+from slip_msgs_py.transforms import TOPIC as TF_TOPIC
 
 READY_TOPIC: Final = "recorder/ready"
 QUEUE_DEPTH: Final = 2000
@@ -36,6 +37,7 @@ class RecordOptions:
     duration_s: float = 0.0
     flush_period_s: float = 1.0
     min_free_bytes: int = MIN_FREE_BYTES
+    transforms: bool = False
     node_name: str = "recorder"
     namespace: str = "/"
 
@@ -62,7 +64,8 @@ def _record(node: Node, options: RecordOptions, listener: Listener, stop: Callab
             options.selection,
             queue_depth=options.queue_depth,
             warn=listener.warning,
-            ignored=(READY_TOPIC,),
+            ignored=(READY_TOPIC, TF_TOPIC) if options.transforms else (READY_TOPIC,),
+            transforms=options.transforms,
         )
         start, start_cpu = time.monotonic(), time.process_time()
         _loop(node, recorder, writer, options, listener, stop)

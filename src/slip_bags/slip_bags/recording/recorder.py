@@ -20,9 +20,11 @@ from rclpy.type_hash import TypeHash
 
 from slip_bags.format import QosProfile, TopicInfo
 from slip_bags.patterns import check_patterns
+from slip_bags.reader import RawMessage
 from slip_bags.recording.loss_counter import LossCounter
 from slip_bags.recording.raw_subscription import Arrival
 from slip_bags.recording.subscription import Offer, TopicSubscription
+from slip_bags.transforms import Transforms, tf_topic
 from slip_bags.typedefs import MessageDefinition, find_definition, split_type_name
 from slip_bags.writer import BagWriter
 from slip_core.errors import InputError
@@ -92,6 +94,7 @@ class Recorder:
         queue_depth: messages the middleware keeps per topic between two polls.
         warn: called with one line where something is not recorded as wished.
         ignored: topics that are not recorded although they match.
+        transforms: whether `/tf` is made of joint states and odometry and written too.
         clock: monotonic seconds, for discovery and overlap.
     """
 
@@ -104,6 +107,7 @@ class Recorder:
         queue_depth: int,
         warn: Callable[[str], None],
         ignored: Collection[str] = (),
+        transforms: bool = False,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._node, self._writer, self._warn, self._clock = node, writer, warn, clock
@@ -116,6 +120,8 @@ class Recorder:
         self._next_discovery = self._next_look = 0.0
         self._last_poll: float | None = None
         self._longest_gap_s = 0.0
+        self._transforms = Transforms({}) if transforms else None
+        self._transforms_made = 0
         for name, type_name in self._named.items():
             if type_name is not None:
                 self._subscribe(name, type_name)
@@ -140,7 +146,22 @@ class Recorder:
         batch.sort(key=itemgetter(0))
         for received_ns, name, arrival in batch:
             self._writer.write(name, received_ns, arrival.sent_ns, arrival.sequence, arrival.data)
+            if self._transforms is not None:
+                self._transform(self._transforms, name, arrival)
         return len(batch)
+
+    def _transform(self, transforms: Transforms, name: str, arrival: Arrival) -> None:
+        """Write what a message says of frames; what cannot be said costs a warning, not the recording."""
+        raw = RawMessage(name, arrival.received_ns, arrival.sent_ns, arrival.sequence, arrival.data)
+        try:
+            for made in transforms.feed(raw):
+                if not self._writer.has_topic(made.topic):
+                    self._writer.add_topic(*tf_topic())
+                self._transforms_made += 1
+                self._writer.write(made.topic, made.log_time_ns, made.publish_time_ns, made.sequence, made.data)
+        except InputError as error:
+            self._warn_once(f"no more transforms: {error}")
+            self._transforms = None
 
     def finish(self) -> dict[str, Any]:
         """Drain a last time, unsubscribe, announce topics without messages; returns the summary. The bag stays open."""
@@ -179,6 +200,7 @@ class Recorder:
             "lost": lost,
             "lost_unknown": [name for name, topic in topics.items() if topic["lost"] is None],
             "never_published": [name for name in self._named if not self._published(name)],
+            **({"transforms": self._transforms_made} if self._transforms_made else {}),
             "queue_depth": self._depth,
             "largest_batch": max((topic.largest_batch for topic in self._topics.values()), default=0),
             "longest_gap_ms": round(self._longest_gap_s * 1e3, 3),
@@ -221,6 +243,8 @@ class Recorder:
 
         subscription = TopicSubscription(self._node, message_class, name, self._depth, ask)
         self._topics[name] = _Topic(name, definition, subscription)
+        if self._transforms is not None:
+            self._transforms.add_topic(name, type_name)
 
     def _offers(self, name: str, type_name: str) -> tuple[Offer, ...]:
         infos = self._node.get_publishers_info_by_topic(name)

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import importlib.resources
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
 import trimesh
-from scipy.spatial.transform import Rotation
 
 from slip_bringup.web.packing import Packer
-from slip_core.errors import InputError
+from slip_core.link_tree import numbers_of, origin_of, read_links
 
-MOVING: Final = ("revolute", "continuous", "prismatic")
 _GREY: Final = (0.7, 0.7, 0.72, 1.0)
 
 
@@ -28,49 +26,26 @@ def links_of(urdf: str, packer: Packer) -> tuple[list[dict[str, Any]], list[str]
     Raises:
         InputError: where the text is no URDF with one base.
     """
-    try:
-        robot = ET.fromstring(urdf)
-    except ET.ParseError as error:
-        raise InputError("robot_description", got=str(error), expected="a URDF") from None
+    tree = read_links(urdf)
+    robot = ET.fromstring(urdf)
     colours = {
         m.get("name"): _colour(m) for m in robot.findall("material") if m.get("name") and m.find("color") is not None
     }
-    by_name = {link.get("name", ""): link for link in robot.findall("link")}
-    joints: dict[str, list[ET.Element]] = {}
-    for joint in robot.findall("joint"):
-        joints.setdefault(_end(joint, "parent"), []).append(joint)
-    bases = set(by_name) - {_end(joint, "child") for found in joints.values() for joint in found}
-    if len(bases) != 1:
-        raise InputError("robot_description", got=f"{len(bases)} links without a parent", expected="one base")
     missing: list[str] = []
-    links: list[dict[str, Any]] = []
-
-    def add(name: str, parent: int, joint: ET.Element | None) -> None:
-        kind = "fixed" if joint is None else joint.get("type", "fixed")
-        moves = joint is not None and kind in MOVING
-        axis = None if joint is None else joint.find("axis")
-        links.append(
-            {
-                "name": name,
-                "parent": parent,
-                "joint": joint.get("name", "") if joint is not None and moves else "",
-                "kind": kind,
-                "axis": _numbers(axis, "xyz", (1.0, 0.0, 0.0)),
-                **_placed(joint),
-                "shapes": list(_shapes(by_name[name], colours, packer, missing)),
-            }
-        )
-        number = len(links) - 1
-        for child in joints.get(name, []):
-            add(_end(child, "child"), number, child)
-
-    add(bases.pop(), -1, None)
+    links = [
+        {
+            "name": link.name,
+            "parent": link.parent,
+            "joint": link.joint,
+            "kind": link.kind,
+            "axis": link.axis,
+            "position": link.position,
+            "quaternion": link.quaternion,
+            "shapes": list(_shapes(link.element, colours, packer, missing)),
+        }
+        for link in tree
+    ]
     return links, missing
-
-
-def _end(joint: ET.Element, which: str) -> str:
-    found = joint.find(which)
-    return "" if found is None else found.get("link", "")
 
 
 def _shapes(
@@ -88,12 +63,13 @@ def _shapes(
             colour = _colour(material) if own else colours.get(material.get("name"), colour)
         made = _shape(shape, packer, missing)
         if made is not None:
-            yield {**made, "colour": colour, **_placed(visual)}
+            position, quaternion = origin_of(visual)
+            yield {**made, "colour": colour, "position": position, "quaternion": quaternion}
 
 
 def _shape(shape: ET.Element, packer: Packer, missing: list[str]) -> dict[str, Any] | None:
     if shape.tag == "box":
-        return {"kind": "box", "size": _numbers(shape, "size", (0.1, 0.1, 0.1))}
+        return {"kind": "box", "size": numbers_of(shape, "size", (0.1, 0.1, 0.1))}
     if shape.tag == "cylinder":
         return {"kind": "cylinder", "size": [float(shape.get("radius", 0.05)), float(shape.get("length", 0.1))]}
     if shape.tag == "sphere":
@@ -106,7 +82,7 @@ def _shape(shape: ET.Element, packer: Packer, missing: list[str]) -> dict[str, A
         except Exception:  # a reader of many foreign formats: anything may happen, and a shape is only decoration
             missing.append(file)
             return None
-        scale = _numbers(shape, "scale", (1.0, 1.0, 1.0))
+        scale = numbers_of(shape, "scale", (1.0, 1.0, 1.0))
         return {
             "kind": "mesh",
             "size": scale,
@@ -124,21 +100,4 @@ def _path(file: str) -> str:
 
 
 def _colour(material: ET.Element) -> list[float]:
-    return _numbers(material.find("color"), "rgba", _GREY)
-
-
-def _placed(element: ET.Element | None) -> dict[str, list[float]]:
-    origin = None if element is None else element.find("origin")
-    rpy = _numbers(origin, "rpy", (0.0, 0.0, 0.0))
-    return {
-        "position": _numbers(origin, "xyz", (0.0, 0.0, 0.0)),
-        "quaternion": Rotation.from_euler("xyz", rpy).as_quat().tolist(),
-    }
-
-
-def _numbers(element: ET.Element | None, name: str, default: Sequence[float]) -> list[float]:
-    text = None if element is None else element.get(name)
-    try:
-        return list(default) if text is None else [float(word) for word in text.split()]
-    except ValueError:
-        raise InputError("robot_description", got=f'{name}="{text}"', expected="numbers") from None
+    return numbers_of(material.find("color"), "rgba", _GREY)

@@ -1,0 +1,136 @@
+"""The links of a URDF as a tree: names, joints, and where each link is on its parent; no dynamics, no display."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+
+MOVING: Final = ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """One link; its joint's name is "" where it does not move.
+
+    parent: number in the list, -1 for the base. position [m], quaternion (x, y, z, w): of the joint's frame on the
+    parent where the joint is at 0. axis: unit vector on the joint's frame.
+    """
+
+    name: str
+    parent: int
+    joint: str
+    kind: str
+    axis: tuple[float, float, float]
+    position: tuple[float, float, float]
+    quaternion: tuple[float, float, float, float]
+    element: ET.Element
+
+
+def read_links(urdf: str) -> list[Link]:
+    """Return the links of a URDF, parents before children.
+
+    Raises:
+        InputError: where the text is no URDF with one base.
+    """
+    try:
+        robot = ET.fromstring(urdf)
+    except ET.ParseError as error:
+        raise InputError("robot_description", got=str(error), expected="a URDF") from None
+    by_name = {link.get("name", ""): link for link in robot.findall("link")}
+    joints: dict[str, list[ET.Element]] = {}
+    for joint in robot.findall("joint"):
+        joints.setdefault(_end(joint, "parent"), []).append(joint)
+    ends = {_end(joint, "child") for found in joints.values() for joint in found}
+    bases = [name for name in by_name if name not in ends]
+    if len(bases) != 1 or not ends <= set(by_name):
+        raise InputError("robot_description", got=f"{len(bases)} links without a parent", expected="one tree of links")
+    links = [Link(bases[0], -1, "", "fixed", (1.0, 0.0, 0.0), (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), by_name[bases[0]])]
+    for number, parent in enumerate(links):  # grows while it is walked
+        for joint in joints.get(parent.name, []):
+            name, kind = _end(joint, "child"), joint.get("type", "fixed")
+            position, quaternion = origin_of(joint)
+            x, y, z = numbers_of(joint.find("axis"), "xyz", (1.0, 0.0, 0.0))
+            size = math.sqrt(x * x + y * y + z * z) or 1.0
+            moves = joint.get("name", "") if kind in MOVING else ""
+            axis = (x / size, y / size, z / size)
+            links.append(Link(name, number, moves, kind, axis, position, quaternion, by_name[name]))
+    return links
+
+
+def poses_on_parents(links: Sequence[Link], positions: Mapping[str, float]) -> Array:
+    """Return where each link is on its parent: position [m] and quaternion x, y, z, w; (n, 7).
+
+    Args:
+        links: from `read_links`.
+        positions: of the joints by name [rad, m]; one that is not given is at 0.
+    """
+    poses = np.empty((len(links), 7))
+    for row, link in zip(poses, links, strict=True):
+        row[:3], row[3:] = link.position, link.quaternion
+        value = positions.get(link.joint, 0.0)
+        if value and link.kind == "prismatic":
+            row[:3] += _turned(link.quaternion, (value * link.axis[0], value * link.axis[1], value * link.axis[2]))
+        elif value:
+            sine = math.sin(0.5 * value)
+            x, y, z = link.axis
+            row[3:] = _product(link.quaternion, (sine * x, sine * y, sine * z, math.cos(0.5 * value)))
+    return poses
+
+
+def origin_of(element: ET.Element) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+    """Return position [m] and quaternion x, y, z, w of an element's origin."""
+    origin = element.find("origin")
+    roll, pitch, yaw = (0.5 * value for value in numbers_of(origin, "rpy", (0.0, 0.0, 0.0)))
+    about_z = (0.0, 0.0, math.sin(yaw), math.cos(yaw))
+    about_y = (0.0, math.sin(pitch), 0.0, math.cos(pitch))
+    about_x = (math.sin(roll), 0.0, 0.0, math.cos(roll))
+    x, y, z = numbers_of(origin, "xyz", (0.0, 0.0, 0.0))
+    return (x, y, z), _product(_product(about_z, about_y), about_x)
+
+
+def numbers_of(element: ET.Element | None, name: str, default: Sequence[float]) -> list[float]:
+    """Return the numbers of an attribute.
+
+    Raises:
+        InputError: where they are none, or not as many as the default has.
+    """
+    text = None if element is None else element.get(name)
+    if text is None:
+        return list(default)
+    try:
+        found = [float(word) for word in text.split()]
+    except ValueError:
+        found = []
+    if len(found) != len(default):
+        raise InputError("robot_description", got=f'{name}="{text}"', expected=f"{len(default)} numbers")
+    return found
+
+
+def _end(joint: ET.Element, which: str) -> str:
+    found = joint.find(which)
+    return "" if found is None else found.get("link", "")
+
+
+def _product(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float, float]:
+    ax, ay, az, aw = a
+    bx, by, bz, bw = b
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def _turned(quaternion: Sequence[float], vector: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z, w = quaternion
+    turned = _product(_product(quaternion, (*vector, 0.0)), (-x, -y, -z, w))
+    return turned[0], turned[1], turned[2]

@@ -1,0 +1,107 @@
+"""Transforms made of a recorded run: decoded by others, where pinocchio and the ground truth have links and object."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+from scipy.spatial.transform import Rotation
+
+from slip_bags.cli import bag as bag_command
+from slip_bags.export import export_bag
+from slip_bags.reader import Bag
+from slip_bags.transforms import RATE_HZ, Transforms, tf_topic
+from slip_core.errors import InputError
+from slip_core.link_tree import poses_on_parents, read_links
+from slip_description import urdf_text
+
+REFERENCE = Path(__file__).parents[3] / "bags" / "paper_planar_vic"
+SAME_M = 1e-12
+CHAIN = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
+<joint name="slide" type="prismatic"><parent link="a"/><child link="b"/><origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/><axis xyz="2 0 0"/></joint>
+<joint name="fixed" type="fixed"><parent link="b"/><child link="c"/></joint></robot>"""  # noqa: E501
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("tf") / "bag"
+    with Bag(REFERENCE) as source:
+        assert export_bag(source, (), folder) > 0
+    return folder
+
+
+def test_a_slide_moves_along_its_axis() -> None:
+    poses = poses_on_parents(read_links(CHAIN), {"slide": 0.5})
+    np.testing.assert_allclose(poses[1, :3], [1.0, 0.5, 0.0], atol=SAME_M)
+    np.testing.assert_allclose(poses[2], [0, 0, 0, 0, 0, 0, 1], atol=SAME_M)
+
+
+@pytest.mark.parametrize("text", ["", "<robot", "<robot/>", CHAIN.replace('child link="c"', 'child link="x"')])
+def test_no_tree_is_one_line(text: str) -> None:
+    with pytest.raises(InputError, match="robot_description"):
+        read_links(text)
+
+
+def test_type_is_that_of_tf2_msgs() -> None:
+    info, text = tf_topic()
+    assert (info.name, info.type_name) == ("/tf", "tf2_msgs/msg/TFMessage")
+    assert text.startswith("geometry_msgs/TransformStamped[] transforms\n\n====")
+
+
+def test_exported_bag_has_all_that_was_and_transforms(exported: Path) -> None:
+    with Bag(REFERENCE) as before, Bag(exported) as after:
+        assert set(after.topics) == {name for name, t in before.topics.items() if t.message_count} | {"/tf"}
+        assert all(
+            info.message_count == before.topics[n].message_count for n, info in after.topics.items() if n != "/tf"
+        )
+        assert after.attachments == before.attachments
+        seconds = before.topics["/joint_states"].message_count * 1e-3
+        assert after.topics["/tf"].message_count == pytest.approx(2 * RATE_HZ * seconds, rel=0.01)
+
+
+def test_links_and_object_are_where_they_were(exported: Path) -> None:
+    model = pinocchio.buildModelFromXML(urdf_text())
+    data = model.createData()
+    with Bag(exported) as bag:
+        messages = [message.value for message in bag.messages("/tf")]
+        states, truth = bag.series("joint_states"), bag.series("object_state")
+    arm = next(m for m in reversed(messages) if len(m.transforms) > 1)
+    thing = next(m.transforms[0] for m in reversed(messages) if len(m.transforms) == 1)
+    placed = {"world": (np.zeros(3), Rotation.identity())}
+    for one in arm.transforms:
+        base, turn = placed[one.header.frame_id]
+        t, r = one.transform.translation, one.transform.rotation
+        placed[one.child_frame_id] = base + turn.apply([t.x, t.y, t.z]), turn * Rotation.from_quat([r.x, r.y, r.z, r.w])
+
+    def row_of(series, stamp) -> int:
+        return int(np.searchsorted(series.stamp_ns, stamp.sec * 10**9 + stamp.nanosec))
+
+    q = states["position"][row_of(states, arm.transforms[0].header.stamp)]
+    pinocchio.framesForwardKinematics(model, data, q)
+    for name, (position, turn) in placed.items():
+        if name != "world":
+            frame = data.oMf[model.getFrameId(name)]
+            np.testing.assert_allclose(position, frame.translation, atol=SAME_M, err_msg=name)
+            np.testing.assert_allclose(turn.as_matrix(), frame.rotation, atol=SAME_M, err_msg=name)
+    assert (thing.header.frame_id, thing.child_frame_id) == ("world", "object")
+    row = row_of(truth, thing.header.stamp)
+    recorded = [truth[f"pose.pose.position.{axis}"][row] for axis in "xyz"]
+    assert [getattr(thing.transform.translation, axis) for axis in "xyz"] == recorded
+
+
+def test_frames_of_a_namespace_have_its_prefix() -> None:
+    with Bag(REFERENCE) as bag:
+        (state,) = [m for m, _ in zip(bag.raw(["/joint_states"]), range(1), strict=False)]
+    renamed = state._replace(topic="/left/joint_states")
+    kinds = {"/left/joint_states": "sensor_msgs/msg/JointState"}
+    (made,) = Transforms(kinds, urdfs={"left": urdf_text()}).feed(renamed)
+    assert b"left/arm_link7\0" in made.data
+    assert list(Transforms(kinds, urdfs={"right": urdf_text()}).feed(renamed)) == []
+
+
+def test_export_says_what_it_added(tmp_path: Path) -> None:
+    from click.testing import CliRunner
+
+    result = CliRunner().invoke(bag_command, ["export", str(REFERENCE), "-o", str(tmp_path / "x"), "-f", "mcap"])
+    assert result.exit_code == 0, result.output
+    assert "messages on /tf added" in result.output
