@@ -33,6 +33,7 @@ setup(
         "scipy",
         "trimesh",
         "uplot-python",
+        "websockets",
     ],
     extras_require={"test": ["pytest"], "cluster": ["ray"]},
     zip_safe=False,

@@ -2,12 +2,14 @@
 
 import os
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
-from playwright.sync_api import BrowserContext, Page, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 SWITCHES = (
@@ -19,7 +21,8 @@ SWITCHES = (
     "--disable-sync",
     "--no-first-run",
 )
-READY_MS = 60_000
+LONGEST_S = 60.0
+POLL_MS = 20.0
 
 
 def executable() -> str:
@@ -31,26 +34,35 @@ def executable() -> str:
 
 
 @contextmanager
-def browser_context(**options: object) -> Iterator[BrowserContext]:
-    """Open a new, empty browser window without network."""
+def chromium() -> Iterator[Browser]:
+    """Start the browser; only one at a time can be open in a thread."""
+    path = executable()
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable(), args=list(SWITCHES))
+        browser = playwright.chromium.launch(executable_path=path, args=list(SWITCHES))
         try:
-            yield browser.new_context(**{"offline": True, "viewport": {"width": 1440, "height": 1000}, **options})
+            yield browser
         finally:
             browser.close()
 
 
-def open_page(context: BrowserContext, address: str) -> tuple[Page, list[str]]:
-    """Open a page and wait until it is built; return it with the list that its errors go to."""
-    page = context.new_page()
+def open_page(browser: Browser, address: str, **options: Any) -> tuple[Page, list[str]]:
+    """Open a page in a new window and wait until it is built; return it with the list that its errors go to."""
+    page = browser.new_page(**{"viewport": {"width": 1440, "height": 1000}, **options})
     errors: list[str] = []
     page.on("console", lambda message: errors.append(message.text) if message.type in ("error", "warning") else None)
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("requestfailed", lambda request: errors.append(request.url))
     page.goto(address)
-    page.wait_for_function("document.body.dataset.ready", timeout=READY_MS)
+    wait_until(page, "document.body.dataset.ready !== undefined")
     return page, errors
+
+
+def wait_until(page: Page, condition: str) -> None:
+    """Wait until a script gives true; the page forbids the `eval` that playwright's own waiting needs."""
+    end = time.monotonic() + LONGEST_S
+    while not page.evaluate(condition):
+        assert time.monotonic() < end, f"never true: {condition}"
+        page.wait_for_timeout(POLL_MS)
 
 
 def address_of(path: Path) -> str:

@@ -16,7 +16,7 @@ from slip_bringup import __version__
 from slip_bringup.arm.cli import arm
 from slip_bringup.replay.cli import references, verify
 from slip_bringup.study.cli import check, merge, study, tune
-from slip_bringup.web.cli import report
+from slip_bringup.web.cli import report, watch
 
 if TYPE_CHECKING:
     from slip_bringup.scenario import ControllerKind, Mode
@@ -157,6 +157,7 @@ cli.add_command(merge)
 cli.add_command(report)
 cli.add_command(study)
 cli.add_command(tune)
+cli.add_command(watch)
 
 
 def main() -> int:

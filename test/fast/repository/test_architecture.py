@@ -46,7 +46,7 @@ ALLOWED = {
     "slip_sim_bridge.sensors": {"numpy", "yaml", "pydantic", "slip_core"},
     "slip_bags": {"slip_core", "slip_msgs_py"} | BAG_LIBRARIES | ROS,
     "slip_bringup": ROOMS | NUMERIC | TOOLS | ROS,  # slip_campaigns is named as text and loaded on demand
-    "slip_bringup.web": ROOMS | NUMERIC | {"click", "scipy", "trimesh"},
+    "slip_bringup.web": ROOMS | NUMERIC | {"click", "scipy", "trimesh", "websockets"} | ROS,
     "slip_bringup.study.tune.search": ROOMS | NUMERIC | {"optuna"},
     "slip_campaigns": {"slip_bringup"} | ROOMS | NUMERIC | TOOLS | ROS,
 }

@@ -37,6 +37,7 @@ LIBRARIES = {
     "scipy": ("scipy", "python3-scipy"),
     "trimesh": ("trimesh", None),
     "uplot": ("uplot-python", None),
+    "websockets": ("websockets", "python3-websockets"),
     "yaml": ("pyyaml", "python3-yaml"),
     "zstandard": ("zstandard", None),
 }

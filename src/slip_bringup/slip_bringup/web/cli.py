@@ -27,3 +27,34 @@ def report(bags: tuple[Path, ...], output: Path, title: str) -> None:
     command = shlex.join(["slip-vic", *sys.argv[1:]])
     write_page(output, dict(zip(labels, bags, strict=True)), command=command, title=title)
     click.echo(f"{output}: {output.stat().st_size / 1e6:.2f} MB")
+
+
+@click.command()
+@click.option("--namespace", default="", help="of the arm; default: every namespace with joint states")
+@click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID")
+@click.option(
+    "--host", default="127.0.0.1", show_default=True, help="address to listen on; others may watch if it is not local"
+)
+@click.option("--port", type=click.IntRange(0, 65535), default=8765, show_default=True, help="0: a free one")
+@click.option("--rate", type=click.FloatRange(1.0, 60.0), default=25.0, show_default=True, help="frames a second")
+@click.option("--duration", type=click.FloatRange(0.0), default=0.0, help="end after so many seconds")
+def watch(namespace: str, domain_id: int | None, host: str, port: int, rate: float, duration: float) -> None:
+    """Show in the browser what runs now: the same picture and plots, from the topics."""
+    import os
+    import time
+
+    if domain_id is not None:
+        os.environ["ROS_DOMAIN_ID"] = str(domain_id)
+    from slip_bags.ros_node import ros_node
+    from slip_bringup.web.live import Audience
+    from slip_bringup.web.live import watch as run_watch
+    from slip_msgs_py.stop_flag import StopFlag
+
+    audience = Audience(host, port)
+    click.echo(f"http://{host}:{audience.port}/  (Ctrl-C ends)")
+    end = time.monotonic() + duration if duration else float("inf")
+    try:
+        with StopFlag() as stop, ros_node("slip_vic_watch", "/") as node:
+            run_watch(node, audience, namespace, rate, lambda: stop() or time.monotonic() >= end)
+    finally:
+        audience.close()

@@ -40,28 +40,43 @@ PLOTS: Final = (
 EFFORT: Final = "effort"
 
 
-def describe_plots(runs: Sequence[Run], packer: Packer) -> list[dict[str, Any]]:
-    """Return the plots that have anything to show, as the page's script reads them.
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """What a plot shows: its label and unit, and per arm the number of run and arm with the values (N,)."""
+
+    label: str
+    unit: str
+    rows: tuple[tuple[int, int, Array], ...]
+
+
+def plot_series(runs: Sequence[Run]) -> list[tuple[Plot, list[Variant]]]:
+    """Return all plots of some runs with what they show, in the order of the page."""
+    arms = [(number, place, arm) for number, run in enumerate(runs) for place, arm in enumerate(run.arms)]
+    found = []
+    for plot in PLOTS:
+        rows = tuple((number, place, arm.values[plot.name]) for number, place, arm in arms if plot.name in arm.values)
+        if rows:
+            found.append((plot, [Variant("", plot.unit, rows)]))
+    share = Variant("most loaded joint", "% of limit", tuple((n, p, _share(arm)) for n, p, arm in arms))
+    joints = [
+        Variant(arms[0][2].joint_names[joint], "N m", tuple((n, p, arm.efforts[:, joint]) for n, p, arm in arms))
+        for joint in range(min(arm.efforts.shape[1] for _, _, arm in arms))
+    ]
+    found.insert(max(0, len(found) - 1), (Plot(EFFORT, "joint effort", ""), [share, *joints]))
+    return found
+
+
+def describe_plots(runs: Sequence[Run], packer: Packer, *, empty: bool = False) -> list[dict[str, Any]]:
+    """Return the plots that have anything to show, or all, as the page's script reads them.
 
     A plot: name, title, unit, mark, steps, note, variants; a variant: label, unit and one series per arm with the
     number of its run and arm.
     """
-    arms = [(number, place, arm) for number, run in enumerate(runs) for place, arm in enumerate(run.arms)]
-    described = []
-    for plot in PLOTS:
-        rows = [(number, place, arm.values[plot.name]) for number, place, arm in arms if plot.name in arm.values]
-        if any(np.isfinite(values).any() for _, _, values in rows):
-            described.append(_described(plot, [_variant("", plot.unit, rows, packer)]))
-    if any(np.isfinite(arm.efforts).any() for _, _, arm in arms):
-        share = _variant("most loaded joint", "% of limit", [(n, p, _share(arm)) for n, p, arm in arms], packer)
-        joints = [
-            _variant(
-                arms[0][2].joint_names[joint], "N m", [(n, p, arm.efforts[:, joint]) for n, p, arm in arms], packer
-            )
-            for joint in range(min(arm.efforts.shape[1] for _, _, arm in arms))
-        ]
-        described.insert(-1, _described(Plot(EFFORT, "joint effort", ""), [share, *joints]))
-    return described
+    return [
+        _described(plot, [_variant(variant, packer) for variant in variants])
+        for plot, variants in plot_series(runs)
+        if empty or any(np.isfinite(values).any() for variant in variants for _, _, values in variant.rows)
+    ]
 
 
 def _described(plot: Plot, variants: list[dict[str, Any]]) -> dict[str, Any]:
@@ -75,9 +90,9 @@ def _described(plot: Plot, variants: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _variant(label: str, unit: str, rows: Sequence[tuple[int, int, Array]], packer: Packer) -> dict[str, Any]:
-    series = [{"run": number, "arm": place, "values": packer.add(values)} for number, place, values in rows]
-    return {"label": label, "unit": unit, "series": series}
+def _variant(variant: Variant, packer: Packer) -> dict[str, Any]:
+    series = [{"run": number, "arm": place, "values": packer.add(values)} for number, place, values in variant.rows]
+    return {"label": variant.label, "unit": variant.unit, "series": series}
 
 
 def _share(arm: Arm) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -148,37 +149,20 @@ def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array) -> Arm:
     parameters = _parameters(bag, "controller.params.yaml", arm.name)
     urdf = _urdf(bag, arm)
     values: dict[str, Array] = {}
-    none = np.full(len(times), np.nan)
     slip_velocity = np.full((len(times), 6), np.nan)
     if (topic := arm.names.get("slip_truth")) is not None:
         truth = bag.series(topic)
-        moved = _on_grid(truth, truth["position"], start_ns, times)
+        values |= slip_values(_on_grid(truth, truth["position"], start_ns, times))
         slip_velocity = _on_grid(truth, truth["velocity"], start_ns, times)
-        values["slip_mm"] = 1e3 * np.linalg.norm(moved[:, :3], axis=1)
-        values["slip_deg"] = np.degrees(np.linalg.norm(moved[:, 3:], axis=1))
     elif (topic := arm.names.get("slip_velocity")) is not None:
         slip_velocity = _held(bag, topic, start_ns, times, _six_of("twist.linear", "twist.angular"))
-    values["slip_speed"] = 1e3 * np.linalg.norm(slip_velocity[:, :3], axis=1)
-    values["slip_turning"] = np.degrees(np.linalg.norm(slip_velocity[:, 3:], axis=1))
+    values |= speed_values(slip_velocity)
     planned = np.empty((0, 3))
     if (topic := arm.names.get("controller/scalars")) is not None:
         scalars = bag.series(topic)
-        order = {str(name): place for place, name in enumerate(scalars["name"][0])}
-        law = _on_grid(scalars, scalars["position"], start_ns, times)
-
-        def six(name: str) -> Array:
-            return np.stack([law[:, order[f"{name}_{axis}"]] for axis in ("x", "y", "z", "rx", "ry", "rz")], axis=1)
-
-        error, stiffness = six("e"), six("K")
-        values |= {
-            "error_mm": 1e3 * np.linalg.norm(error[:, :3], axis=1),
-            "error_deg": np.degrees(np.linalg.norm(error[:, 3:], axis=1)),
-            "stiffness": stiffness[:, :3].min(axis=1),
-            "stiffness_turning": stiffness[:, 3:].min(axis=1),
-            "gate": law[:, order["gate"]],
-            "mode": law[:, order["mode"]] if "mode" in order else none,
-        }
-        desired = np.stack([scalars["position"][:, order[f"desired_{axis}"]] for axis in _XYZ], axis=1)
+        symbols = [str(name) for name in scalars["name"][0]]
+        values |= law_values(symbols, _on_grid(scalars, scalars["position"], start_ns, times))
+        desired = scalars["position"][:, [symbols.index(f"desired_{axis}") for axis in _XYZ]]
         planned = desired[np.isfinite(desired).all(axis=1)]
     if (topic := arm.names.get("wrench")) is not None:
         wrench = _held(bag, topic, start_ns, times, _six_of("wrench.force", "wrench.torque"))
@@ -198,9 +182,39 @@ def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array) -> Arm:
         planned=planned,
         values=values,
         efforts=efforts,
-        effort_limits=_effort_limits(urdf, names),
+        effort_limits=effort_limits_of(urdf, names),
         modes=_modes(bag, arm, states, start_ns),
     )
+
+
+def slip_values(displacement: Array) -> dict[str, Array]:
+    """Return the series of the slip displacement; (N, 6) [m, rad] {p}."""
+    return {
+        "slip_mm": 1e3 * np.linalg.norm(displacement[:, :3], axis=1),
+        "slip_deg": np.degrees(np.linalg.norm(displacement[:, 3:], axis=1)),
+    }
+
+
+def speed_values(velocity: Array) -> dict[str, Array]:
+    """Return the series of the slip velocity; (N, 6) [m/s, rad/s]."""
+    return {"slip_speed": 1e3 * np.linalg.norm(velocity[:, :3], axis=1)}
+
+
+def law_values(names: Sequence[str], symbols: Array) -> dict[str, Array]:
+    """Return the series of the law's symbols; names of the columns, (N, k)."""
+
+    def six(name: str) -> Array:
+        return symbols[:, [names.index(f"{name}_{axis}") for axis in ("x", "y", "z", "rx", "ry", "rz")]]
+
+    error, stiffness = six("e"), six("K")
+    mode = {"mode": symbols[:, names.index("mode")]} if "mode" in names else {}
+    return mode | {
+        "error_mm": 1e3 * np.linalg.norm(error[:, :3], axis=1),
+        "error_deg": np.degrees(np.linalg.norm(error[:, 3:], axis=1)),
+        "stiffness": stiffness[:, :3].min(axis=1),
+        "stiffness_turning": stiffness[:, 3:].min(axis=1),
+        "gate": symbols[:, names.index("gate")],
+    }
 
 
 def load_ratio(wrench: Array, parameters: Mapping[str, Any]) -> Array:
@@ -254,9 +268,8 @@ def _parameters(bag: Bag, name: str, arm: str = "") -> dict[str, Any]:
     return {}
 
 
-def _effort_limits(urdf: str, names: Sequence[str]) -> tuple[float, ...]:
-    import xml.etree.ElementTree as ET
-
+def effort_limits_of(urdf: str, names: Sequence[str]) -> tuple[float, ...]:
+    """Return the efforts of a URDF's joint limits, 0 where there is none [N m]."""
     limits = {joint.get("name"): joint.find("limit") for joint in ET.fromstring(urdf).findall("joint")}
     found = (limits.get(name) for name in names)
     return tuple(float(limit.get("effort", 0.0)) if limit is not None else 0.0 for limit in found)

@@ -11,6 +11,7 @@ import numpy as np
 import trimesh
 
 from slip_bringup.web.packing import Packer
+from slip_core.errors import InputError
 from slip_core.link_tree import numbers_of, origin_of, read_links
 
 _GREY: Final = (0.7, 0.7, 0.72, 1.0)
@@ -101,3 +102,16 @@ def _path(file: str) -> str:
 
 def _colour(material: ET.Element) -> list[float]:
     return numbers_of(material.find("color"), "rgba", _GREY)
+
+
+def box_of(urdf: str) -> tuple[float, float, float]:
+    """Return the edges of the first box in a URDF [m], as `object_description` has one.
+
+    Raises:
+        InputError: there is none.
+    """
+    for link in read_links(urdf):
+        for box in link.element.iter("box"):
+            x, y, z = numbers_of(box, "size", (0.1, 0.1, 0.1))
+            return x, y, z
+    raise InputError("object_description", got="no box", expected="a URDF with one box")

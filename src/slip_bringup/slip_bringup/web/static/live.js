@@ -1,1 +1,76 @@
-// `slip-vic watch` sends the same model without frames, then frames; see live.py.
+// `slip-vic watch`: the server sends the same model with room for one frame, then frames; see live.py.
+
+const KEPT = 3000; // frames; when they are full the older half is dropped
+const PLOTS_MS = 200;
+
+class Live {
+  constructor() {
+    document.body.classList.add("live");
+    this.since = 0;
+    this.connect();
+  }
+
+  connect() {
+    const socket = new WebSocket(`ws://${location.host}/live`);
+    socket.binaryType = "arraybuffer";
+    socket.onmessage = ({ data }) => {
+      if (data === "new") location.reload();
+      else if (this.page) this.frame(new Float32Array(data));
+      else this.begin(unpack(data));
+    };
+    socket.onclose = () => {
+      problem("The connection is lost; trying again.");
+      setInterval(() => fetch("/").then(() => location.reload(), () => {}), 1000);
+    };
+  }
+
+  begin(model) {
+    this.model = model;
+    this.arrays = [];
+    const roomy = (owner, key) => {
+      const width = owner[key].length, values = new Float32Array(KEPT * width).fill(NaN);
+      values.set(owner[key]);
+      owner[key] = values;
+      this.arrays.push([values, width]);
+    };
+    roomy(model, "time");
+    for (const run of model.runs) {
+      for (const arm of run.arms) { roomy(arm, "q"); roomy(arm, "slip"); }
+      if (run.object) roomy(run.object, "pose");
+    }
+    for (const plot of model.plots) for (const variant of plot.variants) for (const series of variant.series) roomy(series, "values");
+    model.count = 1;
+    this.page = build(model);
+    window.slipPage = this.page;
+    document.getElementById("problem").hidden = true;
+  }
+
+  frame(numbers) {
+    const { model, page } = this, { player, scenes } = page;
+    const atEnd = player.t >= player.end - 1e-6;
+    if (model.count === KEPT) this.drop(KEPT / 2);
+    let at = 0;
+    for (const [values, width] of this.arrays) {
+      values.set(numbers.subarray(at, at + width), model.count * width);
+      at += width;
+    }
+    model.count++;
+    for (const scene of scenes) scene.follow(model.count - 1, model.count);
+    const now = performance.now();
+    if (now - this.since > PLOTS_MS) {
+      this.since = now;
+      page.plots.refresh();
+      page.views?.fit(page.views.moved);
+    }
+    player.limits();
+    if (atEnd && !player.playing) player.go(player.end);
+    else player.slider.value = player.t;
+  }
+
+  drop(frames) {
+    const { model, page } = this;
+    for (const [values, width] of this.arrays) values.copyWithin(0, frames * width);
+    model.count -= frames;
+    for (const scene of page.scenes) for (const own of scene.arms) { own.walked.cut(frames); own.trace.cut(frames); }
+  }
+}

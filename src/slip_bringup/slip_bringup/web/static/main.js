@@ -55,7 +55,7 @@ function runCard(model, run, number) {
 }
 
 function largest(model) { // slip speed of all runs, which the longest arrow stands for [m/s]
-  let most = 0;
+  let most = window.slipLive ? 0.05 : 0;
   for (const run of model.runs) {
     for (const arm of run.arms) {
       for (let i = 0; i < 6 * model.count; i += 6) {
@@ -114,6 +114,11 @@ function build(model) {
 }
 
 async function main() {
+  if (window.slipLive) {
+    problem("Waiting for joint states and robot_description.");
+    new Live();
+    return;
+  }
   const model = unpack(await inflate(document.getElementById("data").textContent));
   model.count = model.time.length;
   window.slipPage = build(model); // for the browser's console, and for tests

@@ -188,6 +188,7 @@ class RunScene {
       own.trace.until(frame);
       const s = own.arm.slip, i = 6 * frame;
       const speed = Math.hypot(s[i], s[i + 1], s[i + 2]);
+      if (speed > this.fastest) this.fastest = speed;
       const length = Number.isFinite(speed) && this.fastest > 0 ? (ARROW * speed) / this.fastest : 0;
       own.arrow.visible = length > 0.002;
       if (own.arrow.visible) {

@@ -38,7 +38,7 @@ class Views {
     for (const pair of canvases) this.turnable(pair.arm);
   }
 
-  fit() { // every run is seen with the same camera: it looks at all of them
+  fit(keep = false) { // every run is seen with the same camera: it looks at all of them
     const box = new THREE.Box3();
     for (const scene of this.scenes) {
       for (const own of scene.arms) {
@@ -62,7 +62,7 @@ class Views {
     const middle = seen.isEmpty() ? new THREE.Vector2() : seen.getCenter(new THREE.Vector2());
     const room = seen.isEmpty() ? new THREE.Vector2() : seen.getSize(new THREE.Vector2());
     this.grasps = { span: 1.25 * half + 0.5 * Math.max(room.x, room.y), x: middle.x, y: middle.y };
-    this.facing = this.across();
+    if (!keep) this.facing = this.across();
   }
 
   across() { // the side from which the path is seen at its full length, and not from behind the arm
@@ -133,6 +133,7 @@ class Views {
     const fingers = new Map();
     let spread = 0;
     const turn = (dx, dy) => {
+      this.moved = true;
       this.view.azimuth -= 0.008 * dx;
       this.view.height = Math.min(1.5, Math.max(-0.2, this.view.height + 0.008 * dy));
       this.redraw();

@@ -1,0 +1,365 @@
+"""`slip-vic watch`: the page of a run while it runs, fed from the topics.
+
+One loop takes the newest message of each topic some times a second; what came between is dropped by the middleware, so
+the cost does not grow with the work of the page. A thread per browser sends it the model once, then numbers.
+"""
+
+from __future__ import annotations
+
+import http
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from rcl_interfaces.srv import GetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from scipy.spatial.transform import Rotation
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+from websockets.sync.server import Server, ServerConnection, serve
+
+from slip_bags.layout import Schema
+from slip_bags.recording.raw_subscription import RawSubscription, recording_qos
+from slip_bags.reader import RawMessage
+from slip_bags.series import Series
+from slip_bags.typedefs import find_definition
+from slip_bringup.web.packing import Packer
+from slip_bringup.web.page import assemble
+from slip_bringup.web.plots import describe_plots, plot_series
+from slip_bringup.web.runs import (
+    Arm,
+    Run,
+    describe,
+    effort_limits_of,
+    law_values,
+    load_ratio,
+    slip_values,
+    speed_values,
+)
+from slip_bringup.web.urdf import box_of
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_core.topics import TOPICS
+from slip_msgs_py.qos import message_class
+
+NEWEST: Final = ("joint_states", "slip_truth", "controller/scalars", "object_state")
+LATCHED: Final = ("robot_description", "object_description", "controller/mode")
+ASKED: Final = ("ee_frame", "governor.friction_limit", "governor.torsional_radius", "contacts.slip_axes")
+NODE: Final = "slip_vic_controller"
+DISCOVERY_S: Final = 1.0
+ASK_S: Final = 2.0
+QUEUED: Final = 50
+"""Frames that may wait for a slow browser; then it gets the next newest ones."""
+NEW: Final = "new"
+"""Tells a browser that another run has begun."""
+
+
+class Topic:
+    """The newest message of one topic."""
+
+    def __init__(self, node: Node, full: str, name: str) -> None:
+        kind, latched = TOPICS[name].type, name in LATCHED
+        self._schema = Schema(kind, find_definition(kind).text)
+        self._name = full
+        qos = recording_qos(1, reliable=latched, transient_local=latched)
+        self._subscription = RawSubscription(node, message_class(kind), full, qos)
+        self.newest: Series | None = None
+
+    def take(self) -> bool:
+        """Take what is there; return whether there is something new."""
+        found = None
+        for found in self._subscription.drain():  # noqa: B007 - the last one counts
+            pass
+        if found is None:
+            return False
+        raw = RawMessage(self._name, found.received_ns, found.sent_ns, found.sequence, found.data)
+        self.newest = Series(self._schema, [raw])
+        return True
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._subscription.close()
+
+
+@dataclass(slots=True)
+class WatchedArm:
+    """The topics of one namespace, and what was asked of its controller."""
+
+    name: str
+    topics: dict[str, Topic]
+    parameters: dict[str, Any] = field(default_factory=dict)
+
+    def text(self, name: str) -> str | None:
+        """Return the text of a latched topic."""
+        newest = self.topics[name].newest
+        return None if newest is None else str(newest["data"][0])
+
+    @property
+    def complete(self) -> bool:
+        """Whether there is enough to draw the arm."""
+        return self.topics["joint_states"].newest is not None and self.text("robot_description") is not None
+
+
+class Watcher:
+    """Follows the arms of a ROS domain and turns their newest messages into a model and frames.
+
+    Args:
+        node: in no executor.
+        namespace: of the arm; "" takes every namespace in which there are joint states.
+    """
+
+    def __init__(self, node: Node, namespace: str) -> None:
+        self._node, self._wanted = node, namespace.strip("/")
+        self.arms: list[WatchedArm] = []
+        self._next_discovery = 0.0
+        self._start_ns, self._size = 0, 0
+        self.last_ns = -1
+        self.model: bytes | None = None
+
+    def poll(self, now: float) -> bytes | None:
+        """Return the next frame, None where nothing new has come; `model` is set before the first."""
+        if now >= self._next_discovery:
+            self._next_discovery = now + DISCOVERY_S
+            self._discover()
+        fresh = [arm.topics["joint_states"].take() for arm in self.arms]
+        if not any(fresh):
+            return None
+        for arm in self.arms:
+            for name, topic in arm.topics.items():
+                if name != "joint_states":
+                    topic.take()
+        ready = [arm for arm in self.arms if arm.complete]
+        if not ready:
+            return None
+        stamp_ns = max(_stamp(arm) for arm in ready)
+        if stamp_ns == self.last_ns:
+            return None
+        run = self._run(ready)
+        data = frame((stamp_ns - self._start_ns) * 1e-9, run)
+        if self.model is None or stamp_ns < self.last_ns or len(data) != self._size:
+            self._begin(run, stamp_ns, len(data))
+            data = frame(0.0, run)
+        self.last_ns = stamp_ns
+        return data
+
+    def forget(self) -> None:
+        """Make the model anew with the next frame."""
+        self.model = None
+
+    def close(self) -> None:
+        """Unsubscribe from everything."""
+        for arm in self.arms:
+            for topic in arm.topics.values():
+                topic.close()
+
+    def _discover(self) -> None:
+        known = {arm.name for arm in self.arms}
+        for full, _ in self._node.get_topic_names_and_types():
+            prefix, _, last = full.rpartition("/")
+            name = prefix.strip("/")
+            wanted = not self._wanted or name == self._wanted
+            if last != "joint_states" or name in known or not wanted or not self._node.count_publishers(full):
+                continue
+            topics = {one: Topic(self._node, f"{prefix}/{one}", one) for one in (*NEWEST, *LATCHED)}
+            self.arms.append(WatchedArm(name, topics, ask_parameters(self._node, f"{prefix}/{NODE}")))
+            self.forget()
+
+    def _begin(self, run: Run, stamp_ns: int, size: int) -> None:
+        """Make the model that says what stands in a frame; topics that appear later lead to another one."""
+        self._start_ns, self._size = stamp_ns, size
+        packer = Packer()
+        described, _ = describe(run, np.zeros(1), packer)
+        plots = describe_plots([run], packer, empty=True)
+        self.model = packer.pack({"time": packer.add(np.zeros(1)), "runs": [described], "plots": plots})
+
+    def _run(self, arms: Sequence[WatchedArm]) -> Run:
+        pose, size = None, (0.18, 0.14, 0.014)
+        for arm in arms:
+            newest, text = arm.topics["object_state"].newest, arm.text("object_description")
+            if newest is not None and text is not None:
+                parts = (("position", "xyz"), ("orientation", "xyzw"))
+                pose = np.array([[newest[f"pose.pose.{part}.{axis}"][0] for part, axes in parts for axis in axes]])
+                size = box_of(text)
+                break
+        label = self._wanted or "live"
+        return Run(label, tuple(map(arm_now, arms)), pose, size, {})
+
+
+def arm_now(watched: WatchedArm) -> Arm:
+    """Return what the page shows of an arm, for one instant."""
+    newest = {name: topic.newest for name, topic in watched.topics.items()}
+    states, truth, scalars = newest["joint_states"], newest["slip_truth"], newest["controller/scalars"]
+    assert states is not None
+    urdf, mode = watched.text("robot_description") or "", watched.text("controller/mode")
+    names = tuple(str(name) for name in states["name"][0])
+    none = np.full((1, 6), np.nan)
+    slip = none if truth is None else truth["velocity"]
+    values = slip_values(none if truth is None else truth["position"]) | speed_values(slip)
+    efforts = np.full((1, len(names)), np.nan)
+    symbols: dict[str, float] = {}
+    if scalars is not None:
+        order = [str(name) for name in scalars["name"][0]]
+        values |= law_values(order, scalars["position"])
+        symbols = dict(zip(order, scalars["position"][0].tolist(), strict=True))
+        found = [symbols.get(f"effort_{joint + 1}", np.nan) for joint in range(len(names))]
+        efforts = np.array([found])
+    values["load"] = _load(symbols, watched.parameters)
+    return Arm(
+        name=watched.name,
+        urdf=urdf,
+        tip=str(watched.parameters.get("ee_frame", "ee")),
+        joint_names=names,
+        joints=states["position"],
+        slip_velocity=slip,
+        planned=np.empty((0, 3)),
+        values=values,
+        efforts=efforts,
+        effort_limits=effort_limits_of(urdf, names),
+        modes=() if mode is None else ((0.0, mode),),
+    )
+
+
+def _load(symbols: Mapping[str, float], parameters: Mapping[str, Any]) -> Array:
+    """Return the load ratio (1,) from the wrench on the object, which the law has on world axes."""
+    axes = ("x", "y", "z", "rx", "ry", "rz")
+    wrench = np.array([symbols.get(f"h_ee_{axis}", np.nan) for axis in axes])
+    turn = np.array([symbols.get(f"position_{axis}", np.nan) for axis in axes[3:]])
+    if not np.isfinite(turn).all():
+        return np.full(1, np.nan)
+    inverse = Rotation.from_rotvec(turn).inv()
+    return load_ratio(np.hstack([inverse.apply(wrench[:3]), inverse.apply(wrench[3:])])[None], parameters)
+
+
+def frame(time_s: float, run: Run) -> bytes:
+    """Return one instant as float32: time, per arm joints and slip velocity, the object's pose, every series."""
+    parts = [np.array([time_s])]
+    for arm in run.arms:
+        parts += [arm.joints.ravel(), arm.slip_velocity.ravel()]
+    parts += [] if run.object_pose is None else [run.object_pose.ravel()]
+    parts += [values for _, variants in plot_series([run]) for variant in variants for _, _, values in variant.rows]
+    return np.concatenate(parts).astype("<f4").tobytes()
+
+
+def ask_parameters(node: Node, name: str) -> dict[str, Any]:
+    """Return what a controller says of itself; empty where there is none.
+
+    A node of its own asks: the other one is in no executor, so that nothing but `Topic.take` takes its messages.
+    """
+    asker = Node("slip_vic_watch_ask", context=node.context, start_parameter_services=False, enable_rosout=False)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(asker)
+    try:
+        client = asker.create_client(GetParameters, f"{name}/get_parameters")
+        if not client.wait_for_service(ASK_S):
+            return {}
+        future = client.call_async(GetParameters.Request(names=list(ASKED)))
+        executor.spin_until_future_complete(future, timeout_sec=ASK_S)
+        answer = future.result()
+        kinds = {1: "bool_value", 3: "double_value", 4: "string_value", 6: "bool_array_value"}
+        values = [] if answer is None else answer.values
+        return {key: getattr(v, kinds[v.type]) for key, v in zip(ASKED, values, strict=False) if v.type in kinds}
+    finally:
+        executor.shutdown()
+        asker.destroy_node()
+
+
+def _stamp(arm: WatchedArm) -> int:
+    newest = arm.topics["joint_states"].newest
+    assert newest is not None
+    return int(newest.stamp_ns[0]) if newest.stamp_ns is not None else 0
+
+
+class Audience:
+    """The browsers: serves the page, sends each the model and then frames."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._page = assemble(
+            live=True, title="slip-vic watch", table="", words="", facts="", notes="", data="", description=""
+        ).encode()
+        self._model = b""
+        self._queues: set[queue.Queue[bytes | str]] = set()
+        self._lock = threading.Lock()
+        try:
+            self._server: Server = serve(self._attend, host, port, process_request=self._answer, compression=None)
+        except OSError as error:
+            got = error.strerror or str(error)
+            raise InputError(
+                f"address {host}:{port}", got=got, expected="a free port", fix="choose another --port"
+            ) from None
+        self.port = int(self._server.socket.getsockname()[1])
+        threading.Thread(target=self._server.serve_forever, name="watch-server", daemon=True).start()
+
+    @property
+    def present(self) -> bool:
+        """Whether anybody watches."""
+        return bool(self._queues)
+
+    def begin(self, model: bytes) -> None:
+        """Take another model; browsers that have the old one are told."""
+        with self._lock:
+            self._model = model
+            for waiting in self._queues:
+                _put(waiting, NEW)
+
+    def send(self, data: bytes) -> None:
+        """Send a frame to everybody; who is slow misses some."""
+        with self._lock:
+            for waiting in self._queues:
+                _put(waiting, data)
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._server.shutdown()
+
+    def _answer(self, _: ServerConnection, request: Request) -> Response | None:
+        if request.path == "/live":
+            return None
+        status, text = (http.HTTPStatus.OK, self._page) if request.path == "/" else (http.HTTPStatus.NOT_FOUND, b"")
+        kind = {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(text)), "Connection": "close"}
+        return Response(status.value, status.phrase, Headers(kind), text)
+
+    def _attend(self, connection: ServerConnection) -> None:
+        waiting: queue.Queue[bytes | str] = queue.Queue(QUEUED)
+        with self._lock:
+            model = self._model
+            self._queues.add(waiting)
+        try:
+            if model:
+                connection.send(model)
+            while True:
+                connection.send(waiting.get())
+        except ConnectionClosed:
+            pass
+        finally:
+            with self._lock:
+                self._queues.discard(waiting)
+
+
+def _put(waiting: queue.Queue[bytes | str], data: bytes | str) -> None:
+    try:
+        waiting.put_nowait(data)
+    except queue.Full:
+        return
+
+
+def watch(node: Node, audience: Audience, namespace: str, rate_hz: float, stop: Callable[[], bool]) -> None:
+    """Feed the browsers until told to stop; without any the topics are read once a second only."""
+    watcher = Watcher(node, namespace)
+    model: bytes | None = None
+    try:
+        while not stop():
+            data = watcher.poll(time.monotonic())
+            if watcher.model is not None and watcher.model is not model:
+                model = watcher.model
+                audience.begin(model)
+            if data is not None:
+                audience.send(data)
+            time.sleep(1.0 / rate_hz if audience.present or model is None else min(1.0, DISCOVERY_S))
+    finally:
+        watcher.close()
