@@ -25,8 +25,8 @@ from websockets.http11 import Request, Response
 from websockets.sync.server import Server, ServerConnection, serve
 
 from slip_bags.layout import Schema
-from slip_bags.recording.raw_subscription import RawSubscription, recording_qos
 from slip_bags.reader import RawMessage
+from slip_bags.recording.raw_subscription import RawSubscription, recording_qos
 from slip_bags.series import Series
 from slip_bags.typedefs import find_definition
 from slip_bringup.web.packing import Packer

@@ -90,7 +90,7 @@ class RunScene {
       if (i) since += Math.hypot(points[i] - points[i - 3], points[i + 1] - points[i - 2], points[i + 2] - points[i - 1]);
       if (since > 0.016) { dots.push(i); since = 0; }
     }
-    const mesh = new THREE.InstancedMesh(new THREE.SphereGeometry(0.0042, 8, 6), new THREE.MeshBasicMaterial(), Math.max(1, dots.length));
+    const mesh = new THREE.InstancedMesh(new THREE.SphereGeometry(0.0042, 8, 6), new THREE.MeshBasicMaterial({ depthTest: false, transparent: true, opacity: 0.75 }), Math.max(1, dots.length));
     dots.forEach((i, k) => mesh.setMatrixAt(k, new THREE.Matrix4().makeTranslation(points[i], points[i + 1], points[i + 2])));
     mesh.count = dots.length;
     mesh.frustumCulled = false;
