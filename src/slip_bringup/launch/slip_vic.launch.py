@@ -33,7 +33,9 @@ from slip_bringup.node_command import launch_plan
 
 ARGUMENTS = (
     DeclareLaunchArgument("scenario", default_value="paper_planar", description="name, or path of a .yaml file"),
-    DeclareLaunchArgument("controller", default_value="vic", choices=["vic", "classical"], description="control law"),
+    DeclareLaunchArgument(
+        "controller", default_value="governed", choices=["vic", "classical", "governed"], description="control law"
+    ),
     DeclareLaunchArgument("mode", default_value="lockstep", choices=["lockstep", "realtime"], description="pacing"),
     DeclareLaunchArgument("seed", default_value="0", description="seed of the sensor noise"),
     DeclareLaunchArgument("set", default_value="", description="parameters: KEY=VALUE, separated by spaces"),

@@ -54,7 +54,7 @@ def cli() -> None:
 
 @cli.command()
 @click.option("--scenario", default="paper_planar", show_default=True, help="name or .yaml file")
-@click.option("--controller", "kind", type=CONTROLLERS, default="vic", show_default=True, help="control law")
+@click.option("--controller", "kind", type=CONTROLLERS, default="governed", show_default=True, help="control law")
 @click.option("--mode", type=click.Choice(["lockstep", "realtime"]), default="lockstep", show_default=True)
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="seed of the sensor noise")
 @click.option("--record", type=click.Path(path_type=Path), help="record a bag into this new folder")

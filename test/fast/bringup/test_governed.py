@@ -64,6 +64,35 @@ def test_friction_that_is_less_than_told_is_learnt_from_one_short_slip() -> None
     assert done.error_m < 1e-3
 
 
+WRONG_MODELS = {
+    "optical_flow_120": ("bridge.object.mass=0.1195", "bridge.sensors.wrench.latency_s=0.005"),
+    "vision_25": ("bridge.contacts.position=[0.0, 0.024, 0.0]", "bridge.sensors.wrench.latency_s=0.005"),
+    "ideal": (
+        "bridge.object.mass=0.187", "bridge.friction.mu_s=0.329", "bridge.friction.mu_k=0.288",
+        "bridge.sensors.wrench.latency_s=0.005",
+    ),
+}  # fmt: skip
+"""Worlds in which the compensation opened without need, and the arm drifted off with the object."""
+
+
+def test_a_wrong_model_does_not_lose_what_classical_control_keeps() -> None:
+    for sensor, world in WRONG_MODELS.items():
+        done = run("glass_transport", *world, sensor=sensor, seconds=2.0)
+        assert done.slip_m < 1e-3, sensor
+        assert done.mode in (Mode.ACTIVE, Mode.DEGRADED), done.reason
+
+
+def test_an_object_lighter_than_told_does_not_fall() -> None:
+    """Classical control holds it; what the wrench says of its acceleration is wrong by the mass."""
+    loaded = load_scenario(
+        "vertical_plane", controller="classical", sensor="vision_25",
+        assignments=("bridge.object.mass=0.16", "bridge.duration_s=1.5"),
+    )  # fmt: skip
+    for tick in run_in_process(loaded):
+        assert tick.result.mode != Mode.FAULT, tick.result.reason
+    assert float(np.linalg.norm(tick.outputs.truth.slip_displacement[:3])) < HELD_M
+
+
 def test_unknown_friction_is_found_by_probing() -> None:
     assert run("paper_planar", "controller.governor.friction=unknown", seconds=4.0).slip_m < HELD_M
 
