@@ -23,6 +23,8 @@ GOVERNED = layout(
 load over F^; the guard's factor on a_C; how often F^ was made smaller; whether the compensation is given up."""
 UNLIMITED = 1e3
 """A speed along the path that limits nothing."""
+OBSERVED = 0.5
+"""Share of the threshold that a slip sample must show where the observer has found slip: two witnesses."""
 SAMPLES_PER_CYCLE = 10
 """Points of the path that are sampled in a cycle."""
 
@@ -87,13 +89,14 @@ def govern(c: Any, s: Any, arm: Any, o: Any, grasped: Held, dt: float, path_spee
         path_speed: how fast the path may be run through for other reasons; 1 = not limited, 0 = come to rest.
     """
     state, stamp_ns = s.governor, s.joint.answers.stamp_ns
+    share = OBSERVED if c.cycle.has_observer != 0 and s.observer.sliding != 0 else 1.0
     governor.feel(c.governor, state, s.loads, spatial(o.samples[0].wrench), stamp_ns)
     for k in range(s.queue.count):
         sample = s.queue.samples[k]
         v = spatial(c.governor.slip_axes) * spatial(sample.twist)
         turning = c.governor.radius * v.angular.norm()
         speed = math.sqrt(v.linear.dot(v.linear) + turning * turning)
-        slip_sample(c.governor.estimate, state.estimate, s.loads, sample.stamp_ns, speed)
+        slip_sample(c.governor.estimate, state.estimate, s.loads, sample.stamp_ns, speed / share)
     for _ in range(SAMPLES_PER_CYCLE):
         if governor.wants_points(state):
             planned = path_at(c, s, governor.wanted_time(c.governor, state))
