@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
-from slip_bringup.cli import cli
+from slip_bringup.cli import cli, main
 from slip_bringup.study.cases import MISMATCHES, Asked, Case, all_cases
 from slip_bringup.study.contents import MixedVersions, check_versions, gather, versions
 from slip_bringup.study.progress import progress
@@ -240,3 +240,25 @@ def test_check_gives_the_bound_and_the_exit_code() -> None:
     with_file = CliRunner().invoke(cli, ["check", "--params", str(Path(__file__).parents[3] / file), *arguments[1:]])
     assert with_file.exit_code == 0
     assert "54.8861" in with_file.output
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["study", "--resume", "--out", "nothing"], "nothing/study.json"),
+        (["study", "--shard", "4/3"], "4/3 is not i/n"),
+        (["study", "--estimators", "guess"], "estimator guess"),
+        (["study", "--sensors", "vision_26"], "vision_25"),
+        (["merge", "nowhere", "--out", "all"], "nowhere"),
+    ],
+)
+def test_a_mistake_is_one_line_and_leaves_nothing(
+    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["slip-vic", *words])
+    assert main() == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert len(error.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []

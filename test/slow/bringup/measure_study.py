@@ -7,9 +7,11 @@ python test/slow/bringup/measure_study.py kills      # needs Ray
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import importlib.util
 import os
+import pickle
 import random
 import subprocess
 import sys
@@ -23,24 +25,48 @@ SUPPORT = Path(__file__).parents[2] / "support"
 sys.path.insert(0, str(SUPPORT))
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
 
+from slip_bringup.study.cases import Case  # noqa: E402
+from slip_bringup.study.contents import gather  # noqa: E402
 from slip_bringup.study.engines import EngineName, open_engine  # noqa: E402
+from slip_bringup.study.runner import run_on_worker  # noqa: E402
+from slip_bringup.study.table import Settings, StudyTable  # noqa: E402
 
 tasks, rays = importlib.import_module("study_tasks"), importlib.import_module("ray_cluster")
 JOBS = 2
-TASKS = 2000
+TASKS, ROUNDS = 200, 5
 
 
 def overhead(folder: Path) -> None:
-    """Print the time to start an engine, and of a task that does nothing but leave a file."""
+    """Print what a task that does nothing costs, next to a case; in turns, as the machine may have other work."""
     names: list[EngineName] = ["pool", *(["ray"] if importlib.util.find_spec("ray") else [])]
-    for name in names:
-        start = time.perf_counter()
-        with open_engine(name, JOBS) as engine:
-            list(engine.run(tasks.note_and_square, str(folder), range(2 * JOBS)))
-            begun = time.perf_counter()
-            list(engine.run(tasks.note_and_square, str(folder), range(TASKS)))
-            end = time.perf_counter()
-        print(f"{name}: {begun - start:.1f} s to start, {1e3 * (end - begun) / TASKS:.2f} ms for each task")
+    case = Case("paper_planar", "vision_25", "observer", "none", 0)
+    contents = gather([case.scenario], [case.sensor], ())
+    run_on_worker(contents, case)
+    spent = dict.fromkeys(("case", "row", *names), 0.0)
+    settings = Settings.of(contents, [])
+    with contextlib.ExitStack() as stack:
+        engines = {}
+        for name in names:
+            start = time.perf_counter()
+            engines[name] = stack.enter_context(open_engine(name, JOBS))
+            list(engines[name].run(tasks.note_and_square, str(folder), range(2 * JOBS)))
+            print(f"{name}: {time.perf_counter() - start:.1f} s to start")
+        table = stack.enter_context(StudyTable(folder / "table", settings))
+        for _ in range(ROUNDS):
+            start = time.perf_counter()
+            result = run_on_worker(contents, case)
+            spent["case"] += time.perf_counter() - start
+            start = time.perf_counter()
+            for _ in range(TASKS):
+                table.append(result)
+            spent["row"] += (time.perf_counter() - start) / TASKS
+            for name, engine in engines.items():
+                start = time.perf_counter()
+                list(engine.run(tasks.note_and_square, str(folder), range(TASKS)))
+                spent[name] += (time.perf_counter() - start) / TASKS
+    for name, seconds in spent.items():
+        print(f"{name}: {1e3 * seconds / ROUNDS:.2f} ms, {100.0 * seconds / spent['case']:.2f} % of a case")
+    print(f"contents of a study, pickled: {len(pickle.dumps(contents)) / 1e3:.0f} kB")
 
 
 def rows_of(folder: Path) -> int:

@@ -25,7 +25,7 @@ def prepare() -> None:
     cache.mkdir(parents=True, exist_ok=True)
     here = importlib.import_module("slip_core").__path__[0]
     note = cache / f"compiled-{digest([repr((sorted(versions().items()), here, _processor())).encode()])}"
-    with (cache / "compiling.lock").open("w") as lock:
+    with note.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not (note.exists() and Path(note.read_text(encoding="utf-8")).is_dir()):
             note.write_text(_compile(), encoding="utf-8")

@@ -51,8 +51,8 @@ def run_tune(wanted: Wanted, out: Path, engine: EngineName, jobs: int, command: 
     asked = Asked((wanted.scenario,), (wanted.sensor,), (wanted.estimator,), wanted.mismatches, wanted.seeds)
     unseen = replace(asked, first_seed=wanted.seeds, seeds=wanted.unseen)
     contents = gather([wanted.scenario], [wanted.sensor], wanted.overrides)
-    prepare()
     case = asked.cases()[0]
+    prepare()
     loaded = case.load(contents.assignments, contents.texts)
     loaded.check()
     search = Search(asked, tuple(search_space(loaded, wanted.estimator)), wanted.bounds, wanted.seed, wanted.batch)
