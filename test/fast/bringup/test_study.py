@@ -127,6 +127,11 @@ def test_a_folder_keeps_to_what_it_is_made_of(tmp_path: Path) -> None:
         StudyTable(tmp_path, SETTINGS)
 
 
+def test_a_folder_that_cannot_be_written_is_one_line() -> None:
+    with pytest.raises(InputError, match="--out /proc/study"):
+        StudyTable(Path("/proc/study"), SETTINGS)
+
+
 def test_a_folder_is_for_one_study_at_a_time(tmp_path: Path) -> None:
     with StudyTable(tmp_path, SETTINGS), pytest.raises(InputError, match=f"in use by process {os.getpid()}"):
         StudyTable(tmp_path, SETTINGS)

@@ -205,10 +205,14 @@ def locked(folder: Path) -> Iterator[None]:
     """Hold the lock of a folder while the block runs; it ends with the process, however that ends.
 
     Raises:
-        InputError: somebody else holds it.
+        InputError: somebody else holds it, or the folder cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "study.lock").open("a+") as lock:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = (folder / "study.lock").open("a+")
+    except OSError as error:
+        raise InputError(f"--out {folder}", got=str(error), expected="a folder that can be written") from None
+    with file as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
