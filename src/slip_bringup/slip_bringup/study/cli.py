@@ -93,7 +93,7 @@ def study(
 
 
 @click.command()
-@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path, exists=True))
+@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="folder")
 def merge(folders: tuple[Path, ...], out: Path) -> None:
     """Put studies that were made in parts (--shard) into one folder; parts that do not fit are refused."""
