@@ -64,7 +64,7 @@ class ModeInterface:
         if now != self._last:
             self._topic.publish(to_msgs.string(f"{mode.name}: {reason}" if reason else mode.name))
         self._last = now
-        name = f"{self._node.get_name()}: mode"
+        name = f"{self._node.get_fully_qualified_name().removeprefix('/')}: mode"
         text = reason or mode.name
         self._status.publish(to_msgs.diagnostics(stamp_ns, name, LEVELS[mode], text, self._values(mode)))
 
