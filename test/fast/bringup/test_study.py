@@ -76,7 +76,7 @@ def test_a_case_runs_and_one_that_cannot_is_a_row() -> None:
 
 def test_a_simulation_that_diverges_is_no_refusal() -> None:
     """Gravity that no arm bears: the state stops being physical in the first tick."""
-    result = run_case(case(), (*SHORT, "bridge.gravity=[0.0, 0.0, -1e6]"))
+    result = run_case(case(), (*SHORT, "bridge.gravity=[0.0, 0.0, -1e6]", "bridge.grip.pad_size=[1e3, 1e3]"))
     assert result.outcome == "diverged"
     assert "simulation diverged" in result.reason
 

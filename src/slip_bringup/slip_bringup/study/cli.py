@@ -13,6 +13,8 @@ import click
 from rich.console import Console
 from rich.progress import Progress
 
+from slip_bringup.exit_code import ALLOW_FAULT, end_with
+
 if TYPE_CHECKING:
     from slip_bringup.study.engines import EngineName
 
@@ -42,9 +44,9 @@ def workers(command: click.decorators.FC) -> click.decorators.FC:
 
 
 @click.command()
-@click.option("--scenario", "scenarios", default="paper_planar", show_default=True, help="names, comma separated")
+@click.option("--scenario", "scenarios", default="", help="names, comma separated; default all")
 @click.option("--sensors", default="", help="names or .yaml files, comma separated; default all")
-@click.option("--estimators", default="classical,measured,observer", show_default=True)
+@click.option("--estimators", default="classical,observer,governed", show_default=True)
 @click.option("--mismatch", "mismatches", default="none", show_default=True, help="names, comma separated, or all")
 @click.option("--seeds", type=click.IntRange(1), default=5, show_default=True, help="how many seeds, from 0")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("study"), show_default=True, help="folder")
@@ -57,6 +59,7 @@ def workers(command: click.decorators.FC) -> click.decorators.FC:
     "--lottery", "drawn", type=click.IntRange(0), default=0, help="draw so many cases nobody tuned to instead"
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the lottery")
+@ALLOW_FAULT
 def study(
     *,
     scenarios: str,
@@ -73,23 +76,32 @@ def study(
     urdf: Path | None,
     drawn: int,
     seed: int,
+    allow_fault: bool,
 ) -> None:
-    """Run scenario x sensor x estimator x mismatch over seeds: study.csv, study.png; goes on where it stopped."""
+    """Run scenario x sensor x estimator x mismatch over seeds: study.csv, study.png; goes on where it stopped.
+
+    Says every case that did not end well in a line, and ends with exit code 1 where there is one.
+    """
     if drawn:
         _lottery(drawn, seed, out, jobs)
         return
     from slip_bringup.scenario import urdf_assignment
     from slip_bringup.study.cases import MISMATCHES, Asked
     from slip_bringup.study.command import resume, run_study
+    from slip_description import scenario_names
     from slip_sim_bridge.sensors.presets import preset_names
 
     if go_on:
-        click.echo(resume(out, engine, jobs))
+        done = resume(out, engine, jobs)
+        click.echo(done.line)
+        end_with(done.bad, allow_fault)
         return
     wrong = MISMATCHES if mismatches == "all" else names(mismatches)
     wanted = names(sensors) or tuple(preset_names())
-    asked = Asked(names(scenarios), wanted, names(estimators), wrong, seeds, shard)
-    click.echo(run_study([asked], (*urdf_assignment(urdf), *assignments), out, engine, jobs))
+    asked = Asked(names(scenarios) or tuple(scenario_names()), wanted, names(estimators), wrong, seeds, shard)
+    done = run_study([asked], (*urdf_assignment(urdf), *assignments), out, engine, jobs)
+    click.echo(done.line)
+    end_with(done.bad, allow_fault)
 
 
 @click.command()
