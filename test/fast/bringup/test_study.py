@@ -240,6 +240,7 @@ def test_check_gives_the_bound_and_the_exit_code() -> None:
     refused = CliRunner().invoke(cli, [*arguments, *fixed])
     assert refused.exit_code == 2
     assert "54.8861" in refused.output
+    arguments += ["--mismatch", "none", "--set", SHORT[0]]
     assert CliRunner().invoke(cli, arguments).exit_code == 0
     file = "config/paper_planar/controller_vic.yaml"
     with_file = CliRunner().invoke(cli, ["check", "--params", str(Path(__file__).parents[3] / file), *arguments[1:]])

@@ -110,7 +110,7 @@ def run_scenario(scenario: Scenario) -> tuple[str, str, dict[str, float]]:
         angular,
         excursion,
         steps.rms / scenario.controller.control_period_s,
-        arrival.since_s,
+        math.nan if outcome in ENDS else arrival.since_s,
         peak,
     )
     return outcome, reason, dict(zip(METRICS, values, strict=True))
