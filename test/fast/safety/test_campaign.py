@@ -16,7 +16,7 @@ from slip_campaigns.faults import trial as trials
 from slip_campaigns.faults.campaign import Tally, Verdict, judge, plan_of, upper_bound_95
 from slip_campaigns.faults.cli import faults
 from slip_campaigns.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
-from slip_campaigns.faults.plan import all_faults
+from slip_campaigns.faults.plan import JOINT, Fault, Plan, all_faults
 from slip_campaigns.faults.trial import run_trial
 from slip_core.records import record
 from slip_core.types import EffortCommand
@@ -47,8 +47,8 @@ def without_rate_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the campaign run a controller whose effort limiter knows no rate limit, unlike its promise."""
     real = trials.prepared
 
-    def broken(name: str, observer: bool) -> Any:
-        scenario, _ = real(name, observer)
+    def broken(*setting: Any) -> Any:
+        scenario, _ = real(*setting)
         other = Controller(scenario.controller, scenario.urdf, lockstep=False)
         config = other.config.copy()
         record(config, CONFIG).effort.rate = 1e9
@@ -62,7 +62,7 @@ def test_a_limiter_without_rate_limit_is_caught_and_leaves_its_bag(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     without_rate_limit(monkeypatch)
-    trial = 16  # joint states with wrong numbers, in motion
+    trial = 466  # joint states with wrong numbers, in motion
     words = ["--trials", "1", "--first", str(trial), "--seed", str(SEED), "--workers", "1", "--out", str(tmp_path)]
     result = CliRunner().invoke(faults, words)
     assert result.exit_code == 1, result.output
@@ -131,13 +131,47 @@ def test_joint_monitor_sees_steps_and_unrest() -> None:
 
 
 def test_safe_state_monitor_sees_a_law_without_input() -> None:
-    monitor = SafeStateMonitor({"wrench": 0.1})
-    monitor.good("wrench", 1.0)
+    monitor = SafeStateMonitor({"wrench": 0.1}, 0.05)
+    monitor.good("wrench", 1.0, 1.0)
     monitor.check(1.1, True)
     monitor.check(5.0, False)
     assert monitor.violations == []
     monitor.check(1.2, True)
     assert "after the last good wrench" in monitor.violations[0]
+
+
+def test_without_joint_states_no_command_is_given_and_no_other_age_counts() -> None:
+    for answered in (True, False):
+        monitor = SafeStateMonitor({"joint_states": 0.05, "wrench": 0.05}, 0.05)
+        for name, measured_s in (("wrench", 1.0), ("joint_states", 1.03)):
+            monitor.good(name, measured_s, measured_s)
+        monitor.check(1.08, True, answered)
+        assert bool(monitor.violations) == answered
+        monitor.check(1.12, True, answered)
+        assert "after the last good joint_states" in monitor.violations[-1 if not answered else 1]
+
+
+def test_a_late_joint_state_is_as_old_as_the_controller_can_know() -> None:
+    """One that was 30 ms on its way alone counts from its arrival, unless the wrench shows how late it is."""
+    for wrenches_s, passed_s in (((0.99, 1.0, 1.004), 0.0), ((1.0, 1.052, 1.056), 0.11)):
+        monitor = SafeStateMonitor({"joint_states": 0.05, "wrench": 0.05}, 0.05)
+        monitor.good("joint_states", 0.996, 0.996)
+        for measured_s in wrenches_s:
+            monitor.good("wrench", measured_s, measured_s)
+        monitor.good("joint_states", 1.0, 1.06)
+        monitor.check(1.11, True)
+        assert len(monitor.violations) == (passed_s > 0.0)
+        assert all(f"{passed_s:.3f} s after the last good joint_states" in text for text in monitor.violations)
+        monitor.check(1.2, True)
+        assert any("after the last good joint_states" in text for text in monitor.violations)
+
+
+def test_a_joint_state_that_was_long_on_its_way_is_no_violation() -> None:
+    """28 ms on its way and the last one for a while: the law ends within its age limit after it came."""
+    delay = Fault("delay", JOINT, start_s=0.2984643550630685, duration_s=0.18714334235441415, size=0.753418709648738)
+    before = Fault("corrupt_values", JOINT, 0.2258337255598965, 0.003757569182741698, 0.06857998992159309)
+    plan = Plan(953, 21, "paper_planar", False, "vic", (before, delay))
+    assert run_trial(plan).violations == []
 
 
 def test_bound_is_that_of_clopper_and_pearson() -> None:

@@ -28,6 +28,7 @@ class Verdict:
     commands: int
     modes: dict[str, int]
     objects_lost: int = 0
+    setting: str = ""
 
 
 @dataclass
@@ -58,6 +59,11 @@ class Tally:
             "modes": _added(verdict.modes for verdict in self.verdicts),
             "objects_lost": sum(verdict.objects_lost for verdict in self.verdicts),
             "by_fault": {name: _by_fault([v for v in self.verdicts if name in v.faults]) for name in names},
+            "by_setting": {
+                name: {"trials": len(found), "violations": sum(bool(v.violations) for v in found)}
+                for name in sorted({verdict.setting for verdict in self.verdicts})
+                if (found := [verdict for verdict in self.verdicts if verdict.setting == name])
+            },
             "failed": [asdict(verdict) for verdict in failed],
             **self.notes,
         }
@@ -143,6 +149,7 @@ def judge(seed: int, trial: int) -> Verdict:
         outcome.commands,
         dict(outcome.modes),
         outcome.objects_lost,
+        outcome.plan.setting,
     )
 
 

@@ -68,7 +68,7 @@ class Channel:
             if kind == "freeze_values":
                 same = self._carrier.restamp(same, sample)
             # Frozen values have time limits of their own; a message that is repeated is no new sample.
-            self._put(same, now_ns, kind == "freeze_values")
+            self._put(same, now_ns, kind == "freeze_values" or same is sample)
         elif kind == "cut":
             pass  # nothing comes through
         elif not hit:

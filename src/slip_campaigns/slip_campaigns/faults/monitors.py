@@ -7,12 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_campaigns.faults.plan import JOINT, WRENCH
+
 Numbers = NDArray[np.float64]
 NS = 1e-9
 ROUNDING = 1e-9  # [N m]: sums of a few numbers of some tens
 AT_REST = 0.1  # [rad/s]
 REST_AFTER_S = 1.0
 LOST_M = 0.05  # slip at which an object has left the pads: a real one falls, the simulation's pads are endless
+TWICE = 2  # a single stamp that is ahead is the sample's own fault
 REACTION_S = 0.02  # beyond the age limit: the watchdog's period and one cycle
 
 
@@ -118,25 +121,43 @@ class JointMonitor:
 
 @dataclass
 class SafeStateMonitor:
-    """Without an input the law must end within a stated time.
+    """Without an input the law must end within a stated time, by the clock that the joint states show.
+
+    How long the newest joint state was on its way nobody can tell from that one, because clocks need not agree: its age
+    counts from its arrival. The stamps of the wrench can tell, where two in a row are ahead of it by `future_s`: then
+    every age counts from when the sample was measured.
 
     limits: input -> time [s] after its newest good sample.
     """
 
     limits: dict[str, float]
+    future_s: float
     violations: list[str] = field(default_factory=list)
     _newest: dict[str, float] = field(default_factory=dict)
+    _ahead: int = 0
+    _late_s: float = 0.0
 
-    def good(self, name: str, measured_s: float) -> None:
-        """A sample has arrived as it was sent; `measured_s`: when it was measured."""
-        self._newest[name] = max(measured_s, self._newest.get(name, measured_s))
+    def good(self, name: str, measured_s: float, arrived_s: float) -> None:
+        """A sample has arrived as it was sent."""
+        newest = self._newest.get(name, -np.inf)
+        self._newest[name] = max(measured_s, newest)
+        if name == WRENCH:
+            self._ahead = self._ahead + 1 if measured_s > self._newest.get(JOINT, np.inf) + self.future_s else 0
+        elif name == JOINT and measured_s > newest:
+            told = self._ahead >= TWICE and self._newest[WRENCH] > measured_s + self.future_s
+            self._late_s = 0.0 if told else arrived_s - measured_s
 
-    def check(self, now_s: float, follows: bool) -> None:
-        """Judge the mode of a moment at which the controller ran."""
+    def check(self, now_s: float, follows: bool, answered: bool = True) -> None:
+        """Judge the mode of a moment at which the controller ran; answered: whether it gave a command.
+
+        Where no joint state comes no command is given, whatever else is missing: then the joint state's limit alone
+        counts.
+        """
         if not follows:
             return
         for name, limit in self.limits.items():
-            newest = self._newest.get(name)
-            if newest is not None and now_s - newest > limit + REACTION_S:
-                self.violations.append(f"{now_s:.3f} s: law at work {now_s - newest:.3f} s after the last good {name}")
+            newest = self._newest.get(name) if answered or name == JOINT else None
+            passed_s = 0.0 if newest is None else now_s - self._late_s - newest
+            if passed_s > limit + REACTION_S:
+                self.violations.append(f"{now_s:.3f} s: law at work {passed_s:.3f} s after the last good {name}")
                 self._newest[name] = now_s

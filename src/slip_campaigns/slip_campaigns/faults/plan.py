@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from slip_bringup.scenario import ControllerKind
+
 JOINT, WRENCH, SLIP, EFFORT = "joint_states", "wrench", "slip_velocity", "effort_command"
 TOPICS = (JOINT, WRENCH, SLIP, EFFORT)
 BRIDGE, CONTROLLER, RECORDER = "bridge", "controller", "recorder"
@@ -71,7 +73,13 @@ class Plan:
     seed: int
     scenario: str
     observer: bool
+    controller: ControllerKind
     faults: tuple[Fault, ...]
+
+    @property
+    def setting(self) -> str:
+        """What runs, as reports count it."""
+        return f"{self.scenario} {self.controller}{' observer' if self.observer else ''}"
 
 
 def make_plan(
@@ -94,4 +102,7 @@ def make_plan(
     ]
     scenario = "vertical_plane" if rng.uniform() < 0.25 else "paper_planar"
     observer = bool(rng.uniform() < 0.5)
-    return Plan(trial, seed, scenario, observer, tuple(sorted(faults, key=lambda fault: fault.start_s)))
+    scenario = "glass_transport" if rng.uniform() < 0.2 else scenario
+    u = rng.uniform()
+    controller: ControllerKind = "vic" if u < 0.5 else "governed" if u < 0.85 else "classical"
+    return Plan(trial, seed, scenario, observer, controller, tuple(sorted(faults, key=lambda fault: fault.start_s)))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_bringup.scenario import Scenario, load_scenario
+from slip_bringup.scenario import ControllerKind, Scenario, load_scenario
 from slip_campaigns.faults.carriers import SampleCarrier
 from slip_campaigns.faults.channel import Channel, Delivery
 from slip_campaigns.faults.monitors import LOST_M, CommandMonitor, JointMonitor, Promise, SafeStateMonitor
@@ -52,7 +52,7 @@ class Outcome:
 
 
 @cache
-def prepared(name: str, observer: bool) -> tuple[Scenario, Controller]:
+def prepared(name: str, observer: bool, kind: ControllerKind) -> tuple[Scenario, Controller]:
     """Return a scenario as the campaign runs it, and its law."""
     assignments = [
         f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
@@ -64,7 +64,7 @@ def prepared(name: str, observer: bool) -> tuple[Scenario, Controller]:
     if name == "vertical_plane":
         # What friction cannot carry is to be met: more than just enough grip at the start.
         assignments += ["controller.trajectory.displacement=[0.0, 0.1, 0.05]"]
-    scenario = load_scenario(name, mode="realtime", assignments=assignments)
+    scenario = load_scenario(name, controller=kind, mode="realtime", assignments=assignments)
     return scenario, Controller(scenario.controller, scenario.urdf, lockstep=False)
 
 
@@ -78,7 +78,7 @@ class Trial:
 
     def __init__(self, plan: Plan, *, keep: bool = False) -> None:
         self._plan, self._keep = plan, keep
-        self.scenario, self._law = prepared(plan.scenario, plan.observer)
+        self.scenario, self._law = prepared(plan.scenario, plan.observer, plan.controller)
         self._rng = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 1)))
         controller, safety = self.scenario.controller, self.scenario.controller.safety
         self._channels = {
@@ -106,7 +106,8 @@ class Trial:
                 JOINT: inputs.joint.age_s + PERIOD_S,
                 WRENCH: inputs.wrench.age_s + PERIOD_S,
                 SLIP: inputs.slip.age_s + degraded_s + PERIOD_S,
-            }
+            },
+            inputs.future_s,
         )
         self._modes: Counter[str] = Counter()
         self._record: list[tuple[int, str, Any]] = []
@@ -264,16 +265,17 @@ class Trial:
             for delivery in self._channels[name].arrivals(now_ns):
                 add(0, delivery.sample, now_ns)
                 self._note(name, delivery)
+        commands = self._commands.commands
         for delivery in self._channels[JOINT].arrivals(now_ns):
             controller.add_joint(delivery.sample, now_ns)
             self._note(JOINT, delivery)
             self._answer(self._controller.cycle(now_ns), t)
         self._answer(self._controller.watchdog(now_ns), t)
-        self._safe.check(t, self._controller.mode.follows)
+        self._safe.check(t, self._controller.mode.follows, self._commands.commands > commands)
 
     def _note(self, name: str, delivery: Delivery) -> None:
         if delivery.clean:
-            self._safe.good(name, (delivery.sent_ns - STEADY_NS) * 1e-9)
+            self._safe.good(name, (delivery.sent_ns - STEADY_NS) * 1e-9, self._t)
 
     def _answer(self, result: CycleResult | None, t: float) -> None:
         if result is None or self._controller is None:
