@@ -10,6 +10,8 @@ import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from slip_msgs_py.localhost import stay_on_this_machine
+
 
 def request_realtime() -> bool:
     """Ask for real-time priority for this process and the threads it starts from now on; return whether it was given.
@@ -26,6 +28,7 @@ def request_realtime() -> bool:
 @contextlib.contextmanager
 def ros_node(name: str, namespace: str = "/") -> Iterator[Node]:
     """Give a bare node in a context of its own; the command line is not read, signals are left alone."""
+    stay_on_this_machine()
     context = rclpy.Context()
     rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
     try:

@@ -12,8 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Final
 
-from slip_core.incidents import Incident
-
 EVENTS_VARIABLE: Final = "SLIP_VIC_EVENTS"
 
 
@@ -64,13 +62,12 @@ class Done:
     values: Mapping[str, Any]
 
 
-Event = Started | Ready | Progress | Status | Incident | Warned | Failed | Done
+Event = Started | Ready | Progress | Status | Warned | Failed | Done
 _KINDS: Final[Mapping[str, type[Event]]] = {
     "started": Started,
     "ready": Ready,
     "progress": Progress,
     "status": Status,
-    "incident": Incident,
     "warning": Warned,
     "error": Failed,
     "done": Done,

@@ -15,6 +15,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from slip_core.errors import SlipVicError
+from slip_msgs_py.localhost import stay_on_this_machine
 from slip_msgs_py.stop_flag import StopFlag
 
 
@@ -49,6 +50,7 @@ def run_node(factory: Callable[[], RunnableNode], args: Sequence[str] | None = N
         args: command line with ``--ros-args``; None takes that of the process.
     """
     stop = StopFlag().install()
+    stay_on_this_machine()
     node: RunnableNode | None = None
     try:
         rclpy.init(args=list(sys.argv if args is None else args), signal_handler_options=SignalHandlerOptions.NO)
