@@ -13,7 +13,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "slip_core", "slip_msgs_py", "mujoco", "numpy", "pydantic", "pyyaml"],
+    install_requires=["setuptools", "slip_core", "slip_msgs_py", "mujoco", "numpy", "pydantic"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
     maintainer="slip-vic maintainers",

@@ -9,6 +9,7 @@ from typing import Any, Final
 import yaml
 
 from slip_core.errors import InputError
+from slip_core.plain_yaml import read_yaml
 
 INFINITE_NS: Final = 2**63 - 1
 VERSION: Final = 9
@@ -126,7 +127,7 @@ def parse_qos(text: str | Sequence[Any]) -> tuple[QosProfile, ...]:
         InputError: where it is neither.
     """
     try:
-        items = yaml.load(text, Loader=_LOADER) if isinstance(text, str) else text
+        items = read_yaml(text) if isinstance(text, str) else text
         return tuple(_qos(item) for item in items or ())
     except (yaml.YAMLError, TypeError, ValueError, KeyError, IndexError, AttributeError, OverflowError):
         raise InputError("offered_qos_profiles", got=str(text), expected="a list of QoS profiles") from None
@@ -139,8 +140,8 @@ def parse_metadata(text: str, what: str) -> BagMetadata:
         InputError: where it is not YAML, or a key rosbag2 needs is missing or of the wrong kind.
     """
     try:
-        tree = yaml.load(text, Loader=_LOADER)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        tree = read_yaml(text)
+    except (yaml.YAMLError, ValueError) as error:
         raise InputError(what, got=" ".join(str(error).split()), expected="YAML") from None
     try:
         tree = tree.get("rosbag2_bagfile_information", tree)
@@ -229,5 +230,4 @@ def _text(tree: Any) -> str:
 
 
 _NO_WRAP = 2**31 - 1
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)

@@ -158,6 +158,8 @@ class _Walker:
             raise InputError(
                 f"schema of {self._schema.type_name}", got="types that contain themselves", expected="a tree"
             )
+        if self._position > len(self._data):  # a type's size may be a power of the length of its text
+            raise IndexError
         fields = self._schema.types[type_name]
         if not fields:
             self._position += 1  # the one byte an empty structure has in IDL

@@ -16,7 +16,7 @@ import functools
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from operator import itemgetter
-from pathlib import Path
+from pathlib import Path, PurePath
 from types import MappingProxyType, TracebackType
 from typing import Any, NamedTuple
 
@@ -285,6 +285,8 @@ def _folder_metadata(folder: Path) -> BagMetadata:
     if not metadata.files:
         raise InputError(str(path), got="no relative_file_paths", expected="the bag's MCAP files")
     for file in metadata.files:
+        if PurePath(file.path).is_absolute() or ".." in PurePath(file.path).parts:
+            raise InputError(str(path), got=file.path, expected="files of the bag's own folder")
         if not (folder / file.path).is_file():
             raise _missing(what, file, files)
     return metadata

@@ -31,11 +31,13 @@ def domain_id(wanted: int | None = None) -> Iterator[int]:
         yield check_domain(wanted)
         return
     folder = Path(tempfile.gettempdir()) / f"slip_vic_domains.{os.getuid()}"
-    folder.mkdir(exist_ok=True)
+    folder.mkdir(mode=0o700, exist_ok=True)
+    if folder.lstat().st_uid != os.geteuid():
+        raise ProtocolError(f"{folder} belongs to somebody else; give --domain-id")
     count = LAST - FIRST + 1
     for offset in range(count):
         candidate = FIRST + (os.getpid() + offset) % count
-        with (folder / str(candidate)).open("w") as lock:
+        with open(os.open(folder / str(candidate), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)) as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:

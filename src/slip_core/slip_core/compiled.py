@@ -12,14 +12,16 @@ import hashlib
 import importlib.util
 import os
 import re
+import stat
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
 
+from slip_core.errors import InputError
 from slip_core.part_compiler import STRICT, Part
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -38,14 +40,16 @@ def kernel(signature: Any) -> Callable[[F], F]:
     """Return a decorator that compiles a function for one signature when its module is imported.
 
     The machine code is kept beside the sources, or in the user's cache folder where those are read-only, under a name
-    that changes with every source it can depend on: a stale one is never used.
+    that changes with every source it can depend on: a stale one is never used. One that somebody else can write to is
+    not used either, because what lies there is run.
 
     Args:
         signature: for instance VOID(IN1, IN2, INT, OUT1), or text in numba's notation.
     """
 
     def compile_now(function: F) -> F:
-        config.CACHE_DIR = str(_folder(_package(Path(function.__code__.co_filename))))
+        if not config.DISABLE_JIT:
+            config.CACHE_DIR = str(_folder(_package(Path(function.__code__.co_filename))))
         return cast(F, numba.njit(signature, cache=True, **STRICT)(function))
 
     return compile_now
@@ -64,9 +68,25 @@ def _folder(package: Path) -> Path:
         digest.update(text)
     base = package / "__pycache__" if os.access(package, os.W_OK) else _user_cache()
     folder = base / f"compiled-{digest.hexdigest()[:16]}"
-    if not folder.exists():
+    try:
+        folder.mkdir(mode=0o700, parents=True)
         print(f"compiling {package.name} for this machine, once: about a minute", file=sys.stderr, flush=True)
+    except FileExistsError:
+        check_private(folder, {os.geteuid(), package.stat().st_uid})
     return folder
+
+
+def check_private(folder: Path, trusted: Container[int]) -> None:
+    """See that a folder belongs to one of these users, and that nobody else comes into it.
+
+    Raises:
+        InputError: it is not so.
+    """
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid not in trusted or stat.S_IMODE(found.st_mode) & 0o077:
+        got = f"owner {found.st_uid}, {stat.filemode(found.st_mode)}"
+        expected = "a folder of this user's alone, since what lies in it is run"
+        raise InputError(f"machine code in {folder}", got=got, expected=expected, fix="remove it")
 
 
 def _sources(package: Path) -> list[bytes]:

@@ -20,6 +20,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from slip_core.errors import InputError, nearest
+from slip_core.plain_yaml import read_yaml
 
 Model = TypeVar("Model", bound="ParameterModel")
 Warn = Callable[[str], object]
@@ -317,7 +318,7 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     if not sign or not key.strip():
         raise InputError("--set", got=text, expected="key=value, e.g. controller.gains.k_s=500")
     try:
-        return key.strip(), yaml.safe_load(value)
+        return key.strip(), read_yaml(value)
     except yaml.YAMLError:
         raise InputError(f"--set {key}", got=value, expected="a YAML value: a number, a word, or [a, b, c]") from None
 
@@ -329,7 +330,7 @@ def load_yaml(path: Path) -> dict[str, Any]:
         InputError: where the file is missing, not YAML or not a mapping.
     """
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = read_yaml(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"file {path}", got=error.strerror or str(error), expected="a readable YAML file") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:

@@ -21,6 +21,8 @@ MOVING = ("revolute", "continuous", "prismatic")
 NO_LIMIT = 1e4
 """[rad] Limits that stand for none: a joint without end is read as a revolute one that never comes there."""
 
+LARGEST = 16 << 20
+
 _PREFIX = re.compile(r"([</\s])(\w+):(?=[\w.]+[\s=/>])")
 """Names such as `drake:acceleration`, which a file may use without saying what `drake` is."""
 _KEPT = ("link", "joint", "material")
@@ -31,8 +33,12 @@ def parse_urdf(text: str) -> Element:
     """Return the <robot> element of a URDF text.
 
     Raises:
-        InputError: not XML, another format, or xacro that was not expanded.
+        InputError: not XML, another format, entities or a document type, too large, or xacro that was not expanded.
     """
+    if len(text) > LARGEST:
+        raise InputError("robot_description", got=f"{len(text)} characters", expected=f"a URDF of at most {LARGEST}")
+    if any(word in text.upper() for word in ("<!DOCTYPE", "<!ENTITY")):
+        raise InputError("robot_description", got="XML with a document type", expected="a URDF without declarations")
     try:
         root = ElementTree.fromstring(text if _declares_prefixes(text) else _PREFIX.sub(r"\1\2_", text))
     except ElementTree.ParseError as error:

@@ -13,11 +13,14 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import place
-from slip_vic_controller.cycle import STATE
-from slip_vic_controller.observer.layouts import ROW
+from slip_vic_controller.cycle import STATE, STATE_SIZE
+from slip_vic_controller.observer.config import MOST_ROWS
+from slip_vic_controller.observer.layouts import ROW, ROW_SIZE
 
 LAYOUT = hashlib.sha256(repr((STATE.descr, ROW.descr)).encode()).hexdigest()[:16]
 """Which software a state is of."""
+LARGEST = 8 * (STATE_SIZE + MOST_ROWS * ROW_SIZE)
+"""[bytes] A state with the longest history there is."""
 _CYCLES = place(STATE, "cycles").start
 
 
@@ -47,7 +50,11 @@ def from_text(text: str) -> Array:
         data = json.loads(text)
         if data["layout"] != LAYOUT:
             raise ValueError(f"layout {data['layout']}")
-        return np.frombuffer(zlib.decompress(base64.b64decode(data["state"], validate=True))).copy()
+        unpacking = zlib.decompressobj()
+        state = unpacking.decompress(base64.b64decode(data["state"], validate=True), LARGEST)
+        if not unpacking.eof:
+            raise ValueError(f"cut, or more than {LARGEST} bytes")
+        return np.frombuffer(state).copy()
     except (ValueError, KeyError, TypeError, binascii.Error, zlib.error, RecursionError) as error:
         got = f"{type(error).__name__} {error}"
         raise InputError("controller state", got=got, expected="a state of this software") from None

@@ -194,7 +194,7 @@ def test_flipped_bit_in_a_chunk_is_found_by_its_crc(tmp_path):
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
     path.write_bytes(data)
-    with Bag(path) as bag, pytest.raises(InputError, match="crc"):
+    with Bag(path) as bag, pytest.raises(InputError, match="CRC"):
         list(bag.raw())
 
 

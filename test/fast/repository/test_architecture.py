@@ -43,7 +43,7 @@ ALLOWED = {
     "slip_sim_bridge": SHELLS,
     "slip_sim_bridge.friction": {"numpy", "pydantic", "slip_core"},
     "slip_sim_bridge.plant": {"numpy", "mujoco", "slip_core"},  # no other file knows MuJoCo
-    "slip_sim_bridge.sensors": {"numpy", "yaml", "pydantic", "slip_core"},
+    "slip_sim_bridge.sensors": {"numpy", "pydantic", "slip_core"},
     "slip_bags": {"slip_core", "slip_msgs_py"} | BAG_LIBRARIES | ROS,
     "slip_bringup": ROOMS | NUMERIC | TOOLS | ROS,  # slip_campaigns is named as text and loaded on demand
     "slip_bringup.web": ROOMS | NUMERIC | {"click", "scipy", "trimesh", "websockets"} | ROS,
@@ -53,7 +53,7 @@ ALLOWED = {
 SHARED = {"slip_vic_controller.sizes", "slip_vic_controller.params"}
 CYCLE = {f"slip_vic_controller.{part}" for part in ("law", "observer", "reference", "safety", "safety_params")} | SHARED
 OWN = {  # layers inside a package: what of the own package a part may import
-    "slip_core.compiled": {"slip_core.part_compiler"},
+    "slip_core.compiled": {"slip_core.errors", "slip_core.part_compiler"},
     "slip_core.part_compiler": set(),
     "slip_core.records": {"slip_core.arrays"},
     "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},

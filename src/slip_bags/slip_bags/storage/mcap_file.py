@@ -26,6 +26,9 @@ from slip_core.errors import InputError
 _HEAD: Final = struct.Struct("<BQ")
 _MESSAGE: Final = struct.Struct("<HIQQ")
 _MESSAGE_OPCODE: Final = int(Opcode.MESSAGE)
+MAX_UNPACKED: Final = 1 << 30
+MAX_RATIO: Final = 100
+"""A file of this suite holds 2 to 20 times its size; one that claims much more was made to take all memory."""
 _LATEST_NS: Final = 2**63 - 1
 
 
@@ -237,6 +240,9 @@ class McapFile:
     def _check_index(self, index: _Index) -> None:
         if max(index.start_ns, index.end_ns) > _LATEST_NS:
             raise DamagedError("times beyond the year 2262")
+        unpacked = sum(chunk.uncompressed_size for chunk in index.chunks)
+        if unpacked > max(MAX_UNPACKED, MAX_RATIO * self.size):
+            raise DamagedError(f"{unpacked} bytes in a file of {self.size}")
         for chunk in index.chunks:
             if chunk.chunk_start_offset + chunk.chunk_length > self.size or chunk.message_end_time > _LATEST_NS:
                 raise DamagedError("an index that points outside the file")
@@ -246,11 +252,14 @@ class McapFile:
 
     def _scan(self) -> _Index:
         """Read a file without a useful index from its beginning, messages into memory."""
-        index = _Index()
+        index, unpacked = _Index(), 0
         self._file.seek(0)
         stream = StreamReader(self._file, emit_chunks=True, record_size_limit=self.size)
         for record in stream.records:
             if isinstance(record, Chunk):
+                unpacked += record.uncompressed_size
+                if unpacked > max(MAX_UNPACKED, MAX_RATIO * self.size):
+                    raise DamagedError(f"{unpacked} bytes and more in a file of {self.size}")
                 content = replace(record, compression="", data=chunk_content(record))
                 for inner in breakup_chunk(content):
                     index.note(inner)

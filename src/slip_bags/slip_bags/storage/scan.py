@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import struct
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Protocol, overload
@@ -17,13 +18,14 @@ import zstandard
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Chunk
-from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 MAGIC: Final = MCAP0_MAGIC
-MAX_CHUNK_BYTES: Final = 1 << 30  # beyond any chunk a recorder writes; stops a damaged size from taking all memory
+MAX_CHUNK_BYTES: Final = 1 << 28
+"""Beyond any chunk a recorder writes; stops a damaged size, or a small file made for it, from taking all memory."""
 _HEAD: Final = struct.Struct("<BQ")
 _CHUNK: Final = struct.Struct("<QQQI")
+_PIECE: Final = 1 << 16
 
 
 # What parsing a damaged file can raise, here and in the mcap package.
@@ -90,15 +92,25 @@ def chunk_content(chunk: Chunk) -> bytes:
         raise DamagedError(f"chunk of {size} bytes, more than {MAX_CHUNK_BYTES}")
     if chunk.compression not in ("", "zstd", "lz4"):
         raise DamagedError(f"unknown compression {chunk.compression!r}")
-    if chunk.compression == "zstd" and zstandard.frame_content_size(packed) > size:
-        raise DamagedError("zstd frame is larger than the chunk says")
-    try:
-        content, found = get_chunk_data_stream(chunk, validate_crc=True)
-    except RuntimeError as error:  # what lz4 raises
-        raise DamagedError(str(error)) from None
-    if found != size:
-        raise DamagedError(f"chunk says {size} bytes and holds {found}")
-    return content.read(found)
+    content = _unpacked(chunk.compression, packed, size)
+    if len(content) != size:
+        raise DamagedError(f"chunk says {size} bytes and holds {'more' if len(content) > size else len(content)}")
+    if chunk.uncompressed_crc not in (0, zlib.crc32(content)):
+        raise DamagedError("a chunk's CRC is wrong")
+    return content
+
+
+def _unpacked(compression: str, packed: bytes, size: int) -> bytes:
+    """Return what was compressed, and one byte more than `size` at most, whatever the data says of itself."""
+    if compression == "zstd":
+        with zstandard.ZstdDecompressor().stream_reader(packed) as reader:
+            return reader.read(size + 1)
+    if compression == "lz4":
+        try:
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size + 1))
+        except RuntimeError as error:
+            raise DamagedError(str(error)) from None
+    return packed
 
 
 def partial_chunk(body: bytes) -> bytes:
@@ -106,13 +118,19 @@ def partial_chunk(body: bytes) -> bytes:
     with contextlib.suppress(*DAMAGE, RuntimeError):
         compression, position = _string(body, _CHUNK.size)
         packed = body[position + 8 :]
-        if compression == "":
-            return packed
         if compression == "zstd":
-            return zstandard.ZstdDecompressor().decompressobj().decompress(packed)
-        if compression == "lz4":
-            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=MAX_CHUNK_BYTES))
+            return _beginning(packed)
+        return _unpacked(compression, packed, MAX_CHUNK_BYTES)
     return b""
+
+
+def _beginning(packed: bytes) -> bytes:
+    """Return what can be read of a cut zstd frame."""
+    found = bytearray()
+    with contextlib.suppress(zstandard.ZstdError), zstandard.ZstdDecompressor().stream_reader(packed) as reader:
+        while len(found) < MAX_CHUNK_BYTES and (piece := reader.read(_PIECE)):
+            found += piece
+    return bytes(found)
 
 
 def next_chunk(data: Data, start: int) -> int | None:

@@ -15,6 +15,7 @@ from slip_bags.series import Series
 from slip_core.arrays import readonly
 from slip_core.errors import InputError
 from slip_core.params import build, current_names, flat_names, flatten
+from slip_core.plain_yaml import read_yaml
 from slip_core.topics import contact_topic
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_msgs_py.from_msgs import JointOrder, slip_sample
@@ -134,7 +135,7 @@ def _attachment(bag: Bag, name: str) -> str:
 
 def _parameters(bag: Bag, overrides: dict[str, Any]) -> ControllerNodeParams:
     try:
-        (node,) = yaml.safe_load(_attachment(bag, PARAMETERS)).values()
+        (node,) = read_yaml(_attachment(bag, PARAMETERS)).values()
         values = _recorded_names(flat_names(node["ros__parameters"]))
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
         got = f"{type(error).__name__} {error}"

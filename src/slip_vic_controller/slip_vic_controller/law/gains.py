@@ -83,16 +83,14 @@ def fill_gains(params: GainParams, slip_axes: Array, k_s: float, gains: Any, *, 
     gains.spin_limit = float(ratio.min()) * params.spin_excursion if bounded and ratio.size else math.inf
 
 
-def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
+def gain_report(params: ControllerParams) -> GainReport:
     """Return the verdict on the gains of the configured slip loop; an observer takes the sensor's delays out of it.
 
     Raises:
-        InputError: where `refuse`, a k_s that is fixed beyond its bound, or damping for which a proposition has no
-            lambda.
+        InputError: a k_s that is fixed beyond its bound, or damping for which a proposition has no lambda.
     """
     direct = params.slip_estimator == "measured"
-    unsafe = refuse and params.controller != "classical"  # without a slip loop nothing is
-    judge = check_gains if unsafe else judge_gains
+    judge = judge_gains if params.controller == "classical" else check_gains  # without a slip loop nothing is unsafe
     return judge(
         np.array(params.gains.damping),
         params.gains.k_s,

@@ -6,11 +6,11 @@ import importlib.resources
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import Field
 
 from slip_core.errors import InputError, nearest
 from slip_core.params import ParameterModel, load_yaml, validate
+from slip_core.plain_yaml import read_yaml
 from slip_sim_bridge.sensors.params import SlipSensorParams, WrenchSensorParams
 
 _FILES = importlib.resources.files(__name__)
@@ -37,7 +37,7 @@ def load_preset(name_or_path: str, text: str | None = None) -> SensorPreset:
     Raises:
         InputError: unknown name (nearest offered), or a file that does not fit.
     """
-    content = yaml.safe_load(preset_text(name_or_path) if text is None else text)
+    content = read_yaml(preset_text(name_or_path) if text is None else text)
     return validate(SensorPreset, content, f"sensor {name_or_path}")
 
 
