@@ -41,6 +41,7 @@ class Child:
         self.name = name
         self._on_event = on_event
         self.lines: deque[str] = deque(maxlen=LAST_LINES)
+        self.line_count = 0
         self._last: dict[type, Event] = {}
         # A session of its own: Ctrl-C reaches the launcher alone, which then ends the children in order.
         self._process = subprocess.Popen(
@@ -66,6 +67,7 @@ class Child:
             event = events.decode(text) if is_stdout else None
             if event is None:
                 self.lines.append(text)
+                self.line_count += 1
             else:
                 self._last[type(event)] = event
                 self._on_event(self.name, event)

@@ -61,17 +61,6 @@ class Case:
         )
 
 
-def check_names(what: str, given: Iterable[str], known: Sequence[str]) -> None:
-    """Look whether all names are known.
-
-    Raises:
-        InputError: one is not; the nearest is offered.
-    """
-    for name in given:
-        if name not in known:
-            raise InputError(f"{what} {name}", got="an unknown name", expected=nearest(name, known))
-
-
 def all_cases(
     scenarios: Sequence[str],
     sensors: Sequence[str],
@@ -84,8 +73,10 @@ def all_cases(
     Raises:
         InputError: an unknown estimator or mismatch.
     """
-    check_names("estimator", estimators, ESTIMATORS)
-    check_names("mismatch", mismatches, MISMATCHES)
+    for what, given, known in (("estimator", estimators, ESTIMATORS), ("mismatch", mismatches, MISMATCHES)):
+        for name in given:
+            if name not in known:
+                raise InputError(f"{what} {name}", got="an unknown name", expected=nearest(name, known))
     product = itertools.product(seeds, scenarios, mismatches, sensors, estimators)
     return [
         Case(scenario, sensor, estimator, mismatch, seed) for seed, scenario, mismatch, sensor, estimator in product

@@ -12,6 +12,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from slip_core.errors import InputError
+
 SHOWN_VIOLATIONS = 5
 
 
@@ -20,15 +22,32 @@ SHOWN_VIOLATIONS = 5
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
 @click.option("--first", type=click.IntRange(0), default=0, show_default=True, help="number of the first trial")
 @click.option("--dds", is_flag=True, help="real DDS and node processes; default in process, in virtual time")
+@click.option("--attacks", "attacking", is_flag=True, help="attack node processes instead, one way after the other")
+@click.option("--only", multiple=True, metavar="NAME", help="only attacks whose name contains this; repeatable")
 @click.option("--workers", type=click.IntRange(1), help="worker processes, in process; default one per core")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/faults"), show_default=True)
-def faults(trials: int, seed: int, first: int, dds: bool, workers: int | None, out: Path) -> None:
+def faults(
+    trials: int,
+    seed: int,
+    first: int,
+    dds: bool,
+    attacking: bool,
+    only: tuple[str, ...],
+    workers: int | None,
+    out: Path,
+) -> None:
     """Seeded fault campaign: is every effort finite, inside its limits, and does the arm come to a safe state?
 
     Exit code 1 where a trial shows otherwise; it leaves a bag, and the command that runs it again.
     """
     from slip_campaigns.faults import campaign, network
 
+    if attacking:
+        from slip_campaigns.faults.attacks import SHM_MIB
+
+        network.enter(memory_mib=SHM_MIB)
+        _attack(only, out)
+        return
     if dds:
         network.enter()
     console = Console(stderr=True)
@@ -60,6 +79,34 @@ def faults(trials: int, seed: int, first: int, dds: bool, workers: int | None, o
     _report(tally, out)
     click.echo(f"results: {path}")
     if tally.failed:
+        sys.exit(1)
+
+
+def _attack(only: tuple[str, ...], out: Path) -> None:
+    from slip_campaigns.faults.attack_suite import Row, run_attacks
+    from slip_campaigns.faults.attacks import ATTACKS
+
+    names = [name for name in ATTACKS if not only or any(words in name for words in only)]
+    if not names:
+        raise InputError("--only", got=", ".join(only), expected=f"a part of one of: {', '.join(ATTACKS)}")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    table = Table("attack", "promise", "alive", "mode", "log lines/s", "memory [MiB]", "law again [s]", "note")
+
+    def on_done(row: Row) -> None:
+        back = "never" if row.recovery_s is None else f"{row.recovery_s:.2f}{', helped' if row.helped else ''}"
+        table.add_row(
+            row.attack, "kept" if not row.violations else f"{len(row.violations)} violations",
+            "yes" if row.alive else "NO", row.worst_mode, f"{row.lines_per_s:.1f}", f"{row.grown_mib:+.1f}", back,
+            row.note,
+        )  # fmt: skip
+        click.echo(f"{row.attack}: {'kept' if row.kept else 'NOT KEPT'}", err=True)
+        for text in row.violations[:SHOWN_VIOLATIONS]:
+            click.echo(f"  {text}", err=True)
+
+    rows = run_attacks(names, out, on_done)
+    Console().print(table)
+    click.echo(f"results: {out / 'attacks.json'}")
+    if not all(row.kept for row in rows):
         sys.exit(1)
 
 

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import rclpy
 from rclpy.experimental import EventsExecutor
@@ -41,6 +41,7 @@ from slip_vic_controller.safety.modes import Mode
 PERIOD_S = 0.004
 LATEST_START_S, LONGEST_S = 0.3, 0.5
 SETTLED_S = 0.1
+Campaign = TypeVar("Campaign", bound="DdsCampaign")
 RECOVERY_S = 10.0  # a killed node needs seconds to start on a busy machine
 STAYS_S = 2.0  # a mode without the law that lasts so long, with all processes alive, ends by an operator only
 BACK_S = 60.0
@@ -56,7 +57,7 @@ that was killed and started at once: a peer goes on writing into the file of the
 def plan_over_dds(seed: int, trial: int) -> Plan:
     """Return the plan of a trial over DDS."""
     plan = make_plan(seed, trial, all_faults_over_dds(), LATEST_START_S, LONGEST_S)
-    return dataclasses.replace(plan, scenario="paper_planar", observer=True)
+    return dataclasses.replace(plan, scenario="paper_planar", observer=True, controller="vic")
 
 
 def campaign_scenario() -> Scenario:
@@ -86,7 +87,7 @@ def run_over_dds(
     effort_rate: what the monitor allows [N m/s]; None takes the controller's own limit.
     """
     tally = Tally(seed, over_dds=True)
-    with _campaign(out, effort_rate) as campaign:
+    with campaign_of(DdsCampaign, out, effort_rate) as campaign:
         for trial in trials:
             verdict = campaign.run(plan_over_dds(seed, trial))
             tally.verdicts.append(verdict)
@@ -97,7 +98,8 @@ def run_over_dds(
 
 
 @contextmanager
-def _campaign(out: Path, effort_rate: float | None) -> Iterator[DdsCampaign]:
+def campaign_of(kind: type[Campaign], out: Path, effort_rate: float | None) -> Iterator[Campaign]:
+    """Give a campaign of a kind, in a domain of its own; arguments as for `DdsCampaign`."""
     with contextlib.ExitStack() as stack:
         domain = stack.enter_context(domain_id())
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="slip_vic_faults_")))
@@ -111,7 +113,7 @@ def _campaign(out: Path, effort_rate: float | None) -> Iterator[DdsCampaign]:
             rclpy.init(args=[], domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         node = Node("faults", start_parameter_services=False, enable_rosout=False)
         try:
-            yield DdsCampaign(node, group, environment, folder, out, cable, effort_rate)
+            yield kind(node, group, environment, folder, out, cable, effort_rate)
         finally:
             node.destroy_node()
             rclpy.try_shutdown()
@@ -151,26 +153,26 @@ class DdsCampaign:
         cable: network.Cable | None,
         effort_rate: float | None,
     ) -> None:
-        scenario = campaign_scenario()
+        self.scenario = scenario = campaign_scenario()
         controller = scenario.controller
         self._out, self._cable = out, cable
         robot = Robot(scenario.urdf, controller.ee_frame, controller.joint_names, controller.gravity)
         wires = {name: Wire(name, controller.joint_names, controller.ee_frame) for name in TOPICS}
         bridge = scenario.bridge
-        self._watch = Watch(
+        self.watch = Watch(
             wires, controller, robot, PERIOD_S, bridge.effort_rate, bridge.command_timeout_s, effort_rate
         )
-        self._nodes = Nodes(node, group, environment, scenario, folder, cable)
-        self._actions = FaultActions(node, self._nodes, self._watch, scenario, cable)
-        self._proxy = Proxy(node, wires, self._watch.forwarded, self._on_state)
+        self.nodes = Nodes(node, group, environment, scenario, folder, cable)
+        self._actions = FaultActions(node, self.nodes, self.watch, scenario, cable)
+        self.proxy = Proxy(node, wires, self.watch.forwarded, self._on_state)
         self._lost = False
         self.lost = self.deaf = 0
         self._started_s = time.monotonic()
         self._since_truth = 0
         self._last_ask = 0.0
         for name, take, reliable in (
-            ("effort_command", self._watch.command, True),
-            ("controller/ledger", self._watch.ledger, True),
+            ("effort_command", self.on_command, True),
+            ("controller/ledger", self.watch.ledger, True),
             ("slip_truth", self._on_truth, False),
         ):
             create_subscription(node, name, take, depth=1000, reliable=reliable, raw=True)
@@ -182,10 +184,10 @@ class DdsCampaign:
     def notes(self) -> dict[str, Any]:
         """Return what is worth knowing of the whole campaign."""
         return {
-            "process_starts": self._nodes.starts,
+            "process_starts": self.nodes.starts,
             "objects_lost": self.lost,
             "deaf_nodes": self.deaf,
-            "commands_without_predecessor": self._watch.not_judged,
+            "commands_without_predecessor": self.watch.not_judged,
             "network_cut": "namespaces" if self._cable else "not permitted here: the proxy drops everything instead",
         }
 
@@ -193,60 +195,61 @@ class DdsCampaign:
         """Run one trial."""
         violations: list[str] = []
         modes: Counter[str] = Counter()
-        self._proxy.set_plan(None, 0)
-        self._nodes.place_bridge(self._cable is not None and remote(plan.faults))
+        self.proxy.set_plan(None, 0)
+        self.nodes.place_bridge(self._cable is not None and remote(plan.faults))
         if any(fault.target == RECORDER for fault in plan.faults):
-            self._nodes.start_recorder()
-            self._spin_until(self._nodes.records, BACK_S, self._operate)
+            self.nodes.start_recorder()
+            self.spin_until(self.nodes.records, BACK_S, self.operate)
         self._actions.restore()
-        if not self._spin_until(self._works, BACK_S, self._operate):
-            violations.append(f"the law is not at work within {BACK_S:g} s; mode {self._watch.mode.name}")
-        violations += self._deaths()
-        commands = self._watch.commands.commands
+        if not self.spin_until(self.works, BACK_S, self.operate):
+            violations.append(f"the law is not at work within {BACK_S:g} s; mode {self.watch.mode.name}")
+        violations += self.deaths()
+        commands = self.watch.commands.commands
         recovery = None if violations else self._suffer(plan, modes)
-        violations += self._recorder(plan) + self._watch.violations() + self._deaths()
+        violations += self._recorder(plan) + self.watch.violations() + self.deaths()
         if violations:
-            write_bag(self._out / f"trial_dds_{plan.seed}_{plan.trial}", self._proxy.kept, notes_of(plan, violations))
+            write_bag(self._out / f"trial_dds_{plan.seed}_{plan.trial}", self.proxy.kept, notes_of(plan, violations))
         return Verdict(
             plan.trial,
             tuple(fault.name for fault in plan.faults),
             tuple(violations),
             recovery,
-            self._watch.commands.commands - commands,
+            self.watch.commands.commands - commands,
             dict(modes),
         )
 
     # -- a trial -----------------------------------------------------------------------------------
 
-    def _works(self) -> bool:
-        watch, now = self._watch, time.monotonic()
+    def works(self) -> bool:
+        """Return whether the law is at work and has been for a moment."""
+        watch, now = self.watch, time.monotonic()
         alive = now - watch.alive_s < SETTLED_S
         return alive and watch.mode.follows and now - watch.mode_since_s > SETTLED_S and not self._lost
 
-    def _operate(self) -> None:
+    def operate(self) -> None:
         """Do what an operator would do until the law is at work."""
         now = time.monotonic()
         self._lost = False
-        since = max(self._watch.alive_s, self._started_s)
-        if self._nodes.runs(CONTROLLER) and self._nodes.runs(BRIDGE) and now - since > SILENT_S:
+        since = max(self.watch.alive_s, self._started_s)
+        if self.nodes.runs(CONTROLLER) and self.nodes.runs(BRIDGE) and now - since > SILENT_S:
             self.deaf += 1
-            self._nodes.end(CONTROLLER)
+            self.nodes.end(CONTROLLER)
         for name in (CONTROLLER, BRIDGE):
-            if not self._nodes.runs(name):
-                self._nodes.start(name)
+            if not self.nodes.runs(name):
+                self.nodes.start(name)
                 self._started_s = now
         if now - self._last_ask < ASK_EVERY_S:
             return
         self._last_ask = now
-        if self._watch.mode == Mode.FAULT:
-            self._nodes.trigger("reset_fault")
-        elif self._watch.mode == Mode.HOLD:
-            self._nodes.trigger("enable")
+        if self.watch.mode == Mode.FAULT:
+            self.nodes.trigger("reset_fault")
+        elif self.watch.mode == Mode.HOLD:
+            self.nodes.trigger("enable")
 
     def _suffer(self, plan: Plan, modes: Counter[str]) -> float | None:
         """Let the faults happen; return the time from the last one's end until the law works again."""
         start_ns = time.monotonic_ns()
-        self._proxy.set_plan(plan, start_ns, cut_here=self._cable is None)
+        self.proxy.set_plan(plan, start_ns, cut_here=self._cable is None)
         start = start_ns * 1e-9
         begun: set[Fault] = set()
         over: set[Fault] = set()
@@ -255,7 +258,7 @@ class DdsCampaign:
         def turn() -> None:
             nonlocal last_end
             now = time.monotonic()
-            modes[self._watch.mode.name] += 1
+            modes[self.watch.mode.name] += 1
             for fault in plan.faults:
                 if fault not in begun and now >= start + fault.start_s:
                     begun.add(fault)
@@ -265,8 +268,8 @@ class DdsCampaign:
                     self._actions.end(fault)
                     last_end = time.monotonic()  # on a busy machine later than planned
 
-        self._spin_until(lambda: len(over) == len(plan.faults), BACK_S, turn)
-        watch = self._watch
+        self.spin_until(lambda: len(over) == len(plan.faults), BACK_S, turn)
+        watch = self.watch
 
         def decided() -> bool:
             now = time.monotonic()
@@ -274,7 +277,7 @@ class DdsCampaign:
             stays = now - watch.alive_s < SETTLED_S and now - max(watch.mode_since_s, last_end) > STAYS_S
             return works or stays or self._lost
 
-        self._spin_until(decided, RECOVERY_S, turn)
+        self.spin_until(decided, RECOVERY_S, turn)
         works = watch.mode.follows and watch.alive_s > last_end
         return max(watch.alive_s - last_end, 0.0) if works else None
 
@@ -283,37 +286,43 @@ class DdsCampaign:
         found = ""
         faults = [fault for fault in plan.faults if fault.target == RECORDER]
         if any(fault.kind == "disk_full" for fault in faults) and all(fault.kind != "kill" for fault in faults):
-            self._spin_until(lambda: not self._nodes.runs(RECORDER), DISK_FULL_S, lambda: None)
-            found = self._nodes.judge_full_disk()
-        self._nodes.end(RECORDER)
+            self.spin_until(lambda: not self.nodes.runs(RECORDER), DISK_FULL_S, lambda: None)
+            found = self.nodes.judge_full_disk()
+        self.nodes.end(RECORDER)
         return [found] if found else []
 
-    def _deaths(self) -> list[str]:
-        return [text for text in (self._nodes.ended(name) for name in (CONTROLLER, BRIDGE)) if text]
+    def deaths(self) -> list[str]:
+        """Return how controller and bridge ended, where they did."""
+        return [text for text in (self.nodes.ended(name) for name in (CONTROLLER, BRIDGE)) if text]
 
     # -- messages ----------------------------------------------------------------------------------
 
-    def _spin_until(self, condition: Callable[[], bool], timeout_s: float, on_turn: Callable[[], None]) -> bool:
+    def on_command(self, data: bytes) -> None:
+        """Judge a command."""
+        self.watch.command(data)
+
+    def spin_until(self, condition: Callable[[], bool], timeout_s: float, on_turn: Callable[[], None]) -> bool:
+        """Let messages come and go until a condition holds; return whether it did in time."""
         end = time.monotonic() + timeout_s
         while not condition():
             if time.monotonic() > end:
                 return False
             self._spinner.spin(SPIN_S)
-            self._proxy.flush()
+            self.proxy.flush()
             on_turn()
         return True
 
     def _on_state(self, data: bytes) -> None:
-        self._watch.bridge_state(data, time.monotonic())
+        self.watch.bridge_state(data, time.monotonic())
 
     def _on_truth(self, data: bytes) -> None:
         self._since_truth += 1
         if self._since_truth % TRUTH_EVERY == 0:
             message = deserialize_message(data, self._truth)
-            if max(map(abs, message.position[:3]), default=0.0) > LOST_M and self._nodes.runs(BRIDGE):
+            if max(map(abs, message.position[:3]), default=0.0) > LOST_M and self.nodes.runs(BRIDGE):
                 # A real object would fall. The simulation's pads are endless: it acts on with ever longer levers, until
                 # the arm whirls. Its simulation ends here; the operator starts another one.
                 self._lost = True
                 self.lost += 1
-                self._watch.joints.begin_again()
-                self._nodes.let_go(BRIDGE)
+                self.watch.joints.begin_again()
+                self.nodes.let_go(BRIDGE)

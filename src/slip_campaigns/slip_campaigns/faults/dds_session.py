@@ -71,6 +71,10 @@ class Nodes:
         child = self._children.get(name)
         return child is not None and child.exit_code is None
 
+    def pid(self, name: str) -> int:
+        """Return the process id of a node, 0 where it does not run."""
+        return self._children[name].pid if self.runs(name) else 0
+
     def start(self, name: str) -> None:
         """Start a node."""
         self.starts += 1

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -57,7 +59,7 @@ class Watch:
         ages = {JOINT: inputs.joint.age_s, WRENCH: inputs.wrench.age_s, SLIP: slip_s}
         self.commands = CommandMonitor(promise)
         self.joints = JointMonitor(effort_rate * period_s)
-        self.safe = SafeStateMonitor({name: age + period_s + HOST_S for name, age in ages.items()})
+        self.safe = SafeStateMonitor({name: age + period_s + HOST_S for name, age in ages.items()}, inputs.future_s)
         self._timeout_s = timeout_s
         self.mode = Mode.WAITING_INPUT
         self.mode_since_s = 0.0
@@ -72,6 +74,8 @@ class Watch:
         self._ignore_until_s = 0.0
         self._was_alive, self._state_s = False, 0.0
         self._last_seen = np.zeros(0)  # positions that the command before answered
+        self.by_itself = False  # two sources alternate: no command follows the one before
+        self.on_mode: Callable[[Mode], object] = lambda _: None
         self._ledger: Receiver[tuple[int, int, int, Mode]] = Receiver(
             topic("controller/ledger").type, ("data",), lambda _: _entry, stamp=""
         )
@@ -89,7 +93,7 @@ class Watch:
         if name == JOINT:
             self._states.append((stamp_of(data) if len(data) >= 12 else 0, data))
         if name != EFFORT and counts:
-            self.safe.good(name, sent_ns * 1e-9)
+            self.safe.good(name, sent_ns * 1e-9, time.monotonic())
 
     def command(self, data: bytes) -> None:
         """A command, as the controller sent it."""
@@ -143,7 +147,7 @@ class Watch:
 
     def _judge(self, stamp_ns: int, data: bytes, cycle: int, clock_ns: int, mode: Mode) -> None:
         now_s = clock_ns * 1e-9
-        known = cycle in (0, self._cycle + 1)
+        known = cycle in (0, self._cycle + 1) and not self.by_itself
         if not known or cycle == 0:
             self.commands.restarted()
         self._cycle = cycle
@@ -153,11 +157,15 @@ class Watch:
             self.commands.take(clock_ns, effort, self._starts(stamp_ns, np.array(command.position)))
         elif len(effort):
             self.not_judged += 1
-            self.commands.take(clock_ns, effort, ())
+            if self.by_itself:
+                self.commands.inside(clock_ns, effort)
+            else:
+                self.commands.take(clock_ns, effort, ())
         self.safe.check(now_s, mode.follows)
         if mode != self.mode:
             self.mode_since_s = now_s
         self.mode, self.alive_s = mode, now_s
+        self.on_mode(mode)
 
     def _starts(self, stamp_ns: int, position: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return the efforts from which a first command may begin, as the controller was told them."""

@@ -16,16 +16,23 @@ _NEAR, _FAR = "svcable", "svplant"
 _START_S = 5.0
 
 
-def enter() -> None:
-    """Run this command again in a network namespace of its own; go on without one where that is not permitted."""
+def enter(*, memory_mib: int = 0) -> None:
+    """Run this command again in a network namespace of its own; go on without one where that is not permitted.
+
+    memory_mib: size of a /dev/shm of its own too; 0 = that of the machine.
+    """
     if INSIDE in os.environ:
         return
-    flags = ["--net"] if os.geteuid() == 0 else ["--user", "--map-root-user", "--net"]
+    flags = ["--net", *(["--mount"] if memory_mib else [])]
+    flags = flags if os.geteuid() == 0 else ["--user", "--map-root-user", *flags]
     tools = all(shutil.which(tool) for tool in ("unshare", "nsenter", "ip"))
     permitted = tools and _quietly(["unshare", *flags, "--", "ip", "link", "set", "lo", "up"])
     os.environ[INSIDE] = "yes" if permitted else "no"
     if permitted:
         again = [sys.executable, "-m", "slip_bringup.cli", *sys.argv[1:]]
+        if memory_mib:
+            mount = f'mount -t tmpfs -o size={memory_mib}m tmpfs /dev/shm && exec "$@"'
+            again = ["sh", "-c", mount, "sh", *again]
         os.execvp("unshare", ["unshare", *flags, "--", *again])
 
 

@@ -1,0 +1,136 @@
+"""The attack suite: nodes of a campaign over DDS, attacked one way after the other; a row of a table for each."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import signal
+import time
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from slip_bringup.processes import Child
+from slip_campaigns.faults.attacks import ATTACKS, TWO_SOURCES
+from slip_campaigns.faults.dds_campaign import BACK_S, DdsCampaign, campaign_of
+from slip_campaigns.faults.flood import FOREIGN
+from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, Fault, Plan
+from slip_vic_controller.safety.modes import Mode
+
+ALONE_S = 2.0  # for which nobody helps after an attack
+MIB = 1 << 20
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Row:
+    """How one attack went.
+
+    alive: whether controller and bridge are the processes that they were; lines: log lines of both a second; grown:
+    memory of both [MiB]; recovery_s: from its end until the law is at work, None where that did not happen; helped:
+    whether an operator had to reset a fault or to enable.
+    """
+
+    attack: str
+    violations: tuple[str, ...]
+    alive: bool
+    worst_mode: str
+    lines_per_s: float
+    grown_mib: float
+    recovery_s: float | None
+    helped: bool
+    note: str
+
+    @property
+    def kept(self) -> bool:
+        """Whether the promise was kept: no bad command, nobody died, and the law came back."""
+        return not self.violations and self.alive and self.recovery_s is not None
+
+
+class AttackStage(DdsCampaign):
+    """Nodes of a campaign as the `Stage` of attacks."""
+
+    def __init__(self, node: Any, group: Any, environment: dict[str, str], folder: Path, *rest: Any) -> None:
+        super().__init__(node, group, environment, folder, *rest)
+        self.node, self.folder, self._group, self._environment = node, folder, group, environment
+        self._guests: list[Child] = []
+
+    def on_command(self, data: bytes) -> None:
+        """Judge a command, unless an attacker sent it."""
+        if FOREIGN.encode() not in data:
+            super().on_command(data)
+
+    def go_on(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
+        """Let time pass."""
+        return self.spin_until(until, seconds, lambda: None)
+
+    def pid(self, name: str) -> int:
+        """Return the process id of a node."""
+        return self.nodes.pid(name)
+
+    def start(self, name: str, argv: Sequence[str]) -> Child:
+        """Start a process that ends with the attack."""
+        child: Child = self._group.start(name, argv, self._environment, lambda *_: None)
+        self._guests.append(child)
+        return child
+
+    def suffer(self, fault: Fault) -> None:
+        """Let a fault happen to what travels, beginning now."""
+        plan = Plan(0, 0, self.scenario.name, True, "vic", (fault,))
+        self.proxy.set_plan(plan, time.monotonic_ns())
+
+    def attack(self, name: str) -> Row:
+        """Run one attack, and see what comes after it."""
+        self.proxy.set_plan(None, 0)
+        self.spin_until(self.works, BACK_S, self.operate)
+        self.watch.violations()
+        pids = [self.pid(node) for node in (CONTROLLER, BRIDGE)]
+        memory, lines, began = self._memory(pids), self._lines(), time.monotonic()
+        self.watch.by_itself = name in TWO_SOURCES
+        modes: set[Mode] = set()
+        self.watch.on_mode = modes.add
+        note = ATTACKS[name](self)
+        for guest in self._guests:
+            guest.send(signal.SIGKILL)
+            guest.wait(5.0)
+        self._guests.clear()
+        ended = time.monotonic()
+        helped = not self.spin_until(self._law_since(ended), ALONE_S, lambda: None)
+        back = not helped or self.spin_until(self._law_since(ended), BACK_S, self.operate)
+        recovery = time.monotonic() - ended if back else None
+        rate = (self._lines() - lines) / (time.monotonic() - began)
+        deaths = self.deaths()
+        self.watch.by_itself = False
+        alive = not deaths and [self.pid(node) for node in (CONTROLLER, BRIDGE)] == pids
+        grown = self._memory(pids) - memory if alive else float("nan")
+        worst = max(modes, key=_badness, default=self.watch.mode)
+        violations = (*self.watch.violations(), *deaths)
+        return Row(name, violations, alive, worst.name, rate, grown, recovery, helped, note)
+
+    def _law_since(self, moment_s: float) -> Callable[[], bool]:
+        return lambda: self.watch.mode.follows and self.watch.alive_s > moment_s
+
+    def _memory(self, pids: Iterable[int]) -> float:
+        return sum(psutil.Process(pid).memory_info().rss for pid in pids) / MIB
+
+    def _lines(self) -> int:
+        return sum(child.line_count for child in self._group.children if child.name in (CONTROLLER, BRIDGE))
+
+
+def _badness(mode: Mode) -> int:
+    """Return how far a mode is from the law at work."""
+    return (Mode.ACTIVE, Mode.DEGRADED, Mode.HOLD, Mode.WAITING_INPUT, Mode.FAULT).index(mode)
+
+
+def run_attacks(names: Iterable[str], out: Path, on_done: Callable[[Row], None]) -> list[Row]:
+    """Run attacks one after the other in a domain of their own; write attacks.json."""
+    rows = []
+    with campaign_of(AttackStage, out, None) as stage:
+        for name in names:
+            rows.append(stage.attack(name))
+            out.mkdir(parents=True, exist_ok=True)
+            text = json.dumps([dataclasses.asdict(row) | {"kept": row.kept} for row in rows], indent=1)
+            (out / "attacks.json").write_text(text + "\n", encoding="utf-8")
+            on_done(rows[-1])
+    return rows
