@@ -14,6 +14,7 @@ from rich.console import Console
 from slip_bags.cli import bag, run_command
 from slip_bringup import __version__
 from slip_bringup.arm.cli import arm
+from slip_bringup.exit_code import ALLOW_FAULT, end_with
 from slip_bringup.replay.cli import references, verify
 from slip_bringup.study.cli import check, merge, study, tune
 from slip_bringup.web.cli import report, watch
@@ -67,6 +68,7 @@ def cli() -> None:
 @click.option("--lock-memory", is_flag=True, help="keep their memory in RAM, where permitted")
 @click.option("--awake/--no-awake", default=True, help="keep the cores from sleeping; default: yes")
 @click.option("--one-process", is_flag=True, help="bridge and controller in one process; topics stay real")
+@ALLOW_FAULT
 def run(
     *,
     scenario: str,
@@ -83,8 +85,12 @@ def run(
     lock_memory: bool,
     awake: bool,
     one_process: bool,
+    allow_fault: bool,
 ) -> None:
-    """Run one scenario: bridge, controller and, with --record, recorder as processes on DDS."""
+    """Run one scenario: bridge, controller and, with --record, recorder as processes on DDS.
+
+    Exit code 1 where the controller gave up, the object was lost, the path could not be followed or the arm saturated.
+    """
     from slip_bringup.launcher import Launcher
     from slip_bringup.progress import run_progress
     from slip_bringup.scenario import load_scenario
@@ -113,6 +119,7 @@ def run(
         click.echo(f"warning: {line}", err=True)
     if result.bag is not None:
         click.echo(f"bag: {result.bag} ({result.messages} messages, {result.lost} lost)")
+    end_with(map(str, result.incidents), allow_fault)
 
 
 @cli.command()
@@ -122,14 +129,23 @@ def run(
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
 @click.option("--urdf", type=click.Path(path_type=Path), help="another arm")
 @click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
+@ALLOW_FAULT
 def demo(
-    scenario: str, out: Path, seed: int, assignments: tuple[str, ...], urdf: Path | None, domain_id: int | None
+    scenario: str,
+    out: Path,
+    seed: int,
+    assignments: tuple[str, ...],
+    urdf: Path | None,
+    domain_id: int | None,
+    allow_fault: bool,
 ) -> None:
-    """Compare classical and variable impedance on one scenario: table, report.html, summary.json, report.png, bags."""
+    """Compare classical, variable and governed impedance on one scenario: table, report.html, summary.json, bags."""
     from slip_bringup.demo import run_demo
     from slip_bringup.scenario import urdf_assignment
 
-    run_demo(scenario, out, seed, (*urdf_assignment(urdf), *assignments), domain_id, CONSOLE)
+    summary = run_demo(scenario, out, seed, (*urdf_assignment(urdf), *assignments), domain_id, CONSOLE)
+    lines = (f"{kind}: {incident}" for kind, run in summary["runs"].items() for incident in run["incidents"])
+    end_with(lines, allow_fault)
 
 
 @cli.command()

@@ -58,6 +58,7 @@ def run_demo(
                     "real_time_factor": result.real_time_factor,
                     "messages": result.messages,
                     "messages_lost": result.lost,
+                    "incidents": [str(incident) for incident in result.incidents],
                     "bag": str(out / kind),
                 }
         summary = {"scenario": loaded["vic"].name, "seed": seed, "versions": versions(), "runs": runs}

@@ -7,17 +7,20 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from slip_bringup.scenario import Scenario
+from slip_core.incidents import Incident
 from slip_core.types import EffortCommand
 from slip_sim_bridge.session import BridgeSession, TickOutputs
+from slip_vic_controller.incidents import IncidentWatch
 from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Manifest
 
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """What one tick exchanged."""
+    """What one tick exchanged, and what went wrong in it."""
 
     outputs: TickOutputs
     result: CycleResult
+    incidents: tuple[Incident, ...] = ()
 
 
 class ClosedLoop:
@@ -58,9 +61,12 @@ def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:
     """
     loop = ClosedLoop(scenario)
     on_the_way = deque[EffortCommand | None]([None] * late_ticks)
+    watch, lost = IncidentWatch(), False
     while not loop.bridge.finished:
         outputs = loop.observe()
         result = loop.control(outputs)
-        yield Tick(outputs, result)
+        found = (loop.bridge.lost if not lost else None, watch.see(result))
+        lost |= found[0] is not None
+        yield Tick(outputs, result, tuple(incident for incident in found if incident is not None))
         on_the_way.append(result.command)
         loop.bridge.advance(on_the_way.popleft())

@@ -20,6 +20,7 @@ from slip_bringup.recording import recorder_command
 from slip_bringup.scenario import Scenario
 from slip_bringup.study.prepare import prepare
 from slip_core.errors import InputError, ProtocolError
+from slip_core.incidents import Incident
 from slip_msgs_py.events import Event, Progress, Started, Warned
 from slip_msgs_py.realtime import ProcessOptions
 
@@ -43,6 +44,7 @@ class RunResult:
     timing: in real time the share of fresh ticks, overruns, states missed by the controller and state-to-command
     latencies [s]; else empty. memory_mib: the most that each process had resident.
     warnings: what the system refused, one line each.
+    incidents: what went wrong although no process failed, in the order of its time.
     """
 
     ticks: int
@@ -54,6 +56,7 @@ class RunResult:
     timing: Mapping[str, float]
     memory_mib: Mapping[str, float]
     warnings: tuple[str, ...]
+    incidents: tuple[Incident, ...] = ()
 
     @property
     def real_time_factor(self) -> float:
@@ -95,6 +98,7 @@ class Launcher:
         self._process = _with_cores(process, scenario.bridge.mode)
         self._one_process = one_process
         self.warnings: list[str] = []
+        self._incidents: list[Incident] = []
         self._stop = threading.Event()
         check_ros()
         scenario.check()
@@ -185,6 +189,8 @@ class Launcher:
             self.warnings.append(f"{name}: {event.text}")
         elif isinstance(event, Progress):
             self._on_progress(event.sim_time_s)
+        elif isinstance(event, Incident):
+            self._incidents.append(event)
 
     def _wait(self, group: ProcessGroup, done: Callable[[], bool], timeout_s: float | None, what: str) -> None:
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
@@ -222,6 +228,7 @@ class Launcher:
                 if "memory_mib" in child.results
             },
             warnings=tuple(self.warnings),
+            incidents=tuple(sorted(self._incidents, key=lambda incident: incident.time_s)),
         )
 
     def _timing(self, children: dict[str, Child]) -> dict[str, float]:

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal
 
 import yaml
@@ -46,9 +47,8 @@ NODES: dict[str, tuple[str, type[ParameterModel]]] = {
 }
 
 BOUNDED: dict[str, Any] = {"gains.spin": "bounded"}
-"""Of the controller, in real time and below the governor. The printed law, which follows the object's spin wherever it
-goes, loses the object with a single control period of delay (docs/sensors.md), and can ask for more than the arm has
-(docs/safety.md)."""
+"""Of the controller, in real time. The printed law, which follows the object's spin wherever it goes, loses the object
+with a single control period of delay (docs/sensors.md), and can ask for more than the arm has (docs/safety.md)."""
 
 GOVERNED: dict[str, Any] = {"governor.mode": "slow_down", "gains.spin": "bounded", "gains.give_up": True}
 """Of the controller that is governed: the law below it bounds spin, and gives the compensation up where it fails."""
@@ -81,8 +81,17 @@ class Scenario:
         """Make controller and simulation once, so that what does not fit is said before any process starts.
 
         Raises:
-            InputError: e.g. a URDF without the frame, joints missing or in another order, a path out of reach.
+            InputError: e.g. a URDF without the frame, joints missing or in another order, a path out of reach;
+                more contacts than the bridge simulates.
         """
+        contacts = len(self.controller.contacts.position) // 3
+        if contacts != 1:
+            raise InputError(
+                "parameter contacts.position",
+                got=f"{contacts} contacts",
+                expected="1: the bridge simulates one arm",
+                fix="start the controller alone, beside whatever publishes wrench and slip of the other contacts",
+            )
         Controller(self.controller, self.urdf, lockstep=True)
         GraspSimulation(self.bridge, self.urdf)
         self.check_arm()
@@ -123,13 +132,15 @@ def load_scenario(
     sensor: str = "",
     estimator: Estimator | None = None,
     texts: Texts = NO_TEXTS,
+    parameters: Mapping[str, Any] = MappingProxyType({}),
 ) -> Scenario:
     """Read a scenario by name or path and apply ``--set`` assignments.
 
     An assignment names a node's parameter (``controller.gains.k_s=500``, ``bridge.grip.force=0.6``) or,
-    without prefix, one that both nodes share (``object.mass=0.6``). Real time and the governor bring `BOUNDED`. A
+    without prefix, one that both nodes share (``object.mass=0.6``). Real time brings `BOUNDED`. A
     `sensor` (name or file) gives both nodes what a slip sensor is, and the controller settings that suit it;
-    `estimator` and assignments come after it. Files whose contents stand in `texts` are not opened.
+    `parameters` of the controller, `estimator` and assignments come after it, in this order. Files whose contents stand
+    in `texts` are not opened.
 
     Raises:
         InputError: unknown scenario, unknown parameter (nearest names offered), bad value, unreadable URDF.
@@ -144,7 +155,7 @@ def load_scenario(
         values["controller"] |= GOVERNED
     for node in values.values():
         node["mode"] = mode
-    if mode == "realtime" or controller == "governed":
+    if mode == "realtime":
         values["controller"] |= BOUNDED
     values["bridge"]["seed"] = seed
     if urdf_file is not None:
@@ -152,6 +163,9 @@ def load_scenario(
             node["robot_description_file"] = str(urdf_file)
     if sensor:
         apply_sensor(values, load_preset(sensor, texts.sensors.get(sensor)))
+    facts = {key: value for key, value in values["controller"].items() if "_sensor." in key}
+    if parameters:  # gains are the file's, the sensor is the one that was named
+        values["controller"] |= current_names(ControllerNodeParams, dict(parameters), "parameter file") | facts
     if estimator is not None:
         values["controller"]["slip_estimator"] = estimator
     _tell_friction(values, origin)
@@ -164,34 +178,6 @@ def load_scenario(
         bridge_params.robot_description or texts.urdfs.get(file) or read_text(file, "parameter robot_description_file")
     )
     return Scenario(outer.name, outer.description, text, controller_params, bridge_params, urdf)
-
-
-def controller_values(
-    name_or_path: str,
-    sensor: str,
-    estimator: Estimator | None,
-    extra: dict[str, Any],
-    assignments: Iterable[str],
-) -> dict[str, Any]:
-    """Return the controller's parameters of a scenario, unchecked: then the sensor's, `extra`, and the assignments.
-
-    Raises:
-        InputError: unknown scenario, sensor or parameter.
-    """
-    text, origin = read_scenario(name_or_path)
-    outer = validate(ScenarioFile, read_yaml(text), origin)
-    values = _values(outer, origin)
-    if sensor:
-        apply_sensor(values, load_preset(sensor))
-    facts = {key: value for key, value in values["controller"].items() if "_sensor." in key}
-    values["controller"] |= (
-        current_names(ControllerNodeParams, extra, "parameter file") | facts
-    )  # gains are the file's, the sensor is the one that was named
-    if estimator is not None:
-        values["controller"]["slip_estimator"] = estimator
-    for assignment in assignments:
-        _assign(values, *parse_assignment(assignment))
-    return values["controller"]
 
 
 def apply_sensor(values: dict[str, dict[str, Any]], preset: SensorPreset) -> None:

@@ -12,6 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Final
 
+from slip_core.incidents import Incident
+
 EVENTS_VARIABLE: Final = "SLIP_VIC_EVENTS"
 
 
@@ -62,12 +64,13 @@ class Done:
     values: Mapping[str, Any]
 
 
-Event = Started | Ready | Progress | Status | Warned | Failed | Done
+Event = Started | Ready | Progress | Status | Incident | Warned | Failed | Done
 _KINDS: Final[Mapping[str, type[Event]]] = {
     "started": Started,
     "ready": Ready,
     "progress": Progress,
     "status": Status,
+    "incident": Incident,
     "warning": Warned,
     "error": Failed,
     "done": Done,

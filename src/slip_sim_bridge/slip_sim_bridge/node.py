@@ -15,6 +15,7 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from slip_core.errors import InputError, ProtocolError
+from slip_core.incidents import Incident
 from slip_core.resources import read_text
 from slip_core.stamps import split_ns
 from slip_core.timing import Window, spread
@@ -70,6 +71,7 @@ class SlipSimBridge(LastResort, Node):
         self._pacer: Pacer | None = None
         self._latencies = Window(LATENCIES_KEPT)
         self._refusals = Refusals(self.get_logger().error)
+        self._lost: Incident | None = None
         self._peers_ready: set[str] = set()
         self._executor = executor or EventsExecutor()
         self._spinner = Spinner(self._executor)
@@ -316,6 +318,7 @@ class SlipSimBridge(LastResort, Node):
         """Send what the controller waits for; in lockstep the list of a tick's samples comes after them."""
         stamp_ns, joint = outputs.stamp_ns, outputs.joint
         self._stamp_ns = stamp_ns
+        self._tell_loss()
         for send_wrench, wrenches in zip(self._send_wrench, outputs.wrenches, strict=True):
             for wrench in wrenches:
                 send_wrench.send(wrench.stamp_ns, wrench.wrench)
@@ -325,6 +328,14 @@ class SlipSimBridge(LastResort, Node):
         self._send_joint.send(joint.stamp_ns, joint.position, joint.velocity, joint.effort)
         if self._send_tick is not None:
             self._send_tick.send(stamp_ns, (outputs.tick, *split_ns(stamp_ns), *outputs.counts))
+
+    def _tell_loss(self) -> None:
+        """Say once that the object is lost; after a reset it can be lost again."""
+        lost, before = self.session.lost, self._lost
+        self._lost = lost
+        if lost is not None and before is None:
+            emit(lost)
+            self.get_logger().warning(str(lost))
 
     def _publish_truth(self, outputs: TickOutputs) -> None:
         """Send what the controller does not wait for."""

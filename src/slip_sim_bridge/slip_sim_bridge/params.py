@@ -24,6 +24,18 @@ class GripParams(ParameterModel):
         runtime=True,
         ge=0.0,
     )
+    pad_size: tuple[float, ...] = parameter(
+        (0.2, 0.2),
+        "size of the pad along its x and y, 2 numbers for all contacts or per contact: an object whose gripped point "
+        "has slid over the edge is lost, and falls",
+        unit="m",
+    )
+
+    @model_validator(mode="after")
+    def _pairs(self) -> Self:
+        if not self.pad_size or len(self.pad_size) % 2 or min(self.pad_size) <= 0.0:
+            raise ValueError(f"pad_size {list(self.pad_size)}: 2 positive numbers for all contacts or per contact")
+        return self
 
 
 class HoldParams(ParameterModel):

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slip_core.arrays import Array, readonly
+from slip_core.incidents import Incident
 from slip_core.stamps import seconds_to_ns
 from slip_core.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
@@ -77,6 +78,12 @@ class BridgeSession:
     def finished(self) -> bool:
         """Whether the run's duration is over."""
         return self._params.stop_after_duration and self.simulation.stamp_ns - self._start_ns >= self._duration_ns
+
+    @property
+    def lost(self) -> Incident | None:
+        """When and how the object left the pads; None while it is held."""
+        loss = self.simulation.loss
+        return None if loss is None else Incident("lost", 1e-9 * (loss.stamp_ns - self._start_ns), loss.text)
 
     def set_grip_force(self, force: float) -> None:
         """Set the grip force from the next tick on; [N].

@@ -13,6 +13,7 @@ from slip_core.errors import InputError
 from slip_core.types import JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError, Plant, ReadOut
+from slip_sim_bridge.plant.loose import LoosePlant
 
 OBEYED, CLIPPED, NOT_FINITE = 0, 1, 2
 
@@ -43,8 +44,17 @@ class Readings(NamedTuple):
         )
 
 
+class Loss(NamedTuple):
+    """When the object left the pads [ns], and how."""
+
+    stamp_ns: int
+    text: str
+
+
 class GraspSimulation:
     """One arm, one object, one slippery grasp, advanced one control period at a time.
+
+    An object that slides over the edge of a pad, or that nothing grips any more, is lost until `reset`: it falls.
 
     The arm holds its posture until the first effort arrives and whenever `step` gets None. An effort that is not
     finite is refused: the arm holds, and `command_refused` says so. A state that is no longer physical makes `step`
@@ -55,8 +65,13 @@ class GraspSimulation:
 
     def __init__(self, params: BridgeParams, urdf_text: str) -> None:
         self.params = params
-        self.plant: Plant = make_plant(params, urdf_text)
-        self._limit = self.plant.effort_limit
+        self._grasping = make_plant(params, urdf_text)
+        self._empty = LoosePlant(params, urdf_text)
+        self.plant: Plant | LoosePlant = self._grasping
+        self.loss: Loss | None = None
+        """When and how the object was lost; None while it is held."""
+        self._edge = 0.5 * params.grip.pad_size[0], 0.5 * params.grip.pad_size[1]
+        self._limit = self._grasping.effort_limit
         self._at = ReadOut(len(self._limit))
         self._period_ns = params.control_period_ns
         self._grip = params.grip.force
@@ -140,6 +155,8 @@ class GraspSimulation:
             raise DivergenceError("simulation diverged: no finite effort holds the arm; reset it")
         self._saturated = outcome == CLIPPED
         applied.setflags(write=False)
+        if self.loss is None:
+            self._look_at_contact()
         self.plant.advance(applied, self._grip)
         self._diverged = False
         self._applied = applied
@@ -147,7 +164,8 @@ class GraspSimulation:
 
     def reset(self) -> None:
         """Put arm, object, grip and friction back to the start; time goes on by one control period."""
-        self.plant.reset(self.params.grip.force)
+        self.plant, self.loss = self._grasping, None
+        self._grasping.reset(self.params.grip.force)
         self._grip = self.params.grip.force
         self._stamp_ns += self._period_ns
         self._start()
@@ -166,6 +184,19 @@ class GraspSimulation:
             numbers,
             at,
         )
+
+    def _look_at_contact(self) -> None:
+        """Let the object fall where nothing holds it any more."""
+        x, y = self._grasping.gripped_at
+        if self._grip <= 0.0:
+            how = "the grip is zero"
+        elif abs(x) > self._edge[0] or abs(y) > self._edge[1]:
+            how = f"it has slid over the pad's edge, {1e3 * math.hypot(x, y):.0f} mm from where it was gripped"
+        else:
+            return
+        self.loss = Loss(self._stamp_ns, f"the object is lost: {how}")
+        self._empty.take_over(self._grasping.read())
+        self.plant = self._empty
 
     def _posture(self) -> Array:
         return self.plant.read()[self._at.position]

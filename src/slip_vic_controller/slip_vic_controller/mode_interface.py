@@ -9,9 +9,11 @@ from rclpy.clock import Clock, ClockType
 from std_srvs.srv import Trigger
 
 from slip_msgs_py import to_msgs
+from slip_msgs_py.events import emit
 from slip_msgs_py.fast_io import Refusals
 from slip_msgs_py.once_every import OnceEvery
 from slip_msgs_py.qos import create_publisher
+from slip_vic_controller.incidents import IncidentWatch
 from slip_vic_controller.publishing import DIAGNOSTICS_PERIOD_NS, MODE_PHASE
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import ControllerSession, CycleResult
@@ -38,6 +40,7 @@ class ModeInterface:
         self._status = status
         self._topic = create_publisher(node, "controller/mode")
         self._last: tuple[Mode, tuple[int, ...]] | None = None
+        self._incidents = IncidentWatch()
         self._each_second = OnceEvery(DIAGNOSTICS_PERIOD_NS, MODE_PHASE)
         self._command_topic = ""
         self._inputs: tuple[Any, ...] = ()
@@ -60,11 +63,14 @@ class ModeInterface:
         mode, stamp_ns, now = result.mode, result.joint.stamp_ns, (result.mode, result.reason_key)
         if not self._each_second.due(stamp_ns) and now == self._last:
             return
+        incident = self._incidents.see(result)
+        if incident is not None:
+            emit(incident)
         reason = result.reason + GO_ON if mode == Mode.FAULT else result.reason
         if now != self._last:
             self._topic.publish(to_msgs.string(f"{mode.name}: {reason}" if reason else mode.name))
         self._last = now
-        name = f"{self._node.get_name()}: mode"
+        name = f"{self._node.get_fully_qualified_name().removeprefix('/')}: mode"
         text = reason or mode.name
         self._status.publish(to_msgs.diagnostics(stamp_ns, name, LEVELS[mode], text, self._values(mode)))
 

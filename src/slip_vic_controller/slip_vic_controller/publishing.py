@@ -35,7 +35,7 @@ class DiagnosticsPublisher:
 
     def __init__(self, node: Any, decimation: int) -> None:
         self._decimation = decimation
-        self._name = node.get_name()
+        self._name = node.get_fully_qualified_name().removeprefix("/")
         self._scalars: Sender | None = None
         self._scalars_publisher = create_publisher(node, "controller/scalars")
         self._stiffness = create_sender(node, "controller/stiffness", forms.wrench(to_msgs.WORLD))
@@ -98,7 +98,7 @@ class TimingPublisher:
 
     def __init__(self, node: Any, params: ControllerNodeParams, status: Any) -> None:
         self._timing = CycleTiming(params.control_period_s, params.timing)
-        self._name = node.get_name()
+        self._name = node.get_fully_qualified_name().removeprefix("/")
         self._numbers = create_sender(node, "controller/timing", forms.scalars(SCALARS))
         self.publishers = (self._numbers.publisher,)
         self._status = status

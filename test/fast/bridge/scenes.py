@@ -13,9 +13,9 @@ from slip_sim_bridge.simulation import GraspSimulation
 
 
 def scenario_params(name: str = "paper_planar", **values) -> BridgeParams:
-    """The bridge's parameters of a scenario; keyword `a__b` overrides parameter `a.b`."""
+    """The bridge's parameters of a scenario on endless pads; keyword `a__b` overrides parameter `a.b`."""
     content = yaml.safe_load(scenario_text(name))
-    flat = {**_flat(content["shared"]), **_flat(content["bridge"])}
+    flat = {**_flat(content["shared"]), **_flat(content["bridge"]), "grip.pad_size": (10.0, 10.0)}
     return build(BridgeParams, flat | {key.replace("__", "."): value for key, value in values.items()}, "test")
 
 

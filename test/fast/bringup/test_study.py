@@ -76,7 +76,7 @@ def test_a_case_runs_and_one_that_cannot_is_a_row() -> None:
 
 def test_a_simulation_that_diverges_is_no_refusal() -> None:
     """Gravity that no arm bears: the state stops being physical in the first tick."""
-    result = run_case(case(), (*SHORT, "bridge.gravity=[0.0, 0.0, -1e6]"))
+    result = run_case(case(), (*SHORT, "bridge.gravity=[0.0, 0.0, -1e6]", "bridge.grip.pad_size=[1e3, 1e3]"))
     assert result.outcome == "diverged"
     assert "simulation diverged" in result.reason
 
@@ -240,6 +240,7 @@ def test_check_gives_the_bound_and_the_exit_code() -> None:
     refused = CliRunner().invoke(cli, [*arguments, *fixed])
     assert refused.exit_code == 2
     assert "54.8861" in refused.output
+    arguments += ["--mismatch", "none", "--set", SHORT[0]]
     assert CliRunner().invoke(cli, arguments).exit_code == 0
     file = "config/paper_planar/controller_vic.yaml"
     with_file = CliRunner().invoke(cli, ["check", "--params", str(Path(__file__).parents[3] / file), *arguments[1:]])

@@ -10,6 +10,7 @@ import pytest
 from slip_bags.recording.listeners import Listener
 from slip_bringup.launcher import Launcher
 from slip_bringup.scenario import load_scenario
+from slip_core.incidents import Incident
 from slip_msgs_py import events
 from slip_msgs_py.events import Done, Failed, Progress, Ready, Started, Status, Warned, decode, emit, encode, warn
 
@@ -19,6 +20,7 @@ EVENTS = (
     Ready(),
     Progress(0.25, 250),
     Status(12, 1),
+    Incident("lost", 1.25, "the object is lost: the grip is zero"),
     Warned('core 7 is not available ("7")'),
     Failed("File too large"),
     Done({"ticks": 3, "topics": {"/a": {"lost": None}}}),

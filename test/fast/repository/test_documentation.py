@@ -80,13 +80,15 @@ def misunderstood(words: list[str]) -> str:
             return error.format_message() if any(word.startswith("-") for word in rest) else ""
         except click.UsageError as error:
             return error.format_message()
+        except click.exceptions.Exit:
+            return ""  # --help
         return ""
     if program == "python" and rest[0].endswith(".py"):
         if not (ROOT / rest[0]).is_file():
             return f"no file {rest[0]}"
         choices, options = options_of(ROOT / rest[0])
         given = {word.partition("=")[0] for word in rest[1:] if word.startswith("--")}
-        if given - options or rest[1] not in choices:
+        if given - options or not set(rest[1:2]) <= choices:
             return f"{rest[0]} knows {sorted(choices | options)}"
     missing = [w for w in rest if re.match(r"(src|test|config|docs|bags|tools)/", w) and not (ROOT / w).exists()]
     return f"no file {missing}" if missing else ""

@@ -17,7 +17,7 @@ DEADLINE_S = 300.0
 # The demo, the checks themselves and the long measurements have tests of their own; a recording ends with Ctrl-C.
 ELSEWHERE = ("test", "demo", "bench", "study", "merge", "tune", "faults", "soak", "bag record")
 # These stand for something: a bag of the reader's, a module of his, an option without its value.
-EXAMPLES = ("BAG", "DIR", "FOLDER", "...", "--speed")
+EXAMPLES = ("ARM.urdf", "ur5_robot.urdf", "BAG", "DIR", "FOLDER", "...", "--speed")
 # What a page takes as given before its first command.
 GIVEN = {
     "bags.md": ("run --record out/mine --set bridge.duration_s=0.4", "run --record out/vic --set bridge.duration_s=1.2")

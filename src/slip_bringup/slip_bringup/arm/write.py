@@ -139,10 +139,10 @@ def failing(start: Start | None, robot: Robot, params: ControllerParams) -> str:
     way, least = start.way, params.singularity.sigma_min
     if way.blocked:
         return f"a path that ends after {100.0 * way.share:.0f} % of its time: {way.blocked}"
-    for share, limit in ((way.speed, "velocity"), (way.load, "effort")):
-        worst = int(share.argmax())
-        if share[worst] >= 1.0:
-            return f"{robot.joint_names[worst]} at {100.0 * share[worst]:.0f} % of its {limit} limit on the path"
+    share, limit = max((way.speed, "velocity"), (way.load, "effort"), key=lambda one: float(one[0].max()))
+    worst = int(share.argmax())
+    if share[worst] >= 1.0:
+        return f"{robot.joint_names[worst]} at {100.0 * share[worst]:.0f} % of its {limit} limit on the path"
     if way.sigma < least:
         return f"a path through a singular posture (least singular value {way.sigma:.2g}, sigma_min is {least:g})"
     return ""

@@ -61,6 +61,17 @@ class Case:
         )
 
 
+def check_names(what: str, given: Iterable[str], known: Sequence[str]) -> None:
+    """Look whether all names are known.
+
+    Raises:
+        InputError: one is not; the nearest is offered.
+    """
+    for name in given:
+        if name not in known:
+            raise InputError(f"{what} {name}", got="an unknown name", expected=nearest(name, known))
+
+
 def all_cases(
     scenarios: Sequence[str],
     sensors: Sequence[str],
@@ -73,10 +84,8 @@ def all_cases(
     Raises:
         InputError: an unknown estimator or mismatch.
     """
-    for what, given, known in (("estimator", estimators, ESTIMATORS), ("mismatch", mismatches, MISMATCHES)):
-        for name in given:
-            if name not in known:
-                raise InputError(f"{what} {name}", got="an unknown name", expected=nearest(name, known))
+    check_names("estimator", estimators, ESTIMATORS)
+    check_names("mismatch", mismatches, MISMATCHES)
     product = itertools.product(seeds, scenarios, mismatches, sensors, estimators)
     return [
         Case(scenario, sensor, estimator, mismatch, seed) for seed, scenario, mismatch, sensor, estimator in product

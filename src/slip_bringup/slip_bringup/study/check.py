@@ -1,50 +1,89 @@
-"""The verdict on a set of gains, as a table with the reason of every line."""
+"""Whether a scenario holds what is asked of it: gains, path, and short runs in worlds that differ from what is told."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import numpy as np
 from rich.table import Table
 
-from slip_bringup.scenario import Estimator, controller_values, load_scenario
-from slip_core.params import build, flat_names, load_yaml
-from slip_vic_controller.law.bounds import GainReport, judge_gains
-from slip_vic_controller.node_params import ControllerNodeParams
+from slip_bringup.scenario import ControllerKind, Estimator, Scenario, load_scenario
+from slip_bringup.study.cases import MISMATCHES, NO_MISMATCH, check_names, mismatch_assignments
+from slip_bringup.study.path_load import PathLoad, path_load
+from slip_bringup.study.run_case import run_scenario
+from slip_core.params import flat_names, load_yaml
+from slip_vic_controller.law.bounds import GainReport
+from slip_vic_controller.law.gains import gain_report
 from slip_vic_controller.params import ControllerParams
 
 
-def check_table(
-    scenario: str, file: Path | None, sensor: str, estimator: Estimator | None, assignments: Sequence[str]
-) -> tuple[Table, bool]:
-    """Return the table, and whether the gains would be accepted.
+class Corner(NamedTuple):
+    """A run in one wrong world: its outcome as of `CaseResult`."""
+
+    mismatch: str
+    outcome: str
+    reason: str
+    metrics: dict[str, float]
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing went wrong."""
+        return self.outcome == "ok"
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What is checked: a scenario with a controller, a sensor, a parameter file of the controller and overrides.
 
     Raises:
-        InputError: unknown scenario, sensor or parameter, an unreadable file, an arm that cannot follow the path.
+        InputError: unknown scenario, sensor or parameter; an unreadable file.
     """
-    load_scenario(scenario, assignments=assignments).check_arm()
-    extra = {} if file is None else _read(file)
-    values = controller_values(scenario, sensor, estimator, extra, assignments)
-    params = build(ControllerNodeParams, values, str(file or scenario))
-    assert isinstance(params, ControllerParams)
-    report = judge(params)
-    return _table(params, report, sensor), all(condition.holds for condition in report.conditions)
 
+    scenario: str
+    controller: ControllerKind
+    sensor: str = ""
+    estimator: Estimator | None = None
+    file: Path | None = None
+    assignments: Sequence[str] = ()
 
-def judge(params: ControllerParams) -> GainReport:
-    """Return the verdict on parameters without refusing them."""
-    direct = params.slip_estimator == "measured"
-    return judge_gains(
-        np.array(params.gains.damping),
-        params.gains.k_s,
-        params.gains.k_s_mode,
-        gain_margin=params.gains.k_s_margin,
-        control_period_s=params.control_period_s,
-        sensor_period_s=params.slip_sensor.period_s if direct else 0.0,
-        latency_s=params.slip_sensor.latency_s if direct else 0.0,
-    )
+    def load(self, mismatch: Sequence[str] = ()) -> Scenario:
+        """Return the scenario, with assignments of the simulated world."""
+        return load_scenario(
+            self.scenario,
+            controller=self.controller,
+            sensor=self.sensor,
+            estimator=self.estimator,
+            parameters={} if self.file is None else _read(self.file),
+            assignments=(*self.assignments, *mismatch),
+        )
+
+    def gains(self) -> GainReport:
+        """Return the verdict on the gains, without refusing them."""
+        return gain_report(self.load().controller, refuse=False)
+
+    def path(self) -> PathLoad:
+        """Return what the path takes of the friction."""
+        return path_load(self.load())
+
+    def corners(self, mismatches: Sequence[str], report: Callable[[str], None]) -> Iterator[Corner]:
+        """Run the world that is told, then each mismatch, and yield outcomes; `report` is told what runs.
+
+        Where the path is refused already there is nothing more to run.
+
+        Raises:
+            InputError: an unknown mismatch.
+        """
+        check_names("mismatch", mismatches, MISMATCHES)
+        known = self.load()
+        for name in dict.fromkeys((NO_MISMATCH, *mismatches)):
+            report(name)
+            corner = Corner(name, *run_scenario(self.load(mismatch_assignments(name, known))))
+            yield corner
+            if name == NO_MISMATCH and corner.outcome == "unreachable":
+                return
 
 
 def _read(file: Path) -> dict[str, Any]:
@@ -56,7 +95,8 @@ def _read(file: Path) -> dict[str, Any]:
     return flat_names(content)
 
 
-def _table(params: ControllerParams, report: GainReport, sensor: str) -> Table:
+def gain_table(params: ControllerParams, report: GainReport, sensor: str) -> Table:
+    """Return the conditions on the gains, each with its reason."""
     title = f"k_s asked {report.asked:g}, used {report.used:.6g} 1/s ({params.gains.k_s_mode}, {params.slip_estimator}"
     table = Table(title=f"{title}{', ' + sensor if sensor else ''})")
     for name in ("condition", "value", "limit", "margin", "verdict", "reason"):
@@ -71,3 +111,38 @@ def _table(params: ControllerParams, report: GainReport, sensor: str) -> Table:
             "between these two numbers" if not empty else "no number below 1 is large enough",
         )  # fmt: skip
     return table
+
+
+def corner_table(corners: Sequence[Corner]) -> Table:
+    """Return what came of the runs."""
+    table = Table(title="simulated, one thing wrong at a time that the controller is not told")
+    for name in ("world", "slip at the end [mm]", "peak [mm]", "arrives after [s]", "verdict"):
+        table.add_column(name, justify="left" if name in ("world", "verdict") else "right")
+    for corner in corners:
+        numbers = corner.metrics
+        arrival = numbers["arrival_s"]
+        table.add_row(
+            corner.mismatch, f"{1e3 * numbers['slip_linear_m']:.3f}", f"{1e3 * numbers['slip_linear_peak_m']:.3f}",
+            "does not" if math.isnan(arrival) else f"{arrival:.3f}",
+            "[green]holds[/]" if corner.holds else f"[red]{corner.reason}[/]",
+        )  # fmt: skip
+    return table
+
+
+def path_lines(load: PathLoad, as_told: Corner) -> list[str]:
+    """Return what the path takes of the friction, where, and how long the motion lasts."""
+    arrival = as_told.metrics["arrival_s"]
+    lasts = "it does not arrive" if math.isnan(arrival) else f"it arrives after {arrival:.3f} s"
+    return [
+        f"path as planned: takes {load.moving.text(load.limit)}",
+        f"weight alone:    takes {load.resting.text(load.limit)}",
+        f"as told:         {lasts}, slip at most {1e3 * as_told.metrics['slip_linear_peak_m']:.3f} mm",
+    ]
+
+
+def refusal(load: PathLoad, as_told: Corner) -> str:
+    """Return why the path is refused, with its place; "" where it is not."""
+    if as_told.outcome != "unreachable":
+        return ""
+    x, y, z = load.resting.position
+    return f"refused: {as_told.reason}; the pad is at x {x:.3f}, y {y:.3f}, z {z:.3f} m there"

@@ -13,7 +13,10 @@ import click
 from rich.console import Console
 from rich.progress import Progress
 
+from slip_bringup.exit_code import ALLOW_FAULT, end_with
+
 if TYPE_CHECKING:
+    from slip_bringup.scenario import ControllerKind, Estimator
     from slip_bringup.study.engines import EngineName
 
 
@@ -42,9 +45,9 @@ def workers(command: click.decorators.FC) -> click.decorators.FC:
 
 
 @click.command()
-@click.option("--scenario", "scenarios", default="paper_planar", show_default=True, help="names, comma separated")
+@click.option("--scenario", "scenarios", default="", help="names, comma separated; default all")
 @click.option("--sensors", default="", help="names or .yaml files, comma separated; default all")
-@click.option("--estimators", default="classical,measured,observer", show_default=True)
+@click.option("--estimators", default="classical,observer,governed", show_default=True)
 @click.option("--mismatch", "mismatches", default="none", show_default=True, help="names, comma separated, or all")
 @click.option("--seeds", type=click.IntRange(1), default=5, show_default=True, help="how many seeds, from 0")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("study"), show_default=True, help="folder")
@@ -57,6 +60,7 @@ def workers(command: click.decorators.FC) -> click.decorators.FC:
     "--lottery", "drawn", type=click.IntRange(0), default=0, help="draw so many cases nobody tuned to instead"
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the lottery")
+@ALLOW_FAULT
 def study(
     *,
     scenarios: str,
@@ -73,23 +77,32 @@ def study(
     urdf: Path | None,
     drawn: int,
     seed: int,
+    allow_fault: bool,
 ) -> None:
-    """Run scenario x sensor x estimator x mismatch over seeds: study.csv, study.png; goes on where it stopped."""
+    """Run scenario x sensor x estimator x mismatch over seeds: study.csv, study.png; goes on where it stopped.
+
+    Says every case that did not end well in a line, and ends with exit code 1 where there is one.
+    """
     if drawn:
         _lottery(drawn, seed, out, jobs)
         return
     from slip_bringup.scenario import urdf_assignment
     from slip_bringup.study.cases import MISMATCHES, Asked
     from slip_bringup.study.command import resume, run_study
+    from slip_description import scenario_names
     from slip_sim_bridge.sensors.presets import preset_names
 
     if go_on:
-        click.echo(resume(out, engine, jobs))
+        done = resume(out, engine, jobs)
+        click.echo(done.line)
+        end_with(done.bad, allow_fault)
         return
     wrong = MISMATCHES if mismatches == "all" else names(mismatches)
     wanted = names(sensors) or tuple(preset_names())
-    asked = Asked(names(scenarios), wanted, names(estimators), wrong, seeds, shard)
-    click.echo(run_study([asked], (*urdf_assignment(urdf), *assignments), out, engine, jobs))
+    asked = Asked(names(scenarios) or tuple(scenario_names()), wanted, names(estimators), wrong, seeds, shard)
+    done = run_study([asked], (*urdf_assignment(urdf), *assignments), out, engine, jobs)
+    click.echo(done.line)
+    end_with(done.bad, allow_fault)
 
 
 @click.command()
@@ -124,28 +137,55 @@ def _lottery(cases: int, seed: int, out: Path, jobs: int) -> None:
 @click.option("--params", type=click.Path(path_type=Path), help="ROS or plain parameter file of the controller")
 @click.option("--sensor", default="", help="name or .yaml file; default the scenario's own")
 @click.option("--estimator", type=click.Choice(["measured", "observer"]), help="default the sensor's")
+@click.option(
+    "--controller", type=click.Choice(["vic", "classical", "governed"]), default="governed", show_default=True
+)
+@click.option("--mismatch", "mismatches", default="all", show_default=True, help="worlds to simulate: names, or all")
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
 @click.option("--urdf", type=click.Path(path_type=Path), help="another arm")
 def check(
+    *,
     scenario: str,
     params: Path | None,
     sensor: str,
-    estimator: str | None,
+    estimator: Estimator | None,
+    controller: ControllerKind,
+    mismatches: str,
     assignments: tuple[str, ...],
     urdf: Path | None,
 ) -> None:
-    """Judge the gains with a sensor: bound on k_s, Propositions 1 to 3, margins; exit code 2 where one fails.
+    """Say what will hold before anything moves: gains, arm, path, and simulated worlds that differ from what is told.
 
-    Also whether the arm can start where the scenario says, and follow its path.
+    Bound on k_s, Propositions 1 to 3; whether the arm can start where the scenario says and follow its path; what the
+    path takes of the friction, where, and how long the motion lasts; then simulations in this process. Exit code 2
+    where gains or path are refused, 1 where a simulated world does not hold.
     """
     from slip_bringup.scenario import urdf_assignment
-    from slip_bringup.study.check import check_table
+    from slip_bringup.study.cases import MISMATCHES
+    from slip_bringup.study.check import Question, corner_table, gain_table, path_lines, refusal
 
-    assigned = (*urdf_assignment(urdf), *assignments)
-    table, good = check_table(scenario, params, sensor, estimator, assigned)  # type: ignore[arg-type]
-    Console(width=150).print(table)
-    if not good:
+    asked = Question(scenario, controller, sensor, estimator, params, (*urdf_assignment(urdf), *assignments))
+    loaded, report = asked.load(), asked.gains()
+    loaded.check_arm()
+    console = Console(width=150)
+    console.print(gain_table(loaded.controller, report, sensor))
+    if not report.hold:
         raise click.exceptions.Exit(2)
+    loaded.check()
+    wanted = MISMATCHES if mismatches == "all" else names(mismatches)
+    with Console(stderr=True).status("path") as status:
+        load = asked.path()
+        corners = list(asked.corners(wanted, lambda name: status.update(f"simulates {name}")))
+    for line in path_lines(load, corners[0]):
+        click.echo(line)
+    refused = refusal(load, corners[0])
+    if refused:
+        click.echo(refused, err=True)
+        raise click.exceptions.Exit(2)
+    console.print(corner_table(corners))
+    failed = [corner for corner in corners if not corner.holds]
+    click.echo(f"holds in {len(corners) - len(failed)} of {len(corners)} simulated worlds")
+    end_with((f"{corner.mismatch}: {corner.reason}" for corner in failed), allowed=False)
 
 
 @click.command()

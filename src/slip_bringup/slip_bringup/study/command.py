@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from rich.console import Console
 
@@ -14,11 +15,21 @@ from slip_bringup.study.prepare import prepare
 from slip_bringup.study.progress import progress
 from slip_bringup.study.runner import run_cases
 from slip_bringup.study.summary import summary_table, write_picture
-from slip_bringup.study.table import Settings, StudyTable, merge
+from slip_bringup.study.table import KEY, Settings, StudyTable, merge
+
+WIDTH = 190
+"""Of the table, so that no row is broken."""
 
 
-def run_study(asked: Sequence[Asked], assignments: Sequence[str], out: Path, engine: EngineName, jobs: int) -> str:
-    """Run the cases that a folder does not have yet; return one line on what was done.
+class Done(NamedTuple):
+    """One line on what was done, and one on every case that did not end well."""
+
+    line: str
+    bad: tuple[str, ...]
+
+
+def run_study(asked: Sequence[Asked], assignments: Sequence[str], out: Path, engine: EngineName, jobs: int) -> Done:
+    """Run the cases that a folder does not have yet.
 
     Raises:
         InputError: an unknown name, a bad override, a folder that is in use or holds another study, no cluster.
@@ -45,11 +56,17 @@ def run_study(asked: Sequence[Asked], assignments: Sequence[str], out: Path, eng
                         report(now, f"{deaths} workers died" if deaths else "")
         table.sort()
         picture = _show(table)
+        rows = table.rows()
     died = f"; {deaths} workers died" if deaths else ""
-    return f"{there} of {len(cases)} cases were there already{died}; {table.path}, {picture}"
+    keys = {case.key for case in cases}
+    bad = [row for row in rows if row["outcome"] != "ok" and tuple(row[name] for name in KEY) in keys]
+    return Done(
+        f"{there} of {len(cases)} cases were there already{died}; {table.path}, {picture}",
+        tuple(f"{' '.join(row[name] for name in KEY)}: {row['outcome']}, {row['reason']}" for row in bad),
+    )
 
 
-def resume(out: Path, engine: EngineName, jobs: int) -> str:
+def resume(out: Path, engine: EngineName, jobs: int) -> Done:
     """Go on with everything that a folder was asked for; see `run_study`."""
     settings = Settings.read(out / "study.json")
     return run_study(settings.asked, settings.assignments, out, engine, jobs)
@@ -72,5 +89,5 @@ def _show(table: StudyTable) -> Path:
     rows = table.rows()
     picture = table.path.with_suffix(".png")
     write_picture(picture, rows)
-    Console().print(summary_table(rows))
+    Console(width=WIDTH).print(summary_table(rows))
     return picture

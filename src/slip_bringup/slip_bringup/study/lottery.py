@@ -20,8 +20,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from rich.table import Table
 
+from slip_bringup.arrival import Arrival
 from slip_bringup.inprocess import run_in_process
-from slip_bringup.metrics import ARRIVED
 from slip_bringup.scenario import ControllerKind, Estimator, Scenario, load_scenario
 from slip_core.errors import SlipVicError
 from slip_description import scenario_names
@@ -40,8 +40,6 @@ KINDS = ("scenario", "waypoints", "circle", "lemniscate")
 TROUBLES = ("none", "bias", "noise told", "noise untold", "latency")
 QUINTIC_PEAK = 5.7735
 """Largest acceleration of a quintic from rest to rest over way / duration^2."""
-LOST_SLIP_M = 0.1
-"""Slip beyond which the object has left the pads."""
 LOST_ERROR_M = 1.0
 WORSE_M = 5e-4
 """Slip by which a law may exceed classical control before it counts as worse."""
@@ -214,7 +212,7 @@ def play(ticket: Ticket, law: Law) -> Drawn:
 def _play(scenario: Scenario) -> Drawn:
     outcome: Outcome = "ok"
     reason = ""
-    slip, peak, drift, since = np.zeros(6), 0.0, 0.0, math.nan
+    slip, peak, drift, arrival = np.zeros(6), 0.0, 0.0, Arrival()
     try:
         for tick in run_in_process(scenario):
             now = tick.outputs.stamp_ns * 1e-9
@@ -224,24 +222,21 @@ def _play(scenario: Scenario) -> Drawn:
             if tick.result.mode == Mode.FAULT:
                 outcome, reason = "fault", f"{now:.3f} s: {tick.result.reason}"
                 break
-            if not float(np.linalg.norm(slip[:3])) < LOST_SLIP_M:
-                outcome, reason = "lost", f"{now:.3f} s: the object has left the pads"
+            lost = [incident for incident in tick.incidents if incident.kind == "lost"]
+            if lost:
+                outcome, reason = "lost", str(lost[0])
                 break
             if not record.ok:
                 continue
-            error, turned = float(record.law.error_linear), float(record.law.error_angular)
-            drift = max(drift, error)
+            arrival.add(now, tick.result)
+            drift = max(drift, float(record.law.error_linear))
             if not drift < LOST_ERROR_M:
                 outcome, reason = "lost", f"{now:.3f} s: the pad is {drift:.2f} m from its reference"
                 break
-            if now < scenario.controller.trajectory.duration_s + scenario.controller.trajectory.start_s:
-                continue
-            at_goal = error < ARRIVED[0] and turned < ARRIVED[1]
-            since = math.nan if not at_goal else since if since == since else now
     except DivergenceError as failure:
         outcome, reason = "lost", str(failure)
     length, angle = float(np.linalg.norm(slip[:3])), float(np.linalg.norm(slip[3:]))
-    return Drawn(outcome, reason, length, angle, peak, drift, since)
+    return Drawn(outcome, reason, length, angle, peak, drift, arrival.since_s)
 
 
 def lottery(cases: int, seed: int, jobs: int) -> Iterator[tuple[Ticket, dict[str, Drawn]]]:

@@ -7,21 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from slip_bringup.arrival import Arrival
 from slip_bringup.inprocess import run_in_process
-from slip_bringup.metrics import ARRIVED
-from slip_bringup.scenario import NO_TEXTS, Texts
+from slip_bringup.scenario import NO_TEXTS, Scenario, Texts
 from slip_bringup.study.cases import Case
 from slip_core.arrays import Array
 from slip_core.errors import SlipVicError
 from slip_sim_bridge.plant import DivergenceError
 
-LOST_SLIP_M = 0.3
-"""Slip beyond which the object is taken for lost and the run ends."""
-
 LOST_ERROR_M = 1.0
 """Tracking error beyond which the run ends as diverged."""
+
+ENDS = ("lost", "fault")
+"""Incidents after which a run has nothing more to show."""
 
 METRICS = (
     "slip_linear_m",
@@ -33,6 +32,7 @@ METRICS = (
     "attitude_excursion_rad",
     "effort_rate_rms_n_m_s",
     "arrival_s",
+    "slip_linear_peak_m",
 )
 """At the end: slip_*, final_error_*; arrival_s: since when the pad stays within 1 mm and 0.5 degrees of the end of its
 path; effort_rate_rms_n_m_s: of the norm of the change of all efforts from tick to tick."""
@@ -40,7 +40,8 @@ path; effort_rate_rms_n_m_s: of the norm of the change of all efforts from tick 
 
 @dataclass(frozen=True, slots=True)
 class CaseResult:
-    """Outcome: ok, diverged, held (the mode machine stopped the law), refused (bad parameters) or crashed; and why.
+    """Outcome: ok, the kind of an incident, diverged, held (the mode machine stopped the law), refused (bad parameters)
+    or crashed; and why.
 
     metrics: by the names of `METRICS`, NaN where there is nothing to measure.
     """
@@ -54,7 +55,7 @@ class CaseResult:
 def run_case(case: Case, assignments: Sequence[str], texts: Texts = NO_TEXTS) -> CaseResult:
     """Run one case; whatever goes wrong becomes a result. Files whose contents stand in `texts` are not opened."""
     try:
-        return _run(case, assignments, texts)
+        return CaseResult(case, *run_scenario(case.load(assignments, texts)))
     except SlipVicError as error:
         return failed(case, "refused", str(error))
     except Exception as error:  # a study must survive whatever a case does
@@ -66,35 +67,37 @@ def failed(case: Case, outcome: str, reason: str) -> CaseResult:
     return CaseResult(case, outcome, reason, dict.fromkeys(METRICS, math.nan))
 
 
-def _run(case: Case, assignments: Sequence[str], texts: Texts) -> CaseResult:
-    ticks, squares, excursion, speed = 0, 0.0, 0.0, 0.0
+def run_scenario(scenario: Scenario) -> tuple[str, str, dict[str, float]]:
+    """Run a scenario and return outcome, reason and metrics, as of `CaseResult`."""
+    ticks, squares, excursion, speed, peak = 0, 0.0, 0.0, 0.0, 0.0
     linear = angular = 0.0
     slip = np.zeros(6)
     outcome, reason = "ok", ""
-    scenario = case.load(assignments, texts)
-    steps = _EffortSteps()
-    times: list[float] = []
-    poses: list[Array] = []
-    goal = np.zeros((4, 3))
+    steps, arrival = _EffortSteps(), Arrival()
     try:
         for tick in run_in_process(scenario):
-            steps.add(tick.result.command.effort)
+            now_s = tick.outputs.stamp_ns * 1e-9
             truth, record = tick.outputs.truth, tick.result.record
+            steps.add(tick.result.command.effort)
             slip = truth.slip_displacement
+            peak = max(peak, math.hypot(*slip[:3].tolist()))
             speed = max(speed, math.hypot(*truth.slip_velocity[:3].tolist()))
+            for incident in tick.incidents:
+                if outcome in ("ok", "held") or incident.kind in ENDS:
+                    outcome, reason = incident.kind, str(incident)
+            if outcome in ENDS:
+                break
             if not record.ok:
                 if ticks and outcome == "ok":
-                    outcome, reason = "held", f"{tick.outputs.stamp_ns * 1e-9:.3f} s: {tick.result.reason}"
+                    outcome, reason = "held", f"{now_s:.3f} s: {tick.result.reason}"
                 continue
             ticks += 1
-            times.append(tick.outputs.stamp_ns * 1e-9)
-            poses.append(np.vstack((tick.result.arm.position, tick.result.arm.rotation)))
-            goal = np.vstack((record.reference.position, record.reference.rotation))
+            arrival.add(now_s, tick.result)
             linear, angular = float(record.law.error_linear), float(record.law.error_angular)
             squares += linear * linear
             excursion = max(excursion, angular)
-            if not linear < LOST_ERROR_M or not math.hypot(*slip[:3].tolist()) < LOST_SLIP_M:
-                outcome, reason = "diverged", f"at {tick.outputs.stamp_ns * 1e-9:.3f} s"
+            if not linear < LOST_ERROR_M:
+                outcome, reason = "diverged", f"at {now_s:.3f} s"
                 break
     except DivergenceError as failure:
         outcome, reason = "diverged", str(failure)
@@ -107,9 +110,10 @@ def _run(case: Case, assignments: Sequence[str], texts: Texts) -> CaseResult:
         angular,
         excursion,
         steps.rms / scenario.controller.control_period_s,
-        _arrival(times, np.array(poses), goal) if ticks else math.nan,
+        math.nan if outcome in ENDS else arrival.since_s,
+        peak,
     )
-    return CaseResult(case, outcome, reason, dict(zip(METRICS, values, strict=True)))
+    return outcome, reason, dict(zip(METRICS, values, strict=True))
 
 
 class _EffortSteps:
@@ -131,18 +135,3 @@ class _EffortSteps:
     @property
     def rms(self) -> float:
         return math.sqrt(self._squares / max(self._count, 1))
-
-
-def _arrival(times: Sequence[float], poses: Array, goal: Array) -> float:
-    """Return since when the pad stays at its goal [s]; NaN where it does not.
-
-    Args:
-        times: of the ticks [s]; (N,).
-        poses: position [m] above rotation matrix of the pad {w}; (N, 4, 3).
-        goal: the last desired pose, in the same form; (4, 3).
-    """
-    linear = np.linalg.norm(poses[:, 0] - goal[0], axis=1)
-    angular = Rotation.from_matrix(poses[:, 1:] @ goal[1:].T).magnitude()
-    away = np.flatnonzero(~((linear < ARRIVED[0]) & (angular < ARRIVED[1])))
-    first = 0 if away.size == 0 else int(away[-1]) + 1
-    return times[first] if first < len(times) else math.nan

@@ -19,7 +19,7 @@ from slip_bringup.study.table import Row
 
 CONFIDENCE = 0.95
 RESAMPLES = 2000
-COLOURS = {"classical": "#c44e52", "measured": "#dd8452", "observer": "#1f6fb2"}
+COLOURS = {"classical": "#c44e52", "measured": "#dd8452", "observer": "#1f6fb2", "governed": "#55a868"}
 SHOWN = (
     ("slip_linear_m", 1e3, "slip displacement [mm]"),
     ("tracking_rms_m", 1e3, "tracking error, rms [mm]"),

@@ -63,6 +63,11 @@ class Plant(Protocol):
         """Joint effort limits; (n,) [N m], inf where the URDF has none."""
         ...
 
+    @property
+    def gripped_at(self) -> tuple[float, float]:
+        """Where the point of the object that was gripped is on the pad, along x and y of {ee} [m]."""
+        ...
+
     def reset(self, normal_force: float) -> None:
         """Put everything back to the initial posture, at rest, object centred in the grasp; [N]."""
         ...

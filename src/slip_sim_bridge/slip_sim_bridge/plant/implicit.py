@@ -109,6 +109,11 @@ class ImplicitPlant:
         self._mass_matrix = np.zeros((model.nv, model.nv))
         self.reset(params.grip.force)
 
+    @property
+    def gripped_at(self) -> tuple[float, float]:
+        """Where the point of the object that was gripped is on the pad, along x and y of {ee} [m]."""
+        return float(self._qpos[self._n]), float(self._qpos[self._n + 1])
+
     def reset(self, normal_force: float) -> None:
         """Put everything back to the initial posture, held and at rest; [N].
 

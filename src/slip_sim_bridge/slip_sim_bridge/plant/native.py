@@ -43,7 +43,7 @@ from slip_sim_bridge.plant.model import (
 PAD_JOINTS = ("native_pad_upper", "native_pad_lower")
 OBJECT_JOINTS = ("native_object_x", "native_object_y", "native_object_z", "native_object_ball")
 
-_PLATE_HALF_SIZE = 1.0  # m; the object cannot leave the pads
+_PLATE_HALF_SIZE = 1.0  # m; where the pads end is `grip.pad_size`
 _PLATE_HALF_THICKNESS = 0.005  # m
 _TIP_RADIUS = 0.005  # m
 _PAD_MASS = 1e-4  # kg each: light, so that the jaw force keeps them down on a sliding plate (they lift off at 1 g)
@@ -151,6 +151,13 @@ class NativePlant:
         self._readings: Array = data.sensordata[sensor_address(model)]
         self._at = ReadOut(len(joints))
         self.reset(params.grip.force)
+
+    @property
+    def gripped_at(self) -> tuple[float, float]:
+        """Where the point of the object that was gripped is on the pad, along x and y of {ee} [m]."""
+        data = self.data
+        x, y, _ = data.xmat[self._pad].reshape(3, 3).T @ (data.xpos[self._body] - data.xpos[self._pad])
+        return float(x), float(y)
 
     def reset(self, normal_force: float) -> None:
         """Put everything back to the initial posture, let pads and rollers settle, and start at rest; [N].

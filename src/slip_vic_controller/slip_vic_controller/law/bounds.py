@@ -46,6 +46,11 @@ class GainReport(NamedTuple):
     lambda_2: tuple[float, float]
     conditions: tuple[Condition, ...]
 
+    @property
+    def hold(self) -> bool:
+        """Whether every condition is met."""
+        return all(condition.holds for condition in self.conditions)
+
 
 @kernel(REAL(INT, INT))
 def held_sample_limit(held: int, delay: int) -> float:

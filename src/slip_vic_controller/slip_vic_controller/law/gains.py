@@ -83,14 +83,16 @@ def fill_gains(params: GainParams, slip_axes: Array, k_s: float, gains: Any, *, 
     gains.spin_limit = float(ratio.min()) * params.spin_excursion if bounded and ratio.size else math.inf
 
 
-def gain_report(params: ControllerParams) -> GainReport:
+def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
     """Return the verdict on the gains of the configured slip loop; an observer takes the sensor's delays out of it.
 
     Raises:
-        InputError: a k_s that is fixed beyond its bound, or damping for which a proposition has no lambda.
+        InputError: where `refuse`, a k_s that is fixed beyond its bound, or damping for which a proposition has no
+            lambda.
     """
     direct = params.slip_estimator == "measured"
-    judge = judge_gains if params.controller == "classical" else check_gains  # without a slip loop nothing is unsafe
+    unsafe = refuse and params.controller != "classical"  # without a slip loop nothing is
+    judge = check_gains if unsafe else judge_gains
     return judge(
         np.array(params.gains.damping),
         params.gains.k_s,

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
 from slip_bringup.study.cases import SLIP_FROM, Asked
-from slip_bringup.study.check import check_table
+from slip_bringup.study.check import Question, gain_table
 from slip_bringup.study.contents import gather
 from slip_bringup.study.engines import EngineName, open_engine
 from slip_bringup.study.prepare import prepare
@@ -70,10 +70,11 @@ def run_tune(wanted: Wanted, out: Path, engine: EngineName, jobs: int, command: 
     (out / "controller.yaml").write_text(_parameter_file(tuned), encoding="utf-8")
     title = f"{wanted.scenario}, {wanted.sensor}, {wanted.estimator}: gains"
     (out / "tune.html").write_text(page(search, found, title, command), encoding="utf-8")
-    slip_from = SLIP_FROM[wanted.estimator]
-    table, good = check_table(wanted.scenario, out / "controller.yaml", wanted.sensor, slip_from, ())
-    if not good:
-        Console(width=150).print(table)
+    question = Question(wanted.scenario, "vic", wanted.sensor, SLIP_FROM[wanted.estimator], out / "controller.yaml")
+    verdict = question.gains()
+    question.load().check_arm()
+    if not verdict.hold:
+        Console(width=150).print(gain_table(question.load().controller, verdict, wanted.sensor))
         raise SlipVicError(f"{out / 'controller.yaml'}: check refuses what was found")
     return (
         f"trial {best.number} of {len(trials)}: worst slip {trials[0].cost:.3g} -> {best.cost:.3g} mm, on unseen seeds "

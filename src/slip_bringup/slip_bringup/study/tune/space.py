@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 from slip_bringup.scenario import Scenario
 from slip_bringup.study.cases import GOVERNED, MEASURED
-from slip_bringup.study.check import judge
 from slip_bringup.study.table import Row
 from slip_core.params import flatten
+from slip_vic_controller.law.gains import gain_report
 
 DECADE = 10.0
 """Gammas and noises are searched from their default over this to their default times this."""
@@ -43,7 +43,7 @@ class Range(NamedTuple):
 def search_space(scenario: Scenario, estimator: str) -> list[Range]:
     """Return what is searched around the parameters of a scenario."""
     values = flatten(scenario.controller)
-    allowed = judge(scenario.controller).used
+    allowed = gain_report(scenario.controller, refuse=False).used
     space = [Range("gains.k_s", allowed / K_S_RANGE, allowed, True, min(values["gains.k_s"], allowed))]
     around = (*GAMMAS, *(() if estimator == MEASURED else NOISES))
     space += [Range(n, values[n] / DECADE, values[n] * DECADE, True, values[n]) for n in around if values[n] > 0.0]

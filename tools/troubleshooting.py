@@ -1,0 +1,164 @@
+"""Write the tables of docs/troubleshooting.md: every reason of a mode, every fault, every error text, from the sources.
+
+python tools/troubleshooting.py          # writes the page anew between its marks
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.reasons import Cause, Reason, describe
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "troubleshooting.md"
+ERRORS = ("InputError", "ProtocolError", "RefusedByChild", "MixedVersions", "DivergenceError")
+BEGIN, END = "<!-- begin: made by tools/troubleshooting.py -->", "<!-- end -->"
+
+TO_DO = {
+    Cause.NO_INPUT_YET: "Start the drivers. `ros2 topic hz` shows what is missing.",
+    Cause.WAITS: "The reason names the topics. Remap your driver's topics to these names, and compare `frame_id` and QoS.",
+    Cause.NOT_ENABLED: "Call `~/enable`, or set `safety.auto_enable`.",
+    Cause.ASKED: "Somebody called `~/hold`. `~/enable` ends it.",
+    Cause.STOPPING: "Wait: it comes to rest along the path first.",
+    Cause.INPUT: "See the fault below; the input is named before it.",
+    Cause.PREDICTED: "The slip sensor has a fault; the observer goes on for `safety.fallback.observer_s`. See the fault below.",
+    Cause.SLOWING: "As before, and that time is over: mend the slip sensor, then it goes on by itself.",
+    Cause.SLIDES: "More grip, or a slower path. The law begins when the object is at rest in the grasp.",
+    Cause.JOINT_TOO_FAST: "Find what made the joint run: a wrong sign or frame of the wrench, gains too high for a delay. Then "
+    "`~/reset_fault` and `~/enable`.",
+    Cause.PAD_TOO_FAST: "As for a joint that is too fast.",
+    Cause.PAD_TURNS_TOO_FAST: "As for a joint that is too fast.",
+    Cause.FALLS: "The object slips out: more grip. Where it does not, `object.mass` or the friction is wrong.",
+    Cause.SATURATED: "The law asks for more than the joints have: a slower path, or the governor; see safety.md for "
+    "`safety.limits.effort_rate`.",
+    Cause.PATH_WAITS: "The arm does not follow: something blocks it, or the gains are too soft for the path.",
+    Cause.OLD_JOINT_STATE: "Two drivers publish, or stamps go back. Look at `ros2 topic info -v` of the joint states.",
+    Cause.BAD_REFERENCE: "The node that publishes `reference` sends NaN or infinity.",
+    Cause.NO_ESTIMATE: "Report it with a bag: the observer must give a finite estimate for all inputs.",
+    Cause.NO_TORQUE: "The arm is in a singular posture or a limit is reached: move it away by hand, then `~/reset_fault`.",
+    Cause.INTERNAL: "Report it with a bag and the line in the node's log.",
+    Cause.PATH_TOO_HEAVY: "More grip, a lighter object, or another attitude: at that place friction cannot carry the weight.",
+    Cause.OVERRUNS: "The friction fell while it moved. More grip; `governor.margin` leaves more room.",
+    Cause.GIVEN_UP: "Object or contact are not as told: check `object.mass`, `contacts.position` and the wrench's frame.",
+}
+"""What a user does about a reason."""
+
+FAULT_TO_DO = {
+    Fault.NEVER_SEEN: "Start the sensor; compare topic name, type and QoS.",
+    Fault.REFUSED: "Compare joint names, sizes and `frame_id` with the parameters.",
+    Fault.NOT_FINITE: "The driver sends NaN: it says so itself, or divides by zero.",
+    Fault.ABSURD: "Wrong unit (mm, N mm, degrees)? Else raise `safety.inputs.*`.",
+    Fault.DENORMAL: "Nothing: it is used.",
+    Fault.OUT_OF_ORDER: "Two publishers, or a driver that stamps at random.",
+    Fault.DUPLICATE: "A driver that repeats samples; harmless while new ones come too.",
+    Fault.FUTURE: "Two clocks: synchronise them (chrony, ptp).",
+    Fault.CLOCK_JUMP: "The clock was set. Wait, or use a clock that slews.",
+    Fault.JUMP: "Joint encoders jumped, or the driver lost samples.",
+    Fault.RESTARTED: "Nothing: the driver was started anew, and the trajectory begins from here.",
+    Fault.SILENT: "The driver stopped, or the network did.",
+    Fault.STALE: "Samples arrive with old stamps: latency of the driver.",
+    Fault.FROZEN: "The sensor repeats itself: power, cable, or a quantum larger than what is measured.",
+    Fault.INVALID: "The sensor says that it does not know: light, contact, calibration.",
+    Fault.IMPLAUSIBLE: "The wrench shows slip that the sensor does not: sign, frame or calibration of the slip sensor.",
+    Fault.SECOND_PUBLISHER: "`ros2 topic info -v` names both: stop one.",
+    Fault.FOREIGN_COMMAND: "Another controller commands the arm: stop it, then `~/reset_fault`.",
+    Fault.NOT_RUN: "The computer was busy: real-time priority (`--fifo`), a free core (`--cpu`).",
+    Fault.LATE: "Stamps and arrivals drift apart: clock, network or a full queue.",
+}
+"""What a user does about a fault of an input."""
+
+
+def rendered(node: ast.expr | None) -> str:
+    """Return the text of an expression, with … for what is known at run time only."""
+    match node:
+        case ast.Constant(value=value):
+            return str(value)
+        case ast.JoinedStr(values=parts):
+            return "".join(rendered(part) for part in parts)
+        case ast.BinOp(left=left, op=ast.Add(), right=right):
+            return rendered(left) + rendered(right)
+        case ast.IfExp(body=body, orelse=other):
+            return " or ".join(text for text in (rendered(body), rendered(other)) if text)
+        case None:
+            return ""
+    return "…"
+
+
+def raised(tree: ast.AST, *, declares: bool) -> Iterator[tuple[str, str, str]]:
+    """Yield what, expected and fix of every error of ours that a module makes; declares: one that declares parameters."""
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
+            continue
+        if node.func.id in ERRORS and node.args:
+            named = {keyword.arg: keyword.value for keyword in node.keywords}
+            yield rendered(node.args[0]), rendered(named.get("expected")), rendered(named.get("fix"))
+        elif node.func.id == "ValueError" and node.args and declares:
+            yield "parameter …", rendered(node.args[0]), ""
+
+
+def error_tables() -> str:
+    """Return one table per package."""
+    parts = []
+    for package in sorted(path for path in (ROOT / "src").iterdir() if (path / "setup.py").exists()):
+        rows = set()
+        for path in sorted((package / package.name).rglob("*.py")):
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            rows |= set(raised(tree, declares=path.stem.endswith("params")))
+        if rows:
+            parts.append(f"### {package.name}\n\n| error | expected | fix |\n|---|---|---|")
+            parts[-1] += "".join(
+                f"\n| {' | '.join(_cell(text.replace('`', '')) for text in row)} |" for row in sorted(rows)
+            )
+    return "\n\n".join(parts)
+
+
+def reason_table() -> str:
+    """Return the table of what stands behind the mode."""
+    joints = ("JOINT",)
+    lines = ["| code | reason | what to do |", "|---|---|---|"]
+    for cause in Cause:
+        if cause == Cause.NONE:
+            continue
+        words = describe(Reason(cause, 0, 0, 0.0, 0.0), joints)
+        lines.append(f"| {cause.name} | {_cell(words or 'the input and its fault')} | {_cell(TO_DO[cause])} |")
+    return "\n".join(lines)
+
+
+def fault_table() -> str:
+    """Return the table of what can be wrong with an input."""
+    lines = ["| fault | what to do |", "|---|---|"]
+    lines += [
+        f"| {fault.name.lower().replace('_', ' ')} | {_cell(FAULT_TO_DO[fault])} |"
+        for fault in Fault
+        if fault != Fault.NONE
+    ]
+    return "\n".join(lines)
+
+
+def _cell(text: str) -> str:
+    plain = " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;")
+    return plain or " "
+
+
+def tables() -> str:
+    """Return everything between the marks of the page."""
+    return (
+        f"{BEGIN}\n\n## Reasons of a mode\n\nOn `controller/mode` and in `/diagnostics`.\n\n{reason_table()}\n\n"
+        "## Faults of an input\n\nWhat happens then is in [safety](safety.md#reactions).\n\n"
+        f"{fault_table()}\n\n## Error texts\n\nOne line, exit code 2: what, what was got, what is expected, the fix. "
+        f"… stands for a name or number of yours.\n\n{error_tables()}\n\n{END}"
+    )
+
+
+def page() -> str:
+    """Return the whole page."""
+    text = PAGE.read_text(encoding="utf-8")
+    before, _, rest = text.partition(BEGIN)
+    return before + tables() + rest.partition(END)[2]
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
