@@ -45,7 +45,7 @@ def chromium() -> Iterator[Browser]:
             browser.close()
 
 
-def open_page(browser: Browser, address: str, **options: Any) -> tuple[Page, list[str]]:
+def open_page(browser: Browser, address: str, *, ready: bool = True, **options: Any) -> tuple[Page, list[str]]:
     """Open a page in a new window and wait until it is built; return it with the list that its errors go to."""
     page = browser.new_page(**{"viewport": {"width": 1440, "height": 1000}, **options})
     errors: list[str] = []
@@ -53,7 +53,8 @@ def open_page(browser: Browser, address: str, **options: Any) -> tuple[Page, lis
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("requestfailed", lambda request: errors.append(request.url))
     page.goto(address)
-    wait_until(page, "document.body.dataset.ready !== undefined")
+    if ready:
+        wait_until(page, "document.body.dataset.ready !== undefined")
     return page, errors
 
 

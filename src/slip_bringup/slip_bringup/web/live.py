@@ -24,10 +24,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 from websockets.sync.server import Server, ServerConnection, serve
 
-from slip_bags.layout import Schema
-from slip_bags.reader import RawMessage
+from slip_bags.layout import Layout, Schema
 from slip_bags.recording.raw_subscription import RawSubscription, recording_qos
-from slip_bags.series import Series
 from slip_bags.typedefs import find_definition
 from slip_bringup.web.packing import Packer
 from slip_bringup.web.page import assemble
@@ -47,6 +45,7 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.topics import TOPICS
 from slip_msgs_py.qos import message_class
+from slip_sim_bridge.params import BridgeParams
 
 NEWEST: Final = ("joint_states", "slip_truth", "controller/scalars", "object_state")
 LATCHED: Final = ("robot_description", "object_description", "controller/mode")
@@ -54,22 +53,49 @@ ASKED: Final = ("ee_frame", "governor.friction_limit", "governor.torsional_radiu
 NODE: Final = "slip_vic_controller"
 DISCOVERY_S: Final = 1.0
 ASK_S: Final = 2.0
+SETTLE_S: Final = 0.5
+_HEAD: Final = 12  # encapsulation and stamp: texts and numbers come behind
 QUEUED: Final = 50
 """Frames that may wait for a slow browser; then it gets the next newest ones."""
-NEW: Final = "new"
-"""Tells a browser that another run has begun."""
+MODEL: Final = "model"
+"""Tells a browser that the next message is a model, not a frame."""
+
+
+class Message:
+    """The numbers of one message by path, found by a layout; `names` is its text array of that name."""
+
+    def __init__(self, layout: Layout, names: tuple[str, ...], data: bytes) -> None:
+        self._leaves, self._data, self.names = {leaf.path: leaf for leaf in layout.leaves}, data, names
+
+    def __getitem__(self, path: str) -> Array:
+        """Return the numbers of one field as a row; (1, k)."""
+        leaf = self._leaves[path]
+        return np.frombuffer(self._data, leaf.dtype, leaf.count or 1, leaf.offset).reshape(1, -1)
+
+    def text(self) -> str:
+        """Return the text of a std_msgs/String."""
+        length = int.from_bytes(self._data[4:8], "little")
+        return self._data[8 : 7 + length].decode("utf-8", "replace")
+
+    @property
+    def stamp_ns(self) -> int:
+        """The header's stamp."""
+        return int(self["header.stamp.sec"][0, 0]) * 10**9 + int(self["header.stamp.nanosec"][0, 0])
 
 
 class Topic:
-    """The newest message of one topic."""
+    """The newest message of one topic; where everything lies in it is looked for once, as long as its texts stay."""
 
     def __init__(self, node: Node, full: str, name: str) -> None:
         kind, latched = TOPICS[name].type, name in LATCHED
         self._schema = Schema(kind, find_definition(kind).text)
-        self._name = full
+        self._length = 0
         qos = recording_qos(1, reliable=latched, transient_local=latched)
         self._subscription = RawSubscription(node, message_class(kind), full, qos)
-        self.newest: Series | None = None
+        self.newest: Message | None = None
+        self._layout: Layout | None = None
+        self._names: tuple[str, ...] = ()
+        self._texts = b""
 
     def take(self) -> bool:
         """Take what is there; return whether there is something new."""
@@ -78,9 +104,19 @@ class Topic:
             pass
         if found is None:
             return False
-        raw = RawMessage(self._name, found.received_ns, found.sent_ns, found.sequence, found.data)
-        self.newest = Series(self._schema, [raw])
+        self.newest = self._read(found.data)
         return True
+
+    def _read(self, data: bytes) -> Message:
+        end = self._layout.texts[-1].places[-1][0] if self._layout and self._names else 0
+        if self._layout is None or not self._names or len(data) != self._length or data[_HEAD:end] != self._texts:
+            self._layout, self._length = self._schema.layout(data), len(data)
+            texts = {
+                text.path: [data[at : at + size].decode() for at, size in text.places] for text in self._layout.texts
+            }
+            self._names = tuple(texts.get("name", ()))
+            self._texts = data[_HEAD : self._layout.texts[-1].places[-1][0]] if self._names else b""
+        return Message(self._layout, self._names, data)
 
     def close(self) -> None:
         """Unsubscribe."""
@@ -98,7 +134,7 @@ class WatchedArm:
     def text(self, name: str) -> str | None:
         """Return the text of a latched topic."""
         newest = self.topics[name].newest
-        return None if newest is None else str(newest["data"][0])
+        return None if newest is None else newest.text()
 
     @property
     def complete(self) -> bool:
@@ -119,6 +155,7 @@ class Watcher:
         self.arms: list[WatchedArm] = []
         self._next_discovery = 0.0
         self._start_ns, self._size = 0, 0
+        self._ready_since = 0.0
         self.last_ns = -1
         self.model: bytes | None = None
 
@@ -137,6 +174,9 @@ class Watcher:
         ready = [arm for arm in self.arms if arm.complete]
         if not ready:
             return None
+        self._ready_since = self._ready_since or now
+        if self.model is None and now < self._ready_since + SETTLE_S:
+            return None  # the other topics of a run that has just begun
         stamp_ns = max(_stamp(arm) for arm in ready)
         if stamp_ns == self.last_ns:
             return None
@@ -179,13 +219,13 @@ class Watcher:
         self.model = packer.pack({"time": packer.add(np.zeros(1)), "runs": [described], "plots": plots})
 
     def _run(self, arms: Sequence[WatchedArm]) -> Run:
-        pose, size = None, (0.18, 0.14, 0.014)
+        pose, size = None, BridgeParams().display.object_size
         for arm in arms:
             newest, text = arm.topics["object_state"].newest, arm.text("object_description")
-            if newest is not None and text is not None:
+            if newest is not None:
                 parts = (("position", "xyz"), ("orientation", "xyzw"))
-                pose = np.array([[newest[f"pose.pose.{part}.{axis}"][0] for part, axes in parts for axis in axes]])
-                size = box_of(text)
+                pose = np.hstack([newest[f"pose.pose.{part}.{axis}"] for part, axes in parts for axis in axes])
+                size = box_of(text) if text is not None else size
                 break
         label = self._wanted or "live"
         return Run(label, tuple(map(arm_now, arms)), pose, size, {})
@@ -197,16 +237,15 @@ def arm_now(watched: WatchedArm) -> Arm:
     states, truth, scalars = newest["joint_states"], newest["slip_truth"], newest["controller/scalars"]
     assert states is not None
     urdf, mode = watched.text("robot_description") or "", watched.text("controller/mode")
-    names = tuple(str(name) for name in states["name"][0])
+    names = states.names
     none = np.full((1, 6), np.nan)
     slip = none if truth is None else truth["velocity"]
     values = slip_values(none if truth is None else truth["position"]) | speed_values(slip)
     efforts = np.full((1, len(names)), np.nan)
     symbols: dict[str, float] = {}
     if scalars is not None:
-        order = [str(name) for name in scalars["name"][0]]
-        values |= law_values(order, scalars["position"])
-        symbols = dict(zip(order, scalars["position"][0].tolist(), strict=True))
+        values |= law_values(scalars.names, scalars["position"])
+        symbols = dict(zip(scalars.names, scalars["position"][0].tolist(), strict=True))
         found = [symbols.get(f"effort_{joint + 1}", np.nan) for joint in range(len(names))]
         efforts = np.array([found])
     values["load"] = _load(symbols, watched.parameters)
@@ -272,7 +311,7 @@ def ask_parameters(node: Node, name: str) -> dict[str, Any]:
 def _stamp(arm: WatchedArm) -> int:
     newest = arm.topics["joint_states"].newest
     assert newest is not None
-    return int(newest.stamp_ns[0]) if newest.stamp_ns is not None else 0
+    return newest.stamp_ns
 
 
 class Audience:
@@ -283,7 +322,7 @@ class Audience:
             live=True, title="slip-vic watch", table="", words="", facts="", notes="", data="", description=""
         ).encode()
         self._model = b""
-        self._queues: set[queue.Queue[bytes | str]] = set()
+        self._queues: set[queue.Queue[bytes]] = set()
         self._lock = threading.Lock()
         try:
             self._server: Server = serve(self._attend, host, port, process_request=self._answer, compression=None)
@@ -301,21 +340,25 @@ class Audience:
         return bool(self._queues)
 
     def begin(self, model: bytes) -> None:
-        """Take another model; browsers that have the old one are told."""
+        """Take another model and send it."""
         with self._lock:
             self._model = model
             for waiting in self._queues:
-                _put(waiting, NEW)
+                waiting.put(model)
 
     def send(self, data: bytes) -> None:
         """Send a frame to everybody; who is slow misses some."""
         with self._lock:
             for waiting in self._queues:
-                _put(waiting, data)
+                if waiting.qsize() < QUEUED:
+                    waiting.put(data)
 
     def close(self) -> None:
-        """Stop serving."""
+        """Stop serving, and let go of every browser."""
         self._server.shutdown()
+        with self._lock:
+            for waiting in self._queues:
+                waiting.put(b"")
 
     def _answer(self, _: ServerConnection, request: Request) -> Response | None:
         if request.path == "/live":
@@ -325,27 +368,21 @@ class Audience:
         return Response(status.value, status.phrase, Headers(kind), text)
 
     def _attend(self, connection: ServerConnection) -> None:
-        waiting: queue.Queue[bytes | str] = queue.Queue(QUEUED)
+        waiting: queue.Queue[bytes] = queue.Queue()
         with self._lock:
-            model = self._model
+            if self._model:
+                waiting.put(self._model)
             self._queues.add(waiting)
         try:
-            if model:
-                connection.send(model)
-            while True:
-                connection.send(waiting.get())
+            while data := waiting.get():
+                if data is self._model:
+                    connection.send(MODEL)
+                connection.send(data)
         except ConnectionClosed:
             pass
         finally:
             with self._lock:
                 self._queues.discard(waiting)
-
-
-def _put(waiting: queue.Queue[bytes | str], data: bytes | str) -> None:
-    try:
-        waiting.put_nowait(data)
-    except queue.Full:
-        return
 
 
 def watch(node: Node, audience: Audience, namespace: str, rate_hz: float, stop: Callable[[], bool]) -> None:

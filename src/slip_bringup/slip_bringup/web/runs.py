@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -268,7 +269,8 @@ def _parameters(bag: Bag, name: str, arm: str = "") -> dict[str, Any]:
     return {}
 
 
-def effort_limits_of(urdf: str, names: Sequence[str]) -> tuple[float, ...]:
+@functools.lru_cache
+def effort_limits_of(urdf: str, names: tuple[str, ...]) -> tuple[float, ...]:
     """Return the efforts of a URDF's joint limits, 0 where there is none [N m]."""
     limits = {joint.get("name"): joint.find("limit") for joint in ET.fromstring(urdf).findall("joint")}
     found = (limits.get(name) for name in names)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.resources
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -104,6 +105,7 @@ def _colour(material: ET.Element) -> list[float]:
     return numbers_of(material.find("color"), "rgba", _GREY)
 
 
+@functools.lru_cache
 def box_of(urdf: str) -> tuple[float, float, float]:
     """Return the edges of the first box in a URDF [m], as `object_description` has one.
 

@@ -14,11 +14,16 @@ class Live {
     const socket = new WebSocket(`ws://${location.host}/live`);
     socket.binaryType = "arraybuffer";
     socket.onmessage = ({ data }) => {
-      if (data === "new") location.reload();
-      else if (this.page) this.frame(new Float32Array(data));
+      if (this.over) return; // the page is on its way out
+      if (data === "model") {
+        this.over = this.page !== undefined;
+        if (this.over) location.reload(); // another run: begin anew
+      } else if (this.page) this.frame(new Float32Array(data));
       else this.begin(unpack(data));
     };
     socket.onclose = () => {
+      if (this.over) return;
+      this.over = true;
       problem("The connection is lost; trying again.");
       setInterval(() => fetch("/").then(() => location.reload(), () => {}), 1000);
     };
