@@ -1,32 +1,76 @@
-"""The viewer layouts name topics and fields that the nodes publish."""
+"""Every topic and field in the viewer layouts is in a recorded run."""
 
 import json
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 
+import pytest
+
+from slip_bags.reader import Bag
+from slip_bags.series import Series
 from slip_core.topics import TOPICS
 
-LAYOUTS = Path(__file__).parents[3] / "config" / "layouts"
+ROOT = Path(__file__).parents[3]
+LAYOUTS = ROOT / "config" / "layouts"
 
 
-def known(path: str) -> bool:
-    return any(re.match(rf"/{re.escape(name.lstrip('/'))}(?:[/.\[]|$)", path) for name in TOPICS)
+@pytest.fixture(scope="module")
+def bag() -> Iterator[Bag]:
+    with Bag(ROOT / "bags" / "paper_planar_vic") as opened:
+        yield opened
 
 
-def test_plotjuggler_layout_names_published_topics() -> None:
-    curves = [node.get("name") for node in ET.parse(LAYOUTS / "plotjuggler.xml").iter("curve")]
+@lru_cache
+def series_of(bag: Bag, topic: str) -> Series:
+    return bag.series(topic)
+
+
+def topic_of(bag: Bag, path: str) -> str:
+    """Return the longest topic of the bag that a path begins with, "" where there is none."""
+    return max((name for name in bag.topics if re.match(rf"{re.escape(name)}[/.\[]", path)), key=len, default="")
+
+
+def plotjuggler_has(bag: Bag, curve: str) -> bool:
+    """Whether the bag has `/topic/field/field`, or `/topic/joint/field` of a joint state."""
+    topic = topic_of(bag, curve)
+    if not topic:
+        return False
+    rest, series = curve[len(topic) + 1 :], series_of(bag, topic)
+    name, _, field = rest.partition("/")
+    return rest.replace("/", ".") in series or ("name" in series and name in series["name"][0] and field in series)
+
+
+def foxglove_has(bag: Bag, path: str) -> bool:
+    """Whether the bag has `/topic.field.field`, with `[number]` behind an array."""
+    topic = topic_of(bag, path)
+    field, _, number = path[len(topic) + 1 :].rstrip("]").partition("[")
+    if not topic or field not in series_of(bag, topic):
+        return False
+    return not number or int(number) < series_of(bag, topic)[field].shape[1]
+
+
+def test_plotjuggler_layout_names_what_is_recorded(bag: Bag) -> None:
+    curves = [str(node.get("name")) for node in ET.parse(LAYOUTS / "plotjuggler.xml").iter("curve")]
     assert len(curves) > 20
-    assert [curve for curve in curves if not known(str(curve))] == []
+    assert [curve for curve in curves if not plotjuggler_has(bag, curve)] == []
 
 
-def test_foxglove_layout_names_published_topics() -> None:
-    layout = json.loads((LAYOUTS / "foxglove.json").read_text())
-    paths = [p["value"] for panel in layout["configById"].values() for p in panel.get("paths", [])]
-    topics = [name for panel in layout["configById"].values() for name in panel.get("topics", {})]
+def test_foxglove_layout_names_what_is_recorded(bag: Bag) -> None:
+    panels = json.loads((LAYOUTS / "foxglove.json").read_text())["configById"].values()
+    paths = [path["value"] for panel in panels for path in panel.get("paths", [])]
     assert len(paths) > 10
-    assert [path for path in paths + topics if not known(path)] == []
+    assert [path for path in paths if not foxglove_has(bag, path)] == []
+    topics = [name for panel in panels for name in panel.get("topics", {})]
+    topics += [layer["topic"] for panel in panels for layer in panel.get("layers", {}).values() if "topic" in layer]
+    assert "/object_description" in topics
+    assert [name for name in topics if name.removeprefix("/") not in TOPICS] == []
 
 
-def test_the_check_sees_a_foreign_topic() -> None:
-    assert not known("/controller/stiffnes.wrench.force.x")
+def test_the_check_sees_what_is_not_there(bag: Bag) -> None:
+    assert not plotjuggler_has(bag, "/controller/stiffnes/wrench/force/x")
+    assert not plotjuggler_has(bag, "/effort_command/arm_joint8/effort")
+    assert not foxglove_has(bag, "/slip_truth.position[6]")
+    assert not foxglove_has(bag, "/slip_truth.positions[0]")
