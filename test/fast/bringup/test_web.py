@@ -15,10 +15,12 @@ from slip_bringup.series import read_series
 from slip_bringup.web import scripts
 from slip_bringup.web.packing import Packer, compressed, unpack
 from slip_bringup.web.page import make_page, write_page
+from slip_bringup.web.plots import plot_series
 from slip_bringup.web.runs import grid, load_ratio, object_size, read_run, thinned
 from slip_bringup.web.urdf import links_of
 from slip_core.errors import InputError
 from slip_description import urdf_text
+from test.support.two_arms import two_arms
 
 BAGS = Path(__file__).parents[3] / "bags"
 FLOAT32 = 1e-6
@@ -115,6 +117,16 @@ def test_a_run_is_read_on_the_grid() -> None:
     assert np.isfinite(arm.joints).all()
     assert arm.tip == "ee"
     assert arm.modes[0][1].startswith("ACTIVE")
+
+
+def test_two_arms_are_two_arms_of_one_run(tmp_path: Path) -> None:
+    two_arms(BAGS / "paper_planar_vic", tmp_path / "bag")
+    run = read_run(tmp_path / "bag", "pair", grid(1.0))
+    assert [arm.name for arm in run.arms] == ["left", "right"]
+    assert run.object_pose is not None
+    (_, (slip,)), *_ = plot_series([run])
+    assert [(number, place) for number, place, _ in slip.rows] == [(0, 0), (0, 1)]
+    assert np.isfinite(slip.rows[1][2]).all()
 
 
 def test_page_holds_everything_and_fetches_nothing() -> None:
