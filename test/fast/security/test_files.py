@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import os
+import re
 import resource
 import struct
 import zlib
@@ -37,6 +38,7 @@ from slip_vic_controller.robot import Robot
 from test.support.bag_maker import make_bag
 from test.support.every import every
 
+SRC = Path(__file__).parents[3] / "src"
 ROOM = 32 << 20  # bytes of address space beyond what is there: a bomb needs more
 LAUGHS = "\n".join(["a0: &a0 [x, x]", *(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 12))])
 
@@ -76,6 +78,12 @@ def test_yaml_that_is_more_than_it_looks_is_refused(text: str, what: str) -> Non
         parse_qos(text)
     with pytest.raises(InputError):
         parse_assignment(f"controller.gains.k_s={text}")
+
+
+def test_there_is_one_reader_of_yaml() -> None:
+    reading = re.compile(r"yaml\.(safe_load|load|full_load|unsafe_load)\w*\(")
+    found = {path.name for path in SRC.rglob("*.py") if reading.search(path.read_text(encoding="utf-8"))}
+    assert found == {"plain_yaml.py"}
 
 
 def test_ordinary_yaml_with_anchors_is_read(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from slip_bringup.reference import write_files
 from slip_bringup.scenario import NODES, load_scenario, read_scenario, ros_parameter_file
 from slip_core.arrays import Array
 from slip_core.errors import InputError
+from slip_core.plain_yaml import read_yaml
 from slip_core.urdf import parse_urdf
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.robot import Robot
@@ -102,7 +103,7 @@ class Arm:
 
     def _content(self, base: str, start: Start, scale: float) -> dict[str, Any]:
         text, _ = read_scenario(base)
-        content: dict[str, Any] = yaml.safe_load(text)
+        content: dict[str, Any] = read_yaml(text)
         shared, controller, bridge = (content.setdefault(key, {}) for key in ("shared", "controller", "bridge"))
         shared |= {
             "robot_description_file": URDF_NAME, "joint_names": list(self.hand.joints), "ee_frame": PAD,

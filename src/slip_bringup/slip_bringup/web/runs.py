@@ -20,6 +20,7 @@ from slip_bringup.web.urdf import links_of
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.params import flat_names
+from slip_core.plain_yaml import read_yaml
 
 STEP_S: Final = 0.004
 MOST_FRAMES: Final = 4000
@@ -133,7 +134,7 @@ def read_run(path: Path, label: str, times: Array) -> Run:
             arms=tuple(_read_arm(bag, arm, start_ns, times) for arm in topics),
             object_pose=pose,
             object_size=object_size(parameters),
-            versions=yaml.safe_load(bag.custom_data.get("versions", "{}")),
+            versions=_versions(bag),
             facts={
                 name: bag.custom_data[name] for name in ("scenario", "seed", "git_revision") if name in bag.custom_data
             },
@@ -257,11 +258,18 @@ def _urdf(bag: Bag, arm: Topics) -> str:
     raise InputError(f"bag {bag.path}", got="no robot_description", expected="the arm's URDF, as topic or attachment")
 
 
+def _versions(bag: Bag) -> dict[str, Any]:
+    try:
+        return dict(read_yaml(bag.custom_data.get("versions", "{}")))
+    except (yaml.YAMLError, TypeError, ValueError) as error:
+        raise InputError(f"versions of {bag.path}", got=str(error), expected="names and versions") from None
+
+
 def _parameters(bag: Bag, name: str, arm: str = "") -> dict[str, Any]:
     for candidate in (f"{arm}.{name}", name):
         if candidate in bag.attachments:
             try:
-                tree = yaml.safe_load(bag.attachments[candidate].decode("utf-8"))
+                tree = read_yaml(bag.attachments[candidate].decode("utf-8"))
                 return {k: v for node in tree.values() for k, v in flat_names(node["ros__parameters"]).items()}
             except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
                 got = f"{type(error).__name__} {error}"
