@@ -320,8 +320,8 @@ class DdsCampaign:
         if self._since_truth % TRUTH_EVERY == 0:
             message = deserialize_message(data, self._truth)
             if max(map(abs, message.position[:3]), default=0.0) > LOST_M and self.nodes.runs(BRIDGE):
-                # A real object would fall. The simulation's pads are endless: it acts on with ever longer levers, until
-                # the arm whirls. Its simulation ends here; the operator starts another one.
+                # It acts on with ever longer levers and soon falls. Its simulation ends here; the operator starts
+                # another one.
                 self._lost = True
                 self.lost += 1
                 self.watch.joints.begin_again()
