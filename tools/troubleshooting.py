@@ -67,6 +67,7 @@ FAULT_TO_DO = {
     Fault.FOREIGN_COMMAND: "Another controller commands the arm: stop it, then `~/reset_fault`.",
     Fault.NOT_RUN: "The computer was busy: real-time priority (`--fifo`), a free core (`--cpu`).",
     Fault.LATE: "Stamps and arrivals drift apart: clock, network or a full queue.",
+    Fault.OTHER_ARM: "Look at the other arm's mode and reason: both stop, and go on, together.",
 }
 """What a user does about a fault of an input."""
 

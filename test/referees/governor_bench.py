@@ -11,7 +11,7 @@ from slip_core.records import new, record
 from slip_core.vectors import Spatial, mat, put_spatial, spatial, vec
 from slip_vic_controller.reference import governor as g
 from slip_vic_controller.reference.friction_estimate import LOAD_HISTORY, Friction, slip_sample
-from slip_vic_controller.reference.load import Held, load, size, surface
+from slip_vic_controller.reference.load import ALONE, Held, load, size, surface
 from slip_vic_controller.reference.path_grid import GRID_POINTS, PATH_GRID, Along, Governing, along
 
 PAPER_PLANAR = SimpleNamespace(
@@ -70,7 +70,7 @@ def _plan_all(config, state, grid):
 
 
 def compiled_held(case):
-    return Held(case.mass, mat(np.ascontiguousarray(case.inertia)), vec(case.r))
+    return Held(case.mass, mat(np.ascontiguousarray(case.inertia)), vec(case.r), ALONE)
 
 
 class Governor:

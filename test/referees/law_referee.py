@@ -103,6 +103,8 @@ class RefereeInput:
     spin_limit: float = np.inf
     sigma_min: float = 0.0
     most_damping: float = 0.0
+    kappa: float = 0.0
+    radius: float = 0.03
 
 
 def referee_law(given: RefereeInput) -> dict[str, np.ndarray]:
@@ -166,6 +168,9 @@ def referee_law(given: RefereeInput) -> dict[str, np.ndarray]:
     gated[3:] *= min(1.0, given.spin_limit / max(float(np.linalg.norm(gated[3:])), 1e-300))
     Lambda = M_D @ np.linalg.inv(T_e) @ gated
     a_C = a_d + T_e @ np.linalg.inv(M_D) @ (-K @ e - D @ e_dot + Lambda) + Theta
+    W = np.diag([1.0] * 3 + [given.radius**2] * 3)
+    h_int = h[0] - W @ G[0].T @ np.linalg.inv(sum(G_i @ W @ G_i.T for G_i in G)) @ h_o
+    a_C = a_C + given.kappa * np.linalg.inv(M_D) @ h_int
 
     B_inv = np.linalg.inv(arm.M)
     sigma = np.linalg.svd(arm.J, compute_uv=False)[-1] if arm.J.shape[1] >= 6 else 0.0
@@ -183,7 +188,7 @@ def referee_law(given: RefereeInput) -> dict[str, np.ndarray]:
         "v_s": v_s, "h_ee": h[0], "R_o": R_o, "r": r, "v_o": v_o, "h_o": h_o, "P": P, "G": G[0], "Phi2": Phi2, "e": e,
         "e_dot": e_dot, "K": np.diag(K), "D": np.diag(D), "gate": gate, "comp": mask @ comp, "Lambda": Lambda,
         "Theta": Theta, "a_C": a_C, "tau": tau, "tau_null": N.T @ given.tau_0,
-        "a_o": -np.linalg.inv(B_o) @ (C_o @ v_o + g_o + h_o),
+        "h_int": h_int, "a_o": -np.linalg.inv(B_o) @ (C_o @ v_o + g_o + h_o),
     }  # fmt: skip
 
 

@@ -119,6 +119,8 @@ class Case:
             spin_limit=g.spin_limit,
             sigma_min=c.sigma_min,
             most_damping=c.most_damping,
+            kappa=g.kappa,
+            radius=c.radius,
         )
 
 
@@ -135,6 +137,7 @@ def random_case(
     observed: bool = False,
     feed_forward: bool = True,
     slip_axes: Any = None,
+    kappa: float = 0.0,
 ) -> Case:
     """Return a case of ordinary sizes; `angle` is that of the orientation error [rad], `slip` a speed [m/s, rad/s]."""
     rng = np.random.default_rng(seed)
@@ -144,7 +147,7 @@ def random_case(
     c.nullspace_stiffness, c.nullspace_damping = 10.0, 2.0
     # Fewer than six joints are singular at every posture: there the torque needs the damping.
     c.sigma_min, c.most_damping = (0.04 if joints < 6 else 1e-9), 0.3
-    c.effort_limit[:joints] = 87.0
+    c.effort_limit[:joints], c.radius, g.gains.kappa = 87.0, 0.03, kappa
     for i in range(contacts):
         c.contact[i].position[:], c.contact[i].rotation[:] = (
             0.1 * rng.standard_normal(3),

@@ -15,6 +15,7 @@ from slip_bags.cli import bag, run_command
 from slip_bringup import __version__
 from slip_bringup.arm.cli import arm
 from slip_bringup.exit_code import ALLOW_FAULT, end_with
+from slip_bringup.pair.cli import pair, pair_study
 from slip_bringup.replay.cli import references, verify
 from slip_bringup.study.cli import check, merge, study, tune
 from slip_bringup.web.cli import report, watch
@@ -171,6 +172,8 @@ cli.add_command(bag)
 cli.add_command(check)
 cli.add_command(merge)
 cli.add_command(report)
+cli.add_command(pair)
+cli.add_command(pair_study)
 cli.add_command(study)
 cli.add_command(tune)
 cli.add_command(watch)

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from slip_core.arrays import Array, inertia_from_six
+from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_core.sensor_params import SlipSensorModel
 from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.cycle import CONFIG
+from slip_vic_controller.law.bounds import INTERNAL_BOUND, ROUNDING, internal_gain_limit
 from slip_vic_controller.law.gains import gain_report, make_law_gains
 from slip_vic_controller.law.law import LAW_CONFIG, make_law_config
 from slip_vic_controller.observer.config import observer_config
@@ -52,6 +53,10 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     config = record(buffer, CONFIG)
     _copy(config, "law", make_law_config(params, robot.effort_limit), LAW_CONFIG)
     _copy(config, "path", make_path(params.trajectory), PATH)
+    if params.trajectory.of == "object":
+        o_R_p = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
+        config.path.carries, config.path.lever[:] = 1, o_R_p.T @ np.array(params.contacts.position[:3])
+    _check_internal_gain(params)
     gains = make_law_gains(params, gain_report(params).used)
     _copy(config, "gains", gains, config.gains.dtype)
     if params.slip_estimator == "observer":
@@ -68,6 +73,22 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     _fill_governor(config.governor, params)
     buffer.setflags(write=False)
     return buffer
+
+
+def _check_internal_gain(params: ControllerParams) -> None:
+    """Refuse a kappa that is too large for the control period alone.
+
+    Raises:
+        InputError: it is.
+    """
+    gains = params.gains
+    most = internal_gain_limit(min(gains.inertia[:3]), gains.pad_stiffness, params.control_period_s)
+    if len(params.contacts.position) > 3 and gains.kappa > (1.0 + ROUNDING) * most:
+        raise InputError(
+            "parameter gains.kappa",
+            got=gains.kappa,
+            expected=f"at most {most:.6g}: kappa gains.pad_stiffness period^2 / gains.inertia below {INTERNAL_BOUND}",
+        )
 
 
 def _copy(config: Any, name: str, buffer: Array, layout: np.dtype[np.void]) -> None:
@@ -88,6 +109,7 @@ def _fill_cycle(cycle: Any, params: ControllerParams, joints: int) -> None:
     cycle.has_observer = int(params.slip_estimator == "observer")
     cycle.corrects_follow = int(params.observer.correct_follow)
     cycle.dead_band_linear, cycle.dead_band_angular = dead_band.dead_band_linear, dead_band.dead_band_angular
+    cycle.pad_stiffness = params.gains.pad_stiffness
     cycle.k_s_adapts, cycle.k_s_margin = int(params.gains.k_s_mode != "fixed"), params.gains.k_s_margin
 
 

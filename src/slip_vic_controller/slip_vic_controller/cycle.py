@@ -11,7 +11,8 @@ of `_finish`.
 from __future__ import annotations
 
 import math
-from typing import Any
+from enum import IntEnum
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from slip_vic_controller.governing import (
     rest_on_path,
 )
 from slip_vic_controller.law.arm import ARM
-from slip_vic_controller.law.bounds import held_sample_limit
+from slip_vic_controller.law.bounds import held_sample_limit, internal_gain_limit
 from slip_vic_controller.law.contact import (
     CONTACT_SAMPLE,
     SLIP,
@@ -42,6 +43,7 @@ from slip_vic_controller.law.contact import (
 )
 from slip_vic_controller.law.gains import LAW_GAINS, RAMP, gains_at
 from slip_vic_controller.law.giving_up import GIVEN_UP, GIVING_UP, judge_compensation, start_giving_up
+from slip_vic_controller.law.internal import mean_arm
 from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG, evaluate, predict_motion, scale_acceleration
 from slip_vic_controller.law.symbols import ESTIMATE, SYMBOLS, no_symbols, symbols
 from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE
@@ -82,6 +84,7 @@ from slip_vic_controller.safety.limit_avoidance import MOTION_LIMITS, avoid_limi
 from slip_vic_controller.safety.modes import (
     MODE,
     MODE_POLICY,
+    NO_FINDINGS,
     NOTHING,
     Findings,
     Mode,
@@ -115,11 +118,11 @@ from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS, NEVER
 CYCLE_CONFIG = layout(
     period_ns=WHOLE, bridge_ns=WHOLE, late_ns=WHOLE, slow_down_s=REAL, joint_damping=REAL, start_s=REAL,
     posture_given=WHOLE, posture=(REAL, MAX_JOINTS), has_observer=WHOLE, corrects_follow=WHOLE, dead_band_linear=REAL,
-    dead_band_angular=REAL, k_s_adapts=WHOLE, k_s_margin=REAL,
+    dead_band_angular=REAL, k_s_adapts=WHOLE, k_s_margin=REAL, pad_stiffness=REAL,
 )  # fmt: skip
 """bridge_ns: gap of good joint states that is bridged; late_ns: what is too late for the law, 0 = nothing;
 slow_down_s: time in which the path comes to rest; start_s: of the trajectory; k_s_adapts: whether k_s follows the
-measured delays."""
+measured delays; pad_stiffness: for the bound on kappa [N/m]."""
 
 CONFIG = layout(
     law=LAW_CONFIG, gains=LAW_GAINS, giving_up=GIVING_UP, path=PATH, observer=OBSERVER_CONFIG, cycle=CYCLE_CONFIG,
@@ -273,13 +276,36 @@ def begin_law(c: Any, s: Any, i: Any, o: Any) -> None:
         begin_governing(c, s, i.arm, o.gains)
 
 
+class Decision(NamedTuple):
+    """What a cycle has found when it knows whether the law may work.
+
+    step: what comes next, see `Step`; never_seen: bits of the inputs that have never been seen; findings, request: of
+    the mode machine; level: degradation level; entered: mode before; freezes: whether the joint state is frozen.
+    """
+
+    step: int
+    never_seen: int
+    findings: Findings
+    request: int
+    level: int
+    entered: int
+    freezes: bool
+
+
+class Step(IntEnum):
+    """What a cycle does after its decision."""
+
+    NONE = 0
+    BRIDGE = 1
+    ANSWER = 2
+
+
 @part
-def _answer(c: Any, s: Any, history: Array, i: Any, o: Any) -> None:
-    """Decide what the arm does, and do it."""
+def _decide(c: Any, s: Any, i: Any, o: Any, never_seen: int) -> Decision:
+    """Find what speaks against the law, and go to the mode of this cycle."""
     sample, fault, now_ns = s.joint.answers, o.health.joint, i.now_ns
     if not (usable(fault) or fault == Fault.NOT_RUN):
-        _bridge(c, s, i, o, fault)
-        return
+        return Decision(0 + Step.BRIDGE.value, never_seen, NO_FINDINGS, i.request, 0, s.mode.mode, False)
     s.since.joint_bad_ns = NEVER
     if i.request == Request.ENABLE:
         forget_latency(s.latency)  # whoever asks for the law has seen to it that a clock was set, and nothing is late
@@ -290,8 +316,15 @@ def _answer(c: Any, s: Any, history: Array, i: Any, o: Any) -> None:
     findings, level = arbitrate(c, s, o.health, freezes, n, contacts, sample.velocity, now_ns)
     entered = s.mode.mode
     next_mode(c.modes, s.mode, findings, request, now_ns)
+    return Decision(0 + Step.ANSWER.value, never_seen, findings, request, level, entered, freezes)
+
+
+@part
+def _answer(c: Any, s: Any, history: Array, i: Any, o: Any, decision: Decision) -> None:
+    """Do what the mode of this cycle asks for."""
+    sample, entered = s.joint.answers, decision.entered
     if not follows(s.mode.mode):
-        _hold(c, s, i, o, fine(o.health.wrench) and not freezes)
+        _hold(c, s, i, o, fine(o.health.wrench) and not decision.freezes)
         return
     if not follows(entered):
         # After a HOLD the path starts from rest; and the time that passed in it is not part of the path.
@@ -301,7 +334,7 @@ def _answer(c: Any, s: Any, history: Array, i: Any, o: Any) -> None:
         if c.cycle.has_observer != 0:
             reset(c.observer, s.observer, sample.stamp_ns, i.arm.twist)  # what it knew is void
         rest_on_path(c, s)
-    _follow(c, s, history, i, o, level)
+    _follow(c, s, history, i, o, decision.level)
 
 
 @part
@@ -321,13 +354,20 @@ def _stop_first(c: Any, s: Any, request: int, now_ns: int) -> int:
 
 
 @part
+def bridges(c: Any, s: Any, now_ns: int) -> bool:
+    """Return whether a bad joint state is bridged with the last effort: shortly, and not after a pause."""
+    ran = now_ns - s.now_ns <= c.arbitration.gap_ns  # after a pause the last effort is old, however young the sample
+    short = s.since.joint_bad_ns == NEVER or now_ns - s.since.joint_bad_ns <= c.cycle.bridge_ns
+    return ran and s.limiter.started != 0 and short
+
+
+@part
 def _bridge(c: Any, s: Any, i: Any, o: Any, fault: int) -> None:
     """Bridge a short gap of good joint states with the last effort, then let it go to gravity compensation."""
     n, now_ns = c.law.joints, i.now_ns
     if s.since.joint_bad_ns == NEVER:
         s.since.joint_bad_ns = now_ns
-    ran = now_ns - s.now_ns <= c.arbitration.gap_ns  # after a pause the last effort is old, however young the sample
-    if ran and s.limiter.started != 0 and now_ns - s.since.joint_bad_ns <= c.cycle.bridge_ns:
+    if bridges(c, s, now_ns):
         o.wanted[:n] = s.limiter.effort[:n]
     else:
         o.wanted[:n] = s.law.gravity[:n]
@@ -352,6 +392,8 @@ def _hold(c: Any, s: Any, i: Any, o: Any, wrench_good: bool) -> None:
     dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
     pad = pad_rotation(c.law.contact[0], law.slips[0])
     r = contact_arm(pad, vec(c.law.contact[0].position), c.law.contact[0], law.slips[0])
+    if c.law.contacts > 1:  # the levers of several shares of the weight cancel, as far as they can
+        r = mean_arm(c.law, c.gains, law.slips)
     if wrench_good:
         measured = spatial(s.wrench_inputs[0].values)
         update_load_error(c.hold, s.hold, i.arm, r, measured, dt_ns * 1e-9)
@@ -377,10 +419,16 @@ def keep_law(c: Any, s: Any, i: Any, o: Any) -> None:
 
 @part
 def _keep_joints(c: Any, s: Any, i: Any) -> None:
-    """Keep stamp and position of a good joint state, and gravity there."""
+    """Keep stamp and position of a good joint state, and gravity there.
+
+    With other arms on the object its share of the weight belongs to it: an arm that loses sight must not let them
+    carry all of it at once.
+    """
     law, sample, n = s.law, s.joint.answers, c.law.joints
     law.stamp_ns = max(sample.stamp_ns, law.stamp_ns)
     law.position[:n], law.gravity[:n] = sample.position[:n], i.arm.gravity[:n]
+    if c.law.contacts > 1 and s.mode.reason.cause != Cause.FALLS:
+        carry_load(c.hold, s.hold, i.arm, mean_arm(c.law, c.gains, law.slips), law.gravity)
 
 
 @part
@@ -407,7 +455,7 @@ def _follow(c: Any, s: Any, history: Array, i: Any, o: Any, level: int) -> None:
     # The law could not be evaluated: gravity compensation with damping in this cycle, and HOLD.
     _keep_joints(c, s, i)
     for j in range(n):
-        torque = i.arm.gravity[j] - c.cycle.joint_damping * sample.velocity[j]
+        torque = law.gravity[j] - c.cycle.joint_damping * sample.velocity[j]
         o.wanted[j] = min(max(torque, -c.law.effort_limit[j]), c.law.effort_limit[j])
     findings = Findings(NOTHING, NOTHING, because(cause, 0), NOTHING)
     next_mode(c.modes, s.mode, findings, Request.NONE.value, i.now_ns)
@@ -451,6 +499,8 @@ def evaluate_law(c: Any, s: Any, history: Array, i: Any, o: Any, slip_unknown: b
             v_s = spatial(c.law.contact[0].slip_axes) * spatial(o.samples[0].slip_twist)
             put_spatial(o.samples[0].slip_twist, beyond_dead_band(v_s, linear, angular))
         _adapt_slip_gain(c, s, o)
+    if o.gains.gains.kappa != 0.0:
+        _limit_internal_gain(c, s, o)
     dt = (sample.stamp_ns - law.stamp_ns) * 1e-9
     governed = c.governor.mode != Governing.OFF
     if governed:
@@ -481,6 +531,17 @@ def _adapt_slip_gain(c: Any, s: Any, o: Any) -> None:
         s.law.held, s.law.late = held, late
         s.law.k_s_limit = held_sample_limit(held, late) / (1e-9 * c.cycle.period_ns) / c.cycle.k_s_margin
     o.gains.gains.k_s = min(o.gains.gains.k_s, s.law.k_s_limit)
+
+
+@part
+def _limit_internal_gain(c: Any, s: Any, o: Any) -> None:
+    """Lower kappa to what the measured delay from a wrench to its answer allows."""
+    gains, late_ns = o.gains.gains, 0
+    for k in range(c.law.contacts):
+        late_ns = max(late_ns, s.joint.answers.stamp_ns - s.wrench_inputs[k].stamp_ns)
+    delay_s = 1e-9 * (c.cycle.period_ns + s.latency.most_ns + late_ns)
+    least = min(gains.M_D[0], gains.M_D[1], gains.M_D[2])
+    gains.kappa = min(gains.kappa, internal_gain_limit(least, c.cycle.pad_stiffness, delay_s))
 
 
 @part
@@ -537,19 +598,9 @@ def _finish(c: Any, s: Any, i: Any, o: Any, q: Array, qd: Array, felt: Array, la
     o.ok = 1 if law_at_work and finite else 0
 
 
-@kernel(INT(IN1, OUT1, IN1, OUT1))
-def cycle(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outputs_buffer: Array) -> int:
-    """Answer the joint state that waits for it; return 1 where there is an effort, 0 where something is missing.
-
-    Args:
-        config_buffer: CONFIG.
-        state_buffer: STATE and the observer's history; changed.
-        inputs_buffer: INPUTS.
-        outputs_buffer: OUTPUTS.
-    """
-    c, s = record(config_buffer, CONFIG), record(state_buffer[:STATE_SIZE], STATE)
-    history = state_buffer[STATE_SIZE:].reshape(-1, ROW_SIZE)
-    i, o = record(inputs_buffer, INPUTS), record(outputs_buffer, OUTPUTS)
+@part
+def begin_cycle(c: Any, s: Any, i: Any, o: Any) -> Decision:
+    """Look at the inputs and decide; the mode is that of this cycle then. Arguments by name, as of `cycle`."""
     fault = i.health.joint if i.health_given != 0 else s.joint.pending_fault
     s.joint.pending = 0
     _begin(c, s, i, o, s.joint.answers.stamp_ns)
@@ -563,14 +614,39 @@ def cycle(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outpu
         missing |= GOOD_JOINT_STATE
     if missing != 0:
         _wait(c, s, i, because(Cause.WAITS, missing), 0)
-    else:
-        _classify_inputs(c, s, i, o, fault)
-        if s.law.known == 0:
-            begin_law(c, s, i, o)
-        _answer(c, s, history, i, o)
-    if never_seen == 0:
+        return Decision(0 + Step.NONE.value, never_seen, NO_FINDINGS, i.request, 0, s.mode.mode, False)
+    _classify_inputs(c, s, i, o, fault)
+    if s.law.known == 0:
+        begin_law(c, s, i, o)
+    return _decide(c, s, i, o, never_seen)
+
+
+@part
+def end_cycle(c: Any, s: Any, history: Array, i: Any, o: Any, decision: Decision) -> None:
+    """Do what was decided, and write the outcome. Arguments by name, as of `cycle`; history: rows of the observer."""
+    if decision.step == Step.BRIDGE:
+        _bridge(c, s, i, o, o.health.joint)
+    elif decision.step == Step.ANSWER:
+        _answer(c, s, history, i, o, decision)
+    if decision.never_seen == 0:
         s.queue.count = 0
     _end(c, s, i, o)
+
+
+@kernel(INT(IN1, OUT1, IN1, OUT1))
+def cycle(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outputs_buffer: Array) -> int:
+    """Answer the joint state that waits for it; return 1 where there is an effort, 0 where something is missing.
+
+    Args:
+        config_buffer: CONFIG.
+        state_buffer: STATE and the observer's history; changed.
+        inputs_buffer: INPUTS.
+        outputs_buffer: OUTPUTS.
+    """
+    c, s = record(config_buffer, CONFIG), record(state_buffer[:STATE_SIZE], STATE)
+    history = state_buffer[STATE_SIZE:].reshape(-1, ROW_SIZE)
+    i, o = record(inputs_buffer, INPUTS), record(outputs_buffer, OUTPUTS)
+    end_cycle(c, s, history, i, o, begin_cycle(c, s, i, o))
     return o.answered
 
 

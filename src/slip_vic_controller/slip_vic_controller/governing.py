@@ -9,9 +9,10 @@ from slip_core.compiled import part
 from slip_core.records import REAL, layout
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, spatial, vec
 from slip_vic_controller.law.contact import contact_arm, pad_rotation
+from slip_vic_controller.law.internal import sharing
 from slip_vic_controller.reference import governor
 from slip_vic_controller.reference.friction_estimate import slip_sample
-from slip_vic_controller.reference.load import Held, load, size, surface
+from slip_vic_controller.reference.load import ALONE, Held, Shared, load, size, surface
 from slip_vic_controller.reference.path_grid import Along, along
 from slip_vic_controller.reference.paths import Reference, reference_at
 
@@ -39,14 +40,20 @@ def held_by(mass: float, inertia: Mat, position: Vec, contact: Any, slip: Any) -
         contact, slip: CONTACT, SLIP.
     """
     pad = pad_rotation(contact, slip)
-    return Held(mass, pad.T() @ (inertia @ pad), contact_arm(pad, position, contact, slip))
+    return Held(mass, pad.T() @ (inertia @ pad), contact_arm(pad, position, contact, slip), ALONE)
 
 
 @part
 def held(c: Any, s: Any, gains: Any) -> Held:
     """Return the object as the own pad holds it."""
     grasped, position = gains.object, vec(gains.contact_position)
-    return held_by(grasped.mass, mat(grasped.inertia), position, c.law.contact[0], s.law.slips[0])
+    own = held_by(grasped.mass, mat(grasped.inertia), position, c.law.contact[0], s.law.slips[0])
+    if c.law.contacts == 1:
+        return own
+    with_others, rho = sharing(c.law, gains, s.law.slips), c.governor.radius
+    arm = math.sqrt(with_others.longest * with_others.longest + rho * rho)
+    shared = Shared(with_others.contacts, with_others.middle, with_others.inverse, arm, rho)
+    return Held(own.mass, own.inertia, own.r, shared)
 
 
 @part
@@ -97,6 +104,8 @@ def govern(c: Any, s: Any, arm: Any, o: Any, grasped: Held, dt: float, path_spee
         turning = c.governor.radius * v.angular.norm()
         speed = math.sqrt(v.linear.dot(v.linear) + turning * turning)
         slip_sample(c.governor.estimate, state.estimate, s.loads, sample.stamp_ns, speed / share)
+    if state.led != 0:  # another arm on the same object has taken the step on the path
+        return
     for _ in range(SAMPLES_PER_CYCLE):
         if governor.wants_points(state):
             planned = path_at(c, s, governor.wanted_time(c.governor, state))
@@ -127,6 +136,13 @@ def governed_reference(c: Any, s: Any) -> Reference:
 def guard(c: Any, s: Any, arm: Any, o: Any, grasped: Held) -> float:
     """Return the factor on a_C with which friction carries the object, and keep what the next cycle needs of it."""
     a_C, a_d, v_ee = spatial(o.law.a_C), spatial(o.law.a_d), spatial(arm.twist)
+    if c.law.contacts > 1:
+        # What gives way to the internal wrench moves no object; and one arm that holds back alone would pull at it.
+        gains = o.gains.gains
+        a_C = a_C - gains.kappa * (mat(arm.rotation) @ spatial(o.law.h_int)) / spatial(gains.M_D)
+        governor.hold_back(c.governor, s.governor, grasped, mat(arm.rotation), v_ee.angular, a_C, a_d)
+        s.governor.guard = 1.0
+        return 1.0
     return governor.hold_back(c.governor, s.governor, grasped, mat(arm.rotation), v_ee.angular, a_C, a_d)
 
 

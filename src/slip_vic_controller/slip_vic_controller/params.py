@@ -70,6 +70,13 @@ class GainParams(ParameterModel):
         0.02, "give_up: largest distance by which the arm may give way while it is open", unit="m", gt=0.0
     )
 
+    kappa: float = parameter(
+        0.0, "several contacts: how much the pad gives way to its internal wrench, a_C += kappa M_D^-1 h_int; about 1",
+        runtime=True, ge=0.0,
+    )  # fmt: skip
+    pad_stiffness: float = parameter(
+        2.0e4, "several contacts: stiffest direction of the pads, for the bound on kappa", unit="N/m", gt=0.0
+    )
     ramp_s: float = parameter(
         0.2, "shortest time that a change of gains or payload at run time takes; stability may ask for more", unit="s",
         runtime=True, gt=0.0,
@@ -158,6 +165,9 @@ class TrajectoryParams(ParameterModel):
     start_s: float = parameter(0.0, "time at rest before the motion", unit="s", ge=0.0)
     duration_s: float = parameter(2.0, "time of motion, ramps included", unit="s", gt=0.0)
     displacement: Three = parameter((0.0, 0.0, 0.0), "quintic: displacement from the start", unit="m")
+    of: Literal["pad", "object"] = parameter(
+        "pad", "what moves so: the pad, or the object's centre of mass, with the pad on it where it was grasped"
+    )
     rotation: Three = parameter(
         (0.0, 0.0, 0.0), "quintic: rotation vector; circle and lemniscate: its amplitude", unit="rad"
     )

@@ -383,6 +383,19 @@ class ControllerSession:
             missing: bits of what is missing beside inputs that were never seen.
             health: of the inputs, of a replay; None = found by input validation.
         """
+        inputs, outputs = self.prepare(joint, fault, now_ns, missing, health)
+        cycle(self._config, self.buffer, inputs, outputs)
+        return CycleResult(self.controller, joint, inputs, outputs)
+
+    @property
+    def waiting(self) -> tuple[JointSample, Fault] | None:
+        """The joint state that waits for its cycle, and its fault."""
+        return None if self._joint is None else (self._joint, self._joint_fault)
+
+    def prepare(
+        self, joint: JointSample, fault: Fault, now_ns: int, missing: int, health: Health | None
+    ) -> tuple[Array, Array]:
+        """Return inputs and empty outputs of a cycle; arguments as of `answer`."""
         self._joint = self._manifest = None
         inputs, outputs = self._records(now_ns, missing)
         if health is not None:
@@ -390,8 +403,7 @@ class ControllerSession:
             given.health_given, given.health = 1, tuple(int(part) for part in health)
         if fault in _GOOD:
             self.controller.robot.terms(joint.position, joint.velocity, inputs[_ARM])
-        cycle(self._config, self.buffer, inputs, outputs)
-        return CycleResult(self.controller, joint, inputs, outputs)
+        return inputs, outputs
 
     def give(
         self,

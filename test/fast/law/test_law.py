@@ -39,6 +39,7 @@ def many_cases() -> list[Case]:
     cases += [random_case(seed, spin_limit=limit, length=0.03) for seed in range(6) for limit in limits]
     cases += [random_case(seed, feed_forward=False, attitude=seed % 2) for seed in range(6)]
     cases += [random_case(seed, slip_axes=(1, 1, 1, 1, 1, 1)) for seed in range(6)]
+    cases += [random_case(seed, contacts=contacts, kappa=0.7) for seed in range(6) for contacts in (2, 3, 4)]
     return cases
 
 
@@ -70,6 +71,8 @@ def assert_equal(case: Case) -> dict[str, Any]:
     assert (found.effort[:n] == np.clip(found.torque.tau[:n], -limit, limit)).all()
     assert (found.saturated[:n] == (np.abs(found.torque.tau[:n]) > limit)).all()
     assert found.saturated_joints == found.saturated[:n].sum()
+    internal = np.kron(np.eye(2), case.arm.rotation.T) @ expected["h_int"] if case.contacts > 1 else np.zeros(6)
+    np.testing.assert_allclose(found.h_int, internal, rtol=0.0, atol=REFEREE * scale)
     carried = expected["follow"] + expected["Phi2"] + np.kron(np.eye(2), case.arm.rotation) @ case.follow_error
     np.testing.assert_allclose(found.carried, carried[:3], rtol=0.0, atol=REFEREE * scale)
     assert found.error_linear == pytest.approx(np.linalg.norm(expected["e"][:3]), abs=REFEREE * scale)

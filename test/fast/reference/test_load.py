@@ -8,7 +8,7 @@ from slip_core.vectors import mat, spatial, vec
 from slip_vic_controller.governing import held_by
 from slip_vic_controller.law.contact import CONTACT, SLIP
 from slip_vic_controller.reference.guard import guard_factor
-from slip_vic_controller.reference.load import Held, load, size, surface
+from slip_vic_controller.reference.load import ALONE, Held, load, size, surface
 
 SEED, CASES = 5, 60
 ROUNDING = 1e-12
@@ -56,7 +56,7 @@ def test_load_is_the_wrench_that_rigid_motion_needs() -> None:
 
 
 def test_a_still_pad_carries_the_weight() -> None:
-    held = Held(0.5, mat(1e-3 * np.eye(3)), vec(np.array([0.0, 0.02, 0.0])))
+    held = Held(0.5, mat(1e-3 * np.eye(3)), vec(np.array([0.0, 0.02, 0.0])), ALONE)
     weights = surface(spatial(np.array([1.0, 1, 0, 0, 0, 1])), 0.03)
     nothing = spatial(np.zeros(6))
     l = load(held, weights, mat(np.eye(3)), nothing.linear, vec(np.array([0, -9.81, 0])), nothing)  # noqa: E741

@@ -40,6 +40,7 @@ ALLOWED = {
     "slip_vic_controller.safety": {"numpy", "slip_core"},
     "slip_vic_controller.session": {"numpy", "slip_core"},
     "slip_vic_controller.snapshot": {"numpy", "slip_core"},
+    "slip_vic_controller.team": {"slip_core"},
     "slip_sim_bridge": SHELLS,
     "slip_sim_bridge.friction": {"numpy", "pydantic", "slip_core"},
     "slip_sim_bridge.plant": {"numpy", "mujoco", "slip_core"},  # no other file knows MuJoCo
@@ -60,7 +61,9 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_vic_controller.arrival": CYCLE | {"slip_vic_controller.cycle"},
     "slip_vic_controller.config": CYCLE | {"slip_vic_controller.cycle", "slip_vic_controller.robot"},
     "slip_vic_controller.cycle": CYCLE | {"slip_vic_controller.governing"},
-    "slip_vic_controller.governing": {"slip_vic_controller.reference", "slip_vic_controller.law.contact"},
+    "slip_vic_controller.governing": {
+        f"slip_vic_controller.{part}" for part in ("reference", "law.contact", "law.internal")
+    },
     "slip_vic_controller.law": {"slip_vic_controller.law", *SHARED},
     "slip_vic_controller.observer": {"slip_vic_controller.observer", *SHARED},
     "slip_vic_controller.reference": {"slip_vic_controller.reference", "slip_vic_controller.law.rotation", *SHARED},
@@ -69,8 +72,10 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_vic_controller.session": CYCLE
     | {f"slip_vic_controller.{part}" for part in ("arrival", "config", "cycle", "governing", "robot")},
     "slip_vic_controller.snapshot": {"slip_vic_controller.cycle", "slip_vic_controller.observer"},
+    "slip_vic_controller.team": CYCLE
+    | {f"slip_vic_controller.{part}" for part in ("arrival", "cycle", "session", "team")},
     "slip_sim_bridge.friction": {"slip_sim_bridge.friction"},
-    "slip_sim_bridge.plant": {f"slip_sim_bridge.{part}" for part in ("plant", "friction", "params")},
+    "slip_sim_bridge.plant": {f"slip_sim_bridge.{part}" for part in ("plant", "friction", "params", "pair.params")},
     "slip_sim_bridge.sensors": {"slip_sim_bridge.sensors", "slip_sim_bridge.params"},
 }
 

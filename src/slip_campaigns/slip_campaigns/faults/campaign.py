@@ -37,6 +37,7 @@ class Tally:
 
     seed: int
     over_dds: bool
+    two_arms: bool = False
     verdicts: list[Verdict] = field(default_factory=list)
     notes: dict[str, Any] = field(default_factory=dict)
 
@@ -55,6 +56,7 @@ class Tally:
             "bound_95": upper_bound_95(trials, len(failed)),
             "seed": self.seed,
             "over_dds": self.over_dds,
+            "two_arms": self.two_arms,
             "commands": sum(verdict.commands for verdict in self.verdicts),
             "modes": _added(verdict.modes for verdict in self.verdicts),
             "objects_lost": sum(verdict.objects_lost for verdict in self.verdicts),
@@ -96,24 +98,28 @@ def upper_bound_95(trials: int, failures: int) -> float:
     return 1.0 if failures >= trials else float(betaincinv(failures + 1, trials - failures, 0.95))
 
 
-def run_in_process(seed: int, trials: Iterable[int], workers: int, on_done: Callable[[Verdict], None]) -> Tally:
+def run_in_process(
+    seed: int, trials: Iterable[int], workers: int, on_done: Callable[[Verdict], None], *, two_arms: bool = False
+) -> Tally:
     """Run trials in spawned workers; the results do not depend on their number or order."""
-    tally = Tally(seed, over_dds=False)
-    for verdict in _verdicts(seed, iter(trials), workers):
+    tally = Tally(seed, over_dds=False, two_arms=two_arms)
+    for verdict in _verdicts(seed, iter(trials), workers, judge_pair if two_arms else judge):
         tally.verdicts.append(verdict)
         on_done(verdict)
     tally.verdicts.sort(key=lambda verdict: verdict.trial)
     return tally
 
 
-def _verdicts(seed: int, trials: Iterator[int], workers: int) -> Iterator[Verdict]:
+def _verdicts(
+    seed: int, trials: Iterator[int], workers: int, judge_one: Callable[[int, int], Verdict]
+) -> Iterator[Verdict]:
     if workers == 1:
-        yield from (judge(seed, trial) for trial in trials)
+        yield from (judge_one(seed, trial) for trial in trials)
         return
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context, initializer=_quiet) as pool:
         pending = {
-            pool.submit(judge, seed, trial) for trial in itertools.islice(trials, IN_FLIGHT_PER_WORKER * workers)
+            pool.submit(judge_one, seed, trial) for trial in itertools.islice(trials, IN_FLIGHT_PER_WORKER * workers)
         }
         while pending:
             done, pending = wait(pending, return_when=FIRST_COMPLETED)
@@ -121,7 +127,7 @@ def _verdicts(seed: int, trials: Iterator[int], workers: int) -> Iterator[Verdic
                 yield future.result()
                 trial = next(trials, None)
                 if trial is not None:
-                    pending.add(pool.submit(judge, seed, trial))
+                    pending.add(pool.submit(judge_one, seed, trial))
 
 
 def _quiet() -> None:
@@ -151,6 +157,17 @@ def judge(seed: int, trial: int) -> Verdict:
         outcome.objects_lost,
         outcome.plan.setting,
     )
+
+
+def judge_pair(seed: int, trial: int) -> Verdict:
+    """Run one trial with two arms in process."""
+    from slip_campaigns.faults.pair import PairTrial, make_plan
+
+    scenario, planned = make_plan(seed, trial)
+    run = PairTrial(scenario, planned, seed, trial)
+    violations = tuple(run.run())
+    commands = sum(monitor.commands for monitor in run.commands)
+    return Verdict(trial, tuple(fault.name for fault in planned), violations, None, commands, dict(run.modes))
 
 
 def write_results(out: Path, tally: Tally) -> Path:

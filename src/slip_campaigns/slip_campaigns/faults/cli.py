@@ -22,6 +22,7 @@ SHOWN_VIOLATIONS = 5
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
 @click.option("--first", type=click.IntRange(0), default=0, show_default=True, help="number of the first trial")
 @click.option("--dds", is_flag=True, help="real DDS and node processes; default in process, in virtual time")
+@click.option("--two-arms", is_flag=True, help="two arms on one object, in process: do both stop together?")
 @click.option("--attacks", "attacking", is_flag=True, help="attack node processes instead, one way after the other")
 @click.option("--only", multiple=True, metavar="NAME", help="only attacks whose name contains this; repeatable")
 @click.option("--workers", type=click.IntRange(1), help="worker processes, in process; default one per core")
@@ -31,6 +32,7 @@ def faults(
     seed: int,
     first: int,
     dds: bool,
+    two_arms: bool,
     attacking: bool,
     only: tuple[str, ...],
     workers: int | None,
@@ -48,6 +50,8 @@ def faults(
         network.enter(memory_mib=SHM_MIB)
         _attack(only, out)
         return
+    if dds and two_arms:
+        raise InputError("--two-arms", got="with --dds", expected="in process only")
     if dds:
         network.enter()
     console = Console(stderr=True)
@@ -74,7 +78,8 @@ def faults(
             signal.signal(signal.SIGTERM, signal.default_int_handler)  # its processes end with it in any case
             tally = run_over_dds(seed, numbers, out, on_done)
         else:
-            tally = campaign.run_in_process(seed, numbers, workers or min(trials, os.cpu_count() or 1), on_done)
+            jobs = workers or min(trials, os.cpu_count() or 1)
+            tally = campaign.run_in_process(seed, numbers, jobs, on_done, two_arms=two_arms)
     path = campaign.write_results(out, tally)
     _report(tally, out)
     click.echo(f"results: {path}")
@@ -127,9 +132,9 @@ def _report(tally: object, out: Path) -> None:
     )
     for verdict in tally.failed[:SHOWN_VIOLATIONS]:
         click.echo(f"trial {verdict.trial} ({', '.join(verdict.faults)}): {verdict.violations[0]}")
-        flag = " --dds" if tally.over_dds else ""
+        flag = " --dds" if tally.over_dds else " --two-arms" if tally.two_arms else ""
         click.echo(f"  again: slip-vic faults{flag} --seed {tally.seed} --first {verdict.trial} --trials 1")
-        if not tally.over_dds:
+        if not tally.over_dds and not tally.two_arms:
             from slip_campaigns.faults.evidence import leave_bag
 
             click.echo(f"  bag: {leave_bag(tally.seed, verdict.trial, out)}")

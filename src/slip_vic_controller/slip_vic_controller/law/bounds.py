@@ -84,6 +84,24 @@ def held_sample_limit(held: int, delay: int) -> float:
     return 2.0 * s / math.sqrt((newer - older) * (newer - older) + 4.0 * newer * older * c * c)
 
 
+INTERNAL_BOUND = 0.38
+"""Of kappa k tau^2 / M_D."""
+
+
+@kernel(REAL(REAL, REAL, REAL))
+def internal_gain_limit(inertia: float, stiffness: float, delay_s: float) -> float:
+    """Return the largest kappa with which giving way to the internal wrench does not swing, with a margin.
+
+    An elastic pad pushed by its own force, late: kappa k tau^2 / M_D below 0.38; from 0.5 on our studies lose objects.
+
+    Args:
+        inertia: least M_D [kg].
+        stiffness: of the pad [N/m].
+        delay_s: from a wrench to the motion that it causes [s].
+    """
+    return INTERNAL_BOUND * inertia / (stiffness * delay_s * delay_s)
+
+
 def slip_gain_limit(control_period_s: float, sensor_period_s: float = 0.0, latency_s: float = 0.0) -> float:
     """Return the k_s [1/s] at which the sampled slip loop v' = -k_s v(last sample) stops decaying.
 

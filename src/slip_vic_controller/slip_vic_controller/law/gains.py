@@ -30,12 +30,14 @@ GAINS = layout(
     k_s=REAL,
     characteristic_length=REAL,
     spin_limit=REAL,
+    kappa=REAL,
 )
 """Gains of the law, diagonals as vectors, linear part first.
 
 K_D [N/m, N m/rad]; D_D [N s/m, N m s/rad]; M_D [kg, kg m2]; gamma_k, gamma_d [s/m, s/rad]; alpha [s/m]; k_s [1/s].
 characteristic_length [m]: what makes turning a slip speed in the slip activation; spin_limit [rad/s^2]: most that the
-compensation may turn; printed: 1 and infinite. Classical impedance control has alpha = 0 and gamma = 0.
+compensation may turn; printed: 1 and infinite; kappa: share of the
+internal wrench that the pad gives way to, printed: 0. Classical impedance control has alpha = 0 and gamma = 0.
 """
 
 OBJECT = layout(mass=REAL, inertia=(REAL, (3, 3)), gravity=(REAL, (3,)))
@@ -77,7 +79,7 @@ def fill_gains(params: GainParams, slip_axes: Array, k_s: float, gains: Any, *, 
     gains.K_D[:], gains.D_D[:], gains.M_D[:] = params.stiffness, params.damping, params.inertia
     gains.gamma_k[:] = [on * params.gamma_kp] * 3 + [turning * params.gamma_ko] * 3
     gains.gamma_d[:] = [on * params.gamma_dp] * 3 + [turning * params.gamma_do] * 3
-    gains.alpha, gains.k_s = on * params.alpha, k_s
+    gains.alpha, gains.k_s, gains.kappa = on * params.alpha, k_s, params.kappa
     gains.characteristic_length = params.characteristic_length if bounded else 1.0
     ratio = (gains.K_D / gains.M_D)[3:][slip_axes[3:] > 0.0]
     gains.spin_limit = float(ratio.min()) * params.spin_excursion if bounded and ratio.size else math.inf
@@ -155,6 +157,7 @@ def gains_at(ramp: Any, stamp_ns: int, out: Any) -> None:
             g.gamma_k[j] = _linear(a.gamma_k[j], b.gamma_k[j], share)
             g.gamma_d[j] = _linear(a.gamma_d[j], b.gamma_d[j], share)
         g.alpha, g.k_s = _linear(a.alpha, b.alpha, share), _linear(a.k_s, b.k_s, share)
+        g.kappa = _linear(a.kappa, b.kappa, share)
         g.characteristic_length = _linear(a.characteristic_length, b.characteristic_length, share)
         bounded = math.isfinite(a.spin_limit) and math.isfinite(b.spin_limit)
         g.spin_limit = _linear(a.spin_limit, b.spin_limit, share) if bounded else b.spin_limit
@@ -184,7 +187,7 @@ def copy_gains(given: Any, out: Any) -> None:
     for j in range(6):
         b.K_D[j], b.D_D[j], b.M_D[j] = a.K_D[j], a.D_D[j], a.M_D[j]
         b.gamma_k[j], b.gamma_d[j] = a.gamma_k[j], a.gamma_d[j]
-    b.alpha, b.k_s, b.spin_limit = a.alpha, a.k_s, a.spin_limit
+    b.alpha, b.k_s, b.spin_limit, b.kappa = a.alpha, a.k_s, a.spin_limit, a.kappa
     b.characteristic_length = a.characteristic_length
     out.object.mass = given.object.mass
     for i in range(3):

@@ -24,6 +24,7 @@ from slip_core.vectors import ZERO, Spatial, mat, put, put_mat, put_spatial, spa
 from slip_vic_controller.law.attitude import LOG, RPY, T_e, attitude_error, on_error_axes
 from slip_vic_controller.law.contact import CONTACT, G_T, Phi2, fill_contacts, slip_velocity
 from slip_vic_controller.law.impedance import faded, limit_spin, slip_activation
+from slip_vic_controller.law.internal import internal_wrench
 from slip_vic_controller.law.object import ObjectMotion, object_motion
 from slip_vic_controller.law.torque import TORQUE, joint_torque
 from slip_vic_controller.params import ControllerParams
@@ -38,11 +39,13 @@ LAW_CONFIG = layout(
     nullspace_damping=REAL,
     sigma_min=REAL,
     most_damping=REAL,
+    radius=REAL,
     effort_limit=(REAL, (MAX_JOINTS,)),
     contact=(CONTACT, MAX_CONTACTS),
 )
 """What does not change: joints and contacts in use; attitude: LOG or RPY; feed_forward 0 or 1; null space [N m/rad],
-[N m s/rad]; singularity policy: sigma_min of J and the largest damping [kg^-1/2]; effort_limit [N m]; contacts."""
+[N m s/rad]; singularity policy: sigma_min of J and the largest damping [kg^-1/2]; torsional radius of the pads [m];
+effort_limit [N m]; contacts."""
 
 EVALUATION = layout(
     ok=WHOLE,
@@ -63,6 +66,7 @@ EVALUATION = layout(
     follow=(REAL, (6,)),
     comp=(REAL, (6,)),
     gated=(REAL, (6,)),
+    h_int=(REAL, (6,)),
     e=(REAL, (6,)),
     e_dot=(REAL, (6,)),
     K=(REAL, (6,)),
@@ -79,7 +83,7 @@ EVALUATION = layout(
 
 ok: every number is finite and every factor exists, else nothing here may be used; near_singular_*: which fallback was
 at work; damping_squared: what was added to J B^-1 J^T; error_linear [m], error_angular [rad], slip_speed (linear)
-[m/s]; carried: G^T a_o + Phi2, linear part [m/s^2] {w}. On pad axes {ee}: v_s to gated,
+[m/s]; carried: G^T a_o + Phi2, linear part [m/s^2] {w}. On pad axes {ee}: v_s to h_int,
 see `Law` (w_o, r, h_o, a_o of its ObjectMotion). On {w}: e to a_C; e, e_dot, K, D in the coordinates of the error.
 torque: before the limits, with its parts; effort: inside them [N m]; saturated: which joints are beyond.
 """
@@ -89,8 +93,9 @@ class Law(NamedTuple):
     """Every symbol of the law; linear and angular part of each.
 
     On pad axes {ee}: v_s [m/s, rad/s]; object; follow = G^T a_o + Phi2, and comp and gated (gate times comp, spin
-    limited) [m/s^2, rad/s^2]. On {w}: Theta, Z = T_e M_D^-1 (-K e - D e_dot), a_d, a_C. In the coordinates of the
-    error: e [m, rad], e_dot, and the diagonals K, D. gate in [0, 1].
+    limited) [m/s^2, rad/s^2]; h_int, the internal wrench of several contacts [N, N m]. On {w}: Theta,
+    Z = T_e M_D^-1 (-K e - D e_dot), a_d, a_C. In the coordinates of the error: e [m, rad], e_dot, and the diagonals
+    K, D. gate in [0, 1].
     """
 
     v_s: Spatial
@@ -98,6 +103,7 @@ class Law(NamedTuple):
     follow: Spatial
     comp: Spatial
     gated: Spatial
+    h_int: Spatial
     gate: float
     e: Spatial
     e_dot: Spatial
@@ -133,6 +139,8 @@ def control_law(
         slips: SLIP of each contact.
         reference: REFERENCE.
 
+    With several contacts the pad gives way to its internal wrench, which the torque would cancel: ours.
+
     Implements: Eq. (23), (28), (29), with a_d of Eq. (23) outside of the gate.
     """
     R_ee, v_ee = mat(arm.rotation), spatial(arm.twist)
@@ -159,7 +167,10 @@ def control_law(
     comp = slip_axes * (follow - k_s * v_s - R_ee.T() @ Theta)
     gated = limit_spin(gains.gains.spin_limit, gate * comp)
     a_C = a_d + Z + Theta + R_ee @ gated
-    return Law(v_s, o, follow, comp, gated, gate, e, e_dot, K, D, Theta, Z, a_d, a_C, attitude.near_singular)
+    h_int = internal_wrench(config, gains, samples, slips, o)
+    if gains.gains.kappa != 0.0:
+        a_C = a_C + gains.gains.kappa * (R_ee @ h_int) / M_D
+    return Law(v_s, o, follow, comp, gated, h_int, gate, e, e_dot, K, D, Theta, Z, a_d, a_C, attitude.near_singular)
 
 
 @part
@@ -216,6 +227,7 @@ def put_law(out: Any, law: Law) -> None:
     put_spatial(out.follow, law.follow)
     put_spatial(out.comp, law.comp)
     put_spatial(out.gated, law.gated)
+    put_spatial(out.h_int, law.h_int)
     put_spatial(out.e, law.e)
     put_spatial(out.e_dot, law.e_dot)
     put_spatial(out.K, law.K)
@@ -299,6 +311,7 @@ def make_law_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.attitude = RPY if params.attitude == "rpy" else LOG
     config.feed_forward = params.feed_forward
     config.nullspace_stiffness, config.nullspace_damping = params.nullspace.stiffness, params.nullspace.damping
+    config.radius = params.governor.torsional_radius
     config.sigma_min, config.most_damping = params.singularity.sigma_min, params.singularity.damping
     config.effort_limit[: len(effort_limit)] = effort_limit
     return buffer

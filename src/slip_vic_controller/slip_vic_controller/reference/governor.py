@@ -90,7 +90,7 @@ GOVERNOR = layout(
     s=REAL, rate=REAL, time=REAL, end=REAL, out_s=REAL, out_rate=REAL, out_u=REAL, out_time=REAL,
     phase=WHOLE, cursor=WHOLE, planned=WHOLE, urgent=WHOLE, search=WHOLE, search_pass=WHOLE,
     asked=REAL, pass_load=REAL, plan_load=REAL, low_load=REAL, high_load=REAL,
-    infeasible=WHOLE, heaviest_time=REAL, weight_load=REAL, overrun=WHOLE, strained=WHOLE, arrived=WHOLE,
+    infeasible=WHOLE, heaviest_time=REAL, weight_load=REAL, overrun=WHOLE, strained=WHOLE, arrived=WHOLE, led=WHOLE,
     feedback=(REAL, (6,)), usable=REAL, ceiling=REAL, commanded=REAL, measured=REAL, guard=REAL, bound=REAL,
     ring_count=WHOLE, ring=(REAL, (MAX_WINDOW, 3)), estimate=ESTIMATE,
 )  # fmt: skip
@@ -101,7 +101,7 @@ infeasible: friction does not carry the weight everywhere on the path; heaviest_
 loads most [s], and that load [N]; overrun: no load that is allowed stops on the path; strained: no sddot keeps the load
 of feedback and path within the limit; feedback: a_C - a_d of the last cycle {w}; usable, ceiling: loads that path and
 guard may ask [N]; commanded, measured: loads of the last cycle [N]; guard: factor on a_C; bound: sdot^2 over K; ring:
-s, sdot, sddot."""
+s, sdot, sddot; led: the step on the path is another arm's."""
 
 
 @part

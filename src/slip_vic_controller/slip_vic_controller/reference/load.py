@@ -13,21 +13,42 @@ All loads are on the axes of the pad.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from slip_core.compiled import part
-from slip_core.vectors import Mat, Spatial, Vec
+from slip_core.vectors import ZERO, Mat, Spatial, Vec
+
+
+class Shared(NamedTuple):
+    """How several pads with one normal share a wrench, in the metric of the limit surface; on pad axes.
+
+    contacts: how many; middle: mean of their r_j [m]; inverse: of the matrix that turns a torque into y [1/m^2]; arm:
+    sqrt(d^2 + rho^2), the load that y asks of the pad farthest from the middle [m]; radius: rho [m]; law/internal.py.
+    """
+
+    contacts: int
+    middle: Vec
+    inverse: Mat
+    arm: float
+    radius: float
+
+
+ALONE = Shared(1, ZERO, Mat(ZERO, ZERO, ZERO), 0.0, 0.0)
+"""One pad holds the object."""
+SPIN_SHARE: Final = 0.1
+"""Of several pads: load of turning over load of accelerating at which the bound on the worse pad is exact."""
 
 
 class Held(NamedTuple):
     """The object as the pad holds it, on pad axes.
 
-    mass [kg]; inertia J (3, 3) [kg m2] about the centre of mass; r = x_c - x_o [m].
+    mass [kg]; inertia J (3, 3) [kg m2] about the centre of mass; r = x_c - x_o [m]; shared: with which other pads.
     """
 
     mass: float
     inertia: Mat
     r: Vec
+    shared: Shared
 
 
 @part
@@ -38,8 +59,18 @@ def surface(slip_axes: Spatial, radius: float) -> Spatial:
 
 @part
 def at_contact(held: Held, force: Vec, torque: Vec) -> Spatial:
-    """Return G^-1 h_o: a wrench at the centre of mass taken to the contact."""
-    return Spatial(force, torque - held.r.cross(force))
+    """Return G^-1 h_o: a wrench at the centre of mass taken to the contact.
+
+    Of several pads: what is never below the load of any of them. Force is shared alike, l = f / n, and a torque about
+    the pads' normal asks +-t of them, so |l +- t|^2 <= (1 + e) |l|^2 + (1 + 1 / e) |t|^2 for any e.
+    """
+    if held.shared.contacts == 1:
+        return Spatial(force, torque - held.r.cross(force))
+    y = held.shared.inverse @ (torque - held.shared.middle.cross(force))
+    return Spatial(
+        (math.sqrt(1.0 + SPIN_SHARE) / held.shared.contacts) * force,
+        (math.sqrt(1.0 + 1.0 / SPIN_SHARE) * held.shared.arm * held.shared.radius) * y,
+    )
 
 
 @part

@@ -35,9 +35,12 @@ PATH = layout(
     duration=REAL,
     along=(REAL, (6,)),
     across=(REAL, (6,)),
+    carries=WHOLE,
+    lever=(REAL, (3,)),
 )
 """A path. Polynomial segments: knots [s]; polynomial[segment, coordinate, power] in the time since the segment's knot;
-end: where the last one ends. Circle, lemniscate: phase speed [rad/s], ramp and duration [s], vectors of the curve."""
+end: where the last one ends. Circle, lemniscate: phase speed [rad/s], ramp and duration [s], vectors of the curve.
+carries: whether it is the object's; then lever is the pad as seen from its centre of mass [m] {ee}."""
 
 HOLD: Final = 0
 POLYNOMIALS: Final = 1
@@ -73,11 +76,31 @@ def reference_at(path: Any, t: float, start_position: Array, start_rotation: Arr
     point = point_at(path, t)
     phi, phi_dot = point.value.angular, point.rate.angular
     alpha_d = left_jacobian(phi, point.rate_rate.angular) + left_jacobian_rate(phi, phi_dot)
-    return Reference(
+    reference = Reference(
         vec(start_position) + point.value.linear,
         exponential(phi) @ mat(start_rotation),
         Spatial(point.rate.linear, left_jacobian(phi, phi_dot)),
         Spatial(point.rate_rate.linear, alpha_d),
+    )
+    return on_object(reference, mat(start_rotation), vec(path.lever)) if path.carries != 0 else reference
+
+
+@part
+def on_object(planned: Reference, start: Mat, lever: Vec) -> Reference:
+    """Return the motion of a pad on an object whose centre of mass is displaced as planned.
+
+    Args:
+        planned: displacement of the centre of mass, counted from where the pad was at the start.
+        start: attitude of the pad there.
+        lever: the pad as seen from the centre of mass, fixed on the object [m] {ee}.
+    """
+    r, w = planned.rotation @ lever, planned.twist.angular
+    a, alpha = planned.acceleration.linear, planned.acceleration.angular
+    return Reference(
+        planned.position + (r - start @ lever),
+        planned.rotation,
+        Spatial(planned.twist.linear + w.cross(r), w),
+        Spatial(a + alpha.cross(r) + w.cross(w.cross(r)), alpha),
     )
 
 

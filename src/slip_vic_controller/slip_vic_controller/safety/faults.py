@@ -32,6 +32,7 @@ class Fault(IntEnum):
     FOREIGN_COMMAND = 18
     NOT_RUN = 19
     LATE = 20
+    OTHER_ARM = 21
 
 
 FAULTS = len(Fault)
@@ -132,6 +133,9 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
         ("slip", Fault.IMPLAUSIBLE): Reaction(
             "none, while wrench and motion show `fallback.evidence`", "not used", _DEGRADED
         ),
+        ("any", Fault.OTHER_ARM): Reaction(
+            "the other arm on the same object does not follow the law", "used", "HOLD, both in the same cycle"
+        ),
         ("effort command", Fault.FOREIGN_COMMAND): Reaction("another publisher on our topic", "-", "FAULT"),
     }
 )
@@ -158,6 +162,7 @@ WORDS: Mapping[Fault, str] = MappingProxyType(
         Fault.FOREIGN_COMMAND: "is published by somebody else too",
         Fault.NOT_RUN: "was not answered for too long",
         Fault.LATE: "is late",
+        Fault.OTHER_ARM: "of the other arm on this object has stopped it",
     }
 )
 

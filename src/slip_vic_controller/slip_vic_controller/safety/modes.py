@@ -63,6 +63,9 @@ class Findings(NamedTuple):
     degraded: Reason
 
 
+NO_FINDINGS = Findings(NOTHING, NOTHING, NOTHING, NOTHING)
+
+
 @part
 def follows(mode: int) -> bool:
     """Return whether the law is at work in a mode."""

@@ -1,0 +1,65 @@
+"""``slip-vic pair`` and ``slip-vic pair-study``."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+LAWS = ("classical", "classical_internal", "printed", "shared", "internal", "governed")
+
+
+def _laws(text: str) -> list[Any]:
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+@click.command()
+@click.option("--scenario", default="pane_two_arms_upright", show_default=True, help="name or .yaml file")
+@click.option("--laws", default=",".join(LAWS), show_default=True, help="names, comma separated")
+@click.option("--late", type=click.IntRange(0), default=0, help="control periods that commands are on their way")
+@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
+def pair(scenario: str, laws: str, late: int, assignments: tuple[str, ...]) -> None:
+    """Two arms carry one object, in this process: slip, internal force and path error of every law."""
+    from slip_bringup.pair.measures import judge
+    from slip_bringup.pair.scenario import load_pair
+
+    table = Table(title=f"{scenario} {' '.join(assignments)}")
+    for name in ("law", "slip mm", "internal N", "steady N", "load", "path mm", "outcome"):
+        table.add_column(name, justify="left" if name in ("law", "outcome") else "right")
+    for law in _laws(laws):
+        found = judge(load_pair(scenario, law=law, assignments=assignments), late)
+        table.add_row(
+            law, "/".join(f"{1e3 * s:.3f}" for s in found.slip), f"{found.internal:.3f}", f"{found.steady:.3f}",
+            "/".join(f"{x:.2f}" for x in found.load), f"{1e3 * found.path:.1f}",
+            found.outcome if found.outcome == "ok" else f"{found.outcome}: {found.reason}",
+        )  # fmt: skip
+    Console(width=150).print(table)
+
+
+@click.command()
+@click.option("--scenarios", default="pane_two_arms_flat,pane_two_arms_upright", show_default=True)
+@click.option("--laws", default="classical,internal,governed", show_default=True, help="names, comma separated")
+@click.option("--draws", type=click.IntRange(1), default=300, show_default=True, help="worlds, over all scenarios")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+@click.option("--jobs", type=click.IntRange(1), default=None, help="parallel processes; default one per core")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("pair_study"), show_default=True, help="folder")
+@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
+def pair_study(
+    scenarios: str, laws: str, draws: int, seed: int, jobs: int | None, out: Path, assignments: tuple[str, ...]
+) -> None:
+    """Two arms in random worlds that their controllers do not know: panes lost, slip; pair_study.csv."""
+    from slip_bringup.pair.scenario import load_pair
+    from slip_bringup.pair.study import run_draws, summary, write_results
+
+    for scenario in _laws(scenarios):
+        for law in _laws(laws):
+            load_pair(scenario, law=law, assignments=assignments)
+    out.mkdir(parents=True, exist_ok=True)
+    results = list(run_draws(draws, seed, _laws(scenarios), _laws(laws), jobs or os.cpu_count() or 1, assignments))
+    write_results(out / "pair_study.csv", results)
+    Console(width=150).print(summary(results))
+    click.echo(str(out / "pair_study.csv"))

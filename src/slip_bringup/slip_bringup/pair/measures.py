@@ -1,0 +1,126 @@
+"""What a run with two arms is judged by, from the simulation's truth alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from slip_bringup.pair.inprocess import TeamTick, run_pair
+from slip_bringup.pair.scenario import PairScenario
+from slip_core.arrays import Array, matrix_from_quat_xyzw
+from slip_sim_bridge.plant import DivergenceError
+from slip_vic_controller.safety.modes import Mode
+
+LOST_SLIP_M = 0.03
+"""Slip at which a pad has left the pane: it reaches 20 mm over the edge."""
+LOST_PATH_M = 0.5
+SETTLE_S = 0.5
+"""Time at the end over which the internal force counts as steady."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One run. outcome: ok, lost (a pad or the path), fault (a mode), diverged; reason: when and why.
+
+    slip: largest of each pad [m]; internal: largest internal force in the slip plane, both pads, and in the last half
+    second [N]; load: largest share of the friction limit of each pad; path: largest distance of the object from its
+    reference [m].
+    """
+
+    outcome: str
+    reason: str
+    slip: tuple[float, float]
+    internal: float
+    steady: float
+    load: tuple[float, float]
+    path: float
+
+
+def internal_wrenches(
+    wrenches: Sequence[Array], places: Sequence[Array], attitudes: Sequence[Array], centre: Array, radius: float
+) -> list[Array]:
+    """Return the internal part of each contact's wrench, on its pad's axes; (6,) each [N, N m].
+
+    h_int,i = h_i - W G_i^T (sum_j G_j W G_j^T)^-1 sum_j G_j h_j with W = diag(1, 1, 1, rho^2, rho^2, rho^2),
+    from the true geometry.
+
+    Args:
+        wrenches: of the object on each pad; (6,) pad axes.
+        places, attitudes: of the pads; (3,) [m], (3, 3) {w}.
+        centre: of the object's mass (3,) [m] {w}.
+        radius: rho [m].
+    """
+    W, turn, G = np.diag([1.0] * 3 + [radius * radius] * 3), [], []
+    for x, R in zip(places, attitudes, strict=True):
+        r = x - centre
+        S = np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
+        G.append(np.block([[np.eye(3), np.zeros((3, 3))], [S, np.eye(3)]]))
+        turn.append(np.kron(np.eye(2), R))
+    world = [T @ h for T, h in zip(turn, wrenches, strict=True)]
+    total = sum(g @ h for g, h in zip(G, world, strict=True))
+    y = np.linalg.solve(sum(g @ W @ g.T for g in G), total)
+    return [T.T @ (h - W @ g.T @ y) for T, h, g in zip(turn, world, G, strict=True)]
+
+
+def judge(scenario: PairScenario, late_ticks: int = 0) -> Judged:
+    """Run a scenario in this process and judge it; ends where the pane is lost."""
+    watch = _Watch(scenario)
+    try:
+        for tick in run_pair(scenario, late_ticks):
+            watch.look(tick)
+            if watch.outcome != "ok":
+                break
+    except DivergenceError as error:
+        watch.outcome, watch.reason = "diverged", str(error)
+    return Judged(
+        watch.outcome, watch.reason, (watch.slip[0], watch.slip[1]), watch.internal, watch.steady,
+        (watch.load[0], watch.load[1]), watch.path,
+    )  # fmt: skip
+
+
+class _Watch:
+    """Sums a run up as it goes."""
+
+    def __init__(self, scenario: PairScenario) -> None:
+        left = scenario.controllers[0].contacts
+        self._lever = matrix_from_quat_xyzw(left.orientation_xyzw[:4]).T @ np.array(left.position[:3])
+        self._arms = scenario.bridge.arms
+        self._radius = scenario.bridge.left.friction.torsional_radius
+        self._sag: Array | None = None
+        self._steady_from = scenario.bridge.left.duration_s - SETTLE_S
+        self.outcome, self.reason = "ok", ""
+        self.slip, self.load = [0.0, 0.0], [0.0, 0.0]
+        self.internal = self.steady = self.path = 0.0
+
+    def look(self, tick: TeamTick) -> None:
+        """Take one tick in."""
+        now, readings = 1e-9 * tick.outputs.stamp_ns, tick.outputs.readings
+        truth = readings[0].truth
+        for side, reading in enumerate(readings):
+            arm, h = self._arms[side], reading.wrench.wrench
+            self.slip[side] = max(self.slip[side], float(np.linalg.norm(reading.truth.slip_displacement[:3])))
+            load = math.sqrt(h[0] * h[0] + h[1] * h[1] + (h[5] / self._radius) ** 2)
+            self.load[side] = max(self.load[side], load / (arm.friction.mu_s * arm.grip.force))
+        wrenches = [reading.wrench.wrench for reading in readings]
+        places, attitudes = tick.outputs.pads
+        parts = internal_wrenches(wrenches, places, attitudes, truth.position, self._radius)
+        size = max(float(np.linalg.norm(part[:2])) for part in parts)
+        self.internal = max(self.internal, size)
+        if now >= self._steady_from:
+            self.steady = max(self.steady, size)
+        record = tick.results[0].record
+        if record.ok:
+            wanted = record.reference.position - record.reference.rotation @ self._lever
+            if self._sag is None:
+                self._sag = truth.position - wanted
+            self.path = max(self.path, float(np.linalg.norm(truth.position - wanted - self._sag)))
+        for side, result in enumerate(tick.results):
+            if result.mode == Mode.FAULT:
+                self.outcome, self.reason = "fault", f"{now:.3f} s, {('left', 'right')[side]}: {result.reason}"
+        if not max(self.slip) < LOST_SLIP_M:
+            self.outcome, self.reason = "lost", f"{now:.3f} s: a pad has slid {1e3 * max(self.slip):.0f} mm"
+        if not self.path < LOST_PATH_M:
+            self.outcome, self.reason = "lost", f"{now:.3f} s: the pane is {self.path:.2f} m off its path"

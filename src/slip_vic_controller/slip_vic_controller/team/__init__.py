@@ -1,0 +1,1 @@
+"""Two arms on one object in one controller: the cycle of both, and what is kept between cycles."""

@@ -1,0 +1,120 @@
+"""The controller of two arms between cycles: one session each, samples to both, one cycle for both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_core.types import CartesianReference, JointSample, SlipSample, WrenchSample
+from slip_vic_controller.arrival import is_silent
+from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.modes import Request
+from slip_vic_controller.safety.reasons import ACTIVATION
+from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Health
+from slip_vic_controller.team.cycle import team_cycle
+
+SIDES = ("left", "right")
+
+
+class TeamSession:
+    """Runs the control cycle of both arms when a joint state of each is there.
+
+    A wrench or slip velocity of one side is contact 0 of its own controller and contact 1 of the other's, where that
+    one knows of two contacts.
+
+    Args:
+        controllers: left and right; both in lockstep, or none.
+
+    Raises:
+        InputError: they do not fit each other.
+    """
+
+    def __init__(self, controllers: Sequence[Controller]) -> None:
+        if len({controller.lockstep for controller in controllers}) != 1 or len(controllers) != len(SIDES):
+            raise InputError("controllers of a team", got=f"{len(controllers)}", expected="two, both in one mode")
+        self.sessions = tuple(ControllerSession(controller) for controller in controllers)
+        self._lockstep = controllers[0].lockstep
+
+    def add_joint(self, side: int, sample: JointSample, now_ns: int | None = None) -> None:
+        """Take a joint state of one side."""
+        self.sessions[side].add_joint(sample, now_ns)
+
+    def add_wrench(self, side: int, sample: WrenchSample, now_ns: int | None = None) -> None:
+        """Take a wrench of one side."""
+        for of, session in enumerate(self.sessions):
+            contact = 0 if of == side else 1
+            if contact < session.contacts:
+                session.add_wrench(contact, sample, now_ns)
+
+    def add_slip(self, side: int, sample: SlipSample, now_ns: int | None = None) -> None:
+        """Take a slip velocity of one side."""
+        for of, session in enumerate(self.sessions):
+            contact = 0 if of == side else 1
+            if contact < session.contacts:
+                session.add_slip(contact, sample, now_ns)
+
+    def set_reference(self, side: int, reference: CartesianReference) -> None:
+        """Use this reference of a pad from the next cycle on."""
+        self.sessions[side].set_reference(reference)
+
+    def request(self, request: Request) -> None:
+        """Ask for a mode, of both arms; the next cycle decides."""
+        for session in self.sessions:
+            session.request(request)
+
+    def cycle(self, now_ns: int | None = None) -> tuple[CycleResult | None, ...]:
+        """Answer what has come: both arms, or one that is alone because the other's joint states stay away.
+
+        An arm that is alone holds.
+
+        Args:
+            now_ns: steady time; None, and lockstep, take the stamps of the joint states.
+        """
+        waiting = [session.waiting for session in self.sessions]
+        if all(one is not None for one in waiting):
+            return self._together([one for one in waiting if one is not None], now_ns)
+        if self._lockstep or now_ns is None:
+            return (None,) * len(SIDES)
+        return tuple(self._alone(side, now_ns) for side in range(len(SIDES)))
+
+    def answer(
+        self, joints: Sequence[tuple[JointSample, Fault]], nows: Sequence[int], healths: Sequence[Health | None]
+    ) -> tuple[CycleResult, ...]:
+        """Run one cycle of both arms.
+
+        Args:
+            joints: joint state of each, and its fault.
+            nows: the controller's clock.
+            healths: of the inputs, of a replay; None = found by input validation.
+        """
+        records = [
+            session.prepare(joint, fault, now, 0 if session.active else ACTIVATION, health)
+            for session, (joint, fault), now, health in zip(self.sessions, joints, nows, healths, strict=True)
+        ]
+        buffers: list[Array] = []
+        for session, (inputs, outputs) in zip(self.sessions, records, strict=True):
+            buffers += [session.controller.config, session.buffer, inputs, outputs]
+        team_cycle(*buffers)
+        return tuple(
+            CycleResult(session.controller, joint, inputs, outputs)
+            for session, (joint, _), (inputs, outputs) in zip(self.sessions, joints, records, strict=True)
+        )
+
+    def _together(self, joints: Sequence[tuple[JointSample, Fault]], now_ns: int | None) -> tuple[CycleResult, ...]:
+        stamped = now_ns is None or self._lockstep
+        nows = [joint.stamp_ns if stamped else int(now_ns or 0) for joint, _ in joints]
+        return self.answer(joints, nows, [None] * len(SIDES))
+
+    def _alone(self, side: int, now_ns: int) -> CycleResult | None:
+        """Answer an arm whose partner is silent; return what the watchdog says where it is silent itself."""
+        session, other = self.sessions[side], self.sessions[1 - side]
+        if session.waiting is None:
+            return session.watchdog(now_ns)
+        if not other.begun or not is_silent(other.controller.config, other.buffer, now_ns):
+            return None
+        before, session.state.outside = int(session.state.outside), int(Fault.OTHER_ARM)
+        joint, fault = session.waiting
+        result = session.answer(joint, fault, now_ns, 0 if session.active else ACTIVATION, None)
+        session.state.outside = before
+        return result

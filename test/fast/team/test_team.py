@@ -1,0 +1,194 @@
+"""Two arms on one object in one controller: one path, one mode, and what each knows of the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from slip_bringup.pair.inprocess import TeamLoop, TeamTick, run_pair
+from slip_bringup.pair.measures import internal_wrenches
+from slip_bringup.pair.scenario import LAWS, Mismatch, PairScenario, load_pair
+from slip_bringup.pair.study import draw
+from slip_core.arrays import matrix_from_quat_xyzw
+from slip_core.errors import InputError
+from slip_core.types import JointSample
+from slip_vic_controller.law.bounds import internal_gain_limit
+from slip_vic_controller.safety.modes import Mode, Request
+
+UPRIGHT, FLAT = "pane_two_arms_upright", "pane_two_arms_flat"
+SOON = ("controller.trajectory.start_s=0.0",)
+Spoil = Callable[[int, JointSample], JointSample]
+
+
+def ticks(loop: TeamLoop, count: int, spoil: Spoil | None = None) -> Iterator[TeamTick]:
+    """Run a loop for some ticks; `spoil` changes the joint state of the left arm by the number of the tick."""
+    for k in range(count):
+        outputs = loop.simulation.observe()
+        if spoil is not None:
+            outputs = outputs._replace(joints=(spoil(k, outputs.joints[0]), outputs.joints[1]))
+        results = loop.control(outputs)
+        yield TeamTick(outputs, results)
+        loop.simulation.advance([result.command for result in results])
+
+
+def slipped(loop: TeamLoop) -> list[float]:
+    """Return how far each pad has slipped [m]."""
+    truths = [loop.simulation.truth(side).truth for side in range(2)]
+    return [float(np.linalg.norm(truth.slip_displacement[:3])) for truth in truths]
+
+
+def not_finite(sample: JointSample) -> JointSample:
+    return JointSample(sample.stamp_ns, np.full_like(sample.position, np.nan), sample.velocity, sample.effort)
+
+
+def grasped(scenario: PairScenario, tick: TeamTick) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Return where both pads are on the object and how they stand {w}: grasp and slip, without the pads' deflection."""
+    object_, places, attitudes = tick.outputs.readings[0].truth, [], []
+    for arm, reading in zip(scenario.bridge.arms, tick.outputs.readings, strict=True):
+        slip = reading.truth.slip_displacement
+        R_p = object_.rotation @ matrix_from_quat_xyzw(arm.contacts.orientation_xyzw)
+        places.append(object_.position + object_.rotation @ np.array(arm.contacts.position) + R_p @ slip[:3])
+        attitudes.append(R_p @ Rotation.from_rotvec(np.array(slip[3:])).as_matrix())
+    return places, attitudes
+
+
+def test_perfect_sensors_show_the_true_internal_wrench() -> None:
+    for name in (UPRIGHT, FLAT):
+        scenario = load_pair(name, assignments=(*SOON, "controller.trajectory.duration_s=0.8"))
+        worst, largest = 0.0, 0.0
+        for k, tick in enumerate(run_pair(scenario)):
+            wrenches = [reading.wrench.wrench for reading in tick.outputs.readings]
+            centre = tick.outputs.readings[0].truth.position
+            true = internal_wrenches(wrenches, *grasped(scenario, tick), centre, 0.015)
+            bent = internal_wrenches(wrenches, *tick.outputs.pads, centre, 0.015)
+            for side, result in enumerate(tick.results):
+                worst = max(worst, float(np.abs(result.record.law.h_int - true[side]).max()))
+                largest = max(largest, float(np.abs(bent[side] - true[side]).max()))
+            if k == 100:
+                break
+        assert worst < 1e-6, name
+        assert largest < 5e-3, name  # what the deflection of the pads, which no sensor sees, makes of it
+
+
+def test_both_pads_are_led_along_the_path_of_the_object() -> None:
+    scenario = load_pair(UPRIGHT, assignments=SOON)
+    start, far = None, 0.0
+    for k, tick in enumerate(run_pair(scenario)):
+        left, right = (result.record.reference for result in tick.results)
+        apart = left.rotation.T @ (right.position - left.position)
+        turned = left.rotation.T @ right.rotation
+        start = (apart, turned, left.position.copy()) if start is None else start
+        np.testing.assert_allclose(apart, start[0], atol=1e-9)
+        np.testing.assert_allclose(turned, start[1], atol=1e-9)
+        far = max(far, float(np.linalg.norm(left.position - start[2])))
+        if k == 500:
+            break
+    assert far > 0.02
+
+
+def test_one_arms_bad_joint_states_stop_both_in_the_same_cycle_and_both_go_on_together() -> None:
+    loop = TeamLoop(load_pair(UPRIGHT, assignments=(*SOON, "controller.safety.resume_after_s=0.1")))
+    modes, reasons = [], set()
+    for tick in ticks(loop, 500, lambda k, joint: not_finite(joint) if 100 <= k < 200 else joint):
+        modes.append(tuple(result.mode for result in tick.results))
+        reasons.add(tick.results[1].reason)
+    assert modes[90] == (Mode.ACTIVE, Mode.ACTIVE)
+    assert {(a.follows, b.follows) for a, b in modes} == {(True, True), (False, False)}
+    held = [k for k, (a, _) in enumerate(modes) if not a.follows]
+    assert 100 < held[0] < 150
+    assert modes[-1][0].follows
+    assert any("the other arm" in reason for reason in reasons)
+    assert max(slipped(loop)) < 2e-3
+
+
+def test_a_latched_fault_of_one_arm_keeps_the_other_from_going_on() -> None:
+    loop = TeamLoop(load_pair(UPRIGHT, assignments=(*SOON, "controller.safety.resume_after_s=0.05")))
+    list(ticks(loop, 60))
+    loop.team.sessions[0].request(Request.FAILED)
+    modes = [tuple(result.mode for result in tick.results) for tick in ticks(loop, 300)]
+    assert {mode for mode, _ in modes} == {Mode.FAULT}
+    assert {mode for _, mode in modes} == {Mode.HOLD}
+    loop.team.request(Request.RESET_FAULT)
+    list(ticks(loop, 2))
+    loop.team.request(Request.ENABLE)
+    assert all(result.mode.follows for result in list(ticks(loop, 3))[-1].results)
+
+
+def test_a_user_holds_both_and_the_path_comes_to_rest_before() -> None:
+    loop = TeamLoop(load_pair(UPRIGHT, assignments=SOON))
+    list(ticks(loop, 300))
+    loop.team.request(Request.HOLD)
+    seen = [tuple(result.mode for result in tick.results) for tick in ticks(loop, 1500)]
+    assert all(a == b for a, b in seen)
+    assert seen[10][0] == Mode.DEGRADED
+    assert seen[-1][0] == Mode.HOLD
+    assert max(slipped(loop)) < 1e-5
+
+
+def test_kappa_is_lowered_to_what_late_wrenches_allow_and_refused_beyond_the_period() -> None:
+    late = ("bridge.sensors.wrench.latency_s=0.008",)
+    loop = TeamLoop(load_pair(UPRIGHT, assignments=late))
+    record = list(ticks(loop, 60))[-1].results[0].record
+    assert record.gains.gains.kappa == pytest.approx(internal_gain_limit(0.4, 1.0e4, 0.009))
+    assert record.gains.gains.kappa < 0.2
+    with pytest.raises(InputError, match=r"gains\.kappa"):
+        load_pair(UPRIGHT, assignments=("controller.gains.kappa=16.0",)).team()
+
+
+def test_laws_know_the_contacts_and_gains_that_their_names_say() -> None:
+    for law in LAWS:
+        scenario = load_pair(FLAT, law=law)
+        left, right = scenario.controllers
+        both = law not in ("classical", "printed")
+        assert len(left.contacts.position) == (6 if both else 3)
+        assert (left.gains.kappa > 0.0) == (law in ("internal", "classical_internal", "governed"))
+        if both:
+            assert left.contacts.position[:3] == right.contacts.position[3:]
+        scenario.team()
+
+
+def test_a_mismatch_is_in_the_world_alone() -> None:
+    plain = load_pair(FLAT)
+    wrong = load_pair(
+        FLAT,
+        assignments=[
+            "mismatch.base_rotation=[0.0, 0.0, 0.005]", "mismatch.late_s=0.01", "mismatch.friction=0.87",
+            "mismatch.mass=1.1",
+        ],
+    )  # fmt: skip
+    assert wrong.believed == plain.believed
+    assert wrong.controllers[0] == plain.controllers[0]
+    assert wrong.controllers[1].trajectory.start_s == pytest.approx(plain.controllers[1].trajectory.start_s + 0.01)
+    assert wrong.controllers[1].object == plain.controllers[1].object
+    assert wrong.bridge.right.friction.mu_s == pytest.approx(0.435)
+    assert wrong.bridge.left.friction.mu_s == 0.5
+    assert wrong.bridge.left.object.mass == pytest.approx(1.1)
+    assert wrong.bridge.right_base.rotation[2] == pytest.approx(0.862)
+    for bad in ("mismatch.colour=1", "controller.nothing=1", "pad.hue=2"):
+        with pytest.raises(InputError):
+            load_pair(FLAT, assignments=[bad])
+    with pytest.raises(InputError):
+        load_pair("pane_three_arms")
+
+
+def test_a_drawn_world_depends_on_its_number_and_seed_and_is_small() -> None:
+    assert draw(3, 1, (FLAT,)) == draw(3, 1, (FLAT,))
+    assert draw(3, 1, (FLAT,)) != draw(4, 1, (FLAT,))
+    for number in range(20):
+        scenario = load_pair(FLAT, assignments=draw(number, 0, (FLAT,)).assignments)
+        assert 0.43 < scenario.bridge.right.friction.mu_s <= 0.5
+        assert Mismatch().mass * 0.9 <= scenario.bridge.left.object.mass <= 1.1
+
+
+def test_an_arm_whose_source_starts_anew_lets_both_begin_their_path_here() -> None:
+    loop = TeamLoop(load_pair(UPRIGHT, assignments=(*SOON, "controller.safety.resume_after_s=0.05")))
+    list(ticks(loop, 300))
+    loop.team.sessions[0].set_active(True)  # what it knew is void
+    again = list(ticks(loop, 10))[-1]
+    for side, result in enumerate(again.results):
+        arm, wanted = result.arm.position, result.record.reference.position
+        assert float(np.linalg.norm(arm - wanted)) < 5e-3, side
+    assert loop.team.sessions[0].state.law.start_ns == loop.team.sessions[1].state.law.start_ns
