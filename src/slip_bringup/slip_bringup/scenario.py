@@ -90,7 +90,7 @@ class Scenario:
                 "parameter contacts.position",
                 got=f"{contacts} contacts",
                 expected="1: the bridge simulates one arm",
-                fix="start the controller alone, beside whatever publishes wrench and slip of the other contacts",
+                fix="two arms that hold one object: slip-vic pair",
             )
         Controller(self.controller, self.urdf, lockstep=True)
         GraspSimulation(self.bridge, self.urdf)
