@@ -38,6 +38,8 @@ LEAST_SLIP_M_S, NOISE_DEVIATIONS = 5e-5, 6.0
 """What counts as slip: a speed, and so many standard deviations of a sample."""
 QUIET_S = 0.05
 """Without slip for so long, it holds again."""
+FALL_SHARE = 1.0 / 3.0
+"""Share of the speed of a fall that is a fault at which the compensation is given up: it may be what falls."""
 QUANTISED_REPEATS = 5
 """How many times as long a sensor with a quantum may repeat a reading before it counts as frozen."""
 
@@ -63,6 +65,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
         _copy(config, "observer", observer_config(params), OBSERVER_CONFIG)
     config.giving_up.on, config.giving_up.longest_s = int(params.gains.give_up), params.gains.give_up_after_s
     config.giving_up.error = params.gains.give_up_error_m
+    config.giving_up.fall = FALL_SHARE * params.safety.load.drop_speed
     safety = params.safety
     _fill_cycle(config.cycle, params, len(robot.joint_names))
     _fill_inputs(config, safety.inputs, params.slip_sensor, robot, lockstep=lockstep)

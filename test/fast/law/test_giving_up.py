@@ -19,16 +19,16 @@ class Judge:
     def __init__(self, on: bool = True) -> None:
         self.config, self.state = new(GIVING_UP), new(GIVEN_UP)
         config = record(self.config, GIVING_UP)
-        config.on, config.longest_s, config.error = int(on), 0.15, 0.02
+        config.on, config.longest_s, config.error, config.fall = int(on), 0.15, 0.02, 0.1
 
-    def cycles(self, v_s: np.ndarray, seconds: float, error: float = 0.0) -> bool:
+    def cycles(self, v_s: np.ndarray, seconds: float, error: float = 0.0, fall: float = 0.0) -> bool:
         """Return whether the compensation is given up after so long."""
         for _ in range(round(seconds / MS)):
             gains = new(GAINS)
             g = record(gains, GAINS)
             g.alpha, g.characteristic_length, g.gamma_k[:], g.gamma_d[:] = 220.0, 0.03, 100.0, 100.0
             full = gains.copy()
-            run_giving_up(self.config, self.state, gains, v_s, error, MS)
+            run_giving_up(self.config, self.state, gains, v_s, error, fall, MS)
             given_up = bool(record(self.state, GIVEN_UP).given_up)
             impedance_alone = g.alpha == 0.0 and not g.gamma_k.any() and not g.gamma_d.any()
             assert impedance_alone if given_up else gains.tobytes() == full.tobytes()
@@ -66,6 +66,14 @@ def test_an_arm_that_gives_way_far_meanwhile_ends_it_at_once() -> None:
     assert not judge.cycles(SLIPS, 0.01, error=0.029)
     assert judge.cycles(SLIPS, 0.001, error=0.031)
     assert judge.cycles(STICKS, 0.148, error=0.0)
+
+
+def test_an_arm_that_falls_with_the_gate_open_ends_it_too() -> None:
+    judge = Judge()
+    assert not judge.cycles(SLIPS, 0.01, fall=0.09)
+    assert judge.cycles(SLIPS, 0.001, fall=0.11)
+    judge = Judge()
+    assert not judge.cycles(STICKS, 0.01, fall=1.0)  # what falls while the gate is shut is none of its doing
 
 
 def test_as_printed_it_is_never_given_up() -> None:

@@ -249,3 +249,27 @@ def test_weight_in_the_slip_plane() -> None:
         q = run(VERTICAL, margin=1.0, mode=mode, end=1.0)
         assert q.slip_mm < 2 * STICKS_MM
         assert q.arrive < 0.8
+
+
+def test_a_limit_learnt_below_the_weight_does_not_stop_what_is_on_its_way() -> None:
+    """The weight was carried at rest; a stop on the way would throw what hardly holds, and rest asks the weight too."""
+    G = Governor(BentPath(VERTICAL.way, VERTICAL.duration), VERTICAL, margin=1.0).plan()
+    for k in range(6000):
+        _, R, v, a = G.before()
+        G.after(a, a, R, v[3:])
+        if k == 300:
+            G.state.estimate.F_hat = 0.5 * VERTICAL.force
+        assert G.state.infeasible == 0
+        assert G.state.commanded <= VERTICAL.force * (1 + ROUNDING)
+        if G.state.arrived:
+            break
+    assert 800 < k < 5999
+
+
+def test_unknown_friction_with_weight_in_the_slip_plane_is_tried() -> None:
+    """What carries the weight along the path can only be found by going there; no more than that is asked."""
+    G = Governor(BentPath(VERTICAL.way, VERTICAL.duration), VERTICAL, margin=1.0, estimator=Friction.UNKNOWN).plan()
+    over, cycles = travel(G)
+    assert G.state.infeasible == 0
+    assert cycles < 5999
+    assert over <= 1 + ROUNDING

@@ -19,9 +19,9 @@ from slip_vic_controller.law.impedance import slip_activation
 OPEN: Final = 0.1
 """Slip activation from which the compensation counts as at work."""
 
-GIVING_UP = layout(on=WHOLE, longest_s=REAL, error=REAL)
+GIVING_UP = layout(on=WHOLE, longest_s=REAL, error=REAL, fall=REAL)
 """on: 0 = the compensation is never given up, as printed; longest_s: that it may be at work [s]; error: by which the
-arm may give way meanwhile [m]."""
+arm may give way, and fall: speed down at which it may, meanwhile [m], [m/s]."""
 GIVEN_UP = layout(given_up=WHOLE, times=WHOLE, open_s=REAL, error=REAL)
 """given_up: 1 while the impedance works alone; times: how often; open_s: how long the slip activation has been open,
 less how long it has been shut since [s]; error: when it opened [m]."""
@@ -34,7 +34,7 @@ def start_giving_up(state: Any) -> None:
 
 
 @part
-def judge_compensation(config: Any, state: Any, gains: Any, v_s: Spatial, error: float, dt: float) -> None:
+def judge_compensation(config: Any, state: Any, gains: Any, v_s: Spatial, error: float, fall: float, dt: float) -> None:
     """Give the compensation up, or take it up again, and switch it off in the gains where it is given up.
 
     Args:
@@ -42,6 +42,7 @@ def judge_compensation(config: Any, state: Any, gains: Any, v_s: Spatial, error:
         gains: GAINS of this cycle; changed.
         v_s: slip velocity that the law shall use [m/s, rad/s].
         error: distance of the pad from its reference [m].
+        fall: how much faster than the reference the object moves down, while it slips [m/s].
         dt: since the cycle before [s].
 
     Implements: ours.
@@ -54,7 +55,9 @@ def judge_compensation(config: Any, state: Any, gains: Any, v_s: Spatial, error:
         state.open_s = max(state.open_s - dt, 0.0)
     if state.open_s == 0.0:
         state.given_up, state.error = 0, error
-    elif state.given_up == 0 and (state.open_s >= config.longest_s or error > state.error + config.error):
+    elif state.given_up == 0 and (
+        state.open_s >= config.longest_s or error > state.error + config.error or fall > config.fall
+    ):
         state.given_up, state.open_s = 1, config.longest_s
         state.times += 1
     if state.given_up != 0:

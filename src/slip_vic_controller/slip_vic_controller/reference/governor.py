@@ -22,6 +22,7 @@ from slip_vic_controller.reference.backward_pass import at_rest, range_of_u, ste
 from slip_vic_controller.reference.friction_estimate import (
     ESTIMATE,
     ESTIMATE_CONFIG,
+    Friction,
     allowed,
     certain,
     certify,
@@ -52,6 +53,8 @@ REPLAN: Final = 1.005
 """Rise of the certain load that is worth a new pass."""
 ARRIVED_SHARE: Final = 1e-6
 """Share of the path that may be left when it counts as run through."""
+MORE_THAN_WEIGHT: Final = 1.0 + 1e-6
+"""Of what the weight alone asks: with that the path can be run through, as slowly as need be."""
 OVER: Final = 1.1
 """sdot^2 over K beyond which an overrun is said, ..."""
 SLOWEST: Final = 2e-2
@@ -174,7 +177,7 @@ def next_point(
     state.cursor += 1
     if state.cursor == GRID_POINTS:
         state.end = grid.points[GRID_POINTS - 1].s
-        begin_plan(state, certain(config.estimate, state.estimate, config.margin))
+        begin_plan(state, with_weight(config, state, certain(config.estimate, state.estimate, config.margin)))
 
 
 @part
@@ -191,11 +194,24 @@ def begin_pass(state: Any, F: float) -> None:
 
 
 @part
+def with_weight(config: Any, state: Any, F: float) -> float:
+    """Return a load [N], at least what the weight alone asks on the path, where that is to be tried.
+
+    On the way there is nothing better than to go on slowly: a stop throws what hardly holds, and the weight is there
+    at rest too. With unknown friction what carries the weight can only be found by trying. What is told is the most.
+    """
+    if state.planned == 0 and config.estimate.friction != Friction.UNKNOWN:
+        return F
+    needed = MORE_THAN_WEIGHT * state.weight_load / config.path_margin
+    return float(max(F, min(needed, config.margin * config.estimate.told)))
+
+
+@part
 def plan(config: Any, state: Any, grid: Any) -> None:
     """Do a cycle's share of the planning, and begin anew where F^ has changed."""
     if state.phase == Phase.SAMPLING:
         return
-    F = certain(config.estimate, state.estimate, config.margin)
+    F = with_weight(config, state, certain(config.estimate, state.estimate, config.margin))
     if state.asked > F:
         state.urgent = 1
         begin_plan(state, F)
@@ -280,8 +296,8 @@ def run(
     """
     plan(config, state, grid)
     F = state.estimate.F_hat
-    state.usable = allowed(config.estimate, state.estimate, config.margin)
-    state.ceiling = allowed(config.estimate, state.estimate, 1.0)
+    state.usable = with_weight(config, state, allowed(config.estimate, state.estimate, config.margin))
+    state.ceiling = with_weight(config, state, allowed(config.estimate, state.estimate, 1.0))
     if state.planned == 1 and state.urgent == 0 and state.plan_load > max(state.usable, config.margin * F):
         state.usable = state.plan_load  # margin was given up
         state.ceiling = max(state.ceiling, state.plan_load)
