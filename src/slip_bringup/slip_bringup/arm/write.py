@@ -20,7 +20,7 @@ from slip_bringup.scenario import NODES, load_scenario, read_scenario, ros_param
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.plain_yaml import read_yaml
-from slip_core.urdf import parse_urdf
+from slip_core.urdf import NO_LIMIT, parse_urdf
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.robot import Robot
 
@@ -193,5 +193,6 @@ def way_table(arm: Arm, name: str, start: Start) -> Table:
     rows: Sequence[Array] = (start.posture, robot.position_lower, robot.position_upper, way.margin)
     for j, joint in enumerate(robot.joint_names):
         shares = (100.0 * way.speed[j], 100.0 * way.load[j])
-        table.add_row(joint, *(f"{row[j]:.3g}" for row in rows), *(f"{share:.0f}" for share in shares))
+        numbers = ("none" if abs(row[j]) > 0.5 * NO_LIMIT else f"{row[j]:.3g}" for row in rows)
+        table.add_row(joint, *numbers, *(f"{share:.0f}" for share in shares))
     return table
