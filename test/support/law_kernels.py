@@ -36,10 +36,10 @@ ATTITUDE = layout(
 )  # fmt: skip
 
 
-@kernel(VOID(IN1, OUT1, OUT1, IN1, REAL, REAL, REAL))
-def run_giving_up(config, state, gains, v_s, error, fall, dt) -> None:
+@kernel(VOID(IN1, OUT1, OUT1, IN1, INT, REAL, REAL, REAL))
+def run_giving_up(config, state, gains, v_s, seen, error, fall, dt) -> None:
     judge_compensation(
-        record(config, GIVING_UP), record(state, GIVEN_UP), record(gains, GAINS), spatial(v_s), error, fall, dt
+        record(config, GIVING_UP), record(state, GIVEN_UP), record(gains, GAINS), spatial(v_s), seen, error, fall, dt
     )
 
 

@@ -63,9 +63,6 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     _copy(config, "gains", gains, config.gains.dtype)
     if params.slip_estimator == "observer":
         _copy(config, "observer", observer_config(params), OBSERVER_CONFIG)
-    config.giving_up.on, config.giving_up.longest_s = int(params.gains.give_up), params.gains.give_up_after_s
-    config.giving_up.error = params.gains.give_up_error_m
-    config.giving_up.fall = FALL_SHARE * params.safety.load.drop_speed
     safety = params.safety
     _fill_cycle(config.cycle, params, len(robot.joint_names))
     _fill_inputs(config, safety.inputs, params.slip_sensor, robot, lockstep=lockstep)
@@ -74,6 +71,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     _fill_drop(config.drop, params)
     _fill_hold(config.hold, params, len(robot.joint_names))
     _fill_governor(config.governor, params)
+    _fill_giving_up(config, params)
     buffer.setflags(write=False)
     return buffer
 
@@ -96,6 +94,13 @@ def _check_internal_gain(params: ControllerParams) -> None:
 
 def _copy(config: Any, name: str, buffer: Array, layout: np.dtype[np.void]) -> None:
     config[name] = buffer.view(layout)[0]
+
+
+def _fill_giving_up(config: Any, params: ControllerParams) -> None:
+    given, gains = config.giving_up, params.gains
+    given.on, given.witness = int(gains.give_up), int(config.governor.mode != Governing.OFF)
+    given.longest_s, given.error = gains.give_up_after_s, gains.give_up_error_m
+    given.fall = FALL_SHARE * params.safety.load.drop_speed
 
 
 def _fill_cycle(cycle: Any, params: ControllerParams, joints: int) -> None:

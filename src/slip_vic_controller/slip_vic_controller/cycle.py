@@ -510,7 +510,9 @@ def evaluate_law(c: Any, s: Any, history: Array, i: Any, o: Any, slip_unknown: b
         return Cause.BAD_REFERENCE.value
     error = (vec(i.arm.position) - vec(o.reference.position)).norm()
     v_s = slip_velocity(c.law.contact[0], o.samples[0])
-    judge_compensation(c.giving_up, law.given_up, o.gains.gains, v_s, error, s.observed.fall_speed, dt)
+    judge_compensation(
+        c.giving_up, law.given_up, o.gains.gains, v_s, s.governor.estimate.slipping, error, s.observed.fall_speed, dt
+    )
     integrate_slips(c.law, o.samples, law.slips, dt, o.slips)
     evaluate(c.law, i.arm, sample, law, o)
     if governed:

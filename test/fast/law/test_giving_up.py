@@ -16,22 +16,23 @@ MS = 1e-3
 class Judge:
     """What runs; every cycle begins with full gains, as in the control cycle."""
 
-    def __init__(self, on: bool = True) -> None:
+    def __init__(self, on: bool = True, witness: bool = False) -> None:
         self.config, self.state = new(GIVING_UP), new(GIVEN_UP)
         config = record(self.config, GIVING_UP)
-        config.on, config.longest_s, config.error, config.fall = int(on), 0.15, 0.02, 0.1
+        config.on, config.witness, config.longest_s, config.error, config.fall = int(on), int(witness), 0.15, 0.02, 0.1
 
-    def cycles(self, v_s: np.ndarray, seconds: float, error: float = 0.0, fall: float = 0.0) -> bool:
+    def cycles(self, v_s: np.ndarray, seconds: float, error: float = 0.0, fall: float = 0.0, seen: bool = True) -> bool:
         """Return whether the compensation is given up after so long."""
         for _ in range(round(seconds / MS)):
             gains = new(GAINS)
             g = record(gains, GAINS)
             g.alpha, g.characteristic_length, g.gamma_k[:], g.gamma_d[:] = 220.0, 0.03, 100.0, 100.0
             full = gains.copy()
-            run_giving_up(self.config, self.state, gains, v_s, error, fall, MS)
+            run_giving_up(self.config, self.state, gains, v_s, int(seen), error, fall, MS)
             given_up = bool(record(self.state, GIVEN_UP).given_up)
             impedance_alone = g.alpha == 0.0 and not g.gamma_k.any() and not g.gamma_d.any()
-            assert impedance_alone if given_up else gains.tobytes() == full.tobytes()
+            shut = given_up or (bool(record(self.config, GIVING_UP).witness) and not seen)
+            assert impedance_alone if shut else gains.tobytes() == full.tobytes()
         return given_up
 
 
@@ -74,6 +75,14 @@ def test_an_arm_that_falls_with_the_gate_open_ends_it_too() -> None:
     assert judge.cycles(SLIPS, 0.001, fall=0.11)
     judge = Judge()
     assert not judge.cycles(STICKS, 0.01, fall=1.0)  # what falls while the gate is shut is none of its doing
+
+
+def test_below_a_governor_the_model_alone_opens_nothing() -> None:
+    """Neither does it count as open: when the sensor tells of slip, the compensation has all of its time."""
+    judge = Judge(witness=True)
+    assert not judge.cycles(SLIPS, 0.5, seen=False)
+    assert not judge.cycles(SLIPS, 0.148)
+    assert judge.cycles(SLIPS, 0.004)
 
 
 def test_as_printed_it_is_never_given_up() -> None:

@@ -5,6 +5,9 @@ the arm has given way far, that promise is broken: the model is wrong, the slip 
 the object. An open activation is then worse than none: it hands the arm's own acceleration back to it, and the arm
 drifts. Given up, the slip activation and the fading are off, as in classical impedance control, until slip has been
 insignificant for as long as it had been open.
+
+Below a governor nothing should slip: there the model alone is no proof, for it may be the model that is wrong, and the
+compensation is at work only while the slip sensor's own samples tell of slip.
 """
 
 from __future__ import annotations
@@ -19,9 +22,10 @@ from slip_vic_controller.law.impedance import slip_activation
 OPEN: Final = 0.1
 """Slip activation from which the compensation counts as at work."""
 
-GIVING_UP = layout(on=WHOLE, longest_s=REAL, error=REAL, fall=REAL)
-"""on: 0 = the compensation is never given up, as printed; longest_s: that it may be at work [s]; error: by which the
-arm may give way, and fall: speed down at which it may, meanwhile [m], [m/s]."""
+GIVING_UP = layout(on=WHOLE, witness=WHOLE, longest_s=REAL, error=REAL, fall=REAL)
+"""on: 0 = the compensation is never given up, as printed; witness: 1 = it needs the slip sensor's own word; longest_s:
+that it may be at work [s]; error: by which the arm may give way, and fall: speed down at which it may, meanwhile [m],
+[m/s]."""
 GIVEN_UP = layout(given_up=WHOLE, times=WHOLE, open_s=REAL, error=REAL)
 """given_up: 1 while the impedance works alone; times: how often; open_s: how long the slip activation has been open,
 less how long it has been shut since [s]; error: when it opened [m]."""
@@ -34,13 +38,16 @@ def start_giving_up(state: Any) -> None:
 
 
 @part
-def judge_compensation(config: Any, state: Any, gains: Any, v_s: Spatial, error: float, fall: float, dt: float) -> None:
+def judge_compensation(
+    config: Any, state: Any, gains: Any, v_s: Spatial, seen: int, error: float, fall: float, dt: float
+) -> None:
     """Give the compensation up, or take it up again, and switch it off in the gains where it is given up.
 
     Args:
         config, state: GIVING_UP, GIVEN_UP.
         gains: GAINS of this cycle; changed.
         v_s: slip velocity that the law shall use [m/s, rad/s].
+        seen: whether the slip sensor's own samples tell of slip, 0 or 1.
         error: distance of the pad from its reference [m].
         fall: how much faster than the reference the object moves down, while it slips [m/s].
         dt: since the cycle before [s].
@@ -49,7 +56,8 @@ def judge_compensation(config: Any, state: Any, gains: Any, v_s: Spatial, error:
     """
     if config.on == 0:
         return
-    if slip_activation(gains, v_s) > OPEN:
+    wanted = config.witness == 0 or seen != 0
+    if wanted and slip_activation(gains, v_s) > OPEN:
         state.open_s = min(state.open_s + dt, config.longest_s)
     else:
         state.open_s = max(state.open_s - dt, 0.0)
@@ -60,7 +68,7 @@ def judge_compensation(config: Any, state: Any, gains: Any, v_s: Spatial, error:
     ):
         state.given_up, state.open_s = 1, config.longest_s
         state.times += 1
-    if state.given_up != 0:
+    if state.given_up != 0 or not wanted:
         gains.alpha = 0.0
         gains.gamma_k[:] = 0.0
         gains.gamma_d[:] = 0.0
