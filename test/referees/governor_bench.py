@@ -27,7 +27,7 @@ def configuration(case, **changes):
     config = record(buffer, g.GOVERNOR_CONFIG)
     config.mode, config.margin, config.path_margin, config.given_up = Governing.SLOW_DOWN, 0.95, 0.97, 0.985
     config.radius, config.slip_axes[:], config.gravity[:] = case.radius, case.axes, case.gravity
-    config.duration, config.length, config.floor = 2.0, 0.1, 0.05
+    config.duration, config.length, config.floor, config.most_grip = 2.0, 0.1, 0.05, 1.0
     config.most_speed = config.most_turning = 1e3
     config.points_per_cycle, config.window = 25, 1
     e = config.estimate
@@ -50,13 +50,13 @@ def _start(config, state, history, held, R):
 
 @part
 def _before(config, state, grid, held, time, R, twist, acceleration, x_e, R_ee, v_ee, most_rate, dt):
-    at = along(config, time, R, twist, acceleration)
+    at = along(config, config.duration, time, R, twist, acceleration)
     g.run(config, state, grid, held, at, x_e, R_ee, v_ee, most_rate, dt)
 
 
 @part
 def _reference(config, state, time, R, twist, acceleration, out):
-    at = along(config, time, R, twist, acceleration)
+    at = along(config, config.duration, time, R, twist, acceleration)
     v, a = g.governed(state, at)
     put_spatial(out[:6], v)
     put_spatial(out[6:], a)

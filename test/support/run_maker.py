@@ -14,6 +14,8 @@ from slip_bags.writer import BagWriter, WriterOptions
 from slip_bringup.inprocess import ClosedLoop, Tick
 from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
 from slip_core.params import build, flatten
+from slip_core.types import DisplacementSample
+from slip_msgs_py.from_msgs import cartesian_reference, pose_goal
 from slip_vic_controller.node_params import ControllerNodeParams
 from test.support.bag_maker import STORE, encode
 
@@ -22,8 +24,11 @@ TOPICS = {
     "/joint_states": "sensor_msgs/msg/JointState",
     "/wrench": "geometry_msgs/msg/WrenchStamped",
     "/slip_velocity": "geometry_msgs/msg/TwistStamped",
+    "/slip_displacement": "geometry_msgs/msg/PoseStamped",
+    "/slip_flag": "sensor_msgs/msg/JointState",
     "/effort_command": "sensor_msgs/msg/JointState",
     "/controller/ledger": "std_msgs/msg/Int64MultiArray",
+    "/controller/reference_used": "trajectory_msgs/msg/MultiDOFJointTrajectory",
     "/parameter_events": "rcl_interfaces/msg/ParameterEvent",
 }
 NONE = np.zeros(0)
@@ -45,10 +50,11 @@ def record_run(
     attached: Mapping[str, bytes] | None = None,
     change: Any = lambda tick, effort: effort,
     retune: Mapping[int, Mapping[str, float]] | None = None,
+    goals: Mapping[int, Any] | None = None,
 ) -> None:
     """Record a run; `skip` names messages (topic, number) that are lost, `change` alters recorded efforts.
 
-    `retune` gives parameters that change before a tick.
+    `retune` gives parameters that change before a tick, `goals` messages (goals or references) that come before one.
     """
     options = WriterOptions(attachments=attachments(scenario) if attached is None else attached)
     writer = BagWriter(folder, options)
@@ -57,7 +63,12 @@ def record_run(
     for name, type_name in TOPICS.items():
         definition = find_definition(type_name)
         writer.add_topic(TopicInfo(name, type_name, (QosProfile(),), definition.type_hash), definition.text)
-    for index, tick in enumerate(run(scenario, retune or {})):
+    for index, tick in enumerate(run(scenario, retune or {}, goals or {})):
+        if index in (goals or {}):
+            time_ns = 10**18 + index * 10**6 - 6000
+            numbers["/controller/reference_used"] += 1
+            used = numbers["/controller/reference_used"]
+            writer.write("/controller/reference_used", time_ns, time_ns, used, encode(goals[index]))
         if index in (retune or {}):
             time_ns = 10**18 + index * 10**6 - 5000
             numbers["/parameter_events"] += 1
@@ -73,7 +84,22 @@ def record_run(
     writer.close()
 
 
-def run(scenario: Scenario, retune: Mapping[int, Mapping[str, float]]) -> Iterable[Tick]:
+def goal_message(position: Any, quat: Any, duration_s: float, twist: Any = None, stamp_ns: int = 0) -> Any:
+    """Return a MultiDOFJointTrajectory with one point; twist: with acceleration, 12 numbers; None = at rest."""
+    vector, twist_type = TYPES["geometry_msgs/msg/Vector3"], TYPES["geometry_msgs/msg/Twist"]
+    pose = TYPES["geometry_msgs/msg/Transform"](
+        vector(*map(float, position)), TYPES["geometry_msgs/msg/Quaternion"](*map(float, quat))
+    )
+    motion = (
+        [] if twist is None else [twist_type(*_vectors(np.asarray(part, float))) for part in (twist[:6], twist[6:])]
+    )
+    after = TYPES["builtin_interfaces/msg/Duration"](int(duration_s), round(1e9 * (duration_s % 1.0)))
+    point = TYPES["trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"]([pose], motion[:1], motion[1:], after)
+    header = TYPES["std_msgs/msg/Header"](TYPES["builtin_interfaces/msg/Time"](*divmod(stamp_ns, 10**9)), "")
+    return TYPES["trajectory_msgs/msg/MultiDOFJointTrajectory"](header, ["ee"], [point])
+
+
+def run(scenario: Scenario, retune: Mapping[int, Mapping[str, float]], goals: Mapping[int, Any]) -> Iterable[Tick]:
     loop = ClosedLoop(scenario)
     values = flatten(scenario.controller)
     while not loop.bridge.finished:
@@ -81,6 +107,12 @@ def run(scenario: Scenario, retune: Mapping[int, Mapping[str, float]]) -> Iterab
         if outputs.tick in retune:
             values |= retune[outputs.tick]
             loop.controller.retune(build(ControllerNodeParams, values, "test"))
+        if outputs.tick in goals:
+            controller, trajectory = loop.controller, scenario.controller.trajectory
+            if trajectory.kind == "goal":
+                controller.set_goal(pose_goal(goals[outputs.tick], trajectory.duration_s))
+            else:
+                controller.set_reference(cartesian_reference(goals[outputs.tick]))
         result = loop.control(outputs)
         yield Tick(outputs, result)
         loop.bridge.advance(result.command)
@@ -106,6 +138,14 @@ def messages(tick: Tick, scenario: Scenario, change: Any) -> Iterable[tuple[str,
         inner = TYPES["geometry_msgs/msg/Wrench"](*parts)
         yield "/wrench", TYPES["geometry_msgs/msg/WrenchStamped"](_header(wrench.stamp_ns), inner)
     for slip in tick.outputs.slips[0]:
+        if scenario.controller.slip_input == "flag":
+            yield "/slip_flag", _joint_state(slip.stamp_ns, ["slip"], slip.twist[:1], NONE, NONE)
+            continue
+        if isinstance(slip, DisplacementSample):
+            point, quat = TYPES["geometry_msgs/msg/Point"], TYPES["geometry_msgs/msg/Quaternion"]
+            pose = TYPES["geometry_msgs/msg/Pose"](point(*slip.pose[:3].tolist()), quat(*slip.pose[3:].tolist()))
+            yield "/slip_displacement", TYPES["geometry_msgs/msg/PoseStamped"](_header(slip.stamp_ns), pose)
+            continue
         inner = TYPES["geometry_msgs/msg/Twist"](*_vectors(slip.twist))
         yield "/slip_velocity", TYPES["geometry_msgs/msg/TwistStamped"](_header(slip.stamp_ns), inner)
     effort = change(tick, np.array(result.command.effort))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from slip_bringup.scenario import Scenario
 from slip_core.incidents import Incident
-from slip_core.types import EffortCommand
+from slip_core.types import DisplacementSample, EffortCommand
 from slip_sim_bridge.session import BridgeSession, TickOutputs
 from slip_vic_controller.incidents import IncidentWatch
 from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Manifest
@@ -45,7 +45,10 @@ class ClosedLoop:
             for wrench in outputs.wrenches[contact]:
                 controller.add_wrench(contact, wrench)
             for slip in outputs.slips[contact]:
-                controller.add_slip(contact, slip)
+                if isinstance(slip, DisplacementSample):
+                    controller.add_displacement(contact, slip)
+                else:
+                    controller.add_slip(contact, slip)
         controller.add_joint(outputs.joint)
         controller.add_manifest(Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2]))
         result = controller.cycle()
@@ -68,5 +71,7 @@ def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:
         found = (loop.bridge.lost if not lost else None, watch.see(result))
         lost |= found[0] is not None
         yield Tick(outputs, result, tuple(incident for incident in found if incident is not None))
+        if scenario.bridge.grip.control == "follow":
+            loop.bridge.set_grip_force(result.grip)
         on_the_way.append(result.command)
         loop.bridge.advance(on_the_way.popleft())

@@ -11,6 +11,7 @@ from slip_bringup.processes import python_module
 from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
 from slip_core.topics import TOPICS
 
+SLIP_TOPICS = {"slip_velocity": "twist", "slip_displacement": "displacement", "slip_flag": "flag"}
 VERSIONED = (
     "numpy",
     "scipy",
@@ -29,6 +30,13 @@ def recorded_topics(scenario: Scenario) -> list[tuple[str, str]]:
     controller = scenario.controller
     absent = set()
     absent |= {"controller/timing", "bridge/timing"} if controller.mode == "lockstep" else {"lockstep_tick"}
+    absent |= SLIP_TOPICS.keys() - {name for name, kind in SLIP_TOPICS.items() if kind == controller.slip_input}
+    if controller.trajectory.kind != "goal":
+        absent.add("controller/goal")
+    if controller.trajectory.kind not in ("goal", "topic"):
+        absent.add("controller/reference_used")
+    if controller.grip.control != "follow":
+        absent.add("grip_command")
     if not controller.publish_effort_array:
         absent.add("effort_controller/commands")
     return [

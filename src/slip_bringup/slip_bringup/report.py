@@ -26,7 +26,9 @@ NAMES = "xyz"
 def write_report(path: Path, title: str, runs: Mapping[str, RunSeries]) -> None:
     """Write the picture of one or more runs of a scenario."""
     plane, normal = slip_plane(next(iter(runs.values())))
-    figure, axes = plt.subplots(4, 3, figsize=(16, 17), constrained_layout=True)
+    governed = {name: run for name, run in runs.items() if "load_ratio" in run.law}
+    rows = 5 if governed else 4
+    figure, axes = plt.subplots(rows, 3, figsize=(16, 4.25 * rows), constrained_layout=True)
     figure.suptitle(title, fontsize=15)
     for column, axis in enumerate(plane):
         _position(axes[0, column], runs, axis, f"position along {NAMES[axis]} [m]")
@@ -43,6 +45,8 @@ def write_report(path: Path, title: str, runs: Mapping[str, RunSeries]) -> None:
             )
         axes[3, 1].plot(run.law_time, run.law_six("K")[:, 3 + normal], color=COLOURS[name], label=name)
         axes[3, 2].plot(run.law_time, run.law["gate"], color=COLOURS[name], label=name)
+    if governed:
+        _governor(axes[4], governed)
     axes[3, 0].set_title("stiffness K(v_s) [N/m]")
     axes[3, 1].set_title(f"stiffness about {NAMES[normal]} [N m/rad]")
     axes[3, 2].set_title("gate tanh(alpha |v_s|)")
@@ -53,6 +57,21 @@ def write_report(path: Path, title: str, runs: Mapping[str, RunSeries]) -> None:
             axis.set_xlabel("time [s]")
     figure.savefig(path, dpi=90)
     plt.close(figure)
+
+
+def _governor(axes: Any, runs: Mapping[str, RunSeries]) -> None:
+    """Show what the governor does: loads over friction, friction and grip, speed along the path and guard."""
+    parts = (
+        ("load over friction", {"load_ratio": "commanded", "friction_share": "measured", "margin": "may be asked"}),
+        ("friction limit, loads [N]", {"friction_limit": "F^", "load_commanded": "commanded", "grip_force": "grip"}),
+        ("path", {"path_rate": "speed along it", "guard": "guard", "friction_events": "friction learnt, times"}),
+    )
+    for axis, (title, fields) in zip(axes, parts, strict=True):
+        for name, run in runs.items():
+            for (field, what), style in zip(fields.items(), ("-", "--", ":"), strict=True):
+                if field in run.law:
+                    axis.plot(run.law_time, run.law[field], style, color=COLOURS[name], label=f"{name}, {what}")
+        axis.set_title(title)
 
 
 def slip_plane(run: RunSeries) -> tuple[tuple[int, int], int]:

@@ -198,6 +198,7 @@ def _tell_friction(values: dict[str, dict[str, Any]], origin: str) -> None:
     told = {
         "governor.friction_limit": round(bridge.friction.mu_s * bridge.grip.force, 12),
         "governor.torsional_radius": bridge.friction.torsional_radius,
+        "grip.told_force": bridge.grip.force,
     }
     values["controller"] = told | values["controller"]
 

@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any, Final, Literal
+
 from slip_core.params import ParameterModel, parameter
+
+SlipInput = Literal["twist", "displacement", "flag"]
+SLIP_INPUT: Final[Any] = parameter(
+    "twist",
+    "what the slip sensor says. twist: slip velocity on `slip_velocity`; displacement: where the pad is on the object, "
+    "on `slip_displacement`; flag: whether it slips, on `slip_flag`",
+)
 
 
 class SlipSensorModel(ParameterModel):

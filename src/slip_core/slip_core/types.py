@@ -72,19 +72,55 @@ class SlipSample:
 
 
 @dataclass(frozen=True, slots=True, init=False)
+class DisplacementSample:
+    """Slip displacement: pose of the pad as seen from where it took the object, on its axes then {p}.
+
+    pose (7,): position [m] and quaternion x y z w. An invalid sample is published as NaN.
+    """
+
+    stamp_ns: int
+    pose: Array
+    valid: bool = True
+
+    def __init__(self, stamp_ns: int, pose: Array, valid: bool = True) -> None:
+        _set(self, "stamp_ns", stamp_ns)
+        _set(self, "pose", _frozen(pose))
+        _set(self, "valid", valid)
+
+
+@dataclass(frozen=True, slots=True, init=False)
 class CartesianReference:
-    """Desired motion of {ee}: position (3,) [m], rotation (3, 3), twist (6,), acceleration (6,), all {w}."""
+    """Desired motion of {ee}: position (3,) [m], rotation (3, 3), twist (6,), acceleration (6,), all {w}.
+
+    stamp_ns: when it shall be there, on any clock that goes as fast as the joint states'; 0 = when it comes.
+    """
 
     position: Array
     rotation: Array
     twist: Array
     acceleration: Array
+    stamp_ns: int = 0
 
-    def __init__(self, position: Array, rotation: Array, twist: Array, acceleration: Array) -> None:
+    def __init__(self, position: Array, rotation: Array, twist: Array, acceleration: Array, stamp_ns: int = 0) -> None:
+        _set(self, "stamp_ns", stamp_ns)
         _set(self, "position", _frozen(position))
         _set(self, "rotation", _frozen(rotation))
         _set(self, "twist", _frozen(twist))
         _set(self, "acceleration", _frozen(acceleration))
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class PoseGoal:
+    """Where {ee} shall come to rest: position (3,) [m], rotation (3, 3), {w}; duration [s] that is asked for."""
+
+    position: Array
+    rotation: Array
+    duration_s: float
+
+    def __init__(self, position: Array, rotation: Array, duration_s: float) -> None:
+        _set(self, "position", _frozen(position))
+        _set(self, "rotation", _frozen(rotation))
+        _set(self, "duration_s", duration_s)
 
 
 @dataclass(frozen=True, slots=True, init=False)

@@ -69,6 +69,11 @@ def pose(frame_id: str = to_msgs.WORLD) -> Form:
     return Form(lambda stamp_ns, seven: to_msgs.pose_stamped(stamp_ns, seven, frame_id), ("pose",), (7,))
 
 
+def flag() -> Form:
+    """One flag of slip, 1, 0 or NaN; (1,)."""
+    return scalars(("slip",))
+
+
 def odometry() -> Form:
     """The object's pose (7,) in `world` and twist (6,) in its own axes."""
     return Form(to_msgs.odometry, ("pose.pose", "twist.twist"), (7, 6))
@@ -82,6 +87,11 @@ def clock() -> Form:
 def whole_numbers(count: int) -> Form:
     """Whole numbers without stamp."""
     return Form(lambda _, values: to_msgs.int64_array(values), ("data",), (count,), stamp="", whole=True)
+
+
+def number() -> Form:
+    """One number without stamp."""
+    return Form(lambda _, values: to_msgs.float64(values[0]), ("data",), (1,), stamp="")
 
 
 def numbers(count: int) -> Form:

@@ -9,9 +9,13 @@ import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw, readonly
 from slip_core.errors import InputError
-from slip_core.types import CartesianReference, EffortCommand, JointSample, SlipSample
+from slip_core.stamps import NS_PER_S
+from slip_core.types import CartesianReference, DisplacementSample, EffortCommand, JointSample, PoseGoal, SlipSample
 
 Sample = TypeVar("Sample")
+FLAG_UP = 0.5
+WORLD = "world"
+LEAST_NORM = 1e-6
 
 
 def vector6(linear: Any, angular: Any) -> Array:
@@ -116,6 +120,33 @@ def slip_sample(stamp_ns: int, twist: Array) -> SlipSample:
     return SlipSample(stamp_ns, twist, valid=bool(np.isfinite(twist).all()))
 
 
+def displacement_sample(stamp_ns: int, pose: Array) -> DisplacementSample:
+    """Return the slip displacement; invalid where any number is not finite or the quaternion has no length."""
+    valid = bool(np.isfinite(pose).all() and np.linalg.norm(pose[3:]) > LEAST_NORM)
+    return DisplacementSample(stamp_ns, pose, valid)
+
+
+def slip_flag(stamp_ns: int, flags: Array) -> SlipSample:
+    """Return flags of slip as a slip sample: all ones where any is up, zeros where none is.
+
+    What is not known (NaN) is not "no slip": where nothing else is known, or no flag is there, the sample is invalid.
+    """
+    known = flags[np.isfinite(flags)]
+    return SlipSample(stamp_ns, np.full(6, float((known > FLAG_UP).any())), valid=len(known) > 0)
+
+
+def flag_samples(message: Any) -> Callable[[int, Array], SlipSample]:
+    """Check that a JointState has a position per name; return what makes samples of (stamp_ns, positions).
+
+    Raises:
+        InputError: it has not.
+    """
+    if len(message.position) != len(message.name):
+        got = f"{len(message.name)} names, {len(message.position)} positions"
+        raise InputError("slip flag", got=got, expected="one position per name: 1 slips, 0 holds, NaN unknown")
+    return slip_flag
+
+
 def cartesian_reference(message: Any) -> CartesianReference:
     """Return the first point of a MultiDOFJointTrajectory as the desired motion of {ee} in {w}.
 
@@ -138,4 +169,45 @@ def cartesian_reference(message: Any) -> CartesianReference:
         rotation=matrix_from_quat_xyzw(quat),
         twist=twist,
         acceleration=acceleration,
+        stamp_ns=message.header.stamp.sec * NS_PER_S + message.header.stamp.nanosec,
     )
+
+
+def streamed_reference(message: Any) -> CartesianReference:
+    """Return a reference of a stream that is governed.
+
+    Raises:
+        InputError: as `cartesian_reference`, or without the motion that friction must carry, or not finite.
+    """
+    reference, point = cartesian_reference(message), message.points[0]
+    if not point.velocities or not point.accelerations:
+        raise InputError(
+            "reference", got="a pose alone", expected="velocities and accelerations too: the governor needs them",
+            fix="fill them, or send a goal (trajectory.kind goal)",
+        )  # fmt: skip
+    if not all(np.isfinite(part).all() for part in (reference.position, reference.twist, reference.acceleration)):
+        raise InputError("reference", got="numbers that are not finite", expected="finite numbers")
+    return reference
+
+
+def pose_goal(message: Any, duration_s: float) -> PoseGoal:
+    """Return the one point of a MultiDOFJointTrajectory as a goal at rest for {ee} in {w}.
+
+    Its time_from_start is the duration; where that is zero it is `duration_s`.
+
+    Raises:
+        InputError: not one point at rest in {w}, numbers that are not finite, or no positive duration.
+    """
+    if len(message.points) != 1:
+        raise InputError("goal", got=f"{len(message.points)} points", expected="one, with pose and time_from_start")
+    if message.header.frame_id not in ("", WORLD):
+        raise InputError("goal: frame_id", got=message.header.frame_id, expected=WORLD)
+    reference, after = cartesian_reference(message), message.points[0].time_from_start
+    if not np.isfinite(reference.position).all():
+        raise InputError("goal: position", got=reference.position.tolist(), expected="finite numbers")
+    if reference.twist.any() or reference.acceleration.any():
+        raise InputError("goal: velocities", got="a motion", expected="none: a goal is at rest", fix="leave them out")
+    duration = after.sec + 1e-9 * after.nanosec or duration_s
+    if not duration > 0.0:
+        raise InputError("goal: time_from_start", got=f"{duration:g} s", expected="more than 0")
+    return PoseGoal(reference.position, reference.rotation, duration)

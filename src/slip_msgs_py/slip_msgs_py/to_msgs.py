@@ -12,7 +12,7 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist, Twist
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, Header, Int64MultiArray, String
+from std_msgs.msg import Float64, Float64MultiArray, Header, Int64MultiArray, String
 
 from slip_core import poses
 from slip_core.arrays import Array, readonly
@@ -82,6 +82,11 @@ def int64_array(values: Sequence[int]) -> Int64MultiArray:
     return Int64MultiArray(data=[int(v) for v in values])
 
 
+def float64(value: float) -> Float64:
+    """Return one number."""
+    return Float64(data=float(value))
+
+
 def float64_array(values: Any) -> Float64MultiArray:
     """Return numbers without layout."""
     return Float64MultiArray(data=_floats(values))
@@ -110,6 +115,11 @@ def diagnostics(stamp_ns: int, name: str, level: int, message: str, values: Mapp
 def slip_numbers(sample: SlipSample) -> Array:
     """Return the slip velocity (6,) [m/s, rad/s], NaN where the sample is invalid."""
     return sample.twist if sample.valid else _INVALID
+
+
+def flag_numbers(sample: SlipSample) -> Array:
+    """Return the flag of a slip sample (1,): 1, 0, or NaN where it is invalid."""
+    return slip_numbers(sample)[:1]
 
 
 def pose_numbers(position: Array, rotation: Array) -> Array:

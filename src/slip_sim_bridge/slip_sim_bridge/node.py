@@ -94,7 +94,13 @@ class SlipSimBridge(LastResort, Node):
 
         self._send_joint = create_sender(self, "joint_states", forms.joint_state(names))
         self._send_wrench = per_contact("wrench", forms.wrench(frame))
-        self._send_slip = per_contact("slip_velocity", forms.twist(frame))
+        kinds: dict[str, tuple[str, forms.Form, Any]] = {
+            "twist": ("slip_velocity", forms.twist(frame), to_msgs.slip_numbers),
+            "displacement": ("slip_displacement", forms.pose(frame), lambda sample: sample.pose),
+            "flag": ("slip_flag", forms.flag(), to_msgs.flag_numbers),
+        }
+        name, form, self._slip_numbers = kinds[self.params.slip_input]
+        self._send_slip = per_contact(name, form)
         self._send_object = create_sender(self, "object_state", forms.odometry())
         self._send_truth = create_sender(self, "slip_truth", forms.slip_truth())
         self._send_clock = create_sender(self, "/clock", forms.clock())
@@ -118,6 +124,9 @@ class SlipSimBridge(LastResort, Node):
             reliable=self._lockstep,
         )
         create_subscription(self, "grip_force", self._on_grip_force, depth=10, reliable=False)
+        self._commands, self._grips = [0, 0], self.params.grip.control == "follow"
+        if self._grips:
+            create_subscription(self, "grip_command", self._on_grip_command, depth=1000, reliable=self._lockstep)
         for name in self.params.wait_for:
             self._watch_ready(name)
         self.create_service(Trigger, "~/reset", self._on_reset)
@@ -137,7 +146,10 @@ class SlipSimBridge(LastResort, Node):
         if command.stamp_ns != self._stamp_ns:
             return
         if self._lockstep:
-            self._finish_lockstep_tick(command)
+            if self._grips:
+                self._answer_with_grip(efforts=1)
+            else:
+                self._finish_lockstep_tick(command)
         elif self._pacer is not None and len(command.effort):
             self._pacer.answered(time.monotonic())
 
@@ -146,6 +158,18 @@ class SlipSimBridge(LastResort, Node):
             self.session.set_grip_force(float(message.data))
         except InputError as error:
             self._refusals.add("grip_force", error)
+
+    def _on_grip_command(self, message: Any) -> None:
+        self._on_grip_force(message)
+        if self._lockstep:
+            self._answer_with_grip(grips=1)
+
+    def _answer_with_grip(self, efforts: int = 0, grips: int = 0) -> None:
+        """Finish a lockstep tick when both of its commands are there; the grip has no stamp: one belongs to each."""
+        self._commands[0] += efforts
+        self._commands[1] += grips
+        if self._commands[0] == self._commands[1] and self._command is not None:
+            self._finish_lockstep_tick(self._command)
 
     def _on_reset(self, _request: Any, response: Any) -> Any:
         self.session.request_reset()
@@ -324,7 +348,7 @@ class SlipSimBridge(LastResort, Node):
                 send_wrench.send(wrench.stamp_ns, wrench.wrench)
         for send_slip, slips in zip(self._send_slip, outputs.slips, strict=True):
             for slip in slips:
-                send_slip.send(slip.stamp_ns, to_msgs.slip_numbers(slip))
+                send_slip.send(slip.stamp_ns, self._slip_numbers(slip))
         self._send_joint.send(joint.stamp_ns, joint.position, joint.velocity, joint.effort)
         if self._send_tick is not None:
             self._send_tick.send(stamp_ns, (outputs.tick, *split_ns(stamp_ns), *outputs.counts))

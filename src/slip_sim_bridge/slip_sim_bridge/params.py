@@ -7,14 +7,16 @@ from typing import Literal, Self
 from pydantic import model_validator
 
 from slip_core.grasp_params import ArmParams, ContactParams, ObjectParams, Three
+from slip_core.grip_params import GripperModel
 from slip_core.params import ParameterModel, parameter
+from slip_core.sensor_params import SLIP_INPUT, SlipInput
 from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.sensors.params import SensorsParams
 
 _CLOCK_TICKS_PER_S = 1_000_000_000
 
 
-class GripParams(ParameterModel):
+class GripParams(GripperModel):
     """The gripper's squeeze."""
 
     force: float = parameter(
@@ -23,6 +25,9 @@ class GripParams(ParameterModel):
         unit="N",
         runtime=True,
         ge=0.0,
+    )
+    force_rate: float = parameter(
+        1e6, "largest change of the simulated grip force with time, whatever is commanded", unit="N/s", gt=0.0
     )
     pad_size: tuple[float, ...] = parameter(
         (0.2, 0.2),
@@ -83,6 +88,7 @@ class BridgeParams(ArmParams):
     mode: Literal["lockstep", "realtime"] = parameter(
         "lockstep", "lockstep waits for the command of each stamp; realtime is paced by the wall clock"
     )
+    slip_input: SlipInput = SLIP_INPUT
     backend: Literal["implicit", "native"] = parameter(
         "implicit", "friction by limit-surface projection, or MuJoCo's own contacts as a cross check"
     )

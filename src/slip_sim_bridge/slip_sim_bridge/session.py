@@ -5,14 +5,14 @@ The node and the in-process loop run this same class.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from slip_core.arrays import Array, readonly
 from slip_core.incidents import Incident
 from slip_core.stamps import seconds_to_ns
-from slip_core.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
+from slip_core.types import EffortCommand, JointSample, ObjectTruth, WrenchSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.params import SensorsParams
 from slip_sim_bridge.sensors.suite import SensorSuite
@@ -24,6 +24,7 @@ NO_EFFORT = readonly(np.zeros(0))
 class TickOutputs(NamedTuple):
     """What the bridge publishes at one tick; wrenches and slips per contact, those that are due now, oldest first.
 
+    slips: as `slip_input` says slip velocities, flags (all ones or zeros), or displacements.
     counts: per contact, wrench and slip samples published so far: what a lockstep controller waits for.
     readings: what the sensors were shown.
     """
@@ -32,7 +33,7 @@ class TickOutputs(NamedTuple):
     stamp_ns: int
     joint: JointSample
     wrenches: tuple[tuple[WrenchSample, ...], ...]
-    slips: tuple[tuple[SlipSample, ...], ...]
+    slips: tuple[tuple[Any, ...], ...]
     counts: tuple[int, ...]
     readings: Readings
 
@@ -109,7 +110,10 @@ class BridgeSession:
             self._sensors.reset()
         sensors, readings = self._sensors, self.simulation.observe()
         wrenches = tuple(sensors.wrench.update(readings.wrench))
-        slips = tuple(sensors.slip.update(readings.slip))
+        if sensors.displacement is None:
+            slips: tuple[Any, ...] = tuple(sensors.slip.update(readings.slip))
+        else:
+            slips = tuple(sensors.displacement.update(readings.truth))
         self._wrench_count += len(wrenches)
         self._slip_count += len(slips)
         counts = self._wrench_count, self._slip_count

@@ -11,6 +11,7 @@ from slip_core.arrays import Array, readonly
 from slip_core.compiled import IN1, INT, OUT1, REAL, kernel
 from slip_core.errors import InputError
 from slip_core.types import JointSample, ObjectTruth, SlipSample, WrenchSample
+from slip_sim_bridge.gripper import Gripper
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError, Plant, ReadOut
 from slip_sim_bridge.plant.loose import LoosePlant
@@ -74,7 +75,7 @@ class GraspSimulation:
         self._limit = self._grasping.effort_limit
         self._at = ReadOut(len(self._limit))
         self._period_ns = params.control_period_ns
-        self._grip = params.grip.force
+        self._gripper = Gripper(params.grip, params.control_period_s)
         self._stamp_ns = 0
         self._hold_posture: Array | None = None
         self._applied = np.zeros_like(self._limit)
@@ -113,17 +114,15 @@ class GraspSimulation:
     @property
     def grip_force(self) -> float:
         """Normal force of the friction limit, summed over both pads [N]."""
-        return self._grip
+        return self._gripper.force
 
     def set_grip_force(self, force: float) -> None:
-        """Set the normal force of the friction limit from the next step on; [N], sum over both pads.
+        """Ask the gripper for a normal force of the friction limit from the next step on; [N], sum over both pads.
 
         Raises:
             InputError: where it is negative or not finite.
         """
-        if not math.isfinite(force) or force < 0.0:
-            raise InputError("grip force", got=force, expected="a finite number >= 0")
-        self._grip = float(force)
+        self._gripper.command(force)
 
     def step(self, effort: Array | None, largest_change: float | None = None) -> None:
         """Advance one control period under `effort`; (n,) [N m], clipped to the URDF's limits; None holds the arm.
@@ -155,9 +154,10 @@ class GraspSimulation:
             raise DivergenceError("simulation diverged: no finite effort holds the arm; reset it")
         self._saturated = outcome == CLIPPED
         applied.setflags(write=False)
+        self._gripper.step()
         if self.loss is None:
             self._look_at_contact()
-        self.plant.advance(applied, self._grip)
+        self.plant.advance(applied, self._gripper.force)
         self._diverged = False
         self._applied = applied
         self._stamp_ns += self._period_ns
@@ -166,7 +166,7 @@ class GraspSimulation:
         """Put arm, object, grip and friction back to the start; time goes on by one control period."""
         self.plant, self.loss = self._grasping, None
         self._grasping.reset(self.params.grip.force)
-        self._grip = self.params.grip.force
+        self._gripper.put(self.params.grip.force)
         self._stamp_ns += self._period_ns
         self._start()
 
@@ -188,7 +188,7 @@ class GraspSimulation:
     def _look_at_contact(self) -> None:
         """Let the object fall where nothing holds it any more."""
         x, y = self._grasping.gripped_at
-        if self._grip <= 0.0:
+        if self._gripper.force <= 0.0:
             how = "the grip is zero"
         elif abs(x) > self._edge[0] or abs(y) > self._edge[1]:
             how = f"it has slid over the pad's edge, {1e3 * math.hypot(x, y):.0f} mm from where it was gripped"

@@ -68,7 +68,7 @@ def receive_slip(
     c, s = record(config, CONFIG), record(state[:STATE_SIZE], STATE)
     fault = receive_vector(c.slip, s.slip_inputs[contact], stamp_ns, twist, valid, refused, now_ns, s.joint)
     if contact == 0 and fine(fault):
-        queue_slip(s.queue, stamp_ns, twist)
+        queue_slip(s.queue, stamp_ns - c.cycle.slip_delay_ns, twist)
     return fault
 
 

@@ -10,9 +10,10 @@ import numpy as np
 from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.records import new, record
-from slip_core.sensor_params import SlipSensorModel
 from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.cycle import CONFIG
+from slip_vic_controller.interface_params import GripParams
+from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import INTERNAL_BOUND, ROUNDING, internal_gain_limit
 from slip_vic_controller.law.gains import gain_report, make_law_gains
 from slip_vic_controller.law.law import LAW_CONFIG, make_law_config
@@ -34,8 +35,11 @@ LEAST_SHARE, TRUST = 0.02, 0.5
 PATH_LENGTH_M, PATH_FLOOR_M_S = 0.1, 0.05
 """Time-optimal: length that makes turning a way, and the speed at which the path goes on where it turns back."""
 POINTS_PER_CYCLE = 25
+SAMPLES_AHEAD = 16
+"""Samples of a governed stream in the time that it is looked ahead; closer ones are thinned."""
 LEAST_SLIP_M_S, NOISE_DEVIATIONS = 5e-5, 6.0
 """What counts as slip: a speed, and so many standard deviations of a sample."""
+NEVER_FROZEN_NS = 2**62
 QUIET_S = 0.05
 """Without slip for so long, it holds again."""
 FALL_SHARE = 1.0 / 3.0
@@ -65,13 +69,19 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
         _copy(config, "observer", observer_config(params), OBSERVER_CONFIG)
     safety = params.safety
     _fill_cycle(config.cycle, params, len(robot.joint_names))
-    _fill_inputs(config, safety.inputs, params.slip_sensor, robot, lockstep=lockstep)
+    _fill_inputs(config, params, robot, lockstep=lockstep)
     _fill_modes(config, params)
     _fill_limits(config, safety, robot, params.control_period_s)
     _fill_drop(config.drop, params)
     _fill_hold(config.hold, params, len(robot.joint_names))
     _fill_governor(config.governor, params)
     _fill_giving_up(config, params)
+    config.stream.on = int(governed_stream(params))
+    config.stream.preview_s = params.governor.preview_s
+    config.stream.spacing_s = params.governor.preview_s / SAMPLES_AHEAD
+    _fill_goals(config.goals, params)
+    _fill_grip(config.grip, params.grip)
+    fill_wrench_sensor(config.wrench_sensor, params, robot)
     buffer.setflags(write=False)
     return buffer
 
@@ -90,6 +100,16 @@ def _check_internal_gain(params: ControllerParams) -> None:
             got=gains.kappa,
             expected=f"at most {most:.6g}: kappa gains.pad_stiffness period^2 / gains.inertia below {INTERNAL_BOUND}",
         )
+
+
+def governed_stream(params: ControllerParams) -> bool:
+    """Return whether references come by topic and are governed."""
+    return params.trajectory.kind == "topic" and params.governor.mode != "off"
+
+
+def gate_shut(params: ControllerParams) -> bool:
+    """Return whether the law takes the object as held, whatever the slip sensor says: what it says is no speed."""
+    return params.slip_input == "flag" or params.grip.control == "follow"
 
 
 def _copy(config: Any, name: str, buffer: Array, layout: np.dtype[np.void]) -> None:
@@ -118,10 +138,13 @@ def _fill_cycle(cycle: Any, params: ControllerParams, joints: int) -> None:
     cycle.corrects_follow = int(params.observer.correct_follow)
     cycle.dead_band_linear, cycle.dead_band_angular = dead_band.dead_band_linear, dead_band.dead_band_angular
     cycle.pad_stiffness = params.gains.pad_stiffness
+    cycle.slip_delay_ns, cycle.gate_shut = seconds_to_ns(params.slip_delay_s), int(gate_shut(params))
+    cycle.leaves_gravity = int(params.effort.gravity == "robot_compensates")
     cycle.k_s_adapts, cycle.k_s_margin = int(params.gains.k_s_mode != "fixed"), params.gains.k_s_margin
 
 
-def _fill_inputs(config: Any, inputs: InputParams, sensor: SlipSensorModel, robot: Robot, *, lockstep: bool) -> None:
+def _fill_inputs(config: Any, params: ControllerParams, robot: Robot, *, lockstep: bool) -> None:
+    inputs = params.safety.inputs
     n, joint, limits = len(robot.joint_names), inputs.joint, config.joint
     limits.lower[:n], limits.upper[:n] = (
         robot.position_lower - joint.position_slack,
@@ -131,18 +154,29 @@ def _fill_inputs(config: Any, inputs: InputParams, sensor: SlipSensorModel, robo
     limits.jump, limits.clock_jump_ns = joint.jump, round(inputs.clock_jump_s * 1e9)
     limits.age_ns, limits.frozen_ns = round(joint.age_s * 1e9), round(joint.frozen_s * 1e9)
     limits.accept_after = 1 if lockstep else inputs.accept_after
-    _fill_vector(config.wrench, inputs, inputs.wrench, (inputs.wrench.force, inputs.wrench.torque), zero_is_normal=0)
-    _fill_vector(config.slip, inputs, inputs.slip, (inputs.slip.linear, inputs.slip.angular), zero_is_normal=1)
-    if sensor.quantum_linear > 0.0:  # a slip that changes by less than a quantum reads the same
+    wrench, slip = inputs.wrench, inputs.slip
+    zero_after = params.wrench.zero_after
+    _fill_vector(config.wrench, inputs, wrench, (wrench.force, wrench.torque), zero_is_normal=0, zero_after=zero_after)
+    _fill_vector(config.slip, inputs, slip, (slip.linear, slip.angular), zero_is_normal=1)
+    if params.slip_sensor.quantum_linear > 0.0:  # a slip that changes by less than a quantum reads the same
         config.slip.frozen_ns *= QUANTISED_REPEATS
+    if params.slip_input == "flag":  # it may stay up, and no speed of it can contradict the wrench
+        config.slip.frozen_ns = NEVER_FROZEN_NS
 
 
 def _fill_vector(
-    limits: Any, inputs: InputParams, params: WatchParams, largest: tuple[float, float], *, zero_is_normal: int
+    limits: Any,
+    inputs: InputParams,
+    params: WatchParams,
+    largest: tuple[float, float],
+    *,
+    zero_is_normal: int,
+    zero_after: int = 0,
 ) -> None:
     limits.age_ns, limits.frozen_ns = round(params.age_s * 1e9), round(params.frozen_s * 1e9)
     limits.future_ns, limits.zero_is_normal = round(inputs.future_s * 1e9), zero_is_normal
     limits.linear, limits.angular = largest
+    limits.zero_after = zero_after
 
 
 def _fill_modes(config: Any, params: ControllerParams) -> None:
@@ -179,7 +213,7 @@ def _fill_drop(drop: Any, params: ControllerParams) -> None:
         drop.down[:] = np.array(params.gravity) / g
     drop.drop_speed = safety.load.drop_speed
     drop.error_linear, drop.error_angular = safety.limits.error_linear, safety.limits.error_angular
-    drop.evidence = safety.fallback.evidence
+    drop.evidence = math.inf if gate_shut(params) else safety.fallback.evidence
 
 
 def _fill_hold(hold: Any, params: ControllerParams, joints: int) -> None:
@@ -191,9 +225,24 @@ def _fill_hold(hold: Any, params: ControllerParams, joints: int) -> None:
     hold.weight[:] = hold.mass * np.array(params.gravity)
 
 
+def _fill_goals(goals: Any, params: ControllerParams) -> None:
+    goals.on = int(params.trajectory.kind == "goal")
+    if params.governor.mode == "off":  # the governor slows down what is too fast; without it such a goal is refused
+        limits = params.safety.limits
+        goals.most_speed = BRAKED_FROM * limits.speed_linear
+        goals.most_turning = BRAKED_FROM * limits.speed_angular
+
+
+def _fill_grip(grip: Any, given: GripParams) -> None:
+    grip.follow, grip.told, grip.most = int(given.control == "follow"), given.told_force, given.force_limit
+    grip.rate, grip.lag_s, grip.preview_s, grip.margin = (
+        given.command_rate, given.lag_s, given.preview_s, given.margin
+    )  # fmt: skip
+
+
 def _fill_governor(governor: Any, params: ControllerParams) -> None:
     given, path, sensor, limits = params.governor, params.trajectory, params.slip_sensor, params.safety.limits
-    governed = path.kind not in ("hold", "topic")
+    governed = path.kind != "hold"
     governor.mode = Governing[given.mode.upper()] if governed else Governing.OFF
     governor.margin, governor.path_margin, governor.given_up = given.margin, PATH_MARGIN, GIVEN_UP
     governor.radius, governor.slip_axes[:] = given.torsional_radius, params.contacts.slip_axes[:6]
@@ -201,6 +250,7 @@ def _fill_governor(governor: Any, params: ControllerParams) -> None:
     last = path.waypoint_times_s[-1] if path.kind == "waypoints" and path.waypoint_times_s else path.duration_s
     governor.duration, governor.length, governor.floor = last, PATH_LENGTH_M, PATH_FLOOR_M_S
     governor.most_speed, governor.most_turning = BRAKED_FROM * limits.speed_linear, BRAKED_FROM * limits.speed_angular
+    governor.most_grip = params.grip.force_limit / params.grip.told_force if params.grip.control == "follow" else 1.0
     governor.points_per_cycle = POINTS_PER_CYCLE
     governor.window = min(max(1, round(given.window_s / params.control_period_s)), MAX_WINDOW)
     estimate = governor.estimate

@@ -19,17 +19,20 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import REAL, WHOLE, layout, record
-from slip_core.vectors import IDENTITY, ZERO, mat, put, put_mat, put_spatial, spatial, vec
+from slip_core.vectors import IDENTITY, ZERO, Spatial, mat, put, put_mat, put_spatial, spatial, vec
 from slip_vic_controller.governing import (
     GOVERNED,
     begin_governing,
+    follow_goal,
     govern,
     governed_reference,
     guard,
     held,
     put_governed,
     rest_on_path,
+    screen,
 )
+from slip_vic_controller.interfaces import WRENCH_SENSOR, wrench_at_pad
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.bounds import held_sample_limit, internal_gain_limit
 from slip_vic_controller.law.contact import (
@@ -49,10 +52,13 @@ from slip_vic_controller.law.symbols import ESTIMATE, SYMBOLS, no_symbols, symbo
 from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE
 from slip_vic_controller.observer.observer import observe, reset
 from slip_vic_controller.reference.friction_estimate import LOAD_HISTORY
+from slip_vic_controller.reference.goals import GOAL, GOALS, rest_at
 from slip_vic_controller.reference.governor import GOVERNOR, GOVERNOR_CONFIG
+from slip_vic_controller.reference.grip import GRIP, GRIP_CONFIG, start_grip
 from slip_vic_controller.reference.path_grid import PATH_GRID, Governing
 from slip_vic_controller.reference.path_scaling import PATH_SCALING, advance, lost_ns, scaled
 from slip_vic_controller.reference.paths import PATH, REFERENCE, Reference, put_reference, reference_at
+from slip_vic_controller.reference.stream import STREAM, STREAM_CONFIG
 from slip_vic_controller.safety.arbitration import (
     ARBITRATION,
     HEALTH,
@@ -118,16 +124,19 @@ from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS, NEVER
 CYCLE_CONFIG = layout(
     period_ns=WHOLE, bridge_ns=WHOLE, late_ns=WHOLE, slow_down_s=REAL, joint_damping=REAL, start_s=REAL,
     posture_given=WHOLE, posture=(REAL, MAX_JOINTS), has_observer=WHOLE, corrects_follow=WHOLE, dead_band_linear=REAL,
-    dead_band_angular=REAL, k_s_adapts=WHOLE, k_s_margin=REAL, pad_stiffness=REAL,
+    dead_band_angular=REAL, k_s_adapts=WHOLE, k_s_margin=REAL, pad_stiffness=REAL, slip_delay_ns=WHOLE, gate_shut=WHOLE,
+    leaves_gravity=WHOLE,
 )  # fmt: skip
 """bridge_ns: gap of good joint states that is bridged; late_ns: what is too late for the law, 0 = nothing;
 slow_down_s: time in which the path comes to rest; start_s: of the trajectory; k_s_adapts: whether k_s follows the
-measured delays; pad_stiffness: for the bound on kappa [N/m]."""
+measured delays; pad_stiffness: for the bound on kappa [N/m]; slip_delay_ns: by which the stamps of slip samples are too
+late; gate_shut: whether the law takes the object as held; leaves_gravity: whether the arm carries its own weight."""
 
 CONFIG = layout(
     law=LAW_CONFIG, gains=LAW_GAINS, giving_up=GIVING_UP, path=PATH, observer=OBSERVER_CONFIG, cycle=CYCLE_CONFIG,
     joint=JOINT_LIMITS, wrench=VECTOR_LIMITS, slip=VECTOR_LIMITS, modes=MODE_POLICY, arbitration=ARBITRATION,
     drop=DROP_DETECTION, motion=MOTION_LIMITS, effort=EFFORT_LIMITS, hold=HOLD_CONFIG, governor=GOVERNOR_CONFIG,
+    wrench_sensor=WRENCH_SENSOR, grip=GRIP_CONFIG, goals=GOALS, stream=STREAM_CONFIG,
 )  # fmt: skip
 """All that does not change while the controller runs."""
 
@@ -146,9 +155,11 @@ STATE = layout(
     wrench_inputs=(VECTOR_INPUT, MAX_CONTACTS), slip_inputs=(VECTOR_INPUT, MAX_CONTACTS), queue=SLIP_QUEUE,
     reference_known=WHOLE, reference=REFERENCE, mode=MODE, since=SINCE, observed=OBSERVED, latency=LATENCY,
     limiter=LIMITER, hold=HOLD, path=PATH_SCALING, tuned=RAMP, law=LAW_STATE, observer=OBSERVER,
-    governor=GOVERNOR, grid=PATH_GRID, loads=LOAD_HISTORY,
+    governor=GOVERNOR, grid=PATH_GRID, loads=LOAD_HISTORY, grip=GRIP,
+    taken=WHOLE, goal=GOAL, stream=STREAM,
 )  # fmt: skip
-"""Everything that is remembered between cycles; the observer's history of ticks and samples follows in the buffer."""
+"""Everything that is remembered between cycles; taken: how many references or goals have come. The observer's history
+of ticks and samples follows in the buffer."""
 
 STATE_SIZE = STATE.itemsize // 8
 
@@ -156,20 +167,20 @@ INPUTS = layout(now_ns=WHOLE, request=WHOLE, missing=WHOLE, health_given=WHOLE, 
 """now_ns: the controller's clock; missing: bits of what else is missing; health: of the inputs where it is given, by a
 replay; arm: at the joint state that is answered."""
 
-LEDGER = 3 + 4 * MAX_CONTACTS + 5
+LEDGER = 3 + 4 * MAX_CONTACTS + 5 + 1
 OUTPUTS = layout(
     answered=WHOLE, evaluated=WHOLE, ok=WHOLE, ledger=(WHOLE, LEDGER), effort=(REAL, MAX_JOINTS),
-    limited=(WHOLE, MAX_JOINTS), saturated=(WHOLE, MAX_JOINTS), health=HEALTH, mode=MODE,
+    limited=(WHOLE, MAX_JOINTS), saturated=(WHOLE, MAX_JOINTS), grip=REAL, health=HEALTH, mode=MODE,
     path_scale=REAL, governor=GOVERNED, wanted=(REAL, MAX_JOINTS),
     samples=(CONTACT_SAMPLE, MAX_CONTACTS), slips=(SLIP, MAX_CONTACTS), follow_error=(REAL, 6), gains=LAW_GAINS,
     reference=REFERENCE, motion=MOTION, law=EVALUATION, estimate=ESTIMATE,
 )  # fmt: skip
 """What a cycle gives. answered: 0 = no effort, something is missing; evaluated: `law` holds; ok: the law's effort went
-out; effort [N m]; limited: joints at the rate limit; wanted: before limit avoidance.
+out; effort [N m]; grip: commanded [N]; limited: joints at the rate limit; wanted: before limit avoidance.
 
 ledger: all that the cycle depends on: its number, stamp of the joint state, then stamps of the newest wrench and slip
-velocity of each contact (none where they were not used); behind them the controller's clock, mode, health, request.
-Times are seconds and nanoseconds."""
+velocity of each contact (none where they were not used); behind them the controller's clock, mode, health, request, and
+how many references or goals have been taken. Times are seconds and nanoseconds."""
 
 
 @part
@@ -189,6 +200,7 @@ def _begin(c: Any, s: Any, i: Any, o: Any, stamp_ns: int) -> None:
         clear_since(s.since)
         forget(s.observed, NEVER)
         s.path.scale, s.path.rate = 1.0, 0.0
+        start_grip(c.grip, s.grip)
     o.answered, o.evaluated = 0, 0
     if i.health_given != 0:
         o.health = i.health
@@ -207,13 +219,15 @@ def _put_time(ledger: Array, at: int, time_ns: int) -> None:
 def _end(c: Any, s: Any, i: Any, o: Any) -> None:
     """Write mode and the end of the ledger."""
     o.mode = s.mode
-    o.path_scale = s.path.scale
+    o.path_scale, o.grip = s.path.scale, s.grip.command
     put_governed(c, s, o.governor)
     at, h = 3 + 4 * c.law.contacts, o.health
     _put_time(o.ledger, at, i.now_ns)
     o.ledger[at + 2] = s.mode.mode
     o.ledger[at + 3] = h.joint | h.wrench << 8 | h.slip << 16 | h.outside << 24
-    o.ledger[at + 4] = i.request
+    o.ledger[at + 4], o.ledger[at + 5] = i.request, s.taken
+    if not follows(s.mode.mode):
+        screen(c, s, False)
 
 
 @part
@@ -271,6 +285,10 @@ def begin_law(c: Any, s: Any, i: Any, o: Any) -> None:
     law.ramp.begin_ns = sample.stamp_ns
     if c.cycle.has_observer != 0:
         reset(c.observer, s.observer, sample.stamp_ns, i.arm.twist)
+    if c.stream.on != 0:
+        rest_on_path(c, s, i.arm)
+    if c.goals.on != 0:
+        rest_at(s.goal, Reference(vec(i.arm.position), mat(i.arm.rotation), Spatial(ZERO, ZERO), Spatial(ZERO, ZERO)))
     if c.governor.mode != Governing.OFF:
         gains_at(law.ramp, sample.stamp_ns, o.gains)
         begin_governing(c, s, i.arm, o.gains)
@@ -333,7 +351,7 @@ def _answer(c: Any, s: Any, history: Array, i: Any, o: Any, decision: Decision) 
         forget(s.observed, s.observed.blind_since_ns)
         if c.cycle.has_observer != 0:
             reset(c.observer, s.observer, sample.stamp_ns, i.arm.twist)  # what it knew is void
-        rest_on_path(c, s)
+        rest_on_path(c, s, i.arm)
     _follow(c, s, history, i, o, decision.level)
 
 
@@ -395,7 +413,7 @@ def _hold(c: Any, s: Any, i: Any, o: Any, wrench_good: bool) -> None:
     if c.law.contacts > 1:  # the levers of several shares of the weight cancel, as far as they can
         r = mean_arm(c.law, c.gains, law.slips)
     if wrench_good:
-        measured = spatial(s.wrench_inputs[0].values)
+        measured = wrench_at_pad(c.wrench_sensor, s.wrench_inputs[0].values, mat(i.arm.rotation))
         update_load_error(c.hold, s.hold, i.arm, r, measured, dt_ns * 1e-9)
     hold_effort(c.hold, s.hold, i.arm, sample, pad, r, s.latency.most_ns * 1e-9, o.wanted)
     if not (s.mode.reason.cause == Cause.FALLS and s.mode.reason.prefix == 0):
@@ -436,6 +454,7 @@ def _follow(c: Any, s: Any, history: Array, i: Any, o: Any, level: int) -> None:
     """Let the law work, along the path as fast as errors and the degradation level allow."""
     law, sample, n = s.law, s.joint.answers, c.law.joints
     dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
+    screen(c, s, True)
     stops = level == Level.SLOWING or s.since.stopping_ns != NEVER
     wanted = 0.0 if stops else s.observed.path_speed
     governed = c.governor.mode != Governing.OFF
@@ -479,6 +498,9 @@ def evaluate_law(c: Any, s: Any, history: Array, i: Any, o: Any, slip_unknown: b
         o.samples[k].slip_twist[:] = s.slip_inputs[k].values
         if slip_unknown:
             o.samples[k].slip_twist[:] = 0.0
+    put_spatial(
+        o.samples[0].wrench, wrench_at_pad(c.wrench_sensor, s.wrench_inputs[0].values, mat(i.arm.rotation))
+    )  # fmt: skip
     if slip_unknown:
         s.queue.count = 0
     gains_at(law.ramp, law.stamp_ns, o.gains)
@@ -501,6 +523,9 @@ def evaluate_law(c: Any, s: Any, history: Array, i: Any, o: Any, slip_unknown: b
         _adapt_slip_gain(c, s, o)
     if o.gains.gains.kappa != 0.0:
         _limit_internal_gain(c, s, o)
+    if c.cycle.gate_shut != 0:
+        for k in range(contacts):
+            o.samples[k].slip_twist[:] = 0.0
     dt = (sample.stamp_ns - law.stamp_ns) * 1e-9
     governed = c.governor.mode != Governing.OFF
     if governed:
@@ -556,6 +581,8 @@ def _reference(c: Any, s: Any, o: Any) -> bool:
         )  # fmt: skip
     elif c.governor.mode != Governing.OFF:
         desired = governed_reference(c, s)
+    elif c.goals.on != 0:
+        desired = follow_goal(c, s)
     else:
         t = (s.joint.answers.stamp_ns - law.start_ns) * 1e-9 - c.cycle.start_s
         desired = reference_at(c.path, t, law.start_position, law.start_rotation)
@@ -589,6 +616,8 @@ def _finish(c: Any, s: Any, i: Any, o: Any, q: Array, qd: Array, felt: Array, la
     saturated = 0
     for j in range(n):
         o.effort[j] = s.limiter.effort[j]
+        if c.cycle.leaves_gravity != 0:
+            o.effort[j] -= s.law.gravity[j]
         o.saturated[j] = 1 if clipped[j] != 0 or (law_at_work and o.law.saturated[j] != 0) else 0
         saturated += o.saturated[j]
     if saturated == 0:

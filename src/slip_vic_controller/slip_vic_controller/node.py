@@ -20,7 +20,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from slip_core.errors import InputError, SlipVicError
 from slip_core.resources import read_text
 from slip_core.topics import contact_topic
-from slip_core.types import JointSample, SlipSample, WrenchSample
+from slip_core.types import DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_msgs_py import forms, from_msgs, to_msgs
 from slip_msgs_py.endpoint_matching import EndpointMatching
 from slip_msgs_py.events import Done, Ready, emit
@@ -31,6 +31,8 @@ from slip_msgs_py.node_main import memory_mib, run_node
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare
+from slip_vic_controller.config import governed_stream
+from slip_vic_controller.goal_interface import GoalInterface
 from slip_vic_controller.mode_interface import ModeInterface
 from slip_vic_controller.node_params import ControllerNodeParams
 from slip_vic_controller.publishing import DiagnosticsPublisher, StatePublisher, TimingPublisher
@@ -200,14 +202,24 @@ class SlipVicController(LastResort, LifecycleNode):
             if self.params.publish_effort_array
             else None
         )
-        self._send_ledger = create_sender(self, "controller/ledger", forms.whole_numbers(3 + 4 * contacts + 5))
+        self._send_grip = (
+            create_sender(self, "grip_command", forms.number()) if self.params.grip.control == "follow" else None
+        )
+        numbers = 3 + 4 * contacts + 5 + self.session.controller.external
+        self._send_ledger = create_sender(self, "controller/ledger", forms.whole_numbers(numbers))
         self._state_publisher = StatePublisher(self, self.params.control_period_s, in_background=not self._lockstep)
         self._pub_ready = create_publisher(self, "controller/ready")
         self._diagnostics = DiagnosticsPublisher(self, self.params.diagnostics.decimation)
         self._timing = None if self._lockstep else TimingPublisher(self, self.params, self._diagnostics.status)
         inputs = self._create_inputs()
+        self._goals: GoalInterface | None = None
+        if self.session.controller.external:
+            self._used = create_publisher(self, "controller/reference_used")
         if self.session.reference_from_topic:
             create_subscription(self, "reference", self._on_reference, depth=10, reliable=False)
+        elif self.session.controller.external:
+            duration_s = self.params.trajectory.duration_s
+            self._goals = GoalInterface(self, self.session, self._refusals, self._used, duration_s)
         self._mode = ModeInterface(self, self.session, self._refusals, self._diagnostics.status)
         self._mode.watch(self._send_effort.publisher.topic_name, inputs)
         if not self._lockstep:
@@ -219,6 +231,8 @@ class SlipVicController(LastResort, LifecycleNode):
                 (self._send_effort.publisher, self.params.expected_subscribers),
                 (self._send_ledger.publisher, self.params.expected_subscribers - 1),
                 (self._state_publisher.publisher, self.params.expected_subscribers - 1),
+                *([(self._send_grip.publisher, self.params.expected_subscribers)] if self._send_grip else []),
+                *([(self._used, self.params.expected_subscribers - 1)] if self.session.controller.external else []),
                 *((publisher, self.params.expected_subscribers - 1) for publisher in published),
             ],
             subscriptions=inputs,
@@ -249,11 +263,10 @@ class SlipVicController(LastResort, LifecycleNode):
         learn: Any = partial(from_msgs.joint_samples, order=order)
         inputs = [receive("joint_states", fields, learn, self._on_joint_state, depth=depth)]
         for contact in range(self.session.contacts):
-            for name, field, make, deliver, keep in (
-                ("wrench", "wrench", WrenchSample, self._on_wrench, depth),
-                ("slip_velocity", "twist", from_msgs.slip_sample, self._on_slip, SLIP_DEPTH),
+            for name, field, learn, deliver, keep in (
+                ("wrench", "wrench", self._in_frame(WrenchSample, contact), self._on_wrench, depth),
+                (*self._slip_input(contact), SLIP_DEPTH),
             ):
-                learn = partial(from_msgs.in_frame, frame=self.params.ee_frame, make=make)
                 actual = contact_topic(name, contact)
                 inputs.append(receive(name, (field,), learn, partial(deliver, contact), depth=keep, actual_name=actual))
         if self._lockstep:
@@ -261,6 +274,19 @@ class SlipVicController(LastResort, LifecycleNode):
                 receive("lockstep_tick", ("data",), lambda _: _manifest, self._on_tick, depth=depth, stamp="")
             )
         return inputs
+
+    def _in_frame(self, make: Any, contact: int = -1) -> Any:
+        """Return what checks the frame of a message: the own wrench's, or that of the pad."""
+        frame = self.params.wrench.frame if contact == 0 else ""
+        return partial(from_msgs.in_frame, frame=frame or self.params.ee_frame, make=make)
+
+    def _slip_input(self, contact: int) -> tuple[str, str, Any, Any]:
+        """Return topic, field, reader and callback of what the slip sensor says."""
+        if self.params.slip_input == "displacement":
+            return "slip_displacement", "pose", lambda _: from_msgs.displacement_sample, self._on_displacement
+        if self.params.slip_input == "flag":
+            return "slip_flag", "position", from_msgs.flag_samples, self._on_slip
+        return "slip_velocity", "twist", self._in_frame(from_msgs.slip_sample), self._on_slip
 
     # -- callbacks ---------------------------------------------------------------------------------
 
@@ -278,15 +304,24 @@ class SlipVicController(LastResort, LifecycleNode):
         if self._lockstep:
             self._cycle()
 
+    def _on_displacement(self, contact: int, sample: DisplacementSample) -> None:
+        self.session.add_displacement(contact, sample, self._now_ns())
+        if self._lockstep:
+            self._cycle()
+
     def _on_tick(self, manifest: Manifest) -> None:
         self.session.add_manifest(manifest)
         self._cycle()
 
     def _on_reference(self, message: Any) -> None:
         try:
-            self.session.set_reference(from_msgs.cartesian_reference(message))
+            read = from_msgs.streamed_reference if governed_stream(self.params) else from_msgs.cartesian_reference
+            reference = read(message)
         except InputError as error:
             self._refusals.add("reference", error)
+            return
+        self._used.publish(message)
+        self.session.set_reference(reference)
 
     # -- running -----------------------------------------------------------------------------------
 
@@ -310,6 +345,8 @@ class SlipVicController(LastResort, LifecycleNode):
         if self._peers is None:
             return  # answers a message that was on its way to us when the topics were removed
         command, joint = result.command, result.joint
+        if self._send_grip is not None:
+            self._send_grip.send(command.stamp_ns, (result.grip,))
         # Positions and velocities beside the effort, so that viewers draw the robot where it is.
         self._send_effort.send(command.stamp_ns, joint.position, joint.velocity, command.effort)
         if self._timing is not None:
@@ -319,6 +356,8 @@ class SlipVicController(LastResort, LifecycleNode):
         self._send_ledger.send(joint.stamp_ns, (*result.ledger, *result.decision))
         self._state_publisher.publish(self.session)
         self._mode.publish(result)
+        if self._goals is not None:
+            self._goals.publish()
         if len(command.effort):
             self._diagnostics.publish(result)
 

@@ -11,7 +11,8 @@ from pydantic import Field, field_validator, model_validator
 from slip_core import grasp_params
 from slip_core.grasp_params import ArmParams, Six, Three
 from slip_core.params import RANGES, ParameterModel, parameter, parameter_unit
-from slip_core.sensor_params import SlipSensorModel
+from slip_core.sensor_params import SLIP_INPUT, SlipInput, SlipSensorModel
+from slip_vic_controller.interface_params import EffortParams, GripParams, WrenchParams
 from slip_vic_controller.safety_params import SafetyParams
 from slip_vic_controller.slip_params import MeasuredParams, ObserverParams, WrenchSensorModel
 
@@ -130,6 +131,10 @@ class GovernorParams(ParameterModel):
     )  # fmt: skip
     torsional_radius: float = parameter(0.03, "largest friction torque over largest friction force", unit="m", gt=0.0)
     probe: float = parameter(0.01, "friction unknown: load asked beyond the largest one carried", unit="N", gt=0.0)
+    preview_s: float = parameter(
+        0.1, "reference by topic: time by which it is followed later, so that what comes is known so far ahead",
+        unit="s", gt=0.0,
+    )  # fmt: skip
     window_s: float = parameter(
         0.02, "time over which position, velocity and acceleration are averaged", unit="s", ge=0.0
     )
@@ -159,11 +164,13 @@ class SingularityParams(ParameterModel):
 class TrajectoryParams(ParameterModel):
     """The built-in reference, relative to the pose of {ee} at the first tick, on world axes."""
 
-    kind: Literal["hold", "quintic", "waypoints", "circle", "lemniscate", "topic"] = parameter(
-        "hold", "form of the reference motion; `topic` holds until the first reference arrives"
+    kind: Literal["hold", "quintic", "waypoints", "circle", "lemniscate", "topic", "goal"] = parameter(
+        "hold",
+        "form of the reference motion; `topic` and `goal` hold until the first reference or goal arrives on the topic "
+        "of this name",
     )
     start_s: float = parameter(0.0, "time at rest before the motion", unit="s", ge=0.0)
-    duration_s: float = parameter(2.0, "time of motion, ramps included", unit="s", gt=0.0)
+    duration_s: float = parameter(2.0, "time of motion, ramps included; of goals that say none", unit="s", gt=0.0)
     displacement: Three = parameter((0.0, 0.0, 0.0), "quintic: displacement from the start", unit="m")
     of: Literal["pad", "object"] = parameter(
         "pad", "what moves so: the pad, or the object's centre of mass, with the pad on it where it was grasped"
@@ -221,11 +228,18 @@ class ControllerParams(ArmParams):
     object: ObjectParams = Field(default_factory=ObjectParams)
     contacts: ContactParams = Field(default_factory=ContactParams)
     gains: GainParams = Field(default_factory=GainParams)
+    slip_input: SlipInput = SLIP_INPUT
+    slip_delay_s: float = parameter(
+        0.0, "time by which the stamps of the slip input are later than what they tell of", unit="s", ge=0.0
+    )
     slip_estimator: Literal["measured", "observer"] = parameter(
         "measured", "slip velocity of the law: newest sample (with dead band 0 the printed law), or observer"
     )
     slip_sensor: SlipSensorModel = Field(default_factory=SlipSensorModel)
     wrench_sensor: WrenchSensorModel = Field(default_factory=WrenchSensorModel)
+    wrench: WrenchParams = Field(default_factory=WrenchParams)
+    effort: EffortParams = Field(default_factory=EffortParams)
+    grip: GripParams = Field(default_factory=GripParams)
     measured: MeasuredParams = Field(default_factory=MeasuredParams)
     observer: ObserverParams = Field(default_factory=ObserverParams)
     governor: GovernorParams = Field(default_factory=GovernorParams)
@@ -234,3 +248,18 @@ class ControllerParams(ArmParams):
     safety: SafetyParams = Field(default_factory=SafetyParams)
     trajectory: TrajectoryParams = Field(default_factory=TrajectoryParams)
     diagnostics: DiagnosticsParams = Field(default_factory=DiagnosticsParams)
+
+    @model_validator(mode="after")
+    def _grip_follows_a_governed_path(self) -> ControllerParams:
+        if self.grip.control == "follow":
+            if self.governor.mode == "off":
+                raise ValueError("grip.control follow needs a path that is looked ahead on: set governor.mode")
+            if self.grip.force_limit < self.grip.told_force:
+                raise ValueError(f"grip.force_limit {self.grip.force_limit} must not be below grip.told_force")
+        return self
+
+    @model_validator(mode="after")
+    def _a_flag_is_no_speed(self) -> ControllerParams:
+        if self.slip_input == "flag" and self.slip_estimator == "observer":
+            raise ValueError("slip_estimator observer needs slip velocities: with slip_input flag use measured")
+        return self

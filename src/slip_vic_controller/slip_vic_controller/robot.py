@@ -84,6 +84,24 @@ class Robot:
         here, turned, J = self.frame(q)
         return np.concatenate((position - here, pin.log3(rotation @ turned.T))), J
 
+    def placement(self, frame: str) -> tuple[Array, Array] | None:
+        """Return position [m] and attitude (3, 3) of a frame of the URDF as seen from {ee}; None where it has no such.
+
+        Raises:
+            InputError: a joint is between the frame and {ee}.
+        """
+        model = self._model
+        if not model.existFrame(frame, pin.FrameType.BODY):
+            return None
+        of, ee = model.frames[model.getFrameId(frame, pin.FrameType.BODY)], model.frames[self._frame]
+        if of.parentJoint != ee.parentJoint:
+            raise InputError(
+                "parameter wrench.frame", got=frame, expected=f"a link that is fixed to {ee.name}",
+                fix="give the sensor behind the last joint, or the wrench on another topic",
+            )  # fmt: skip
+        place = ee.placement.actInv(of.placement)
+        return np.array(place.translation), np.array(place.rotation)
+
     def gravity(self, q: Array) -> Array:
         """Return the gravity torque g(q); (n,) [rad] -> (n,) [N m].
 

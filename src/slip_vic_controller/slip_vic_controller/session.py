@@ -16,10 +16,18 @@ from slip_core.arrays import Array, readonly
 from slip_core.errors import InputError
 from slip_core.params import flatten
 from slip_core.records import new, place, record
-from slip_core.types import CartesianReference, EffortCommand, JointSample, SlipSample, WrenchSample
+from slip_core.types import (
+    CartesianReference,
+    DisplacementSample,
+    EffortCommand,
+    JointSample,
+    PoseGoal,
+    SlipSample,
+    WrenchSample,
+)
 from slip_vic_controller.arrival import is_silent, receive_joint_state, receive_slip, receive_wrench
-from slip_vic_controller.config import make_config
-from slip_vic_controller.cycle import INPUTS, OUTPUTS, STATE, STATE_SIZE, cycle, watchdog
+from slip_vic_controller.config import governed_stream, make_config
+from slip_vic_controller.cycle import CONFIG, INPUTS, OUTPUTS, STATE, STATE_SIZE, cycle, watchdog
 from slip_vic_controller.cycle import describe as describe_cycle
 from slip_vic_controller.governing import GOVERNED
 from slip_vic_controller.law.gains import (
@@ -35,12 +43,14 @@ from slip_vic_controller.law.symbols import SYMBOLS, published
 from slip_vic_controller.observer.config import capacity
 from slip_vic_controller.observer.layouts import ROW_SIZE
 from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.reference.stream import QUEUED
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.safety.reasons import ACTIVATION, describe, read_reason
 from slip_vic_controller.safety.validation import mean_period_s
 from slip_vic_controller.sizes import MAX_FRESH
+from slip_vic_controller.slip_displacement import SlipFromDisplacement
 
 RETUNABLE = ("gains.", "object.", "contacts.position")
 """Parameters that ramp while the law runs."""
@@ -54,6 +64,7 @@ _OK, _CAUSE = place(OUTPUTS, "ok").start, place(OUTPUTS, "mode.reason").start
 _REASON = slice(_CAUSE, _CAUSE + 3)
 _MODES = tuple(Mode)
 _GOVERNED, _GOVERNED_NAMES = place(OUTPUTS, "governor"), GOVERNED.names or ()
+_GRIP = place(OUTPUTS, "grip").start
 _PATH_SCALE = place(OUTPUTS, "path_scale").start
 _NOW, _REQUEST, _MISSING = (place(INPUTS, name).start for name in ("now_ns", "request", "missing"))
 _CYCLES, _LAW_KNOWN = place(STATE, "cycles").start, place(STATE, "law.known").start
@@ -113,6 +124,7 @@ class Controller:
         self.config = make_config(params, self.robot, lockstep=lockstep)
         self.gains = make_law_gains(params, self.report.used)
         self.contacts = len(params.contacts.position) // 3
+        self.external = params.trajectory.kind in ("topic", "goal")
         self.rows = capacity(params) if params.slip_estimator == "observer" else 0
 
     def new_state(self) -> Array:
@@ -125,7 +137,8 @@ class Controller:
 class CycleResult:
     """One answered cycle; an empty effort means "no command": an input has never been seen.
 
-    joint: the joint state; command; mode; ledger: what it used; decision: on what; inputs, outputs: its records.
+    joint: the joint state; command; mode; ledger: what it used; decision: on what, and where
+    references or goals come by topic how many were taken; inputs, outputs: its records.
     """
 
     __slots__ = ("_controller", "command", "decision", "inputs", "joint", "ledger", "mode", "outputs")
@@ -136,7 +149,7 @@ class CycleResult:
         whole = outputs.view(np.int64)
         used = 3 + 4 * controller.contacts
         ledger = whole[_LEDGER].tolist()
-        self.ledger, self.decision = tuple(ledger[:used]), tuple(ledger[used : used + 5])
+        self.ledger, self.decision = tuple(ledger[:used]), tuple(ledger[used : used + 5 + controller.external])
         self.mode = _MODES[whole[_MODE]]
         effort = outputs[_EFFORT][: len(controller.robot.joint_names)] if whole[_ANSWERED] else NO_EFFORT
         self.command = EffortCommand(joint.stamp_ns, effort)
@@ -145,6 +158,11 @@ class CycleResult:
     def cycle(self) -> int:
         """Number of the cycle."""
         return self.ledger[0]
+
+    @property
+    def grip(self) -> float:
+        """Grip force that is commanded [N]."""
+        return float(self.outputs[_GRIP])
 
     @property
     def path_speed(self) -> float:
@@ -182,7 +200,8 @@ class CycleResult:
         symbols = new(SYMBOLS)
         describe_cycle(self._controller.config, self.inputs, self.outputs, symbols)
         numbers = dict(zip(names, symbols[places].tolist(), strict=True))
-        if self._controller.params.governor.mode != "off":
+        params = self._controller.params
+        if params.governor.mode != "off" or params.trajectory.kind == "goal":
             numbers |= zip(_GOVERNED_NAMES, self.outputs[_GOVERNED].tolist(), strict=True)
         return numbers
 
@@ -201,12 +220,15 @@ class ControllerSession:
         self.active = True
         self._lockstep, self._config = controller.lockstep, controller.config
         self._joints = len(controller.robot.joint_names)
+        self._governed_stream = governed_stream(controller.params)
+        self._slip_delay_ns = int(record(controller.config, CONFIG).cycle.slip_delay_ns)
         self._state = record(self.buffer[:STATE_SIZE], STATE)
         self._whole = self.buffer.view(np.int64)
         self._joint: JointSample | None = None
         self._joint_fault = Fault.NONE
         self._manifest: Manifest | None = None
         self._counts = [0] * (2 * self.contacts)
+        self._displacements = [SlipFromDisplacement() for _ in range(self.contacts)]
         self._request = Request.NONE
         self._tuned: ControllerParams | None = None
         self._outside_counts: Counter[str] = Counter()
@@ -290,16 +312,42 @@ class ControllerSession:
         now_ns = sample.stamp_ns if now_ns is None else now_ns
         receive_slip(self._config, self.buffer, contact, sample.stamp_ns, twist, sample.valid, refused, now_ns)
 
+    def add_displacement(self, contact: int, sample: DisplacementSample, now_ns: int | None = None) -> None:
+        """Take where the pad of one contact is on the object; from the second one on it gives slip velocities."""
+        slip = self._displacements[contact](sample)
+        if slip is None:
+            self._counts[2 * contact + 1] += 1
+        else:
+            self.add_slip(contact, slip, sample.stamp_ns if now_ns is None else now_ns)
+
     def add_manifest(self, manifest: Manifest) -> None:
         """Take the list of what belongs to the current lockstep cycle."""
         self._manifest = manifest
 
     def set_reference(self, reference: CartesianReference) -> None:
-        """Use this reference from the next cycle on."""
+        """Use this reference from the next cycle on; governed, follow it as soon as friction admits."""
         given = self._state.reference
+        self._state.taken += 1
+        if self._governed_stream:
+            stream = self._state.stream
+            if stream.queued == QUEUED:
+                for k in range(QUEUED - 1):
+                    stream.queue[k] = stream.queue[k + 1]
+                stream.queued -= 1
+            item = stream.queue[int(stream.queued)]
+            item.stamp_ns, given = reference.stamp_ns, item.reference
+            stream.queued += 1
+        else:
+            self._state.reference_known = 1
         given.position, given.rotation = reference.position, reference.rotation
         given.twist, given.acceleration = reference.twist, reference.acceleration
-        self._state.reference_known = 1
+
+    def set_goal(self, goal: PoseGoal) -> None:
+        """Come to rest at this pose; the next cycle begins it, waits until the pad is at rest, or refuses it."""
+        state = self._state.goal
+        state.received, state.pending = state.received + 1, 1
+        state.to_position, state.to_rotation, state.duration = goal.position, goal.rotation, goal.duration_s
+        self._state.taken += 1
 
     def set_publishers(self, counts: Mapping[str, int], own_topic_publishers: int) -> None:
         """Take how many publishers each input topic has, and how many our command topic has."""
@@ -433,7 +481,7 @@ class ControllerSession:
                 of.seen, of.stamp_ns, of.values[:] = 1, slip.stamp_ns, slip.twist
         state.queue.count = len(new_slips[-MAX_FRESH:])
         for fresh, slip in zip(state.queue.samples, new_slips[-MAX_FRESH:], strict=False):
-            fresh.stamp_ns, fresh.twist[:] = slip.stamp_ns, slip.twist
+            fresh.stamp_ns, fresh.twist[:] = slip.stamp_ns - self._slip_delay_ns, slip.twist
 
     def watchdog(self, now_ns: int) -> CycleResult | None:
         """Return a command where joint states have stayed away for too long, None where all is well.

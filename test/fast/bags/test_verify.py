@@ -15,12 +15,14 @@ from slip_bringup.replay.verify import verify_run
 from slip_bringup.scenario import load_scenario
 from slip_core.errors import InputError
 from slip_core.params import flatten
+from test.support.every import every
 from test.support.run_maker import TOPICS, attachments, record_run
 
 SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
 CYCLES = 300
 SLIPPING_CYCLES = 600  # in paper_planar the object slips by then
 FLIPPED = 123
+OF_OTHER_RUNS = {"/parameter_events", "/controller/reference_used", "/slip_displacement", "/slip_flag"}
 # Parameters whose last bit reaches the efforts while the object slips.
 SENSITIVE = ("gains.gamma_kp", "gains.alpha", "object.mass", "nullspace.stiffness", "trajectory.duration_s")
 
@@ -48,6 +50,20 @@ def test_lockstep_runs_are_identical(tmp_path, name, controller):
     record_run(tmp_path / "bag", scenario(name, controller))
     result = verdict(tmp_path / "bag")
     assert result.text() == f"identical: {CYCLES} cycles, {7 * CYCLES} efforts, to the last bit"
+
+
+@every("kind", ["flag", "displacement"])
+def test_runs_with_other_slip_sensors_are_identical(tmp_path, kind):
+    loaded = load_scenario(
+        "paper_planar",
+        controller="governed",
+        assignments=(
+            f"slip_input={kind}", "bridge.friction.mu_s=0.2", "bridge.friction.mu_k=0.15", "bridge.duration_s=0.3",
+            "bridge.sensors.slip.latency_s=0.02", "bridge.sensors.slip.rate_hz=120.0", "controller.slip_delay_s=0.005",
+        ),
+    )  # fmt: skip
+    record_run(tmp_path / kind, loaded)
+    assert verdict(tmp_path / kind).text().startswith("identical: 300 cycles, ")
 
 
 @pytest.mark.parametrize("name", SENSITIVE)
@@ -83,7 +99,7 @@ def test_parameters_that_change_on_the_way(tmp_path):
     assert not verify_run(unchanged).identical
 
 
-@pytest.mark.parametrize("topic", sorted(set(TOPICS) - {"/parameter_events"}))
+@pytest.mark.parametrize("topic", sorted(set(TOPICS) - OF_OTHER_RUNS))
 def test_a_lost_message_is_named(tmp_path, topic):
     record_run(tmp_path / "bag", scenario(), skip=[(topic, 50)])
     with pytest.raises(InputError, match=r"1 messages lost, the first after number 49"):

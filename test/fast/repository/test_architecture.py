@@ -33,12 +33,14 @@ ALLOWED = {
     "slip_vic_controller.config": {"numpy", "slip_core"},
     "slip_vic_controller.cycle": {"numpy", "slip_core"},
     "slip_vic_controller.governing": {"slip_core"},
+    "slip_vic_controller.interfaces": {"numpy", "scipy", "slip_core"},
     "slip_vic_controller.law": {"numpy", "slip_core"},
     "slip_vic_controller.observer": {"numpy", "scipy", "slip_core"},
     "slip_vic_controller.reference": {"numpy", "scipy", "slip_core"},
     "slip_vic_controller.robot": {"numpy", "pinocchio", "slip_core"},
     "slip_vic_controller.safety": {"numpy", "slip_core"},
     "slip_vic_controller.session": {"numpy", "slip_core"},
+    "slip_vic_controller.slip_displacement": {"numpy", "slip_core"},
     "slip_vic_controller.snapshot": {"numpy", "slip_core"},
     "slip_vic_controller.team": {"slip_core"},
     "slip_sim_bridge": SHELLS,
@@ -49,6 +51,8 @@ ALLOWED = {
     "slip_bringup": ROOMS | NUMERIC | TOOLS | ROS,  # slip_campaigns is named as text and loaded on demand
     "slip_bringup.web": ROOMS | NUMERIC | {"click", "scipy", "trimesh", "websockets"} | ROS,
     "slip_bringup.study.tune.search": ROOMS | NUMERIC | {"optuna"},
+    "slip_adapters": {"slip_core"} | ROS,
+    "slip_adapters.conversions": {"numpy", "slip_core"},
     "slip_campaigns": {"slip_bringup"} | ROOMS | NUMERIC | TOOLS | ROS,
 }
 SHARED = {"slip_vic_controller.sizes", "slip_vic_controller.params"}
@@ -59,21 +63,28 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.records": {"slip_core.arrays"},
     "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},
     "slip_vic_controller.arrival": CYCLE | {"slip_vic_controller.cycle"},
-    "slip_vic_controller.config": CYCLE | {"slip_vic_controller.cycle", "slip_vic_controller.robot"},
-    "slip_vic_controller.cycle": CYCLE | {"slip_vic_controller.governing"},
+    "slip_vic_controller.config": CYCLE
+    | {f"slip_vic_controller.{part}" for part in ("cycle", "interface_params", "interfaces", "robot")},
+    "slip_vic_controller.cycle": CYCLE | {"slip_vic_controller.governing", "slip_vic_controller.interfaces"},
     "slip_vic_controller.governing": {
         f"slip_vic_controller.{part}" for part in ("reference", "law.contact", "law.internal")
     },
+    "slip_vic_controller.interfaces": {"slip_vic_controller.robot", *SHARED},
     "slip_vic_controller.law": {"slip_vic_controller.law", *SHARED},
     "slip_vic_controller.observer": {"slip_vic_controller.observer", *SHARED},
     "slip_vic_controller.reference": {"slip_vic_controller.reference", "slip_vic_controller.law.rotation", *SHARED},
     "slip_vic_controller.robot": {"slip_vic_controller.law.arm", *SHARED},
     "slip_vic_controller.safety": {"slip_vic_controller.safety", "slip_vic_controller.reference.path_scaling", *SHARED},
     "slip_vic_controller.session": CYCLE
-    | {f"slip_vic_controller.{part}" for part in ("arrival", "config", "cycle", "governing", "robot")},
+    | {
+        f"slip_vic_controller.{part}"
+        for part in ("arrival", "config", "cycle", "governing", "robot", "slip_displacement")
+    },
+    "slip_vic_controller.slip_displacement": {"slip_vic_controller.law.rotation"},
     "slip_vic_controller.snapshot": {"slip_vic_controller.cycle", "slip_vic_controller.observer"},
     "slip_vic_controller.team": CYCLE
     | {f"slip_vic_controller.{part}" for part in ("arrival", "cycle", "session", "team")},
+    "slip_adapters.conversions": set(),
     "slip_sim_bridge.friction": {"slip_sim_bridge.friction"},
     "slip_sim_bridge.plant": {f"slip_sim_bridge.{part}" for part in ("plant", "friction", "params", "pair.params")},
     "slip_sim_bridge.sensors": {"slip_sim_bridge.sensors", "slip_sim_bridge.params"},

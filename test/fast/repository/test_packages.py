@@ -90,7 +90,9 @@ def package_xml(name: str) -> ET.Element:
 
 
 def test_all_packages_are_there() -> None:
-    listed = "slip_bags slip_bringup slip_campaigns slip_core slip_description slip_msgs_py slip_sim_bridge"
+    listed = (
+        "slip_adapters slip_bags slip_bringup slip_campaigns slip_core slip_description slip_msgs_py slip_sim_bridge"
+    )
     assert [*listed.split(), "slip_vic_controller"] == PACKAGES
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from slip_bringup.replay.run_data import LedgerEntry, RecordedRun
 from slip_core.errors import InputError
-from slip_core.types import JointSample, SlipSample, WrenchSample
+from slip_core.types import JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.safety.reasons import JOINT_STATES
@@ -139,8 +139,25 @@ def replay(run: RecordedRun, begin: int = 0) -> Iterator[Divergence | None]:
         entry, effort = run.ledger[index], run.efforts[index]
         if index in changes:
             session.retune(changes[index])
+        _take(session, run, entry)
         mode, replayed = _cycle(session, samples, entry)
         yield _compare(run, entry, effort, replayed, mode)
+
+
+def _take(session: ControllerSession, run: RecordedRun, entry: LedgerEntry) -> None:
+    """Hand over the references or goals that had come since the cycle before.
+
+    Raises:
+        InputError: the bag has fewer than the controller took.
+    """
+    if entry.taken > len(run.given):
+        got, expected = f"{len(run.given)} messages", f"the {entry.taken} that cycle {entry.cycle} knows"
+        raise InputError("controller/reference_used", got=got, expected=expected)
+    for item in run.given[int(session.state.taken) : entry.taken]:
+        if isinstance(item, PoseGoal):
+            session.set_goal(item)
+        else:
+            session.set_reference(item)
 
 
 def _cycle(session: ControllerSession, samples: _Samples, entry: LedgerEntry) -> tuple[int, NDArray[np.float64]]:

@@ -17,13 +17,22 @@ from slip_core.errors import InputError
 from slip_core.params import build, current_names, flat_names, flatten
 from slip_core.plain_yaml import read_yaml
 from slip_core.topics import contact_topic
-from slip_core.types import JointSample, SlipSample, WrenchSample
-from slip_msgs_py.from_msgs import JointOrder, slip_sample
+from slip_core.types import CartesianReference, JointSample, PoseGoal, SlipSample, WrenchSample
+from slip_msgs_py.from_msgs import (
+    JointOrder,
+    cartesian_reference,
+    displacement_sample,
+    pose_goal,
+    slip_flag,
+    slip_sample,
+)
 from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.snapshot import cycle_of
 
 LEDGER: Final = "controller/ledger"
 STATE: Final = "controller/state"
+GIVEN: Final = "controller/reference_used"
 PARAMETERS: Final = "controller.params.yaml"
 URDF: Final = "arm.urdf"
 EVENTS: Final = "/parameter_events"
@@ -45,7 +54,10 @@ _AXES: Final = ("x", "y", "z")
 
 @dataclass(frozen=True, slots=True)
 class LedgerEntry:
-    """One cycle: what it used and decided; stamps in nanoseconds, 0 where nothing was used."""
+    """One cycle: what it used and decided; stamps in nanoseconds, 0 where nothing was used.
+
+    taken: how many references or goals had come.
+    """
 
     cycle: int
     joint_ns: int
@@ -55,6 +67,7 @@ class LedgerEntry:
     mode: int
     health: int
     request: int
+    taken: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +83,7 @@ class RecordedRun:
     """Everything a replay needs, and what it must reproduce.
 
     joints, wrenches, slips: by stamp [ns], the last two per contact. efforts: per ledger entry, (n,) [N m] or (0,).
-    states: the controller's state as text, by the cycle that begins with it.
+    states: the controller's state as text, by the cycle that begins with it. given: references or goals in their order.
     """
 
     params: ControllerNodeParams
@@ -82,6 +95,7 @@ class RecordedRun:
     slips: tuple[dict[int, SlipSample], ...]
     efforts: tuple[NDArray[np.float64], ...]
     states: dict[int, str]
+    given: tuple[CartesianReference | PoseGoal, ...] = ()
 
 
 def read_run(bag: Bag, overrides: dict[str, Any]) -> RecordedRun:
@@ -92,8 +106,6 @@ def read_run(bag: Bag, overrides: dict[str, Any]) -> RecordedRun:
     """
     prefix = _namespace(bag)
     params = _parameters(bag, overrides)
-    if params.trajectory.kind == "topic":
-        raise InputError(f"bag {bag.path}", got="a reference from a topic", expected="a built-in trajectory")
     contacts = len(params.contacts.position) // 3
     ledger_series = _complete(bag, prefix + LEDGER)
     ledger = tuple(_entry(row, contacts) for row in ledger_series["data"].tolist())
@@ -105,10 +117,21 @@ def read_run(bag: Bag, overrides: dict[str, Any]) -> RecordedRun:
         ledger=ledger,
         joints=_joints(_complete(bag, f"{prefix}joint_states"), order),
         wrenches=tuple(_wrenches(bag, prefix + contact_topic("wrench", index)) for index in range(contacts)),
-        slips=tuple(_slips(bag, prefix + contact_topic("slip_velocity", index)) for index in range(contacts)),
+        slips=tuple(_slips(bag, prefix, params, index) for index in range(contacts)),
         efforts=_efforts(_complete(bag, f"{prefix}effort_command"), ledger_series, order),
         states=_states(bag, prefix + STATE),
+        given=_given(bag, prefix + GIVEN, params),
     )
+
+
+def _given(bag: Bag, topic: str, params: ControllerNodeParams) -> tuple[CartesianReference | PoseGoal, ...]:
+    """Return what came by topic; a bag without that topic has none."""
+    if topic not in bag.topics:
+        return ()
+    messages = (message.value for message in bag.messages(topic))
+    if params.trajectory.kind == "topic":
+        return tuple(map(cartesian_reference, messages))
+    return tuple(pose_goal(message, params.trajectory.duration_s) for message in messages)
 
 
 def _states(bag: Bag, topic: str) -> dict[int, str]:
@@ -188,8 +211,9 @@ def _complete(bag: Bag, topic: str) -> Series:
 
 
 def _entry(row: Sequence[int], contacts: int) -> LedgerEntry:
-    used, decision = row[_FIXED : _FIXED + _PER_CONTACT * contacts], row[-_DECISION:]
-    if len(row) != _FIXED + _PER_CONTACT * contacts + _DECISION:
+    behind = _FIXED + _PER_CONTACT * contacts
+    used, decision = row[_FIXED:behind], row[behind : behind + _DECISION]
+    if len(row) - behind not in (_DECISION, _DECISION + 1):
         got = f"{len(row)} numbers for {contacts} contacts"
         raise InputError("a ledger entry", got=got, expected=f"{_FIXED + _PER_CONTACT * contacts + _DECISION}")
     return LedgerEntry(
@@ -201,6 +225,7 @@ def _entry(row: Sequence[int], contacts: int) -> LedgerEntry:
         mode=decision[2],
         health=decision[3],
         request=decision[4],
+        taken=row[-1] if len(row) > behind + _DECISION else 0,
     )
 
 
@@ -241,10 +266,36 @@ def _wrenches(bag: Bag, topic: str) -> dict[int, WrenchSample]:
     return {stamp: WrenchSample(stamp, row) for stamp, row in rows}
 
 
-def _slips(bag: Bag, topic: str) -> dict[int, SlipSample]:
+def _slips(bag: Bag, prefix: str, params: ControllerNodeParams, contact: int) -> dict[int, SlipSample]:
+    if params.slip_input == "displacement":
+        return _displacements(bag, prefix + contact_topic("slip_displacement", contact))
+    if params.slip_input == "flag":
+        return _flags(bag, prefix + contact_topic("slip_flag", contact))
+    topic = prefix + contact_topic("slip_velocity", contact)
     series = _complete(bag, topic)
     rows = zip(_stamps(series, topic), _six(series, "twist.linear", "twist.angular"), strict=True)
     return {stamp: slip_sample(stamp, readonly(row)) for stamp, row in rows}
+
+
+def _flags(bag: Bag, topic: str) -> dict[int, SlipSample]:
+    series = _complete(bag, topic)
+    rows = zip(_stamps(series, topic), series["position"], strict=True)
+    return {stamp: slip_flag(stamp, np.asarray(row, dtype=np.float64)) for stamp, row in rows}
+
+
+def _displacements(bag: Bag, topic: str) -> dict[int, SlipSample]:
+    """Return the slip velocities that the controller made of the displacements."""
+    series, made = _complete(bag, topic), SlipFromDisplacement()
+    poses = np.stack(
+        [
+            series[f"pose.{part}.{axis}"]
+            for part, axes in (("position", "xyz"), ("orientation", "xyzw"))
+            for axis in axes
+        ],
+        axis=1,
+    )
+    samples = (displacement_sample(*pair) for pair in zip(_stamps(series, topic), poses, strict=True))
+    return {slip.stamp_ns: slip for slip in map(made, samples) if slip is not None}
 
 
 def _efforts(series: Series, ledger: Series, order: JointOrder) -> tuple[NDArray[np.float64], ...]:

@@ -41,6 +41,15 @@ class SlipSensorParams(SlipSensorModel):
     chip_radius: float = parameter(
         0.01, f"circle on which {CHIPS} optical chips sit, for faults.lifted_chips", unit="m", gt=0.0
     )
+    flag_speed: float = parameter(
+        1e-3, "slip_input flag: slip speed above which the sensor says that it slips", unit="m/s", ge=0.0
+    )
+    noise_position: float = parameter(
+        0.0, "slip_input displacement: standard deviation of each linear axis that can slip", unit="m", ge=0.0
+    )
+    noise_angle: float = parameter(
+        0.0, "slip_input displacement: standard deviation of each angular axis that can slip", unit="rad", ge=0.0
+    )
     faults: SlipFaultParams = SlipFaultParams()
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.params import JointSensorParams, SensorsParams, WrenchSensorParams
 from slip_sim_bridge.sensors.slip import SlipMeasurement
+from slip_sim_bridge.sensors.slip_kinds import DisplacementMeasurement, FlagMeasurement
 
 Sample = TypeVar("Sample", WrenchSample, SlipSample, JointSample)
 Measure = Callable[[Sample, np.random.Generator], Sample | None]
@@ -139,8 +140,16 @@ class SensorSuite:
 
         slip, wrench = sensors.slip, sensors.wrench
         self._measure_slip = SlipMeasurement(slip, np.array(params.contacts.slip_axes[:6]) * 1.0, stream("slip faults"))
+        measure: Any = self._measure_slip
+        if params.slip_input == "flag":
+            measure = FlagMeasurement(self._measure_slip, slip.flag_speed, params.friction.torsional_radius)
         self._measure_wrench = WrenchMeasurement(wrench, stream("wrench faults"))
-        self.slip: Sensor[SlipSample] = Sensor(self._measure_slip, slip.rate_hz, slip.latency_s, stream("slip"))
+        self.slip: Sensor[SlipSample] = Sensor(measure, slip.rate_hz, slip.latency_s, stream("slip"))
+        axes = np.array(params.contacts.slip_axes[:6]) * 1.0
+        self._measure_place = DisplacementMeasurement(slip, axes, self._measure_slip, stream("slip faults"))
+        self.displacement: Sensor[Any] | None = None
+        if params.slip_input == "displacement":
+            self.displacement = Sensor(self._measure_place, slip.rate_hz, slip.latency_s, stream("slip"))
         self.wrench: Sensor[WrenchSample] = Sensor(
             self._measure_wrench, wrench.rate_hz, wrench.latency_s, stream("wrench")
         )
@@ -154,8 +163,11 @@ class SensorSuite:
     def reset(self) -> None:
         """Put all sensors back to their start, noise included; faults stay as they are switched."""
         self._measure_slip.reset()
+        self._measure_place.reset()
         self._measure_wrench.reset()
         self.slip.reset()
+        if self.displacement is not None:
+            self.displacement.reset()
         self.wrench.reset()
         self.joint.reset()
 

@@ -80,22 +80,22 @@ class Search(IntEnum):
 
 GOVERNOR_CONFIG = layout(
     mode=WHOLE, margin=REAL, path_margin=REAL, given_up=REAL, radius=REAL, slip_axes=(REAL, (6,)), gravity=(REAL, (3,)),
-    duration=REAL, length=REAL, floor=REAL, most_speed=REAL, most_turning=REAL, points_per_cycle=WHOLE, window=WHOLE,
-    estimate=ESTIMATE_CONFIG,
+    duration=REAL, length=REAL, floor=REAL, most_grip=REAL, most_speed=REAL, most_turning=REAL, points_per_cycle=WHOLE,
+    window=WHOLE, estimate=ESTIMATE_CONFIG,
 )  # fmt: skip
 """mode: Governing; margin: beta, share of F^ that may be asked; path_margin: share of that in the backward pass, 0.97;
 given_up: share of the load at which it slipped that may be asked where nothing less stops on the path, 0.985; radius:
 rho [m]; slip_axes: Sigma, 0 or 1, {ee}; gravity [m/s^2] {w}; duration of the user's path [s]; length: L [m] and floor
-[m/s] of the path's length; most_speed [m/s], most_turning [rad/s] of the pad; points_per_cycle: of planning; window:
-cycles of the moving average."""
+[m/s] of the path's length; most_grip: largest grip over the one that is told; most_speed [m/s], most_turning [rad/s] of
+the pad; points_per_cycle: of planning; window: cycles of the moving average."""
 
 GOVERNOR = layout(
-    s=REAL, rate=REAL, time=REAL, end=REAL, out_s=REAL, out_rate=REAL, out_u=REAL, out_time=REAL,
+    duration=REAL, s=REAL, rate=REAL, time=REAL, end=REAL, out_s=REAL, out_rate=REAL, out_u=REAL, out_time=REAL,
     phase=WHOLE, cursor=WHOLE, planned=WHOLE, urgent=WHOLE, search=WHOLE, search_pass=WHOLE,
     asked=REAL, pass_load=REAL, plan_load=REAL, low_load=REAL, high_load=REAL,
     infeasible=WHOLE, heaviest_time=REAL, weight_load=REAL, overrun=WHOLE, strained=WHOLE, arrived=WHOLE, led=WHOLE,
     feedback=(REAL, (6,)), usable=REAL, ceiling=REAL, commanded=REAL, measured=REAL, guard=REAL, bound=REAL,
-    ring_count=WHOLE, ring=(REAL, (MAX_WINDOW, 3)), estimate=ESTIMATE,
+    grip=REAL, ring_count=WHOLE, ring=(REAL, (MAX_WINDOW, 3)), estimate=ESTIMATE,
 )  # fmt: skip
 """s, rate: where on the path, and sdot; time: the user's time there [s]; end: of s; out_*: the same after smoothing,
 out_u = sddot. phase, cursor, planned, urgent, search, search_pass: the planning; asked, pass_load, plan_load, low_load,
@@ -103,15 +103,16 @@ high_load: loads that are planned for, of the pass under way, of the plan in use
 infeasible: friction does not carry the weight everywhere on the path; heaviest_time, weight_load: where the weight
 loads most [s], and that load [N]; overrun: no load that is allowed stops on the path; strained: no sddot keeps the load
 of feedback and path within the limit; feedback: a_C - a_d of the last cycle {w}; usable, ceiling: loads that path and
-guard may ask [N]; commanded, measured: loads of the last cycle [N]; guard: factor on a_C; bound: sdot^2 over K; ring:
-s, sdot, sddot; led: the step on the path is another arm's."""
+guard may ask [N]; commanded, measured: loads of the last cycle [N]; guard: factor on a_C; grip: over the one
+for which F^ is told; bound: sdot^2 over K; ring: s, sdot, sddot; duration: of the path that is run through [s]; led:
+the step on the path is another arm's."""
 
 
 @part
 def start_path(config: Any, state: Any) -> None:
     """Begin a path: it has to be sampled. What is known of friction stays."""
     state.s = state.rate = state.end = 0.0
-    state.time = sample_time(config.mode, 0, config.duration)
+    state.time = sample_time(config.mode, 0, state.duration)
     state.phase, state.cursor, state.planned, state.urgent = Phase.SAMPLING, 0, 0, 0
     state.search, state.search_pass = Search.NO, 0
     state.asked = state.pass_load = state.plan_load = state.low_load = state.high_load = 0.0
@@ -127,6 +128,7 @@ def start_governor(config: Any, state: Any, history: Any, at_rest: float) -> Non
     start_estimate(config.estimate, state.estimate, history, at_rest)
     state.commanded = state.measured = at_rest
     put_spatial(state.feedback, Spatial(Vec(0.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0)))
+    state.duration, state.grip = config.duration, 1.0
     start_path(config, state)
 
 
@@ -151,7 +153,7 @@ def wants_points(state: Any) -> bool:
 @part
 def wanted_time(config: Any, state: Any) -> float:
     """Return the user's time of the point that is sampled next [s]."""
-    return sample_time(config.mode, state.cursor, config.duration)
+    return sample_time(config.mode, state.cursor, state.duration)
 
 
 @part
@@ -166,7 +168,7 @@ def next_point(
         rotation, twist, acceleration: of the path in the user's time {w}.
     """
     i, time = state.cursor, wanted_time(config, state)
-    at = along(config, time, rotation, twist, acceleration)
+    at = along(config, state.duration, time, rotation, twist, acceleration)
     weights = surface(spatial(config.slip_axes), config.radius)
     most_rate = math.sqrt(FASTEST) if config.mode == Governing.TIME_OPTIMAL else 1.0
     limits = most_rate, config.most_speed, config.most_turning
@@ -177,7 +179,8 @@ def next_point(
     state.cursor += 1
     if state.cursor == GRID_POINTS:
         state.end = grid.points[GRID_POINTS - 1].s
-        begin_plan(state, with_weight(config, state, certain(config.estimate, state.estimate, config.margin)))
+        certainly = config.most_grip * certain(config.estimate, state.estimate, config.margin)
+        begin_plan(state, with_weight(config, state, certainly))
 
 
 @part
@@ -211,7 +214,7 @@ def plan(config: Any, state: Any, grid: Any) -> None:
     """Do a cycle's share of the planning, and begin anew where F^ has changed."""
     if state.phase == Phase.SAMPLING:
         return
-    F = with_weight(config, state, certain(config.estimate, state.estimate, config.margin))
+    F = with_weight(config, state, config.most_grip * certain(config.estimate, state.estimate, config.margin))
     if state.asked > F:
         state.urgent = 1
         begin_plan(state, F)
@@ -233,7 +236,7 @@ def end_pass(config: Any, state: Any, grid: Any) -> None:
     The least load in [asked, given_up * slipped_at] that stops on the path is looked for, by bisection.
     """
     late = state.planned == 1 and state.rate * state.rate > bound_next(grid, state.s)
-    most = config.given_up * state.estimate.slipped_at
+    most = config.most_grip * (config.given_up * state.estimate.slipped_at)
     if state.search == Search.NO and late and most > state.asked:
         state.search, state.high_load = Search.CEILING, most
         begin_pass(state, most)
@@ -279,6 +282,17 @@ def take_plan(config: Any, state: Any, grid: Any) -> None:
 
 
 @part
+def allow(config: Any, state: Any) -> None:
+    """Write which loads path and guard may ask now."""
+    F, plan_load = state.grip * state.estimate.F_hat, state.plan_load * (state.grip / config.most_grip)
+    state.usable = with_weight(config, state, state.grip * allowed(config.estimate, state.estimate, config.margin))
+    state.ceiling = with_weight(config, state, state.grip * allowed(config.estimate, state.estimate, 1.0))
+    if state.planned == 1 and state.urgent == 0 and plan_load > max(state.usable, config.margin * F):
+        state.usable = plan_load  # margin was given up
+        state.ceiling = max(state.ceiling, plan_load)
+
+
+@part
 def run(
     config: Any, state: Any, grid: Any, held: Held, point: Along, x_e: Vec, R_ee: Mat, v_ee: Spatial,
     most_rate: float, dt: float,
@@ -295,19 +309,15 @@ def run(
         dt: control period [s].
     """
     plan(config, state, grid)
-    F = state.estimate.F_hat
-    state.usable = with_weight(config, state, allowed(config.estimate, state.estimate, config.margin))
-    state.ceiling = with_weight(config, state, allowed(config.estimate, state.estimate, 1.0))
-    if state.planned == 1 and state.urgent == 0 and state.plan_load > max(state.usable, config.margin * F):
-        state.usable = state.plan_load  # margin was given up
-        state.ceiling = max(state.ceiling, state.plan_load)
+    allow(config, state)
     if state.planned == 0 or state.arrived == 1:
         smooth(config, state, grid, 0.0)
         return
     if state.estimate.slipping == 1:
         anchor(config, state, grid, point, x_e, v_ee, dt)
         return
-    u = step_on(config, state, grid, held, point, R_ee, v_ee.angular, most_rate, dt)
+    K, slope = bound(grid, state.s + dt * state.rate)
+    u = step_on(config, state, K, slope, held, point, R_ee, v_ee.angular, most_rate, dt)
     smooth(config, state, grid, u)
     state.s += dt * (state.rate + 0.5 * dt * u)
     state.rate = max(state.rate + dt * u, 0.0)
@@ -318,9 +328,10 @@ def run(
 
 @part
 def step_on(
-    config: Any, state: Any, grid: Any, held: Held, point: Along, R_ee: Mat, w_ee: Vec, most_rate: float, dt: float
-) -> float:
-    """Return sddot of this cycle.
+    config: Any, state: Any, K: float, slope: float, held: Held, point: Along, R_ee: Mat, w_ee: Vec, most_rate: float,
+    dt: float,
+) -> float:  # fmt: skip
+    """Return sddot of this cycle; K, slope: of the plan, where the path will be.
 
     The largest whose load, with that of the impedance's feedback, is allowed, and after which sdot^2 is within K. While
     a smaller F^ is being planned for: the smallest.
@@ -337,7 +348,6 @@ def step_on(
     if not any_u:
         low = high = -ub / uu if uu > 0.0 else 0.0
     stop = -rate / dt
-    K, slope = bound(grid, state.s + dt * rate)
     state.bound = rate * rate / K if K > 0.0 else (0.0 if rate <= 0.0 else FASTEST)
     m = 0.5 * slope * dt
     d = 0.25 * m * m + K - m * rate
@@ -377,7 +387,7 @@ def smooth(config: Any, state: Any, grid: Any, u: float) -> None:
 @part
 def time_at(config: Any, state: Any, grid: Any, s: float) -> float:
     """Return the user's time at s [s]; where the path has been run through, its end."""
-    return float(config.duration) if s >= state.end else path_time(grid, s)
+    return float(state.duration) if s >= state.end else path_time(grid, s)
 
 
 @part
@@ -393,14 +403,20 @@ def governed(state: Any, point: Along) -> tuple[Spatial, Spatial]:
 
 
 @part
-def anchor(config: Any, state: Any, grid: Any, point: Along, x_e: Vec, v_ee: Spatial, dt: float) -> None:
-    """Let s follow the pad while the contact slips; arguments as of `run`."""
+def on_pad(config: Any, point: Along, x_e: Vec, v_ee: Spatial) -> tuple[float, float]:
+    """Return sdot of the pad along the path, and how far ahead of the point it is; arguments as of `run`."""
     p, w = point.tangent.linear, config.length * point.tangent.angular
     square = pace(config, point) + config.floor * config.floor
-    rate = (p.dot(v_ee.linear) + config.length * w.dot(v_ee.angular)) / square
+    return (p.dot(v_ee.linear) + config.length * w.dot(v_ee.angular)) / square, p.dot(x_e) / square
+
+
+@part
+def anchor(config: Any, state: Any, grid: Any, point: Along, x_e: Vec, v_ee: Spatial, dt: float) -> None:
+    """Let s follow the pad while the contact slips; arguments as of `run`."""
+    rate, ahead = on_pad(config, point, x_e, v_ee)
     cap = grid.points[cell(grid, state.s)].cap
     state.rate = min(max(rate, 0.0), math.sqrt(cap))
-    state.s += p.dot(x_e) / square + dt * state.rate
+    state.s += ahead + dt * state.rate
     state.s = min(max(state.s, 0.0), state.end * (1.0 - 2.0 * ARRIVED_SHARE))
     state.time = path_time(grid, state.s)
     steady(config, state)
@@ -420,7 +436,7 @@ def feel(config: Any, state: Any, history: Any, h_ee: Spatial, now_ns: int) -> N
     """
     weights = surface(spatial(config.slip_axes), config.radius)
     state.measured = size(weights * h_ee)
-    remember(history, now_ns, state.measured, state.commanded)
+    remember(history, now_ns, state.measured / state.grip, state.commanded / state.grip)
     certify(config.estimate, state.estimate, history, now_ns)
 
 

@@ -71,20 +71,20 @@ INSIDE: Final = 0.2
 
 
 @part
-def along(config: Any, time: float, rotation: Mat, twist: Spatial, acceleration: Spatial) -> Along:
+def along(config: Any, duration: float, time: float, rotation: Mat, twist: Spatial, acceleration: Spatial) -> Along:
     """Return a point of the path over s from its reference over the user's time.
 
     Args:
         config: GOVERNOR_CONFIG.
-        time: of the user's path [s].
+        duration, time: of the user's path [s].
         rotation, twist, acceleration: of the path in the user's time {w}.
     """
     if config.mode != Governing.TIME_OPTIMAL:
         return Along(rotation, twist, acceleration, 1.0, 0.0)
-    inside = sample_time(config.mode, 0, config.duration) / config.duration
-    share = min(max(time / config.duration, inside), 1.0 - inside)
+    inside = sample_time(config.mode, 0, duration) / duration
+    share = min(max(time / duration, inside), 1.0 - inside)
     c = 4.0 * share * (1.0 - share)
-    floor, floor_rate = config.floor * c * c, config.floor * 8.0 * c * (1.0 - 2.0 * share) / config.duration
+    floor, floor_rate = config.floor * c * c, config.floor * 8.0 * c * (1.0 - 2.0 * share) / duration
     v, w = twist.linear, config.length * twist.angular
     a, alpha = acceleration.linear, config.length * acceleration.angular
     speed = math.sqrt(v.dot(v) + w.dot(w) + floor * floor)

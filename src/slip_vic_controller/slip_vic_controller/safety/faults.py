@@ -116,6 +116,9 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
         ),
         ("wrench", Fault.NOT_FINITE): Reaction("NaN or infinity", "dropped", _AGE),
         ("wrench", Fault.ABSURD): Reaction("above `inputs.wrench.force`, `torque`", "dropped", _AGE),
+        ("wrench", Fault.INVALID): Reaction(
+            "all numbers zero, `wrench.zero_after` samples in a row", "not used", "HOLD"
+        ),
         ("wrench", Fault.FUTURE): Reaction(_AHEAD, "dropped", "HOLD from the second in a row on"),
         ("wrench", Fault.SILENT): Reaction("nothing for `inputs.wrench.age_s`", "-", "HOLD"),
         ("wrench", Fault.STALE): Reaction("newest stamp older than `inputs.wrench.age_s`", "not used", "HOLD"),

@@ -29,12 +29,16 @@ _TWICE = 2  # stamps in a row that are ahead of the joint state's: one alone is 
 
 RATE = layout(known=WHOLE, last_ns=WHOLE, periods=WHOLE, period_s=REAL, jitter_s=REAL)
 """Rate statistics of an input: mean period and mean deviation from it."""
-VECTOR_LIMITS = layout(age_ns=WHOLE, frozen_ns=WHOLE, future_ns=WHOLE, linear=REAL, angular=REAL, zero_is_normal=WHOLE)
+VECTOR_LIMITS = layout(
+    age_ns=WHOLE, frozen_ns=WHOLE, future_ns=WHOLE, linear=REAL, angular=REAL, zero_is_normal=WHOLE,
+    zero_after=WHOLE,
+)  # fmt: skip
 """Limits of a wrench or slip velocity. linear, angular: magnitudes above which a sample is absurd; future_ns: how far a
-stamp may be ahead of the joint state's; zero_is_normal: whether zero may stay for ever, as a slip velocity does."""
+stamp may be ahead of the joint state's; zero_is_normal: whether zero may stay for ever, as a slip velocity does;
+zero_after: samples in a row that are zero until they are invalid, 0 = never."""
 VECTOR_INPUT = layout(
     seen=WHOLE, known=WHOLE, stamp_ns=WHOLE, arrival_ns=WHOLE, values=(REAL, 6), equal_since_ns=WHOLE, invalid=WHOLE,
-    ahead=WHOLE, refused=WHOLE, refused_ns=WHOLE, rate=RATE, counts=(WHOLE, FAULTS),
+    ahead=WHOLE, zeros=WHOLE, refused=WHOLE, refused_ns=WHOLE, rate=RATE, counts=(WHOLE, FAULTS),
 )  # fmt: skip
 """The newest good sample of a wrench or slip velocity, and what is known of the input. seen: there was one; known: it
 still says when the next one is out of order (a restart of the joint state's clock makes it forgotten)."""
@@ -164,6 +168,10 @@ def receive_vector(
         fault, same = Fault.REFUSED.value, False
     else:
         fault, same = classify_vector(limits, state, stamp_ns, values, valid, joint)
+    if limits.zero_after != 0 and fine(fault):
+        state.zeros = 0 if values.any() else state.zeros + 1
+        if state.zeros >= limits.zero_after:
+            fault = Fault.INVALID.value
     state.ahead = state.ahead + 1 if fault == Fault.FUTURE else 0
     if fine(fault):
         if not same:

@@ -1,0 +1,1 @@
+"""Vendors' tactile messages to the stock messages of the controller; optional."""

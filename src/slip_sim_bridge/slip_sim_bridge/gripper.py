@@ -1,0 +1,45 @@
+"""The simulated gripper: its force follows what is commanded, with a rate limit and a lag of first order."""
+
+from __future__ import annotations
+
+import math
+
+from slip_core.errors import InputError
+from slip_sim_bridge.params import GripParams
+
+
+class Gripper:
+    """Force of the grip, sum over both pads [N]; without lag and rate limit it is what is commanded, to the last bit.
+
+    Args:
+        params: of the grip.
+        period_s: control period.
+    """
+
+    def __init__(self, params: GripParams, period_s: float) -> None:
+        self._share = 1.0 - math.exp(-period_s / params.lag_s) if params.lag_s > 0.0 else 1.0
+        self._largest_change = params.force_rate * period_s
+        self.put(params.force)
+
+    def put(self, force: float) -> None:
+        """Let it hold with a force, at once [N]."""
+        self.force = self._commanded = force
+
+    def command(self, force: float) -> None:
+        """Ask for a force [N].
+
+        Raises:
+            InputError: where it is negative or not finite.
+        """
+        if not math.isfinite(force) or force < 0.0:
+            raise InputError("grip force", got=force, expected="a finite number >= 0")
+        self._commanded = float(force)
+
+    def step(self) -> None:
+        """Follow the command for one control period."""
+        if self.force != self._commanded:
+            change = self._share * (self._commanded - self.force) if self._share < 1.0 else self._commanded - self.force
+            if abs(change) <= self._largest_change:
+                self.force = self.force + change if self._share < 1.0 else self._commanded
+            else:
+                self.force += math.copysign(self._largest_change, change)

@@ -1,0 +1,66 @@
+"""What the drivers of arm, wrench sensor and slip sensor give and take; every default is the suite's own bridge."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from slip_core.grasp_params import Three
+from slip_core.grip_params import GripperModel
+from slip_core.params import ParameterModel, parameter
+
+
+class WrenchParams(ParameterModel):
+    """How the wrench sensor's driver says what it measures; contacts of other arms are taken at the pad as they are."""
+
+    frame: str = parameter(
+        "", "frame of the wrench messages; empty = ee_frame. Where it is a link of the URDF its place is known"
+    )
+    position: Three = parameter(
+        (0.0, 0.0, 0.0), "place of the sensor's frame as seen from ee_frame, where it is no link of the URDF", unit="m"
+    )
+    rpy: Three = parameter(
+        (0.0, 0.0, 0.0),
+        "attitude of the sensor's frame as seen from ee_frame, where it is no link of the URDF: turns about the fixed "
+        "x, y and z in this order",
+        unit="rad",
+    )
+    sign: Literal[1, -1] = parameter(
+        1, "1: the driver gives the wrench of the object on the robot; -1: that of the robot on the object"
+    )
+    force_scale: float = parameter(1.0, "factor that makes the driver's forces newtons", gt=0.0)
+    torque_scale: float = parameter(1.0, "factor that makes the driver's torques newton metres", gt=0.0)
+    tool_mass: float = parameter(
+        0.0, "mass between sensor and pad, whose weight is taken out of the wrench", unit="kg", ge=0.0
+    )
+    tool_com: Three = parameter((0.0, 0.0, 0.0), "its centre of mass as seen from ee_frame, on its axes", unit="m")
+    zero_after: int = parameter(
+        0,
+        "samples in a row with all numbers zero after which the wrench is invalid, as drivers send near singularities; "
+        "0 = zero is a wrench like any other",
+        ge=0,
+        le=1_000_000,
+    )
+
+
+class EffortParams(ParameterModel):
+    """What the arm's drives make of an effort."""
+
+    gravity: Literal["include", "robot_compensates"] = parameter(
+        "include",
+        "include: efforts carry the arm's weight; robot_compensates: the arm adds the torque of its own weight itself",
+    )
+
+
+class GripParams(GripperModel):
+    """Grip as a second output, where the gripper can follow and the object may be squeezed."""
+
+    told_force: float = parameter(
+        0.5, "grip for which governor.friction_limit is told; with control follow also the first and the least one",
+        unit="N", gt=0.0,
+    )  # fmt: skip
+    force_limit: float = parameter(10.0, "control follow: largest grip that is commanded", unit="N", gt=0.0)
+    command_rate: float = parameter(100.0, "control follow: largest change of the command", unit="N/s", gt=0.0)
+    preview_s: float = parameter(
+        0.15, "control follow: how far ahead on the path the load is looked for; at least lag_s", unit="s", ge=0.0
+    )
+    margin: float = parameter(0.8, "control follow: share of the friction that the load may take", gt=0.0, le=1.0)

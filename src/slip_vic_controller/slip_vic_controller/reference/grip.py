@@ -1,0 +1,71 @@
+"""Grip as the other output: squeeze as hard as the path ahead needs, and no harder.
+
+    N_des = max over the preview of |l(a_d)| / (margin mu),   mu = F^ / N_told
+
+A gripper is slow, so what is needed is looked for ahead of time on the path that is planned, and the command changes no
+faster than the gripper is told to. What the gripper does is not measured: a lag of first order stands for it, and F^
+grows and shrinks with that.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from slip_core.compiled import part
+from slip_core.records import REAL, WHOLE, layout
+from slip_vic_controller.reference.path_grid import GRID_POINTS
+
+GRIP_CONFIG = layout(follow=WHOLE, told=REAL, most=REAL, rate=REAL, lag_s=REAL, preview_s=REAL, margin=REAL)
+"""follow: whether the grip is commanded; told: grip for which friction is told, and never less than this; most: cap
+[N]; rate: of the command [N/s]; lag_s: of the gripper; preview_s; margin: share of friction that the load may take."""
+GRIP = layout(command=REAL, actual=REAL)
+"""What is commanded, and what the gripper is taken to hold with [N]."""
+
+
+@part
+def start_grip(config: Any, grip: Any) -> None:
+    """Begin with the grip that is told; GRIP_CONFIG, GRIP."""
+    grip.command = grip.actual = config.told
+
+
+@part
+def load_ahead(grid: Any, time: float, preview_s: float) -> float:
+    """Return the largest load of the path as it is planned, from a time of it on [N].
+
+    Args:
+        grid: PATH_GRID, planned.
+        time: of the user's path, now [s].
+        preview_s: how far ahead [s].
+    """
+    first = 0
+    while first < GRID_POINTS - 2 and grid.points[first + 1].time <= time:
+        first += 1
+    most = 0.0
+    for i in range(first, GRID_POINTS):
+        point = grid.points[i]
+        if i > first and point.time > time + preview_s:
+            break
+        x, u = point.K, 0.0
+        if i + 1 < GRID_POINTS and grid.points[i + 1].s > point.s:
+            u = 0.5 * (grid.points[i + 1].K - x) / (grid.points[i + 1].s - point.s)
+        square = (point.uu * u + 2.0 * (point.ux * x + point.uc)) * u + (point.xx * x + 2.0 * point.xc) * x + point.cc
+        most = max(most, square)
+    return math.sqrt(most)
+
+
+@part
+def follow_load(config: Any, grip: Any, load: float, F_told: float, dt: float) -> None:
+    """Move the command towards what a load needs, and the gripper towards its command.
+
+    Args:
+        config, grip: GRIP_CONFIG, GRIP.
+        load: that friction must carry [N].
+        F_told: friction limit at the grip that is told [N].
+        dt: since the cycle before [s].
+    """
+    wanted = min(max(load * config.told / (config.margin * F_told), config.told), config.most)
+    share = 1.0 - math.exp(-dt / config.lag_s) if config.lag_s > 0.0 else 1.0
+    grip.actual += share * (grip.command - grip.actual)
+    most = config.rate * dt
+    grip.command = min(max(wanted, grip.command - most), grip.command + most)
