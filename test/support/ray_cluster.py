@@ -29,15 +29,14 @@ def ray_cluster(nodes: int, cores: int = 1) -> Iterator[Any]:
         cluster.shutdown()
 
 
-def kill_node(cluster: Any, number: int = -1) -> None:
-    """Kill -9 everything of a node, by default of the one that came last; 0 is that of the head, which drivers use."""
-    node = cluster.list_all_nodes()[number]
+def kill_node(cluster: Any) -> None:
+    """Kill -9 everything of the node that came last; drivers use that of the head."""
+    node = cluster.list_all_nodes()[-1]
     raylet = psutil.Process(node.all_processes["raylet"][0].process.pid)
     for process in (*raylet.children(recursive=True), raylet):
         with contextlib.suppress(psutil.NoSuchProcess):
             process.kill()
-    if number != 0:
-        cluster.remove_node(node, allow_graceful=False)
+    cluster.remove_node(node, allow_graceful=False)
 
 
 def busy_workers(task: str) -> list[psutil.Process]:

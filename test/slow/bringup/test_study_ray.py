@@ -19,7 +19,7 @@ import pytest
 
 from slip_bringup.study.engines import Died
 from slip_bringup.study.engines.cluster import RayEngine
-from slip_core.errors import InputError, SlipVicError
+from slip_core.errors import InputError
 from test.support.ray_cluster import busy_workers, kill_node, ray_cluster
 
 SUPPORT = Path(__file__).parents[2] / "support"
@@ -113,18 +113,3 @@ def test_a_client_that_is_killed_leaves_the_cluster_free(cluster: Any, tasks: Mo
         time.sleep(0.1)
     with RayEngine(1) as engine:
         assert dict(engine.run(tasks.note_and_square, str(tmp_path), range(3))) == {0: 0, 1: 1, 2: 4}
-
-
-@needs_ray
-def test_where_the_node_beside_the_driver_dies_the_run_ends_with_one_line(
-    cluster: Any, tasks: ModuleType, tmp_path: Path
-) -> None:
-    """The last test of this file: the cluster has no head afterwards."""
-
-    def run(engine: RayEngine) -> None:
-        for number, _ in engine.run(tasks.slow_square, str(tmp_path), range(100000)):
-            if number == 5:
-                kill_node(cluster, 0)
-
-    with RayEngine(1) as engine, pytest.raises(SlipVicError, match="node on this machine has died"):
-        run(engine)

@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from slip_bringup.study.engines import DEATHS, Died, Result, Shared, Task
-from slip_core.errors import InputError, SlipVicError
+from slip_core.errors import InputError
 
 QUEUED = 2
 """Tasks that the cluster has at a time, for each of its cores: no core waits for the next one."""
@@ -92,7 +92,7 @@ class RayEngine:
         look_at = cores = 0.0
         while True:
             if time.monotonic() >= look_at:
-                look_at, cores = time.monotonic() + LOOK_S, self._cores()
+                look_at, cores = time.monotonic() + LOOK_S, ray.cluster_resources().get("CPU", 0.0)
             while len(task_of) < QUEUED * max(1.0, cores):
                 if (task := again.pop() if again else next(waiting, None)) is None:
                     break
@@ -118,14 +118,3 @@ class RayEngine:
                         yield task, Died(f"its process died {DEATHS} times: {type(error).__name__}")
                 else:
                     yield task, result
-
-    def _cores(self) -> float:
-        """Return how many cores the cluster has.
-
-        Raises:
-            SlipVicError: the node on this machine has died; without it Ray waits for ever.
-        """
-        alive = {node["NodeID"]: node["Resources"].get("CPU", 0.0) for node in self._ray.nodes() if node["Alive"]}
-        if self._ray.get_runtime_context().get_node_id() not in alive:
-            raise SlipVicError("the Ray node on this machine has died; start it again, and the same command goes on")
-        return float(sum(alive.values()))
