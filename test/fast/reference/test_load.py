@@ -8,7 +8,7 @@ from slip_core.vectors import mat, spatial, vec
 from slip_vic_controller.governing import held_by
 from slip_vic_controller.law.contact import CONTACT, SLIP
 from slip_vic_controller.reference.guard import guard_factor
-from slip_vic_controller.reference.load import ALONE, Held, load, size, surface
+from slip_vic_controller.reference.load import ALONE, Held, Shared, at_contact, load, size, surface
 
 SEED, CASES = 5, 60
 ROUNDING = 1e-12
@@ -81,3 +81,24 @@ def test_the_guard_takes_the_largest_factor_within_the_limit() -> None:
             assert np.linalg.norm(k * drawn + rest) <= sizes.min() * (1 + 1e-6)
             kinds.add("too heavy")
     assert kinds == {"whole", "part", "too heavy"}
+
+
+def test_the_load_of_shared_pads_is_never_below_that_of_any_of_them() -> None:
+    rng, rho = np.random.default_rng(SEED), 0.015
+    weights = surface(spatial(np.array([1.0, 1, 0, 0, 0, 1])), rho)
+    tight = 0.0
+    for _ in range(300):
+        places = np.hstack((rng.normal(size=(2, 2)), np.zeros((2, 1)))) * 0.2
+        middle = places.mean(axis=0)
+        d = places - middle
+        A = 2 * rho**2 * np.eye(3) + sum(x @ x * np.eye(3) - np.outer(x, x) for x in d)
+        arm = float(np.hypot(np.linalg.norm(d[0]), rho))
+        shared = Shared(2, vec(middle), mat(np.linalg.inv(A)), arm, rho)
+        held = Held(1.0, mat(np.eye(3)), vec(places[0]), shared)
+        force, torque = rng.normal(size=3), 0.1 * rng.normal(size=3)
+        bound = size(weights * at_contact(held, vec(force), vec(torque)))
+        y = np.linalg.solve(A, torque - np.cross(middle, force))
+        loads = [np.hypot(np.linalg.norm((force / 2 + np.cross(y, x))[:2]), rho * y[2]) for x in d]
+        assert max(loads) <= bound * (1.0 + ROUNDING)
+        tight = max(tight, max(loads) / bound)
+    assert tight > 0.9

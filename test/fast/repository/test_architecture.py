@@ -42,7 +42,7 @@ ALLOWED = {
     "slip_vic_controller.session": {"numpy", "slip_core"},
     "slip_vic_controller.slip_displacement": {"numpy", "slip_core"},
     "slip_vic_controller.snapshot": {"numpy", "slip_core"},
-    "slip_vic_controller.team": {"slip_core"},
+    "slip_vic_controller.team": {"numpy", "slip_core"},
     "slip_sim_bridge": SHELLS,
     "slip_sim_bridge.friction": {"numpy", "pydantic", "slip_core"},
     "slip_sim_bridge.plant": {"numpy", "mujoco", "slip_core"},  # no other file knows MuJoCo

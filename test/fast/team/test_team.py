@@ -14,7 +14,7 @@ from slip_bringup.pair.scenario import LAWS, Mismatch, PairScenario, load_pair
 from slip_bringup.pair.study import draw
 from slip_core.arrays import matrix_from_quat_xyzw
 from slip_core.errors import InputError
-from slip_core.types import JointSample
+from slip_core.types import CartesianReference, JointSample
 from slip_vic_controller.law.bounds import internal_gain_limit
 from slip_vic_controller.safety.modes import Mode, Request
 
@@ -75,18 +75,56 @@ def test_perfect_sensors_show_the_true_internal_wrench() -> None:
 
 def test_both_pads_are_led_along_the_path_of_the_object() -> None:
     scenario = load_pair(UPRIGHT, assignments=SOON)
-    start, far = None, 0.0
+    start, far, way = None, 0.0, []
     for k, tick in enumerate(run_pair(scenario)):
         left, right = (result.record.reference for result in tick.results)
         apart = left.rotation.T @ (right.position - left.position)
         turned = left.rotation.T @ right.rotation
         start = (apart, turned, left.position.copy()) if start is None else start
+        way.append((right.position.copy(), right.twist.copy(), right.acceleration.copy()))
         np.testing.assert_allclose(apart, start[0], atol=1e-9)
         np.testing.assert_allclose(turned, start[1], atol=1e-9)
         far = max(far, float(np.linalg.norm(left.position - start[2])))
         if k == 500:
             break
     assert far > 0.02
+    x, v, a = (np.array(column) for column in zip(*way, strict=True))
+    np.testing.assert_allclose((x[2:] - x[:-2]) / 2e-3, v[1:-1, :3], atol=1e-5)  # velocity and acceleration agree
+    np.testing.assert_allclose((v[2:] - v[:-2]) / 2e-3, a[1:-1], atol=1e-4)
+
+
+def test_a_reference_of_the_object_leads_both_pads_as_its_path_does() -> None:
+    loop = TeamLoop(load_pair(UPRIGHT, assignments=SOON))
+    planned = [result.record.reference for result in list(ticks(loop, 300))[-1].results]
+    grasp = loop.team.sessions[0].controller.params.contacts
+    left = planned[0]
+    R = left.rotation @ matrix_from_quat_xyzw(grasp.orientation_xyzw[:4]).T
+    r = R @ np.array(grasp.position[:3])
+    v, w, a, alpha = left.twist[:3], left.twist[3:], left.acceleration[:3], left.acceleration[3:]
+    twist = np.concatenate((v - np.cross(w, r), w))
+    acceleration = np.concatenate((a - np.cross(alpha, r) - np.cross(w, np.cross(w, r)), alpha))
+    loop.team.set_object_reference(CartesianReference(left.position - r, R, twist, acceleration))
+    for session, wanted in zip(loop.team.sessions, planned, strict=True):
+        given = session.state.reference
+        assert float(np.linalg.norm(wanted.twist)) > 0.05
+        for name in ("position", "rotation", "twist", "acceleration"):
+            np.testing.assert_allclose(getattr(given, name), getattr(wanted, name), atol=1e-8, err_msg=name)
+
+
+def test_a_governed_team_is_on_one_path_and_counts_with_the_weaker_pad() -> None:
+    loop = TeamLoop(load_pair(UPRIGHT, law="governed", assignments=(*SOON, "controller.trajectory.duration_s=1.2")))
+    slowed = False
+    for k, tick in enumerate(ticks(loop, 400)):
+        left, right = (result.record.governor for result in tick.results)
+        if k == 5:
+            loop.team.sessions[1].state.governor.estimate.F_hat = 5.5  # one pad is known to be weaker
+        assert (left.path_s, left.path_rate) == (right.path_s, right.path_rate)
+        slowed = slowed or (k > 20 and left.path_rate < 0.999)
+        if k > 20:
+            assert left.friction_limit == right.friction_limit == 5.5
+            assert left.load_commanded <= 5.5
+    assert slowed
+    assert max(slipped(loop)) == 0.0
 
 
 def test_one_arms_bad_joint_states_stop_both_in_the_same_cycle_and_both_go_on_together() -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from slip_core.arrays import Array
+import numpy as np
+
+from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.types import CartesianReference, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.arrival import is_silent
@@ -57,6 +59,18 @@ class TeamSession:
     def set_reference(self, side: int, reference: CartesianReference) -> None:
         """Use this reference of a pad from the next cycle on."""
         self.sessions[side].set_reference(reference)
+
+    def set_object_reference(self, reference: CartesianReference) -> None:
+        """Use this reference of the object's centre of mass from the next cycle on: each pad where it was grasped."""
+        R, v, w = reference.rotation, reference.twist[:3], reference.twist[3:]
+        a, alpha = reference.acceleration[:3], reference.acceleration[3:]
+        for side, session in enumerate(self.sessions):
+            grasp = session.controller.params.contacts
+            r = R @ np.array(grasp.position[:3])
+            twist = np.concatenate((v + np.cross(w, r), w))
+            acceleration = np.concatenate((a + np.cross(alpha, r) + np.cross(w, np.cross(w, r)), alpha))
+            rotation = R @ matrix_from_quat_xyzw(grasp.orientation_xyzw[:4])
+            self.set_reference(side, CartesianReference(reference.position + r, rotation, twist, acceleration))
 
     def request(self, request: Request) -> None:
         """Ask for a mode, of both arms; the next cycle decides."""
