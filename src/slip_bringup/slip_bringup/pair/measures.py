@@ -65,9 +65,20 @@ def internal_wrenches(
     return [T.T @ (h - W @ g.T @ y) for T, h, g in zip(turn, world, G, strict=True)]
 
 
-def judge(scenario: PairScenario, late_ticks: int = 0) -> Judged:
-    """Run a scenario in this process and judge it; ends where the pane is lost."""
-    watch = _Watch(scenario)
+COLUMNS = ("time_s", "slip_left_m", "slip_right_m", "internal_n", "moment_n_m", "load_left", "load_right", "path_m")
+"""What `judge` can keep of every tick: slip, internal force in the slip plane and moment about the normal (the larger
+of both pads), share of the friction limit, distance of the object from its reference."""
+
+
+def judge(scenario: PairScenario, late_ticks: int = 0, series: list[tuple[float, ...]] | None = None) -> Judged:
+    """Run a scenario in this process and judge it; ends where the pane is lost.
+
+    Args:
+        scenario: what runs.
+        late_ticks: control periods that every command is on its way.
+        series: takes a row of `COLUMNS` for every tick.
+    """
+    watch = _Watch(scenario, series)
     try:
         for tick in run_pair(scenario, late_ticks):
             watch.look(tick)
@@ -84,7 +95,8 @@ def judge(scenario: PairScenario, late_ticks: int = 0) -> Judged:
 class _Watch:
     """Sums a run up as it goes."""
 
-    def __init__(self, scenario: PairScenario) -> None:
+    def __init__(self, scenario: PairScenario, series: list[tuple[float, ...]] | None) -> None:
+        self._series = series
         left = scenario.controllers[0].contacts
         self._lever = matrix_from_quat_xyzw(left.orientation_xyzw[:4]).T @ np.array(left.position[:3])
         self._arms = scenario.bridge.arms
@@ -99,11 +111,14 @@ class _Watch:
         """Take one tick in."""
         now, readings = 1e-9 * tick.outputs.stamp_ns, tick.outputs.readings
         truth = readings[0].truth
+        slips, loads, off = [0.0, 0.0], [0.0, 0.0], 0.0
         for side, reading in enumerate(readings):
             arm, h = self._arms[side], reading.wrench.wrench
-            self.slip[side] = max(self.slip[side], float(np.linalg.norm(reading.truth.slip_displacement[:3])))
+            slips[side] = float(np.linalg.norm(reading.truth.slip_displacement[:3]))
             load = math.sqrt(h[0] * h[0] + h[1] * h[1] + (h[5] / self._radius) ** 2)
-            self.load[side] = max(self.load[side], load / (arm.friction.mu_s * arm.grip.force))
+            loads[side] = load / (arm.friction.mu_s * arm.grip.force)
+            self.slip[side] = max(self.slip[side], slips[side])
+            self.load[side] = max(self.load[side], loads[side])
         wrenches = [reading.wrench.wrench for reading in readings]
         places, attitudes = tick.outputs.pads
         parts = internal_wrenches(wrenches, places, attitudes, truth.position, self._radius)
@@ -116,7 +131,11 @@ class _Watch:
             wanted = record.reference.position - record.reference.rotation @ self._lever
             if self._sag is None:
                 self._sag = truth.position - wanted
-            self.path = max(self.path, float(np.linalg.norm(truth.position - wanted - self._sag)))
+            off = float(np.linalg.norm(truth.position - wanted - self._sag))
+            self.path = max(self.path, off)
+        if self._series is not None:
+            moment = max(abs(float(part[5])) for part in parts)
+            self._series.append((now, *slips, size, moment, *loads, off))
         for side, result in enumerate(tick.results):
             if result.mode == Mode.FAULT:
                 self.outcome, self.reason = "fault", f"{now:.3f} s, {('left', 'right')[side]}: {result.reason}"

@@ -121,11 +121,15 @@ class TeamSession:
         return self.answer(joints, nows, [None] * len(SIDES))
 
     def _alone(self, side: int, now_ns: int) -> CycleResult | None:
-        """Answer an arm whose partner is silent; return what the watchdog says where it is silent itself."""
+        """Answer an arm whose partner is silent or holds; return what the watchdog says where it is silent itself.
+
+        While both follow the law, a partner whose joint state is late is waited for; one that holds is not.
+        """
         session, other = self.sessions[side], self.sessions[1 - side]
         if session.waiting is None:
             return session.watchdog(now_ns)
-        if not other.begun or not is_silent(other.controller.config, other.buffer, now_ns):
+        silent = is_silent(other.controller.config, other.buffer, now_ns)
+        if not other.begun or (other.mode.follows and not silent):
             return None
         before, session.state.outside = int(session.state.outside), int(Fault.OTHER_ARM)
         joint, fault = session.waiting
