@@ -531,6 +531,8 @@ def evaluate_law(c: Any, s: Any, history: Array, i: Any, o: Any, slip_unknown: b
     if governed:
         grasped = held(c, s, o.gains)
         govern(c, s, i.arm, o, grasped, dt, 0.0 if stops else s.observed.path_speed)
+    if c.giving_up.witness != 0 and c.giving_up.on != 0 and s.governor.estimate.slipping == 0:
+        o.samples[0].slip_twist[:] = 0.0  # nor does it move the pad on the object: a lever that is wrong stops the arm
     if not _reference(c, s, o):
         return Cause.BAD_REFERENCE.value
     error = (vec(i.arm.position) - vec(o.reference.position)).norm()

@@ -1,9 +1,10 @@
 """The lottery draws the same case from a number whatever else is drawn, and compares laws in equal worlds."""
 
 import math
+from dataclasses import replace
 
 from slip_bringup.study import lottery
-from slip_bringup.study.lottery import CLASSICAL, GOVERNED, OBSERVER, Drawn, Ticket, draw, lottery_table, score
+from slip_bringup.study.lottery import CLASSICAL, GOVERNED, OBSERVER, Drawn, Ticket, draw, lottery_table, play, score
 
 
 def test_a_ticket_depends_on_its_number_and_seed_alone() -> None:
@@ -40,3 +41,12 @@ def test_the_score_counts_what_it_says() -> None:
     assert found.ratio == (0.04 / 0.002 + 0.1 / 0.02) / 2
     assert score(results, GOVERNED.name).lost == 0
     assert lottery_table(results).row_count == 4
+
+
+def test_worlds_that_once_lost_the_object_are_kept() -> None:
+    """Tickets of `vertical_plane` that classical control keeps: lost by a HOLD on the way, by a slip that was none."""
+    short = replace(GOVERNED, assignments=("bridge.duration_s=3.5",))
+    for seed, number in ((2026, 18), (31, 21)):
+        drawn = play(draw(number, seed), short)
+        assert drawn.outcome == "ok", drawn.reason
+        assert drawn.slip < 1e-5, (seed, number)
