@@ -35,7 +35,7 @@ setup(
         "uplot-python",
         "websockets",
     ],
-    extras_require={"test": ["pytest"], "cluster": ["ray"]},
+    extras_require={"test": ["pytest"], "cluster": ["ray"], "video": ["imageio-ffmpeg"]},
     zip_safe=False,
     maintainer="slip-vic maintainers",
     maintainer_email="maintainers@slip-vic.example",

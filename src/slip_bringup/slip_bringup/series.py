@@ -41,18 +41,18 @@ class RunSeries:
         return np.stack([self.law[f"{name}_{axis}"] for axis in AXES], axis=1)
 
 
-def read_series(path: Path) -> RunSeries:
-    """Read the series of one recorded run.
+def read_series(path: Path, arm: str = "") -> RunSeries:
+    """Read the series of one recorded run, or of the arm in one namespace of it.
 
     Raises:
         InputError: where the bag lacks a topic that a run has.
     """
     with Bag(path) as bag:
-        truth = _series(bag, "slip_truth")
+        truth = _series(bag, "slip_truth", arm)
         odometry = _series(bag, "object_state")
-        commands = _series(bag, "effort_command")
-        scalars = _series(bag, "controller/scalars")
-        ee_pose = _series(bag, "controller/ee_pose")
+        commands = _series(bag, "effort_command", arm)
+        scalars = _series(bag, "controller/scalars", arm)
+        ee_pose = _series(bag, "controller/ee_pose", arm)
     start_ns = _stamps(truth)[0]
     object_position = _columns(odometry, "pose.pose.position.", "xyz")
     object_rotation = Rotation.from_quat(_columns(odometry, "pose.pose.orientation.", "xyzw")).as_matrix()
@@ -78,8 +78,9 @@ def read_series(path: Path) -> RunSeries:
     )
 
 
-def _series(bag: Bag, topic: str) -> Series:
-    full = next((name for name in bag.topics if name.rstrip("/").endswith(f"/{topic.lstrip('/')}")), None)
+def _series(bag: Bag, topic: str, arm: str = "") -> Series:
+    own = f"/{arm}/{topic}" if arm else f"/{topic}"
+    full = next((name for name in bag.topics if name.endswith(own)), None)
     found = bag.series(full) if full else None
     if found is None or not found.count:
         raise InputError(f"bag {bag.path}", got=f"no message on {topic}", expected="a recorded run of this suite")

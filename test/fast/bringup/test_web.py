@@ -2,7 +2,9 @@
 
 import base64
 import gzip
+import importlib.util
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,7 @@ from slip_bringup.web.page import make_page, write_page
 from slip_bringup.web.plots import plot_series
 from slip_bringup.web.runs import grid, load_ratio, object_size, read_run, thinned
 from slip_bringup.web.urdf import links_of
+from slip_bringup.web.video import write_video
 from slip_core.errors import InputError
 from slip_description import urdf_text
 from test.support.two_arms import two_arms
@@ -127,6 +130,8 @@ def test_two_arms_are_two_arms_of_one_run(tmp_path: Path) -> None:
     (_, (slip,)), *_ = plot_series([run])
     assert [(number, place) for number, place, _ in slip.rows] == [(0, 0), (0, 1)]
     assert np.isfinite(slip.rows[1][2]).all()
+    _, numbers = make_page({"pair": tmp_path / "bag"}, command="")
+    assert list(numbers) == ["pair left", "pair right"]
 
 
 def test_page_holds_everything_and_fetches_nothing() -> None:
@@ -140,6 +145,13 @@ def test_page_holds_everything_and_fetches_nothing() -> None:
     assert data is not None
     model = unpack(gzip.decompress(base64.b64decode(data[1])))
     assert [plot["name"] for plot in model["plots"]][:2] == ["slip_mm", "slip_deg"]
+
+
+def test_video_without_ffmpeg_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(InputError, match=r"--video: got no ffmpeg.*imageio-ffmpeg"):
+        write_video(Path("x.mp4"), {"vic": BAGS / "paper_planar_vic"})
 
 
 @pytest.mark.parametrize(("bag", "words"), [("no_such_bag", "no_such_bag"), ("folder", "metadata.yaml")])

@@ -15,7 +15,8 @@ from slip_core.errors import InputError
 @click.argument("bags", metavar="BAG [BAG...]", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("report.html"), show_default=True)
 @click.option("--title", default="", help="default: the scenario")
-def report(bags: tuple[Path, ...], output: Path, title: str) -> None:
+@click.option("--video", type=click.Path(path_type=Path), help="write an MP4 file too; needs ffmpeg and OpenGL")
+def report(bags: tuple[Path, ...], output: Path, title: str, video: Path | None) -> None:
     """Write one self-contained web page of recorded runs: 3D replay, linked plots, table."""
     from slip_bringup.web.page import write_page
 
@@ -27,6 +28,10 @@ def report(bags: tuple[Path, ...], output: Path, title: str) -> None:
     command = shlex.join(["slip-vic", *sys.argv[1:]])
     write_page(output, dict(zip(labels, bags, strict=True)), command=command, title=title)
     click.echo(f"{output}: {output.stat().st_size / 1e6:.2f} MB")
+    if video is not None:
+        from slip_bringup.web.video import write_video
+
+        click.echo(f"{video}: {write_video(video, dict(zip(labels, bags, strict=True)))} frames")
 
 
 @click.command()

@@ -64,7 +64,12 @@ def make_page(
     """Return the page as text, and the numbers of its table by label."""
     times = grid(duration_s(list(bags.values())))
     runs = [read_run(path, label, times) for label, path in bags.items()]
-    numbers = {label: summarise(read_series(path)) for label, path in bags.items() if has_truth(path)}
+    numbers = {
+        f"{run.label} {arm.name}" if len(run.arms) > 1 else run.label: summarise(read_series(path, arm.name))
+        for run, path in zip(runs, bags.values(), strict=True)
+        for arm in run.arms
+        if run.object_pose is not None and "slip_mm" in arm.values and "error_mm" in arm.values
+    }
     packer = Packer()
     described, missing = [], []
     for run in runs:
@@ -92,14 +97,6 @@ def make_page(
 
 
 _FACTS: Final = {"scenario": "scenario", "seed": "seed", "git_revision": "revision"}
-
-
-def has_truth(path: Path) -> bool:
-    """Whether a bag holds the ground truth of one arm, from which the table's numbers come."""
-    from slip_bags.reader import Bag
-
-    with Bag(path) as bag:
-        return all(any(name.endswith(f"/{end}") for name in bag.topics) for end in ("slip_truth", "object_state"))
 
 
 def assemble(*, live: bool, title: str, data: str, **parts: str) -> str:
