@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Error, Page, sync_playwright
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 SWITCHES = (
@@ -61,9 +61,18 @@ def open_page(browser: Browser, address: str, *, ready: bool = True, **options: 
 def wait_until(page: Page, condition: str) -> None:
     """Wait until a script gives true; the page forbids the `eval` that playwright's own waiting needs."""
     end = time.monotonic() + LONGEST_S
-    while not page.evaluate(condition):
+    while not _holds(page, condition):
         assert time.monotonic() < end, f"never true: {condition}"
         page.wait_for_timeout(POLL_MS)
+
+
+def _holds(page: Page, condition: str) -> bool:
+    try:
+        return bool(page.evaluate(condition))
+    except Error as error:
+        if "context was destroyed" not in str(error):
+            raise
+        return False  # the page is loaded anew
 
 
 def address_of(path: Path) -> str:

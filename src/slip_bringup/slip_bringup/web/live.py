@@ -6,8 +6,10 @@ the cost does not grow with the work of the page. A thread per browser sends it 
 
 from __future__ import annotations
 
+import contextlib
 import http
 import queue
+import socket
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -53,7 +55,7 @@ ASKED: Final = ("ee_frame", "governor.friction_limit", "governor.torsional_radiu
 NODE: Final = "slip_vic_controller"
 DISCOVERY_S: Final = 1.0
 ASK_S: Final = 2.0
-SETTLE_S: Final = 0.5
+SETTLE_S: Final = 1.0
 _HEAD: Final = 12  # encapsulation and stamp: texts and numbers come behind
 QUEUED: Final = 50
 """Frames that may wait for a slow browser; then it gets the next newest ones."""
@@ -322,8 +324,9 @@ class Audience:
             live=True, title="slip-vic watch", table="", words="", facts="", notes="", data="", description=""
         ).encode()
         self._model = b""
-        self._queues: set[queue.Queue[bytes]] = set()
+        self._queues: dict[queue.Queue[bytes], ServerConnection] = {}
         self._lock = threading.Lock()
+        self._over = False
         try:
             self._server: Server = serve(self._attend, host, port, process_request=self._answer, compression=None)
         except OSError as error:
@@ -354,11 +357,14 @@ class Audience:
                     waiting.put(data)
 
     def close(self) -> None:
-        """Stop serving, and let go of every browser."""
-        self._server.shutdown()
+        """Let go of every browser at once, one that is slow would be waited for, and stop serving."""
         with self._lock:
-            for waiting in self._queues:
+            self._over = True
+            for waiting, connection in self._queues.items():
                 waiting.put(b"")
+                with contextlib.suppress(OSError):
+                    connection.socket.shutdown(socket.SHUT_RDWR)
+        self._server.shutdown()
 
     def _answer(self, _: ServerConnection, request: Request) -> Response | None:
         if request.path == "/live":
@@ -370,9 +376,11 @@ class Audience:
     def _attend(self, connection: ServerConnection) -> None:
         waiting: queue.Queue[bytes] = queue.Queue()
         with self._lock:
+            if self._over:
+                return
             if self._model:
                 waiting.put(self._model)
-            self._queues.add(waiting)
+            self._queues[waiting] = connection
         try:
             while data := waiting.get():
                 if data is self._model:
@@ -382,7 +390,7 @@ class Audience:
             pass
         finally:
             with self._lock:
-                self._queues.discard(waiting)
+                del self._queues[waiting]
 
 
 def watch(node: Node, audience: Audience, namespace: str, rate_hz: float, stop: Callable[[], bool]) -> None:
