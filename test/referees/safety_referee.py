@@ -63,9 +63,9 @@ def too_fast(limits: Any, names: tuple[str, ...], qd: Array, twist: Array) -> st
 # -- drop detection -----------------------------------------------------------------------------------
 
 
-def fall_speed(down: Array, speed: float, beyond: Array, P: Array, slipping: float, dt: float) -> float:
+def fall_speed(down: Array, rise: float, speed: float, beyond: Array, P: Array, slipping: float, dt: float) -> float:
     """Return the speed `beyond` the reference along `down` in the directions of slip, `speed` before; P projects."""
-    return float(np.clip(slipping * (down @ P @ beyond), 0.0, speed + 5.0 * dt))
+    return float(np.clip(slipping * (down @ P @ beyond), 0.0, speed + rise * dt))
 
 
 def slip_evidence(evidence: Array, change: Array, carried: Array, P: Array, dt: float) -> Array:

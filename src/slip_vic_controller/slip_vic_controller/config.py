@@ -211,7 +211,7 @@ def _fill_drop(drop: Any, params: ControllerParams) -> None:
     safety, g = params.safety, math.hypot(*params.gravity)
     if g > 0.0:  # without gravity nothing falls
         drop.down[:] = np.array(params.gravity) / g
-    drop.drop_speed = safety.load.drop_speed
+    drop.drop_speed, drop.memory_s = safety.load.drop_speed, safety.load.memory_s
     drop.error_linear, drop.error_angular = safety.limits.error_linear, safety.limits.error_angular
     drop.evidence = math.inf if gate_shut(params) else safety.fallback.evidence
 

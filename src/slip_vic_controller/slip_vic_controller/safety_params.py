@@ -142,6 +142,9 @@ class LoadParams(ParameterModel):
     drop_speed: float = parameter(
         0.3, "downward speed of the object beyond the reference, while it slips, that is a fault", unit="m/s", gt=0.0
     )
+    memory_s: float = parameter(
+        0.06, "least time in which that speed is gained: one wrong slip sample is no fall", unit="s", gt=0.0
+    )
 
 
 class SafetyParams(ParameterModel):

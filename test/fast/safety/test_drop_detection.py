@@ -28,7 +28,7 @@ class Detection:
         views = [record(buffer, layout) for buffer, layout in zip(self.buffers, layouts, strict=True)]
         self.config, self.observed, self.arm, self.law, self.reference = views
         self.axes = np.array(axes)
-        self.config.down[:], self.config.drop_speed = (0.0, 0.0, -1.0), 0.2
+        self.config.down[:], self.config.drop_speed, self.config.memory_s = (0.0, 0.0, -1.0), 0.2, 0.04
         self.config.error_linear, self.config.error_angular, self.config.evidence = 0.1, 0.5, 0.08
         self.observed.path_speed, self.observed.blind_since_ns = 1.0, NEVER
         self.arm.rotation[:] = np.eye(3)
@@ -65,7 +65,7 @@ def test_it_is_the_plain_form() -> None:
         d, dt = random_detection(rng, known), (0.0, 0.001, 0.004)[seed % 5 % 3]
         slipping = 1.0 if d.law.slip_speed > 0.005 else d.law.gate
         beyond = d.arm.twist[:3] - d.arm.rotation @ (d.axes[:3] * d.law.v_s[:3]) - d.reference.twist[:3]
-        fall = fall_speed(d.config.down, d.observed.fall_speed, beyond, d.P, slipping, dt)
+        fall = fall_speed(d.config.down, 5.0, d.observed.fall_speed, beyond, d.P, slipping, dt)
         change = d.arm.twist[:3] - d.observed.twist[:3]
         seen = slip_evidence(d.observed.evidence, change, d.law.carried, d.P, dt) if known and dt > 0.0 else np.zeros(3)
         worst = max(d.law.error_linear / 0.1, d.law.error_angular / 0.5)

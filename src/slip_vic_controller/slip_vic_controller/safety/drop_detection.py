@@ -20,14 +20,15 @@ MOVING = 0.01
 """[m/s] or [rad/s] above which a reference asks for motion."""
 SLIPPING = 0.005
 """[m/s] above which a slip velocity counts as slip, with the slip activation at zero too."""
-RISE = 5.0
-"""[m/s^2] Most by which a fall can grow: half of free fall, so that one wrong slip sample is none."""
 BLIND = 0.1
 """Share of the evidence below which a slip velocity sees nothing of it."""
 
-DROP_DETECTION = layout(down=(REAL, 3), drop_speed=REAL, error_linear=REAL, error_angular=REAL, evidence=REAL)
-"""down: unit vector along gravity {w}, zeros without gravity; drop_speed [m/s]; errors at which the path stands
-still [m], [rad]; evidence: slip speed that makes a sensor that shows none implausible [m/s]."""
+DROP_DETECTION = layout(
+    down=(REAL, 3), drop_speed=REAL, memory_s=REAL, error_linear=REAL, error_angular=REAL, evidence=REAL
+)
+"""down: unit vector along gravity {w}, zeros without gravity; drop_speed [m/s]; memory_s: least time in which that is
+gained [s]; errors at which the path stands still [m], [rad]; evidence: slip speed that makes a sensor that shows none
+implausible [m/s]."""
 OBSERVED = layout(
     known=WHOLE,
     fall_speed=REAL,
@@ -73,7 +74,7 @@ def observe_motion(config: Any, axes: Any, state: Any, arm: Any, law: Any, refer
     slipping = 1.0 if law.slip_speed > SLIPPING else law.gate
     beyond = vec(arm.twist) - R @ (axes_linear * vec(law.v_s)) - vec(reference.twist)
     fall = slipping * in_slip_plane(R, axes_linear, vec(config.down)).dot(beyond)
-    state.fall_speed = max(0.0, min(fall, state.fall_speed + RISE * dt))
+    state.fall_speed = max(0.0, min(fall, state.fall_speed + dt * config.drop_speed / config.memory_s))
     state.path_speed = scale_for_error(law.error_linear, law.error_angular, config.error_linear, config.error_angular)
     v_d, w_d = vec(reference.twist), vec(reference.twist[3:])
     state.moves = 1 if v_d.dot(v_d) + w_d.dot(w_d) > MOVING * MOVING else 0
