@@ -119,7 +119,9 @@ def test_what_is_no_goal_is_refused_with_what_is_expected() -> None:
             transforms=[pose], velocities=[SimpleNamespace(linear=zero, angular=zero)], accelerations=[],
             time_from_start=SimpleNamespace(sec=int(after), nanosec=round(1e9 * (after % 1.0))),
         )  # fmt: skip
-        return SimpleNamespace(points=[point] * points, header=SimpleNamespace(frame_id=frame))
+        return SimpleNamespace(
+            points=[point] * points, header=SimpleNamespace(frame_id=frame, stamp=SimpleNamespace(sec=0, nanosec=0))
+        )
 
     assert pose_goal(message(after=1.5, frame="world"), 2.0).duration_s == 1.5
     assert pose_goal(message(after=0.0), 2.0).duration_s == 2.0
