@@ -51,7 +51,7 @@ def _start(config, state, history, held, R):
 @part
 def _before(config, state, grid, held, time, R, twist, acceleration, x_e, R_ee, v_ee, most_rate, dt):
     at = along(config, config.duration, time, R, twist, acceleration)
-    g.run(config, state, grid, held, at, x_e, R_ee, v_ee, most_rate, dt)
+    g.run(config, state, grid, held, at, g.Pad(x_e, R_ee, v_ee), most_rate, dt)
 
 
 @part

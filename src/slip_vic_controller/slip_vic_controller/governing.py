@@ -218,17 +218,17 @@ def follow_stream(c: Any, s: Any, arm: Any, grasped: Held, path_speed: float, dt
     plan_stream(stream, grasped, weights, vec(config.gravity), limits, config.path_margin * state.usable)
     now = at(stream, state.time)
     point = Along(now.rotation, now.twist, now.acceleration, 1.0, 0.0)
-    v_ee, u = spatial(arm.twist), 0.0
+    pad, u = governor.Pad(vec(arm.position) - now.position, mat(arm.rotation), spatial(arm.twist)), 0.0
     if state.estimate.slipping != 0:
-        rate, ahead = governor.on_pad(config, point, vec(arm.position) - now.position, v_ee)
+        rate, ahead = governor.on_pad(config, point, pad.x, pad.v)
         state.rate = min(max(rate, 0.0), 1.0)
         last = stream.points[stream.count - 1].time
         state.time = min(max(state.time + ahead + dt * state.rate, stream.points[0].time), max(last, state.time))
     else:
-        K, slope = stream_bound(stream, state.time + dt * state.rate)
+        ahead_K = stream_bound(stream, state.time + dt * state.rate)
         state.overrun = 0
         most_rate = min(rate_limit(c, state, path_speed), limits[0])
-        u = governor.step_on(config, state, K, slope, grasped, point, mat(arm.rotation), v_ee.angular, most_rate, dt)
+        u = governor.step_on(config, state, ahead_K, grasped, point, pad, most_rate, dt)
         state.time += dt * (state.rate + 0.5 * dt * u)
         state.rate = max(state.rate + dt * u, 0.0)
     state.s = state.time
@@ -278,11 +278,10 @@ def govern(c: Any, s: Any, arm: Any, o: Any, grasped: Held, dt: float, path_spee
         governor.plan(c.governor, state, s.grid)
         return
     planned = path_at(c, s, state.time)
-    most_rate = rate_limit(c, state, path_speed)
-    governor.run(
-        c.governor, state, s.grid, grasped, along_path(c, s, planned, state.time), vec(arm.position) - planned.position,
-        mat(arm.rotation), spatial(arm.twist), most_rate, dt if dt > 0.0 else 1e-9 * c.cycle.period_ns,
-    )  # fmt: skip
+    pad = governor.Pad(vec(arm.position) - planned.position, mat(arm.rotation), spatial(arm.twist))
+    point, most_rate = along_path(c, s, planned, state.time), rate_limit(c, state, path_speed)
+    dt = dt if dt > 0.0 else 1e-9 * c.cycle.period_ns
+    governor.run(c.governor, state, s.grid, grasped, point, pad, most_rate, dt)
     if c.goals.on != 0:
         judge_governed_goal(c, s)
 

@@ -1,7 +1,9 @@
 """The import arrows between packages, held on the source text: whatever is not listed is forbidden."""
 
 import ast
+import os
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -159,3 +161,33 @@ def test_module_imports_only_what_its_layer_may(module: str, path: Path) -> None
 )
 def test_the_rule_sees_a_forbidden_import(module: str, text: str) -> None:
     assert violations(module, text) != []
+
+
+MOST_FILES, MOST_ARGUMENTS = 20, 8
+
+
+def test_a_folder_can_be_taken_in_at_a_glance() -> None:
+    listed = files_of_folders()
+    crowded = {folder: count for folder, count in listed.items() if count > MOST_FILES}
+    assert not crowded
+
+
+def files_of_folders() -> Counter[str]:
+    """Return how many files of the repository lie in each folder; what tools leave behind does not count."""
+    left = {"__pycache__", ".venv", ".git", "out", "build", "dist"}
+    found: Counter[str] = Counter()
+    for top in ("src", "test", "docs", "config", "tools", "bags"):
+        for folder, folders, files in os.walk(SRC.parent / top):
+            folders[:] = [name for name in folders if name not in left and "egg-info" not in name]
+            found[os.path.relpath(folder, SRC.parent)] = len([name for name in files if not name.startswith(".")])
+    return found
+
+
+def test_no_function_takes_a_long_row_of_arguments() -> None:
+    """But for the entries of compiled code, which take buffers."""
+    for module, path in modules():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef):
+                entry = any("kernel(" in ast.unparse(decorator) for decorator in node.decorator_list)
+                count = len(node.args.posonlyargs) + len(node.args.args)
+                assert entry or count <= MOST_ARGUMENTS, f"{module}.{node.name}: {count}"

@@ -134,10 +134,14 @@ def pair_step(law: FrictionLaw) -> Any:
 
     @part
     def rub(
-        contacts: Any, laws: Array, normal_force: Array, dt: float, A_hat: Array, stick: Array, force: Array,
-        slip: Array, following: Array,
+        contacts: Any, states: tuple[Array, Array], normal_force: Array, dt: float, A_hat: Array, stick: Array,
+        force: Array, slip: Array,
     ) -> None:  # fmt: skip
-        """Write force and slip on the axes of slip, until both contacts agree; (6,) each."""
+        """Write force and slip on the axes of slip, until both contacts agree; (6,) each.
+
+        states: parameters of both friction laws, and where their states of the next step go.
+        """
+        laws, following = states
         for k in range(SLIPPING):
             force[k] = stick[k]
         for _ in range(PASSES):
@@ -230,7 +234,7 @@ def pair_step(law: FrictionLaw) -> Any:
         if not inverse(B_slip, A_hat):
             return 0
         rubbing, slip, following = np.empty(SLIPPING), np.zeros(SLIPPING), np.zeros(SLIPPING)
-        rub(p.contact, laws, normal_force, dt, A_hat, stick, rubbing, slip, following)
+        rub(p.contact, (laws, following), normal_force, dt, A_hat, stick, rubbing, slip)
         for a in range(ROWS):
             total = all_stick[a]
             for k in range(SLIPPING):

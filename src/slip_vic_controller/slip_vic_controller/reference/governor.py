@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from slip_core.compiled import part
 from slip_core.records import REAL, WHOLE, layout
@@ -292,19 +292,23 @@ def allow(config: Any, state: Any) -> None:
         state.ceiling = max(state.ceiling, plan_load)
 
 
+class Pad(NamedTuple):
+    """The pad {w}: x, as seen from a point of the path [m]; attitude R; twist v."""
+
+    x: Vec
+    R: Mat
+    v: Spatial
+
+
 @part
-def run(
-    config: Any, state: Any, grid: Any, held: Held, point: Along, x_e: Vec, R_ee: Mat, v_ee: Spatial,
-    most_rate: float, dt: float,
-) -> None:  # fmt: skip
+def run(config: Any, state: Any, grid: Any, held: Held, point: Along, pad: Pad, most_rate: float, dt: float) -> None:
     """Do a cycle's planning and its step on the path: writes out_s, out_rate, out_u, out_time.
 
     Args:
         config, state, grid: GOVERNOR_CONFIG, GOVERNOR, PATH_GRID.
         held: object on pad axes.
         point: the path at state.time, from `along`.
-        x_e: the pad over that point of the path [m] {w}.
-        R_ee, v_ee: the pad's attitude and twist {w}.
+        pad: where it is, as seen from that point of the path.
         most_rate: largest sdot that anything else admits; 0 = come to rest on the path.
         dt: control period [s].
     """
@@ -314,10 +318,9 @@ def run(
         smooth(config, state, grid, 0.0)
         return
     if state.estimate.slipping == 1:
-        anchor(config, state, grid, point, x_e, v_ee, dt)
+        anchor(config, state, grid, point, pad.x, pad.v, dt)
         return
-    K, slope = bound(grid, state.s + dt * state.rate)
-    u = step_on(config, state, K, slope, held, point, R_ee, v_ee.angular, most_rate, dt)
+    u = step_on(config, state, bound(grid, state.s + dt * state.rate), held, point, pad, most_rate, dt)
     smooth(config, state, grid, u)
     state.s += dt * (state.rate + 0.5 * dt * u)
     state.rate = max(state.rate + dt * u, 0.0)
@@ -328,16 +331,15 @@ def run(
 
 @part
 def step_on(
-    config: Any, state: Any, K: float, slope: float, held: Held, point: Along, R_ee: Mat, w_ee: Vec, most_rate: float,
-    dt: float,
-) -> float:  # fmt: skip
-    """Return sddot of this cycle; K, slope: of the plan, where the path will be.
+    config: Any, state: Any, ahead: tuple[float, float], held: Held, point: Along, pad: Pad, most_rate: float, dt: float
+) -> float:
+    """Return sddot of this cycle; ahead: K and its slope where the path will be.
 
     The largest whose load, with that of the impedance's feedback, is allowed, and after which sdot^2 is within K. While
     a smaller F^ is being planned for: the smallest.
     """
-    weights = surface(spatial(config.slip_axes), config.radius)
-    rate = state.rate
+    weights, R_ee, w_ee = surface(spatial(config.slip_axes), config.radius), pad.R, pad.v.angular
+    (K, slope), rate = ahead, state.rate
     a = rate * rate * point.curve + spatial(state.feedback)
     b = drawn(held, weights, R_ee, a) + turning(held, weights, R_ee, w_ee)
     b = b + weight(held, weights, R_ee, vec(config.gravity))
