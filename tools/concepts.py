@@ -17,7 +17,7 @@ from matplotlib.patches import Circle, Ellipse, FancyArrowPatch, Polygon, Rectan
 from slip_bringup.inprocess import run_in_process
 from slip_bringup.scenario import ControllerKind, load_scenario
 
-DOCS = Path(__file__).parents[1] / "docs"
+PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 SCENARIO, DURATION = "paper_planar", "bridge.duration_s=3.0"
 RED, BLUE = "#c0392b", "#2471a3"
 COLOURS = {"classical": RED, "vic": BLUE, "governed": "#1e8449"}
@@ -27,7 +27,7 @@ STYLE = {"svg.hashsalt": "slip-vic", "font.size": 9.0, "axes.spines.top": False,
 def save(figure: plt.Figure, name: str) -> None:
     """Write one picture without a date, so that it changes only where its content does."""
     figure.tight_layout()
-    figure.savefig(DOCS / f"{name}.svg", metadata={"Date": None})
+    figure.savefig(PICTURES / f"{name}.svg", metadata={"Date": None})
     plt.close(figure)
 
 

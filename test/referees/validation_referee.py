@@ -9,9 +9,9 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.types import JointSample
+from slip_vic_controller.parameters.safety_params import InputParams
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.faults import Fault
-from slip_vic_controller.safety_params import InputParams
 
 LONGEST_COAST_S = 0.1
 MOVES_RAD_S = 0.02

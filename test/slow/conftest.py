@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from slip_bringup.launcher import Launcher, RunResult
-from slip_bringup.processes import child_environment
 from slip_bringup.scenario import Scenario, load_scenario
+from slip_bringup.system.processes import child_environment
 
 DEMO_DEADLINE_S = 600.0
 REAL_TIME_S = 2.0

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from slip_bringup import shared_memory
-from slip_bringup.domain import domain_id
-from slip_bringup.processes import Child, ProcessGroup, Told, child_environment
+from slip_bringup.system import shared_memory
+from slip_bringup.system.domain import domain_id
+from slip_bringup.system.processes import Child, ProcessGroup, Told, child_environment
 
 DEADLINE_S = 30.0  # for things that take well under a second on an idle machine
 

@@ -15,8 +15,8 @@ from slip_bringup.inprocess import ClosedLoop, Tick
 from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
 from slip_core.params import build, flatten
 from slip_core.types import DisplacementSample
-from slip_msgs_py.from_msgs import cartesian_reference, pose_goal
-from slip_vic_controller.node_params import ControllerNodeParams
+from slip_msgs_py.messages.from_msgs import cartesian_reference, pose_goal
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from test.support.bag_maker import STORE, encode
 
 TYPES = STORE.types

@@ -17,7 +17,7 @@ from slip_bags.series import Series
 from slip_bags.transforms import Transforms, tf_topic
 from slip_bags.writer import BagWriter, WriterOptions
 from slip_core.errors import InputError
-from slip_msgs_py.transforms import TOPIC
+from slip_msgs_py.messages.transforms import TOPIC
 
 FileFormat = Literal["csv", "parquet"]
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 import yaml
 
 from slip_core.errors import InputError
-from slip_core.plain_yaml import read_yaml
+from slip_core.files.plain_yaml import read_yaml
 
 INFINITE_NS: Final = 2**63 - 1
 VERSION: Final = 9

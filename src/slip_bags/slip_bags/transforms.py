@@ -18,8 +18,8 @@ from slip_bags.layout import Schema
 from slip_bags.reader import RawMessage
 from slip_bags.series import Series
 from slip_bags.typedefs import find_definition
-from slip_core.link_tree import Link, poses_on_parents, read_links
-from slip_msgs_py.transforms import TOPIC, TYPE, TYPE_HASH, TransformEncoder
+from slip_core.files.link_tree import Link, poses_on_parents, read_links
+from slip_msgs_py.messages.transforms import TOPIC, TYPE, TYPE_HASH, TransformEncoder
 
 WORLD: Final = "world"
 RATE_HZ: Final = 50.0

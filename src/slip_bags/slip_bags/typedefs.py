@@ -20,7 +20,7 @@ from typing import Final
 
 from slip_bags.layout import parse_fields
 from slip_core.errors import InputError
-from slip_msgs_py import transforms
+from slip_msgs_py.messages import transforms
 
 _DELIMITER: Final = "\n" + "=" * 80 + "\nMSG: "
 

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 
-from slip_bringup.domain import check_domain, domain_from_environment, domain_id
-from slip_bringup.node_command import node_module, parameter_arguments, run_parameters
-from slip_bringup.processes import Child, ProcessGroup, child_environment, python_module
 from slip_bringup.recording import recorder_command
 from slip_bringup.scenario import Scenario
 from slip_bringup.study.prepare import prepare
+from slip_bringup.system.domain import check_domain, domain_from_environment, domain_id
+from slip_bringup.system.node_command import node_module, parameter_arguments, run_parameters
+from slip_bringup.system.processes import Child, ProcessGroup, child_environment, python_module
 from slip_core.errors import InputError, ProtocolError
 from slip_core.incidents import Incident
 from slip_msgs_py.events import Event, Progress, Started, Warned

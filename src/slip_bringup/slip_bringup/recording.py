@@ -7,8 +7,8 @@ from pathlib import Path
 
 from slip_bags.provenance import PACKAGES
 from slip_bags.provenance import versions as installed_versions
-from slip_bringup.processes import python_module
 from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
+from slip_bringup.system.processes import python_module
 from slip_core.topics import TOPICS
 
 SLIP_TOPICS = {"slip_velocity": "twist", "slip_displacement": "displacement", "slip_flag": "flag"}

@@ -14,6 +14,8 @@ from pydantic import Field
 
 from slip_bringup.reach import check_start
 from slip_core.errors import InputError, nearest
+from slip_core.files.plain_yaml import read_yaml
+from slip_core.files.resources import read_text
 from slip_core.params import (
     ParameterModel,
     build,
@@ -27,13 +29,11 @@ from slip_core.params import (
     parse_assignment,
     validate,
 )
-from slip_core.plain_yaml import read_yaml
-from slip_core.resources import read_text
 from slip_description import scenario_names, scenario_text
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.presets import SensorPreset, load_preset
 from slip_sim_bridge.simulation import GraspSimulation
-from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.session import Controller
 

@@ -20,7 +20,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from slip_core.errors import InputError, nearest
-from slip_core.plain_yaml import read_yaml
+from slip_core.files.plain_yaml import read_yaml
 
 Model = TypeVar("Model", bound="ParameterModel")
 Warn = Callable[[str], object]

@@ -16,8 +16,8 @@ from rclpy.serialization import deserialize_message
 from slip_core.errors import InputError
 from slip_core.stamps import NS_PER_S
 from slip_core.topics import topic
-from slip_msgs_py.cdr import CdrCodec, numbers_at
-from slip_msgs_py.forms import Form
+from slip_msgs_py.messages.cdr import CdrCodec, numbers_at
+from slip_msgs_py.messages.forms import Form
 from slip_msgs_py.qos import create_publisher, create_subscription, message_class
 
 Sample = TypeVar("Sample")

@@ -7,11 +7,11 @@ from typing import Any, Final
 import numpy as np
 
 from slip_core.errors import InputError
-from slip_core.link_tree import poses_on_parents, read_links
+from slip_core.files.link_tree import poses_on_parents, read_links
 from slip_core.types import ObjectTruth
-from slip_msgs_py import to_msgs
+from slip_msgs_py.messages import to_msgs
+from slip_msgs_py.messages.transforms import TransformEncoder
 from slip_msgs_py.qos import create_publisher
-from slip_msgs_py.transforms import TransformEncoder
 
 PERIOD_NS: Final = 20_000_000
 

@@ -15,18 +15,18 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from slip_core.errors import InputError, ProtocolError
+from slip_core.files.resources import read_text
 from slip_core.incidents import Incident
-from slip_core.resources import read_text
 from slip_core.stamps import split_ns
 from slip_core.timing import Window, spread
 from slip_core.topics import contact_topic
 from slip_core.types import EffortCommand
-from slip_msgs_py import forms, from_msgs, to_msgs
 from slip_msgs_py.endpoint_matching import EndpointMatching, wait_until
 from slip_msgs_py.events import Done, Progress, Started, emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, Sender, create_receiver, create_sender
 from slip_msgs_py.last_resort import Failures, LastResort
+from slip_msgs_py.messages import forms, from_msgs, to_msgs
 from slip_msgs_py.node_main import memory_mib, run_node
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter

@@ -12,13 +12,14 @@ from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.cycle import CONFIG
-from slip_vic_controller.interface_params import GripParams
 from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import INTERNAL_BOUND, ROUNDING, internal_gain_limit
 from slip_vic_controller.law.gains import gain_report, make_law_gains
 from slip_vic_controller.law.law import LAW_CONFIG, make_law_config
 from slip_vic_controller.observer.config import observer_config
 from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
+from slip_vic_controller.parameters.interface_params import GripParams
+from slip_vic_controller.parameters.safety_params import InputParams, SafetyParams, WatchParams
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.reference.friction_estimate import Friction
 from slip_vic_controller.reference.governor import MAX_WINDOW
@@ -26,7 +27,6 @@ from slip_vic_controller.reference.path_grid import Governing
 from slip_vic_controller.reference.paths import PATH, make_path
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.limit_avoidance import BRAKED_FROM
-from slip_vic_controller.safety_params import InputParams, SafetyParams, WatchParams
 
 PATH_MARGIN, GIVEN_UP, KEPT = 0.97, 0.985, 0.95
 """Shares of a load: in the backward pass; of that at which it slipped, where nothing less stops; kept of it."""

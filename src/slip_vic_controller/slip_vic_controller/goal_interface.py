@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from slip_core.errors import InputError
-from slip_msgs_py import from_msgs, to_msgs
 from slip_msgs_py.fast_io import Refusals
+from slip_msgs_py.messages import from_msgs, to_msgs
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_vic_controller.reference.goals import GoalPhase, Refusal
 from slip_vic_controller.session import ControllerSession

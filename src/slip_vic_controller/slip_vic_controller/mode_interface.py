@@ -8,9 +8,9 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from std_srvs.srv import Trigger
 
-from slip_msgs_py import to_msgs
 from slip_msgs_py.events import emit
 from slip_msgs_py.fast_io import Refusals
+from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.once_every import OnceEvery
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.incidents import IncidentWatch

@@ -18,15 +18,15 @@ from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from slip_core.errors import InputError, SlipVicError
-from slip_core.resources import read_text
+from slip_core.files.resources import read_text
 from slip_core.topics import contact_topic
 from slip_core.types import DisplacementSample, JointSample, SlipSample, WrenchSample
-from slip_msgs_py import forms, from_msgs, to_msgs
 from slip_msgs_py.endpoint_matching import EndpointMatching
 from slip_msgs_py.events import Done, Ready, emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
 from slip_msgs_py.last_resort import Failures, LastResort, fails_loudly
+from slip_msgs_py.messages import forms, from_msgs, to_msgs
 from slip_msgs_py.node_main import memory_mib, run_node
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
@@ -34,7 +34,7 @@ from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare
 from slip_vic_controller.config import governed_stream
 from slip_vic_controller.goal_interface import GoalInterface
 from slip_vic_controller.mode_interface import ModeInterface
-from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.publishing import DiagnosticsPublisher, StatePublisher, TimingPublisher
 from slip_vic_controller.session import NO_EFFORT, Controller, ControllerSession, CycleResult, Manifest
 

@@ -12,9 +12,9 @@ from slip_core import grasp_params
 from slip_core.grasp_params import ArmParams, Six, Three
 from slip_core.params import RANGES, ParameterModel, parameter, parameter_unit
 from slip_core.sensor_params import SLIP_INPUT, SlipInput, SlipSensorModel
-from slip_vic_controller.interface_params import EffortParams, GripParams, WrenchParams
-from slip_vic_controller.safety_params import SafetyParams
-from slip_vic_controller.slip_params import MeasuredParams, ObserverParams, WrenchSensorModel
+from slip_vic_controller.parameters.interface_params import EffortParams, GripParams, WrenchParams
+from slip_vic_controller.parameters.safety_params import SafetyParams
+from slip_vic_controller.parameters.slip_params import MeasuredParams, ObserverParams, WrenchSensorModel
 
 
 class GainParams(ParameterModel):

@@ -8,12 +8,12 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from slip_core.arrays import Array
-from slip_msgs_py import forms, to_msgs
 from slip_msgs_py.fast_io import Sender, create_sender
+from slip_msgs_py.messages import forms, to_msgs
 from slip_msgs_py.once_every import OnceEvery
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.law.symbols import AXES
-from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.session import ControllerSession, CycleResult
 from slip_vic_controller.snapshot import to_text
 from slip_vic_controller.timing import SCALARS, CycleTiming

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from slip_core.arrays import Array, readonly, vector
 from slip_core.errors import InputError
-from slip_core.urdf import usable_urdf
+from slip_core.files.urdf import usable_urdf
 from slip_vic_controller.law.arm import gather
 from slip_vic_controller.sizes import MAX_JOINTS
 

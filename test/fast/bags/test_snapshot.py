@@ -24,7 +24,7 @@ from slip_core.records import place
 from slip_core.types import EffortCommand
 from slip_sim_bridge.session import TickOutputs
 from slip_vic_controller.cycle import STATE, STATE_SIZE
-from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.session import Controller, ControllerSession, Manifest
 from slip_vic_controller.snapshot import from_text, to_text
 

@@ -12,7 +12,7 @@ from slip_bags.export import export_bag
 from slip_bags.reader import Bag
 from slip_bags.transforms import RATE_HZ, Transforms, tf_topic
 from slip_core.errors import InputError
-from slip_core.link_tree import poses_on_parents, read_links
+from slip_core.files.link_tree import poses_on_parents, read_links
 from slip_description import urdf_text
 
 REFERENCE = Path(__file__).parents[3] / "bags" / "paper_planar_vic"

@@ -18,7 +18,7 @@ from slip_bringup.cli import main
 from slip_bringup.inprocess import run_in_process
 from slip_bringup.reach import REACHED, follow, pad_path
 from slip_bringup.scenario import load_scenario
-from slip_core.urdf import chain, is_physical, named, parse_urdf
+from slip_core.files.urdf import chain, is_physical, named, parse_urdf
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
 from test.support.odd_arm import JOINTS, odd_arm_urdf, with_joint, with_link

@@ -15,9 +15,9 @@ import pytest
 import yaml
 
 from slip_bringup.launcher import Launcher
-from slip_bringup.node_command import LaunchPlan, launch_plan, run_parameters
 from slip_bringup.recording import recorder_command
 from slip_bringup.scenario import NODES, load_scenario
+from slip_bringup.system.node_command import LaunchPlan, launch_plan, run_parameters
 from slip_core.errors import InputError
 from slip_core.params import build, flatten
 
@@ -106,7 +106,7 @@ def test_everything_it_names_exists() -> None:
     [
         ('executable="slip_sim_bridge_node"', 'executable="slip_bridge"', "executable slip_bridge of slip_sim_bridge"),
         ('package="slip_sim_bridge"', 'package="slip_bridge"', "package slip_bridge"),
-        ("import launch_plan", "import launch_plans", "import slip_bringup.node_command.launch_plans"),
+        ("import launch_plan", "import launch_plans", "import slip_bringup.system.node_command.launch_plans"),
         ("import matches_action", "import matches_node", "import launch.events.matches_node"),
         ('value("prefix")', 'value("prefixes")', "argument prefixes"),
         ("        with_bridge=", "        bridge=", "parameter with_bridge of launch_plan"),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from slip_bringup import shared_memory
+from slip_bringup.system import shared_memory
 
 
 @pytest.fixture

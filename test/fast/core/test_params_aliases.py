@@ -188,7 +188,7 @@ def test_every_description_stands_alone() -> None:
 
 def test_the_warning_has_one_declaration() -> None:
     """The old name stands at the parameter and nowhere else in the sources."""
-    declared = inspect.getsource(__import__("slip_vic_controller.slip_params", fromlist=["x"]))
+    declared = inspect.getsource(__import__("slip_vic_controller.parameters.slip_params", fromlist=["x"]))
     assert declared.count('"observer.calm_linear"') == 1
     found = [p for p in (ROOT / "src").rglob("*.py") if '"observer.calm_linear"' in p.read_text()]
     assert [path.name for path in found] == ["slip_params.py"]

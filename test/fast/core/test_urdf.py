@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from slip_core.errors import InputError
+from slip_core.files.urdf import chain, moving, parse_urdf, usable_urdf
 from slip_core.records import new, record
-from slip_core.urdf import chain, moving, parse_urdf, usable_urdf
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant.implicit import build_model

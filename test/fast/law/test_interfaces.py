@@ -12,8 +12,8 @@ from slip_bringup.scenario import Scenario, load_scenario
 from slip_core.errors import InputError
 from slip_core.records import new, place
 from slip_core.types import DisplacementSample, EffortCommand, WrenchSample
-from slip_msgs_py.from_msgs import JointOrder, joint_samples, slip_flag
-from slip_msgs_py.to_msgs import joint_state
+from slip_msgs_py.messages.from_msgs import JointOrder, joint_samples, slip_flag
+from slip_msgs_py.messages.to_msgs import joint_state
 from slip_sim_bridge.sensors.slip_kinds import pose_of
 from slip_vic_controller.cycle import INPUTS
 from slip_vic_controller.law.arm import ARM as ARM_LAYOUT

@@ -11,8 +11,8 @@ import pytest
 from slip_adapters.conversions import papillarray_flags, papillarray_wrench, taxel_places, xela_wrench
 from slip_adapters.node import PAPILLARRAY, XELA, flags, message_type
 from slip_core.errors import InputError
-from slip_msgs_py.from_msgs import flag_samples
-from slip_msgs_py.to_msgs import header
+from slip_msgs_py.messages.from_msgs import flag_samples
+from slip_msgs_py.messages.to_msgs import header
 
 
 def papillarray(states, *, active: bool = True, loaded: bool = True, contact: bool = True) -> SimpleNamespace:

@@ -18,7 +18,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, Int64MultiArray
 
-from slip_msgs_py.cdr import CdrCodec, Template, numbers_at
+from slip_msgs_py.messages.cdr import CdrCodec, Template, numbers_at
 
 NAMES = [f"arm_joint{i}" for i in range(1, 8)]
 NS = 1_000_000_000

@@ -16,9 +16,10 @@ from std_msgs.msg import Header
 
 from slip_core.errors import InputError
 from slip_core.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
-from slip_msgs_py import fast_io, forms, from_msgs, to_msgs
-from slip_msgs_py.cdr import CdrCodec
+from slip_msgs_py import fast_io
 from slip_msgs_py.fast_io import Receiver, Refusals, Sender
+from slip_msgs_py.messages import forms, from_msgs, to_msgs
+from slip_msgs_py.messages.cdr import CdrCodec
 
 NAMES = ("a", "bb", "ccc")
 JOINT_FIELDS = ("position", "velocity", "effort")

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from slip_core.types import ObjectTruth
-from slip_msgs_py import to_msgs
+from slip_msgs_py.messages import to_msgs
 from test.referees.arrays import quat_xyzw_from_matrix, rotate6
 
 SAME = 1e-15  # a few roundings of numbers of size 1

@@ -15,7 +15,7 @@ from slip_bringup.replay.verify import verify_run
 from slip_bringup.scenario import load_scenario
 from slip_core.errors import InputError
 from slip_core.types import CartesianReference
-from slip_msgs_py.from_msgs import streamed_reference
+from slip_msgs_py.messages.from_msgs import streamed_reference
 from slip_vic_controller.safety.modes import Mode
 from test.support.run_maker import goal_message, record_run
 

@@ -58,7 +58,9 @@ ALLOWED = {
     "slip_campaigns": {"slip_bringup"} | ROOMS | NUMERIC | TOOLS | ROS,
 }
 SHARED = {"slip_vic_controller.sizes", "slip_vic_controller.params"}
-CYCLE = {f"slip_vic_controller.{part}" for part in ("law", "observer", "reference", "safety", "safety_params")} | SHARED
+CYCLE = {
+    f"slip_vic_controller.{part}" for part in ("law", "observer", "reference", "safety", "parameters.safety_params")
+} | SHARED
 OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.compiled": {"slip_core.errors", "slip_core.part_compiler"},
     "slip_core.part_compiler": set(),
@@ -66,7 +68,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},
     "slip_vic_controller.arrival": CYCLE | {"slip_vic_controller.cycle"},
     "slip_vic_controller.config": CYCLE
-    | {f"slip_vic_controller.{part}" for part in ("cycle", "interface_params", "interfaces", "robot")},
+    | {f"slip_vic_controller.{part}" for part in ("cycle", "parameters.interface_params", "interfaces", "robot")},
     "slip_vic_controller.cycle": CYCLE | {"slip_vic_controller.governing", "slip_vic_controller.interfaces"},
     "slip_vic_controller.governing": {
         f"slip_vic_controller.{part}" for part in ("reference", "law.contact", "law.internal")

@@ -16,7 +16,13 @@ from test.support.no_processes import Forbidden
 
 ROOT = Path(__file__).parents[3]
 TEST = ROOT / "test"
-PROCESSES = {"multiprocessing", "pty", "concurrent.futures.process", "slip_bringup.processes", "test.support.ros"}
+PROCESSES = {
+    "multiprocessing",
+    "pty",
+    "concurrent.futures.process",
+    "slip_bringup.system.processes",
+    "test.support.ros",
+}
 DDS = {"rclpy"}
 PURE_ROS = {"rclpy.serialization", "rclpy.qos"}  # encoding and value objects: no node, no middleware
 FIXTURES = {"processes", "ros_node", "ros_domain"}

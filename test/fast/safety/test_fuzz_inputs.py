@@ -20,8 +20,8 @@ from slip_campaigns.faults.wire import Wire
 from slip_core.errors import InputError
 from slip_core.topics import topic
 from slip_core.types import JointSample, SlipSample, WrenchSample
-from slip_msgs_py import from_msgs, to_msgs
 from slip_msgs_py.fast_io import Receiver
+from slip_msgs_py.messages import from_msgs, to_msgs
 from slip_msgs_py.qos import message_class
 from slip_sim_bridge.session import BridgeSession
 from slip_vic_controller.safety.modes import Request

@@ -14,10 +14,10 @@ from slip_core.records import new, record
 from slip_sim_bridge.session import TickOutputs
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.safety.hold import EXCESS, HOLD, HOLD_CONFIG, LOAD_LEVER, SLOWEST
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety.validation import JOINT_SAMPLE
-from slip_vic_controller.safety_params import SafetyParams
 from slip_vic_controller.session import Controller
 from test.referees import hold_referee
 from test.referees.hold_referee import held_inertia

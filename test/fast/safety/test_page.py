@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from slip_campaigns.faults.plan import ON_NODES, ON_TOPICS
+from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.safety.faults import reaction_table
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.safety_params import SafetyParams
 
 PAGE = (Path(__file__).parents[3] / "docs" / "safety.md").read_text(encoding="utf-8")
 

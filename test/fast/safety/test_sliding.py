@@ -10,9 +10,9 @@ import numpy as np
 from slip_bringup.inprocess import run_in_process
 from slip_bringup.scenario import ControllerKind, load_scenario
 from slip_campaigns.faults.trial import PERIOD_S, STEADY_NS
+from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.safety_params import SafetyParams
 from test.support.delivery import answered_outputs, begun_bridge, realtime
 from test.support.every import every
 

@@ -11,8 +11,8 @@ from slip_sim_bridge.sensors.presets import load_preset, preset_names
 from slip_sim_bridge.sensors.slip import SlipMeasurement
 from slip_vic_controller.arrival import is_silent, receive_joint_state, receive_slip, receive_wrench
 from slip_vic_controller.cycle import STATE, STATE_SIZE
+from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.safety.faults import WORDS, Fault, Input, describe_fault
-from slip_vic_controller.safety_params import SafetyParams
 from slip_vic_controller.sizes import MAX_FRESH
 from test.referees.validation_referee import GOOD, JointReferee, VectorReferee
 from test.support.every import every

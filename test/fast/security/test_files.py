@@ -25,13 +25,13 @@ from slip_bags.layout import Schema
 from slip_bags.reader import Bag
 from slip_bags.storage.mcap_file import MAX_RATIO
 from slip_bags.storage.scan import DamagedError, chunk_content, partial_chunk
-from slip_bringup.domain import domain_id
 from slip_bringup.scenario import load_scenario
+from slip_bringup.system.domain import domain_id
 from slip_core.compiled import check_private
 from slip_core.errors import InputError, ProtocolError
+from slip_core.files.plain_yaml import DEEPEST, read_yaml
+from slip_core.files.urdf import parse_urdf
 from slip_core.params import load_yaml, parse_assignment
-from slip_core.plain_yaml import DEEPEST, read_yaml
-from slip_core.urdf import parse_urdf
 from slip_sim_bridge.plant.model import arm_spec
 from slip_vic_controller import snapshot
 from slip_vic_controller.robot import Robot

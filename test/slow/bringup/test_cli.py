@@ -10,8 +10,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from slip_bringup import shared_memory
-from slip_bringup.processes import child_environment
+from slip_bringup.system import shared_memory
+from slip_bringup.system.processes import child_environment
 from test.support.ros import wait_until
 
 DEADLINE_S = 60.0

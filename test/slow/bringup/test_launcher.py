@@ -11,9 +11,9 @@ import psutil
 import pytest
 
 from slip_bags.reader import Bag
-from slip_bringup import shared_memory
 from slip_bringup.launcher import Interrupted, Launcher
 from slip_bringup.scenario import load_scenario
+from slip_bringup.system import shared_memory
 from slip_core.errors import ProtocolError
 from slip_core.stamps import stamp_to_ns
 from test.support.ros import wait_until

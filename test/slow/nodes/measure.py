@@ -21,15 +21,15 @@ from pathlib import Path
 
 import numpy as np
 
-from slip_bringup import shared_memory
-from slip_bringup.domain import domain_id
 from slip_bringup.inprocess import run_in_process
 from slip_bringup.launcher import Launcher
 from slip_bringup.metrics import summarise
-from slip_bringup.node_command import node_command
-from slip_bringup.processes import ProcessGroup, child_environment
 from slip_bringup.scenario import BOUNDED, Scenario, load_scenario
 from slip_bringup.series import read_series
+from slip_bringup.system import shared_memory
+from slip_bringup.system.domain import domain_id
+from slip_bringup.system.node_command import node_command
+from slip_bringup.system.processes import ProcessGroup, child_environment
 from slip_campaigns.bench.machine import fifo_permitted
 from slip_campaigns.faults.monitors import LOST_M
 from slip_msgs_py.cpu_latency import LATENCY_FILE, CpuLatency

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from slip_msgs_py.ros_params import declare
-from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
 
 FILE = """
 /**:

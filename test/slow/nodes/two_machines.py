@@ -6,8 +6,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from slip_bringup.node_command import node_command
 from slip_bringup.scenario import load_scenario
+from slip_bringup.system.node_command import node_command
 from slip_campaigns.faults.network import Cable
 
 SECONDS, DOMAIN = 8.0, "7"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from slip_bringup.processes import child_environment
+from slip_bringup.system.processes import child_environment
 from test.support.pages import OURS, PAGES, commands_of
 
 DEADLINE_S = 300.0

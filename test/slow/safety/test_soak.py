@@ -18,14 +18,14 @@ from click.testing import CliRunner
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from slip_bringup.domain import domain_id
 from slip_bringup.inprocess import run_in_process
+from slip_bringup.system.domain import domain_id
 from slip_campaigns.faults.monitors import LOST_M
 from slip_campaigns.soak.cli import soak
 from slip_campaigns.soak.growth import Limits, Sample, growth_of, robust_slope
 from slip_campaigns.soak.operator import STEPS, operator_of
 from slip_campaigns.soak.run import sample_process, soak_scenario
-from slip_msgs_py import to_msgs
+from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.safety.modes import Mode
 

@@ -19,7 +19,7 @@ from slip_bags.recording.listeners import Listener
 from slip_bags.recording.recorder import POLL_S, Recorder, Selection
 from slip_bags.ros_node import ros_node
 from slip_bags.writer import BagWriter, StorageError, WriterOptions
-from slip_msgs_py.transforms import TOPIC as TF_TOPIC
+from slip_msgs_py.messages.transforms import TOPIC as TF_TOPIC
 
 READY_TOPIC: Final = "recorder/ready"
 QUEUE_DEPTH: Final = 2000

@@ -22,7 +22,8 @@ AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 @click.option("--scale", type=click.FloatRange(0.01, 10.0), default=1.0, show_default=True, help="size of the path")
 @click.option("--out", type=click.Path(path_type=Path), help="folder; default: named like the file, here")
 def arm(
-    *, urdf: Path,
+    *,
+    urdf: Path,
     link: str,
     approach: str | None,
     normal: str | None,

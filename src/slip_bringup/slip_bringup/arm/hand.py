@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError, nearest
-from slip_core.urdf import chain, end_of, moving, named
+from slip_core.files.urdf import chain, end_of, moving, named
 
 LEAST_JOINTS = 6
 """The law commands all six directions of the pad."""

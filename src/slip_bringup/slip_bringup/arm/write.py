@@ -19,8 +19,8 @@ from slip_bringup.reference import write_files
 from slip_bringup.scenario import NODES, load_scenario, read_scenario, ros_parameter_file
 from slip_core.arrays import Array
 from slip_core.errors import InputError
-from slip_core.plain_yaml import read_yaml
-from slip_core.urdf import NO_LIMIT, parse_urdf
+from slip_core.files.plain_yaml import read_yaml
+from slip_core.files.urdf import NO_LIMIT, parse_urdf
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.robot import Robot
 

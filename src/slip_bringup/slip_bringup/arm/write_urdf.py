@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from slip_bringup.arm.hand import Hand, axis_of, pose_of
 from slip_core.arrays import Array
 from slip_core.errors import InputError, nearest
-from slip_core.urdf import carried_links, end_of, fix, inertial, is_physical, named, usable_urdf
+from slip_core.files.urdf import carried_links, end_of, fix, inertial, is_physical, named, usable_urdf
 
 PAD = "slip_pad"
 _SLACK = 1e-6

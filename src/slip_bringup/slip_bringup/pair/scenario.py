@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from slip_bringup.scenario import apply_sensor
 from slip_core.errors import InputError, nearest
+from slip_core.files.resources import read_text
 from slip_core.grasp_params import Three
 from slip_core.params import (
     ParameterModel,
@@ -25,13 +26,12 @@ from slip_core.params import (
     parse_assignment,
     validate,
 )
-from slip_core.resources import read_text
 from slip_description import pair_names, pair_text, placed_urdf
 from slip_sim_bridge.pair.params import SIDES, BaseParams, PadParams, PairParams
 from slip_sim_bridge.pair.simulation import PairSimulation
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.presets import load_preset
-from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.session import Controller
 from slip_vic_controller.team.session import TeamSession
 

@@ -14,11 +14,11 @@ from slip_bags.reader import Bag
 from slip_bags.series import Series
 from slip_core.arrays import readonly
 from slip_core.errors import InputError
+from slip_core.files.plain_yaml import read_yaml
 from slip_core.params import build, current_names, flat_names, flatten
-from slip_core.plain_yaml import read_yaml
 from slip_core.topics import contact_topic
 from slip_core.types import CartesianReference, JointSample, PoseGoal, SlipSample, WrenchSample
-from slip_msgs_py.from_msgs import (
+from slip_msgs_py.messages.from_msgs import (
     JointOrder,
     cartesian_reference,
     displacement_sample,
@@ -26,7 +26,7 @@ from slip_msgs_py.from_msgs import (
     slip_flag,
     slip_sample,
 )
-from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.snapshot import cycle_of
 

@@ -211,7 +211,8 @@ def check(
 @workers
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
 def tune(
-    *, scenario: str,
+    *,
+    scenario: str,
     sensor: str,
     estimator: str,
     mismatches: str,

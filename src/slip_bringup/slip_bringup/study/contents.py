@@ -13,7 +13,7 @@ from pathlib import Path
 
 from slip_bringup.scenario import Texts, load_scenario, read_scenario
 from slip_core.errors import SlipVicError
-from slip_core.resources import read_text
+from slip_core.files.resources import read_text
 from slip_sim_bridge.sensors.presets import preset_text
 
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "pin", "mujoco", "pydantic")

@@ -19,8 +19,8 @@ from slip_bringup.web.packing import Packer
 from slip_bringup.web.urdf import links_of
 from slip_core.arrays import Array
 from slip_core.errors import InputError
+from slip_core.files.plain_yaml import read_yaml
 from slip_core.params import flat_names
-from slip_core.plain_yaml import read_yaml
 
 STEP_S: Final = 0.004
 MOST_FRAMES: Final = 4000

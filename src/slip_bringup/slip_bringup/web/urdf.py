@@ -13,7 +13,7 @@ import trimesh
 
 from slip_bringup.web.packing import Packer
 from slip_core.errors import InputError
-from slip_core.link_tree import numbers_of, origin_of, read_links
+from slip_core.files.link_tree import numbers_of, origin_of, read_links
 
 _GREY: Final = (0.7, 0.7, 0.72, 1.0)
 

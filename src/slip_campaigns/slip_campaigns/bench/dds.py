@@ -11,10 +11,10 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from slip_bringup.domain import domain_id
 from slip_bringup.launcher import Launcher, RunResult
-from slip_bringup.processes import child_environment, python_module
 from slip_bringup.scenario import Scenario, load_scenario
+from slip_bringup.system.domain import domain_id
+from slip_bringup.system.processes import child_environment, python_module
 from slip_core.errors import ProtocolError
 from slip_msgs_py.realtime import ProcessOptions
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import psutil
 
-from slip_bringup.processes import Child
+from slip_bringup.system.processes import Child
 from slip_campaigns.faults.attacks import ATTACKS, TWO_SOURCES
 from slip_campaigns.faults.dds_campaign import BACK_S, DdsCampaign, campaign_of
 from slip_campaigns.faults.flood import FOREIGN

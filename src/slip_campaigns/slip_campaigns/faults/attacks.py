@@ -30,8 +30,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from slip_bringup.node_command import node_command
-from slip_bringup.processes import python_module
+from slip_bringup.system.node_command import node_command
+from slip_bringup.system.processes import python_module
 from slip_campaigns.faults import network
 from slip_campaigns.faults.flood import FOREIGN, message
 from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, Fault

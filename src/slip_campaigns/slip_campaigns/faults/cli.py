@@ -28,7 +28,8 @@ SHOWN_VIOLATIONS = 5
 @click.option("--workers", type=click.IntRange(1), help="worker processes, in process; default one per core")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/faults"), show_default=True)
 def faults(
-    *, trials: int,
+    *,
+    trials: int,
     seed: int,
     first: int,
     dds: bool,

@@ -19,9 +19,9 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 
-from slip_bringup.domain import domain_id
-from slip_bringup.processes import ProcessGroup, child_environment
 from slip_bringup.scenario import Scenario, load_scenario
+from slip_bringup.system.domain import domain_id
+from slip_bringup.system.processes import ProcessGroup, child_environment
 from slip_campaigns.faults import network
 from slip_campaigns.faults.campaign import Tally, Verdict, write_results
 from slip_campaigns.faults.dds_faults import GRIP_N, FaultActions, remote

@@ -15,9 +15,9 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from slip_bags.reader import Bag
-from slip_bringup.node_command import node_command
-from slip_bringup.processes import Child, ProcessGroup, python_module
 from slip_bringup.scenario import Scenario
+from slip_bringup.system.node_command import node_command
+from slip_bringup.system.processes import Child, ProcessGroup, python_module
 from slip_campaigns.faults.network import Cable
 from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, RECORDER
 from slip_campaigns.faults.proxy import remappings

@@ -16,7 +16,7 @@ from slip_campaigns.faults.plan import TOPICS, Plan
 from slip_campaigns.faults.trial import Trial
 from slip_campaigns.faults.wire import Wire
 from slip_core.topics import topic
-from slip_msgs_py import to_msgs
+from slip_msgs_py.messages import to_msgs
 
 MODE = "controller/mode"
 

@@ -14,8 +14,8 @@ from slip_campaigns.faults.plan import EFFORT, JOINT, SLIP, WRENCH
 from slip_core.errors import InputError
 from slip_core.topics import topic
 from slip_core.types import WrenchSample
-from slip_msgs_py import from_msgs, to_msgs
 from slip_msgs_py.fast_io import Receiver
+from slip_msgs_py.messages import from_msgs, to_msgs
 from slip_msgs_py.qos import message_class
 
 BAD_NUMBERS = (math.nan, math.inf, -math.inf, 1e308, -1e308, 1e30, -1e6, 1e3, 5e-324, -5e-324, 0.0)

@@ -15,12 +15,12 @@ from typing import Any
 
 import psutil
 
-from slip_bringup import shared_memory
-from slip_bringup.domain import domain_id
-from slip_bringup.node_command import node_command
-from slip_bringup.processes import Child, ProcessGroup, child_environment
 from slip_bringup.recording import recorder_command
 from slip_bringup.scenario import Scenario, load_scenario
+from slip_bringup.system import shared_memory
+from slip_bringup.system.domain import domain_id
+from slip_bringup.system.node_command import node_command
+from slip_bringup.system.processes import Child, ProcessGroup, child_environment
 from slip_campaigns.soak.growth import Limits, ProcessGrowth, Sample, growth_of
 from slip_campaigns.soak.operator import Operator, operator_of
 from slip_core.errors import ProtocolError

@@ -14,7 +14,7 @@ import numpy as np
 
 from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw, readonly
 from slip_core.errors import InputError
-from slip_core.urdf import usable_urdf
+from slip_core.files.urdf import usable_urdf
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 

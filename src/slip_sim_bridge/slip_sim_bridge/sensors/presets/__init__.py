@@ -9,8 +9,8 @@ from typing import Any
 from pydantic import Field
 
 from slip_core.errors import InputError, nearest
+from slip_core.files.plain_yaml import read_yaml
 from slip_core.params import ParameterModel, load_yaml, validate
-from slip_core.plain_yaml import read_yaml
 from slip_sim_bridge.sensors.params import SlipSensorParams, WrenchSensorParams
 
 _FILES = importlib.resources.files(__name__)

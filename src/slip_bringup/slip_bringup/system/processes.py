@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 import psutil
 
-from slip_bringup import shared_memory
+from slip_bringup.system import shared_memory
 from slip_core.errors import InputError, ProtocolError, SlipVicError
 from slip_msgs_py import events
 from slip_msgs_py.events import Event

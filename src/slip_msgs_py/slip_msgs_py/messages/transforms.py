@@ -10,7 +10,7 @@ from geometry_msgs.msg import TransformStamped
 
 from slip_core.arrays import Array
 from slip_core.stamps import split_ns
-from slip_msgs_py.cdr import Template
+from slip_msgs_py.messages.cdr import Template
 
 TOPIC: Final = "/tf"
 TYPE: Final = "tf2_msgs/msg/TFMessage"

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from slip_bringup.processes import python_module
 from slip_bringup.recording import recorder_command
 from slip_bringup.scenario import NODES, ControllerKind, Mode, Scenario, load_scenario, ros_parameter_file
+from slip_bringup.system.processes import python_module
 from slip_core.params import ParameterModel
 from slip_sim_bridge.params import BridgeParams
-from slip_vic_controller.node_params import ControllerNodeParams
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
 
 
 def node_module(name: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_msgs_py import to_msgs
+from slip_msgs_py.messages import to_msgs
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,1 @@
+"""The system that a command starts: processes, domains, shared memory."""

@@ -1,0 +1,1 @@
+"""What is read from files: YAML, URDF, data of packages."""

@@ -1,0 +1,1 @@
+"""Parameters of the controller by theme; `params` holds them all."""
