@@ -79,8 +79,8 @@ def test_a_goal_is_reached_without_slip_and_a_new_one_waits_until_the_pad_rests(
 
 
 def test_without_governor_a_new_goal_goes_on_with_the_motion_that_there_is() -> None:
-    first, second = lambda run: run.give(*PAPER), lambda run: run.give([0.1, 0.3, 0.0], [0.0, 0.0, 0.4], 1.0)
-    run = Run("paper_planar", "classical", 1.3, {5: first, 200: second})
+    first, second = lambda run: run.give(*PAPER), lambda run: run.give([0.1, 0.3, 0.0], [0.0, 0.0, 0.4], 3.0)
+    run = Run("paper_planar", "classical", 3.3, {5: first, 200: second})
     twists = np.array([twist for _, _, twist in run.references])
     positions = np.array([x for x, _, _ in run.references])
     assert np.abs(np.diff(twists, n=2, axis=0)).max() < 1e-4, "acceleration jumps"

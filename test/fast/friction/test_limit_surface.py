@@ -18,9 +18,8 @@ from slip_core.vectors import Vec
 from slip_sim_bridge.friction import law_names
 from slip_sim_bridge.friction.limit_surface import MOST_SUBSTEPS, projection
 from slip_sim_bridge.friction.params import FrictionParams
+from test.fast.bridge.contact import coulomb, stribeck, upper
 from test.support.every import every
-
-from .contact import coulomb, stribeck, upper
 
 ROUNDING = 1e-9  # relative; conditioning of the drawn A up to 1e4 times double rounding, with room
 REFEREE = 1e-9  # relative; the referee's root is bracketed to 1e-14

@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from test.fast.bridge.contact import lugre, stribeck
+from test.fast.bridge.planar_block import PlanarBlock
 from test.support.every import every
-
-from .contact import lugre, stribeck
-from .planar_block import PlanarBlock
 
 CURVE = stribeck(0.5, 0.4, 0.05, 0.05)
 # Stiff enough that a 0.5 kg block resonates far above 30 Hz and the bristles feel the load as it is.

@@ -11,8 +11,7 @@ from slip_core.records import REAL, layout, new, record
 from slip_core.vectors import Vec
 from slip_sim_bridge.friction.limit_surface import projection
 from slip_sim_bridge.plant import grasp_step, implicit
-
-from .grasp_cases import friction_used, grasp, slip_speed
+from test.fast.bridge.grasp_cases import friction_used, grasp, slip_speed
 
 
 @part

@@ -71,7 +71,7 @@ def test_a_stream_too_fast_for_friction_is_followed_more_slowly_and_nothing_slip
     run = Streamed(3.0, period=10)
     assert run.slip_m < HELD_M
     assert run.load <= 1.0 + 1e-9
-    assert run.modes == {Mode.ACTIVE}
+    assert run.modes <= {Mode.ACTIVE, Mode.DEGRADED}, "it may say that the end of what it knows comes too soon"
     assert max(run.waits) > 0.2, "it is slowed down"
     assert np.abs(run.poses[-1] - WAY).max() < 1e-9, "all of it is run through"
     assert np.abs(np.diff(run.poses, axis=0) / 1e-3 - run.twists[:-1, :3]).max() < 1e-2, "twist is that of the pose"

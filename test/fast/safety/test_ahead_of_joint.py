@@ -16,7 +16,7 @@ FUTURE_S = 0.05  # default of `inputs.future_s`
 
 def run(late_s: float) -> list[CycleResult]:
     """Run with joint states that come later than wrench and slip; the arm is held by the bridge."""
-    scenario, law = prepared("paper_planar", False)
+    scenario, law = prepared("paper_planar", False, "vic")
     bridge, controller = begun_bridge(scenario), ControllerSession(law)
     way: list[JointSample] = []
     results = []

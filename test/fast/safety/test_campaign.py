@@ -185,6 +185,6 @@ def test_bound_is_that_of_clopper_and_pearson() -> None:
 def test_summary_says_how_long_recovery_took() -> None:
     verdicts = [Verdict(i, ("drop wrench",), (), r, 10, {"ACTIVE": 5}) for i, r in enumerate((0.1, 0.3, 0.2, None))]
     both = Verdict(4, ("drop wrench", "grip"), ("step",), 9.0, 10, {"HOLD": 5})
-    row = Tally(1, False, [*verdicts, both]).summary()["by_fault"]["drop wrench"]
+    row = Tally(1, False, verdicts=[*verdicts, both]).summary()["by_fault"]["drop wrench"]
     assert (row["trials"], row["violations"], row["recovered"]) == (5, 1, 4)
     assert (row["recovery_median_s"], row["recovery_max_s"]) == (0.2, 0.3)

@@ -166,7 +166,7 @@ def test_a_cycle_is_a_function_of_state_and_inputs() -> None:
     state, outputs = made_up.session.buffer.copy(), result.outputs.copy()
     made_up.run(5, joint={"position": POSITION + 0.3})
     waiting = before.copy()
-    begun = MadeUp(slip_estimator="observer", **SLOW)
+    begun = law_at_work(slip_estimator="observer", **SLOW)
     begun.session.restore(waiting)
     begun.stamp_ns, begun.now_ns, begun.tick = STAMP_NS, 5_000_000_000, made_up.tick - 6
     again = begun.run(1)

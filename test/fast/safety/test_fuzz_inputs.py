@@ -204,7 +204,7 @@ steps = st.lists(
 @settings(max_examples=60)
 def test_session_never_raises_and_keeps_the_promise(first_bad: bool, sequence: list[tuple[str, Any, int]]) -> None:
     """From the very first sample on, which may be bad as well."""
-    scenario, law = prepared("paper_planar", True)
+    scenario, law = prepared("paper_planar", True, "vic")
     limits = law.params.safety.limits
     promise = Promise(
         law.robot.effort_limit, limits.effort_rate, limits.longest_step_s, limits.restart_after_s, PERIOD_S

@@ -23,7 +23,7 @@ class Loop:
     """Bridge and controller without topics, by virtual steady time."""
 
     def __init__(self) -> None:
-        scenario, self.law = prepared("paper_planar", True)
+        scenario, self.law = prepared("paper_planar", True, "vic")
         assert scenario.controller.safety.limits.effort_rate * PERIOD_S == STEP
         self.bridge = begun_bridge(scenario)
         self.controller = ControllerSession(self.law)

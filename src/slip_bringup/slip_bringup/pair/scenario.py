@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import yaml
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from slip_bringup.scenario import apply_sensor
 from slip_core.errors import InputError, nearest
+from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.resources import read_text
 from slip_core.grasp_params import Three
 from slip_core.params import (
@@ -123,7 +123,7 @@ def load_pair(
     if law not in LAWS:
         raise InputError(f"law {law}", got="an unknown name", expected=nearest(law, list(LAWS)))
     text, origin = _read(name_or_path)
-    outer = validate(PairFile, yaml.safe_load(text), origin)
+    outer = validate(PairFile, read_yaml(text), origin)
     sides = {"left": outer.left, "right": outer.right}
     values = {side: _values(outer, sides, side, origin) for side in SIDES}
     pad, mismatch = dict(outer.pad.model_dump()), dict(outer.mismatch.model_dump())

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import yaml
 
 from slip_bags.reader import Bag
 from slip_bringup.web.runs import duration_s, read_run
 from slip_core.errors import InputError
+from slip_core.files.plain_yaml import read_yaml
 from slip_core.params import build, current_names, flat_names
 from slip_sim_bridge.params import BridgeParams
 
@@ -81,6 +81,6 @@ def _bridge(path: Path) -> BridgeParams:
     with Bag(path) as bag:
         if "bridge.params.yaml" not in bag.attachments:
             raise InputError(f"bag {path}", got="no bridge.params.yaml", expected="a bag of `slip-vic run --record`")
-        (node,) = yaml.safe_load(bag.attachments["bridge.params.yaml"]).values()
+        (node,) = read_yaml(bag.attachments["bridge.params.yaml"]).values()
     values = current_names(BridgeParams, flat_names(node["ros__parameters"]), "a bag", warn=lambda _: None)
     return build(BridgeParams, values, f"bridge.params.yaml of {path}")

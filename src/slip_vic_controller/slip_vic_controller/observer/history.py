@@ -32,11 +32,20 @@ def drop_oldest(state: Any, rows: Any) -> None:
 
 
 @part
-def append(state: Any, rows: Any) -> Any:
+def clear(state: Any, history: Any, i: int) -> None:
+    """Forget what was in the place of row number i before, so that equal states have equal bytes."""
+    place = slot(state, history.shape[0], i)
+    for j in range(history.shape[1]):
+        history[place, j] = 0.0
+
+
+@part
+def append(state: Any, history: Any, rows: Any) -> Any:
     """Return a new last row; where there is no room the oldest one goes."""
     if state.rows == rows.shape[0]:
         drop_oldest(state, rows)
     state.rows += 1
+    clear(state, history, state.rows - 1)
     return row_at(state, rows, state.rows - 1)
 
 
@@ -95,10 +104,13 @@ def insert(config: Any, state: Any, history: Any, rows: Any, sample: Any) -> int
             break
         p += 1
     state.rows += 1
+    clear(state, history, count)
     for i in range(count, p, -1):
         to, source = slot(state, capacity, i), slot(state, capacity, i - 1)
         for j in range(_HEAD):
             history[to, j] = history[source, j]
+    for j in range(_HEAD):
+        history[slot(state, capacity, p), j] = 0.0
     row = row_at(state, rows, p)
     row.stamp_ns = row_at(state, rows, tick).stamp_ns
     row.kind = SAMPLE_ROW

@@ -61,7 +61,7 @@ def observe(config: Any, state: Any, history: Any, motion: Any, stamp_ns: int, s
     state.stamp_ns = stamp_ns
     if state.sliding:
         drop_old_rows(config, state, rows, count)
-    describe_tick(config, state, motion, dt, append(state, rows))
+    describe_tick(config, state, motion, dt, append(state, history, rows))
     for i in range(6):
         state.v_ee[i] = motion.v_ee[i]
     if not are_small(config, samples, count):
