@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from slip_bags import player as player_module
+from slip_bags.playing import player as player_module
 from slip_bags.playing.prefetch import DEPTH, Prefetch
 from slip_core.errors import InputError
 

@@ -81,6 +81,6 @@ def _bridge(path: Path) -> BridgeParams:
     with Bag(path) as bag:
         if "bridge.params.yaml" not in bag.attachments:
             raise InputError(f"bag {path}", got="no bridge.params.yaml", expected="a bag of `slip-vic run --record`")
-        (node,) = read_yaml(bag.attachments["bridge.params.yaml"]).values()
+        (node,) = read_yaml(bag.attachments["bridge.params.yaml"].decode()).values()
     values = current_names(BridgeParams, flat_names(node["ros__parameters"]), "a bag", warn=lambda _: None)
     return build(BridgeParams, values, f"bridge.params.yaml of {path}")
