@@ -27,6 +27,9 @@ from slip_bringup.study.runner import run_cases
 SHORT = ("bridge.duration_s=0.05",)
 SUPPORT = Path(__file__).parents[2] / "support"
 
+SIX = ["--scenario", "paper_planar", "--sensors", "ideal,vision_25", "--estimators", "classical,measured,observer"]
+SIX += ["--seeds", "1"]
+
 
 @pytest.fixture
 def tasks(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
@@ -128,7 +131,7 @@ def table_of(folder: Path) -> str:
 
 
 def test_rows_are_the_same_whatever_kills_orders_or_parts_a_study(tmp_path: Path) -> None:
-    arguments = ["study", "--sensors", "ideal,vision_25", "--seeds", "1", "--set", SHORT[0]]
+    arguments = ["study", *SIX, "--set", SHORT[0]]
 
     def study(folder: str, *more: str) -> str:
         ran = CliRunner().invoke(cli, [*arguments, "--out", str(tmp_path / folder), *more], catch_exceptions=False)
@@ -153,7 +156,7 @@ def test_rows_are_the_same_whatever_kills_orders_or_parts_a_study(tmp_path: Path
 
 def test_a_study_whose_client_is_killed_goes_on(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "slip_bringup.cli", "study"]
-    asked = ["--sensors", "ideal,vision_25", "--seeds", "1", "--set", "bridge.duration_s=0.3"]
+    asked = [*SIX, "--set", "bridge.duration_s=0.3"]
     killed, whole = tmp_path / "killed", tmp_path / "whole"
     client = subprocess.Popen([*command, *asked, "--jobs", "1", "--out", killed], stderr=subprocess.DEVNULL)
     while not (killed / "study.csv").exists() or len(table_of(killed).splitlines()) < 3:
