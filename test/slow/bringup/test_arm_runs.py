@@ -13,6 +13,8 @@ from slip_bringup.inprocess import run_in_process
 from slip_bringup.scenario import ControllerKind, load_scenario
 from test.support.odd_arm import odd_arm_urdf
 
+pytestmark = pytest.mark.long
+
 BETTER = 20.0
 SLIPS_M = 0.01
 AFTER_THE_MOTION = "bridge.duration_s=3.0"

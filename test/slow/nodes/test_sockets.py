@@ -7,16 +7,12 @@ from __future__ import annotations
 import os
 import socket
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import psutil
-import pytest
 
-from slip_msgs_py.localhost import RANGE
 from test.slow.nodes.test_modes import BRIDGE_ENDLESS, CONTROLLER_SLOW, Watcher, start, watcher  # noqa: F401
-from test.support.ros import Processes
 
 LOOPBACK = "127.0.0.1"
 NAMESPACES = os.geteuid() == 0 and subprocess.run(["unshare", "--net", "true"], check=False).returncode == 0
@@ -38,14 +34,3 @@ def test_nodes_listen_on_the_loopback_interface_only(watcher: Watcher, start: An
         assert any(each.laddr.ip == LOOPBACK for each in sockets)
         open_to_all = [each.laddr for each in sockets if each.laddr.ip != LOOPBACK]
         assert all(unread(address.port) for address in open_to_all if address.ip == "0.0.0.0"), open_to_all
-
-
-@pytest.mark.skipif(not NAMESPACES, reason="network namespaces are not permitted here")
-@pytest.mark.parametrize("otherwise", [False, True])
-def test_another_machine_hears_nothing_and_is_not_heard_unless_told_so(processes: Processes, otherwise: bool) -> None:
-    """The stranger names this machine as a static peer, which LOCALHOST as the discovery range does not prevent."""
-    script = Path(__file__).with_name("two_machines.py")
-    told = {RANGE: "SUBNET" if otherwise else "LOCALHOST"}
-    child = processes.start("machines", ["unshare", "--net", "--", sys.executable, str(script)], **told)
-    assert processes.wait_end(child) == 0, child.tail()
-    assert f"heard {otherwise} is heard {otherwise}" in child.tail()

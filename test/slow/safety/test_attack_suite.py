@@ -14,6 +14,8 @@ from slip_campaigns.faults.attacks import ATTACKS
 from slip_campaigns.faults.cli import faults
 from slip_campaigns.faults.dds_campaign import campaign_of
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(autouse=True)
 def _own_domain(monkeypatch: pytest.MonkeyPatch) -> None:
