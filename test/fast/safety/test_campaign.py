@@ -10,17 +10,22 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from rclpy.serialization import serialize_message
 
 from slip_bags.reader import Bag
 from slip_campaigns.faults import trial as trials
 from slip_campaigns.faults.campaign import Tally, Verdict, judge, plan_of, upper_bound_95
 from slip_campaigns.faults.cli import faults
+from slip_campaigns.faults.dds_campaign import campaign_scenario
+from slip_campaigns.faults.dds_watch import Watch
 from slip_campaigns.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
-from slip_campaigns.faults.plan import JOINT, Fault, Plan, all_faults
+from slip_campaigns.faults.plan import EFFORT, JOINT, TOPICS, Fault, Plan, all_faults
 from slip_campaigns.faults.trial import run_trial
+from slip_campaigns.faults.wire import Wire
 from slip_core.records import record
-from slip_core.types import EffortCommand
+from slip_core.types import EffortCommand, JointSample
 from slip_vic_controller.cycle import CONFIG
+from slip_vic_controller.robot import Robot
 from slip_vic_controller.session import Controller, ControllerSession
 from test.support.every import every
 
@@ -128,6 +133,23 @@ def test_joint_monitor_sees_steps_and_unrest() -> None:
     for t in range(1, 300):
         monitor.take(0.004 * t, np.array([4.1, 0.0]), np.array([0.0, 0.2]), False)
     assert "not at rest" in monitor.violations[1]
+
+
+def test_the_arm_need_not_rest_where_bridge_and_controller_hold_it_in_turn() -> None:
+    """The bridge takes no command that answers an old state; each of them begins from the motion that it finds."""
+    params = campaign_scenario().controller
+    wires = {name: Wire(name, params.joint_names, params.ee_frame) for name in TOPICS}
+    robot = Robot(campaign_scenario().urdf, params.ee_frame, params.joint_names, params.gravity)
+    moving, nothing = np.full(7, 0.2), np.zeros(7)
+    for late_ticks, complaints in ((1, 1), (10, 0)):
+        watch = Watch(wires, params, robot, 0.004, 1000.0, 0.03)
+        for tick in range(10, 400):
+            answered = tick - (late_ticks if tick // 20 % 2 else 1)
+            command = EffortCommand(answered * 4 * MS, nothing)
+            watch.forwarded(EFFORT, serialize_message(wires[EFFORT].message(command)), 0, True)
+            state = JointSample(tick * 4 * MS, nothing, moving, nothing)
+            watch.bridge_state(serialize_message(wires[JOINT].message(state)), tick * 0.004)
+        assert ["not at rest" in text for text in watch.violations()] == [True] * complaints, late_ticks
 
 
 def test_safe_state_monitor_sees_a_law_without_input() -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import psutil
 
 from slip_bringup.system.processes import Child
-from slip_campaigns.faults.attacks import ATTACKS, TWO_SOURCES
+from slip_campaigns.faults.attacks import ATTACKS, CHANGES, TWO_SOURCES
 from slip_campaigns.faults.dds_campaign import BACK_S, DdsCampaign, campaign_of
 from slip_campaigns.faults.flood import FOREIGN
 from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, Fault, Plan
@@ -97,6 +97,8 @@ class AttackStage(DdsCampaign):
         self._guests.clear()
         ended = time.monotonic()
         helped = not self.spin_until(self._law_since(ended), ALONE_S, lambda: None)
+        if helped and name in CHANGES:
+            self._put_back()
         back = not helped or self.spin_until(self._law_since(ended), BACK_S, self.operate)
         recovery = time.monotonic() - ended if back else None
         rate = (self._lines() - lines) / (time.monotonic() - began)
@@ -107,6 +109,12 @@ class AttackStage(DdsCampaign):
         worst = max(modes, key=_badness, default=self.watch.mode)
         violations = (*self.watch.violations(), *deaths)
         return Row(name, violations, alive, worst.name, rate, grown, recovery, helped, note)
+
+    def _put_back(self) -> None:
+        """Do what an operator must whose parameters were changed: gains as they were, the object in the grasp again."""
+        self._actions.restore()
+        self.watch.teleport(time.monotonic())
+        self.nodes.trigger("reset")
 
     def _law_since(self, moment_s: float) -> Callable[[], bool]:
         return lambda: self.watch.mode.follows and self.watch.alive_s > moment_s

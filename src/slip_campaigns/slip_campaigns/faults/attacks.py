@@ -303,5 +303,7 @@ ATTACKS: Final[dict[str, Attack]] = {
     "foreign efforts": foreign_efforts,
 }
 """By the name in the table."""
+CHANGES: Final = ("parameter storm",)
+"""What leaves nodes behind that are not as they were: grip and gains."""
 TWO_SOURCES: Final = ("second controller",)
 """Where commands of ours alternate with each other's: only each by itself can be judged."""

@@ -35,7 +35,7 @@ class Watch:
         robot: for limits and gravity compensation.
         period_s: control period.
         effort_rate: of the bridge's drives [N m/s].
-        timeout_s: without a command, after which the bridge holds the arm itself.
+        timeout_s: age of the state that the newest command answers, beyond which the bridge holds the arm itself.
         allowed_rate: of commands [N m/s]; None takes the law's limit.
     """
 
@@ -60,7 +60,7 @@ class Watch:
         self.commands = CommandMonitor(promise)
         self.joints = JointMonitor(effort_rate * period_s)
         self.safe = SafeStateMonitor({name: age + period_s + HOST_S for name, age in ages.items()}, inputs.future_s)
-        self._timeout_s = timeout_s
+        self._timeout_ns = round(1e9 * timeout_s)
         self.mode = Mode.WAITING_INPUT
         self.mode_since_s = 0.0
         self.alive_s = 0.0
@@ -72,7 +72,8 @@ class Watch:
         self.not_judged = 0  # commands whose slope is unknown, because a message was lost on its way to this monitor
         self._state_stamp_ns: int | None = None
         self._ignore_until_s = 0.0
-        self._was_alive, self._state_s = False, 0.0
+        self._answered_ns: int | None = None  # stamp of the state that the newest command in the bridge answers
+        self._was_obeyed, self._state_s = False, 0.0
         self._last_seen = np.zeros(0)  # positions that the command before answered
         self.by_itself = False  # two sources alternate: no command follows the one before
         self.on_mode: Callable[[Mode], object] = lambda _: None
@@ -92,6 +93,8 @@ class Watch:
         """A message has been handed on to controller or bridge."""
         if name == JOINT:
             self._states.append((stamp_of(data) if len(data) >= 12 else 0, data))
+        elif name == EFFORT and (command := self._wires[EFFORT].receive(data)) is not None:
+            self._answered_ns = command.stamp_ns if len(command.effort) else None
         if name != EFFORT and counts:
             self.safe.good(name, sent_ns * 1e-9, time.monotonic())
 
@@ -118,11 +121,13 @@ class Watch:
         steps = 1 if last is None else (sample.stamp_ns - last) / self._period_ns
         if not 0.5 < steps < 1.5 or now_s < self._ignore_until_s:
             self.joints.restarted()
-        alive = now_s - self.alive_s < self._timeout_s
-        if alive != self._was_alive or now_s - self._state_s > self._timeout_s:
+        # By the bridge's rule: a command that answers an old state does not count, however often one arrives.
+        answered_ns = self._answered_ns
+        obeyed = answered_ns is not None and 0 <= sample.stamp_ns - answered_ns <= self._timeout_ns
+        if obeyed != self._was_obeyed or now_s - self._state_s > 1e-9 * self._timeout_ns:
             self.joints.begin_again()  # another one holds the arm from now on, and begins from its motion
-        self._was_alive, self._state_s = alive, now_s
-        follows = self.mode.follows and alive
+        self._was_obeyed, self._state_s = obeyed, now_s
+        follows = self.mode.follows and obeyed
         # By the simulation's clock: a bridge that was stopped has not moved meanwhile.
         self.joints.take(sample.stamp_ns * 1e-9, sample.effort, sample.velocity, follows)
 
