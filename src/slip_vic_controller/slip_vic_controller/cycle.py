@@ -392,9 +392,10 @@ def _bridge(c: Any, s: Any, i: Any, o: Any, fault: int) -> None:
         findings = Findings(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), NOTHING)
         next_mode(c.modes, s.mode, findings, i.request, now_ns)
         s.path.scale, s.path.rate, s.hold.known = 0.0, 0.0, 0
-    # After a pause the limiter starts at what the joints feel; a jump of the positions leaves the efforts believable.
+    # After a pause the limiter starts at what the joints feel; a jump of the positions leaves the efforts believable,
+    # unless somebody else sends joint states too.
     rest, felt = np.zeros(MAX_JOINTS), np.zeros(MAX_JOINTS)
-    if fault == Fault.JUMP:
+    if fault == Fault.JUMP and o.health.outside != Fault.SECOND_PUBLISHER:
         felt[:] = s.joint.answers.effort
     _finish(c, s, i, o, s.law.position, rest, felt, False)
 

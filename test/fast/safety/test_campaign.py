@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from rclpy.serialization import serialize_message
+from std_msgs.msg import Int64MultiArray
 
 from slip_bags.reader import Bag
 from slip_campaigns.faults import trial as trials
@@ -26,6 +27,7 @@ from slip_core.records import record
 from slip_core.types import EffortCommand, JointSample
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.robot import Robot
+from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.session import Controller, ControllerSession
 from test.support.every import every
 
@@ -135,14 +137,18 @@ def test_joint_monitor_sees_steps_and_unrest() -> None:
     assert "not at rest" in monitor.violations[1]
 
 
-def test_the_arm_need_not_rest_where_bridge_and_controller_hold_it_in_turn() -> None:
-    """The bridge takes no command that answers an old state; each of them begins from the motion that it finds."""
+def watch_of_the_campaign() -> tuple[Watch, dict[str, Wire]]:
     params = campaign_scenario().controller
     wires = {name: Wire(name, params.joint_names, params.ee_frame) for name in TOPICS}
     robot = Robot(campaign_scenario().urdf, params.ee_frame, params.joint_names, params.gravity)
+    return Watch(wires, params, robot, 0.004, 1000.0, 0.03), wires
+
+
+def test_the_arm_need_not_rest_where_bridge_and_controller_hold_it_in_turn() -> None:
+    """The bridge takes no command that answers an old state; each of them begins from the motion that it finds."""
     moving, nothing = np.full(7, 0.2), np.zeros(7)
     for late_ticks, complaints in ((1, 1), (10, 0)):
-        watch = Watch(wires, params, robot, 0.004, 1000.0, 0.03)
+        watch, wires = watch_of_the_campaign()
         for tick in range(10, 400):
             answered = tick - (late_ticks if tick // 20 % 2 else 1)
             command = EffortCommand(answered * 4 * MS, nothing)
@@ -150,6 +156,24 @@ def test_the_arm_need_not_rest_where_bridge_and_controller_hold_it_in_turn() -> 
             state = JointSample(tick * 4 * MS, nothing, moving, nothing)
             watch.bridge_state(serialize_message(wires[JOINT].message(state)), tick * 0.004)
         assert ["not at rest" in text for text in watch.violations()] == [True] * complaints, late_ticks
+
+
+def test_commands_that_answer_the_same_joint_state_are_judged_where_none_of_them_is_lost() -> None:
+    """Without joint states several of them have the same stamp, and belong to their ledgers by their order alone."""
+    sent = [(4, 1000, 0.0), (8, 1004, 4.0), (8, 1004.1, 4.1), (8, 1009, 9.0), (12, 1014, 9.0), (16, 1018, 9.0)]
+    steeper = [*sent[:3], (8, 1009, 9.2), *sent[4:]]
+    for commands, lost, complaints in ((sent, None, 0), (sent, 2, 0), (steeper, None, 1)):
+        watch, wires = watch_of_the_campaign()
+        for cycle, (stamp_ms, clock_ms, effort) in enumerate(commands):
+            command = EffortCommand(stamp_ms * MS, np.full(7, effort))
+            if cycle != lost:
+                watch.command(serialize_message(wires[EFFORT].message(command)))
+            clock = divmod(round(clock_ms * MS), 1_000_000_000)
+            ledger = [cycle, 0, stamp_ms * MS, *clock, int(Mode.HOLD), 0, 0]
+            watch.ledger(serialize_message(Int64MultiArray(data=ledger)))
+        assert len(watch.violations()) == complaints, (commands, lost)
+        assert watch.commands.commands >= len(commands) - 1 - 3 * (lost is not None)
+        assert watch.mode == Mode.HOLD
 
 
 def test_safe_state_monitor_sees_a_law_without_input() -> None:

@@ -88,6 +88,24 @@ def test_after_a_pause_efforts_begin_where_the_joints_are_though_positions_jumpe
     assert np.abs(effort - np.clip(jumped.effort, -limit, limit)).max() <= STEP + ROUNDING
 
 
+def test_after_a_pause_efforts_of_a_second_source_are_not_believed() -> None:
+    """Found by the attack suite: a flood of somebody's joint states let the arm begin at what those said."""
+    loop = Loop()
+    loop.run(100)
+    loop.controller.set_publishers({"joint_states": 2}, 1)
+    loop.run(3)
+    joint = loop.observe()
+    loop.now_ns += PAUSE_NS
+    foreign = dataclasses.replace(
+        joint, position=joint.position + 0.4, effort=np.full(7, 0.1), stamp_ns=joint.stamp_ns + PAUSE_NS
+    )
+    effort = loop.cycle(foreign)
+    assert loop.fault == Fault.JUMP
+    gravity = loop.law.robot.gravity(joint.position)
+    assert np.abs(gravity - foreign.effort).max() > 2 * STEP, "gravity must weigh for this test to mean something"
+    assert np.abs(effort - gravity).max() <= STEP + ROUNDING
+
+
 def test_hold_begins_anew_where_the_arm_is_after_a_pause() -> None:
     """Somebody else held the arm while the controller did not run: it is not pulled back to where it was before."""
     loop = Loop()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -105,7 +106,15 @@ class Watch:
 
     def ledger(self, data: bytes) -> None:
         """The ledger of a cycle."""
-        self._ledgers.append(self._ledger(data))
+        entry = self._ledger(data)
+        _, _, clock_ns, mode = entry
+        now_s = clock_ns * 1e-9
+        self.safe.check(now_s, mode.follows)
+        if mode != self.mode:
+            self.mode_since_s = now_s
+        self.mode, self.alive_s = mode, now_s
+        self.on_mode(mode)
+        self._ledgers.append(entry)
         self._pair()
 
     def teleport(self, now_s: float) -> None:
@@ -132,13 +141,25 @@ class Watch:
         self.joints.take(sample.stamp_ns * 1e-9, sample.effort, sample.velocity, follows)
 
     def _pair(self) -> None:
-        """Judge commands with their ledgers; one whose ledger is missing is judged by itself."""
+        """Judge commands with their ledgers; one whose ledger is missing is judged by itself.
+
+        Without joint states several commands answer the same one: where one of them was lost nobody can tell which.
+        """
         while self._efforts and self._ledgers:
-            (stamp_ns, data), (cycle, state_ns, clock_ns, mode) = self._efforts[0], self._ledgers[0]
+            stamp_ns, state_ns = self._efforts[0][0], self._ledgers[0][1]
             if stamp_ns == state_ns:
-                self._efforts.popleft()
-                self._ledgers.popleft()
-                self._judge(stamp_ns, data, cycle, clock_ns, mode)
+                efforts = _how_many(stamp_ns, (each[0] for each in self._efforts))
+                ledgers = _how_many(stamp_ns, (each[1] for each in self._ledgers))
+                if efforts == len(self._efforts) or ledgers == len(self._ledgers):
+                    return  # more of them may come
+                commands = [self._efforts.popleft()[1] for _ in range(efforts)]
+                entries = [self._ledgers.popleft() for _ in range(ledgers)]
+                if efforts != ledgers:
+                    for data in commands:
+                        self._alone(data)
+                    continue
+                for data, (cycle, _, clock_ns, _) in zip(commands, entries, strict=True):
+                    self._judge(stamp_ns, data, cycle, clock_ns)
             elif stamp_ns < state_ns or len(self._efforts) > ODD_ONES:
                 self._alone(self._efforts.popleft()[1])
             else:
@@ -150,8 +171,7 @@ class Watch:
             self.not_judged += 1
             self.commands.inside(round(1e9 * self.alive_s), effort)
 
-    def _judge(self, stamp_ns: int, data: bytes, cycle: int, clock_ns: int, mode: Mode) -> None:
-        now_s = clock_ns * 1e-9
+    def _judge(self, stamp_ns: int, data: bytes, cycle: int, clock_ns: int) -> None:
         known = cycle in (0, self._cycle + 1) and not self.by_itself
         if not known or cycle == 0:
             self.commands.restarted()
@@ -166,11 +186,6 @@ class Watch:
                 self.commands.inside(clock_ns, effort)
             else:
                 self.commands.take(clock_ns, effort, ())
-        self.safe.check(now_s, mode.follows)
-        if mode != self.mode:
-            self.mode_since_s = now_s
-        self.mode, self.alive_s = mode, now_s
-        self.on_mode(mode)
 
     def _starts(self, stamp_ns: int, position: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return the efforts from which a first command may begin, as the controller was told them."""
@@ -182,6 +197,11 @@ class Watch:
                 starts.append(self._robot.gravity(seen))
         self._last_seen = position
         return tuple(start for start in starts if start.shape == shape and np.isfinite(start).all())
+
+
+def _how_many(stamp_ns: int, stamps: Iterable[int]) -> int:
+    """Return how many of these begin the row with this stamp."""
+    return sum(1 for _ in itertools.takewhile(lambda each: each == stamp_ns, stamps))
 
 
 def _entry(_stamp_ns: int, data: Any) -> tuple[int, int, int, Mode]:
