@@ -149,12 +149,12 @@ def test_drift_friction_and_first_motion_have_bounds() -> None:
     assert verdicts.judge_friction(0.25, 0.2, 0.19, 1, "goal 3 reached").holds
     assert verdicts.judge_friction(0.25, 0.04, 0.04, 2, "goal 3 reached").fix
     assert verdicts.judge_friction(0.25, 0.2, 0.19, 0, "goal 3 refused: too heavy").fix
-    assert verdicts.judge_motion("goal 4 reached", "ACTIVE", 0.003, 0.0, 0.025).holds
+    assert verdicts.judge_motion("goal 4 reached", "ACTIVE", 0.003, 0.0025, 0.001, 0.025).holds
     for goal, mode, missed, slip in (
         ("goal 4 moves", "ACTIVE", 0.0, 0.0), ("goal 4 reached", "HOLD: asked", 0.0, 0.0),
         ("goal 4 reached", "ACTIVE", 0.02, 0.0), ("goal 4 reached", "ACTIVE", 0.0, 0.01),
     ):  # fmt: skip
-        assert verdicts.judge_motion(goal, mode, missed, slip, 0.025).fix
+        assert verdicts.judge_motion(goal, mode, missed, slip, 0.001, 0.025).fix
 
 
 def test_a_verdict_is_one_line_with_its_fix() -> None:

@@ -19,6 +19,7 @@ BY_HAND_S: Final = 4.0
 PUSH_N: Final = 3.0
 TURN: Final = 0.03  # [rad, m]
 FIRM_N: Final = 40.0
+CARRIES: Final = 4.0  # times the weight: slip then points within 15 degrees of the pull
 STEPS: Final = 60
 STEP_S: Final = 0.04
 
@@ -119,8 +120,8 @@ class Simulated:
             return self._system.listen(LOOKED_S)
 
     def pull(self, words: str, direction: Array, weight: float, slips: Callable[[Heard], bool]) -> list[Heard]:
-        """Pull harder step by step, with a grip that carries twice the weight along the pads, until it slips."""
-        carried = max(2.0 * weight, self._friction * self._grip)
+        """Pull harder step by step, until it slips; the grip carries so much that the weight hardly turns the slip."""
+        carried = max(CARRIES * weight, self._friction * self._grip)
         self._system.tune_bridge({"grip.force": carried / self._friction})
         heard: list[Heard] = []
         for step in range(1, STEPS + 1):

@@ -356,26 +356,27 @@ def judge_friction(told: float, estimate: float, carried: float, events: int, go
     return Verdict("friction", measured, expected, fix)
 
 
-def judge_motion(goal: str, mode: str, missed: float, slipped: float, speed: float) -> Verdict:
+def judge_motion(goal: str, mode: str, missed: float, slipped: float, doubt: float, speed: float) -> Verdict:
     """Judge the first governed motion.
 
     Args:
         goal: what became of it.
         mode: at its end.
         missed: distance from the goal [m].
-        slipped: how far the pad moved on the object, by the slip sensor [m].
+        slipped: how far the pad moved on the object, by the slip sensor [m]; doubt: what its noise alone adds up to.
         speed: largest speed of the motion as planned [m/s].
     """
     measured = f"{goal}, {1e3 * missed:.1f} mm beside it, slip {1e3 * slipped:.2f} mm, {mode.partition(':')[0]}"
+    most = SLIPPED + doubt
     expected = (
-        f"reached at {1e3 * speed:.0f} mm/s, within {1e3 * MISSED:.0f} mm, slip below {1e3 * SLIPPED:.0f} mm, ACTIVE"
+        f"reached at {1e3 * speed:.0f} mm/s, within {1e3 * MISSED:.0f} mm, slip below {1e3 * most:.1f} mm, ACTIVE"
     )
     fix = ""
     if not goal.endswith("reached") or not mode.startswith("ACTIVE"):
         fix = f"see controller/mode ({mode}) and controller/goal"
     elif not missed < MISSED:
         fix = "zero the unloaded wrench sensor; else object.mass, or gains.stiffness too low for the sensor's bias"
-    elif not slipped < SLIPPED:
+    elif not slipped < most:
         fix = "more grip; look at governor.friction_limit and at the slip sensor"
     return Verdict("first motion", measured, expected, fix)
 

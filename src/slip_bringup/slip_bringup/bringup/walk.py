@@ -36,6 +36,7 @@ FIRST_M: Final = 0.03
 FULL_SPEED: Final = 0.25
 """[m/s], reduced speed of ISO 10218-1, with a person beside the arm; the first motion has a tenth of it."""
 QUINTIC_PEAK: Final = 1.875
+SIGMAS: Final = 4.0
 SLIP_SPEED: Final = 0.01  # [m/s] that counts as slip while somebody pulls
 AXES: Final = ("+x", "+y", "+z")
 
@@ -247,8 +248,11 @@ class Walk:
         heard = self._go(there, R, QUINTIC_PEAK * FIRST_M / speed)
         missed = float(np.linalg.norm(self._robot.frame(heard.position)[0] - there))
         slipped = self._slipped([heard])
-        slip = 0.0 if slipped is None else float(np.linalg.norm(slipped))
-        return verdicts.judge_motion(self._system.goal, self._system.mode, missed, slip, speed)
+        slip = doubt = 0.0
+        if slipped is not None:
+            slip = float(np.linalg.norm(slipped))
+            doubt = SIGMAS * self._slip_noise * math.sqrt(len(heard.slip.stamp)) / verdicts.rate(heard.slip)
+        return verdicts.judge_motion(self._system.goal, self._system.mode, missed, slip, doubt, speed)
 
     def _go(self, position: Array, rotation: Array, duration_s: float) -> Heard:
         """Send a goal and return what was heard until it was reached or refused."""
