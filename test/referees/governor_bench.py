@@ -6,13 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from slip_core.compiled import part
-from slip_core.records import new, record
-from slip_core.vectors import Spatial, mat, put_spatial, spatial, vec
+from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
+from slip_core.records import layout, new, record
+from slip_core.vectors import ZERO, Spatial, mat, put_spatial, spatial, vec
 from slip_vic_controller.reference import governor as g
 from slip_vic_controller.reference.friction_estimate import LOAD_HISTORY, Friction, slip_sample
 from slip_vic_controller.reference.load import ALONE, Held, load, size, surface
-from slip_vic_controller.reference.path_grid import GRID_POINTS, PATH_GRID, Along, Governing, along
+from slip_vic_controller.reference.path_grid import GRID_POINTS, PATH_GRID, Governing, along
 
 PAPER_PLANAR = SimpleNamespace(
     mass=0.5, inertia=np.diag([2e-3] * 3), r=np.array([-0.02, 0.0, 0.0]), radius=0.03, force=0.25,
@@ -40,37 +40,75 @@ def configuration(case, **changes):
     return buffer
 
 
-@part
-def _start(config, state, history, held, R):
-    weights = surface(spatial(config.slip_axes), config.radius)
-    nothing = spatial(np.zeros(6))
-    at_rest = load(held, weights, R, nothing.linear, vec(config.gravity), nothing)
-    g.start_governor(config, state, history, size(at_rest))
+OBJECT = layout(mass="f8", inertia=("f8", (3, 3)), r=("f8", 3))
+"""The object on pad axes."""
 
 
 @part
-def _before(config, state, grid, held, time, R, twist, acceleration, x_e, R_ee, v_ee, most_rate, dt):
-    at = along(config, config.duration, time, R, twist, acceleration)
-    g.run(config, state, grid, held, at, g.Pad(x_e, R_ee, v_ee), most_rate, dt)
+def _held(grasped):
+    return Held(grasped.mass, mat(grasped.inertia), vec(grasped.r), ALONE)
 
 
-@part
-def _reference(config, state, time, R, twist, acceleration, out):
-    at = along(config, config.duration, time, R, twist, acceleration)
-    v, a = g.governed(state, at)
+@kernel(VOID(IN1, OUT1, OUT1, IN1, IN2))
+def _start(config, state, history, grasped, R):
+    c, s = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR)
+    weights = surface(spatial(c.slip_axes), c.radius)
+    at_rest = load(_held(record(grasped, OBJECT)), weights, mat(R), ZERO, vec(c.gravity), Spatial(ZERO, ZERO))
+    g.start_governor(c, s, record(history, LOAD_HISTORY), size(at_rest))
+
+
+@kernel(VOID(IN1, OUT1, OUT1, IN1, IN2, IN1, IN1))
+def _next_point(config, state, grid, grasped, R, twist, acceleration):
+    c, s, held = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR), _held(record(grasped, OBJECT))
+    g.next_point(c, s, record(grid, PATH_GRID), held, mat(R), spatial(twist), spatial(acceleration))
+
+
+@kernel(VOID(IN1, OUT1, OUT1, IN1, IN2, IN1, IN1, IN1, IN2, IN1, REAL, REAL))
+def _before(config, state, grid, grasped, R, twist, acceleration, x_e, R_ee, v_ee, most_rate, dt):
+    c, s, held = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR), _held(record(grasped, OBJECT))
+    at = along(c, c.duration, s.time, mat(R), spatial(twist), spatial(acceleration))
+    g.run(c, s, record(grid, PATH_GRID), held, at, g.Pad(vec(x_e), mat(R_ee), spatial(v_ee)), most_rate, dt)
+
+
+@kernel(VOID(IN1, IN1, IN2, IN1, IN1, OUT1))
+def _reference(config, state, R, twist, acceleration, out):
+    c, s = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR)
+    v, a = g.governed(s, along(c, c.duration, s.out_time, mat(R), spatial(twist), spatial(acceleration)))
     put_spatial(out[:6], v)
     put_spatial(out[6:], a)
 
 
-@part
+@kernel(VOID(IN1, OUT1, OUT1))
 def _plan_all(config, state, grid):
+    c, s = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR)
     for _ in range(100 * GRID_POINTS):
-        if state.phase != g.Phase.READY:
-            g.plan(config, state, grid)
+        if s.phase != g.Phase.READY:
+            g.plan(c, s, record(grid, PATH_GRID))
 
 
-def compiled_held(case):
-    return Held(case.mass, mat(np.ascontiguousarray(case.inertia)), vec(case.r), ALONE)
+@kernel(VOID(IN1, OUT1, OUT1, IN1, INT))
+def _feel(config, state, history, h_ee, now_ns):
+    c, s = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR)
+    g.feel(c, s, record(history, LOAD_HISTORY), spatial(h_ee), now_ns)
+
+
+@kernel(BOOL(IN1, OUT1, OUT1, INT, REAL))
+def _slip(config, state, history, stamp_ns, speed):
+    c, s = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR)
+    return slip_sample(c.estimate, s.estimate, record(history, LOAD_HISTORY), stamp_ns, speed)
+
+
+@kernel(REAL(IN1, OUT1, IN1, IN2, IN1, IN1, IN1))
+def _hold_back(config, state, grasped, R, w, a_C, a_d):
+    c, s, held = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR), _held(record(grasped, OBJECT))
+    return g.hold_back(c, s, held, mat(R), vec(w), spatial(a_C), spatial(a_d))
+
+
+@kernel(VOID(IN1, IN1, IN2, IN1, IN1, OUT1))
+def _load(config, grasped, R, w, a, out):
+    c = record(config, g.GOVERNOR_CONFIG)
+    weights = surface(spatial(c.slip_axes), c.radius)
+    put_spatial(out, load(_held(record(grasped, OBJECT)), weights, mat(R), vec(w), vec(c.gravity), spatial(a)))
 
 
 class Governor:
@@ -87,18 +125,21 @@ class Governor:
         layouts = (g.GOVERNOR_CONFIG, g.GOVERNOR, PATH_GRID, LOAD_HISTORY)
         views = [record(b, d) for b, d in zip(self.buffers, layouts, strict=True)]
         self.config, self.state, self.grid, self.history = views
-        self.held = compiled_held(case)
-        _start(self.config, self.state, self.history, self.held, mat(path.start))
+        self.grasped = new(OBJECT)
+        grasped = record(self.grasped, OBJECT)
+        grasped.mass, grasped.inertia, grasped.r = case.mass, case.inertia, case.r
+        config, state, _, history = self.buffers
+        _start(config, state, history, self.grasped, np.ascontiguousarray(path.start))
         self.sample()
 
     def sample(self):
         while g.wants_points(self.state):
             _, R, v, a = self.path.at(g.wanted_time(self.config, self.state))
-            g.next_point(self.config, self.state, self.grid, self.held, mat(R), spatial(v), spatial(a))
+            _next_point(*self.buffers[:3], self.grasped, np.ascontiguousarray(R), v, a)
 
     def plan(self):
         """Plan to the end at once."""
-        _plan_all(self.config, self.state, self.grid)
+        _plan_all(*self.buffers[:3])
         return self
 
     @property
@@ -110,29 +151,27 @@ class Governor:
         p_s, R_s, v_s, a_s = self.path.at(float(self.state.time))
         x, R = p_s if x is None else x, R_s if R is None else R
         v = float(self.state.rate) * v_s if v is None else v
-        _before(
-            self.config, self.state, self.grid, self.held, float(self.state.time), mat(R_s), spatial(v_s),
-            spatial(a_s), vec(x - p_s), mat(np.ascontiguousarray(R)), spatial(v), most_rate, self.dt,
-        )  # fmt: skip
+        config, state, grid, _ = self.buffers
+        there = np.ascontiguousarray(R_s), v_s, a_s, x - p_s, np.ascontiguousarray(R), np.asarray(v, float)
+        _before(config, state, grid, self.grasped, *there, most_rate, self.dt)
         p, R_d, v_d, a_d = self.path.at(float(self.state.out_time))
         out = np.zeros(12)
-        _reference(self.config, self.state, float(self.state.out_time), mat(R_d), spatial(v_d), spatial(a_d), out)
+        _reference(config, state, np.ascontiguousarray(R_d), v_d, a_d, out)
         return p, R_d, out[:6], out[6:]
 
     def feel(self, h_ee, now_ns):
-        g.feel(self.config, self.state, self.history, spatial(h_ee), now_ns)
+        config, state, _, history = self.buffers
+        _feel(config, state, history, h_ee, now_ns)
 
     def after(self, a_C, a_d, R, w):
-        R = mat(np.ascontiguousarray(R))
-        return g.hold_back(self.config, self.state, self.held, R, vec(w), spatial(a_C), spatial(a_d))
+        config, state, _, _ = self.buffers
+        return _hold_back(config, state, self.grasped, np.ascontiguousarray(R), w, a_C, a_d)
 
     def slip(self, stamp_ns, speed):
-        return slip_sample(self.config.estimate, self.state.estimate, self.history, stamp_ns, speed)
+        config, state, _, history = self.buffers
+        return _slip(config, state, history, stamp_ns, speed)
 
     def load_of(self, R, w, a):
-        weights = surface(spatial(np.array(self.config.slip_axes)), float(self.config.radius))
-        l = load(self.held, weights, mat(np.ascontiguousarray(R)), vec(w), vec(self.case.gravity), spatial(a))  # noqa: E741
-        return np.concatenate(l)
-
-
-__all__ = ["PAPER_PLANAR", "Along", "Friction", "Governing", "Governor", "Spatial"]
+        out = np.empty(6)
+        _load(self.buffers[0], self.grasped, np.ascontiguousarray(R), w, a, out)
+        return out
