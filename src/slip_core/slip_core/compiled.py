@@ -48,16 +48,21 @@ def kernel(signature: Any) -> Callable[[F], F]:
     """
 
     def compile_now(function: F) -> F:
-        if not config.DISABLE_JIT:
-            config.CACHE_DIR = str(_folder(_package(Path(function.__code__.co_filename))))
-        return cast(F, numba.njit(signature, cache=True, **STRICT)(function))
+        return cast(F, _kept(function, signature))
 
     return compile_now
 
 
 def part(function: F) -> F:
     """Mark a function that only kernels call: it becomes part of them."""
-    return function if config.DISABLE_JIT else cast(F, Part(function))
+    return function if config.DISABLE_JIT else cast(F, Part(function, _kept))
+
+
+def _kept(function: Callable[..., Any], *signature: Any) -> Any:
+    """Return a function compiled for a signature now, or for that of each first call; the machine code is kept."""
+    if not config.DISABLE_JIT:
+        config.CACHE_DIR = str(_folder(_package(Path(function.__code__.co_filename))))
+    return numba.njit(*signature, cache=True, **STRICT)(function)
 
 
 @functools.lru_cache
@@ -90,21 +95,28 @@ def check_private(folder: Path, trusted: Container[int]) -> None:
 
 
 def _sources(package: Path) -> list[bytes]:
-    """Return the texts of all modules that import this one, and of all that these import, here or there."""
+    """Return the texts of all modules that import this one, here or where imports lead, and of what they import."""
     texts = _texts(package) | _texts(Path(__file__).parent)
-    wanted, left = set[str](), [name for name, text in texts.items() if b"slip_core.compiled" in text]
+    wanted, left = set[str](), _compiling(texts)
     while left:
         name = left.pop()
         top = name.partition(".")[0]
         if name not in texts and not any(known.partition(".")[0] == top for known in texts):
             found = importlib.util.find_spec(top)
-            texts |= _texts(Path(found.origin).parent) if found is not None and found.origin is not None else {}
+            more = _texts(Path(found.origin).parent) if found is not None and found.origin is not None else {}
+            texts |= more
+            left += _compiling(more)
         if name in wanted or name not in texts:
             continue
         wanted.add(name)
         for module, names in _IMPORT.findall(texts[name].decode()):
             left += [module, *(f"{module}.{item}" for item in re.findall(r"\w+", names))]
     return [texts[name] for name in sorted(wanted)]
+
+
+def _compiling(texts: dict[str, bytes]) -> list[str]:
+    """Return which modules import this one: all count, since what is imported by a name in a variable is not seen."""
+    return [name for name, text in texts.items() if b"slip_core.compiled" in text]
 
 
 def _texts(top: Path) -> dict[str, bytes]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numba
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager, register_pass
@@ -22,15 +21,23 @@ STRICT = {"error_model": "numpy", "fastmath": False}
 
 
 class Part(CPUDispatcher):  # type: ignore[misc]  # numba has no types
-    """A function that kernels take in. Called from Python it works too, as a compiled function of its own."""
+    """A function that kernels take in. Called from Python it works too, as a compiled function of its own.
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    Args:
+        function: what is compiled.
+        alone: makes that function of its own, when it is called first.
+    """
+
+    def __init__(self, function: Callable[..., Any], alone: Callable[..., Any]) -> None:
         options = STRICT | {"nopython": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         super().__init__(function, targetoptions=options, pipeline_class=_PartCompiler)
-        self._whole = numba.njit(**STRICT)(function)
+        self._alone = alone
+        self._whole: Callable[..., Any] | None = None
 
     def __call__(self, *arguments: Any) -> Any:
         """Return what the function returns."""
+        if self._whole is None:
+            self._whole = self._alone(self.py_func)
         return self._whole(*arguments)
 
 

@@ -34,9 +34,9 @@ from slip_vic_controller.law.gains import (
     LAW_GAINS,
     RAMP,
     gain_report,
-    gains_at,
     make_law_gains,
     make_ramp,
+    sample_gains,
     steady,
 )
 from slip_vic_controller.law.symbols import SYMBOLS, published
@@ -47,12 +47,12 @@ from slip_vic_controller.reference.stream import QUEUED
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.safety.reasons import ACTIVATION, describe, read_reason
+from slip_vic_controller.safety.reasons import ACTIVATION, describe
 from slip_vic_controller.safety.validation import mean_period_s
 from slip_vic_controller.sizes import MAX_FRESH
 from slip_vic_controller.slip_displacement import SlipFromDisplacement
 
-RETUNABLE = ("gains.", "object.", "contacts.position", "safety.hold_stiffness")
+RETUNABLE = ("gains.", "object.", "contacts.position")
 """Parameters that ramp while the law runs."""
 
 NO_EFFORT = readonly(np.zeros(0))
@@ -67,6 +67,7 @@ _GOVERNED, _GOVERNED_NAMES = place(OUTPUTS, "governor"), GOVERNED.names or ()
 _GRIP = place(OUTPUTS, "grip").start
 _PATH_SCALE = place(OUTPUTS, "path_scale").start
 _NOW, _REQUEST, _MISSING = (place(INPUTS, name).start for name in ("now_ns", "request", "missing"))
+_RAMP = place(STATE, "law.ramp")
 _CYCLES, _LAW_KNOWN = place(STATE, "cycles").start, place(STATE, "law.known").start
 _STATE_MODE, _PENDING = place(STATE, "mode.mode").start, place(STATE, "joint.pending").start
 
@@ -192,7 +193,7 @@ class CycleResult:
     @property
     def reason(self) -> str:
         """Why the controller is in its mode, in words."""
-        return describe(read_reason(self.record.mode.reason), self._controller.robot.joint_names)
+        return describe(self.record.mode.reason, self._controller.robot.joint_names)
 
     def scalars(self) -> dict[str, float]:
         """Return the numbers worth plotting, with the same names in every cycle; NaN where there is none."""
@@ -251,7 +252,7 @@ class ControllerSession:
     @property
     def reason(self) -> str:
         """Why the controller is in its mode, in words."""
-        return describe(read_reason(self._state.mode.reason), self.controller.robot.joint_names)
+        return describe(self._state.mode.reason, self.controller.robot.joint_names)
 
     @property
     def cycles(self) -> int:
@@ -370,7 +371,7 @@ class ControllerSession:
         self._request = request
 
     def retune(self, params: ControllerParams) -> None:
-        """Let gains and payload ramp to those of `params`, and HOLD have its stiffness, from the next cycle on.
+        """Let gains and payload ramp to those of `params`, from the next cycle on.
 
         Raises:
             InputError: the values are refused as a whole, or something else has changed; nothing has happened then.
@@ -386,9 +387,9 @@ class ControllerSession:
         self._state.tuned = make_ramp(self.controller.gains, target, 0, least_s).view(RAMP)[0]
         if law.known:
             start = new(LAW_GAINS)
-            gains_at(law.ramp, law.stamp_ns, record(start, LAW_GAINS))
+            sample_gains(self.buffer[_RAMP], int(law.stamp_ns), start)
             law.ramp = make_ramp(start, target, int(law.stamp_ns), least_s).view(RAMP)[0]
-        self.know(params)
+        self._tuned = params
 
     # -- cycles ------------------------------------------------------------------------------------
 
@@ -553,10 +554,6 @@ class ControllerSession:
     def know(self, params: ControllerParams) -> None:
         """Take parameters that were set before the state which `restore` was given: their ramp is part of it."""
         self._tuned = params
-        if params.safety.hold_stiffness != record(self._config, CONFIG).hold.stiffness:
-            self._config = self._config.copy()
-            record(self._config, CONFIG).hold.stiffness = params.safety.hold_stiffness
-            self._config.setflags(write=False)
 
     # -- statistics --------------------------------------------------------------------------------
 

@@ -12,10 +12,19 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.records import record
-from slip_vic_controller.law.gains import LAW_GAINS, RAMP, gain_report, make_law_gains, make_ramp, ramp_time, steady
+from slip_vic_controller.law.gains import (
+    LAW_GAINS,
+    RAMP,
+    gain_report,
+    make_law_gains,
+    make_ramp,
+    ramp_time,
+    sample_gains,
+    steady,
+)
 from slip_vic_controller.params import ControllerParams
 from test.support.law_cases import random_case
-from test.support.law_kernels import gains_now, run_gains
+from test.support.law_kernels import gains_now
 
 MS = 1_000_000
 STIFF = {"gains.stiffness": (20.0,) * 6, "gains.damping": (5.0,) * 6}
@@ -116,7 +125,7 @@ def test_a_change_reaches_the_law_without_a_kick() -> None:
     case.reference.position[:] = case.arm.position + np.array([0.02, 0.0, 0.0])
     torques = []
     for k in range(1200):
-        run_gains(ramp, k * MS, case.buffers[1])
+        sample_gains(ramp, k * MS, case.buffers[1])
         torques.append(np.array(case.evaluate().torque.tau))
     whole = np.abs(torques[-1] - torques[0]).max()
     assert whole > 0.1, "a change without consequence proves nothing"

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from slip_core.arrays import Array, inertia_from_six, vector
-from slip_core.compiled import part
+from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import REAL, WHOLE, layout, new, record
 from slip_vic_controller.law.bounds import GainReport, check_gains, judge_gains
 from slip_vic_controller.params import ControllerParams, GainParams
@@ -109,9 +109,8 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
 def steady(gains: Array) -> Array:
     """Return the RAMP that stays at a LAW_GAINS."""
     buffer = new(RAMP)
-    ramp = record(buffer, RAMP)
-    copy_gains(record(gains, LAW_GAINS), ramp.start)
-    copy_gains(record(gains, LAW_GAINS), ramp.target)
+    ramp, given = record(buffer, RAMP), record(gains, LAW_GAINS)
+    ramp.start, ramp.target = given, given
     return buffer
 
 
@@ -119,8 +118,7 @@ def make_ramp(start: Array, target: Array, begin_ns: int, least_s: float) -> Arr
     """Return the RAMP between two LAW_GAINS, as long as stability asks, and never shorter than `least_s` [s]."""
     buffer = new(RAMP)
     ramp = record(buffer, RAMP)
-    copy_gains(record(start, LAW_GAINS), ramp.start)
-    copy_gains(record(target, LAW_GAINS), ramp.target)
+    ramp.start, ramp.target = record(start, LAW_GAINS), record(target, LAW_GAINS)
     ramp.begin_ns, ramp.active = begin_ns, 1
     ramp.duration_ns = round(1e9 * max(least_s, ramp_time(start, target)))
     return buffer
@@ -195,3 +193,9 @@ def copy_gains(given: Any, out: Any) -> None:
             out.object.inertia[i, j] = given.object.inertia[i, j]
         out.object.gravity[i] = given.object.gravity[i]
         out.contact_position[i] = given.contact_position[i]
+
+
+@kernel(VOID(IN1, INT, OUT1))
+def sample_gains(ramp: Array, stamp_ns: int, out: Array) -> None:
+    """Write the gains in effect at a time to a LAW_GAINS; ramp: RAMP."""
+    gains_at(record(ramp, RAMP), stamp_ns, record(out, LAW_GAINS))

@@ -98,8 +98,8 @@ def put_reason(r: Any, reason: Reason) -> None:
     r.value, r.limit = reason.value, reason.limit
 
 
-def describe(reason: Reason, joint_names: Sequence[str]) -> str:
-    """Return the words of a reason, an empty text where there is none."""
+def describe(reason: Any, joint_names: Sequence[str]) -> str:
+    """Return the words of a reason, or of a REASON; an empty text where there is none."""
     text = _cause_text(reason, joint_names)
     if reason.prefix & Prefix.ASKED_AND:
         text = f"asked to hold; {text}"
@@ -120,7 +120,7 @@ def missing_words(bits: int) -> list[str]:
     return names
 
 
-def _cause_text(reason: Reason, joint_names: Sequence[str]) -> str:
+def _cause_text(reason: Any, joint_names: Sequence[str]) -> str:
     cause, value, limit = Cause(reason.cause), reason.value, reason.limit
     if cause == Cause.WAITS:
         return f"waits for {', '.join(missing_words(reason.detail))}"
