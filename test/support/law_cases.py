@@ -14,7 +14,7 @@ from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.attitude import LOG, RPY
 from slip_vic_controller.law.gains import LAW_GAINS
 from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG
-from slip_vic_controller.law.symbols import ESTIMATE, SYMBOLS, published
+from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, published
 from slip_vic_controller.observer.layouts import MOTION
 from slip_vic_controller.reference.paths import REFERENCE
 from slip_vic_controller.safety.validation import JOINT_SAMPLE
@@ -66,7 +66,7 @@ class Case:
     def symbols(self, estimate: Array | None = None) -> dict[str, float]:
         """Return the published numbers of the case, after `evaluate`."""
         config, gains, arm, _, slips, reference = self.buffers
-        out, known = new(SYMBOLS), new(ESTIMATE) if estimate is None else estimate
+        out, known = new(SYMBOLS), new(SLIP_ESTIMATE) if estimate is None else estimate
         run.run_symbols(config, gains, arm, slips, reference, self.evaluation, known, out)
         names, places = published(self.joints)
         return dict(zip(names, out[places].tolist(), strict=True))

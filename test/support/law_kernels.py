@@ -11,11 +11,11 @@ from slip_core.vectors import mat, put, put_mat, put_spatial, spatial, vec
 from slip_vic_controller.law import attitude, contact, impedance, rotation, torque
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.contact import CONTACT, CONTACT_SAMPLE, SLIP
-from slip_vic_controller.law.gains import GAINS, LAW_GAINS, RAMP, gains_at
+from slip_vic_controller.law.gains import GAINS, LAW_GAINS, sample_gains
 from slip_vic_controller.law.giving_up import GIVEN_UP, GIVING_UP, judge_compensation
 from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG, evaluate, predict_motion
 from slip_vic_controller.law.object import object_motion
-from slip_vic_controller.law.symbols import ESTIMATE, SYMBOLS, no_symbols, symbols
+from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, no_symbols, symbols
 from slip_vic_controller.observer.layouts import MOTION
 from slip_vic_controller.reference import path_scaling, paths
 from slip_vic_controller.reference.path_scaling import PATH_SCALING
@@ -55,7 +55,8 @@ def run_law(config, arm, sample, memory, given) -> None:
 def run_symbols(config, gains, arm, slips, reference, evaluation, estimate, out) -> None:
     symbols(
         record(config, LAW_CONFIG), record(gains, LAW_GAINS), record(arm, ARM), record(slips, SLIPS).at,
-        record(reference, REFERENCE), record(evaluation, EVALUATION), record(estimate, ESTIMATE), record(out, SYMBOLS),
+        record(reference, REFERENCE), record(evaluation, EVALUATION), record(estimate, SLIP_ESTIMATE),
+        record(out, SYMBOLS),
     )  # fmt: skip
 
 
@@ -90,11 +91,6 @@ def run_object(config, gains, samples, slips, R_ee, w_ee, slip_angular, out) -> 
     put(found.r, o.r)
     put_spatial(found.h_o, o.h_o)
     put_spatial(found.a_o, o.a_o)
-
-
-@kernel(VOID(IN1, INT, OUT1))
-def run_gains(ramp, stamp_ns, out) -> None:
-    gains_at(record(ramp, RAMP), stamp_ns, record(out, LAW_GAINS))
 
 
 @kernel(VOID(IN1, REAL, IN1, IN2, OUT1))
@@ -296,7 +292,7 @@ def limit_spin(limit: float, motion: Array) -> Array:
 def gains_now(ramp: Array, stamp_ns: int):
     """Return the LAW_GAINS record in effect."""
     out = new(LAW_GAINS)
-    run_gains(ramp, stamp_ns, out)
+    sample_gains(ramp, stamp_ns, out)
     return record(out, LAW_GAINS)
 
 

@@ -25,11 +25,11 @@ from slip_vic_controller.safety.effort_limiter import (
 from slip_vic_controller.safety.hold import HOLD, HOLD_CONFIG
 from slip_vic_controller.safety.latency import LATENCY, SLIP_LATENCY
 from slip_vic_controller.safety.limit_avoidance import MOTION_LIMITS, avoid_limits
-from slip_vic_controller.safety.modes import MODE, MODE_POLICY, Findings, begin_modes, next_mode
+from slip_vic_controller.safety.modes import MODE, MODE_POLICY, TransitionReasons, begin_modes, next_mode
 from slip_vic_controller.safety.reasons import REASON, put_reason, read_reason
 from slip_vic_controller.safety.validation import JOINT_SAMPLE, SLIP_QUEUE, vector_validity
 
-FINDINGS = layout(missing=REASON, fault=REASON, hold=REASON, degraded=REASON)
+TRANSITION_REASONS = layout(missing=REASON, fault=REASON, hold=REASON, degraded=REASON)
 ARBITRATED = layout(fault=REASON, hold=REASON, degraded=REASON, level=WHOLE)
 
 
@@ -39,9 +39,11 @@ def run_begin_modes(policy, state, now_ns) -> None:
 
 
 @kernel(VOID(IN1, OUT1, IN1, INT, INT))
-def run_modes(policy, state, findings, request, now_ns) -> None:
-    f = record(findings, FINDINGS)
-    found = Findings(read_reason(f.missing), read_reason(f.fault), read_reason(f.hold), read_reason(f.degraded))
+def run_modes(policy, state, reasons, request, now_ns) -> None:
+    r = record(reasons, TRANSITION_REASONS)
+    found = TransitionReasons(
+        read_reason(r.missing), read_reason(r.fault), read_reason(r.hold), read_reason(r.degraded)
+    )
     next_mode(record(policy, MODE_POLICY), record(state, MODE), found, request, now_ns)
 
 

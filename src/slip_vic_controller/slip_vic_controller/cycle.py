@@ -48,7 +48,7 @@ from slip_vic_controller.law.gains import LAW_GAINS, RAMP, gains_at
 from slip_vic_controller.law.giving_up import GIVEN_UP, GIVING_UP, judge_compensation, start_giving_up
 from slip_vic_controller.law.internal import mean_arm
 from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG, evaluate, predict_motion, scale_acceleration
-from slip_vic_controller.law.symbols import ESTIMATE, SYMBOLS, no_symbols, symbols
+from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, no_symbols, symbols
 from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE
 from slip_vic_controller.observer.observer import observe, reset
 from slip_vic_controller.reference.friction_estimate import LOAD_HISTORY
@@ -90,11 +90,11 @@ from slip_vic_controller.safety.limit_avoidance import MOTION_LIMITS, avoid_limi
 from slip_vic_controller.safety.modes import (
     MODE,
     MODE_POLICY,
-    NO_FINDINGS,
+    NO_REASONS,
     NOTHING,
-    Findings,
     Mode,
     Request,
+    TransitionReasons,
     begin_modes,
     follows,
     next_mode,
@@ -173,7 +173,7 @@ OUTPUTS = layout(
     limited=(WHOLE, MAX_JOINTS), saturated=(WHOLE, MAX_JOINTS), grip=REAL, health=HEALTH, mode=MODE,
     path_scale=REAL, governor=GOVERNED, wanted=(REAL, MAX_JOINTS),
     samples=(CONTACT_SAMPLE, MAX_CONTACTS), slips=(SLIP, MAX_CONTACTS), follow_error=(REAL, 6), gains=LAW_GAINS,
-    reference=REFERENCE, motion=MOTION, law=EVALUATION, estimate=ESTIMATE,
+    reference=REFERENCE, motion=MOTION, law=EVALUATION, estimate=SLIP_ESTIMATE,
 )  # fmt: skip
 """What a cycle gives. answered: 0 = no effort, something is missing; evaluated: `law` holds; ok: the law's effort went
 out; effort [N m]; grip: commanded [N]; limited: joints at the rate limit; wanted: before limit avoidance.
@@ -185,7 +185,7 @@ how many references or goals have been taken. Times are seconds and nanoseconds.
 
 @part
 def _put_estimate(observer: Any, out: Any) -> None:
-    """Write what an observer publishes to an ESTIMATE."""
+    """Write what an observer publishes to a SLIP_ESTIMATE."""
     out.sliding, out.significance = observer.sliding, observer.significance
     for k in range(6):
         out.deviation[k], out.error[k] = math.sqrt(observer.variance[k]), observer.error[k]
@@ -245,7 +245,7 @@ def _never_seen(c: Any, s: Any) -> int:
 @part
 def _wait(c: Any, s: Any, i: Any, missing: Reason, keep_limiter: int) -> None:
     """Give no effort. Without one the arm goes anywhere: HOLD, also that of a fault, begins anew where it is then."""
-    next_mode(c.modes, s.mode, Findings(missing, NOTHING, NOTHING, NOTHING), i.request, i.now_ns)
+    next_mode(c.modes, s.mode, TransitionReasons(missing, NOTHING, NOTHING, NOTHING), i.request, i.now_ns)
     s.limiter.started, s.now_ns, s.hold.known = keep_limiter, i.now_ns, 0
     forget_latency(s.latency)
 
@@ -297,13 +297,13 @@ def begin_law(c: Any, s: Any, i: Any, o: Any) -> None:
 class Decision(NamedTuple):
     """What a cycle has found when it knows whether the law may work.
 
-    step: what comes next, see `Step`; never_seen: bits of the inputs that have never been seen; findings, request: of
+    step: what comes next, see `Step`; never_seen: bits of the inputs that have never been seen; reasons, request: of
     the mode machine; level: degradation level; entered: mode before; freezes: whether the joint state is frozen.
     """
 
     step: int
     never_seen: int
-    findings: Findings
+    reasons: TransitionReasons
     request: int
     level: int
     entered: int
@@ -323,7 +323,7 @@ def _decide(c: Any, s: Any, i: Any, o: Any, never_seen: int) -> Decision:
     """Find what speaks against the law, and go to the mode of this cycle."""
     sample, fault, now_ns = s.joint.answers, o.health.joint, i.now_ns
     if not (usable(fault) or fault == Fault.NOT_RUN):
-        return Decision(0 + Step.BRIDGE.value, never_seen, NO_FINDINGS, i.request, 0, s.mode.mode, False)
+        return Decision(0 + Step.BRIDGE.value, never_seen, NO_REASONS, i.request, 0, s.mode.mode, False)
     s.since.joint_bad_ns = NEVER
     if i.request == Request.ENABLE:
         forget_latency(s.latency)  # whoever asks for the law has seen to it that a clock was set, and nothing is late
@@ -331,10 +331,10 @@ def _decide(c: Any, s: Any, i: Any, o: Any, never_seen: int) -> Decision:
     request = _stop_first(c, s, i.request, now_ns)
     freezes = frozen(c.joint, s.joint, now_ns)
     n, contacts = c.law.joints, c.law.contacts
-    findings, level = arbitrate(c, s, o.health, freezes, n, contacts, sample.velocity, now_ns)
+    reasons, level = arbitrate(c, s, o.health, freezes, n, contacts, sample.velocity, now_ns)
     entered = s.mode.mode
-    next_mode(c.modes, s.mode, findings, request, now_ns)
-    return Decision(0 + Step.ANSWER.value, never_seen, findings, request, level, entered, freezes)
+    next_mode(c.modes, s.mode, reasons, request, now_ns)
+    return Decision(0 + Step.ANSWER.value, never_seen, reasons, request, level, entered, freezes)
 
 
 @part
@@ -389,8 +389,8 @@ def _bridge(c: Any, s: Any, i: Any, o: Any, fault: int) -> None:
         o.wanted[:n] = s.limiter.effort[:n]
     else:
         o.wanted[:n] = s.law.gravity[:n]
-        findings = Findings(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), NOTHING)
-        next_mode(c.modes, s.mode, findings, i.request, now_ns)
+        reasons = TransitionReasons(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), NOTHING)
+        next_mode(c.modes, s.mode, reasons, i.request, now_ns)
         s.path.scale, s.path.rate, s.hold.known = 0.0, 0.0, 0
     # After a pause the limiter starts at what the joints feel; a jump of the positions leaves the efforts believable,
     # unless somebody else sends joint states too.
@@ -477,8 +477,8 @@ def _follow(c: Any, s: Any, history: Array, i: Any, o: Any, level: int) -> None:
     for j in range(n):
         torque = law.gravity[j] - c.cycle.joint_damping * sample.velocity[j]
         o.wanted[j] = min(max(torque, -c.law.effort_limit[j]), c.law.effort_limit[j])
-    findings = Findings(NOTHING, NOTHING, because(cause, 0), NOTHING)
-    next_mode(c.modes, s.mode, findings, Request.NONE.value, i.now_ns)
+    reasons = TransitionReasons(NOTHING, NOTHING, because(cause, 0), NOTHING)
+    next_mode(c.modes, s.mode, reasons, Request.NONE.value, i.now_ns)
     s.path.scale, s.path.rate, s.hold.known = 0.0, 0.0, 1
     s.hold.posture[:n] = sample.position[:n]
     s.hold.load_error[:] = 0.0
@@ -648,7 +648,7 @@ def begin_cycle(c: Any, s: Any, i: Any, o: Any) -> Decision:
         missing |= GOOD_JOINT_STATE
     if missing != 0:
         _wait(c, s, i, because(Cause.WAITS, missing), 0)
-        return Decision(0 + Step.NONE.value, never_seen, NO_FINDINGS, i.request, 0, s.mode.mode, False)
+        return Decision(0 + Step.NONE.value, never_seen, NO_REASONS, i.request, 0, s.mode.mode, False)
     _classify_inputs(c, s, i, o, fault)
     if s.law.known == 0:
         begin_law(c, s, i, o)
@@ -702,8 +702,8 @@ def watchdog(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, ou
     mode, since, enabled, cause = s.mode.mode, s.mode.good_since_ns, s.mode.enabled, s.mode.reason.cause
     prefix, detail = s.mode.reason.prefix, s.mode.reason.detail
     effort = s.limiter.effort.copy()
-    findings = Findings(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.SILENT), NOTHING)
-    next_mode(c.modes, s.mode, findings, i.request, i.now_ns)
+    reasons = TransitionReasons(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.SILENT), NOTHING)
+    next_mode(c.modes, s.mode, reasons, i.request, i.now_ns)
     s.path.scale, s.path.rate, s.hold.known = 0.0, 0.0, 0
     o.wanted[:n] = s.law.gravity[:n]
     rest = np.zeros(MAX_JOINTS)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from slip_core.records import new, record
-from slip_vic_controller.law.symbols import ESTIMATE, SYMBOLS, published
+from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, published
 from slip_vic_controller.sizes import MAX_JOINTS
 from test.support import law_kernels as run
 from test.support.law_cases import random_case
@@ -39,9 +39,9 @@ def test_names_and_their_order_are_those_of_the_topic() -> None:
 
 
 def test_what_the_observer_knows_is_published() -> None:
-    case, estimate = random_case(1), new(ESTIMATE)
+    case, estimate = random_case(1), new(SLIP_ESTIMATE)
     case.evaluate()
-    known = record(estimate, ESTIMATE)
+    known = record(estimate, SLIP_ESTIMATE)
     known.sliding, known.significance, known.deviation[:], known.error[:] = 1.0, 12.5, range(6), range(6, 12)
     numbers = case.symbols(estimate)
     assert (numbers["sliding"], numbers["slip_significance"]) == (1.0, 12.5)

@@ -13,7 +13,7 @@ from slip_vic_controller.sizes import NEVER
 from test.referees import mode_referee
 from test.referees.mode_referee import Found, ModeState, Policy
 from test.support.every import every
-from test.support.safety_kernels import FINDINGS, run_begin_modes, run_modes
+from test.support.safety_kernels import TRANSITION_REASONS, run_begin_modes, run_modes
 
 POLICY = Policy(auto_enable=True, auto_resume=True, resume_after_ns=100)
 MANUAL = Policy(auto_enable=False, auto_resume=False, resume_after_ns=100)
@@ -53,10 +53,10 @@ class Machine:
         put_reason(self.record.reason, reason)
 
     def step(self, found: Found, request: Request, now_ns: int) -> ModeState:
-        findings = new(FINDINGS)
+        reasons = new(TRANSITION_REASONS)
         for name, text in zip(found._fields, found, strict=True):
-            put_reason(record(findings, FINDINGS)[name], CODES[name] if text else NOTHING)
-        run_modes(self.policy, self.buffer, findings, request, now_ns)
+            put_reason(record(reasons, TRANSITION_REASONS)[name], CODES[name] if text else NOTHING)
+        run_modes(self.policy, self.buffer, reasons, request, now_ns)
         return self.state
 
     @property

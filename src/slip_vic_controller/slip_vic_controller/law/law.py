@@ -190,7 +190,7 @@ def evaluate(config: Any, arm: Any, sample: Any, memory: Any, given: Any) -> Non
     law = control_law(config, given.gains, arm, samples, given.follow_error, memory.e_previous, slips, given.reference)
     q, qd = sample.position, sample.velocity
     solved, damping_squared = joint_torque(config, arm, law.a_C, samples, q, qd, memory.posture, evaluation.torque)
-    finite = limit_effort(config, evaluation) and finite_memory(config, law, slips)
+    finite = clip_effort(config, evaluation) and finite_memory(config, law, slips)
     evaluation.ok = solved and finite
     evaluation.near_singular_arm, evaluation.damping_squared = damping_squared > 0.0, damping_squared
     put_law(evaluation, law)
@@ -210,7 +210,7 @@ def scale_acceleration(config: Any, arm: Any, sample: Any, memory: Any, factor: 
     a_C = factor * spatial(evaluation.a_C)
     put_spatial(evaluation.a_C, a_C)
     solved, _ = joint_torque(config, arm, a_C, given.samples, q, qd, memory.posture, evaluation.torque)
-    evaluation.ok = limit_effort(config, evaluation) and solved and evaluation.ok != 0
+    evaluation.ok = clip_effort(config, evaluation) and solved and evaluation.ok != 0
 
 
 @part
@@ -239,7 +239,7 @@ def put_law(out: Any, law: Law) -> None:
 
 
 @part
-def limit_effort(config: Any, out: Any) -> bool:
+def clip_effort(config: Any, out: Any) -> bool:
     """Write the effort inside the limits, and which joints are beyond; return whether every torque is finite."""
     out.saturated_joints = 0
     finite = True

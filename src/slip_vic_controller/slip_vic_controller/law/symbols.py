@@ -21,7 +21,7 @@ from slip_vic_controller.sizes import MAX_JOINTS
 
 _SIX, _JOINTS = (REAL, (6,)), (REAL, (MAX_JOINTS,))
 
-ESTIMATE = layout(sliding=REAL, significance=REAL, deviation=_SIX, error=_SIX)
+SLIP_ESTIMATE = layout(sliding=REAL, significance=REAL, deviation=_SIX, error=_SIX)
 """What an observer publishes: whether it slides, how significantly; standard deviation of the slip velocity and the
 error of the object's acceleration that it has found [m/s, rad/s], [m/s^2, rad/s^2]; zeros without an observer."""
 
@@ -98,7 +98,7 @@ def symbols(
     Args:
         config, gains, arm, slips, reference: what `evaluate` was given.
         evaluation: EVALUATION that it has filled.
-        estimate: ESTIMATE, or any record with these names.
+        estimate: SLIP_ESTIMATE, or any record with these names.
         out: SYMBOLS.
 
     Implements: Eq. (24), (28), (30), with Lambda = M_D T_e^-1 gate comp.

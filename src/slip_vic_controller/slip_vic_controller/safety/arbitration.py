@@ -16,7 +16,7 @@ from slip_core.vectors import spatial, vec
 from slip_vic_controller.safety.drop_detection import BLIND
 from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.limit_avoidance import too_fast
-from slip_vic_controller.safety.modes import NOTHING, Findings, Mode, follows
+from slip_vic_controller.safety.modes import NOTHING, Mode, TransitionReasons, follows
 from slip_vic_controller.safety.reasons import Cause, Reason, because, of_fault
 from slip_vic_controller.safety.validation import fine
 from slip_vic_controller.sizes import NEVER
@@ -173,7 +173,7 @@ def find_degraded(config: Any, state: Any, level: int, fault: int, now_ns: int) 
 @part
 def arbitrate(
     config: Any, state: Any, health: Any, frozen: bool, n: int, contacts: int, qd: Any, now_ns: int
-) -> tuple[Findings, int]:
+) -> tuple[TransitionReasons, int]:
     """Return what speaks against the law in this cycle, and the degradation level of the slip velocity.
 
     Args:
@@ -194,4 +194,4 @@ def arbitrate(
         hold = find_hold(config, state, health, level, slip, frozen, contacts, now_ns)
     if hold.cause == Cause.NONE and health.outside == Fault.NONE:
         degraded = find_degraded(config, state, level, slip, now_ns)
-    return Findings(NOTHING, fault, hold, degraded), level
+    return TransitionReasons(NOTHING, fault, hold, degraded), level

@@ -51,7 +51,7 @@ MODE = layout(mode=WHOLE, since_ns=WHOLE, enabled=WHOLE, good_since_ns=WHOLE, re
 NOTHING = Reason(0, 0, 0, 0.0, 0.0)
 
 
-class Findings(NamedTuple):
+class TransitionReasons(NamedTuple):
     """What speaks against the law in a cycle, NOTHING where nothing does.
 
     missing: no effort can be given; fault: latch; hold: no law now; degraded: law with a fallback.
@@ -63,7 +63,7 @@ class Findings(NamedTuple):
     degraded: Reason
 
 
-NO_FINDINGS = Findings(NOTHING, NOTHING, NOTHING, NOTHING)
+NO_REASONS = TransitionReasons(NOTHING, NOTHING, NOTHING, NOTHING)
 
 
 @part
@@ -81,13 +81,13 @@ def begin_modes(policy: Any, state: Any, now_ns: int) -> None:
 
 
 @part
-def next_mode(policy: Any, state: Any, findings: Findings, request: int, now_ns: int) -> None:
+def next_mode(policy: Any, state: Any, reasons: TransitionReasons, request: int, now_ns: int) -> None:
     """Go to the mode of this cycle.
 
     A fault wins over all, and latches; a request to hold wins over one to go on; what the inputs caused ends with its
     cause, what a user or a fault caused ends by a user.
     """
-    missing, hold = findings.missing.cause != Cause.NONE, findings.hold.cause != Cause.NONE
+    missing, hold = reasons.missing.cause != Cause.NONE, reasons.hold.cause != Cause.NONE
     reason = read_reason(state.reason)
     enabled = request == Request.ENABLE or (state.enabled != 0 and request != Request.HOLD)
     good_since = NEVER if missing or hold else now_ns if state.good_since_ns == NEVER else state.good_since_ns
@@ -95,17 +95,17 @@ def next_mode(policy: Any, state: Any, findings: Findings, request: int, now_ns:
         state.enabled, state.good_since_ns = 0, good_since
     elif request == Request.FAILED:
         _go(state, Mode.FAULT, because(Cause.INTERNAL.value, 0), now_ns, False, good_since)
-    elif findings.fault.cause != Cause.NONE:
-        _go(state, Mode.FAULT, findings.fault, now_ns, False, good_since)
+    elif reasons.fault.cause != Cause.NONE:
+        _go(state, Mode.FAULT, reasons.fault, now_ns, False, good_since)
     else:
         if state.mode == Mode.FAULT:
             reason = prefixed(reason, Prefix.AFTER_RESET.value)
             state.mode, state.since_ns = Mode.HOLD, now_ns
             enabled = False
         if missing:
-            _go(state, Mode.WAITING_INPUT, findings.missing, now_ns, enabled, NEVER)
+            _go(state, Mode.WAITING_INPUT, reasons.missing, now_ns, enabled, NEVER)
         elif hold:
-            _hold_for_cause(policy, state, reason, findings.hold, request, enabled, now_ns)
+            _hold_for_cause(policy, state, reason, reasons.hold, request, enabled, now_ns)
         elif not enabled:
             if request == Request.HOLD or _asked(reason):
                 reason = because(Cause.ASKED, 0)
@@ -119,8 +119,8 @@ def next_mode(policy: Any, state: Any, findings: Findings, request: int, now_ns:
         ):
             reason = prefixed(reason, Prefix.RESUMES_AFTER.value)
             _go(state, Mode.HOLD, reason, now_ns, True, good_since)
-        elif findings.degraded.cause != Cause.NONE:
-            _go(state, Mode.DEGRADED, findings.degraded, now_ns, True, good_since)
+        elif reasons.degraded.cause != Cause.NONE:
+            _go(state, Mode.DEGRADED, reasons.degraded, now_ns, True, good_since)
         else:
             _go(state, Mode.ACTIVE, NOTHING, now_ns, True, good_since)
 

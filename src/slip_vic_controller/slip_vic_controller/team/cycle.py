@@ -26,7 +26,7 @@ from slip_vic_controller.cycle import (
 from slip_vic_controller.observer.layouts import ROW_SIZE
 from slip_vic_controller.reference.path_grid import Governing
 from slip_vic_controller.safety.faults import Fault, Input
-from slip_vic_controller.safety.modes import NOTHING, Findings, follows, next_mode
+from slip_vic_controller.safety.modes import NOTHING, TransitionReasons, follows, next_mode
 from slip_vic_controller.safety.reasons import Cause, Reason, of_fault, put_reason, read_reason
 from slip_vic_controller.sizes import NEVER
 
@@ -63,8 +63,8 @@ def hold_with_the_other(c: Any, s: Any, i: Any, o: Any, decision: Decision, befo
         s.mode.good_since_ns = before.good_since_ns
         put_reason(s.mode.reason, before.reason)
         reason = of_fault(Cause.INPUT, Input.ANY, Fault.OTHER_ARM)
-        findings = Findings(NOTHING, decision.findings.fault, reason, NOTHING)
-        next_mode(c.modes, s.mode, findings, decision.request, i.now_ns)
+        reasons = TransitionReasons(NOTHING, decision.reasons.fault, reason, NOTHING)
+        next_mode(c.modes, s.mode, reasons, decision.request, i.now_ns)
         if o.health.outside == Fault.NONE:
             o.health.outside = Fault.OTHER_ARM.value
     s.mode.good_since_ns = NEVER
