@@ -1,4 +1,4 @@
-"""Write the tables of docs/troubleshooting.md: every reason of a mode, every fault, every error text, from the sources.
+"""Write the tables of docs/troubleshooting.md: reasons of a mode, faults, steps of a bring-up, error texts, from the sources.
 
 python tools/troubleshooting.py          # writes the page anew between its marks
 """
@@ -116,6 +116,26 @@ def error_tables() -> str:
     return "\n\n".join(parts)
 
 
+def bringup_table() -> str:
+    """Return the table of what `slip-vic bringup` says where a step does not hold."""
+    rules = ROOT / "src/slip_bringup/slip_bringup/bringup/verdicts.py"
+    lines = ["| judged | what it says to do |", "|---|---|"]
+    for function in ast.parse(rules.read_text(encoding="utf-8")).body:
+        if isinstance(function, ast.FunctionDef):
+            said = [rendered(fix) for node in ast.walk(function) for fix in _fixes(node)]
+            lines += [f"| {function.name.strip('_').removeprefix('judge_')} | {_cell(text)} |" for text in said if text]
+    return "\n".join(lines)
+
+
+def _fixes(node: ast.AST) -> Iterator[ast.expr]:
+    """Yield what an assignment gives to `fix`."""
+    match node:
+        case ast.Assign(targets=[ast.Name(id="fix")], value=value):
+            yield value
+        case ast.Assign(targets=[ast.Tuple(elts=[_, ast.Name(id="fix")])], value=ast.Tuple(elts=[_, value])):
+            yield value
+
+
 def reason_table() -> str:
     """Return the table of what stands behind the mode."""
     joints = ("JOINT",)
@@ -149,7 +169,8 @@ def tables() -> str:
     return (
         f"{BEGIN}\n\n## Reasons of a mode\n\nOn `controller/mode` and in `/diagnostics`.\n\n{reason_table()}\n\n"
         "## Faults of an input\n\nWhat happens then is in [safety](safety.md#reactions).\n\n"
-        f"{fault_table()}\n\n## Error texts\n\nOne line, exit code 2: what, what was got, what is expected, the fix. "
+        f"{fault_table()}\n\n## Steps of a bring-up\n\nOne line, exit code 1: the step, what was got, what is expected, and "
+        f"what to do. [Bring-up](robot.md#bring-up) has the steps.\n\n{bringup_table()}\n\n## Error texts\n\nOne line, exit code 2: what, what was got, what is expected, the fix. "
         f"… stands for a name or number of yours.\n\n{error_tables()}\n\n{END}"
     )
 

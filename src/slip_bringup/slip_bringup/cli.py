@@ -14,6 +14,7 @@ from rich.console import Console
 from slip_bags.cli import bag, run_command
 from slip_bringup import __version__
 from slip_bringup.arm.cli import arm
+from slip_bringup.bringup.cli import bringup
 from slip_bringup.exit_code import ALLOW_FAULT, end_with
 from slip_bringup.pair.cli import pair, pair_study
 from slip_bringup.replay.cli import references, verify
@@ -169,6 +170,7 @@ bag.add_command(verify)
 bag.add_command(references)
 cli.add_command(arm)
 cli.add_command(bag)
+cli.add_command(bringup)
 cli.add_command(check)
 cli.add_command(merge)
 cli.add_command(report)

@@ -94,7 +94,7 @@ class Launcher:
         self._bag = bag
         self._on_progress: Callable[[float], None] = lambda _: None
         self._wanted_domain = domain_from_environment() if wanted_domain is None else check_domain(wanted_domain)
-        self._namespace = namespace
+        self._namespace = f"/{namespace.strip('/')}" if namespace else ""
         self._process = _with_cores(process, scenario.bridge.mode)
         self._one_process = one_process
         self.warnings: list[str] = []

@@ -44,6 +44,8 @@ def descriptor(info: ParameterInfo) -> ParameterDescriptor:
     """Return the ROS description of one parameter."""
     text = f"{info.description} [{info.unit}]" if info.unit else info.description
     result = ParameterDescriptor(name=info.name, description=text, read_only=not info.runtime)
+    # ROS takes an empty list for one of bytes, and would refuse every list of numbers later.
+    result.dynamic_typing = info.runtime and info.default == ()
     bounds = info.bounds
     low, high = bounds.get("ge", bounds.get("gt")), bounds.get("le", bounds.get("lt"))
     if info.kind is float and (low is not None or high is not None):

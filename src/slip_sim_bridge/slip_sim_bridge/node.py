@@ -79,8 +79,9 @@ class SlipSimBridge(LastResort, Node):
         self._executor.add_node(self)
 
     def _on_change(self, wanted: BridgeParams) -> None:
-        """Take changed run-time parameters: sensor faults and grip force."""
+        """Take changed run-time parameters: sensor faults, a hand that pushes, and grip force."""
         self.session.set_faults(wanted.sensors)
+        self.session.set_push(wanted.push)
         if wanted.grip.force != self.params.grip.force:
             self.session.set_grip_force(wanted.grip.force)
         self.params = wanted

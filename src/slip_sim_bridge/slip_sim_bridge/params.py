@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
-from slip_core.grasp_params import ArmParams, ContactParams, ObjectParams, Three
+from slip_core.grasp_params import ArmParams, ContactParams, ObjectParams, Six, Three
 from slip_core.grip_params import GripperModel
 from slip_core.params import ParameterModel, parameter
 from slip_core.sensor_params import SLIP_INPUT, SlipInput
@@ -55,6 +55,20 @@ class HoldParams(ParameterModel):
     damping: float = parameter(40.0, "joint damping over joint inertia while holding", unit="1/s", ge=0.0)
 
 
+class PushParams(ParameterModel):
+    """A hand that leans on the simulated arm: to try what a person tries on a real one. Nothing by default."""
+
+    wrench: Six = parameter(
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        "force and torque of the hand on the object where it is gripped, on world axes; backend implicit only",
+        unit="N, N m",
+        runtime=True,
+    )
+    effort: tuple[float, ...] = parameter(
+        (), "effort of the hand on each joint; empty = none", unit="N m", runtime=True
+    )
+
+
 class DisplayParams(ParameterModel):
     """How the object is drawn; nothing here changes a result."""
 
@@ -97,6 +111,7 @@ class BridgeParams(ArmParams):
     )
     hold: HoldParams = HoldParams()
     grip: GripParams = GripParams()
+    push: PushParams = PushParams()
     friction: FrictionParams = FrictionParams()
     sensors: SensorsParams = SensorsParams()
     wait_for: tuple[str, ...] = parameter(
@@ -124,6 +139,8 @@ class BridgeParams(ArmParams):
             raise ValueError(
                 f"initial_position: {len(self.initial_position)} numbers for {len(self.joint_names)} joints"
             )
+        if len(self.push.effort) not in (0, len(self.joint_names)):
+            raise ValueError(f"push.effort: {len(self.push.effort)} numbers for {len(self.joint_names)} joints")
         ticks = self.control_period_s * _CLOCK_TICKS_PER_S
         if abs(ticks - round(ticks)) > 1e-3:
             raise ValueError("control_period_s must be a whole number of nanoseconds")

@@ -13,7 +13,7 @@ from slip_core.arrays import Array, readonly
 from slip_core.incidents import Incident
 from slip_core.stamps import seconds_to_ns
 from slip_core.types import EffortCommand, JointSample, ObjectTruth, WrenchSample
-from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.params import BridgeParams, PushParams
 from slip_sim_bridge.sensors.params import SensorsParams
 from slip_sim_bridge.sensors.suite import SensorSuite
 from slip_sim_bridge.simulation import GraspSimulation, Readings
@@ -93,6 +93,10 @@ class BridgeSession:
             InputError: negative or not finite.
         """
         self.simulation.set_grip_force(force)
+
+    def set_push(self, push: PushParams) -> None:
+        """Let a hand lean on arm and object from the next tick on."""
+        self.simulation.push(np.array(push.wrench), np.array(push.effort))
 
     def set_faults(self, sensors: SensorsParams) -> None:
         """Switch sensor faults on and off from the next measurement on."""

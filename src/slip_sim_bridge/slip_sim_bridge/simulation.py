@@ -77,6 +77,8 @@ class GraspSimulation:
         self._period_ns = params.control_period_ns
         self._gripper = Gripper(params.grip, params.control_period_s)
         self._stamp_ns = 0
+        self._leaning: Array | None = None
+        self.push(np.array(params.push.wrench), np.array(params.push.effort))
         self._hold_posture: Array | None = None
         self._applied = np.zeros_like(self._limit)
         self._refused = self._saturated = self._diverged = False
@@ -124,6 +126,14 @@ class GraspSimulation:
         """
         self._gripper.command(force)
 
+    def push(self, wrench: Array, effort: Array) -> None:
+        """Let a hand lean on object and joints from the next step on; (6,) [N, N m] {w}, (n,) or () [N m].
+
+        It leans on what it finds: an object that is lost is pushed no more.
+        """
+        self._grasping.push(wrench)
+        self._leaning = effort if effort.any() else None
+
     def step(self, effort: Array | None, largest_change: float | None = None) -> None:
         """Advance one control period under `effort`; (n,) [N m], clipped to the URDF's limits; None holds the arm.
 
@@ -157,7 +167,7 @@ class GraspSimulation:
         self._gripper.step()
         if self.loss is None:
             self._look_at_contact()
-        self.plant.advance(applied, self._gripper.force)
+        self.plant.advance(applied if self._leaning is None else applied + self._leaning, self._gripper.force)
         self._diverged = False
         self._applied = applied
         self._stamp_ns += self._period_ns

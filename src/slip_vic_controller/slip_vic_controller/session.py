@@ -52,7 +52,7 @@ from slip_vic_controller.safety.validation import mean_period_s
 from slip_vic_controller.sizes import MAX_FRESH
 from slip_vic_controller.slip_displacement import SlipFromDisplacement
 
-RETUNABLE = ("gains.", "object.", "contacts.position")
+RETUNABLE = ("gains.", "object.", "contacts.position", "safety.hold_stiffness")
 """Parameters that ramp while the law runs."""
 
 NO_EFFORT = readonly(np.zeros(0))
@@ -371,7 +371,7 @@ class ControllerSession:
         self._request = request
 
     def retune(self, params: ControllerParams) -> None:
-        """Let gains and payload ramp to those of `params`, from the next cycle on.
+        """Let gains and payload ramp to those of `params`, and HOLD have its stiffness, from the next cycle on.
 
         Raises:
             InputError: the values are refused as a whole, or something else has changed; nothing has happened then.
@@ -389,7 +389,7 @@ class ControllerSession:
             start = new(LAW_GAINS)
             sample_gains(self.buffer[_RAMP], int(law.stamp_ns), start)
             law.ramp = make_ramp(start, target, int(law.stamp_ns), least_s).view(RAMP)[0]
-        self._tuned = params
+        self.know(params)
 
     # -- cycles ------------------------------------------------------------------------------------
 
@@ -554,6 +554,10 @@ class ControllerSession:
     def know(self, params: ControllerParams) -> None:
         """Take parameters that were set before the state which `restore` was given: their ramp is part of it."""
         self._tuned = params
+        if params.safety.hold_stiffness != record(self._config, CONFIG).hold.stiffness:
+            self._config = self._config.copy()
+            record(self._config, CONFIG).hold.stiffness = params.safety.hold_stiffness
+            self._config.setflags(write=False)
 
     # -- statistics --------------------------------------------------------------------------------
 

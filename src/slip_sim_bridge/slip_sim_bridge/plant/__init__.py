@@ -80,6 +80,14 @@ class Plant(Protocol):
         """
         ...
 
+    def push(self, wrench: Array) -> None:
+        """Let a hand push the object where it is gripped from now on; (6,) [N, N m] {w}, zeros: no more.
+
+        Raises:
+            InputError: where the backend cannot.
+        """
+        ...
+
     def holding_effort(self, target: Array, stiffness: float, damping: float) -> Array:
         """Return gravity and Coriolis compensation plus M (stiffness (target - q) - damping qd); (n,) -> (n,) [N m]."""
         ...

@@ -25,6 +25,7 @@ from slip_sim_bridge.plant.model import (
     arm_spec,
     compile_spec,
     effort_limits,
+    push_object,
     sensor_address,
     set_object_inertia,
 )
@@ -105,6 +106,8 @@ class ImplicitPlant:
         self._tree = np.concatenate((model.M_rowadr, model.M_rownnz, model.M_colind)).astype(np.int64)
         self._size = ReadOut(n).size
         self._no_stops = np.zeros(model.nv)
+        self._body, self._push, self._pushed = body, np.zeros(6), False
+        self._outside = self._no_stops
         self._substeps = 1
         self._mass_matrix = np.zeros((model.nv, model.nv))
         self.reset(params.grip.force)
@@ -146,6 +149,12 @@ class ImplicitPlant:
             mujoco.mj_step1(model, data)
         self._divergence.check()
 
+    def push(self, wrench: Array) -> None:
+        """Let a hand push the object where it is gripped from now on; (6,) [N, N m] {w}."""
+        self._push, self._pushed = wrench, bool(wrench.any())
+        self._outside = self._no_stops
+        self.data.xfrc_applied[self._body] = 0.0
+
     def holding_effort(self, target: Array, stiffness: float, damping: float) -> Array:
         """Return bias + M (stiffness (target - q) - damping qd) of the loaded arm; (n,) -> (n,) [N m]."""
         n = self._n
@@ -169,12 +178,21 @@ class ImplicitPlant:
 
     def _friction_step(self, effort: Array, normal_force: float, substeps: int) -> int:
         """Put effort and the friction of the coming step on the joints; return into how many the period is split."""
+        if self._pushed:
+            self._lean()
         if not self.data.nefc:
-            return self._solve(effort, normal_force, substeps, self._no_stops, 1)
-        substeps = self._solve(effort, normal_force, substeps, self._no_stops, 0)
+            return self._solve(effort, normal_force, substeps, self._outside, 1)
+        substeps = self._solve(effort, normal_force, substeps, self._outside, 0)
         self._agree_with_joint_stops(effort, normal_force, substeps)
         self._state[:] = self._next_state
         return substeps
+
+    def _lean(self) -> None:
+        """Put the hand's wrench on the object, and on the joints for the friction law, which looks ahead of MuJoCo."""
+        push_object(self.data, self._body, self._push)
+        self._outside = np.zeros(self.model.nv)
+        point = self.data.xpos[self._body]
+        mujoco.mj_applyFT(self.model, self.data, self._push[:3], self._push[3:], point, self._body, self._outside)
 
     def _solve(self, effort: Array, normal_force: float, substeps: int, stops: Array, keep: int) -> int:
         return self._step(
@@ -190,6 +208,6 @@ class ImplicitPlant:
             mujoco.mj_fwdActuation(self.model, data)
             mujoco.mj_fwdAcceleration(self.model, data)
             mujoco.mj_fwdConstraint(self.model, data)
-            self._solve(effort, normal_force, substeps, data.qfrc_constraint, 0)
+            self._solve(effort, normal_force, substeps, data.qfrc_constraint + self._outside, 0)
             if max(abs(x - y) for x, y in zip(before, self._slip_tau.tolist(), strict=True)) < STOP_AGREEMENT:
                 break

@@ -135,6 +135,13 @@ def _draw(
     )
 
 
+def push_object(data: mujoco.MjData, body: int, wrench: Array) -> None:
+    """Let a wrench act at the origin of a body until the next step; (6,) [N, N m] {w}. MuJoCo's acts at its mass."""
+    force = wrench[:3]
+    data.xfrc_applied[body, :3] = force
+    data.xfrc_applied[body, 3:] = wrench[3:] + np.cross(data.xpos[body] - data.xipos[body], force)
+
+
 def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Compile the spec.
 

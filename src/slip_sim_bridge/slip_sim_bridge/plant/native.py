@@ -197,6 +197,18 @@ class NativePlant:
             mujoco.mj_step1(self.model, self.data)
         self._divergence.check()
 
+    def push(self, wrench: Array) -> None:
+        """Refuse a hand: with these contacts what it pushes slides away, however firmly it is gripped.
+
+        Raises:
+            InputError: there is a push.
+        """
+        if wrench.any():
+            raise InputError(
+                "parameter push.wrench", got=wrench.tolist(), expected="zeros with backend native",
+                fix="backend implicit can be pushed",
+            )  # fmt: skip
+
     def holding_effort(self, target: Array, stiffness: float, damping: float) -> Array:
         """Return bias + M (stiffness (target - q) - damping qd) of the loaded arm; (n,) -> (n,) [N m]."""
         model, data = self.model, self.data

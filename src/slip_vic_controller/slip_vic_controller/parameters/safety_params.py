@@ -155,6 +155,7 @@ class SafetyParams(ParameterModel):
         225.0,
         "joint stiffness over joint inertia in HOLD: square of the loop's natural frequency",
         unit="1/s^2",
+        runtime=True,
         ge=0.0,
     )
     hold_damping: float = parameter(30.0, "joint damping over joint inertia in HOLD", unit="1/s", ge=0.0)

@@ -1,0 +1,32 @@
+"""The walk of a bring-up on bridge and controller in this process, without DDS."""
+
+from __future__ import annotations
+
+import pytest
+
+from test.support.bringup_arm import ERRORS, SCENARIOS, SENSORS, Loop, bring_up
+from test.support.every import every
+
+
+def test_a_wrong_sign_ends_the_walk_where_the_weight_shows_it() -> None:
+    found, walk = bring_up(Loop(sensor="optical_flow_120", error=ERRORS["wrench: sign"]))
+    assert [verdict.step for verdict in found if not verdict.holds] == ["weight"]
+    assert "wrench.sign" in found[-1].fix
+    assert walk.measured["slip_sensor.latency_s"] == pytest.approx(0.01, abs=1e-3)
+    assert walk.measured["slip_sensor.rate_hz"] == pytest.approx(120.0, rel=0.02)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+@every("scenario, sensor", [(scenario, sensor) for scenario in SCENARIOS for sensor in SENSORS])
+def test_nothing_is_found_where_nothing_is_wrong(scenario: str, sensor: str) -> None:
+    found, _ = bring_up(Loop(scenario, sensor, seed=1))
+    assert found[-1].holds, str(found[-1])
+    assert found[-1].step == "first motion"
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+@every("name", ERRORS)
+def test_every_scripted_error_is_found(name: str) -> None:
+    assert not bring_up(Loop(error=ERRORS[name]))[0][-1].holds

@@ -1,0 +1,275 @@
+"""A system for the bring-up without DDS: bridge and controller in this process, and scripted errors between them.
+
+python test/support/bringup_arm.py healthy --runs 50       # nothing is wrong: nothing may be found
+python test/support/bringup_arm.py errors                  # each error must be found
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from slip_bringup.bringup.hands import simulated_hand
+from slip_bringup.bringup.system import Endpoint, Heard, Track
+from slip_bringup.bringup.verdicts import Verdict
+from slip_bringup.bringup.walk import Walk
+from slip_bringup.inprocess import ClosedLoop
+from slip_bringup.scenario import load_scenario
+from slip_core.arrays import Array
+from slip_core.params import build, flatten
+from slip_core.types import EffortCommand, PoseGoal
+from slip_sim_bridge.params import BridgeParams
+from slip_vic_controller.goal_interface import GoalInterface
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.safety.modes import Request
+
+BRINGUP = (
+    "controller.trajectory.kind=goal", "controller.safety.auto_enable=false", "controller.governor.friction=unknown",
+    "bridge.stop_after_duration=false",
+)  # fmt: skip
+SENSORS = ("ideal", "optical_flow_120", "event_1000", "force_tactile_500", "vision_60", "vision_25")
+SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
+SCALARS = ("friction_limit", "load_commanded", "friction_events", "slipping")
+DECIMATION = 10
+
+
+class _Goals(GoalInterface):
+    """What the node would say of goals."""
+
+    def __init__(self, session: Any) -> None:
+        self._session, self._last, self._last_refused = session, (0, 0), 0
+
+
+def _as_they_are(outputs: Any) -> Any:
+    return outputs
+
+
+def _as_it_is(effort: Array, _gravity: Array) -> Array:
+    return effort
+
+
+@dataclass(frozen=True)
+class Error:
+    """Something that is wrong: assignments of controller or bridge, or what happens to messages on their way."""
+
+    assignments: tuple[str, ...] = ()
+    inputs: Callable[[Any], Any] = _as_they_are
+    effort: Callable[[Array, Array], Array] = _as_it_is
+
+
+class Loop:
+    """A closed loop with an error in it; the methods are those of `System`."""
+
+    def __init__(
+        self, scenario: str = "paper_planar", sensor: str = "", seed: int = 0, error: Error | None = None
+    ) -> None:
+        self._error = error or Error()
+        loaded = load_scenario(
+            scenario, controller="governed", sensor=sensor, seed=seed, assignments=(*BRINGUP, *self._error.assignments)
+        )
+        self.params, self.urdf, self.bridge_params = loaded.controller, loaded.urdf, loaded.bridge
+        self.loop = ClosedLoop(loaded)
+        self._goals = _Goals(self.loop.controller)
+        self.mode = self.goal = ""
+        self._given = 0
+
+    def look(self) -> tuple[Endpoint, ...]:
+        return ()
+
+    def listen(self, seconds: float) -> Heard:
+        ticks = round(seconds / self.params.control_period_s)
+        joints, wrenches, slips, scalars = [], [], [], []
+        for tick in range(ticks):
+            outputs = self._error.inputs(self.loop.observe())
+            result = self.loop.control(outputs)
+            self.mode = f"{result.mode.name}: {result.reason}"
+            for line in self._goals.changes():
+                self.goal = line
+            now = outputs.stamp_ns * 1e-9
+            joints.append((now, now, (*outputs.joint.position, *outputs.joint.velocity)))
+            wrenches += [(now, w.stamp_ns * 1e-9, w.wrench) for w in outputs.wrenches[0]]
+            slips += [(now, s.stamp_ns * 1e-9, _numbers(s)) for s in outputs.slips[0]]
+            if tick % DECIMATION == 0 and len(result.command.effort):
+                found = result.scalars()
+                scalars.append([found[name] for name in SCALARS])
+            self.loop.bridge.advance(self._changed(result))
+        rows = np.array(scalars).reshape(-1, len(SCALARS))
+        n = len(self.params.joint_names)
+        return Heard(
+            _track(joints, 2 * n), _track(wrenches, 6), _track(slips, 6), dict(zip(SCALARS, rows.T, strict=True))
+        )
+
+    def _changed(self, result: Any) -> Any:
+        command = result.command
+        if not len(command.effort):
+            return command
+        gravity = self.loop.controller.gravity
+        return EffortCommand(command.stamp_ns, self._error.effort(np.array(command.effort), np.array(gravity)))
+
+    def set_active(self, active: bool) -> None:
+        self.loop.controller.set_active(active)
+
+    def ask(self, request: str) -> None:
+        self.loop.controller.request(Request[request.upper()])
+
+    def tune(self, values: Mapping[str, Any]) -> None:
+        self.params = build(ControllerNodeParams, flatten(self.params) | dict(values), "test")
+        self.loop.controller.retune(self.params)
+
+    def send_goal(self, position: Array, rotation: Array, duration_s: float) -> None:
+        self.loop.controller.set_goal(PoseGoal(position, rotation, duration_s))
+
+    def tune_bridge(self, values: Mapping[str, Any]) -> None:
+        self.bridge_params = build(BridgeParams, flatten(self.bridge_params) | dict(values), "test")
+        self.loop.bridge.set_push(self.bridge_params.push)
+        if "grip.force" in values:
+            self.loop.bridge.set_grip_force(values["grip.force"])
+
+    def reset_bridge(self) -> None:
+        self.loop.bridge.request_reset()
+
+
+def _numbers(sample: Any) -> Array:
+    return np.asarray(sample.pose if hasattr(sample, "pose") else sample.twist)
+
+
+def _track(rows: list[Any], columns: int) -> Track:
+    if not rows:
+        return Track(np.empty(0), np.empty(0), np.empty((0, columns)))
+    arrival, stamp, values = zip(*rows, strict=True)
+    return Track(np.array(arrival), np.array(stamp), np.array(values))
+
+
+def bring_up(system: Loop, say: Callable[[Verdict], None] = lambda verdict: None) -> tuple[list[Verdict], Walk]:
+    walk, found = Walk(system, simulated_hand(system, flatten(system.bridge_params))), []
+    for verdict in walk.steps():
+        say(verdict)
+        found.append(verdict)
+    return found, walk
+
+
+def _swap(i: int, j: int) -> Callable[[Any], Any]:
+    """Let the driver call two joints by each other's names."""
+
+    def swapped(v: Array) -> Array:
+        v = np.array(v)
+        v[[i, j]] = v[[j, i]]
+        return v
+
+    def inputs(outputs: Any) -> Any:
+        joint = outputs.joint
+        swap = type(joint)(joint.stamp_ns, swapped(joint.position), swapped(joint.velocity), swapped(joint.effort))
+        return outputs._replace(joint=swap)
+
+    return inputs
+
+
+def _swapped_effort(i: int, j: int) -> Callable[[Array, Array], Array]:
+    def effort(values: Array, gravity: Array) -> Array:
+        values[[i, j]] = values[[j, i]]
+        return values
+
+    return effort
+
+
+def _slip(turn: Array) -> Callable[[Any], Any]:
+    """Let the slip sensor read on other axes; (3, 3)."""
+
+    def inputs(outputs: Any) -> Any:
+        slips = tuple(
+            tuple(type(s)(s.stamp_ns, np.concatenate((turn @ s.twist[:3], turn @ s.twist[3:]))) for s in of)
+            for of in outputs.slips
+        )
+        return outputs._replace(slips=slips)
+
+    return inputs
+
+
+def _joint_sign(joint: int) -> Error:
+    def inputs(outputs: Any) -> Any:
+        sign = np.ones(len(outputs.joint.position))
+        sign[joint] = -1.0
+        turned = outputs.joint
+        turned = type(turned)(turned.stamp_ns, sign * turned.position, sign * turned.velocity, sign * turned.effort)
+        return outputs._replace(joint=turned)
+
+    def effort(values: Array, gravity: Array) -> Array:
+        values[joint] *= -1.0
+        return values
+
+    return Error(inputs=inputs, effort=effort)
+
+
+def _late_wrench(seconds: float) -> Callable[[Any], Any]:
+    """Let the wrench's clock be behind."""
+
+    def inputs(outputs: Any) -> Any:
+        late = round(1e9 * seconds)
+        wrenches = tuple(tuple(type(w)(w.stamp_ns - late, w.wrench) for w in of) for of in outputs.wrenches)
+        return outputs._replace(wrenches=wrenches)
+
+    return inputs
+
+
+QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+ERRORS = {
+    "wrench: sign": Error(("controller.wrench.sign=-1",)),
+    "wrench: frame turned about x": Error(("controller.wrench.rpy=[1.5708, 0, 0]",)),
+    "wrench: frame turned about y": Error(("controller.wrench.rpy=[0, 1.5708, 0]",)),
+    "wrench: frame turned about z": Error(("controller.wrench.rpy=[0, 0, 1.5708]",)),
+    "wrench: frame half a turn about z": Error(("controller.wrench.rpy=[0, 0, 3.14159]",)),
+    "wrench: frame 0.1 m off": Error(("controller.wrench.position=[0.1, 0, 0]",)),
+    "wrench: scale": Error(("controller.wrench.force_scale=0.5", "controller.wrench.torque_scale=0.5")),
+    "wrench: torque in N mm": Error(("controller.wrench.torque_scale=1000",)),
+    "wrench: tool weight that is not there": Error(("controller.wrench.tool_mass=0.3",)),
+    "wrench: clock 0.2 s behind": Error(inputs=_late_wrench(0.2)),
+    "object: mass": Error(("bridge.object.mass=0.8",)),
+    "joints: 2 and 4 swapped": Error(inputs=_swap(1, 3), effort=_swapped_effort(1, 3)),
+    "joints: 6 and 7 swapped": Error(inputs=_swap(5, 6), effort=_swapped_effort(5, 6)),
+    "joints: efforts of 1 and 2 swapped": Error(effort=_swapped_effort(0, 1)),
+    "joints: sign of 3": _joint_sign(2),
+    "gravity: the arm does not compensate": Error(("controller.effort.gravity=robot_compensates",)),
+    "gravity: twice": Error(effort=lambda effort, gravity: effort + gravity),
+    "slip: sign": Error(inputs=_slip(-np.eye(3))),
+    "slip: axes turned about z": Error(inputs=_slip(QUARTER)),
+    "slip: offset": Error(("bridge.sensors.slip.faults.bias=[0.02, 0, 0, 0, 0, 0]",)),
+    "slip: silent": Error(("bridge.sensors.slip.faults.silent=true",)),
+    "slip: invalid": Error(("bridge.sensors.slip.faults.invalid=true",)),
+    "wrench: silent": Error(("bridge.sensors.wrench.silent=true",)),
+    "wrench: noise": Error(("bridge.sensors.wrench.noise_force=0.5",)),
+    "rate: a controller for 250 Hz": Error(("controller.control_period_s=0.004",)),
+    "started at work": Error(("controller.safety.auto_enable=true",)),
+    "friction: none left": Error(("bridge.friction.mu_s=0.08", "bridge.friction.mu_k=0.06")),
+}
+
+
+def main(arguments: list[str]) -> int:
+    what, runs = arguments[0], int(arguments[2]) if len(arguments) > 2 else 1
+    wrong = 0
+    if what == "one":
+        error = ERRORS[arguments[1]] if len(arguments) > 1 else None
+        bring_up(Loop(error=error), lambda verdict: print(verdict, flush=True))
+    elif what == "healthy":
+        for run in range(runs):
+            scenario, sensor = SCENARIOS[run % len(SCENARIOS)], SENSORS[run // len(SCENARIOS) % len(SENSORS)]
+            began = time.monotonic()
+            last = bring_up(Loop(scenario, sensor, seed=run))[0][-1]
+            wrong += not last.holds
+            print(f"{run}: {scenario}, {sensor}: {time.monotonic() - began:.0f} s: {last}", flush=True)
+        print(f"healthy: {wrong} of {runs} runs found an error that is none")
+    else:
+        for name, error in ERRORS.items():
+            last = bring_up(Loop(error=error))[0][-1]
+            wrong += last.holds
+            print(f"{name}: {'NOT FOUND' if last.holds else 'found'}: {last}", flush=True)
+        print(f"errors: {len(ERRORS) - wrong} of {len(ERRORS)} found")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
