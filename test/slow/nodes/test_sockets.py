@@ -4,18 +4,19 @@
 
 from __future__ import annotations
 
-import os
 import socket
-import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import psutil
+import pytest
 
+from slip_campaigns.faults.network import own_network
 from test.slow.nodes.test_modes import BRIDGE_ENDLESS, CONTROLLER_SLOW, Watcher, start, watcher  # noqa: F401
+from test.support.ros import Processes
 
 LOOPBACK = "127.0.0.1"
-NAMESPACES = os.geteuid() == 0 and subprocess.run(["unshare", "--net", "true"], check=False).returncode == 0
 
 
 def unread(port: int) -> bool:
@@ -34,3 +35,15 @@ def test_nodes_listen_on_the_loopback_interface_only(watcher: Watcher, start: An
         assert any(each.laddr.ip == LOOPBACK for each in sockets)
         open_to_all = [each.laddr for each in sockets if each.laddr.ip != LOOPBACK]
         assert all(unread(address.port) for address in open_to_all if address.ip == "0.0.0.0"), open_to_all
+
+
+def test_another_machine_hears_nothing_unless_it_may(processes: Processes) -> None:
+    """It names this machine as a static peer, which LOCALHOST as the discovery range alone does not prevent."""
+    unshare = own_network()
+    if not unshare:
+        pytest.skip("network namespaces are not permitted here")
+    script = Path(__file__).with_name("two_machines.py")
+    child = processes.start("machines", [*unshare, sys.executable, str(script)])
+    assert processes.wait_end(child) == 0, child.tail()
+    assert "joint_states: nothing, 0 known" in child.tail()
+    assert "wrench: heard, 1 known" in child.tail()

@@ -23,17 +23,25 @@ def enter(*, memory_mib: int = 0) -> None:
     """
     if INSIDE in os.environ:
         return
-    flags = ["--net", *(["--mount"] if memory_mib else [])]
-    flags = flags if os.geteuid() == 0 else ["--user", "--map-root-user", *flags]
-    tools = all(shutil.which(tool) for tool in ("unshare", "nsenter", "ip"))
-    permitted = tools and _quietly(["unshare", *flags, "--", "ip", "link", "set", "lo", "up"])
-    os.environ[INSIDE] = "yes" if permitted else "no"
-    if permitted:
+    unshare = own_network(mount=bool(memory_mib))
+    os.environ[INSIDE] = "yes" if unshare else "no"
+    if unshare:
         again = [sys.executable, "-m", "slip_bringup.cli", *sys.argv[1:]]
         if memory_mib:
             mount = f'mount -t tmpfs -o size={memory_mib}m tmpfs /dev/shm && exec "$@"'
             again = ["sh", "-c", mount, "sh", *again]
-        os.execvp("unshare", ["unshare", *flags, "--", *again])
+        os.execvp("unshare", [*unshare, *again])
+
+
+def own_network(*, mount: bool = False) -> list[str]:
+    """Return the words that run a command in a network namespace of its own, none where that is not permitted.
+
+    mount: with mounts of its own too.
+    """
+    words = ["unshare", *([] if os.geteuid() == 0 else ["--user", "--map-root-user"]), "--net"]
+    words += ["--mount", "--"] if mount else ["--"]
+    tools = all(shutil.which(tool) for tool in ("unshare", "nsenter", "ip"))
+    return words if tools and _quietly([*words, "ip", "link", "set", "lo", "up"]) else []
 
 
 def is_own() -> bool:
