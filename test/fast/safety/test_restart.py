@@ -5,12 +5,17 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pytest
 
-from slip_campaigns.faults.trial import PERIOD_S, STEADY_NS, prepared
+from slip_bringup.scenario import load_scenario
+from slip_campaigns.faults import trial as trials
+from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, JOINT, SLIP, WRENCH, Plan
+from slip_campaigns.faults.plan import Fault as Planned
+from slip_campaigns.faults.trial import PERIOD_S, STEADY_NS, prepared, run_trial
 from slip_core.types import EffortCommand, JointSample
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.session import ControllerSession
+from slip_vic_controller.session import Controller, ControllerSession
 from test.support.delivery import begun_bridge, deliver
 from test.support.every import every
 
@@ -179,3 +184,36 @@ def test_until_everything_was_seen_there_is_no_effort() -> None:
     deliver(loop.controller, outputs, loop.now_ns)
     result = loop.controller.answer(outputs.joint, Fault.NONE, loop.now_ns, 1, None)
     assert (result.mode, result.reason) == (Mode.WAITING_INPUT, "waits for activation")
+
+
+def test_after_a_stall_the_law_goes_on_by_itself() -> None:
+    """Nodes that a loaded machine does not run for a while, and inputs that stay away as long."""
+    resumes_s = prepared("vertical_plane", False, "governed")[0].controller.safety.resume_after_s
+    for kind, target in (("stop", CONTROLLER), ("stop", BRIDGE), ("drop", JOINT), ("drop", WRENCH), ("drop", SLIP)):
+        for stall_s in (0.06, 0.2):
+            stall = Planned(kind, target, 0.4, stall_s, 0.9)
+            outcome = run_trial(Plan(0, 1, "vertical_plane", False, "governed", (stall,)))
+            assert outcome.violations == [], stall
+            assert outcome.modes["HOLD"] > 0 or target == SLIP, stall
+            assert outcome.recovery_s is not None, stall
+            assert outcome.recovery_s < resumes_s + 3 * PERIOD_S, stall
+
+
+def test_with_late_s_stalls_below_the_age_limit_end_no_law_for_good(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stalls of 40 ms, again and again: the printed law swings, until a joint is too fast. HOLD in time comes back."""
+    stalls = tuple(Planned("stop", CONTROLLER, float(t), 0.04, 0.9) for t in np.arange(0.2, 1.7, 0.06))
+    for late_s, ends in ((0.0, "FAULT"), (0.012, "HOLD")):
+        values = (
+            f"controller.safety.inputs.joint.late_s={late_s}", f"controller.control_period_s={PERIOD_S}",
+            f"bridge.control_period_s={PERIOD_S}", "controller.gains.k_s=100.0", "controller.trajectory.radius=0.06",
+            "controller.trajectory.kind=lemniscate", "controller.trajectory.duration_s=1e6",
+            "bridge.stop_after_duration=false",
+        )  # fmt: skip
+        scenario = load_scenario("paper_planar", mode="realtime", assignments=values)
+        law = Controller(scenario.controller, scenario.urdf, lockstep=False)
+        monkeypatch.setattr(trials, "prepared", lambda *_, scenario=scenario, law=law: (scenario, law))
+        outcome = run_trial(Plan(0, 1, "paper_planar", False, "vic", stalls))
+        assert outcome.violations == []
+        assert outcome.modes[ends] > 50, outcome.modes
+        assert (outcome.modes["FAULT"] > 0) == (ends == "FAULT"), outcome.modes
+        assert (outcome.recovery_s is not None) == (ends == "HOLD"), outcome.modes

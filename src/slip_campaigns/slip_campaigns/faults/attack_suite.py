@@ -27,9 +27,10 @@ MIB = 1 << 20
 class Row:
     """How one attack went.
 
-    alive: whether controller and bridge are the processes that they were; lines: log lines of both a second; grown:
-    memory of both [MiB]; recovery_s: from its end until the law is at work, None where that did not happen; helped:
-    whether an operator had to reset a fault or to enable.
+    alive: whether neither controller nor bridge has ended or fallen silent; lines: log lines of both a second; grown:
+    memory of both [MiB], NaN where a bridge was started anew because its object was lost; recovery_s: from the attack's
+    end until the law is at work, None where that did not happen; helped: whether an operator had to reset a fault or to
+    enable.
     """
 
     attack: str
@@ -87,6 +88,7 @@ class AttackStage(DdsCampaign):
         self.watch.violations()
         pids = [self.pid(node) for node in (CONTROLLER, BRIDGE)]
         memory, lines, began = self._memory(pids), self._lines(), time.monotonic()
+        lost, deaf = self.lost, self.deaf
         self.watch.by_itself = name in TWO_SOURCES
         modes: set[Mode] = set()
         self.watch.on_mode = modes.add
@@ -97,15 +99,18 @@ class AttackStage(DdsCampaign):
         self._guests.clear()
         ended = time.monotonic()
         helped = not self.spin_until(self._law_since(ended), ALONE_S, lambda: None)
-        if helped and name in CHANGES:
+        if name in CHANGES:
             self._put_back()
         back = not helped or self.spin_until(self._law_since(ended), BACK_S, self.operate)
         recovery = time.monotonic() - ended if back else None
         rate = (self._lines() - lines) / (time.monotonic() - began)
         deaths = self.deaths()
         self.watch.by_itself = False
-        alive = not deaths and [self.pid(node) for node in (CONTROLLER, BRIDGE)] == pids
-        grown = self._memory(pids) - memory if alive else float("nan")
+        alive = not deaths and self.deaf == deaf
+        if self.lost > lost:  # its simulation ends with it, and the operator starts another one
+            note = "; ".join(text for text in (note, "the object was lost") if text)
+        same = [self.pid(node) for node in (CONTROLLER, BRIDGE)] == pids
+        grown = self._memory(pids) - memory if same else float("nan")
         worst = max(modes, key=_badness, default=self.watch.mode)
         violations = (*self.watch.violations(), *deaths)
         return Row(name, violations, alive, worst.name, rate, grown, recovery, helped, note)
