@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from rich.table import Table
 
 from slip_bringup.scenario import ControllerKind, Estimator, Scenario, load_scenario
-from slip_bringup.study.cases import MISMATCHES, NO_MISMATCH, check_names, mismatch_assignments
+from slip_bringup.study.cases import NO_MISMATCH, mismatch_assignments
 from slip_bringup.study.path_load import PathLoad, path_load
 from slip_bringup.study.run_case import run_scenario
 from slip_core.params import flat_names, load_yaml
@@ -72,11 +72,7 @@ class Question:
         """Run the world that is told, then each mismatch, and yield outcomes; `report` is told what runs.
 
         Where the path is refused already there is nothing more to run.
-
-        Raises:
-            InputError: an unknown mismatch.
         """
-        check_names("mismatch", mismatches, MISMATCHES)
         known = self.load()
         for name in dict.fromkeys((NO_MISMATCH, *mismatches)):
             report(name)

@@ -161,9 +161,11 @@ def check(
     where gains or path are refused, 1 where a simulated world does not hold.
     """
     from slip_bringup.scenario import urdf_assignment
-    from slip_bringup.study.cases import MISMATCHES
+    from slip_bringup.study.cases import MISMATCHES, check_names
     from slip_bringup.study.check import Question, corner_table, gain_table, path_lines, refusal
 
+    wanted = MISMATCHES if mismatches == "all" else names(mismatches)
+    check_names("mismatch", wanted, MISMATCHES)
     asked = Question(scenario, controller, sensor, estimator, params, (*urdf_assignment(urdf), *assignments))
     loaded, report = asked.load(), asked.gains()
     loaded.check_arm()
@@ -172,7 +174,6 @@ def check(
     if not report.hold:
         raise click.exceptions.Exit(2)
     loaded.check()
-    wanted = MISMATCHES if mismatches == "all" else names(mismatches)
     with Console(stderr=True).status("path") as status:
         load = asked.path()
         corners = list(asked.corners(wanted, lambda name: status.update(f"simulates {name}")))

@@ -44,10 +44,12 @@ def path_load(scenario: Scenario) -> PathLoad:
         update={"mode": "slow_down", "friction": "known", "friction_limit": FIRM * told}
     )  # the governor counts the load, and has no reason to do more
     grip = world.grip.model_copy(update={"force": FIRM * world.grip.force})
+    # friction that fell with speed, times FIRM, would divide every step of the simulation into dozens
+    friction = world.friction.model_copy(update={"mu_k": world.friction.mu_s})
     firm = dataclasses.replace(
         scenario,
         controller=known.model_copy(update={"controller": "classical", "governor": governor}),
-        bridge=world.model_copy(update={"grip": grip}),
+        bridge=world.model_copy(update={"grip": grip, "friction": friction}),
     )
     loop, places = ClosedLoop(firm), list[Place]()
     path = known.trajectory
