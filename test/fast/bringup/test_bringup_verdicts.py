@@ -65,6 +65,15 @@ def test_streams_that_are_slow_late_or_in_disorder_are_named(samples: Track, wor
     assert word in verdicts.judge_stream("wrench", samples, 80.0, 120.0, 0.05, 0.05).fix
 
 
+def test_a_rate_is_the_drivers_even_where_half_was_not_heard() -> None:
+    every, stamps = track(120.0, 600), track(120.0, 600).stamp
+    heard = Track(*(np.concatenate((part[:100], part[300:350], part[580:])) for part in every))
+    assert verdicts.rate(heard) == pytest.approx(120.0, rel=1e-6)
+    rounded = np.ceil(stamps * 1000.0) / 1000.0
+    assert verdicts.rate(Track(rounded, rounded, every.values)) == pytest.approx(120.0, rel=1e-2)
+    assert np.isnan(verdicts.rate(track(count=1)))
+
+
 def test_noise_rate_and_latency_are_measured_and_a_dead_band_says_nothing_of_noise() -> None:
     rng = np.random.default_rng(1)
     wrench = rng.standard_normal((2000, 6)) * (0.05, 0.05, 0.05, 0.002, 0.002, 0.002)

@@ -20,8 +20,10 @@ PUSH_N: Final = 3.0
 TURN: Final = 0.03  # [rad, m]
 FIRM_N: Final = 40.0
 CARRIES: Final = 4.0  # times the weight: slip then points within 15 degrees of the pull
-STEPS: Final = 60
-STEP_S: Final = 0.04
+STEPS: Final = 20
+GROWTH: Final = 1.12
+STEP_S: Final = 0.06
+SEEN_S: Final = 0.14  # until a slow sensor has told of it
 
 
 class Hands(Protocol):
@@ -120,16 +122,16 @@ class Simulated:
             return self._system.listen(LOOKED_S)
 
     def pull(self, words: str, direction: Array, weight: float, slips: Callable[[Heard], bool]) -> list[Heard]:
-        """Pull harder step by step, until it slips; the grip carries so much that the weight hardly turns the slip."""
+        """Jerk harder each time, until it slips; the grip carries so much that the weight hardly turns the slip."""
         carried = max(CARRIES * weight, self._friction * self._grip)
         self._system.tune_bridge({"grip.force": carried / self._friction})
         heard: list[Heard] = []
-        for step in range(1, STEPS + 1):
-            with self._pushing(2.0 * carried * step / STEPS * direction):
+        for step in range(STEPS):
+            with self._pushing(0.6 * GROWTH**step * carried * direction):
                 heard.append(self._system.listen(STEP_S))
-            if slips(heard[-1]):
+            heard.append(self._system.listen(SEEN_S))
+            if slips(heard[-2]) or slips(heard[-1]):
                 break
-        heard.append(self._system.listen(SETTLED_S))
         return heard
 
     def grip(self, firmly: bool) -> None:

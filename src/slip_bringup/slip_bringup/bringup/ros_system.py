@@ -12,7 +12,7 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
+from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
@@ -195,7 +195,10 @@ class RosSystem:
         found: dict[str, str] = {}
 
         def subscribed() -> bool:
-            known = self._node.get_subscriber_names_and_types_by_node(CONTROLLER, self._ns or "/")
+            try:
+                known = self._node.get_subscriber_names_and_types_by_node(CONTROLLER, self._ns or "/")
+            except NodeNameNonExistentError:  # its services are known sooner than its name
+                return False
             for name in wanted:
                 names = [full for full, kinds in known if TOPICS[name].type in kinds]
                 same = [full for full in names if full.endswith(f"/{name}")]

@@ -132,9 +132,9 @@ def _span(low: float, high: float) -> str:
 
 
 def rate(track: Track) -> float:
-    """Return the rate of a track by its stamps [Hz]; nan where it has no two."""
-    stamps = np.unique(track.stamp)
-    return (len(stamps) - 1) / float(stamps[-1] - stamps[0]) if len(stamps) > 1 else math.nan
+    """Return the rate by stamps [Hz]; nan where there are no two of them. Gaps, which we did not hear, do not count."""
+    steps = np.diff(np.unique(track.stamp))
+    return 1.0 / float(steps[steps < 3.0 * np.median(steps)].mean()) if len(steps) else math.nan
 
 
 def measured_sensors(

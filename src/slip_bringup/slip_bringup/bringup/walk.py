@@ -131,12 +131,10 @@ class Walk:
             yield verdicts.judge_push(words, change, unit(axis), hands.size)
         R = self._robot.frame(before.position)[1]
         along = (R.T @ self._weight(before.position)[0]) * params.contacts.slip_axes[:3]
-        slippery = [axis for axis in range(3) if params.contacts.slip_axes[axis]]
-        for axis in slippery:
+        for axis in (axis for axis in range(3) if params.contacts.slip_axes[axis]):
             heard = hands.pull(AXES[axis], R[:, axis], float(np.linalg.norm(along)), self._slips)
-            slipped, flagged = self._slipped(heard), any(map(self._slips, heard))
+            slipped, flagged = self._slipped(heard, noise=False), any(map(self._slips, heard))
             yield verdicts.judge_pull(AXES[axis], slipped, unit(axis), flagged)
-        if slippery:
             hands.grip(firmly=True)
 
     def _inertia(self, q: Array) -> Array:
@@ -152,11 +150,17 @@ class Walk:
             return bool((values > 0.5).any())
         if kind == "displacement":
             return float(np.linalg.norm(values[-1, :3] - values[0, :3])) > SLIP_SPEED * WATCHED_S
-        speed = np.linalg.norm(values[:, :3], axis=1)
-        return bool((speed > max(SLIP_SPEED, 6.0 * self._slip_noise)).any())
+        return bool(self._fast(values).any())
 
-    def _slipped(self, heard: list[Heard]) -> Array | None:
-        """Return how far the pad has moved on the object by the sensor's readings; (3,) [m]; None: it gives flags."""
+    def _fast(self, twists: Array) -> Array:
+        """Return which slip velocities are more than noise; (k, 6) -> (k,)."""
+        return np.asarray(np.linalg.norm(twists[:, :3], axis=1) > max(SLIP_SPEED, 6.0 * self._slip_noise))
+
+    def _slipped(self, heard: list[Heard], *, noise: bool = True) -> Array | None:
+        """Return how far the pad has moved on the object by the sensor's readings; (3,) [m]; None: it gives flags.
+
+        noise: whether slip velocities count that may be noise alone.
+        """
         kind = self._params.slip_input
         stamps = np.concatenate([part.slip.stamp for part in heard])
         values = np.concatenate([part.slip.values for part in heard])
@@ -165,7 +169,8 @@ class Walk:
         if kind == "displacement":
             return np.asarray(values[-1, :3] - values[0, :3])
         steps = np.diff(stamps, prepend=stamps[:1])
-        return np.asarray(np.nansum(values[:, :3] * steps[:, None], axis=0))
+        counts = 1.0 if noise else self._fast(values)[:, None]
+        return np.asarray(np.nansum(values[:, :3] * steps[:, None] * counts, axis=0))
 
     # -- the controller holds the arm --------------------------------------------------------------
 
