@@ -11,6 +11,7 @@ from slip_core.params import build
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant.implicit import build_model
+from slip_sim_bridge.plant.model import OBJECT, PAD
 from slip_sim_bridge.simulation import GraspSimulation
 from test.support.every import every
 
@@ -33,6 +34,18 @@ def test_model_options_avoid_the_engines_traps():
     assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
     assert not np.any(model.dof_damping)
     assert model.body("finger_left").mass[0] > 0.0  # fixed links keep their mass
+
+
+def test_the_drawn_pads_lie_on_the_faces_of_the_drawn_object():
+    model = build_model(BridgeParams(), urdf_text())
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    drawn, upper, lower = (data.geom(f"{name}_drawn") for name in (OBJECT, f"{PAD}_upper", f"{PAD}_lower"))
+    axis = upper.xmat.reshape(3, 3)[:, 2]
+    half = np.abs(axis @ drawn.xmat.reshape(3, 3)) @ model.geom(f"{OBJECT}_drawn").size
+    for pad, side in ((upper, 1.0), (lower, -1.0)):
+        distance = axis @ (pad.xpos - drawn.xpos)
+        assert distance == pytest.approx(side * (half + model.geom(f"{PAD}_upper_drawn").size[1]))
 
 
 def test_joint_friction_of_a_urdf_is_left_out():
