@@ -94,11 +94,11 @@ def run(
     Exit code 1 where the controller gave up, the object was lost, the path could not be followed or the arm saturated.
     """
     from slip_bringup.launcher import Launcher
+    from slip_bringup.pair.any_scenario import load_any
     from slip_bringup.progress import run_progress
-    from slip_bringup.scenario import load_scenario
     from slip_msgs_py.realtime import ProcessOptions, parse_cores
 
-    loaded = load_scenario(scenario, controller=kind, mode=mode, seed=seed, assignments=assignments, urdf_file=urdf)
+    loaded = load_any(scenario, controller=kind, mode=mode, seed=seed, assignments=assignments, urdf_file=urdf)
     process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory, awake)
     launcher = Launcher(
         loaded, bag=record, wanted_domain=domain_id, namespace=namespace, process=process, one_process=one_process

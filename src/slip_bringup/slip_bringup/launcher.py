@@ -13,11 +13,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 
-from slip_bringup.recording import recorder_command
-from slip_bringup.scenario import Scenario
+from slip_bringup.recording import AnyScenario, recorder_command
 from slip_bringup.study.prepare import prepare
 from slip_bringup.system.domain import check_domain, domain_from_environment, domain_id
-from slip_bringup.system.node_command import node_module, parameter_arguments, run_parameters
+from slip_bringup.system.node_command import parameter_arguments, run_parameters
 from slip_bringup.system.processes import Child, ProcessGroup, child_environment, python_module
 from slip_core.errors import InputError, ProtocolError
 from slip_core.incidents import Incident
@@ -82,7 +81,7 @@ class Launcher:
 
     def __init__(
         self,
-        scenario: Scenario,
+        scenario: AnyScenario,
         *,
         bag: Path | None = None,
         wanted_domain: int | None = None,
@@ -148,9 +147,10 @@ class Launcher:
             "bridge": parameter_arguments("bridge", bridge, folder),
         }
         if self._one_process:
-            order.append(("bridge", self._command("slip_bringup.both_nodes", *arguments.values())))
+            order.append(("bridge", self._command(scenario.modules["both"], *arguments.values())))
         else:
-            order += [(name, self._command(node_module(name), words, node=name)) for name, words in arguments.items()]
+            modules = scenario.modules
+            order += [(name, self._command(modules[name], words, node=name)) for name, words in arguments.items()]
         children = {name: group.start(name, argv, environment, self.note) for name, argv in order}
         self._wait(
             group, lambda: children["bridge"].last(Started) is not None, READY_TIMEOUT_S, "the processes to get ready"

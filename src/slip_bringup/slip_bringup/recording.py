@@ -7,9 +7,11 @@ from pathlib import Path
 
 from slip_bags.provenance import PACKAGES
 from slip_bags.provenance import versions as installed_versions
+from slip_bringup.pair.scenario import PairScenario
 from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
 from slip_bringup.system.processes import python_module
 from slip_core.topics import TOPICS
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
 
 SLIP_TOPICS = {"slip_velocity": "twist", "slip_displacement": "displacement", "slip_flag": "flag"}
 VERSIONED = (
@@ -25,11 +27,25 @@ VERSIONED = (
 )
 
 
-def recorded_topics(scenario: Scenario) -> list[tuple[str, str]]:
+AnyScenario = Scenario | PairScenario
+
+
+def recorded_topics(scenario: AnyScenario) -> list[tuple[str, str]]:
     """Return (name, type) of every topic that this scenario's processes publish."""
-    controller = scenario.controller
-    absent = set()
-    absent |= {"controller/timing", "bridge/timing"} if controller.mode == "lockstep" else {"lockstep_tick"}
+    rows = [row for row in TOPICS.values() if row.recorded and row.publisher != "user"]
+    if isinstance(scenario, Scenario):
+        rows = [row for row in rows if not row.two_arms]
+    found = []
+    for row in rows:
+        for prefix, controller in scenario.arms[:1] if row.common else scenario.arms:
+            if row.name not in _absent(controller):
+                found.append((row.name if row.common else prefix + row.name, row.type))
+    return found
+
+
+def _absent(controller: ControllerNodeParams) -> set[str]:
+    """Return the topics that a controller with these parameters, and its bridge, do not have."""
+    absent = {"controller/timing", "bridge/timing"} if controller.mode == "lockstep" else {"lockstep_tick"}
     absent |= SLIP_TOPICS.keys() - {name for name, kind in SLIP_TOPICS.items() if kind == controller.slip_input}
     if controller.trajectory.kind != "goal":
         absent.add("controller/goal")
@@ -39,11 +55,7 @@ def recorded_topics(scenario: Scenario) -> list[tuple[str, str]]:
         absent.add("grip_command")
     if not controller.publish_effort_array:
         absent.add("effort_controller/commands")
-    return [
-        (row.name, row.type)
-        for row in TOPICS.values()
-        if row.recorded and row.publisher != "user" and row.name not in absent
-    ]
+    return absent
 
 
 def versions() -> dict[str, str]:
@@ -51,9 +63,9 @@ def versions() -> dict[str, str]:
     return installed_versions(VERSIONED)
 
 
-def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str) -> list[str]:
+def recorder_command(scenario: AnyScenario, bag: Path, folder: Path, namespace: str) -> list[str]:
     """Return the command of the recorder process; attachments are written into `folder` first."""
-    attachments = {"arm.urdf": scenario.urdf, "scenario.yaml": scenario.text}
+    attachments = {**scenario.descriptions, "scenario.yaml": scenario.text}
     for key, params in (("controller", scenario.controller), ("bridge", scenario.bridge)):
         attachments[f"{key}.params.yaml"] = ros_parameter_file(params, NODES[key][0])
     arguments = ["record", "--tf", "--output", str(bag)]
@@ -65,7 +77,7 @@ def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str
         arguments += ["--attach", f"{name}={path}"]
     custom = {
         "scenario": scenario.name,
-        "controller": scenario.controller.controller,
+        "controller": scenario.arms[0][1].controller,
         "seed": str(scenario.bridge.seed),
         "versions": json.dumps(versions()),
     }

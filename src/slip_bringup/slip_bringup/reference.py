@@ -10,6 +10,10 @@ from slip_core.errors import InputError
 from slip_core.params import OLD_NAMES_END, ParameterInfo, ParameterModel, old_names, parameter_infos
 from slip_core.topics import markdown_table
 from slip_description import scenario_names
+from slip_sim_bridge.pair.params import PairParams
+from slip_vic_controller.parameters.team_params import TeamParams
+
+TWO_ARMS: dict[str, type[ParameterModel]] = {"slip_vic_controller": TeamParams, "slip_sim_bridge": PairParams}
 
 
 def config_files(scenarios: list[str] | None = None, *, complete: bool = False) -> dict[str, str]:
@@ -69,6 +73,12 @@ def parameter_page() -> str:
     for node_name, model in NODES.values():
         parts.append(f"## {node_name}\n\n{_table(model)}")
     parts.append(
+        "## Two arms\n\nTheir nodes (`slip_vic_controller.team.node`, `slip_sim_bridge.pair.node`) have the\n"
+        "parameters above twice, below `left.` and `right.`, and these. Two arms follow built-in paths, with a\n"
+        "constant grip."
+    )
+    parts += [f"### {name}\n\n{_table(model, skip=('left.', 'right.'))}" for name, model in TWO_ARMS.items()]
+    parts.append(
         f"## Old names\n\nThese go on working until version {OLD_NAMES_END}, in files, in `--set` and as ROS\n"
         f"parameter overrides, with one line of warning.\n\n{_old_names()}"
     )
@@ -79,16 +89,20 @@ def topic_page() -> str:
     """Return docs/topics.md."""
     return (
         "# Topics\n\nMade by `slip-vic params --reference` from `slip_core.topics`; a test holds it true.\n"
-        "Names are relative: a namespace moves the whole system. Contact 1 and further ones of a multi-contact grasp\n"
-        "use `contact_1/wrench`, `contact_1/slip_velocity` and so on. The controller subscribes best effort in real\n"
-        "time, so that a sensor driver's best-effort topics match, and reliable in lockstep.\n\n"
+        "Names are relative: a namespace moves the whole system. Two arms on one object (docs/two_arms.md) have\n"
+        "each of these below `left/` and below `right/`, but for those marked *one*, which are there once for both.\n"
+        "Contact 1 and further ones of a multi-contact grasp use `contact_1/wrench`, `contact_1/slip_velocity` and so\n"
+        "on. The controller subscribes best effort in real time, so that a sensor driver's best-effort topics match,\n"
+        "and reliable in lockstep.\n\n"
         f"{markdown_table()}\n"
     )
 
 
-def _table(model: type[ParameterModel]) -> str:
+def _table(model: type[ParameterModel], skip: tuple[str, ...] = ()) -> str:
     lines = ["| parameter | default | unit | range | live | meaning |", "|---|---|---|---|---|---|"]
     for info in parameter_infos(model):
+        if skip and info.name.startswith(skip):
+            continue
         default = _shown(info.default)
         cells = (f"`{info.name}`", default, info.unit, _range(info), "live" if info.runtime else "", info.description)
         lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")

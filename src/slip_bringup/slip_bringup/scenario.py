@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import yaml
 from pydantic import Field
@@ -76,6 +76,27 @@ class Scenario:
     controller: ControllerNodeParams
     bridge: BridgeParams
     urdf: str
+    modules: ClassVar[dict[str, str]] = {
+        "controller": "slip_vic_controller.node", "bridge": "slip_sim_bridge.node", "both": "slip_bringup.both_nodes"
+    }  # fmt: skip
+    """What runs as a process."""
+
+    @property
+    def arms(self) -> tuple[tuple[str, ControllerNodeParams], ...]:
+        """Prefix of the topics, and parameters of the controller, of each arm: there is one."""
+        return (("", self.controller),)
+
+    @property
+    def descriptions(self) -> dict[str, str]:
+        """The URDF by the name of its file in a bag."""
+        return {"arm.urdf": self.urdf}
+
+    def run_parameters(self, peers: tuple[str, ...]) -> tuple[ControllerNodeParams, BridgeParams]:
+        """Return the parameters of both nodes for a run with these peers."""
+        return (
+            self.controller.model_copy(update={"expected_subscribers": len(peers)}),
+            self.bridge.model_copy(update={"wait_for": peers}),
+        )
 
     def check(self) -> None:
         """Make controller and simulation once, so that what does not fit is said before any process starts.
@@ -90,7 +111,7 @@ class Scenario:
                 "parameter contacts.position",
                 got=f"{contacts} contacts",
                 expected="1: the bridge simulates one arm",
-                fix="two arms that hold one object: slip-vic pair",
+                fix="two arms that hold one object have scenarios of their own: docs/two_arms.md",
             )
         Controller(self.controller, self.urdf, lockstep=True)
         GraspSimulation(self.bridge, self.urdf)

@@ -40,6 +40,13 @@ class ArmParams(ParameterModel):
         return self
 
 
+class BaseParams(ParameterModel):
+    """Where the base of an arm stands."""
+
+    position: Three = parameter((0.0, 0.0, 0.0), "base of the arm on world axes", unit="m")
+    rotation: Three = parameter((0.0, 0.0, 0.0), "rotation vector of the base on world axes", unit="rad")
+
+
 class ObjectParams(ParameterModel):
     """The grasped rigid body; the defaults are those of `paper_planar`."""
 

@@ -1,7 +1,8 @@
 """The one table of topics: publishers, subscribers, recorder, launcher and documentation all read it.
 
 Names are relative, so a namespace moves the whole system; only ``/clock`` and ``/diagnostics`` are
-absolute, as ROS fixes them. This module is data: it imports no ROS.
+absolute, as ROS fixes them. Two arms on one object have the topics of an arm twice, below ``left/`` and ``right/``.
+This module is data: it imports no ROS.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ class Topic:
 
     `latched` topics are reliable, transient local, depth 1. All others are volatile; publishers offer
     reliable with `depth` samples of history, because a recorder may be 200 ms behind at 1 kHz.
+    common: with two arms there is one for both, not one below the prefix of each; two_arms: only they have it.
     """
 
     name: str
@@ -30,6 +32,8 @@ class Topic:
     latched: bool = False
     depth: int = 1000
     recorded: bool = True
+    common: bool = False
+    two_arms: bool = False
 
 
 _TABLE = (
@@ -38,12 +42,15 @@ _TABLE = (
     Topic("slip_velocity", "geometry_msgs/msg/TwistStamped", "bridge", "slip velocity of the pad relative to the object [m/s, rad/s], pad axes; NaN = invalid"),
     Topic("slip_displacement", "geometry_msgs/msg/PoseStamped", "bridge", "where `slip_input` is displacement: pose of the pad as seen from where it took the object; NaN = invalid"),
     Topic("slip_flag", "sensor_msgs/msg/JointState", "bridge", "where `slip_input` is flag: named flags (position field), 1 = slips, 0 = holds, NaN = unknown, stamped when it was so"),
-    Topic("object_state", "nav_msgs/msg/Odometry", "bridge", "ground truth: pose of the object's COM in `world`, twist in object axes"),
+    Topic("object_state", "nav_msgs/msg/Odometry", "bridge", "ground truth: pose of the object's COM in `world`, twist in object axes", common=True),
     Topic("slip_truth", "sensor_msgs/msg/JointState", "bridge", "ground truth: slip displacement (position) and slip velocity (velocity), names s_x .. s_rz"),
-    Topic("lockstep_tick", "std_msgs/msg/Int64MultiArray", "bridge", "lockstep only: tick, stamp (sec, nsec), then wrench and slip samples published so far per contact"),
-    Topic("/clock", "rosgraph_msgs/msg/Clock", "bridge", "simulation time"),
+    Topic("object/wrench", "geometry_msgs/msg/WrenchStamped", "bridge", "two arms, ground truth: what both pads do to the object about its COM [N, N m], world axes", common=True, two_arms=True),
+    Topic("object/internal_wrench_left", "geometry_msgs/msg/WrenchStamped", "bridge", "two arms, ground truth: the part of the left pad's wrench that does not move the object [N, N m], pad axes", common=True, two_arms=True),
+    Topic("object/internal_wrench_right", "geometry_msgs/msg/WrenchStamped", "bridge", "two arms, ground truth: the same of the right pad", common=True, two_arms=True),
+    Topic("lockstep_tick", "std_msgs/msg/Int64MultiArray", "bridge", "lockstep only: tick, stamp (sec, nsec), then wrench and slip samples published so far per contact; of two arms the left one first", common=True),
+    Topic("/clock", "rosgraph_msgs/msg/Clock", "bridge", "simulation time", common=True),
     Topic("robot_description", "std_msgs/msg/String", "bridge", "URDF of the arm", latched=True),
-    Topic("object_description", "std_msgs/msg/String", "bridge", "URDF of the grasped object: one link `object`, for display", latched=True),
+    Topic("object_description", "std_msgs/msg/String", "bridge", "URDF of the grasped object: one link `object`, for display", latched=True, common=True),
     Topic("grip_force", "std_msgs/msg/Float64", "user", "grip force for the simulated gripper [N]", depth=10),
     Topic("grip_command", "std_msgs/msg/Float64", "controller", "where `grip.control` is follow: grip force that the path needs [N], sum over both pads, one per cycle"),
     Topic("reference", "trajectory_msgs/msg/MultiDOFJointTrajectory", "user", "desired pose, twist and acceleration of `ee` in `world`: one point per message", depth=10),
@@ -59,14 +66,14 @@ _TABLE = (
     Topic("controller/ledger", "std_msgs/msg/Int64MultiArray", "controller", "per cycle: number, stamps of the samples used; then the controller's clock, mode, faults of the inputs, request"),
     Topic("controller/state", "std_msgs/msg/String", "controller", "once a second: the controller's whole state after the cycle just answered, as text; a replay can begin there", depth=10),
     Topic("controller/timing", "sensor_msgs/msg/JointState", "controller", "real time only, per cycle: period, ages, compute time, latency [s]; overruns, missed, stale"),
-    Topic("bridge/timing", "sensor_msgs/msg/JointState", "bridge", "real time only, per tick: period, lateness, state-to-command latency [s]; fresh share, overruns, real-time factor"),
-    Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "controller", "status and reason of the law and of the mode, in real time also of the timing, about once a second", depth=10),
+    Topic("bridge/timing", "sensor_msgs/msg/JointState", "bridge", "real time only, per tick: period, lateness, state-to-command latency [s]; fresh share, overruns, real-time factor", common=True),
+    Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "controller", "status and reason of the law and of the mode, in real time also of the timing, about once a second", depth=10, common=True),
     Topic("controller/mode", "std_msgs/msg/String", "controller", "WAITING_INPUT, HOLD, ACTIVE, DEGRADED or FAULT, and the reason; sent where it changes", latched=True),
-    Topic("/tf", "tf2_msgs/msg/TFMessage", "bridge", "world -> links of the arm -> ..., world -> object: by the bridge where `publish_tf` is set, in a bag by the recorder", depth=100, recorded=False),
+    Topic("/tf", "tf2_msgs/msg/TFMessage", "bridge", "world -> links of the arm -> ..., world -> object: by the bridge where `publish_tf` is set, in a bag by the recorder", depth=100, recorded=False, common=True),
     Topic("controller/goal", "std_msgs/msg/String", "controller", "what becomes of goals: moves, reached, or refused and why; sent where it changes, where `trajectory.kind` is goal", latched=True),
     Topic("controller/reference_used", "trajectory_msgs/msg/MultiDOFJointTrajectory", "controller", "every reference or goal that the controller took, as it came: the ledger counts them, so that a bag replays"),
-    Topic("controller/ready", "std_msgs/msg/String", "controller", "sent once, when every peer is matched", latched=True),
-    Topic("recorder/ready", "std_msgs/msg/String", "recorder", "sent once, when every recorded topic is matched", latched=True, recorded=False),
+    Topic("controller/ready", "std_msgs/msg/String", "controller", "sent once, when every peer is matched", latched=True, common=True),
+    Topic("recorder/ready", "std_msgs/msg/String", "recorder", "sent once, when every recorded topic is matched", latched=True, recorded=False, common=True),
 )  # fmt: skip
 
 TOPICS = MappingProxyType({topic.name: topic for topic in _TABLE})
@@ -94,5 +101,7 @@ def markdown_table() -> str:
     lines = ["| topic | type | from | QoS | meaning |", "|---|---|---|---|---|"]
     for row in _TABLE:
         qos = "reliable, transient local, 1" if row.latched else f"reliable, volatile, {row.depth}"
-        lines.append(f"| `{row.name}` | `{row.type}` | {row.publisher} | {qos} | {row.description} |")
+        lines.append(
+            f"| `{row.name}` | `{row.type}` | {row.publisher} | {qos} | {'*one*: ' if row.common else ''}{row.description} |"
+        )
     return "\n".join(lines)

@@ -15,6 +15,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from slip_core.errors import SlipVicError
+from slip_msgs_py.events import wanted
 from slip_msgs_py.localhost import stay_on_this_machine
 from slip_msgs_py.stop_flag import StopFlag
 
@@ -34,6 +35,7 @@ class RunnableNode(Protocol):
 
 
 DELIVERY_S = 10.0  # a busy machine may starve a recorder for seconds
+LAUNCHED_DELIVERY_S = 4.0  # what was lost is repeated within 3 s; a launcher that asks for the end waits for 5
 STOP_DELIVERY_S = 0.1  # somebody waits for the process to end
 
 
@@ -68,7 +70,8 @@ def run_node(factory: Callable[[], RunnableNode], args: Sequence[str] | None = N
         return 2
     finally:
         if node is not None:
-            deliver(node, STOP_DELIVERY_S if stop() else DELIVERY_S)
+            patient = wanted() and not stop.in_haste
+            deliver(node, DELIVERY_S if not stop() else LAUNCHED_DELIVERY_S if patient else STOP_DELIVERY_S)
             node.destroy_node()
         rclpy.try_shutdown()
     return 0

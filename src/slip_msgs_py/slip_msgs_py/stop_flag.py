@@ -16,6 +16,8 @@ class StopFlag:
 
     def __init__(self) -> None:
         self._is_set = False
+        self.in_haste = False
+        """Whether the signal was another one than SIGINT, which asks for an orderly end."""
         self._before: dict[signal.Signals, Any] = {}
 
     def install(self) -> StopFlag:
@@ -34,5 +36,6 @@ class StopFlag:
         """Return whether a signal has come."""
         return self._is_set
 
-    def _set(self, _number: int, _frame: Any) -> None:
+    def _set(self, number: int, _frame: Any) -> None:
         self._is_set = True
+        self.in_haste |= number != signal.SIGINT

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from rclpy.experimental import EventsExecutor
@@ -17,25 +18,26 @@ from std_srvs.srv import Trigger
 from slip_core.errors import InputError, ProtocolError
 from slip_core.files.resources import read_text
 from slip_core.incidents import Incident
+from slip_core.params import ParameterModel
 from slip_core.stamps import split_ns
 from slip_core.timing import Window, spread
-from slip_core.topics import contact_topic
 from slip_core.types import EffortCommand
 from slip_msgs_py.endpoint_matching import EndpointMatching, wait_until
 from slip_msgs_py.events import Done, Progress, Started, emit
 from slip_msgs_py.executor import Spinner
-from slip_msgs_py.fast_io import Refusals, Sender, create_receiver, create_sender
+from slip_msgs_py.fast_io import Refusals, create_sender
 from slip_msgs_py.last_resort import Failures, LastResort
-from slip_msgs_py.messages import forms, from_msgs, to_msgs
+from slip_msgs_py.messages import forms, to_msgs
 from slip_msgs_py.node_main import memory_mib, run_node
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare
 from slip_sim_bridge import pacing
+from slip_sim_bridge.arm_topics import ArmTopics
 from slip_sim_bridge.frames import FramePublisher
 from slip_sim_bridge.pacing import Pacer
 from slip_sim_bridge.params import BridgeParams, object_urdf
-from slip_sim_bridge.session import BridgeSession, TickOutputs
+from slip_sim_bridge.session import BridgeSession
 
 PROGRESS_EVERY_S = 0.1
 STOP_CHECK_S = 0.03
@@ -51,19 +53,17 @@ class SlipSimBridge(LastResort, Node):
     run. Either way a run with a failure in it ends with the failure.
     """
 
+    MODEL: type[ParameterModel] = BridgeParams
+
     def __init__(self, executor: Any = None) -> None:
         super().__init__(
             "slip_sim_bridge", automatically_declare_parameters_from_overrides=True, parameter_overrides=[*OWN_TIME]
         )
-        self.params = declare(self, BridgeParams)
-        urdf = self.params.robot_description or read_text(
-            self.params.robot_description_file, "parameter robot_description_file"
-        )
-        self.session = BridgeSession(self.params, urdf)
+        self.params: Any = declare(self, self.MODEL)
+        self.session = self.make_session()
         allow_changes(self, self.params, self._on_change)
-        self._lockstep = self.params.mode == "lockstep"
-        self._order = from_msgs.JointOrder(self.params.joint_names)
-        self._command: EffortCommand | None = None
+        self._common = self.arms_of(self.params)[0]
+        self._lockstep = self._common.mode == "lockstep"
         self._stamp_ns = -1
         self._over = False
         self._failure: Exception | None = None
@@ -75,62 +75,76 @@ class SlipSimBridge(LastResort, Node):
         self._peers_ready: set[str] = set()
         self._executor = executor or EventsExecutor()
         self._spinner = Spinner(self._executor)
-        self._create_endpoints(urdf)
+        self._create_endpoints()
         self._executor.add_node(self)
 
-    def _on_change(self, wanted: BridgeParams) -> None:
+    def _on_change(self, wanted: Any) -> None:
         """Take changed run-time parameters: sensor faults, a hand that pushes, and grip force."""
-        self.session.set_faults(wanted.sensors)
-        self.session.set_push(wanted.push)
-        if wanted.grip.force != self.params.grip.force:
-            self.session.set_grip_force(wanted.grip.force)
+        for side, (arm, before) in enumerate(zip(self.arms_of(wanted), self.arms_of(self.params), strict=True)):
+            self.disturb(side, arm)
+            if arm.grip.force != before.grip.force:
+                self.set_grip_force(side, arm.grip.force)
         self.params = wanted
 
-    def _create_endpoints(self, urdf: str) -> None:
-        contacts = range(self.session.contacts)
-        names, frame = self.params.joint_names, self.params.ee_frame
+    # -- one arm; a node with two says otherwise ---------------------------------------------------
 
-        def per_contact(name: str, form: forms.Form) -> list[Sender]:
-            return [create_sender(self, name, form, actual_name=contact_topic(name, i)) for i in contacts]
+    def arms_of(self, params: Any) -> tuple[BridgeParams, ...]:
+        """Return the parameters of each arm; mode and what is waited for are those of the first."""
+        return (params,)
 
-        self._send_joint = create_sender(self, "joint_states", forms.joint_state(names))
-        self._send_wrench = per_contact("wrench", forms.wrench(frame))
-        kinds: dict[str, tuple[str, forms.Form, Any]] = {
-            "twist": ("slip_velocity", forms.twist(frame), to_msgs.slip_numbers),
-            "displacement": ("slip_displacement", forms.pose(frame), lambda sample: sample.pose),
-            "flag": ("slip_flag", forms.flag(), to_msgs.flag_numbers),
-        }
-        name, form, self._slip_numbers = kinds[self.params.slip_input]
-        self._send_slip = per_contact(name, form)
+    def make_session(self) -> Any:
+        """Return simulation and sensors.
+
+        Raises:
+            InputError: parameters and URDF that do not fit.
+        """
+        return BridgeSession(self.params, arm_urdf(self.params))
+
+    def places(self) -> tuple[tuple[str, BridgeParams, str], ...]:
+        """Return of each arm the prefix of its topics, its parameters, and its URDF where it stands."""
+        return (("", self.params, arm_urdf(self.params)),)
+
+    def advance(self, commands: Sequence[EffortCommand | None]) -> None:
+        """Apply a command of each arm for one control period."""
+        self.session.advance(commands[0])
+
+    def set_grip_force(self, _side: int, force: float) -> None:
+        """Set the grip force of one arm [N]."""
+        self.session.set_grip_force(force)
+
+    def disturb(self, _side: int, params: BridgeParams) -> None:
+        """Switch sensor faults of one arm on and off, and a hand that pushes."""
+        self.session.set_faults(params.sensors)
+        self.session.set_push(params.push)
+
+    def publish_more_truth(self, outputs: Any) -> None:
+        """Send what only this kind of bridge knows; one arm has said everything."""
+
+    def _create_endpoints(self) -> None:
+        self._arms = tuple(self._create_arm(side, *place) for side, place in enumerate(self.places()))
+        common = self.arms_of(self.params)[0]
         self._send_object = create_sender(self, "object_state", forms.odometry())
-        self._send_truth = create_sender(self, "slip_truth", forms.slip_truth())
         self._send_clock = create_sender(self, "/clock", forms.clock())
-        tick = forms.whole_numbers(3 + 2 * self.session.contacts)
+        tick = forms.whole_numbers(3 + 2 * len(self._arms))
         self._send_tick = create_sender(self, "lockstep_tick", tick) if self._lockstep else None
         timing = forms.scalars(pacing.SCALARS)
         self._send_timing = None if self._lockstep else create_sender(self, "bridge/timing", timing)
-        self._pub_urdf = create_publisher(self, "robot_description")
-        self._pub_urdf.publish(to_msgs.string(urdf))
         self._pub_object = create_publisher(self, "object_description")
-        self._pub_object.publish(to_msgs.string(object_urdf(self.params)))
-        self._frames = FramePublisher(self, urdf) if self.params.publish_tf else None
-        self._sub_command = create_receiver(
-            self,
-            "effort_command",
-            ("position", "velocity", "effort"),
-            lambda message: from_msgs.effort_commands(message, self._order),
-            self._on_command,
-            self._refusals,
-            depth=10,
-            reliable=self._lockstep,
-        )
-        create_subscription(self, "grip_force", self._on_grip_force, depth=10, reliable=False)
-        self._commands, self._grips = [0, 0], self.params.grip.control == "follow"
+        self._pub_object.publish(to_msgs.string(object_urdf(common)))
+        self._frames = FramePublisher(self, arm_urdf(common)) if common.publish_tf else None
+        self._commands: list[EffortCommand | None] = [None] * len(self._arms)
+        self._counted, self._grips = [0, 0], common.grip.control == "follow"
         if self._grips:
             create_subscription(self, "grip_command", self._on_grip_command, depth=1000, reliable=self._lockstep)
-        for name in self.params.wait_for:
+        for name in common.wait_for:
             self._watch_ready(name)
         self.create_service(Trigger, "~/reset", self._on_reset)
+
+    def _create_arm(self, side: int, prefix: str, params: BridgeParams, urdf: str) -> ArmTopics:
+        return ArmTopics(
+            self, prefix, params, urdf, self._refusals, partial(self._on_command, side),
+            partial(self._on_grip_force, side),
+        )  # fmt: skip
 
     def _watch_ready(self, name: str) -> None:
         create_subscription(self, f"{name}/ready", lambda _message: self._peers_ready.add(name), depth=1, reliable=True)
@@ -142,35 +156,35 @@ class SlipSimBridge(LastResort, Node):
 
     # -- callbacks ---------------------------------------------------------------------------------
 
-    def _on_command(self, command: EffortCommand) -> None:
-        self._command = command
-        if command.stamp_ns != self._stamp_ns:
+    def _on_command(self, side: int, command: EffortCommand) -> None:
+        self._commands[side] = command
+        if any(each is None or each.stamp_ns != self._stamp_ns for each in self._commands):
             return
         if self._lockstep:
             if self._grips:
                 self._answer_with_grip(efforts=1)
             else:
-                self._finish_lockstep_tick(command)
+                self._finish_lockstep_tick()
         elif self._pacer is not None and len(command.effort):
             self._pacer.answered(time.monotonic())
 
-    def _on_grip_force(self, message: Any) -> None:
+    def _on_grip_force(self, side: int, message: Any) -> None:
         try:
-            self.session.set_grip_force(float(message.data))
+            self.set_grip_force(side, float(message.data))
         except InputError as error:
             self._refusals.add("grip_force", error)
 
     def _on_grip_command(self, message: Any) -> None:
-        self._on_grip_force(message)
+        self._on_grip_force(0, message)
         if self._lockstep:
             self._answer_with_grip(grips=1)
 
     def _answer_with_grip(self, efforts: int = 0, grips: int = 0) -> None:
         """Finish a lockstep tick when both of its commands are there; the grip has no stamp: one belongs to each."""
-        self._commands[0] += efforts
-        self._commands[1] += grips
-        if self._commands[0] == self._commands[1] and self._command is not None:
-            self._finish_lockstep_tick(self._command)
+        self._counted[0] += efforts
+        self._counted[1] += grips
+        if self._counted[0] == self._counted[1] and self._commands[0] is not None:
+            self._finish_lockstep_tick()
 
     def _on_reset(self, _request: Any, response: Any) -> Any:
         self.session.request_reset()
@@ -209,23 +223,20 @@ class SlipSimBridge(LastResort, Node):
         }
 
     def _wait_for_peers(self, should_stop: Callable[[], bool]) -> bool:
-        subscribers = max(1, len(self.params.wait_for))
+        subscribers = max(1, len(self._common.wait_for))
         peers = EndpointMatching(
             self,
-            publishers=[
-                (sender.publisher, subscribers)
-                for sender in (self._send_joint, self._send_wrench[0], self._send_slip[0])
-            ],
-            subscriptions=[self._sub_command],
+            publishers=[(publisher, subscribers) for arm in self._arms for publisher in arm.state_publishers],
+            subscriptions=[arm.sub_command for arm in self._arms],
         )
-        wanted = set(self.params.wait_for)
+        wanted = set(self._common.wait_for)
         if not self._lockstep and not wanted:
             return True
         return wait_until(
             lambda: wanted <= self._peers_ready and not peers.missing(),
             spin_once=self._executor.spin_once,
             should_stop=should_stop,
-            timeout_s=self.params.peer_timeout_s,
+            timeout_s=self._common.peer_timeout_s,
             explain=lambda: "; ".join(
                 [*(f"{name} is not ready" for name in sorted(wanted - self._peers_ready)), *peers.missing()]
             ),
@@ -238,7 +249,7 @@ class SlipSimBridge(LastResort, Node):
         self._begin_lockstep_tick()
 
         def too_late() -> bool:
-            return not self._over and time.monotonic() - self._began_wall > self.params.lockstep_timeout_s
+            return not self._over and time.monotonic() - self._began_wall > self._common.lockstep_timeout_s
 
         self._spinner.spin_while(self, lambda: not should_stop() and not self._over and not too_late(), STOP_CHECK_S)
         if too_late() and not should_stop():
@@ -250,9 +261,9 @@ class SlipSimBridge(LastResort, Node):
         self._publish_truth(outputs)
         self._began_wall = time.monotonic()
 
-    def _finish_lockstep_tick(self, command: EffortCommand) -> None:
+    def _finish_lockstep_tick(self) -> None:
         try:
-            self.session.advance(command)
+            self.advance(self._commands)
             if self.session.finished:
                 self._over = True
             else:
@@ -265,11 +276,13 @@ class SlipSimBridge(LastResort, Node):
             self._spinner.enough()
 
     def _missing_command(self) -> str:
-        last = "none" if self._command is None else f"stamp {self._command.stamp_ns} ns"
+        late = next(side for side, each in enumerate(self._commands) if each is None or each.stamp_ns != self._stamp_ns)
+        command, topic = self._commands[late], f"{self._arms[late].prefix}effort_command"
+        last = "none" if command is None else f"stamp {command.stamp_ns} ns"
         refused = self._refusals.last("effort_command")
         return (
-            f"lockstep: no effort_command for tick {self.session.tick} (stamp {self._stamp_ns} ns) within "
-            f"{self.params.lockstep_timeout_s:g} s; last command: {last}" + (f"; {refused}" if refused else "")
+            f"lockstep: no {topic} for tick {self.session.tick} (stamp {self._stamp_ns} ns) within "
+            f"{self._common.lockstep_timeout_s:g} s; last command: {last}" + (f"; {refused}" if refused else "")
         )
 
     def _run_realtime(self, should_stop: Callable[[], bool]) -> None:
@@ -290,8 +303,8 @@ class SlipSimBridge(LastResort, Node):
                 self._tried(self._publish_truth, self._outputs)
             numbers = pacer.end(clock())
             self._latencies.add(numbers[LATENCY])
-            if not self._tried(self.session.advance, self._command):
-                self._command = None
+            if not self._tried(self.advance, self._commands):
+                self._commands = [None] * len(self._arms)
                 self.session.request_reset()
             if self.session.finished:
                 return
@@ -320,14 +333,14 @@ class SlipSimBridge(LastResort, Node):
 
         Return whether the run is to go on.
         """
-        deadline = time.monotonic() + self.params.peer_timeout_s
+        deadline = time.monotonic() + self._common.peer_timeout_s
         while not should_stop():
             self.session.start_at(time.time_ns())
             self._outputs = self.session.observe()
-            self._pacer = Pacer(self.params.control_period_s, time.monotonic())
+            self._pacer = Pacer(self._common.control_period_s, time.monotonic())
             self._pacer.published(time.monotonic())
             self._publish(self._outputs)
-            if not self.params.wait_for:
+            if not self._common.wait_for:
                 return True
             attempt = time.monotonic() + FIRST_TICK_S
             while not self._pacer.is_answered and (left := attempt - time.monotonic()) > 0.0:
@@ -336,23 +349,17 @@ class SlipSimBridge(LastResort, Node):
                 self._started_wall = time.monotonic()
                 return True
             if time.monotonic() > deadline:
-                raise ProtocolError(f"no effort_command for the first state within {self.params.peer_timeout_s:g} s")
+                raise ProtocolError(f"no effort_command for the first state within {self._common.peer_timeout_s:g} s")
         return False
 
-    def _publish(self, outputs: TickOutputs) -> None:
+    def _publish(self, outputs: Any) -> None:
         """Send what the controller waits for; in lockstep the list of a tick's samples comes after them."""
-        stamp_ns, joint = outputs.stamp_ns, outputs.joint
-        self._stamp_ns = stamp_ns
+        self._stamp_ns = outputs.stamp_ns
         self._tell_loss()
-        for send_wrench, wrenches in zip(self._send_wrench, outputs.wrenches, strict=True):
-            for wrench in wrenches:
-                send_wrench.send(wrench.stamp_ns, wrench.wrench)
-        for send_slip, slips in zip(self._send_slip, outputs.slips, strict=True):
-            for slip in slips:
-                send_slip.send(slip.stamp_ns, self._slip_numbers(slip))
-        self._send_joint.send(joint.stamp_ns, joint.position, joint.velocity, joint.effort)
+        for arm, measured in zip(self._arms, outputs.arms, strict=True):
+            arm.publish(measured)
         if self._send_tick is not None:
-            self._send_tick.send(stamp_ns, (outputs.tick, *split_ns(stamp_ns), *outputs.counts))
+            self._send_tick.send(outputs.stamp_ns, (outputs.tick, *split_ns(outputs.stamp_ns), *outputs.counts))
 
     def _tell_loss(self) -> None:
         """Say once that the object is lost; after a reset it can be lost again."""
@@ -362,20 +369,27 @@ class SlipSimBridge(LastResort, Node):
             emit(lost)
             self.get_logger().warning(str(lost))
 
-    def _publish_truth(self, outputs: TickOutputs) -> None:
+    def _publish_truth(self, outputs: Any) -> None:
         """Send what the controller does not wait for."""
         stamp_ns, truth = outputs.stamp_ns, outputs.truth
         self._send_clock.send(stamp_ns)
         self._send_object.send(stamp_ns, *to_msgs.odometry_numbers(truth))
-        self._send_truth.send(stamp_ns, truth.slip_displacement, truth.slip_velocity)
+        for arm, measured in zip(self._arms, outputs.arms, strict=True):
+            arm.publish_truth(stamp_ns, measured)
         if self._frames is not None:
             self._frames.publish(stamp_ns, outputs.joint.position, truth)
+        self.publish_more_truth(outputs)
 
     def _report_progress(self) -> None:
         now = time.monotonic()
         if now - self._progress_wall > PROGRESS_EVERY_S:
             self._progress_wall = now
             emit(Progress(self.session.elapsed_s, self.session.tick))
+
+
+def arm_urdf(params: BridgeParams) -> str:
+    """Return the URDF of an arm, on its own base."""
+    return params.robot_description or read_text(params.robot_description_file, "parameter robot_description_file")
 
 
 def main() -> int:

@@ -21,6 +21,15 @@ from slip_sim_bridge.simulation import GraspSimulation, Readings
 NO_EFFORT = readonly(np.zeros(0))
 
 
+class ArmOutputs(NamedTuple):
+    """What one arm measures at a tick; as of `TickOutputs`."""
+
+    joint: JointSample
+    wrenches: tuple[tuple[WrenchSample, ...], ...]
+    slips: tuple[tuple[Any, ...], ...]
+    readings: Readings
+
+
 class TickOutputs(NamedTuple):
     """What the bridge publishes at one tick; wrenches and slips per contact, those that are due now, oldest first.
 
@@ -36,6 +45,11 @@ class TickOutputs(NamedTuple):
     slips: tuple[tuple[Any, ...], ...]
     counts: tuple[int, ...]
     readings: Readings
+
+    @property
+    def arms(self) -> tuple[ArmOutputs, ...]:
+        """What each arm measures: there is one."""
+        return (ArmOutputs(self.joint, self.wrenches, self.slips, self.readings),)
 
     @property
     def truth(self) -> ObjectTruth:

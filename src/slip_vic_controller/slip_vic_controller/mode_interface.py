@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -17,24 +18,56 @@ from slip_vic_controller.incidents import IncidentWatch
 from slip_vic_controller.publishing import DIAGNOSTICS_PERIOD_NS, MODE_PHASE
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import ControllerSession, CycleResult
+from slip_vic_controller.team.crew import Crew
 
 PUBLISHERS_PERIOD_S = 0.02  # so long a foreign command may go unseen; a look takes some 30 us
 GO_ON = "; to go on call ~/reset_fault, then ~/enable"
 LEVELS = {Mode.ACTIVE: 0, Mode.DEGRADED: 1, Mode.HOLD: 1, Mode.WAITING_INPUT: 1, Mode.FAULT: 2}
 
 
-class ModeInterface:
-    """Publishes the mode where it changes and takes requests.
+class RequestServices:
+    """Takes requests for a mode, of all arms together.
 
     Args:
-        node: owner of topics, services and timer.
-        session: what is asked and told.
+        node: owner of the services.
+        crew: what is asked.
+    """
+
+    def __init__(self, node: Any, crew: Crew) -> None:
+        self._crew = crew
+        for name, request in (
+            ("enable", Request.ENABLE),
+            ("hold", Request.HOLD),
+            ("reset_fault", Request.RESET_FAULT),
+        ):
+            node.create_service(Trigger, f"~/{name}", lambda _, response, r=request: self._on_request(r, response))
+
+    def _on_request(self, request: Request, response: Any) -> Any:
+        sessions = self._crew.sessions
+        faulty = next((session for session in sessions if session.mode == Mode.FAULT), None)
+        if not all(session.active for session in sessions):
+            response.success, response.message = False, "not active"
+        elif faulty is not None and request != Request.RESET_FAULT:
+            response.success, response.message = False, f"in FAULT: {faulty.reason}{GO_ON}"
+        else:
+            self._crew.request(request)
+            response.success, response.message = True, f"{request.name.lower()}: decided in the next cycle"
+        return response
+
+
+class ModeInterface:
+    """Publishes the mode of an arm where it changes.
+
+    Args:
+        node: owner of topic and timer.
+        arm: its name, where there are several; else empty.
+        session: what is told.
         refusals: messages that could not be read, for the report.
         status: the node's publisher of /diagnostics.
     """
 
-    def __init__(self, node: Any, session: ControllerSession, refusals: Refusals, status: Any) -> None:
-        self._node = node
+    def __init__(self, node: Any, arm: str, session: ControllerSession, refusals: Refusals, status: Any) -> None:
+        self._node, self._arm = node, arm
         self._session = session
         self._refusals = refusals
         self._status = status
@@ -44,12 +77,6 @@ class ModeInterface:
         self._each_second = OnceEvery(DIAGNOSTICS_PERIOD_NS, MODE_PHASE)
         self._command_topic = ""
         self._inputs: tuple[Any, ...] = ()
-        for name, request in (
-            ("enable", Request.ENABLE),
-            ("hold", Request.HOLD),
-            ("reset_fault", Request.RESET_FAULT),
-        ):
-            node.create_service(Trigger, f"~/{name}", lambda _, response, r=request: self._on_request(r, response))
 
     def watch(self, command_topic: str, inputs: Sequence[Any]) -> None:
         """Look from time to time who publishes on our command topic and on what our subscriptions take."""
@@ -65,7 +92,7 @@ class ModeInterface:
             return
         incident = self._incidents.see(result)
         if incident is not None:
-            emit(incident)
+            emit(replace(incident, text=f"{self._arm}: {incident.text}") if self._arm else incident)
         reason = result.reason + GO_ON if mode == Mode.FAULT else result.reason
         if now != self._last:
             self._topic.publish(to_msgs.string(f"{mode.name}: {reason}" if reason else mode.name))
@@ -81,17 +108,6 @@ class ModeInterface:
             values[f"{name} jitter_ms"] = f"{1e3 * jitter_s:.3f}"
         refused = {f"{name} refused": count for name, count in self._refusals.counts.items()}
         return values | self._session.counts() | refused
-
-    def _on_request(self, request: Request, response: Any) -> Any:
-        session = self._session
-        if not session.active:
-            response.success, response.message = False, "not active"
-        elif session.mode == Mode.FAULT and request != Request.RESET_FAULT:
-            response.success, response.message = False, f"in FAULT: {session.reason}{GO_ON}"
-        else:
-            session.request(request)
-            response.success, response.message = True, f"{request.name.lower()}: decided in the next cycle"
-        return response
 
     def _look_for_publishers(self) -> None:
         # Counting is quick; who they are takes a good part of a control period, and matters for two only.

@@ -9,7 +9,6 @@ import functools
 import sys
 import time
 from collections.abc import Callable, Iterator
-from functools import partial
 from typing import Any
 
 from rclpy._rclpy_pybind11 import RCLError
@@ -17,33 +16,32 @@ from rclpy.clock import Clock, ClockType
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from slip_core.errors import InputError, SlipVicError
+from slip_core.errors import SlipVicError
+from slip_core.files.placed_urdf import placed_urdf
 from slip_core.files.resources import read_text
-from slip_core.topics import contact_topic
-from slip_core.types import DisplacementSample, JointSample, SlipSample, WrenchSample
+from slip_core.grasp_params import BaseParams
+from slip_core.params import ParameterModel
 from slip_msgs_py.endpoint_matching import EndpointMatching
 from slip_msgs_py.events import Done, Ready, emit
 from slip_msgs_py.executor import Spinner
-from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
+from slip_msgs_py.fast_io import Refusals, create_receiver
 from slip_msgs_py.last_resort import Failures, LastResort, fails_loudly
-from slip_msgs_py.messages import forms, from_msgs, to_msgs
+from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.node_main import memory_mib, run_node
-from slip_msgs_py.qos import create_publisher, create_subscription
+from slip_msgs_py.qos import create_publisher
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare
-from slip_vic_controller.config import governed_stream
-from slip_vic_controller.goal_interface import GoalInterface
-from slip_vic_controller.mode_interface import ModeInterface
+from slip_vic_controller.arm_topics import STATE_DEPTH, ArmTopics, Place
+from slip_vic_controller.mode_interface import RequestServices
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
-from slip_vic_controller.publishing import DiagnosticsPublisher, StatePublisher, TimingPublisher
-from slip_vic_controller.session import NO_EFFORT, Controller, ControllerSession, CycleResult, Manifest
+from slip_vic_controller.session import Controller, ControllerSession, Manifest
+from slip_vic_controller.team.crew import Crew, OneArm, Results
 
-STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only the newest state matters
-SLIP_DEPTH = 100  # every sample counts for the observer
 LOOK_S = 0.02
 WATCHDOG_S = 0.01
-_Transition = Callable[[Any, LifecycleState], TransitionCallbackReturn]
 LINGER_S = 0.2  # for the answer of the transition that ends the process to reach who asked
+ORIGIN = BaseParams()
+_Transition = Callable[[Any, LifecycleState], TransitionCallbackReturn]
 
 
 def _transition(callback: _Transition) -> _Transition:
@@ -67,12 +65,15 @@ class SlipVicController(LastResort, LifecycleNode):
     Unconfigured it has no topics; inactive it answers with empty commands, which let the arm hold itself.
     """
 
+    MODEL: type[ParameterModel] = ControllerNodeParams
+
     def __init__(self, executor: Any = None) -> None:
         super().__init__(
             "slip_vic_controller", automatically_declare_parameters_from_overrides=True, parameter_overrides=[*OWN_TIME]
         )
-        self.params = declare(self, ControllerNodeParams)
-        self._lockstep = self.params.mode == "lockstep"
+        self.params: Any = declare(self, self.MODEL)
+        common = self.arms_of(self.params)[0]
+        self._lockstep = common.mode == "lockstep"
         self._refusals = Refusals(self.get_logger().error)
         self._executor = executor or EventsExecutor()
         self._spinner = Spinner(self._executor)
@@ -84,19 +85,44 @@ class SlipVicController(LastResort, LifecycleNode):
         self._failures = Failures(self.get_logger().error)
         self._failed_transition: Exception | None = None
         self._service_change_state.callback = self.answering("change_state", self._guarded(self._service_change_state))
+        self._arms: tuple[ArmTopics, ...] = ()
         allow_changes(self, self.params, self._on_change)
-        if self.params.auto_activate:
+        if common.auto_activate:
             self.trigger_configure()
             if self._failure is not None:
                 raise self._failure
             self.trigger_activate()
         self._executor.add_node(self)
 
-    def _on_change(self, wanted: ControllerNodeParams) -> None:
+    def _on_change(self, wanted: Any) -> None:
         """Take changed parameters; before `configure` any, later gains and payload only, which ramp."""
-        if hasattr(self, "session"):
-            self.session.retune(wanted)
+        if hasattr(self, "crew"):
+            self.crew.retune(self.arms_of(wanted))
         self.params = wanted
+
+    # -- one arm; a node with two says otherwise ---------------------------------------------------
+
+    def arms_of(self, params: Any) -> tuple[ControllerNodeParams, ...]:
+        """Return the parameters of each arm."""
+        return (params,)
+
+    def make_crew(self) -> Crew:
+        """Return the controllers.
+
+        Raises:
+            InputError: parameters and URDF that do not fit.
+        """
+        return OneArm(make_controller(self.params))
+
+    def places(self) -> tuple[Place, ...]:
+        """Return what each arm is in this node."""
+        session = self.crew.sessions[0]
+        return (Place("", self.params, session, self.crew.seats[0], session.contacts),)
+
+    @property
+    def session(self) -> ControllerSession:
+        """The controller of the first arm."""
+        return self.crew.sessions[0]
 
     # -- what must not end the node ----------------------------------------------------------------
 
@@ -107,9 +133,7 @@ class SlipVicController(LastResort, LifecycleNode):
             return
         try:
             now_ns = time.monotonic_ns()
-            result = self.session.failed(now_ns)
-            if result is not None:
-                self._publish(result, now_ns)
+            self._publish(self.crew.failed(now_ns), now_ns)
         except Exception as again:
             self._failures.add("the last resort", again)
 
@@ -138,30 +162,27 @@ class SlipVicController(LastResort, LifecycleNode):
     def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Read the arm, make the law, and create topics and services."""
         try:
-            urdf = self.params.robot_description or read_text(
-                self.params.robot_description_file, "parameter robot_description_file"
-            )
-            self.session = ControllerSession(Controller(self.params, urdf, lockstep=self._lockstep))
+            self.crew = self.make_crew()
         except SlipVicError as error:
             self._failure = error
-            if not self.params.auto_activate:
+            if not self.arms_of(self.params)[0].auto_activate:
                 self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
         self._failure = None
-        self.session.set_active(False)
+        self.crew.set_active(False)
         self._create_endpoints()
         return TransitionCallbackReturn.SUCCESS
 
     @_transition
     def on_activate(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Give efforts as soon as every input has been seen."""
-        self.session.set_active(True)
+        self.crew.set_active(True)
         return TransitionCallbackReturn.SUCCESS
 
     @_transition
     def on_deactivate(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Say once that there is no command any more, and give no effort from now on."""
-        self.session.set_active(False)
+        self.crew.set_active(False)
         self._say_no_command()
         return TransitionCallbackReturn.SUCCESS
 
@@ -175,69 +196,43 @@ class SlipVicController(LastResort, LifecycleNode):
     def on_shutdown(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """End: as `on_deactivate` and `on_cleanup`; then the process ends."""
         if self._peers is not None:
-            self.session.set_active(False)
+            self.crew.set_active(False)
             self._say_no_command()
             self._destroy_endpoints()
         self._finished_at = time.monotonic()
         return TransitionCallbackReturn.SUCCESS
 
-    def _say_no_command(self) -> None:
-        newest = self.session.newest_joint
-        if newest is not None and not self._lockstep:
-            self._send_effort.send(newest.stamp_ns, newest.position, newest.velocity, NO_EFFORT)
-
     def _destroy_endpoints(self) -> None:
         self._peers, self._ready = None, False
-        self._state_publisher.close()
+        for arm in self._arms:
+            arm.close()
         for destroy, item in self._endpoints:
             destroy(item)
         self._endpoints = []
 
     def _create_endpoints(self) -> None:
         before = set(self._entities())
-        names, contacts = self.params.joint_names, self.session.contacts
-        self._send_effort = create_sender(self, "effort_command", forms.joint_state(names))
-        self._send_array = (
-            create_sender(self, "effort_controller/commands", forms.numbers(len(names)))
-            if self.params.publish_effort_array
-            else None
-        )
-        self._send_grip = (
-            create_sender(self, "grip_command", forms.number()) if self.params.grip.control == "follow" else None
-        )
-        numbers = 3 + 4 * contacts + 5 + self.session.controller.external
-        self._send_ledger = create_sender(self, "controller/ledger", forms.whole_numbers(numbers))
-        self._state_publisher = StatePublisher(self, self.params.control_period_s, in_background=not self._lockstep)
         self._pub_ready = create_publisher(self, "controller/ready")
-        self._diagnostics = DiagnosticsPublisher(self, self.params.diagnostics.decimation)
-        self._timing = None if self._lockstep else TimingPublisher(self, self.params, self._diagnostics.status)
-        inputs = self._create_inputs()
-        self._goals: GoalInterface | None = None
-        if self.session.controller.external:
-            self._used = create_publisher(self, "controller/reference_used")
-        if self.session.reference_from_topic:
-            create_subscription(self, "reference", self._on_reference, depth=10, reliable=False)
-        elif self.session.controller.external:
-            duration_s = self.params.trajectory.duration_s
-            self._goals = GoalInterface(self, self.session, self._refusals, self._used, duration_s)
-        self._mode = ModeInterface(self, self.session, self._refusals, self._diagnostics.status)
-        self._mode.watch(self._send_effort.publisher.topic_name, inputs)
-        if not self._lockstep:
+        status = create_publisher(self, "/diagnostics")
+        self._arms = tuple(ArmTopics(self, place, self._refusals, status, self._cycle) for place in self.places())
+        inputs = [item for arm in self._arms for item in arm.inputs]
+        if self._lockstep:
+            inputs.append(
+                create_receiver(
+                    self, "lockstep_tick", ("data",), lambda _: _manifest, self._on_tick, self._refusals,
+                    depth=STATE_DEPTH[True], reliable=True, stamp="",
+                )
+            )  # fmt: skip
+        else:
             self.create_timer(WATCHDOG_S, self._on_watchdog, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        published = (*self._diagnostics.publishers, *(self._timing.publishers if self._timing else ()))
-        self._peers = EndpointMatching(
-            self,
-            publishers=[
-                (self._send_effort.publisher, self.params.expected_subscribers),
-                (self._send_ledger.publisher, self.params.expected_subscribers - 1),
-                (self._state_publisher.publisher, self.params.expected_subscribers - 1),
-                *([(self._send_grip.publisher, self.params.expected_subscribers)] if self._send_grip else []),
-                *([(self._used, self.params.expected_subscribers - 1)] if self.session.controller.external else []),
-                *((publisher, self.params.expected_subscribers - 1) for publisher in published),
-            ],
-            subscriptions=inputs,
-        )
+        RequestServices(self, self.crew)
+        publishers = [item for arm in self._arms for item in arm.publishers]
+        self._peers = EndpointMatching(self, publishers=publishers, subscriptions=inputs)
         self._endpoints = [entity for entity in self._entities() if entity not in before]
+
+    def _say_no_command(self) -> None:
+        for arm in self._arms:
+            arm.say_no_command()
 
     def _entities(self) -> Iterator[tuple[Callable[[Any], Any], Any]]:
         """Yield everything that this node has, and what destroys it."""
@@ -250,116 +245,30 @@ class SlipVicController(LastResort, LifecycleNode):
             for item in kind:
                 yield destroy, item
 
-    def _create_inputs(self) -> list[Any]:
-        depth = STATE_DEPTH[self._lockstep]
-
-        def receive(name: str, fields: tuple[str, ...], learn: Any, deliver: Any, **options: Any) -> Any:
-            return create_receiver(
-                self, name, fields, learn, deliver, self._refusals, reliable=self._lockstep, **options
-            )
-
-        order = from_msgs.JointOrder(self.params.joint_names)
-        fields = ("position", "velocity", "effort")
-        learn: Any = partial(from_msgs.joint_samples, order=order)
-        inputs = [receive("joint_states", fields, learn, self._on_joint_state, depth=depth)]
-        for contact in range(self.session.contacts):
-            for name, field, learn, deliver, keep in (
-                ("wrench", "wrench", self._in_frame(WrenchSample, contact), self._on_wrench, depth),
-                (*self._slip_input(contact), SLIP_DEPTH),
-            ):
-                actual = contact_topic(name, contact)
-                inputs.append(receive(name, (field,), learn, partial(deliver, contact), depth=keep, actual_name=actual))
-        if self._lockstep:
-            inputs.append(
-                receive("lockstep_tick", ("data",), lambda _: _manifest, self._on_tick, depth=depth, stamp="")
-            )
-        return inputs
-
-    def _in_frame(self, make: Any, contact: int = -1) -> Any:
-        """Return what checks the frame of a message: the own wrench's, or that of the pad."""
-        frame = self.params.wrench.frame if contact == 0 else ""
-        return partial(from_msgs.in_frame, frame=frame or self.params.ee_frame, make=make)
-
-    def _slip_input(self, contact: int) -> tuple[str, str, Any, Any]:
-        """Return topic, field, reader and callback of what the slip sensor says."""
-        if self.params.slip_input == "displacement":
-            return "slip_displacement", "pose", lambda _: from_msgs.displacement_sample, self._on_displacement
-        if self.params.slip_input == "flag":
-            return "slip_flag", "position", from_msgs.flag_samples, self._on_slip
-        return "slip_velocity", "twist", self._in_frame(from_msgs.slip_sample), self._on_slip
-
     # -- callbacks ---------------------------------------------------------------------------------
 
-    def _on_joint_state(self, sample: JointSample) -> None:
-        self.session.add_joint(sample, self._now_ns())
-        self._cycle()
-
-    def _on_wrench(self, contact: int, sample: WrenchSample) -> None:
-        self.session.add_wrench(contact, sample, self._now_ns())
-        if self._lockstep:
-            self._cycle()
-
-    def _on_slip(self, contact: int, sample: SlipSample) -> None:
-        self.session.add_slip(contact, sample, self._now_ns())
-        if self._lockstep:
-            self._cycle()
-
-    def _on_displacement(self, contact: int, sample: DisplacementSample) -> None:
-        self.session.add_displacement(contact, sample, self._now_ns())
-        if self._lockstep:
-            self._cycle()
-
     def _on_tick(self, manifest: Manifest) -> None:
-        self.session.add_manifest(manifest)
+        self.crew.add_manifest(manifest)
         self._cycle()
-
-    def _on_reference(self, message: Any) -> None:
-        try:
-            read = from_msgs.streamed_reference if governed_stream(self.params) else from_msgs.cartesian_reference
-            reference = read(message)
-        except InputError as error:
-            self._refusals.add("reference", error)
-            return
-        self._used.publish(message)
-        self.session.set_reference(reference)
 
     # -- running -----------------------------------------------------------------------------------
 
-    def _now_ns(self) -> int | None:
-        """Return the controller's clock: steady time; in lockstep None, there it is the joint state's stamp."""
-        return None if self._lockstep else time.monotonic_ns()
-
     def _cycle(self) -> None:
         began_ns = time.monotonic_ns()
-        result = self.session.cycle(began_ns)
-        if result is not None:
-            self._publish(result, began_ns)
+        self._publish(self.crew.cycle(began_ns), began_ns)
 
     def _on_watchdog(self) -> None:
         now_ns = time.monotonic_ns()
-        result = self.session.watchdog(now_ns)
-        if result is not None:
-            self._publish(result, now_ns)
+        self._publish(self.crew.watchdog(now_ns), now_ns)
 
-    def _publish(self, result: CycleResult, began_ns: int) -> None:
+    def _publish(self, results: Results, began_ns: int) -> None:
         if self._peers is None:
             return  # answers a message that was on its way to us when the topics were removed
-        command, joint = result.command, result.joint
-        if self._send_grip is not None:
-            self._send_grip.send(command.stamp_ns, (result.grip,))
-        # Positions and velocities beside the effort, so that viewers draw the robot where it is.
-        self._send_effort.send(command.stamp_ns, joint.position, joint.velocity, command.effort)
-        if self._timing is not None:
-            self._timing.publish(began_ns, result.ledger)
-        if self._send_array is not None and len(command.effort):
-            self._send_array.send(command.stamp_ns, command.effort)
-        self._send_ledger.send(joint.stamp_ns, (*result.ledger, *result.decision))
-        self._state_publisher.publish(self.session)
-        self._mode.publish(result)
-        if self._goals is not None:
-            self._goals.publish()
-        if len(command.effort):
-            self._diagnostics.publish(result)
+        answered = [(arm, result) for arm, result in zip(self._arms, results, strict=True) if result is not None]
+        for arm, result in answered:
+            arm.command(result, began_ns)
+        for arm, result in answered:
+            arm.tell(result)
 
     def announce_when_ready(self) -> None:
         """Tell once that every peer is matched."""
@@ -384,8 +293,20 @@ class SlipVicController(LastResort, LifecycleNode):
             return
         if self.session.active:
             self._say_no_command()
-        missed = self._timing.missed if self._timing is not None else 0
+        missed = sum(arm.missed for arm in self._arms)
         emit(Done({"cycles": self.session.cycles, "missed": missed, "memory_mib": memory_mib()}))
+
+
+def make_controller(params: ControllerNodeParams, base: BaseParams = ORIGIN) -> Controller:
+    """Return the controller of an arm on its base.
+
+    Raises:
+        InputError: parameters and URDF that do not fit.
+    """
+    urdf = params.robot_description or read_text(params.robot_description_file, "parameter robot_description_file")
+    if base != ORIGIN:
+        urdf = placed_urdf(urdf, base.position, base.rotation)
+    return Controller(params, urdf, lockstep=params.mode == "lockstep")
 
 
 def _manifest(_stamp_ns: int, numbers: Any) -> Manifest:

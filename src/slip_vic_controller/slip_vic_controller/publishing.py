@@ -31,9 +31,10 @@ class DiagnosticsPublisher:
     Args:
         node: owner of the publishers.
         decimation: how many cycles per publication.
+        status: the node's publisher of /diagnostics; a second one would make losses uncountable.
     """
 
-    def __init__(self, node: Any, decimation: int) -> None:
+    def __init__(self, node: Any, decimation: int, status: Any) -> None:
         self._decimation = decimation
         self._name = node.get_fully_qualified_name().removeprefix("/")
         self._scalars: Sender | None = None
@@ -43,7 +44,7 @@ class DiagnosticsPublisher:
         self._ee_pose = create_sender(node, "controller/ee_pose", forms.pose())
         self._reference_pose = create_sender(node, "controller/reference_pose", forms.pose())
         self._reference_twist = create_sender(node, "controller/reference_twist", forms.twist(to_msgs.WORLD))
-        self.status = create_publisher(node, "/diagnostics")
+        self._status = status
         senders = (self._stiffness, self._damping, self._ee_pose, self._reference_pose, self._reference_twist)
         self.publishers = (self._scalars_publisher, *(sender.publisher for sender in senders))
         self._last_status: tuple[bool, tuple[int, ...]] | None = None
@@ -71,7 +72,7 @@ class DiagnosticsPublisher:
         level = ERROR if not result.ok else WARN if near or saturated else OK
         values = {"cycle": result.cycle, "near_singular": ", ".join(near), "saturated_joints": saturated}
         text = result.reason or ("ok" if result.ok else "bridged")
-        self.status.publish(to_msgs.diagnostics(stamp_ns, f"{self._name}: law", level, text, values))
+        self._status.publish(to_msgs.diagnostics(stamp_ns, f"{self._name}: law", level, text, values))
 
     def _publish_scalars(self, stamp_ns: int, values: Mapping[str, float]) -> None:
         if self._scalars is None:  # the names are the same in every cycle, and known with the first
@@ -93,7 +94,7 @@ class TimingPublisher:
     Args:
         node: owner of the publisher.
         params: of the controller.
-        status: the node's publisher of /diagnostics; a second one would make losses uncountable.
+        status: the node's publisher of /diagnostics.
     """
 
     def __init__(self, node: Any, params: ControllerNodeParams, status: Any) -> None:

@@ -270,6 +270,11 @@ class ControllerSession:
         return readonly(self._state.law.gravity[: self._joints])
 
     @property
+    def tuned(self) -> ControllerParams:
+        """The parameters that are in effect, or that gains and payload ramp to."""
+        return self._tuned or self.controller.params
+
+    @property
     def newest_joint(self) -> JointSample | None:
         """The last good joint state."""
         joint, n = self._state.joint, self._joints
@@ -376,7 +381,7 @@ class ControllerSession:
         Raises:
             InputError: the values are refused as a whole, or something else has changed; nothing has happened then.
         """
-        now, wanted = flatten(self._tuned or self.controller.params), flatten(params)
+        now, wanted = flatten(self.tuned), flatten(params)
         for name, value in wanted.items():
             if value != now[name] and not name.startswith(RETUNABLE):
                 raise InputError(

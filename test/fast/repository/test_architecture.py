@@ -45,6 +45,7 @@ ALLOWED = {
     "slip_vic_controller.slip_displacement": {"numpy", "slip_core"},
     "slip_vic_controller.snapshot": {"numpy", "slip_core"},
     "slip_vic_controller.team": {"numpy", "slip_core"},
+    "slip_vic_controller.team.node": SHELLS,
     "slip_sim_bridge": SHELLS,
     "slip_sim_bridge.friction": {"numpy", "pydantic", "slip_core"},
     "slip_sim_bridge.plant": {"numpy", "mujoco", "slip_core"},  # no other file knows MuJoCo
@@ -88,6 +89,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_vic_controller.snapshot": {"slip_vic_controller.cycle", "slip_vic_controller.observer"},
     "slip_vic_controller.team": CYCLE
     | {f"slip_vic_controller.{part}" for part in ("arrival", "cycle", "session", "team")},
+    "slip_vic_controller.team.node": {"slip_vic_controller"},
     "slip_adapters.conversions": set(),
     "slip_sim_bridge.friction": {"slip_sim_bridge.friction"},
     "slip_sim_bridge.plant": {f"slip_sim_bridge.{part}" for part in ("plant", "friction", "params", "pair.params")},

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from slip_bringup.pair.measures import COLUMNS, LOST_SLIP_M, internal_wrenches, judge
+from slip_bringup.pair.measures import COLUMNS, LOST_SLIP_M, judge
 from slip_bringup.pair.picture import write_series
 from slip_bringup.pair.scenario import load_pair
 from slip_bringup.pair.study import World, run_draws, summary, write_results
+from slip_sim_bridge.pair.internal import internal_wrenches
 
 SHORT = ("left.bridge.duration_s=0.03", "right.bridge.duration_s=0.03")
 UPRIGHT = "pane_two_arms_upright"
@@ -20,11 +21,15 @@ def test_internal_wrenches_balance_and_the_rest_moves_the_object() -> None:
     rng = np.random.default_rng(4)
     places = [np.array([0.0, 0.2, 0.0]), np.array([0.0, -0.16, 0.03])]
     wrenches = list(rng.normal(size=(2, 6)))
-    parts = internal_wrenches(wrenches, places, [np.eye(3)] * 2, np.zeros(3), 0.02)
+    total, parts = internal_wrenches(wrenches, places, [np.eye(3)] * 2, np.zeros(3), 0.02)
     force = sum(part[:3] for part in parts)
     moment = sum(part[3:] + np.cross(x, part[:3]) for part, x in zip(parts, places, strict=True))
     np.testing.assert_allclose(np.concatenate((force, moment)), 0.0, atol=1e-12)
     assert max(np.abs(part).max() for part in parts) > 0.1
+    np.testing.assert_allclose(total[:3], sum(h[:3] for h in wrenches))
+    np.testing.assert_allclose(
+        total[3:], sum(h[3:] + np.cross(x, h[:3]) for h, x in zip(wrenches, places, strict=True))
+    )
 
 
 def test_a_run_leaves_a_picture_and_its_numbers(tmp_path: Path) -> None:

@@ -9,12 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from slip_bringup.pair.inprocess import TeamLoop, TeamTick, run_pair
-from slip_bringup.pair.measures import internal_wrenches
 from slip_bringup.pair.scenario import LAWS, Mismatch, PairScenario, load_pair
 from slip_bringup.pair.study import draw
 from slip_core.arrays import matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.types import CartesianReference, JointSample
+from slip_sim_bridge.pair.internal import internal_wrenches
 from slip_vic_controller.law.bounds import internal_gain_limit
 from slip_vic_controller.safety.modes import Mode, Request
 
@@ -62,8 +62,8 @@ def test_perfect_sensors_show_the_true_internal_wrench() -> None:
         for k, tick in enumerate(run_pair(scenario)):
             wrenches = [reading.wrench.wrench for reading in tick.outputs.readings]
             centre = tick.outputs.readings[0].truth.position
-            true = internal_wrenches(wrenches, *grasped(scenario, tick), centre, 0.015)
-            bent = internal_wrenches(wrenches, *tick.outputs.pads, centre, 0.015)
+            _, true = internal_wrenches(wrenches, *grasped(scenario, tick), centre, 0.015)
+            _, bent = internal_wrenches(wrenches, *tick.outputs.pads, centre, 0.015)
             for side, result in enumerate(tick.results):
                 worst = max(worst, float(np.abs(result.record.law.h_int - true[side]).max()))
                 largest = max(largest, float(np.abs(bent[side] - true[side]).max()))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from slip_bringup.pair.scenario import PairScenario
 from slip_core.types import EffortCommand
 from slip_sim_bridge.pair.simulation import PairSimulation, PairTick
-from slip_vic_controller.session import CycleResult
+from slip_vic_controller.session import CycleResult, Manifest
 from slip_vic_controller.team.session import SIDES, TeamSession
 
 
@@ -38,6 +38,7 @@ class TeamLoop:
                 team.add_slip(side, slip)
         for side in range(len(SIDES)):
             team.add_joint(side, outputs.joints[side])
+        team.add_manifest(Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2]))
         results = team.cycle()
         answered = tuple(result for result in results if result is not None)
         if len(answered) != len(SIDES):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from slip_bringup.pair.inprocess import TeamTick, run_pair
 from slip_bringup.pair.scenario import PairScenario
 from slip_core.arrays import Array, matrix_from_quat_xyzw
+from slip_sim_bridge.pair.internal import internal_wrenches
 from slip_sim_bridge.plant import DivergenceError
 from slip_vic_controller.safety.modes import Mode
 
@@ -37,32 +37,6 @@ class Judged:
     steady: float
     load: tuple[float, float]
     path: float
-
-
-def internal_wrenches(
-    wrenches: Sequence[Array], places: Sequence[Array], attitudes: Sequence[Array], centre: Array, radius: float
-) -> list[Array]:
-    """Return the internal part of each contact's wrench, on its pad's axes; (6,) each [N, N m].
-
-    h_int,i = h_i - W G_i^T (sum_j G_j W G_j^T)^-1 sum_j G_j h_j with W = diag(1, 1, 1, rho^2, rho^2, rho^2),
-    from the true geometry.
-
-    Args:
-        wrenches: of the object on each pad; (6,) pad axes.
-        places, attitudes: of the pads; (3,) [m], (3, 3) {w}.
-        centre: of the object's mass (3,) [m] {w}.
-        radius: rho [m].
-    """
-    W, turn, G = np.diag([1.0] * 3 + [radius * radius] * 3), [], []
-    for x, R in zip(places, attitudes, strict=True):
-        r = x - centre
-        S = np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
-        G.append(np.block([[np.eye(3), np.zeros((3, 3))], [S, np.eye(3)]]))
-        turn.append(np.kron(np.eye(2), R))
-    world = [T @ h for T, h in zip(turn, wrenches, strict=True)]
-    total = sum(g @ h for g, h in zip(G, world, strict=True))
-    y = np.linalg.solve(sum(g @ W @ g.T for g in G), total)
-    return [T.T @ (h - W @ g.T @ y) for T, h, g in zip(turn, world, G, strict=True)]
 
 
 COLUMNS = ("time_s", "slip_left_m", "slip_right_m", "internal_n", "moment_n_m", "load_left", "load_right", "path_m")
@@ -121,7 +95,7 @@ class _Watch:
             self.load[side] = max(self.load[side], loads[side])
         wrenches = [reading.wrench.wrench for reading in readings]
         places, attitudes = tick.outputs.pads
-        parts = internal_wrenches(wrenches, places, attitudes, truth.position, self._radius)
+        _, parts = internal_wrenches(wrenches, places, attitudes, truth.position, self._radius)
         size = max(float(np.linalg.norm(part[:2])) for part in parts)
         self.internal = max(self.internal, size)
         if now >= self._steady_from:

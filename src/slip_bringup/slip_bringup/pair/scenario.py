@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
-from slip_bringup.scenario import apply_sensor
+from slip_bringup.scenario import ControllerKind, Mode, apply_sensor
 from slip_core.errors import InputError, nearest
+from slip_core.files.placed_urdf import placed_urdf
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.resources import read_text
-from slip_core.grasp_params import Three
+from slip_core.grasp_params import BaseParams, Three
 from slip_core.params import (
     ParameterModel,
     build,
@@ -26,12 +27,13 @@ from slip_core.params import (
     parse_assignment,
     validate,
 )
-from slip_description import pair_names, pair_text, placed_urdf
-from slip_sim_bridge.pair.params import SIDES, BaseParams, PadParams, PairParams
+from slip_description import pair_names, pair_text
+from slip_sim_bridge.pair.params import SIDES, PadParams, PairParams
 from slip_sim_bridge.pair.simulation import PairSimulation
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.presets import load_preset
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.parameters.team_params import TeamParams
 from slip_vic_controller.session import Controller
 from slip_vic_controller.team.session import TeamSession
 
@@ -39,6 +41,10 @@ Law = Literal["classical", "classical_internal", "printed", "shared", "internal"
 """Two classical controllers; the same with internal feedback; the printed law, each arm with its own wrench; all
 wrenches in h_o; all wrenches and internal feedback; the same below the reference governor."""
 LAWS: tuple[Law, ...] = ("classical", "classical_internal", "printed", "shared", "internal", "governed")
+
+
+BY_CONTROLLER: dict[ControllerKind, Law] = {"classical": "classical", "vic": "internal", "governed": "governed"}
+"""What `--controller` means with two arms."""
 
 
 class Mismatch(ParameterModel):
@@ -97,6 +103,50 @@ class PairScenario:
     """URDFs on the bases that the controllers believe in."""
     urdfs: tuple[str, ...]
     """URDFs without a base: the simulation puts them where they really are."""
+    bases: tuple[BaseParams, ...]
+    """Where the controllers believe the bases to be."""
+    modules: ClassVar[dict[str, str]] = {
+        "controller": "slip_vic_controller.team.node",
+        "bridge": "slip_sim_bridge.pair.node",
+        "both": "slip_bringup.pair.both_nodes",
+    }
+    """What runs as a process."""
+
+    @property
+    def controller(self) -> TeamParams:
+        """Parameters of the node that controls both."""
+        left, right = self.controllers
+        return TeamParams(left=left, right=right, left_base=self.bases[0], right_base=self.bases[1])
+
+    @property
+    def arms(self) -> tuple[tuple[str, ControllerNodeParams], ...]:
+        """Prefix of the topics, and parameters of the controller, of each arm."""
+        return tuple(zip([f"{side}/" for side in SIDES], self.controllers, strict=True))
+
+    @property
+    def descriptions(self) -> dict[str, str]:
+        """URDFs as the controllers know them, by the name of the file in a bag."""
+        return {f"{side}.urdf": urdf for side, urdf in zip(SIDES, self.believed, strict=True)}
+
+    def check(self) -> None:
+        """Make controllers and simulation once, so that what does not fit is said before any process starts.
+
+        Raises:
+            InputError: parameters and URDFs that do not fit.
+        """
+        self.team()
+        self.simulation()
+
+    def run_parameters(self, peers: tuple[str, ...]) -> tuple[TeamParams, PairParams]:
+        """Return the parameters of both nodes for a run with these peers."""
+        controller, bridge = self.controller, self.bridge
+        told = {"expected_subscribers": len(peers)}
+        return (
+            controller.model_copy(update={side: getattr(controller, side).model_copy(update=told) for side in SIDES}),
+            bridge.model_copy(
+                update={side: getattr(bridge, side).model_copy(update={"wait_for": peers}) for side in SIDES}
+            ),
+        )
 
     def simulation(self) -> PairSimulation:
         """Return the simulated world."""
@@ -110,7 +160,13 @@ class PairScenario:
 
 
 def load_pair(
-    name_or_path: str, *, law: Law = "internal", seed: int = 0, sensor: str = "", assignments: Iterable[str] = ()
+    name_or_path: str,
+    *,
+    law: Law = "internal",
+    mode: Mode = "lockstep",
+    seed: int = 0,
+    sensor: str = "",
+    assignments: Iterable[str] = (),
 ) -> PairScenario:
     """Read a scenario with two arms by name or path and apply assignments.
 
@@ -129,7 +185,8 @@ def load_pair(
     pad, mismatch = dict(outer.pad.model_dump()), dict(outer.mismatch.model_dump())
     for side in SIDES:
         node = values[side]
-        node["bridge"] |= {"duration_s": outer.duration_s, "seed": seed}
+        node["bridge"] |= {"duration_s": outer.duration_s, "seed": seed, "mode": mode}
+        node["controller"]["mode"] = mode
         node["controller"]["controller"] = "classical" if law.startswith("classical") else "vic"
         if law in ("classical", "printed", "shared"):
             node["controller"]["gains.kappa"] = 0.0
@@ -169,7 +226,15 @@ def load_pair(
         for arm in arms
     )
     believed = tuple(placed_urdf(urdf, base.position, base.rotation) for urdf, base in zip(urdfs, bases, strict=True))
-    return PairScenario(outer.name, outer.description, text, controllers, bridge, believed, urdfs)
+    return PairScenario(outer.name, outer.description, text, controllers, bridge, believed, urdfs, bases)
+
+
+def is_pair(name_or_path: str) -> bool:
+    """Whether a scenario, given by name or path, is one with two arms."""
+    if name_or_path in pair_names():
+        return True
+    path = Path(name_or_path)
+    return path.suffix in (".yaml", ".yml") and path.is_file() and {"left", "right"} <= load_yaml(path).keys()
 
 
 def _read(name_or_path: str) -> tuple[str, str]:

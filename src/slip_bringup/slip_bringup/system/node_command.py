@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from slip_bringup.recording import recorder_command
-from slip_bringup.scenario import NODES, ControllerKind, Mode, Scenario, load_scenario, ros_parameter_file
+from slip_bringup.recording import AnyScenario, recorder_command
+from slip_bringup.scenario import NODES, ControllerKind, Mode, load_scenario, ros_parameter_file
 from slip_bringup.system.processes import python_module
 from slip_core.params import ParameterModel
-from slip_sim_bridge.params import BridgeParams
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
 
 
 def node_module(name: str) -> str:
@@ -29,13 +27,9 @@ def node_command(name: str, params: ParameterModel, folder: Path, *words: str) -
     return python_module(node_module(name), "--ros-args", *parameter_arguments(name, params, folder), *words)
 
 
-def run_parameters(scenario: Scenario, recording: bool) -> tuple[ControllerNodeParams, BridgeParams]:
+def run_parameters(scenario: AnyScenario, recording: bool) -> tuple[ParameterModel, ParameterModel]:
     """Return the parameters of controller and bridge, each of which waits for the others of the run."""
-    peers = ("controller", "recorder") if recording else ("controller",)
-    return (
-        scenario.controller.model_copy(update={"expected_subscribers": len(peers)}),
-        scenario.bridge.model_copy(update={"wait_for": peers}),
-    )
+    return scenario.run_parameters(("controller", "recorder") if recording else ("controller",))
 
 
 @dataclass(frozen=True, slots=True)

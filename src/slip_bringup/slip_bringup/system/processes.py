@@ -135,7 +135,7 @@ class ProcessGroup:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.stop(self.children)
+        self.stop(self.children, in_haste=True)
         if self._killed or any(child.exit_code not in (0, 1, 2) for child in self.children):
             shared_memory.remove_orphans(shared_memory.segments() - self._shm_before)
 
@@ -161,9 +161,12 @@ class ProcessGroup:
                 raise RefusedByChild(failed)
             raise ProtocolError(f"{failed.name} failed with exit code {failed.exit_code}; last lines:\n{failed.tail()}")
 
-    def stop(self, children: Sequence[Child]) -> None:
-        """End these children: SIGINT, SIGTERM, then SIGKILL with all their descendants, each after a grace time."""
-        for number in (signal.SIGINT, signal.SIGTERM):
+    def stop(self, children: Sequence[Child], *, in_haste: bool = False) -> None:
+        """End these children: SIGINT, SIGTERM, then SIGKILL with all their descendants, each after a grace time.
+
+        in_haste: without SIGINT, after which a node waits for its subscribers.
+        """
+        for number in (signal.SIGTERM,) if in_haste else (signal.SIGINT, signal.SIGTERM):
             running = [child for child in children if child.exit_code is None]
             if not running:
                 break

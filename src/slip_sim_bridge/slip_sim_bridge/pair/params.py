@@ -6,18 +6,12 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from slip_core.grasp_params import Six, Three
+from slip_core.grasp_params import BaseParams, Six
 from slip_core.params import ParameterModel, parameter
 from slip_sim_bridge.params import BridgeParams
 
 SIDES = ("left", "right")
-
-
-class BaseParams(ParameterModel):
-    """Where the base of an arm really stands."""
-
-    position: Three = parameter((0.0, 0.0, 0.0), "base of the arm on world axes", unit="m")
-    rotation: Three = parameter((0.0, 0.0, 0.0), "rotation vector of the base on world axes", unit="rad")
+COMMON = ("gravity", "control_period_s", "object", "duration_s", "mode", "wait_for", "stop_after_duration")
 
 
 class PadParams(ParameterModel):
@@ -39,7 +33,7 @@ class PadParams(ParameterModel):
 
 
 class PairParams(ParameterModel):
-    """Two arms, one object. Gravity, control period, duration, seed and the object are those of `left`."""
+    """Two arms, one object; what they have in common (`COMMON`) and the seed are read from `left`."""
 
     left: BridgeParams = Field(default_factory=BridgeParams)
     right: BridgeParams = Field(default_factory=BridgeParams)
@@ -49,9 +43,18 @@ class PairParams(ParameterModel):
 
     @model_validator(mode="after")
     def _one_world(self) -> Self:
-        for name in ("gravity", "control_period_s", "object", "duration_s"):
+        for name in COMMON:
             if getattr(self.left, name) != getattr(self.right, name):
                 raise ValueError(f"{name} of both sides must be equal: there is one world and one object")
+        for side, arm in zip(SIDES, self.arms, strict=True):
+            if arm.grip.control == "follow":
+                raise ValueError(f"{side}.grip.control follow: the grip of two arms is constant")
+            if arm.slip_input != "twist":
+                raise ValueError(f"{side}.slip_input {arm.slip_input}: two arms have slip velocities")
+            if any((*arm.push.wrench, *arm.push.effort)):
+                raise ValueError(f"{side}.push: nobody pushes two arms")
+            if arm.publish_tf:
+                raise ValueError(f"{side}.publish_tf: with two arms the recorder writes /tf")
         if self.left.friction.model != self.right.friction.model:
             raise ValueError("friction.model of both sides must be equal; its numbers may differ")
         return self
@@ -60,6 +63,21 @@ class PairParams(ParameterModel):
     def arms(self) -> tuple[BridgeParams, BridgeParams]:
         """Both sides."""
         return self.left, self.right
+
+    @property
+    def mode(self) -> str:
+        """Lockstep or realtime, of both."""
+        return self.left.mode
+
+    @property
+    def duration_s(self) -> float:
+        """Simulated time of a run [s]."""
+        return self.left.duration_s
+
+    @property
+    def seed(self) -> int:
+        """Seed of the sensor noise; the right arm's sensors have the next one."""
+        return self.left.seed
 
     @property
     def bases(self) -> tuple[BaseParams, BaseParams]:

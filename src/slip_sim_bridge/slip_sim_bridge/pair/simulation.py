@@ -10,12 +10,15 @@ import numpy as np
 
 from slip_core.arrays import Array, readonly
 from slip_core.errors import InputError
+from slip_core.incidents import Incident
 from slip_core.stamps import seconds_to_ns
-from slip_core.types import EffortCommand, JointSample, SlipSample, WrenchSample
-from slip_sim_bridge.pair.params import PairParams
+from slip_core.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
+from slip_sim_bridge.pair.params import SIDES, PairParams
 from slip_sim_bridge.plant import DivergenceError, ReadOut
 from slip_sim_bridge.plant.pair import PairPlant
+from slip_sim_bridge.sensors.params import SensorsParams
 from slip_sim_bridge.sensors.suite import SensorSuite
+from slip_sim_bridge.session import ArmOutputs
 from slip_sim_bridge.simulation import NOT_FINITE, Readings, drive
 
 SIDE_COUNT = 2
@@ -36,6 +39,17 @@ class PairTick(NamedTuple):
     counts: tuple[int, ...]
     readings: tuple[Readings, ...]
     pads: tuple[tuple[Array, ...], tuple[Array, ...]]
+
+    @property
+    def arms(self) -> tuple[ArmOutputs, ...]:
+        """What each arm measures."""
+        each = zip(self.joints, self.wrenches, self.slips, self.readings, strict=True)
+        return tuple(ArmOutputs(joint, (wrenches,), (slips,), truth) for joint, wrenches, slips, truth in each)
+
+    @property
+    def truth(self) -> ObjectTruth:
+        """Ground truth of the object at this tick; slip is that of the left pad."""
+        return self.readings[0].truth
 
 
 class PairSimulation:
@@ -59,14 +73,20 @@ class PairSimulation:
             SensorSuite(arm.model_copy(update={"seed": arm.seed + side})) for side, arm in enumerate(params.arms)
         ]
         self._counts = [0] * (2 * SIDE_COUNT)
-        self._posture: list[Array | None] = [None] * SIDE_COUNT
-        self._diverged = False
         self._stamp_ns = self._start_ns = 0
         self.tick = 0
-        self._applied = [
-            readonly(np.clip(self.plant.holding_effort(side, self._joints(side), 0.0, 0.0), -limit, limit))
-            for side, limit in enumerate(self.plant.effort_limits)
-        ]
+        self._diverged = self._reset_wanted = False
+        self._lost: Incident | None = None
+        self._start()
+
+    def start_at(self, stamp_ns: int) -> None:
+        """Let time begin at this stamp [ns]; before the first tick."""
+        self._stamp_ns = self._start_ns = stamp_ns
+
+    @property
+    def elapsed_s(self) -> float:
+        """Simulated time since the start [s]."""
+        return (self._stamp_ns - self._start_ns) * 1e-9
 
     @property
     def stamp_ns(self) -> int:
@@ -76,7 +96,21 @@ class PairSimulation:
     @property
     def finished(self) -> bool:
         """Whether the run's duration is over."""
-        return self._stamp_ns - self._start_ns >= self._duration_ns
+        over = self._stamp_ns - self._start_ns >= self._duration_ns
+        return self.params.left.stop_after_duration and over
+
+    @property
+    def lost(self) -> Incident | None:
+        """When and how the object left a pad; None while both hold it. The simulation goes on as if they did."""
+        return self._lost
+
+    def set_faults(self, side: int, sensors: SensorsParams) -> None:
+        """Switch sensor faults of one side on and off from the next measurement on."""
+        self._sensors[side].set_faults(sensors)
+
+    def request_reset(self) -> None:
+        """Put both arms and the object back before the next tick; time goes on."""
+        self._reset_wanted = True
 
     def set_grip_force(self, side: int, force: float) -> None:
         """Set the normal force of one grasp from the next step on [N]; 0 lets go.
@@ -90,6 +124,8 @@ class PairSimulation:
 
     def observe(self) -> PairTick:
         """Measure everything at the present stamp; once per tick."""
+        if self._reset_wanted:
+            self._reset()
         readings = tuple(self.truth(side) for side in range(SIDE_COUNT))
         joints, wrenches, slips = [], [], []
         for side, (sensors, truth) in enumerate(zip(self._sensors, readings, strict=True)):
@@ -98,6 +134,7 @@ class PairSimulation:
             joints.append(sensors.joint.update(truth.joint))
             self._counts[2 * side] += len(wrenches[-1])
             self._counts[2 * side + 1] += len(slips[-1])
+            self._look_at_contact(side, truth)
         return PairTick(
             self.tick, self._stamp_ns, tuple(joints), tuple(wrenches), tuple(slips), tuple(self._counts), readings,
             self.plant.pads,
@@ -159,6 +196,37 @@ class PairSimulation:
                 raise DivergenceError("simulation diverged: no finite effort holds the arm")
         applied.setflags(write=False)
         return applied
+
+    def _reset(self) -> None:
+        self.plant.reset()
+        for sensors in self._sensors:
+            sensors.reset()
+        self._start()
+        self._stamp_ns += self._period_ns
+
+    def _start(self) -> None:
+        """Forget what happened: both arms hold the posture of the start."""
+        self._posture: list[Array | None] = [None] * SIDE_COUNT
+        self._diverged = self._reset_wanted = False
+        self._lost = None
+        self._applied = [
+            readonly(np.clip(self.plant.holding_effort(side, self._joints(side), 0.0, 0.0), -limit, limit))
+            for side, limit in enumerate(self.plant.effort_limits)
+        ]
+
+    def _look_at_contact(self, side: int, truth: Readings) -> None:
+        """Notice an object that has slid over the edge of a pad, or that a pad does not grip."""
+        if self._lost is not None:
+            return
+        x, y = truth.numbers[truth.layout.slip_displacement][:2].tolist()
+        edge_x, edge_y = (0.5 * size for size in self.params.arms[side].grip.pad_size[:2])
+        if self.plant.grip[side] <= 0.0:
+            how = "the grip is zero"
+        elif abs(x) > edge_x or abs(y) > edge_y:
+            how = f"it has slid over the pad's edge, {1e3 * math.hypot(x, y):.0f} mm from where it was gripped"
+        else:
+            return
+        self._lost = Incident("lost", self.elapsed_s, f"{SIDES[side]}: the object is lost: {how}")
 
     def _joints(self, side: int) -> Array:
         return self.plant.read(side)[self._at[side].position]

@@ -15,10 +15,11 @@ import numpy as np
 
 from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw, readonly
 from slip_core.errors import InputError
+from slip_core.grasp_params import BaseParams
 from slip_core.records import new, record
 from slip_sim_bridge.friction import friction_law
 from slip_sim_bridge.friction.limit_surface import ROOT_MARGIN
-from slip_sim_bridge.pair.params import SIDES, BaseParams, PairParams
+from slip_sim_bridge.pair.params import SIDES, PairParams
 from slip_sim_bridge.plant import DivergenceError, ReadOut
 from slip_sim_bridge.plant.model import OBJECT, Divergence, arm_spec, compile_spec, effort_limits
 from slip_sim_bridge.plant.pair_step import FRAMES, PAIR, ROWS, pair_after, pair_step, read_pair

@@ -132,48 +132,6 @@ def pair_step(law: FrictionLaw) -> Any:
     """Compile the forces of the coming step for a friction law, which both contacts have."""
     law_layout = law.LAYOUT
 
-    @part
-    def rub(
-        contacts: Any, states: tuple[Array, Array], normal_force: Array, dt: float, A_hat: Array, stick: Array,
-        force: Array, slip: Array,
-    ) -> None:  # fmt: skip
-        """Write force and slip on the axes of slip, until both contacts agree; (6,) each.
-
-        states: parameters of both friction laws, and where their states of the next step go.
-        """
-        laws, following = states
-        for k in range(SLIPPING):
-            force[k] = stick[k]
-        for _ in range(PASSES):
-            change, size = 0.0, 0.0
-            for i in range(CONTACTS):
-                rho, at = contacts[i].radius, 3 * i
-                free = np.zeros(3)
-                for a in range(3):
-                    total = 0.0
-                    for b in range(SLIPPING):
-                        own = at <= b < at + 3
-                        total += A_hat[at + a, b] * ((0.0 if own else force[b]) - stick[b])
-                    free[a] = total
-                block = Sym(
-                    A_hat[at, at], A_hat[at, at + 1], A_hat[at, at + 2], A_hat[at + 1, at + 1],
-                    A_hat[at + 1, at + 2], A_hat[at + 2, at + 2],
-                )  # fmt: skip
-                friction = record(laws[i], law_layout)
-                f_hat, u = Vec(0.0, 0.0, 0.0), Vec(free[0], free[1], rho * free[2])
-                if normal_force[i] > 0.0:
-                    f_hat, u, after = law.solve(
-                        friction, u, scaled(rho, block), normal_force[i], dt, vec(contacts[i].law_state)
-                    )
-                    put(following[at : at + 3], after)
-                new = Vec(f_hat.x, f_hat.y, rho * f_hat.z)
-                old = vec(force[at : at + 3])
-                change, size = max(change, (new - old).norm()), max(size, new.norm())
-                put(force[at : at + 3], new)
-                put(slip[at : at + 3], Vec(u.x, u.y, u.z / rho))
-            if change <= AGREEMENT * size:
-                break
-
     @kernel(INT(IN1, IN1, WHOLE1, IN1, IN1, IN1, IN1, IN2, IN2, IN2, IN2, IN2, IN1, REAL, OUT1, OUT2, OUT1))
     def step(
         factor: Array, inverse_diagonal: Array, tree: Array, qvel: Array, bias: Array, effort: Array, frames: Array,
@@ -233,8 +191,38 @@ def pair_step(law: FrictionLaw) -> Any:
                 B_slip[a, b] = B[slip_row(a), slip_row(b)]
         if not inverse(B_slip, A_hat):
             return 0
-        rubbing, slip, following = np.empty(SLIPPING), np.zeros(SLIPPING), np.zeros(SLIPPING)
-        rub(p.contact, (laws, following), normal_force, dt, A_hat, stick, rubbing, slip)
+        # Force and slip on the axes of slip, until both contacts agree. Not a part of its own: machine code is kept by
+        # the names of what it calls, and a part in here has none, so that every process would compile anew.
+        rubbing, slip, following = stick.copy(), np.zeros(SLIPPING), np.zeros(SLIPPING)
+        for _ in range(PASSES):
+            change, size = 0.0, 0.0
+            for i in range(CONTACTS):
+                rho, at = p.contact[i].radius, 3 * i
+                free = np.zeros(3)
+                for a in range(3):
+                    total = 0.0
+                    for b in range(SLIPPING):
+                        own = at <= b < at + 3
+                        total += A_hat[at + a, b] * ((0.0 if own else rubbing[b]) - stick[b])
+                    free[a] = total
+                block = Sym(
+                    A_hat[at, at], A_hat[at, at + 1], A_hat[at, at + 2], A_hat[at + 1, at + 1],
+                    A_hat[at + 1, at + 2], A_hat[at + 2, at + 2],
+                )  # fmt: skip
+                friction = record(laws[i], law_layout)
+                f_hat, u = Vec(0.0, 0.0, 0.0), Vec(free[0], free[1], rho * free[2])
+                if normal_force[i] > 0.0:
+                    f_hat, u, after = law.solve(
+                        friction, u, scaled(rho, block), normal_force[i], dt, vec(p.contact[i].law_state)
+                    )
+                    put(following[at : at + 3], after)
+                new = Vec(f_hat.x, f_hat.y, rho * f_hat.z)
+                old = vec(rubbing[at : at + 3])
+                change, size = max(change, (new - old).norm()), max(size, new.norm())
+                put(rubbing[at : at + 3], new)
+                put(slip[at : at + 3], Vec(u.x, u.y, u.z / rho))
+            if change <= AGREEMENT * size:
+                break
         for a in range(ROWS):
             total = all_stick[a]
             for k in range(SLIPPING):

@@ -2,21 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
-from slip_core.types import CartesianReference, JointSample, SlipSample, WrenchSample
+from slip_core.types import CartesianReference, DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.arrival import is_silent
+from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.safety.reasons import ACTIVATION
-from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Health
+from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Health, Manifest
+from slip_vic_controller.team.crew import Results, Seat
 from slip_vic_controller.team.cycle import team_cycle
 
 SIDES = ("left", "right")
+NOT_ANSWERED: Results = (None, None)
+
+
+class TeamSeat:
+    """One side of a team: its samples go to both controllers.
+
+    Args:
+        team: whose.
+        side: 0 left, 1 right.
+    """
+
+    def __init__(self, team: TeamSession, side: int) -> None:
+        self._team, self._side = team, side
+
+    def add_joint(self, sample: JointSample, now_ns: int | None = None) -> None:
+        """Take a joint state."""
+        self._team.add_joint(self._side, sample, now_ns)
+
+    def add_wrench(self, _contact: int, sample: WrenchSample, now_ns: int | None = None) -> None:
+        """Take a wrench of the own pad."""
+        self._team.add_wrench(self._side, sample, now_ns)
+
+    def add_slip(self, _contact: int, sample: SlipSample, now_ns: int | None = None) -> None:
+        """Take a slip velocity of the own pad."""
+        self._team.add_slip(self._side, sample, now_ns)
+
+    def add_displacement(self, _contact: int, sample: DisplacementSample, now_ns: int | None = None) -> None:
+        """Take where the own pad is on the object."""
+        self._team.add_displacement(self._side, sample, now_ns)
 
 
 class TeamSession:
@@ -36,6 +67,7 @@ class TeamSession:
         if len({controller.lockstep for controller in controllers}) != 1 or len(controllers) != len(SIDES):
             raise InputError("controllers of a team", got=f"{len(controllers)}", expected="two, both in one mode")
         self.sessions = tuple(ControllerSession(controller) for controller in controllers)
+        self.seats: tuple[Seat, ...] = tuple(TeamSeat(self, side) for side in range(len(SIDES)))
         self._lockstep = controllers[0].lockstep
 
     def add_joint(self, side: int, sample: JointSample, now_ns: int | None = None) -> None:
@@ -44,17 +76,32 @@ class TeamSession:
 
     def add_wrench(self, side: int, sample: WrenchSample, now_ns: int | None = None) -> None:
         """Take a wrench of one side."""
-        for of, session in enumerate(self.sessions):
-            contact = 0 if of == side else 1
-            if contact < session.contacts:
-                session.add_wrench(contact, sample, now_ns)
+        for session, contact in self._know(side):
+            session.add_wrench(contact, sample, now_ns)
 
     def add_slip(self, side: int, sample: SlipSample, now_ns: int | None = None) -> None:
         """Take a slip velocity of one side."""
+        for session, contact in self._know(side):
+            session.add_slip(contact, sample, now_ns)
+
+    def add_displacement(self, side: int, sample: DisplacementSample, now_ns: int | None = None) -> None:
+        """Take where the pad of one side is on the object."""
+        for session, contact in self._know(side):
+            session.add_displacement(contact, sample, now_ns)
+
+    def _know(self, side: int) -> Iterator[tuple[ControllerSession, int]]:
+        """Yield the controllers that know the pad of one side, and its number there."""
         for of, session in enumerate(self.sessions):
             contact = 0 if of == side else 1
             if contact < session.contacts:
-                session.add_slip(contact, sample, now_ns)
+                yield session, contact
+
+    def add_manifest(self, manifest: Manifest) -> None:
+        """Take the list of what belongs to the current lockstep cycle: the left pad's samples, then the right one's."""
+        for side, session in enumerate(self.sessions):
+            own = [(counts[side], counts[1 - side]) for counts in (manifest.wrench_counts, manifest.slip_counts)]
+            wrenches, slips = (counts[: session.contacts] for counts in own)
+            session.add_manifest(Manifest(manifest.tick, manifest.stamp_ns, wrenches, slips))
 
     def set_reference(self, side: int, reference: CartesianReference) -> None:
         """Use this reference of a pad from the next cycle on."""
@@ -77,20 +124,51 @@ class TeamSession:
         for session in self.sessions:
             session.request(request)
 
-    def cycle(self, now_ns: int | None = None) -> tuple[CycleResult | None, ...]:
+    def set_active(self, active: bool) -> None:
+        """Start anew, or answer without effort until then; a fault stays."""
+        for session in self.sessions:
+            session.set_active(active)
+
+    def retune(self, params: Sequence[ControllerParams]) -> None:
+        """Let gains and payload of each arm ramp to these.
+
+        Raises:
+            InputError: one of them is refused; nothing has happened then.
+        """
+        left, right = self.sessions
+        before = left.tuned
+        left.retune(params[0])
+        try:
+            right.retune(params[1])
+        except InputError:
+            left.retune(before)
+            raise
+
+    def cycle(self, now_ns: int | None = None) -> Results:
         """Answer what has come: both arms, or one that is alone because the other's joint states stay away.
 
-        An arm that is alone holds.
+        An arm that is alone holds. Lockstep answers both, when each has all that belongs to the stamp.
 
         Args:
             now_ns: steady time; None, and lockstep, take the stamps of the joint states.
         """
+        if self._lockstep or now_ns is None:
+            if not all(session.complete() for session in self.sessions):
+                return NOT_ANSWERED
+            now_ns = None
         waiting = [session.waiting for session in self.sessions]
         if all(one is not None for one in waiting):
             return self._together([one for one in waiting if one is not None], now_ns)
-        if self._lockstep or now_ns is None:
-            return (None,) * len(SIDES)
+        assert now_ns is not None, "complete sessions have a joint state"
         return tuple(self._alone(side, now_ns) for side in range(len(SIDES)))
+
+    def watchdog(self, now_ns: int) -> Results:
+        """Answer arms whose joint states have stayed away for too long, and those that waited for them."""
+        return NOT_ANSWERED if self._lockstep else self.cycle(now_ns)
+
+    def failed(self, now_ns: int) -> Results:
+        """Go to FAULT with both because the node has failed; return commands where the law has begun."""
+        return tuple(session.failed(now_ns) for session in self.sessions)
 
     def answer(
         self, joints: Sequence[tuple[JointSample, Fault]], nows: Sequence[int], healths: Sequence[Health | None]
@@ -116,8 +194,7 @@ class TeamSession:
         )
 
     def _together(self, joints: Sequence[tuple[JointSample, Fault]], now_ns: int | None) -> tuple[CycleResult, ...]:
-        stamped = now_ns is None or self._lockstep
-        nows = [joint.stamp_ns if stamped else int(now_ns or 0) for joint, _ in joints]
+        nows = [joint.stamp_ns if now_ns is None else now_ns for joint, _ in joints]
         return self.answer(joints, nows, [None] * len(SIDES))
 
     def _alone(self, side: int, now_ns: int) -> CycleResult | None:

@@ -1,0 +1,77 @@
+"""Topics of one arm at the bridge: what its sensors measure goes out, its command and grip come in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from slip_core.types import EffortCommand
+from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
+from slip_msgs_py.messages import forms, from_msgs, to_msgs
+from slip_msgs_py.node_part import NodePart
+from slip_msgs_py.qos import create_publisher, create_subscription
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.session import ArmOutputs
+
+
+class ArmTopics:
+    """What one arm of the bridge says and hears.
+
+    Args:
+        node: owner of everything.
+        prefix: of its topics; empty where it is the only one.
+        params: of this arm.
+        urdf: of this arm, as it stands in the world.
+        refusals: messages that could not be read, for the report.
+        on_command, on_grip: called when a command, or a grip force from a user, has come.
+    """
+
+    def __init__(
+        self, node: Any, prefix: str, params: BridgeParams, urdf: str, refusals: Refusals,
+        on_command: Callable[[EffortCommand], None], on_grip: Callable[[Any], None],
+    ) -> None:  # fmt: skip
+        self.prefix, self._lockstep = prefix, params.mode == "lockstep"
+        part = NodePart(node, prefix)
+        names, frame, order = params.joint_names, params.ee_frame, from_msgs.JointOrder(params.joint_names)
+
+        self._send_joint = create_sender(part, "joint_states", forms.joint_state(names))
+        self._send_wrench = create_sender(part, "wrench", forms.wrench(frame))
+        kinds: dict[str, tuple[str, forms.Form, Any]] = {
+            "twist": ("slip_velocity", forms.twist(frame), to_msgs.slip_numbers),
+            "displacement": ("slip_displacement", forms.pose(frame), lambda sample: sample.pose),
+            "flag": ("slip_flag", forms.flag(), to_msgs.flag_numbers),
+        }
+        name, form, self._slip_numbers = kinds[params.slip_input]
+        self._send_slip = create_sender(part, name, form)
+        self._send_truth = create_sender(part, "slip_truth", forms.slip_truth())
+        create_publisher(part, "robot_description").publish(to_msgs.string(urdf))
+        self.sub_command = create_receiver(
+            part,
+            "effort_command",
+            ("position", "velocity", "effort"),
+            lambda message: from_msgs.effort_commands(message, order),
+            on_command,
+            refusals,
+            depth=10,
+            reliable=self._lockstep,
+        )
+        create_subscription(part, "grip_force", on_grip, depth=10, reliable=False)
+
+    @property
+    def state_publishers(self) -> list[Any]:
+        """Publishers of what a controller waits for."""
+        return [sender.publisher for sender in (self._send_joint, self._send_wrench, self._send_slip)]
+
+    def publish(self, outputs: ArmOutputs) -> None:
+        """Send what the controller waits for."""
+        joint = outputs.joint
+        for wrench in outputs.wrenches[0]:
+            self._send_wrench.send(wrench.stamp_ns, wrench.wrench)
+        for slip in outputs.slips[0]:
+            self._send_slip.send(slip.stamp_ns, self._slip_numbers(slip))
+        self._send_joint.send(joint.stamp_ns, joint.position, joint.velocity, joint.effort)
+
+    def publish_truth(self, stamp_ns: int, outputs: ArmOutputs) -> None:
+        """Send what nobody waits for."""
+        truth = outputs.readings.truth
+        self._send_truth.send(stamp_ns, truth.slip_displacement, truth.slip_velocity)
