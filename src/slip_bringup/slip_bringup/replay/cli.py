@@ -19,16 +19,18 @@ def verify(bag_path: Path, assignments: tuple[str, ...], from_s: float) -> None:
     Exit code 0: identical. 1: not, with the first difference. 2: this bag cannot be verified.
     """
     from slip_bags.reader import Bag
-    from slip_bringup.replay.run_data import read_run
+    from slip_bringup.replay.run_data import TeamRun, is_team, read_run, read_team
     from slip_bringup.replay.verify import other_software, verify_run
     from slip_core.params import parse_assignment
 
     console = Console(stderr=True)
     with Bag(bag_path) as opened:
-        run = read_run(opened, dict(parse_assignment(text) for text in assignments))
+        changes = dict(parse_assignment(text) for text in assignments)
+        run = read_team(opened, changes) if is_team(opened) else read_run(opened, changes)
         notes = other_software(opened.custom_data)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("replaying", total=len(run.ledger))
+        sides = run.sides if isinstance(run, TeamRun) else (run,)
+        task = progress.add_task("replaying", total=sum(len(side.ledger) for side in sides))
         verdict = verify_run(run, lambda: progress.advance(task), from_s)
     click.echo(verdict.text())
     if not verdict.identical:

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_bringup.replay.run_data import LedgerEntry, RecordedRun
+from slip_bringup.replay.run_data import LedgerEntry, RecordedRun, TeamRun
 from slip_core.errors import InputError
 from slip_core.types import JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.safety.reasons import JOINT_STATES
-from slip_vic_controller.session import Controller, ControllerSession, Health
+from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Health
 from slip_vic_controller.snapshot import from_text
+from slip_vic_controller.team.session import SIDES, Asked, TeamSession
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,21 +128,133 @@ def replay(run: RecordedRun, begin: int = 0) -> Iterator[Divergence | None]:
 
     The ledger gives the inputs, clock, verdicts and requests of every cycle; the rest is code.
     """
-    session = ControllerSession(Controller(run.params, run.urdf, lockstep=run.params.mode == "lockstep"))
-    samples = _Samples(run)
-    changes = {change.index: change.params for change in run.changes}
-    if begin > 0:
-        session.restore(from_text(run.states[run.ledger[begin].cycle]))
-        samples.previous(run.ledger[begin - 1])
-        for index in [index for index in changes if index < begin]:
-            session.know(changes.pop(index))
+    arm = _Arm(ControllerSession(_controller(run)), run, begin)
     for index in range(begin, len(run.ledger)):
-        entry, effort = run.ledger[index], run.efforts[index]
-        if index in changes:
-            session.retune(changes[index])
-        _take(session, run, entry)
-        mode, replayed = _cycle(session, samples, entry)
-        yield _compare(run, entry, effort, replayed, mode)
+        entry = arm.begin(index)
+        yield _compare(run, entry, run.efforts[index], arm.cycle(entry))
+
+
+def replay_team(run: TeamRun, from_s: float = 0.0) -> Iterator[Divergence | None]:
+    """Yield per cycle and arm what `replay` does; both arms ran in one controller.
+
+    Args:
+        run: the run.
+        from_s: begin no earlier than this many seconds after the first cycle.
+
+    Raises:
+        InputError: as of `replay`.
+    """
+    team = TeamSession([_controller(side) for side in run.sides])
+    begins = team_begins(run, from_s)
+    arms = [_Arm(*each) for each in zip(team.sessions, run.sides, begins, strict=True)]
+    at = list(begins)
+    while any(index < len(side.ledger) for index, side in zip(at, run.sides, strict=True)):
+        entries = [
+            side.ledger[index] if index < len(side.ledger) else None for index, side in zip(at, run.sides, strict=True)
+        ]
+        turn = _turn(entries)
+        begun = {side: arms[side].begin(at[side]) for side in turn}
+        if len(turn) == len(arms):
+            answered = team.answer([arms[side].asked(entry, together=True) for side, entry in begun.items()])
+            results = dict(zip(turn, answered, strict=True))
+            for side, entry in begun.items():
+                arms[side].end(entry)
+        else:
+            results = {side: arms[side].cycle(entry) for side, entry in begun.items()}
+        for side, result in results.items():
+            found = _compare(run.sides[side], begun[side], run.sides[side].efforts[at[side]], result)
+            yield None if found is None else replace(found, topic=f"{SIDES[side]}/{found.topic}")
+            at[side] += 1
+
+
+def _controller(run: RecordedRun) -> Controller:
+    return Controller(run.params, run.urdf, lockstep=run.params.mode == "lockstep")
+
+
+def team_begins(run: TeamRun, from_s: float) -> tuple[int, ...]:
+    """Return where in both ledgers a replay begins, as of `first_index`: in one cycle of both."""
+    left, right = run.sides
+    first = first_index(left, from_s)
+    if first == 0:
+        return 0, first_index(right)
+    now_ns = left.ledger[first].now_ns
+    for index, entry in enumerate(right.ledger):
+        if entry.now_ns == now_ns and entry.cycle in right.states:
+            return first, index
+    raise InputError(
+        "the ledgers", got=f"no state of the right arm in cycle {left.ledger[first].cycle} of the left one",
+        expected="states of both arms in the same cycle",
+    )  # fmt: skip
+
+
+def _turn(entries: Sequence[LedgerEntry | None]) -> tuple[int, ...]:
+    """Return whose cycle is next: that of both, where they share a clock and no watchdog ran, or of the earlier one."""
+    left, right = entries
+    if left is None or right is None:
+        return (0,) if right is None else (1,)
+    if left.now_ns != right.now_ns:
+        return (0,) if left.now_ns < right.now_ns else (1,)
+    alone = any(Health.from_code(entry.health).joint == Fault.SILENT for entry in (left, right))
+    return (0,) if alone else (0, 1)
+
+
+class _Arm:
+    """One controller on its way through a ledger.
+
+    Args:
+        session: of the controller.
+        run: what was recorded.
+        begin: index in the ledger.
+    """
+
+    def __init__(self, session: ControllerSession, run: RecordedRun, begin: int) -> None:
+        self._session, self._run, self._samples = session, run, _Samples(run)
+        self._changes = {change.index: change.params for change in run.changes}
+        if begin > 0:
+            session.restore(from_text(run.states[run.ledger[begin].cycle]))
+            self._samples.previous(run.ledger[begin - 1])
+            for index in [index for index in self._changes if index < begin]:
+                session.know(self._changes.pop(index))
+
+    def begin(self, index: int) -> LedgerEntry:
+        """Take what had come since the cycle before, and return the entry of this one."""
+        entry = self._run.ledger[index]
+        if index in self._changes:
+            self._session.retune(self._changes[index])
+        _take(self._session, self._run, entry)
+        self._session.request(Request(entry.request))
+        return entry
+
+    def asked(self, entry: LedgerEntry, *, together: bool = False) -> Asked:
+        """Put the samples of a cycle in place, and return what it asks of this arm.
+
+        together: a cycle of both arms, which finds anew whether one holds because of the other.
+        """
+        session, samples, health = self._session, self._samples, Health.from_code(entry.health)
+        if together and health.outside == Fault.OTHER_ARM:
+            health = health._replace(outside=Fault.NONE)
+        joint = samples.joint(entry)
+        if samples.waits(entry):
+            session.give(joint, (), (), (), entry.now_ns)
+            return Asked(joint, health.joint, entry.now_ns, JOINT_STATES, health)
+        new_slips = samples.new_slips(entry)
+        session.give(joint, samples.wrenches(entry), samples.slips(entry), new_slips, entry.now_ns)
+        return Asked(joint, health.joint, entry.now_ns, 0, health)
+
+    def end(self, entry: LedgerEntry) -> None:
+        """Begin anew after a cycle that waited for an input, as the run did."""
+        if self._samples.waits(entry):
+            self._session.set_active(self._session.active)
+
+    def cycle(self, entry: LedgerEntry) -> CycleResult:
+        """Run a cycle of this arm alone."""
+        session, newest = self._session, self._session.newest_joint
+        if Health.from_code(entry.health).joint == Fault.SILENT and session.begun and newest is not None:
+            # The watchdog's cycle: no joint state, so nothing of the input side takes part.
+            return session.without_joint_state(newest, entry.now_ns)[0]
+        result = session.answer(*self.asked(entry))
+        self.end(entry)
+        return result
 
 
 def _take(session: ControllerSession, run: RecordedRun, entry: LedgerEntry) -> None:
@@ -160,29 +273,11 @@ def _take(session: ControllerSession, run: RecordedRun, entry: LedgerEntry) -> N
             session.set_reference(item)
 
 
-def _cycle(session: ControllerSession, samples: _Samples, entry: LedgerEntry) -> tuple[int, NDArray[np.float64]]:
-    health = Health.from_code(entry.health)
-    session.request(Request(entry.request))
-    newest = session.newest_joint
-    if health.joint == Fault.SILENT and session.begun and newest is not None:
-        # The watchdog's cycle: no joint state, so nothing of the input side takes part.
-        result, _ = session.without_joint_state(newest, entry.now_ns)
-        return int(result.mode), result.command.effort
-    joint = samples.joint(entry)
-    if samples.waits(entry):
-        session.give(joint, (), (), (), entry.now_ns)
-        result = session.answer(joint, health.joint, entry.now_ns, JOINT_STATES, health)
-        session.set_active(session.active)  # the run waited for an input, and began anew after it
-    else:
-        new_slips = samples.new_slips(entry)
-        session.give(joint, samples.wrenches(entry), samples.slips(entry), new_slips, entry.now_ns)
-        result = session.answer(joint, health.joint, entry.now_ns, 0, health)
-    return int(result.mode), result.command.effort
-
-
 def _compare(
-    run: RecordedRun, entry: LedgerEntry, recorded: NDArray[np.float64], replayed: NDArray[np.float64], mode: int
+    run: RecordedRun, entry: LedgerEntry, recorded: NDArray[np.float64], result: CycleResult
 ) -> Divergence | None:
+    mode, replayed = int(result.mode), result.command.effort
+
     def differs(topic: str, field: str, one: float, other: float, ulps: int | None) -> Divergence:
         return Divergence(entry.cycle, entry.joint_ns, topic, field, one, other, ulps)
 

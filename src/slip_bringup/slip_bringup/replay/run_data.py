@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import yaml
@@ -15,7 +15,7 @@ from slip_bags.series import Series
 from slip_core.arrays import readonly
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
-from slip_core.params import build, current_names, flat_names, flatten
+from slip_core.params import Model, build, current_names, flat_names, flatten
 from slip_core.topics import contact_topic
 from slip_core.types import CartesianReference, JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_msgs_py.messages.from_msgs import (
@@ -27,8 +27,10 @@ from slip_msgs_py.messages.from_msgs import (
     slip_sample,
 )
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.parameters.team_params import TeamParams
 from slip_vic_controller.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.snapshot import cycle_of
+from slip_vic_controller.team.session import SIDES
 
 LEDGER: Final = "controller/ledger"
 STATE: Final = "controller/state"
@@ -98,26 +100,77 @@ class RecordedRun:
     given: tuple[CartesianReference | PoseGoal, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class TeamRun:
+    """A run of two arms in one controller, left first."""
+
+    sides: tuple[RecordedRun, RecordedRun]
+
+
 def read_run(bag: Bag, overrides: dict[str, Any]) -> RecordedRun:
     """Read a run from its bag; `overrides` replaces parameters by dotted name, with or without ``controller.``.
 
     Raises:
         InputError: something a replay needs is not in the bag, or messages were lost.
     """
-    prefix = _namespace(bag)
-    params = _parameters(bag, overrides)
-    contacts = len(params.contacts.position) // 3
+    prefix, params = _namespace(bag), _parameters(bag, ControllerNodeParams, overrides)
+    source = _Source(bag, prefix, prefix, f"{prefix}{NODE}")
+    return _read_arm(source, params, [contact_topic("", index) for index in range(len(params.contacts.position) // 3)])
+
+
+def read_team(bag: Bag, overrides: dict[str, Any]) -> TeamRun:
+    """Read a run of two arms from its bag; `overrides` as of `read_run`, names begin with ``left.`` or ``right.``.
+
+    Raises:
+        InputError: as of `read_run`.
+    """
+    root, params = _team_namespace(bag), _parameters(bag, TeamParams, overrides)
+    left, right = (
+        _read_arm(
+            _Source(bag, root, f"{root}{side}/", f"{root}{NODE}", side),
+            own,
+            ["", f"../{other}/"][: len(own.contacts.position) // 3],
+        )
+        for side, other, own in zip(SIDES, reversed(SIDES), params.arms, strict=True)
+    )
+    return TeamRun((left, right))
+
+
+def is_team(bag: Bag) -> bool:
+    """Whether a bag is the recording of two arms in one controller."""
+    return all(any(name.endswith(f"/{side}/{LEDGER}") for name in bag.topics) for side in SIDES)
+
+
+class _Source(NamedTuple):
+    """Where an arm's run is in a bag.
+
+    root: namespace of the node; prefix: of the arm's topics; node: full name; side: of the arm, empty if it is alone.
+    """
+
+    bag: Bag
+    root: str
+    prefix: str
+    node: str
+    side: str = ""
+
+    def contact(self, place: str) -> str:
+        """Return the prefix of a contact's topics, given as seen from the arm's own."""
+        return self.root + place.removeprefix("../") if place.startswith("../") else self.prefix + place
+
+
+def _read_arm(source: _Source, params: ControllerNodeParams, contacts: Sequence[str]) -> RecordedRun:
+    bag, prefix = source.bag, source.prefix
     ledger_series = _complete(bag, prefix + LEDGER)
-    ledger = tuple(_entry(row, contacts) for row in ledger_series["data"].tolist())
     order = JointOrder(params.joint_names)
+    places = [source.contact(place) for place in contacts]
     return RecordedRun(
         params=params,
-        changes=_changes(bag, f"{prefix}{NODE}", params, ledger_series),
-        urdf=_attachment(bag, URDF),
-        ledger=ledger,
+        changes=_changes(source, params, ledger_series),
+        urdf=_attachment(bag, f"{source.side}.urdf" if source.side else URDF),
+        ledger=tuple(_entry(row, len(contacts)) for row in ledger_series["data"].tolist()),
         joints=_joints(_complete(bag, f"{prefix}joint_states"), order),
-        wrenches=tuple(_wrenches(bag, prefix + contact_topic("wrench", index)) for index in range(contacts)),
-        slips=tuple(_slips(bag, prefix, params, index) for index in range(contacts)),
+        wrenches=tuple(_wrenches(bag, f"{place}wrench") for place in places),
+        slips=tuple(_slips(bag, place, params) for place in places),
         efforts=_efforts(_complete(bag, f"{prefix}effort_command"), ledger_series, order),
         states=_states(bag, prefix + STATE),
         given=_given(bag, prefix + GIVEN, params),
@@ -150,13 +203,22 @@ def _namespace(bag: Bag) -> str:
     return found[0]
 
 
+def _team_namespace(bag: Bag) -> str:
+    ends = f"{SIDES[0]}/{LEDGER}"
+    found = [name.removesuffix(ends) for name in bag.topics if name.endswith(f"/{ends}")]
+    if len(found) != 1:
+        got = f"{len(found)} topics {ends}"
+        raise InputError(f"bag {bag.path}", got=got, expected="the recording of one controller of two arms")
+    return found[0]
+
+
 def _attachment(bag: Bag, name: str) -> str:
     if name not in bag.attachments:
         raise InputError(f"bag {bag.path}", got=f"no attachment {name}", expected="a bag of `slip-vic run --record`")
     return bag.attachments[name].decode("utf-8")
 
 
-def _parameters(bag: Bag, overrides: dict[str, Any]) -> ControllerNodeParams:
+def _parameters(bag: Bag, model: type[Model], overrides: dict[str, Any]) -> Model:
     try:
         (node,) = read_yaml(_attachment(bag, PARAMETERS)).values()
         values = _recorded_names(flat_names(node["ros__parameters"]))
@@ -164,8 +226,8 @@ def _parameters(bag: Bag, overrides: dict[str, Any]) -> ControllerNodeParams:
         got = f"{type(error).__name__} {error}"
         raise InputError(f"{PARAMETERS} of {bag.path}", got=got, expected="a ROS parameter file") from None
     named = {name.removeprefix("controller.") if name != "controller" else name: v for name, v in overrides.items()}
-    named = current_names(ControllerNodeParams, named, "--set")
-    return build(ControllerNodeParams, {**values, **named}, f"{PARAMETERS} of {bag.path}")
+    named = current_names(model, named, "--set")
+    return build(model, {**values, **named}, f"{PARAMETERS} of {bag.path}")
 
 
 def _recorded_names(values: dict[str, Any]) -> dict[str, Any]:
@@ -173,16 +235,17 @@ def _recorded_names(values: dict[str, Any]) -> dict[str, Any]:
     return current_names(ControllerNodeParams, values, "a bag", warn=lambda _: None)
 
 
-def _changes(bag: Bag, node: str, params: ControllerNodeParams, ledger: Series) -> tuple[ParameterChange, ...]:
+def _changes(source: _Source, params: ControllerNodeParams, ledger: Series) -> tuple[ParameterChange, ...]:
     """Read what was set at run time; node and ledger share a thread and a clock, so their order is exact."""
-    if EVENTS not in bag.topics:
+    if EVENTS not in source.bag.topics:
         return ()
-    changes = []
-    for message in bag.messages(EVENTS):
+    changes, own = [], f"{source.side}." if source.side else ""
+    for message in source.bag.messages(EVENTS):
         event = message.value
-        if event.node != node or not event.changed_parameters:
+        if event.node != source.node or not event.changed_parameters:
             continue
-        changed = _recorded_names({item.name: _parameter_value(item.value) for item in event.changed_parameters})
+        given = {item.name: _parameter_value(item.value) for item in event.changed_parameters}
+        changed = _recorded_names({name.removeprefix(own): v for name, v in given.items() if name.startswith(own)})
         names = flatten(params)
         params = build(ControllerNodeParams, names | {k: v for k, v in changed.items() if k in names}, EVENTS)
         index = int(np.searchsorted(ledger.publish_time_ns, message.publish_time_ns))
@@ -266,12 +329,12 @@ def _wrenches(bag: Bag, topic: str) -> dict[int, WrenchSample]:
     return {stamp: WrenchSample(stamp, row) for stamp, row in rows}
 
 
-def _slips(bag: Bag, prefix: str, params: ControllerNodeParams, contact: int) -> dict[int, SlipSample]:
+def _slips(bag: Bag, prefix: str, params: ControllerNodeParams) -> dict[int, SlipSample]:
     if params.slip_input == "displacement":
-        return _displacements(bag, prefix + contact_topic("slip_displacement", contact))
+        return _displacements(bag, f"{prefix}slip_displacement")
     if params.slip_input == "flag":
-        return _flags(bag, prefix + contact_topic("slip_flag", contact))
-    topic = prefix + contact_topic("slip_velocity", contact)
+        return _flags(bag, f"{prefix}slip_flag")
+    topic = f"{prefix}slip_velocity"
     series = _complete(bag, topic)
     rows = zip(_stamps(series, topic), _six(series, "twist.linear", "twist.angular"), strict=True)
     return {stamp: slip_sample(stamp, readonly(row)) for stamp, row in rows}

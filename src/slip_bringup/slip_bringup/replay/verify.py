@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from slip_bags.provenance import provenance
 from slip_bringup.recording import versions
-from slip_bringup.replay.replay import Divergence, first_index, replay
-from slip_bringup.replay.run_data import RecordedRun
+from slip_bringup.replay.replay import Divergence, first_index, replay, replay_team, team_begins
+from slip_bringup.replay.run_data import RecordedRun, TeamRun
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,20 +39,29 @@ class Comparison:
         )
 
 
-def verify_run(run: RecordedRun, on_cycle: Callable[[], None] = lambda: None, from_s: float = 0.0) -> Comparison:
+def verify_run(
+    run: RecordedRun | TeamRun, on_cycle: Callable[[], None] = lambda: None, from_s: float = 0.0
+) -> Comparison:
     """Replay a run; `on_cycle` is called after every cycle; from_s: begin so many seconds after the first cycle.
 
     Raises:
         InputError: the run cannot be replayed from its bag.
     """
+    begins: tuple[int, ...]
+    sides: tuple[RecordedRun, ...]
+    if isinstance(run, TeamRun):
+        begins, sides, cycles = team_begins(run, from_s), run.sides, replay_team(run, from_s)
+    else:
+        begins, sides = (first_index(run, from_s),), (run,)
+        cycles = replay(run, begins[0])
     different, first = 0, None
-    begin = first_index(run, from_s)
-    for divergence in replay(run, begin):
+    for divergence in cycles:
         on_cycle()
         if divergence is not None:
             different += 1
             first = first or divergence
-    return Comparison(len(run.ledger) - begin, sum(len(effort) for effort in run.efforts[begin:]), different, first)
+    rest = [side.efforts[begin:] for side, begin in zip(sides, begins, strict=True)]
+    return Comparison(sum(map(len, rest)), sum(len(effort) for efforts in rest for effort in efforts), different, first)
 
 
 def other_software(custom_data: Mapping[str, str]) -> list[str]:

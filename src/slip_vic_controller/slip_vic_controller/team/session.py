@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,16 @@ from slip_vic_controller.team.cycle import team_cycle
 
 SIDES = ("left", "right")
 NOT_ANSWERED: Results = (None, None)
+
+
+class Asked(NamedTuple):
+    """What a cycle asks of one arm; as of `ControllerSession.answer`."""
+
+    joint: JointSample
+    fault: Fault
+    now_ns: int
+    missing: int
+    health: Health | None = None
 
 
 class TeamSeat:
@@ -170,32 +181,25 @@ class TeamSession:
         """Go to FAULT with both because the node has failed; return commands where the law has begun."""
         return tuple(session.failed(now_ns) for session in self.sessions)
 
-    def answer(
-        self, joints: Sequence[tuple[JointSample, Fault]], nows: Sequence[int], healths: Sequence[Health | None]
-    ) -> tuple[CycleResult, ...]:
-        """Run one cycle of both arms.
-
-        Args:
-            joints: joint state of each, and its fault.
-            nows: the controller's clock.
-            healths: of the inputs, of a replay; None = found by input validation.
-        """
-        records = [
-            session.prepare(joint, fault, now, 0 if session.active else ACTIVATION, health)
-            for session, (joint, fault), now, health in zip(self.sessions, joints, nows, healths, strict=True)
-        ]
+    def answer(self, asked: Sequence[Asked]) -> tuple[CycleResult, ...]:
+        """Run one cycle of both arms."""
+        records = [session.prepare(*one) for session, one in zip(self.sessions, asked, strict=True)]
         buffers: list[Array] = []
         for session, (inputs, outputs) in zip(self.sessions, records, strict=True):
             buffers += [session.controller.config, session.buffer, inputs, outputs]
         team_cycle(*buffers)
         return tuple(
-            CycleResult(session.controller, joint, inputs, outputs)
-            for session, (joint, _), (inputs, outputs) in zip(self.sessions, joints, records, strict=True)
+            CycleResult(session.controller, one.joint, inputs, outputs)
+            for session, one, (inputs, outputs) in zip(self.sessions, asked, records, strict=True)
         )
 
     def _together(self, joints: Sequence[tuple[JointSample, Fault]], now_ns: int | None) -> tuple[CycleResult, ...]:
-        nows = [joint.stamp_ns if now_ns is None else now_ns for joint, _ in joints]
-        return self.answer(joints, nows, [None] * len(SIDES))
+        return self.answer(
+            [
+                Asked(joint, fault, joint.stamp_ns if now_ns is None else now_ns, 0 if session.active else ACTIVATION)
+                for session, (joint, fault) in zip(self.sessions, joints, strict=True)
+            ]
+        )
 
     def _alone(self, side: int, now_ns: int) -> CycleResult | None:
         """Answer an arm whose partner is silent or holds; return what the watchdog says where it is silent itself.
