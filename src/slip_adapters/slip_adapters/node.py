@@ -6,6 +6,7 @@ the controller with `slip_delay_s` by how much that is late.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import sys
 from collections.abc import Callable
@@ -13,6 +14,7 @@ from typing import Any
 
 import rclpy
 from geometry_msgs.msg import Vector3, Wrench, WrenchStamped
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
@@ -128,12 +130,11 @@ def run(adapter: Callable[[], Adapter]) -> int:
     """Run one adapter until it is stopped; bad input of a user is one line, exit code 2."""
     rclpy.init()
     try:
-        rclpy.spin(adapter())
+        with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):  # a wanted end
+            rclpy.spin(adapter())
     except InputError as error:
         print(error, file=sys.stderr)
         return 2
-    except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
-        pass
     finally:
         rclpy.try_shutdown()
     return 0

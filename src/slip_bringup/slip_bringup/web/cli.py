@@ -51,7 +51,7 @@ def watch(namespace: str, domain_id: int | None, host: str, port: int, rate: flo
     if domain_id is not None:
         os.environ["ROS_DOMAIN_ID"] = str(domain_id)
     from slip_bags.ros_node import ros_node
-    from slip_bringup.web.live import Audience
+    from slip_bringup.web.audience import Audience
     from slip_bringup.web.live import watch as run_watch
     from slip_msgs_py.stop_flag import StopFlag
 

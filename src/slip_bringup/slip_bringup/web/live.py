@@ -1,17 +1,13 @@
 """`slip-vic watch`: the page of a run while it runs, fed from the topics.
 
 One loop takes the newest message of each topic some times a second; what came between is dropped by the middleware, so
-the cost does not grow with the work of the page. A thread per browser sends it the model once, then numbers.
+the cost does not grow with the work of the page.
 """
 
 from __future__ import annotations
 
-import contextlib
-import http
-import queue
-import socket
-import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -20,17 +16,14 @@ import numpy as np
 from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 from scipy.spatial.transform import Rotation
-from websockets.datastructures import Headers
-from websockets.exceptions import ConnectionClosed
-from websockets.http11 import Request, Response
-from websockets.sync.server import Server, ServerConnection, serve
 
 from slip_bags.layout import Layout, Schema
 from slip_bags.recording.raw_subscription import RawSubscription, recording_qos
 from slip_bags.typedefs import find_definition
+from slip_bringup.web.audience import Audience
 from slip_bringup.web.packing import Packer
-from slip_bringup.web.page import assemble
 from slip_bringup.web.plots import describe_plots, plot_series
 from slip_bringup.web.runs import (
     Arm,
@@ -44,7 +37,6 @@ from slip_bringup.web.runs import (
 )
 from slip_bringup.web.urdf import box_of
 from slip_core.arrays import Array
-from slip_core.errors import InputError
 from slip_core.topics import TOPICS
 from slip_msgs_py.qos import message_class
 from slip_sim_bridge.params import BridgeParams
@@ -57,10 +49,6 @@ DISCOVERY_S: Final = 1.0
 ASK_S: Final = 2.0
 SETTLE_S: Final = 1.0
 _HEAD: Final = 12  # encapsulation and stamp: texts and numbers come behind
-QUEUED: Final = 50
-"""Frames that may wait for a slow browser; then it gets the next newest ones."""
-MODEL: Final = "model"
-"""Tells a browser that the next message is a model, not a frame."""
 
 
 class Message:
@@ -101,13 +89,10 @@ class Topic:
 
     def take(self) -> bool:
         """Take what is there; return whether there is something new."""
-        found = None
-        for found in self._subscription.drain():  # noqa: B007 - the last one counts
-            pass
-        if found is None:
-            return False
-        self.newest = self._read(found.data)
-        return True
+        last = deque(self._subscription.drain(), maxlen=1)
+        if last:
+            self.newest = self._read(last[0].data)
+        return bool(last)
 
     def _read(self, data: bytes) -> Message:
         end = self._layout.texts[-1].places[-1][0] if self._layout and self._names else 0
@@ -302,9 +287,8 @@ def ask_parameters(node: Node, name: str) -> dict[str, Any]:
         future = client.call_async(GetParameters.Request(names=list(ASKED)))
         executor.spin_until_future_complete(future, timeout_sec=ASK_S)
         answer = future.result()
-        kinds = {1: "bool_value", 3: "double_value", 4: "string_value", 6: "bool_array_value"}
         values = [] if answer is None else answer.values
-        return {key: getattr(v, kinds[v.type]) for key, v in zip(ASKED, values, strict=False) if v.type in kinds}
+        return {key: parameter_value_to_python(v) for key, v in zip(ASKED, values, strict=False) if v.type}
     finally:
         executor.shutdown()
         asker.destroy_node()
@@ -314,83 +298,6 @@ def _stamp(arm: WatchedArm) -> int:
     newest = arm.topics["joint_states"].newest
     assert newest is not None
     return newest.stamp_ns
-
-
-class Audience:
-    """The browsers: serves the page, sends each the model and then frames."""
-
-    def __init__(self, host: str, port: int) -> None:
-        self._page = assemble(
-            live=True, title="slip-vic watch", table="", words="", facts="", notes="", data="", description=""
-        ).encode()
-        self._model = b""
-        self._queues: dict[queue.Queue[bytes], ServerConnection] = {}
-        self._lock = threading.Lock()
-        self._over = False
-        try:
-            self._server: Server = serve(self._attend, host, port, process_request=self._answer, compression=None)
-        except OSError as error:
-            got = error.strerror or str(error)
-            raise InputError(
-                f"address {host}:{port}", got=got, expected="a free port", fix="choose another --port"
-            ) from None
-        self.port = int(self._server.socket.getsockname()[1])
-        threading.Thread(target=self._server.serve_forever, name="watch-server", daemon=True).start()
-
-    @property
-    def present(self) -> bool:
-        """Whether anybody watches."""
-        return bool(self._queues)
-
-    def begin(self, model: bytes) -> None:
-        """Take another model and send it."""
-        with self._lock:
-            self._model = model
-            for waiting in self._queues:
-                waiting.put(model)
-
-    def send(self, data: bytes) -> None:
-        """Send a frame to everybody; who is slow misses some."""
-        with self._lock:
-            for waiting in self._queues:
-                if waiting.qsize() < QUEUED:
-                    waiting.put(data)
-
-    def close(self) -> None:
-        """Let go of every browser at once, one that is slow would be waited for, and stop serving."""
-        with self._lock:
-            self._over = True
-            for waiting, connection in self._queues.items():
-                waiting.put(b"")
-                with contextlib.suppress(OSError):
-                    connection.socket.shutdown(socket.SHUT_RDWR)
-        self._server.shutdown()
-
-    def _answer(self, _: ServerConnection, request: Request) -> Response | None:
-        if request.path == "/live":
-            return None
-        status, text = (http.HTTPStatus.OK, self._page) if request.path == "/" else (http.HTTPStatus.NOT_FOUND, b"")
-        kind = {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(text)), "Connection": "close"}
-        return Response(status.value, status.phrase, Headers(kind), text)
-
-    def _attend(self, connection: ServerConnection) -> None:
-        waiting: queue.Queue[bytes] = queue.Queue()
-        with self._lock:
-            if self._over:
-                return
-            if self._model:
-                waiting.put(self._model)
-            self._queues[waiting] = connection
-        try:
-            while data := waiting.get():
-                if data is self._model:
-                    connection.send(MODEL)
-                connection.send(data)
-        except ConnectionClosed:
-            pass
-        finally:
-            with self._lock:
-                del self._queues[waiting]
 
 
 def watch(node: Node, audience: Audience, namespace: str, rate_hz: float, stop: Callable[[], bool]) -> None:
