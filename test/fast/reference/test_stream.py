@@ -14,8 +14,10 @@ from slip_bringup.replay.run_data import read_run
 from slip_bringup.replay.verify import verify_run
 from slip_bringup.scenario import load_scenario
 from slip_core.errors import InputError
+from slip_core.records import new, record
 from slip_core.types import CartesianReference
 from slip_msgs_py.messages.from_msgs import streamed_reference
+from slip_vic_controller.reference.stream import STREAM, drop_passed
 from slip_vic_controller.safety.modes import Mode
 from test.support.run_maker import goal_message, record_run
 
@@ -94,6 +96,21 @@ def test_a_stream_that_ends_in_motion_is_braked_for_within_friction() -> None:
     assert Mode.DEGRADED in run.modes, "it says that it overruns what was received"
     assert np.abs(run.twists[-1]).max() < 1e-9
     assert run.poses[-1, 0] > motion(0.89)[0] * WAY[0], "it brakes behind the last sample"
+
+
+def test_what_has_been_run_through_is_forgotten_and_nothing_else() -> None:
+    stream = record(new(STREAM), STREAM)
+    for time, points in ((0.5, 6), (1.0, 5), (2.5, 4), (9.0, 2)):
+        stream.count, stream.fresh = 6, 4
+        for i in range(6):
+            stream.points[i].time = float(i)
+            stream.samples[i].position[:] = i
+        drop_passed(stream, time)
+        kept = range(stream.count)
+        assert stream.count == points, time
+        assert [stream.points[i].time for i in kept] == list(range(6 - points, 6)), time
+        assert [stream.samples[i].position[0] for i in kept] == list(range(6 - points, 6)), time
+        assert stream.fresh == max(points - 2, 0), "the load of the last two is still unknown"
 
 
 def test_what_does_not_say_how_it_moves_is_refused() -> None:
