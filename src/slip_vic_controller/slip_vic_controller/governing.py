@@ -11,7 +11,7 @@ from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, spatial, vec
 from slip_vic_controller.law.contact import contact_arm, pad_rotation
 from slip_vic_controller.law.internal import sharing
 from slip_vic_controller.reference import governor
-from slip_vic_controller.reference.friction_estimate import slip_sample
+from slip_vic_controller.reference.friction_estimate import provisional, slip_sample, suspect
 from slip_vic_controller.reference.goals import (
     GoalPhase,
     Refusal,
@@ -122,7 +122,8 @@ def squeeze(c: Any, s: Any, dt: float) -> None:
     load = max(state.commanded, state.measured)
     if state.planned == 1:
         load = max(load, load_ahead(s.grid, state.time, c.grip.preview_s))
-    follow_load(c.grip, s.grip, load, state.estimate.F_hat, dt)
+    F, _ = provisional(c.governor.estimate, state.estimate)
+    follow_load(c.grip, s.grip, load, F, dt)
     state.grip = s.grip.actual / c.grip.told
 
 
@@ -237,6 +238,14 @@ def follow_stream(c: Any, s: Any, arm: Any, grasped: Held, path_speed: float, dt
 
 
 @part
+def slip_speed(config: Any, twist: Any) -> float:
+    """Return |S v_s| of a slip twist on the slip axes, turning as a speed at the torsional radius [m/s]."""
+    v = spatial(config.slip_axes) * spatial(twist)
+    turning = config.radius * v.angular.norm()
+    return math.sqrt(v.linear.dot(v.linear) + turning * turning)
+
+
+@part
 def govern(c: Any, s: Any, arm: Any, o: Any, grasped: Held, dt: float, path_speed: float) -> None:
     """Do the governor's cycle: loads, slip samples, planning, and the step on the path.
 
@@ -250,14 +259,17 @@ def govern(c: Any, s: Any, arm: Any, o: Any, grasped: Held, dt: float, path_spee
     if c.grip.follow != 0:
         squeeze(c, s, dt)
     state, stamp_ns = s.governor, s.joint.answers.stamp_ns
-    share = OBSERVED if c.cycle.has_observer != 0 and s.observer.sliding != 0 else 1.0
+    found = bool(c.cycle.has_observer != 0 and s.observer.sliding != 0)
+    share = OBSERVED if found else 1.0
     governor.feel(c.governor, state, s.loads, spatial(o.samples[0].wrench), stamp_ns)
     for k in range(s.queue.count):
         sample = s.queue.samples[k]
-        v = spatial(c.governor.slip_axes) * spatial(sample.twist)
-        turning = c.governor.radius * v.angular.norm()
-        speed = math.sqrt(v.linear.dot(v.linear) + turning * turning)
+        speed = slip_speed(c.governor, sample.twist)
         slip_sample(c.governor.estimate, state.estimate, s.loads, sample.stamp_ns, speed / share)
+    if c.cycle.has_observer != 0:
+        speed = slip_speed(c.governor, s.observer.twist)
+        heavy = 0.0 if c.grip.follow != 0 else state.weight_load
+        suspect(c.governor.estimate, state.estimate, s.loads, stamp_ns, found, speed, heavy)
     if state.led != 0:  # another arm on the same object has taken the step on the path
         return
     if c.stream.on != 0:

@@ -10,7 +10,7 @@ from slip_vic_controller.safety.reasons import Cause
 from slip_vic_controller.session import CycleResult
 
 UNREACHABLE_S: Final = 2.0
-"""How long the path may wait for the arm before the arm is said not to reach it."""
+"""How long the path may wait for the arm, or for friction, before its end is said not to be reached."""
 
 
 class IncidentWatch:
@@ -30,7 +30,7 @@ class IncidentWatch:
             self._waits_ns = None
             return None
         cause = result.reason_key[0]
-        if cause != Cause.PATH_WAITS:
+        if cause not in (Cause.PATH_WAITS, Cause.HALTED):
             self._waits_ns = None
         elif self._waits_ns is None:
             self._waits_ns = now_ns

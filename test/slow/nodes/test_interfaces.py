@@ -44,6 +44,7 @@ def test_goals_by_topic(processes: Processes, ros_node: Any) -> None:
     """Nodes started alone in real time: one goal is reached, one that is none is refused in one line."""
     from geometry_msgs.msg import PoseStamped, Quaternion, Transform, Vector3
     from rclpy.executors import SingleThreadedExecutor
+    from rclpy.qos import DurabilityPolicy, QoSProfile
     from std_msgs.msg import String
     from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
@@ -57,6 +58,9 @@ def test_goals_by_topic(processes: Processes, ros_node: Any) -> None:
         processes.python(name, "-m", module, "--ros-args", "--params-file", CONFIG / parameters, *options)
     poses: list[PoseStamped] = []
     said: list[str] = []
+    modes: list[str] = []
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    ros_node.create_subscription(String, "controller/mode", lambda m: modes.append(m.data), latched)
     ros_node.create_subscription(PoseStamped, "controller/ee_pose", poses.append, 10)
     ros_node.create_subscription(String, "controller/goal", lambda m: said.append(m.data), 10)
     publisher = ros_node.create_publisher(MultiDOFJointTrajectory, "goal", 10)
@@ -79,7 +83,9 @@ def test_goals_by_topic(processes: Processes, ros_node: Any) -> None:
     wait_until(
         lambda: spun(lambda: "goal refused: goal: got 0 points, expected one" in " ".join(said)), "refusal", 30.0
     )
+    seen = lambda: f"goals: {said}, modes: {modes}"  # noqa: E731
+    wait_until(lambda: spun(lambda: modes[-1:] == ["ACTIVE"]), "the law at work", 30.0, seen)
     publisher.publish(MultiDOFJointTrajectory(points=[point]))
-    wait_until(lambda: spun(lambda: "goal 1 reached" in said), "the goal", 60.0)
+    wait_until(lambda: spun(lambda: "goal 1 reached" in said), "the goal", 30.0, seen)
     assert abs(poses[-1].pose.position.x - start.position.x - 0.01) < 2e-3
     executor.remove_node(ros_node)

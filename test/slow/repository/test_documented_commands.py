@@ -48,12 +48,10 @@ RUN = {page.name: to_run(page) for page in PAGES}
 
 
 def shortened(command: str) -> str:
-    """Return a run of a whole scenario as one of half a second: that it runs is shown here, what it shows elsewhere."""
-    return (
-        f"{command} --set bridge.duration_s=0.5"
-        if command.startswith("run ") and "duration_s" not in command
-        else command
-    )
+    """Return a command with less to do: that it runs is shown here, what it shows elsewhere."""
+    if command.startswith("run ") and "duration_s" not in command:
+        return f"{command} --set bridge.duration_s=0.5"
+    return f"{command} --laws governed" if command.startswith("pair ") and "--laws" not in command else command
 
 
 def slip_vic(command: str, folder: Path) -> subprocess.CompletedProcess[str]:

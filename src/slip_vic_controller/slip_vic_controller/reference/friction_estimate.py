@@ -2,6 +2,10 @@
 
 Nothing but loads is used, no friction law. A slip sample comes late and tells of its own stamp, so a short history of
 loads is kept, and the load at that stamp counts.
+
+The observer finds a slip in the wrench long before a slow sensor's sample of it arrives, but with a wrong model it
+finds slips that are none. So its word is provisional: the path is planned for the load at which it found the slip, the
+law is not told, and the guard holds nothing back for it, until the slip sensor does not see what it would have to see.
 """
 
 from __future__ import annotations
@@ -15,6 +19,10 @@ from slip_vic_controller.sizes import NEVER
 
 LOADS: Final = 256
 """Control cycles that the history goes back."""
+
+
+PLAUSIBLE: Final = 0.5
+"""Share of what is known of friction below which a slip that the observer alone finds is the model's error."""
 
 
 class Friction(IntEnum):
@@ -45,11 +53,15 @@ counts [m/s]; quiet_ns: without slip for so long, it holds again; sensor_delay_n
 to have been carried; trust: least that the model's load may be of the measured one: below it, the model is not believed
 (an object lighter than told by more than this)."""
 ESTIMATE = layout(
-    F_hat=REAL, slipped_at=REAL, certified=REAL, slipping=WHOLE, slip_ns=WHOLE, events=WHOLE, event_ns=WHOLE
-)
+    F_hat=REAL, slipped_at=REAL, certified=REAL, slipping=WHOLE, slip_ns=WHOLE, events=WHOLE, event_ns=WHOLE,
+    suspected=WHOLE, suspected_at=REAL, suspected_ns=WHOLE, suspected_speed=REAL, claimed_ns=WHOLE, found=WHOLE,
+)  # fmt: skip
 """F^ [N]; slipped_at: smallest load at which it has slipped, in the model's units, 0 before [N]; certified: largest
 load carried without slip [N]; slipping, slip_ns: whether, and the stamp of the newest slip sample; events, event_ns:
-how often F^ was made smaller, and the stamp of the last time."""
+how often F^ was made smaller, and the stamp of the last time. suspected, suspected_at: whether the observer alone has
+told of a slip, and the load at which it did [N]; suspected_ns, suspected_speed: when that was looked at last, and
+its speed of slip then [m/s]; claimed_ns: stamp since when it says that the slip sensor must
+see it; found: whether it finds slip now."""
 
 
 @part
@@ -58,6 +70,8 @@ def start_estimate(config: Any, state: Any, history: Any, at_rest: float) -> Non
     state.F_hat, state.slipped_at = config.told, 0.0
     state.certified = min(at_rest + config.probe, config.told)
     state.slipping, state.slip_ns, state.events, state.event_ns = 0, NEVER, 0, NEVER
+    state.suspected, state.suspected_at, state.claimed_ns, state.found = 0, 0.0, NEVER, 0
+    state.suspected_ns, state.suspected_speed = 0, 0.0
     history.count = 0
 
 
@@ -92,6 +106,12 @@ def certify(config: Any, state: Any, history: Any, now_ns: int) -> None:
 
 
 @part
+def carried(config: Any, load: Any) -> float:
+    """Return the load [N] of a LOAD that counts where the contact slipped at it."""
+    return float(max(min(load.measured, load.commanded), config.trust * load.measured))
+
+
+@part
 def slip_sample(config: Any, state: Any, history: Any, stamp_ns: int, speed: float) -> bool:
     """Take a slip sample; return whether F^ has become smaller.
 
@@ -106,6 +126,8 @@ def slip_sample(config: Any, state: Any, history: Any, stamp_ns: int, speed: flo
     Implements: ours: F^ <- min(F^, 0.95 min(|S^-1 h_ee|, |l(a_C)|)) at the stamp of the first slip sample.
     """
     if not speed > config.threshold:
+        if state.suspected != 0 and state.claimed_ns != NEVER and stamp_ns >= state.claimed_ns:
+            state.suspected = 0
         if state.slipping != 0 and stamp_ns - state.slip_ns >= config.quiet_ns:
             state.slipping = 0
         return False
@@ -114,12 +136,13 @@ def slip_sample(config: Any, state: Any, history: Any, stamp_ns: int, speed: flo
     i = index_at(history, stamp_ns)
     if not first or i < 0 or config.friction == Friction.KNOWN:
         return False
-    load = history.loads[i]
-    carried = max(min(load.measured, load.commanded), config.trust * load.measured)
-    learnt = max(config.kept * carried, config.least)
+    slipped_at = carried(config, history.loads[i])
+    if state.suspected != 0:
+        state.suspected, slipped_at = 0, min(slipped_at, state.suspected_at)
+    learnt = max(config.kept * slipped_at, config.least)
     if learnt >= state.F_hat:
         return False
-    state.F_hat, state.slipped_at = learnt, carried
+    state.F_hat, state.slipped_at = learnt, slipped_at
     state.certified = min(state.certified, learnt)
     state.events += 1
     state.event_ns = stamp_ns
@@ -127,11 +150,47 @@ def slip_sample(config: Any, state: Any, history: Any, stamp_ns: int, speed: flo
 
 
 @part
+def suspect(
+    config: Any, state: Any, history: Any, stamp_ns: int, found: bool, speed: float, weight_load: float
+) -> None:
+    """Take the observer's word: whether it finds slip at this stamp, and how fast, |S v_s| [m/s].
+
+    weight_load: largest load of the weight alone on the path [N]: no slower path helps where less than that slips.
+    """
+    if not found or config.friction == Friction.KNOWN or state.slipping != 0:
+        state.claimed_ns = NEVER
+    else:
+        load = carried(config, history.loads[(history.count - 1) % LOADS])
+        known = state.certified if config.friction == Friction.UNKNOWN else state.F_hat
+        least = max(PLAUSIBLE * known, weight_load)
+        if state.found == 0 and state.suspected == 0 and load > least:
+            state.suspected, state.suspected_at = 1, load
+            state.suspected_ns, state.suspected_speed = stamp_ns, speed
+        elif state.suspected != 0 and stamp_ns - state.suspected_ns > config.sensor_delay_ns:
+            if speed > state.suspected_speed:  # what is asked since then does not end that slip
+                state.suspected_at = max(config.kept * state.suspected_at, PLAUSIBLE * known)
+            state.suspected_ns, state.suspected_speed = stamp_ns, speed
+        if speed <= config.threshold:
+            state.claimed_ns = NEVER
+        elif state.claimed_ns == NEVER:
+            state.claimed_ns = stamp_ns
+    state.found = 1 if found else 0
+
+
+@part
+def provisional(config: Any, state: Any) -> tuple[float, float]:
+    """Return F^ and the load at which it slipped [N], the observer's word included."""
+    if state.suspected == 0:
+        return float(state.F_hat), float(state.slipped_at)
+    F = max(config.kept * state.suspected_at, config.least)
+    return float(min(F, state.F_hat)), float(state.suspected_at if state.F_hat > F else state.slipped_at)
+
+
+@part
 def certain(config: Any, state: Any, margin: float) -> float:
     """Return the load with which braking is planned [N]; margin: beta."""
-    if config.friction == Friction.UNKNOWN:
-        return min(state.certified, margin * state.F_hat)
-    return float(margin * state.F_hat)
+    F, _ = provisional(config, state)
+    return min(state.certified, margin * F) if config.friction == Friction.UNKNOWN else margin * F
 
 
 @part

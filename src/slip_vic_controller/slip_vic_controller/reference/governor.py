@@ -26,6 +26,7 @@ from slip_vic_controller.reference.friction_estimate import (
     allowed,
     certain,
     certify,
+    provisional,
     remember,
     start_estimate,
 )
@@ -93,7 +94,8 @@ GOVERNOR = layout(
     duration=REAL, s=REAL, rate=REAL, time=REAL, end=REAL, out_s=REAL, out_rate=REAL, out_u=REAL, out_time=REAL,
     phase=WHOLE, cursor=WHOLE, planned=WHOLE, urgent=WHOLE, search=WHOLE, search_pass=WHOLE,
     asked=REAL, pass_load=REAL, plan_load=REAL, low_load=REAL, high_load=REAL,
-    infeasible=WHOLE, heaviest_time=REAL, weight_load=REAL, overrun=WHOLE, strained=WHOLE, arrived=WHOLE, led=WHOLE,
+    infeasible=WHOLE, heaviest_time=REAL, weight_load=REAL, overrun=WHOLE, strained=WHOLE, halted=WHOLE, arrived=WHOLE,
+    led=WHOLE,
     feedback=(REAL, (6,)), usable=REAL, ceiling=REAL, commanded=REAL, measured=REAL, guard=REAL, bound=REAL,
     grip=REAL, ring_count=WHOLE, ring=(REAL, (MAX_WINDOW, 3)), estimate=ESTIMATE,
 )  # fmt: skip
@@ -102,7 +104,8 @@ out_u = sddot. phase, cursor, planned, urgent, search, search_pass: the planning
 high_load: loads that are planned for, of the pass under way, of the plan in use, and between which the search is [N].
 infeasible: friction does not carry the weight everywhere on the path; heaviest_time, weight_load: where the weight
 loads most [s], and that load [N]; overrun: no load that is allowed stops on the path; strained: no sddot keeps the load
-of feedback and path within the limit; feedback: a_C - a_d of the last cycle {w}; usable, ceiling: loads that path and
+of feedback and path within the limit; halted: the path rests, since the observer has found slip at a load less than
+what it asks from here on; feedback: a_C - a_d of the last cycle {w}; usable, ceiling: loads that path and
 guard may ask [N]; commanded, measured: loads of the last cycle [N]; guard: factor on a_C; grip: over the one
 for which F^ is told; bound: sdot^2 over K; ring: s, sdot, sddot; duration: of the path that is run through [s]; led:
 the step on the path is another arm's."""
@@ -117,7 +120,7 @@ def start_path(config: Any, state: Any) -> None:
     state.search, state.search_pass = Search.NO, 0
     state.asked = state.pass_load = state.plan_load = state.low_load = state.high_load = 0.0
     state.infeasible, state.heaviest_time, state.weight_load = 0, 0.0, 0.0
-    state.overrun, state.strained, state.arrived = 0, 0, 0
+    state.overrun, state.strained, state.halted, state.arrived = 0, 0, 0, 0
     state.bound, state.guard = 0.0, 1.0
     steady(config, state)
 
@@ -179,8 +182,7 @@ def next_point(
     state.cursor += 1
     if state.cursor == GRID_POINTS:
         state.end = grid.points[GRID_POINTS - 1].s
-        certainly = config.most_grip * certain(config.estimate, state.estimate, config.margin)
-        begin_plan(state, with_weight(config, state, certainly))
+        begin_plan(state, planned_load(config, state))
 
 
 @part
@@ -210,11 +212,17 @@ def with_weight(config: Any, state: Any, F: float) -> float:
 
 
 @part
+def planned_load(config: Any, state: Any) -> float:
+    """Return the load that the path is to be planned for [N]."""
+    return with_weight(config, state, config.most_grip * certain(config.estimate, state.estimate, config.margin))
+
+
+@part
 def plan(config: Any, state: Any, grid: Any) -> None:
     """Do a cycle's share of the planning, and begin anew where F^ has changed."""
     if state.phase == Phase.SAMPLING:
         return
-    F = with_weight(config, state, config.most_grip * certain(config.estimate, state.estimate, config.margin))
+    F = planned_load(config, state)
     if state.asked > F:
         state.urgent = 1
         begin_plan(state, F)
@@ -236,8 +244,18 @@ def end_pass(config: Any, state: Any, grid: Any) -> None:
     The least load in [asked, given_up * slipped_at] that stops on the path is looked for, by bisection.
     """
     late = state.planned == 1 and state.rate * state.rate > bound_next(grid, state.s)
-    most = config.most_grip * (config.given_up * state.estimate.slipped_at)
-    if state.search == Search.NO and late and most > state.asked:
+    _, slipped_at = provisional(config.estimate, state.estimate)
+    most = config.most_grip * (config.given_up * slipped_at)
+    begins = state.search == Search.NO and most > state.asked
+    if (
+        late
+        and state.estimate.suspected != 0
+        and (state.search == Search.CEILING or state.search == Search.NO)
+        and not begins
+    ):
+        state.estimate.suspected, state.urgent = 0, 0  # it is too late for the observer's word alone
+        begin_plan(state, planned_load(config, state))
+    elif late and begins:
         state.search, state.high_load = Search.CEILING, most
         begin_pass(state, most)
     elif state.search == Search.CEILING and late:  # nothing stops on the path: brake with what there is
@@ -357,7 +375,17 @@ def step_on(
     want = (min(fastest, most_rate) - rate) / dt
     if state.urgent == 1:
         want = stop
-    u = max(min(max(want, low), high), stop)
+    least, state.halted = low, 0
+    if state.estimate.suspected != 0:  # no more than that is asked, unless it takes more to stop on the path
+        F, _ = provisional(config.estimate, state.estimate)
+        least, most, any_u = range_of_u(uu, ub, b.dot(b), min(state.grip * F, state.usable))
+        if not any_u:
+            least = most = -ub / uu if uu > 0.0 else 0.0
+            state.halted = 1 if rate == 0.0 and want > 0.0 else 0
+        least, high = max(least, low), min(most, high)
+        if state.urgent == 0:
+            least = max(min(want, least), low)
+    u = max(min(max(want, least), high), stop)
     u = min(u, max(want, 0.0))  # where the load asks for more than K admits, the guard has the last word
     if state.urgent == 0 and (rate * rate - OVER * K) * pace(config, point) > SLOWEST * SLOWEST:
         state.overrun = 1

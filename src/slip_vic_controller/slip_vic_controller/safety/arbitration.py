@@ -163,6 +163,8 @@ def find_degraded(config: Any, state: Any, level: int, fault: int, now_ns: int) 
         return because(Cause.SATURATED, 0)
     if state.governor.overrun != 0:
         return because(Cause.OVERRUNS, 0)
+    if state.governor.halted != 0:
+        return because(Cause.HALTED, 0)
     if state.law.given_up.given_up != 0:
         return because(Cause.GIVEN_UP, 0)
     if state.observed.path_speed < 1.0 or state.path.scale < 1.0:

@@ -39,6 +39,7 @@ class Cause(IntEnum):
     PATH_TOO_HEAVY = 21  # value: load of the weight, limit [N]; detail: where, time of the trajectory [ms]
     OVERRUNS = 22
     GIVEN_UP = 23
+    HALTED = 24
 
 
 class Prefix(IntEnum):
@@ -155,6 +156,7 @@ _WORDS = {
     Cause.NO_ESTIMATE: "the slip observer gave no finite estimate",
     Cause.NO_TORQUE: "the law gave no finite torque",
     Cause.OVERRUNS: "friction is too little to stop on the path: it is overrun",
+    Cause.HALTED: "friction seems too little for the path from here on, so it rests: the observer finds slip",
     Cause.GIVEN_UP: "compensation given up: it does not end the slip, or takes the arm away; impedance alone",
     Cause.INTERNAL: "the controller itself failed, see its log: this is a bug, please report it",
 }

@@ -103,6 +103,7 @@ def lead(s: Any, other: Any) -> None:
     )
     b.out_s, b.out_rate, b.out_u, b.out_time = a.out_s, a.out_rate, a.out_u, a.out_time
     b.plan_load, b.infeasible, b.overrun, b.strained = a.plan_load, a.infeasible, a.overrun, a.strained
+    b.halted = a.halted
     b.heaviest_time, b.weight_load = a.heaviest_time, a.weight_load
 
 

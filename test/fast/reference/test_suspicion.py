@@ -1,0 +1,93 @@
+"""What the observer's word of a slip is worth before the slip sensor has spoken: provisional, and withdrawn."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from slip_core.records import new, record
+from slip_vic_controller.reference.friction_estimate import (
+    ESTIMATE,
+    ESTIMATE_CONFIG,
+    LOAD_HISTORY,
+    PLAUSIBLE,
+    Friction,
+    certain,
+    provisional,
+    remember,
+    slip_sample,
+    start_estimate,
+    suspect,
+)
+
+TOLD, KEPT, THRESHOLD, DELAY_NS = 1.0, 0.95, 0.02, 100_000_000
+MS = 1_000_000
+
+
+def estimate(friction: Friction = Friction.LEARNT) -> SimpleNamespace:
+    """Return config, state and history of a contact at rest, told that it carries 1 N."""
+    config, state, history = (
+        record(new(dtype), dtype) for dtype in (ESTIMATE_CONFIG, ESTIMATE, LOAD_HISTORY)
+    )  # fmt: skip
+    config.friction, config.told, config.kept, config.least, config.probe = friction, TOLD, KEPT, 0.01, 0.02
+    config.threshold, config.quiet_ns, config.sensor_delay_ns, config.trust = THRESHOLD, 50 * MS, DELAY_NS, 0.7
+    start_estimate(config, state, history, 0.1)
+    return SimpleNamespace(config=config, state=state, history=history)
+
+
+def cycle(e: SimpleNamespace, ms: int, load: float, found: bool, speed: float = 0.0, weight: float = 0.0) -> float:
+    """Do one cycle of the estimate; return the friction limit that is planned with."""
+    remember(e.history, ms * MS, load, load)
+    suspect(e.config, e.state, e.history, ms * MS, found, speed, weight)
+    return float(certain(e.config, e.state, 1.0))
+
+
+def test_the_path_is_planned_for_the_load_at_which_the_observer_finds_slip() -> None:
+    e = estimate()
+    assert cycle(e, 0, 0.7, found=False) == TOLD
+    assert np.isclose(cycle(e, 1, 0.8, found=True), KEPT * 0.8)
+    assert np.isclose(cycle(e, 2, 0.6, found=False), KEPT * 0.8), "the end of that slip takes nothing back"
+    assert (e.state.F_hat, e.state.events, e.state.slipping) == (TOLD, 0, 0), "nothing is learnt by it"
+
+
+def test_a_sensor_that_does_not_see_what_it_must_withdraws_it() -> None:
+    for stamp_ms, stands in ((5, True), (20, False)):
+        e = estimate()
+        for ms in range(30):
+            cycle(e, ms, 0.8, found=True, speed=2.0 * THRESHOLD if ms >= 10 else 0.5 * THRESHOLD)
+        slip_sample(e.config, e.state, e.history, stamp_ms * MS, 0.0)
+        assert bool(e.state.suspected) is stands, "only a sample of the time when the slip must be seen says so"
+        assert (cycle(e, 30, 0.8, found=True) == TOLD) is not stands, "the same slip is not found twice"
+
+
+def test_a_sample_that_sees_it_makes_it_known() -> None:
+    e = estimate()
+    for ms in range(30):
+        cycle(e, ms, 0.8 if ms < 10 else 0.7, found=True)
+    assert slip_sample(e.config, e.state, e.history, 5 * MS, 2.0 * THRESHOLD)
+    assert e.state.suspected == 0
+    assert e.state.slipping == 1
+    assert np.isclose(e.state.F_hat, KEPT * 0.8)
+
+
+def test_slip_that_goes_on_growing_lowers_it_down_to_what_is_plausible() -> None:
+    e = estimate()
+    for ms in range(4000):
+        F = cycle(e, ms, 0.8, found=True, speed=1e-6 * ms)
+        lowered = 0.8 * KEPT ** (ms // 101 + 1)
+        assert np.isclose(F, max(lowered, KEPT * PLAUSIBLE))
+    assert np.isclose(F, KEPT * PLAUSIBLE * TOLD)
+
+
+def test_what_the_model_must_have_got_wrong_is_not_believed() -> None:
+    assert cycle(estimate(), 0, 0.9 * PLAUSIBLE, found=True) == TOLD, "so little friction"
+    assert cycle(estimate(), 0, 0.8, found=True, weight=0.81) == TOLD, (
+        "the weight alone loads more: no slower path helps"
+    )
+    assert cycle(estimate(Friction.KNOWN), 0, 0.8, found=True) == TOLD
+
+
+def test_it_never_raises_what_is_known() -> None:
+    e = estimate()
+    e.state.F_hat, e.state.slipped_at = 0.5, 0.55
+    cycle(e, 0, 0.8, found=True)
+    assert provisional(e.config, e.state) == (0.5, 0.55)
