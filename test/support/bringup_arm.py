@@ -6,8 +6,8 @@ python test/support/bringup_arm.py errors                  # each error must be 
 
 from __future__ import annotations
 
+import argparse
 import sys
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -248,28 +248,33 @@ ERRORS = {
 }
 
 
-def main(arguments: list[str]) -> int:
-    what, runs = arguments[0], int(arguments[2]) if len(arguments) > 2 else 1
+def healthy(first: int, runs: int) -> int:
+    """Bring up systems with nothing wrong, every scenario with every sensor; return how often something was found."""
     wrong = 0
-    if what == "one":
-        error = ERRORS[arguments[1]] if len(arguments) > 1 else None
-        bring_up(Loop(error=error), lambda verdict: print(verdict, flush=True))
-    elif what == "healthy":
-        for run in range(runs):
-            scenario, sensor = SCENARIOS[run % len(SCENARIOS)], SENSORS[run // len(SCENARIOS) % len(SENSORS)]
-            began = time.monotonic()
-            last = bring_up(Loop(scenario, sensor, seed=run))[0][-1]
-            wrong += not last.holds
-            print(f"{run}: {scenario}, {sensor}: {time.monotonic() - began:.0f} s: {last}", flush=True)
-        print(f"healthy: {wrong} of {runs} runs found an error that is none")
-    else:
-        for name, error in ERRORS.items():
-            last = bring_up(Loop(error=error))[0][-1]
-            wrong += last.holds
-            print(f"{name}: {'NOT FOUND' if last.holds else 'found'}: {last}", flush=True)
-        print(f"errors: {len(ERRORS) - wrong} of {len(ERRORS)} found")
-    return 1 if wrong else 0
+    for run in range(first, first + runs):
+        scenario, sensor = SCENARIOS[run % len(SCENARIOS)], SENSORS[run // len(SCENARIOS) % len(SENSORS)]
+        last = bring_up(Loop(scenario, sensor, seed=run))[0][-1]
+        wrong += not last.holds
+        print(f"{run}: {scenario}, {sensor}: {last}", flush=True)
+    print(f"healthy: {wrong} of {runs} runs found an error that is none")
+    return wrong
+
+
+def errors() -> int:
+    """Bring up a system with each error; return how many were not found."""
+    kept = 0
+    for name, error in ERRORS.items():
+        last = bring_up(Loop(error=error))[0][-1]
+        kept += last.holds
+        print(f"{name}: {'NOT FOUND' if last.holds else 'found'}: {last}", flush=True)
+    print(f"errors: {len(ERRORS) - kept} of {len(ERRORS)} found")
+    return kept
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", choices=["healthy", "errors"])
+    parser.add_argument("--runs", type=int, default=50)
+    parser.add_argument("--first", type=int, default=0)
+    given = parser.parse_args()
+    sys.exit(1 if (errors() if given.what == "errors" else healthy(given.first, given.runs)) else 0)

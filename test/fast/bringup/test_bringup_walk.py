@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from test.support.bringup_arm import ERRORS, SCENARIOS, SENSORS, Loop, bring_up
@@ -14,6 +15,31 @@ def test_a_wrong_sign_ends_the_walk_where_the_weight_shows_it() -> None:
     assert "wrench.sign" in found[-1].fix
     assert walk.measured["slip_sensor.latency_s"] == pytest.approx(0.01, abs=1e-3)
     assert walk.measured["slip_sensor.rate_hz"] == pytest.approx(120.0, rel=0.02)
+
+
+def test_hold_without_stiffness_does_not_pull_to_its_posture() -> None:
+    system = Loop()
+    system.listen(0.05)
+    stiff = _effort_of_a_posture_beside(system)
+    system.tune({"safety.hold_stiffness": 0.0})
+    loose = _effort_of_a_posture_beside(system)
+    system.tune({"safety.hold_stiffness": 225.0})
+    assert abs(loose[1]) < 0.01 * abs(stiff[1])
+    assert _effort_of_a_posture_beside(system)[1] == pytest.approx(stiff[1], rel=0.1)
+
+
+def _effort_of_a_posture_beside(system: Loop) -> np.ndarray:
+    """Return by how much the effort changes in the next cycles with a posture that is 1 mrad off at joint 2."""
+    loop, posture = system.loop, system.loop.controller.state.hold.posture
+    before = loop.control(loop.observe()).command
+    loop.bridge.advance(before)
+    posture[1] += 1e-3
+    for _ in range(3):  # the rate limit
+        after = loop.control(loop.observe()).command
+        loop.bridge.advance(after)
+    posture[1] -= 1e-3
+    system.listen(0.05)
+    return after.effort - before.effort
 
 
 @pytest.mark.long
