@@ -8,6 +8,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
 
@@ -15,12 +16,17 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from slip_bringup.launcher import Launcher
+from slip_bringup.launcher import Launcher, RunResult
 from slip_bringup.metrics import summarise, summary_rows
+from slip_bringup.pair.any_scenario import load_any
+from slip_bringup.pair.measures import Judged, verdicts
+from slip_bringup.pair.picture import write_picture
+from slip_bringup.pair.recorded import judge_bag
+from slip_bringup.pair.scenario import is_pair
 from slip_bringup.progress import run_progress
 from slip_bringup.recording import versions
 from slip_bringup.report import write_report
-from slip_bringup.scenario import ControllerKind, load_scenario
+from slip_bringup.scenario import ControllerKind
 from slip_bringup.series import RunSeries, read_series
 from slip_bringup.web.page import write_page
 from slip_core.errors import InputError
@@ -39,21 +45,20 @@ def run_demo(
         InputError: bad scenario or parameter, or an output folder that cannot be written.
     """
     assert set(ORDER) == set(get_args(ControllerKind))
-    loaded = {kind: load_scenario(scenario, controller=kind, seed=seed, assignments=assignments) for kind in ORDER}
+    loaded = {kind: load_any(scenario, controller=kind, seed=seed, assignments=assignments) for kind in ORDER}
     for made in loaded.values():
         made.check()
     staging = _staging_folder(out)
     runs: dict[str, dict[str, Any]] = {}
-    series: dict[str, RunSeries] = {}
+    results: dict[ControllerKind, RunResult] = {}
     try:
         with run_progress(console) as progress:
             bars = {kind: progress.add_run(f"{scenario} {kind}", loaded[kind].bridge.duration_s) for kind in ORDER}
             for kind in ORDER:
                 bag = staging / kind
                 result = Launcher(loaded[kind], bag=bag, wanted_domain=domain).run(bars[kind])
-                series[kind] = read_series(bag)
+                results[kind] = result
                 runs[kind] = {
-                    **summarise(series[kind]),
                     "ticks": result.ticks,
                     "real_time_factor": result.real_time_factor,
                     "messages": result.messages,
@@ -61,11 +66,19 @@ def run_demo(
                     "incidents": [str(incident) for incident in result.incidents],
                     "bag": str(out / kind),
                 }
+        bags: dict[str, Path] = {kind: staging / kind for kind in ORDER}
+        title = f"{loaded['vic'].name}: {loaded['vic'].description}"
+        if is_pair(scenario):
+            table = _sum_up_pair(staging, loaded, results, runs)
+        else:
+            series: dict[str, RunSeries] = {kind: read_series(bag) for kind, bag in bags.items()}
+            runs = {kind: {**summarise(series[kind]), **runs[kind]} for kind in ORDER}
+            write_report(staging / "report.png", title, series)
+            table = comparison_table(loaded["vic"].name, runs)
         summary = {"scenario": loaded["vic"].name, "seed": seed, "versions": versions(), "runs": runs}
-        write_report(staging / "report.png", f"{loaded['vic'].name}: {loaded['vic'].description}", series)
         write_page(
             staging / "report.html",
-            {kind: staging / kind for kind in ORDER},
+            bags,
             command=shlex.join(["slip-vic", *sys.argv[1:]]),
             title=loaded["vic"].name,
             description=loaded["vic"].description,
@@ -74,11 +87,27 @@ def run_demo(
         _move_in(staging, out)
     finally:
         shutil.rmtree(staging, ignore_errors=True)
-    console_out = Console()
-    console_out.print(comparison_table(loaded["vic"].name, runs))
+    console_out = Console(width=150) if is_pair(scenario) else Console()
+    console_out.print(table)
     files = {"page": "report.html", "summary": "summary.json", "picture": "report.png"}
     console_out.print("\n".join(f"{what}: {out / name}" for what, name in files.items()), soft_wrap=True)
     return summary
+
+
+def _sum_up_pair(
+    folder: Path,
+    loaded: Mapping[ControllerKind, Any],
+    results: Mapping[ControllerKind, RunResult],
+    runs: dict[str, Any],
+) -> Table:
+    """Write the picture of runs with two arms and put their numbers into `runs`; return the table."""
+    judged: dict[str, Judged] = {}
+    rows: dict[str, list[tuple[float, ...]]] = {}
+    for kind, result in results.items():
+        judged[kind], rows[kind] = judge_bag(folder / kind, loaded[kind], result.incidents)
+        runs[kind] |= asdict(judged[kind])
+    write_picture(folder / "report.png", loaded["vic"].name, rows)
+    return verdicts(loaded["vic"].name, judged)
 
 
 def _staging_folder(out: Path) -> Path:

@@ -10,8 +10,12 @@ import pytest
 from slip_bags.reader import Bag
 from slip_bringup.launcher import Launcher
 from slip_bringup.pair.inprocess import run_pair
+from slip_bringup.pair.measures import judge
+from slip_bringup.pair.recorded import judge_bag
 from slip_bringup.pair.scenario import PairScenario, load_pair
 from slip_bringup.recording import recorded_topics
+from slip_bringup.replay.run_data import read_team
+from slip_bringup.replay.verify import verify_run
 from slip_core.stamps import stamp_to_ns
 from slip_sim_bridge.pair.params import SIDES
 
@@ -50,6 +54,28 @@ def test_dds_equals_in_process(recorded: tuple[PairScenario, Path]) -> None:
                 assert np.array(command.effort).tobytes() == tick.results[side].command.effort.tobytes()
             ledger = [tuple(m.value.data) for m in bag.messages(f"/{name}/controller/ledger")]
             assert ledger == [(*tick.results[side].ledger, *tick.results[side].decision) for tick in ticks]
+
+
+def test_the_bag_verifies_and_notices_another_gain(recorded: tuple[PairScenario, Path]) -> None:
+    with Bag(recorded[1]) as bag:
+        assert (
+            verify_run(read_team(bag, {})).text().startswith("identical: 400 cycles, 2744 efforts")
+        )  # none while slip is late
+        changed = verify_run(read_team(bag, {"right.gains.kappa": 0.9}))
+    assert changed.first is not None
+    assert changed.first.topic == "right/effort_command"
+
+
+def test_its_numbers_are_those_in_process(recorded: tuple[PairScenario, Path]) -> None:
+    scenario, path = recorded
+    found, rows = judge_bag(path, scenario)
+    wanted: list[tuple[float, ...]] = []
+    truth = judge(scenario, 0, wanted)
+    assert found.outcome == truth.outcome == "ok"
+    assert found.slip == truth.slip
+    assert found.internal == pytest.approx(truth.internal, rel=1e-12)
+    assert len(rows) == len(wanted) == 200
+    assert found.path == pytest.approx(truth.path, abs=1e-5)  # the reference is in the bag every tenth cycle
 
 
 def test_every_topic_is_in_the_bag(recorded: tuple[PairScenario, Path]) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 
 import click
 from rich.console import Console
-from rich.table import Table
 
 LAWS = ("classical", "classical_internal", "printed", "shared", "internal", "governed")
 
@@ -25,22 +24,16 @@ def _laws(text: str) -> list[Any]:
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
 def pair(scenario: str, laws: str, late: int, out: Path | None, assignments: tuple[str, ...]) -> None:
     """Two arms carry one object, in this process: slip, internal force and path error of every law."""
-    from slip_bringup.pair.measures import judge
+    from slip_bringup.pair.measures import judge, verdicts
     from slip_bringup.pair.picture import write_series
     from slip_bringup.pair.scenario import load_pair
 
-    table = Table(title=f"{scenario} {' '.join(assignments)}")
-    for name in ("law", "slip mm", "internal N", "steady N", "load", "path mm", "outcome"):
-        table.add_column(name, justify="left" if name in ("law", "outcome") else "right")
     series: dict[str, list[tuple[float, ...]]] = {}
-    for law in _laws(laws):
-        found = judge(load_pair(scenario, law=law, assignments=assignments), late, series.setdefault(law, []))
-        table.add_row(
-            law, "/".join(f"{1e3 * s:.3f}" for s in found.slip), f"{found.internal:.3f}", f"{found.steady:.3f}",
-            "/".join(f"{x:.2f}" for x in found.load), f"{1e3 * found.path:.1f}",
-            found.outcome if found.outcome == "ok" else f"{found.outcome}: {found.reason}",
-        )  # fmt: skip
-    Console(width=150).print(table)
+    judged = {
+        law: judge(load_pair(scenario, law=law, assignments=assignments), late, series.setdefault(law, []))
+        for law in _laws(laws)
+    }
+    Console(width=150).print(verdicts(f"{scenario} {' '.join(assignments)}", judged))
     if out is not None:
         write_series(out, scenario, series)
         click.echo(str(out / "pair.png"))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from rich.table import Table
 
 from slip_bringup.pair.inprocess import TeamTick, run_pair
 from slip_bringup.pair.scenario import PairScenario
@@ -37,6 +39,20 @@ class Judged:
     steady: float
     load: tuple[float, float]
     path: float
+
+
+def verdicts(title: str, judged: Mapping[str, Judged]) -> Table:
+    """Return the table of some runs of a scenario, by the name of the law."""
+    table = Table(title=title)
+    for name in ("law", "slip mm", "internal N", "steady N", "load", "path mm", "outcome"):
+        table.add_column(name, justify="left" if name in ("law", "outcome") else "right")
+    for law, found in judged.items():
+        table.add_row(
+            law, "/".join(f"{1e3 * s:.3f}" for s in found.slip), f"{found.internal:.3f}", f"{found.steady:.3f}",
+            "/".join(f"{x:.2f}" for x in found.load), f"{1e3 * found.path:.1f}",
+            found.outcome if found.outcome == "ok" else f"{found.outcome}: {found.reason}",
+        )  # fmt: skip
+    return table
 
 
 COLUMNS = ("time_s", "slip_left_m", "slip_right_m", "internal_n", "moment_n_m", "load_left", "load_right", "path_m")

@@ -21,19 +21,25 @@ STYLES = ("-", "--")
 
 
 def write_series(folder: Path, title: str, series: Mapping[str, Sequence[tuple[float, ...]]]) -> None:
-    """Write pair.png and `<law>.csv` with `COLUMNS`; solid lines are the left pad's, broken ones the right pad's."""
+    """Write pair.png and `<law>.csv` with `COLUMNS`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for law, rows in series.items():
+        with (folder / f"{law}.csv").open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(COLUMNS)
+            writer.writerows(rows)
+    write_picture(folder / "pair.png", title, series)
+
+
+def write_picture(path: Path, title: str, series: Mapping[str, Sequence[tuple[float, ...]]]) -> None:
+    """Write the picture of some runs; solid lines are the left pad's, broken ones the right pad's."""
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    folder.mkdir(parents=True, exist_ok=True)
     figure, axes = pyplot.subplots(len(PANELS), 1, sharex=True, figsize=(9.0, 12.0), layout="constrained")
     for k, (law, rows) in enumerate(series.items()):
-        with (folder / f"{law}.csv").open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(COLUMNS)
-            writer.writerows(rows)
         numbers = dict(zip(COLUMNS, np.array(rows).T, strict=True))
         for axis, (label, scale, names) in zip(axes, PANELS, strict=True):
             axis.set_ylabel(label)
@@ -44,5 +50,5 @@ def write_series(folder: Path, title: str, series: Mapping[str, Sequence[tuple[f
     axes[0].set_yscale("symlog", linthresh=0.1)
     axes[0].legend(fontsize="small", ncols=3)
     axes[-1].set_xlabel("time [s]")
-    figure.savefig(folder / "pair.png", dpi=110)
+    figure.savefig(path, dpi=110)
     pyplot.close(figure)

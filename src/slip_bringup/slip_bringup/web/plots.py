@@ -30,6 +30,8 @@ PLOTS: Final = (
     Plot("slip_deg", "slip angle", "deg", note="how far the object has turned under the pad"),
     Plot("slip_speed", "slip speed", "mm/s"),
     Plot("load", "load ratio", "", mark=1.0, note="measured load over friction limit; at 1 the pad begins to slip"),
+    Plot("internal_n", "internal force", "N", note="two arms: what the pads do to each other along the slip plane"),
+    Plot("internal_nm", "internal moment", "N m", note="two arms: what the pads do to each other about their normal"),
     Plot("error_mm", "tracking error", "mm"),
     Plot("error_deg", "tracking error, angle", "deg"),
     Plot("stiffness", "stiffness, softest axis", "N/m"),

@@ -125,7 +125,7 @@ def read_run(path: Path, label: str, times: Array) -> Run:
         topics = arms_of(bag)
         start_ns = int(min(_stamps(bag, arm.names["joint_states"])[0] for arm in topics))
         pose_topic = next((name for name, info in bag.topics.items() if _is_object(name) and info.message_count), None)
-        parameters = _parameters(bag, "bridge.params.yaml")
+        parameters = _parameters(bag, "bridge.params.yaml", topics[0].name)
         pose = None
         if pose_topic is not None:
             pose = _held(bag, pose_topic, start_ns, times, _pose_of("pose.pose"))
@@ -169,6 +169,7 @@ def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array) -> Arm:
     if (topic := arm.names.get("wrench")) is not None:
         wrench = _held(bag, topic, start_ns, times, _six_of("wrench.force", "wrench.torque"))
         values["load"] = load_ratio(wrench, parameters)
+    values |= _internal(bag, arm, start_ns, times)
     efforts = np.full((len(times), len(names)), np.nan)
     if (topic := arm.names.get("effort_command")) is not None:
         commands = bag.series(topic)
@@ -187,6 +188,15 @@ def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array) -> Arm:
         effort_limits=effort_limits_of(urdf, names),
         modes=_modes(bag, arm, states, start_ns),
     )
+
+
+def _internal(bag: Bag, arm: Topics, start_ns: int, times: Array) -> dict[str, Array]:
+    """Return the series of what several arms do to each other: force in the slip plane, moment about the normal."""
+    topic = next((name for name in bag.topics if name.endswith(f"/object/internal_wrench_{arm.name}")), None)
+    if topic is None or not bag.topics[topic].message_count:
+        return {}
+    wrench = _held(bag, topic, start_ns, times, _six_of("wrench.force", "wrench.torque"))
+    return {"internal_n": np.linalg.norm(wrench[:, :2], axis=1), "internal_nm": np.abs(wrench[:, 5])}
 
 
 def slip_values(displacement: Array) -> dict[str, Array]:
@@ -270,7 +280,9 @@ def _parameters(bag: Bag, name: str, arm: str = "") -> dict[str, Any]:
         if candidate in bag.attachments:
             try:
                 tree = read_yaml(bag.attachments[candidate].decode("utf-8"))
-                return {k: v for node in tree.values() for k, v in flat_names(node["ros__parameters"]).items()}
+                values = {k: v for node in tree.values() for k, v in flat_names(node["ros__parameters"]).items()}
+                own = {k.removeprefix(f"{arm}."): v for k, v in values.items() if arm and k.startswith(f"{arm}.")}
+                return own or values
             except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
                 got = f"{type(error).__name__} {error}"
                 raise InputError(f"{candidate} of {bag.path}", got=got, expected="a ROS parameter file") from None
