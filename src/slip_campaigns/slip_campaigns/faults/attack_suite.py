@@ -88,7 +88,7 @@ class AttackStage(DdsCampaign):
         self.watch.violations()
         pids = [self.pid(node) for node in (CONTROLLER, BRIDGE)]
         memory, lines, began = self._memory(pids), self._lines(), time.monotonic()
-        lost, deaf = self.lost, self.deaf
+        lost, starts = self.lost, self.nodes.starts
         self.watch.by_itself = name in TWO_SOURCES
         modes: set[Mode] = set()
         self.watch.on_mode = modes.add
@@ -99,15 +99,17 @@ class AttackStage(DdsCampaign):
         self._guests.clear()
         ended = time.monotonic()
         helped = not self.spin_until(self._law_since(ended), ALONE_S, lambda: None)
+        deaths = self.deaths()  # before the operator starts them anew
         if name in CHANGES:
             self._put_back()
         back = not helped or self.spin_until(self._law_since(ended), BACK_S, self.operate)
         recovery = time.monotonic() - ended if back else None
         rate = (self._lines() - lines) / (time.monotonic() - began)
-        deaths = self.deaths()
+        deaths += self.deaths()
         self.watch.by_itself = False
-        alive = not deaths and self.deaf == deaf
-        if self.lost > lost:  # its simulation ends with it, and the operator starts another one
+        # A simulation whose object is lost ends with it, and the operator starts another one: that is no death.
+        alive = not deaths and self.nodes.starts - starts <= self.lost - lost
+        if self.lost > lost:
             note = "; ".join(text for text in (note, "the object was lost") if text)
         same = [self.pid(node) for node in (CONTROLLER, BRIDGE)] == pids
         grown = self._memory(pids) - memory if same else float("nan")
