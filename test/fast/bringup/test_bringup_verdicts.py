@@ -155,9 +155,11 @@ def test_drift_friction_and_first_motion_have_bounds() -> None:
     assert not verdicts.judge_drift(names, np.array([0.0, np.nan]), 5.0).holds
     assert verdicts.judge_mode("enabled", "ACTIVE", ("ACTIVE",)).holds
     assert not verdicts.judge_mode("enabled", "HOLD: slip is silent", ("ACTIVE",)).holds
-    assert verdicts.judge_friction(0.25, 0.2, 0.19, 1, "goal 3 reached").holds
-    assert verdicts.judge_friction(0.25, 0.04, 0.04, 2, "goal 3 reached").fix
-    assert verdicts.judge_friction(0.25, 0.2, 0.19, 0, "goal 3 refused: too heavy").fix
+    assert verdicts.judge_friction(0.25, 0.2, 0.19, 1, "goal 3 reached", "ACTIVE").holds
+    assert verdicts.judge_friction(0.25, 0.04, 0.04, 2, "goal 3 reached", "ACTIVE").fix
+    refused = verdicts.judge_friction(0.25, 0.2, 0.19, 0, "goal 3 refused: not at work", "HOLD: slip is silent")
+    assert "HOLD: slip is silent" in refused.measured
+    assert refused.fix
     assert verdicts.judge_motion("goal 4 reached", "ACTIVE", 0.003, 0.0025, 0.001, 0.025).holds
     for goal, mode, missed, slip in (
         ("goal 4 moves", "ACTIVE", 0.0, 0.0), ("goal 4 reached", "HOLD: asked", 0.0, 0.0),

@@ -336,21 +336,22 @@ def judge_mode(step: str, mode: str, wanted: Sequence[str]) -> Verdict:
     return Verdict(step, mode or "no mode", " or ".join(wanted), fix)
 
 
-def judge_friction(told: float, estimate: float, carried: float, events: int, goal: str) -> Verdict:
+def judge_friction(told: float, estimate: float, carried: float, events: int, goal: str, mode: str) -> Verdict:
     """Judge what the probing motions have shown of the friction.
 
     Args:
         told: governor.friction_limit [N].
         estimate: F^ in the end [N]; carried: largest load that was asked without slip [N].
         events: how often it has slipped.
-        goal: what became of the last goal.
+        goal: what became of the last goal; mode: at its end.
     """
     slipped = f"slipped {events} times" if events else "never slipped"
     measured = f"F^ {estimate:.3f} N, carried {carried:.3f} N, {slipped}"
     expected = f"goals that are reached, with at least a fifth of governor.friction_limit ({told:.3g} N)"
     fix = ""
     if not goal.endswith("reached"):
-        measured, fix = goal or "no answer to the goal", "more grip; else see controller/mode and controller/goal"
+        measured = f"{goal or 'no answer to the goal'} ({mode})"
+        fix = "more grip; where the law has stopped, docs/troubleshooting.md says what to do about the reason"
     elif estimate < 0.2 * told:
         fix = "more grip, or tell governor.friction_limit; a slip sensor that tells of slip that is none does this too"
     return Verdict("friction", measured, expected, fix)

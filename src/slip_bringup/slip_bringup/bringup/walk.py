@@ -245,7 +245,7 @@ class Walk:
                 break
         if events:
             self.measured["governor.friction_limit"] = estimate
-        return verdicts.judge_friction(told, estimate, carried, events, self._system.goal)
+        return verdicts.judge_friction(told, estimate, carried, events, self._system.goal, self._system.mode)
 
     def _first_motion(self) -> Verdict:
         here, R, _ = self._robot.frame(self._system.listen(WATCHED_S).position)
