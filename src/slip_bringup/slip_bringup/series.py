@@ -53,10 +53,12 @@ def read_series(path: Path, arm: str = "") -> RunSeries:
         commands = _series(bag, "effort_command", arm)
         scalars = _series(bag, "controller/scalars", arm)
         ee_pose = _series(bag, "controller/ee_pose", arm)
-    start_ns = _stamps(truth)[0]
-    object_position = _columns(odometry, "pose.pose.position.", "xyz")
-    object_rotation = Rotation.from_quat(_columns(odometry, "pose.pose.orientation.", "xyzw")).as_matrix()
-    twist = [_columns(odometry, f"twist.twist.{part}.", "xyz") for part in ("linear", "angular")]
+    # A recorder on a busy machine may miss a message of one topic: the two go together by their stamps.
+    stamps, of_truth, of_object = np.intersect1d(_stamps(truth), _stamps(odometry), return_indices=True)
+    start_ns = stamps[0]
+    object_position = _columns(odometry, "pose.pose.position.", "xyz")[of_object]
+    object_rotation = Rotation.from_quat(_columns(odometry, "pose.pose.orientation.", "xyzw")[of_object]).as_matrix()
+    twist = [_columns(odometry, f"twist.twist.{part}.", "xyz")[of_object] for part in ("linear", "angular")]
     # {p} is {ee} at the first tick, fixed in the object from then on.
     R_0 = object_rotation[0]
     o_x_p = R_0.T @ (_columns(ee_pose, "pose.position.", "xyz")[0] - object_position[0])
@@ -66,9 +68,9 @@ def read_series(path: Path, arm: str = "") -> RunSeries:
     names = [str(name) for name in scalars["name"][0]]
     table = scalars["position"]
     return RunSeries(
-        time=_times(truth, start_ns),
-        slip_displacement=truth["position"],
-        slip_velocity=truth["velocity"],
+        time=(stamps - start_ns) * 1e-9,
+        slip_displacement=truth["position"][of_truth],
+        slip_velocity=truth["velocity"][of_truth],
         grasp_position=object_position + lever,
         grasp_rotation=object_rotation @ o_R_p,
         grasp_twist=np.hstack([linear + np.cross(angular, lever), angular]),
