@@ -20,5 +20,10 @@ setup(
     maintainer_email="maintainers@slip-vic.example",
     description="Variable impedance controller for non-rigid grasps: the law, and the node that runs it.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["slip_vic_controller_node = slip_vic_controller.node:main"]},
+    entry_points={
+        "console_scripts": [
+            "slip_vic_controller_node = slip_vic_controller.node:main",
+            "slip_vic_controller_two_arms_node = slip_vic_controller.team.node:main",
+        ]
+    },
 )
