@@ -67,11 +67,18 @@ class Cable:
             _run(["ip", *words.split()])
         for words in ("link set lo up", f"addr add 10.93.0.2/24 dev {_FAR}", f"link set {_FAR} up"):
             _run(self.behind(["ip", *words.split()]))
+        # DDS looks for its interfaces once, and one without a carrier is none.
+        while not self._is_up() and time.monotonic() < end:
+            time.sleep(0.01)
         return self
 
     def __exit__(self, *_: object) -> None:
         self._holder.kill()
         self._holder.wait()
+
+    def _is_up(self) -> bool:
+        words = self.behind(["ip", "link", "show", _FAR])
+        return " state UP " in subprocess.run(words, check=True, capture_output=True, text=True).stdout
 
     def _namespace(self) -> str:
         with contextlib.suppress(OSError):
