@@ -85,7 +85,7 @@ def called(tmp_path: Path) -> dict[str, str]:
                 "ruff check .",
                 "mypy ",
                 f"python -m pytest {FAST}",
-                "python -m pytest test/slow",
+                "python -m pytest test/slow -n 2 --dist loadfile",
             ],
         ),
         (("-k", "law"), ["ruff format --check .", "ruff check .", "mypy ", "python -m pytest -k law"]),

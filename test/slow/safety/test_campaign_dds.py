@@ -12,6 +12,9 @@ from slip_campaigns.faults.campaign import Tally
 from slip_campaigns.faults.dds_campaign import run_over_dds
 from slip_campaigns.faults.plan import CONTROLLER, JOINT, all_faults_over_dds
 
+# By hand: in 2 of 11 runs the law was not at work within 60 s of the first start; why is not found yet.
+pytestmark = pytest.mark.long
+
 SEED = 3
 CASES = all_faults_over_dds()
 
