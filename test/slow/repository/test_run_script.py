@@ -66,6 +66,9 @@ def test_without_venv(bare: Path) -> None:
     assert not (bare / ".venv").exists()
 
 
+ALONE = [f"test/slow/bringup/test_{name}.py" for name in ("demo", "launcher", "page")]
+
+
 @pytest.fixture
 def called(tmp_path: Path) -> dict[str, str]:
     """An environment in which every checker prints its name and arguments, and does nothing else."""
@@ -85,7 +88,8 @@ def called(tmp_path: Path) -> dict[str, str]:
                 "ruff check .",
                 "mypy ",
                 f"python -m pytest {FAST}",
-                "python -m pytest test/slow -n 2 --dist loadfile",
+                f"python -m pytest test/slow -n 2 --dist loadfile {' '.join(f'--ignore={path}' for path in ALONE)}",
+                f"python -m pytest {' '.join(ALONE)}",
             ],
         ),
         (("-k", "law"), ["ruff format --check .", "ruff check .", "mypy ", "python -m pytest -k law"]),
