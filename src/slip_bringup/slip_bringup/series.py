@@ -55,6 +55,10 @@ def read_series(path: Path, arm: str = "") -> RunSeries:
         ee_pose = _series(bag, "controller/ee_pose", arm)
     # A recorder on a busy machine may miss a message of one topic: the two go together by their stamps.
     stamps, of_truth, of_object = np.intersect1d(_stamps(truth), _stamps(odometry), return_indices=True)
+    if not stamps.size:
+        raise InputError(
+            f"bag {path}", got="no slip_truth and object_state of one time", expected="a run of this suite"
+        )
     start_ns = stamps[0]
     object_position = _columns(odometry, "pose.pose.position.", "xyz")[of_object]
     object_rotation = Rotation.from_quat(_columns(odometry, "pose.pose.orientation.", "xyzw")[of_object]).as_matrix()

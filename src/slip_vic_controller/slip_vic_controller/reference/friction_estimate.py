@@ -19,8 +19,6 @@ from slip_vic_controller.sizes import NEVER
 
 LOADS: Final = 256
 """Control cycles that the history goes back."""
-
-
 PLAUSIBLE: Final = 0.5
 """Share of what is known of friction below which a slip that the observer alone finds is the model's error."""
 
@@ -60,8 +58,8 @@ ESTIMATE = layout(
 load carried without slip [N]; slipping, slip_ns: whether, and the stamp of the newest slip sample; events, event_ns:
 how often F^ was made smaller, and the stamp of the last time. suspected, suspected_at: whether the observer alone has
 told of a slip, and the load at which it did [N]; suspected_ns, suspected_speed: when that was looked at last, and
-its speed of slip then [m/s]; claimed_ns: stamp since when it says that the slip sensor must
-see it; found: whether it finds slip now."""
+its speed of slip then [m/s]; claimed_ns: stamp since when it says that the slip sensor must see it; found: whether it
+finds slip now."""
 
 
 @part

@@ -246,18 +246,12 @@ def end_pass(config: Any, state: Any, grid: Any) -> None:
     late = state.planned == 1 and state.rate * state.rate > bound_next(grid, state.s)
     _, slipped_at = provisional(config.estimate, state.estimate)
     most = config.most_grip * (config.given_up * slipped_at)
-    begins = state.search == Search.NO and most > state.asked
-    if (
-        late
-        and state.estimate.suspected != 0
-        and (state.search == Search.CEILING or state.search == Search.NO)
-        and not begins
-    ):
-        state.estimate.suspected, state.urgent = 0, 0  # it is too late for the observer's word alone
-        begin_plan(state, planned_load(config, state))
-    elif late and begins:
+    if late and state.search == Search.NO and most > state.asked:
         state.search, state.high_load = Search.CEILING, most
         begin_pass(state, most)
+    elif late and state.estimate.suspected != 0 and (state.search == Search.NO or state.search == Search.CEILING):
+        state.estimate.suspected, state.urgent = 0, 0  # it is too late for the observer's word alone
+        begin_plan(state, planned_load(config, state))
     elif state.search == Search.CEILING and late:  # nothing stops on the path: brake with what there is
         state.search = Search.LAST
         begin_pass(state, state.asked)
@@ -348,6 +342,15 @@ def run(config: Any, state: Any, grid: Any, held: Held, point: Along, pad: Pad, 
 
 
 @part
+def range_or_least(uu: float, ub: float, bb: float, F: float) -> tuple[float, float, bool]:
+    """Return the range of sddot whose load is within F; where there is none, the one of least load, and False."""
+    low, high, any_u = range_of_u(uu, ub, bb, F)
+    if not any_u:
+        low = high = -ub / uu if uu > 0.0 else 0.0
+    return low, high, any_u
+
+
+@part
 def step_on(
     config: Any, state: Any, ahead: tuple[float, float], held: Held, point: Along, pad: Pad, most_rate: float, dt: float
 ) -> float:
@@ -363,10 +366,8 @@ def step_on(
     b = b + weight(held, weights, R_ee, vec(config.gravity))
     l_u = drawn(held, weights, R_ee, point.tangent)
     uu, ub = l_u.dot(l_u), l_u.dot(b)
-    low, high, any_u = range_of_u(uu, ub, b.dot(b), state.usable)
+    low, high, any_u = range_or_least(uu, ub, b.dot(b), state.usable)
     state.strained = 0 if any_u else 1
-    if not any_u:
-        low = high = -ub / uu if uu > 0.0 else 0.0
     stop = -rate / dt
     state.bound = rate * rate / K if K > 0.0 else (0.0 if rate <= 0.0 else FASTEST)
     m = 0.5 * slope * dt
@@ -378,10 +379,8 @@ def step_on(
     least, state.halted = low, 0
     if state.estimate.suspected != 0:  # no more than that is asked, unless it takes more to stop on the path
         F, _ = provisional(config.estimate, state.estimate)
-        least, most, any_u = range_of_u(uu, ub, b.dot(b), min(state.grip * F, state.usable))
-        if not any_u:
-            least = most = -ub / uu if uu > 0.0 else 0.0
-            state.halted = 1 if rate == 0.0 and want > 0.0 else 0
+        least, most, any_u = range_or_least(uu, ub, b.dot(b), min(state.grip * F, state.usable))
+        state.halted = 1 if not any_u and rate == 0.0 and want > 0.0 else 0
         least, high = max(least, low), min(most, high)
         if state.urgent == 0:
             least = max(min(want, least), low)
