@@ -15,7 +15,6 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.serialization import deserialize_message
-from scipy.spatial.transform import Rotation
 from std_srvs.srv import Trigger
 
 from slip_bags.recording.raw_subscription import Arrival, RawSubscription, recording_qos
@@ -25,6 +24,7 @@ from slip_core.errors import InputError, ProtocolError
 from slip_core.files.resources import read_text
 from slip_core.params import build, parameter_infos
 from slip_core.topics import TOPICS
+from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.messages.from_msgs import JointOrder, vector6
 from slip_msgs_py.qos import create_publisher, message_class
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
@@ -157,14 +157,11 @@ class RosSystem:
     def send_goal(self, position: Array, rotation: Array, duration_s: float) -> None:
         """Publish a goal."""
         from builtin_interfaces.msg import Duration
-        from geometry_msgs.msg import Quaternion, Transform, Vector3
+        from geometry_msgs.msg import Transform
         from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
-        x, y, z, w = Rotation.from_matrix(rotation).as_quat().tolist()
-        pose = Transform(
-            translation=Vector3(**dict(zip("xyz", position.tolist(), strict=True))),
-            rotation=Quaternion(x=x, y=y, z=z, w=w),
-        )
+        turned = to_msgs.pose(to_msgs.pose_numbers(position, rotation)).orientation
+        pose = Transform(translation=to_msgs.vector3(position), rotation=turned)
         seconds, rest = divmod(round(1e9 * duration_s), 10**9)
         after = Duration(sec=seconds, nanosec=rest)
         self._goals.publish(
