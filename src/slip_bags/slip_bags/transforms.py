@@ -7,8 +7,9 @@ frame to its child frame.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -23,6 +24,8 @@ from slip_msgs_py.messages.transforms import TOPIC, TYPE, TYPE_HASH, TransformEn
 
 WORLD: Final = "world"
 RATE_HZ: Final = 50.0
+WAITING: Final = 500
+"""Joint states kept until their URDF is known: the newest 10 s at 50 Hz."""
 SOURCES: Final = {
     "sensor_msgs/msg/JointState": "joint_states",
     "std_msgs/msg/String": "robot_description",
@@ -46,6 +49,7 @@ class _Source:
 
     schema: Schema
     next_ns: int = 0
+    waiting: deque[RawMessage] = field(default_factory=lambda: deque(maxlen=WAITING))
     links: list[Link] | None = None
     encoder: TransformEncoder | None = None
 
@@ -75,7 +79,10 @@ class Transforms:
             self._sources[name] = _Source(Schema(kind, find_definition(kind).text))
 
     def feed(self, message: RawMessage) -> Iterator[RawMessage]:
-        """Yield the message on `/tf` that a message leads to, if any.
+        """Yield the messages on `/tf` that a message leads to.
+
+        A late description, as on a busy machine, costs none: joint states wait for it. What is made is the same in
+        whatever order the two arrive.
 
         Raises:
             InputError: a description that is no URDF.
@@ -87,22 +94,39 @@ class Transforms:
         if source.schema.type_name.endswith("String"):
             text = str(Series(source.schema, [message])["data"][0])
             self._urdfs[namespace] = text
+            times = {"log_time_ns": message.log_time_ns, "publish_time_ns": message.publish_time_ns}
+            for other in self._sources.values():
+                waiting, other.waiting = other.waiting, deque(maxlen=WAITING)
+                other.next_ns = 0 if waiting else other.next_ns
+                for earlier in waiting:
+                    yield from self._transform(other, earlier._replace(**times))
             return
+        yield from self._transform(source, message)
+
+    def _transform(self, source: _Source, message: RawMessage) -> Iterator[RawMessage]:
         stamp_ns = int.from_bytes(message.data[4:8], "little", signed=True) * 10**9 + int.from_bytes(
             message.data[8:12], "little"
         )
         if source.next_ns - self._period_ns <= stamp_ns < source.next_ns:  # an older one is a clock that began anew
             return
         row = Series(source.schema, [message])
-        data = self._arm(source, row, namespace, stamp_ns) if "name" in row else self._body(source, row, stamp_ns)
+        if "name" in row:
+            namespace = message.topic.rpartition("/")[0].strip("/")
+            urdf = self._urdfs.get(namespace, self._urdfs.get(""))
+            if urdf is None:
+                source.waiting.append(message)
+                source.next_ns = stamp_ns + self._period_ns
+                return
+            data = self._arm(source, row, namespace, urdf, stamp_ns)
+        else:
+            data = self._body(source, row, stamp_ns)
         if data is not None:
             source.next_ns = stamp_ns + self._period_ns
             self._count += 1
             yield RawMessage(TOPIC, message.log_time_ns, message.publish_time_ns, self._count, data)
 
-    def _arm(self, source: _Source, row: Series, namespace: str, stamp_ns: int) -> bytes | None:
-        urdf = self._urdfs.get(namespace, self._urdfs.get(""))
-        if urdf is None or row["position"].shape[1:] != row["name"].shape[1:]:
+    def _arm(self, source: _Source, row: Series, namespace: str, urdf: str, stamp_ns: int) -> bytes | None:
+        if row["position"].shape[1:] != row["name"].shape[1:]:
             return None
         if source.links is None or source.encoder is None:
             source.links = read_links(urdf)

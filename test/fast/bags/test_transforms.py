@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from slip_bags.cli import bag as bag_command
 from slip_bags.export import export_bag
-from slip_bags.reader import Bag
+from slip_bags.reader import Bag, RawMessage
 from slip_bags.transforms import RATE_HZ, Transforms, tf_topic
 from slip_core.errors import InputError
 from slip_core.files.link_tree import poses_on_parents, read_links
@@ -97,6 +97,23 @@ def test_frames_of_a_namespace_have_its_prefix() -> None:
     (made,) = Transforms(kinds, urdfs={"left": urdf_text()}).feed(renamed)
     assert b"left/arm_link7\0" in made.data
     assert list(Transforms(kinds, urdfs={"right": urdf_text()}).feed(renamed)) == []
+
+
+def test_a_late_description_costs_no_transform() -> None:
+    """On a busy machine the first joint states may come before the description: the same is made, a little later."""
+    with Bag(REFERENCE) as bag:
+        states = [m for m, _ in zip(bag.raw(["/joint_states"]), range(90), strict=False)]
+        (description,) = bag.raw(["/robot_description"])
+    kinds = {"/joint_states": "sensor_msgs/msg/JointState", "/robot_description": "std_msgs/msg/String"}
+
+    def made(messages: list[RawMessage]) -> list[bytes]:
+        transforms = Transforms(kinds)
+        return [one.data for message in messages for one in transforms.feed(message)]
+
+    early = made([description, *states])
+    assert len(early) == 5
+    assert made([*states[:50], description, *states[50:]]) == early
+    assert made([*states, description]) == early
 
 
 def test_export_says_what_it_added(tmp_path: Path) -> None:

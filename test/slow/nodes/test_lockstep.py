@@ -11,11 +11,17 @@ from slip_bringup.inprocess import run_in_process
 from slip_core.stamps import stamp_to_ns
 from test.slow.conftest import Recording, noisy_scenario, record
 
+SEVERAL = ("/tf", "/diagnostics")
+
 
 def decoded(bag: Path) -> dict[str, list[Any]]:
-    """Return every message of a bag as nested plain values; /diagnostics and all else included."""
+    """Return every message of a bag as nested plain values; /diagnostics and all else included.
+
+    Several sources speak on the topics of `SEVERAL`: no promise is made about whose message comes first.
+    """
     with Bag(bag) as opened:
-        return {name: [plain(m.value) for m in opened.messages(name)] for name in opened.topics}
+        found = {name: [plain(m.value) for m in opened.messages(name)] for name in opened.topics}
+    return {name: sorted(values, key=repr) if name in SEVERAL else values for name, values in found.items()}
 
 
 def plain(value: Any) -> Any:
