@@ -94,12 +94,14 @@ class Transforms:
         if source.schema.type_name.endswith("String"):
             text = str(Series(source.schema, [message])["data"][0])
             self._urdfs[namespace] = text
-            times = {"log_time_ns": message.log_time_ns, "publish_time_ns": message.publish_time_ns}
             for other in self._sources.values():
                 waiting, other.waiting = other.waiting, deque(maxlen=WAITING)
                 other.next_ns = 0 if waiting else other.next_ns
-                for earlier in waiting:
-                    yield from self._transform(other, earlier._replace(**times))
+                for one in waiting:
+                    yield from self._transform(
+                        other,
+                        RawMessage(one.topic, message.log_time_ns, message.publish_time_ns, one.sequence, one.data),
+                    )
             return
         yield from self._transform(source, message)
 
