@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 CONSOLE = Console(stderr=True)
 CONTROLLERS = click.Choice(["vic", "classical", "governed"])
+PARAMS = click.option(
+    "--params", type=click.Path(path_type=Path), help="parameter file of the controller, e.g. of bringup or tune"
+)
 
 
 DEVELOPERS: Final = {name: f"slip_campaigns.{name}.cli" for name in ("bench", "faults", "soak")}
@@ -60,6 +63,7 @@ def cli() -> None:
 @click.option("--controller", "kind", type=CONTROLLERS, default="governed", show_default=True, help="control law")
 @click.option("--mode", type=click.Choice(["lockstep", "realtime"]), default="lockstep", show_default=True)
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="seed of the sensor noise")
+@PARAMS
 @click.option("--record", type=click.Path(path_type=Path), help="record a bag into this new folder")
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
 @click.option("--urdf", type=click.Path(path_type=Path), help="another arm")
@@ -77,6 +81,7 @@ def run(
     kind: ControllerKind,
     mode: Mode,
     seed: int,
+    params: Path | None,
     record: Path | None,
     assignments: tuple[str, ...],
     urdf: Path | None,
@@ -96,9 +101,18 @@ def run(
     from slip_bringup.launcher import Launcher
     from slip_bringup.pair.any_scenario import load_any
     from slip_bringup.progress import run_progress
+    from slip_bringup.scenario import read_parameters
     from slip_msgs_py.realtime import ProcessOptions, parse_cores
 
-    loaded = load_any(scenario, controller=kind, mode=mode, seed=seed, assignments=assignments, urdf_file=urdf)
+    loaded = load_any(
+        scenario,
+        controller=kind,
+        mode=mode,
+        seed=seed,
+        assignments=assignments,
+        urdf_file=urdf,
+        parameters=read_parameters(params),
+    )
     process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory, awake)
     launcher = Launcher(
         loaded, bag=record, wanted_domain=domain_id, namespace=namespace, process=process, one_process=one_process
@@ -128,6 +142,7 @@ def run(
 @click.option("--scenario", default="paper_planar", show_default=True, help="name or .yaml file")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out"), show_default=True, help="output folder")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="seed of the sensor noise")
+@PARAMS
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
 @click.option("--urdf", type=click.Path(path_type=Path), help="another arm")
 @click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
@@ -136,6 +151,7 @@ def demo(
     scenario: str,
     out: Path,
     seed: int,
+    params: Path | None,
     assignments: tuple[str, ...],
     urdf: Path | None,
     domain_id: int | None,
@@ -143,9 +159,10 @@ def demo(
 ) -> None:
     """Compare classical, variable and governed impedance on one scenario: table, report.html, summary.json, bags."""
     from slip_bringup.demo import run_demo
-    from slip_bringup.scenario import urdf_assignment
+    from slip_bringup.scenario import read_parameters, urdf_assignment
 
-    summary = run_demo(scenario, out, seed, (*urdf_assignment(urdf), *assignments), domain_id, CONSOLE)
+    given = (*urdf_assignment(urdf), *assignments)
+    summary = run_demo(scenario, out, seed, given, domain_id, CONSOLE, read_parameters(params))
     lines = (f"{kind}: {incident}" for kind, run in summary["runs"].items() for incident in run["incidents"])
     end_with(lines, allow_fault)
 

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, get_args
 
 from rich.console import Console
@@ -22,11 +23,11 @@ from slip_bringup.pair.any_scenario import load_any
 from slip_bringup.pair.measures import Judged, verdicts
 from slip_bringup.pair.picture import write_picture
 from slip_bringup.pair.recorded import judge_bag
-from slip_bringup.pair.scenario import is_pair
+from slip_bringup.pair.scenario import PairScenario, is_pair
 from slip_bringup.progress import run_progress
 from slip_bringup.recording import versions
 from slip_bringup.report import write_report
-from slip_bringup.scenario import ControllerKind
+from slip_bringup.scenario import GOVERNED, ControllerKind, Scenario
 from slip_bringup.series import RunSeries, read_series
 from slip_bringup.web.page import write_page
 from slip_core.errors import InputError
@@ -35,7 +36,13 @@ ORDER: tuple[ControllerKind, ...] = ("classical", "vic", "governed")
 
 
 def run_demo(
-    scenario: str, out: Path, seed: int, assignments: tuple[str, ...], domain: int | None, console: Console
+    scenario: str,
+    out: Path,
+    seed: int,
+    assignments: tuple[str, ...],
+    domain: int | None,
+    console: Console,
+    parameters: Mapping[str, Any] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """Run all controllers, write page, ``summary.json``, ``report.png`` and the bags into `out`, return the summary.
 
@@ -45,7 +52,7 @@ def run_demo(
         InputError: bad scenario or parameter, or an output folder that cannot be written.
     """
     assert set(ORDER) == set(get_args(ControllerKind))
-    loaded = {kind: load_any(scenario, controller=kind, seed=seed, assignments=assignments) for kind in ORDER}
+    loaded = all_kinds(scenario, seed, assignments, parameters)
     for made in loaded.values():
         made.check()
     staging = _staging_folder(out)
@@ -92,6 +99,17 @@ def run_demo(
     files = {"page": "report.html", "summary": "summary.json", "picture": "report.png"}
     console_out.print("\n".join(f"{what}: {out / name}" for what, name in files.items()), soft_wrap=True)
     return summary
+
+
+def all_kinds(
+    scenario: str, seed: int, assignments: tuple[str, ...], parameters: Mapping[str, Any]
+) -> dict[ControllerKind, Scenario | PairScenario]:
+    """Return the scenario with each controller; all get the same `parameters`, without those in which they differ."""
+    common = {name: value for name, value in parameters.items() if name not in ("controller", *GOVERNED)}
+    return {
+        kind: load_any(scenario, controller=kind, seed=seed, assignments=assignments, parameters=common)
+        for kind in ORDER
+    }
 
 
 def _sum_up_pair(

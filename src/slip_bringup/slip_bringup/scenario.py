@@ -20,6 +20,7 @@ from slip_core.params import (
     ParameterModel,
     build,
     current_names,
+    flat_names,
     flatten,
     is_name,
     load_yaml,
@@ -184,9 +185,10 @@ def load_scenario(
             node["robot_description_file"] = str(urdf_file)
     if sensor:
         apply_sensor(values, load_preset(sensor, texts.sensors.get(sensor)))
-    facts = {key: value for key, value in values["controller"].items() if "_sensor." in key}
-    if parameters:  # gains are the file's, the sensor is the one that was named
-        values["controller"] |= current_names(ControllerNodeParams, dict(parameters), "parameter file") | facts
+    if parameters:  # gains are the file's, the mode and a sensor that was named are those of the command
+        known = values["controller"]
+        named = {key: value for key, value in known.items() if key == "mode" or (sensor and "_sensor." in key)}
+        known |= current_names(ControllerNodeParams, dict(parameters), "parameter file") | named
     if estimator is not None:
         values["controller"]["slip_estimator"] = estimator
     _tell_friction(values, origin)
@@ -199,6 +201,25 @@ def load_scenario(
         bridge_params.robot_description or texts.urdfs.get(file) or read_text(file, "parameter robot_description_file")
     )
     return Scenario(outer.name, outer.description, text, controller_params, bridge_params, urdf)
+
+
+def read_parameters(file: Path | None) -> dict[str, Any]:
+    """Return the controller's parameters in a ROS parameter file or a plain one; without a file none.
+
+    Raises:
+        InputError: an unreadable file, or one of another node.
+    """
+    if file is None:
+        return {}
+    content = load_yaml(file)
+    nodes = {name: node for name, node in content.items() if isinstance(node, dict) and "ros__parameters" in node}
+    if not nodes:
+        return flat_names(content)
+    wanted = NODES["controller"][0]
+    found = [node for name, node in nodes.items() if name.rpartition("/")[2] in (wanted, "**")]
+    if not found:
+        raise InputError(f"file {file}", got=f"parameters of {', '.join(nodes)}", expected=f"parameters of {wanted}")
+    return flat_names(found[0]["ros__parameters"])
 
 
 def apply_sensor(values: dict[str, dict[str, Any]], preset: SensorPreset) -> None:

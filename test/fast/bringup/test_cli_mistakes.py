@@ -49,6 +49,15 @@ MISTAKES = {
     "urdf is not xml": (["--urdf", "broken.urdf"], ["robot_description", "URDF"]),
     "scenario file is not yaml": (["--scenario", "broken.yaml"], ["broken.yaml"]),
     "scenario file with an unknown key": (["--scenario", "extra.yaml"], ["durration_s", "duration_s"]),
+    "parameter file missing": (["--params", "nowhere.yaml"], ["nowhere.yaml"]),
+    "parameter file of another node": (
+        ["--params", "bridge.yaml"],
+        ["bridge.yaml", "/**/slip_sim_bridge", "slip_vic_controller"],
+    ),
+    "parameter file for two arms": (
+        ["--scenario", "pane_two_arms_flat", "--params", "gains.yaml"],
+        ["--params", "two arms", "left.controller"],
+    ),
     "bag folder exists": (["--record", "taken"], ["taken", "exists"]),
     "bag folder cannot be written": (["--record", "/proc/bag"], ["/proc"]),
 }
@@ -60,6 +69,8 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "endless.urdf").write_text(re.sub(r'<limit[^>]*"-2.8973"[^>]*velocity="2.175"[^>]*>', "", urdf_text()))
     (tmp_path / "broken.urdf").write_text("<robot")
     (tmp_path / "broken.yaml").write_text("a: [1")
+    (tmp_path / "bridge.yaml").write_text("/**/slip_sim_bridge: {ros__parameters: {friction: {mu_s: 0.4}}}")
+    (tmp_path / "gains.yaml").write_text("gains: {k_s: 500.0}")
     (tmp_path / "extra.yaml").write_text("name: a\ndescription: b\ndurration_s: 1\n")
     (tmp_path / "taken").mkdir()
     return tmp_path

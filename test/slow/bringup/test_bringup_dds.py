@@ -8,9 +8,7 @@ from typing import Any
 
 from slip_bringup.bringup.hands import simulated_hand
 from slip_bringup.bringup.walk import Walk
-from slip_bringup.scenario import load_scenario
-from slip_core.files.plain_yaml import read_yaml
-from slip_core.params import flat_names
+from slip_bringup.scenario import load_scenario, read_parameters
 from test.support.bringup_arm import BRINGUP
 from test.support.ros import Processes, wait_until
 
@@ -37,7 +35,7 @@ def test_a_healthy_system_is_led_to_its_first_motion_and_an_error_is_found(
     out = tmp_path / "measured.yaml"
     code, said = run_bringup(processes, out)
     assert code == 0, said
-    measured = flat_names(read_yaml(out.read_text())["/**/slip_vic_controller"]["ros__parameters"])
+    measured = read_parameters(out)
     assert abs(measured["slip_sensor.rate_hz"] - 120.0) < 2.0
     assert abs(measured["slip_sensor.latency_s"] - 0.01) < 8e-3
     known = load_scenario("paper_planar", parameters=measured).controller

@@ -18,7 +18,8 @@ def bringup(namespace: str, domain_id: int | None, simulated: bool, out: Path) -
 
     Both must run; the controller with trajectory.kind goal, governor.mode slow_down, governor.friction unknown and
     safety.auto_enable false. Each step says what it measured and what it expects. Exit code 1 where a step does not
-    hold, with one line that says what to do. What was measured of the sensors is written to --out.
+    hold, with one line that says what to do. What was measured of the sensors is written to --out, for the controller
+    after its own file, and for `slip-vic check --params` and `slip-vic run --params`.
     """
     if domain_id is not None:
         os.environ["ROS_DOMAIN_ID"] = str(domain_id)

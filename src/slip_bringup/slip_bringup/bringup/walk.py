@@ -74,9 +74,7 @@ class Walk:
             name: float(f"{value:.4g}") if isinstance(value, float) else value for name, value in self.measured.items()
         }
         content = {"/**/slip_vic_controller": {"ros__parameters": nested_names(values)}}
-        head = (
-            "# Measured by `slip-vic bringup`: for the controller, after its own file, or `slip-vic check --params`.\n"
-        )
+        head = "# Measured by `slip-vic bringup`: for the controller after its own file; --params of run and check.\n"
         return head + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
 
     # -- nothing moves -----------------------------------------------------------------------------

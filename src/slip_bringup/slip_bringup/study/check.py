@@ -6,15 +6,14 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from rich.table import Table
 
-from slip_bringup.scenario import ControllerKind, Estimator, Scenario, load_scenario
+from slip_bringup.scenario import ControllerKind, Estimator, Scenario, load_scenario, read_parameters
 from slip_bringup.study.cases import NO_MISMATCH, mismatch_assignments
 from slip_bringup.study.path_load import PathLoad, path_load
 from slip_bringup.study.run_case import run_scenario
-from slip_core.params import flat_names, load_yaml
 from slip_vic_controller.law.bounds import GainReport
 from slip_vic_controller.law.gains import gain_report
 from slip_vic_controller.params import ControllerParams
@@ -56,7 +55,7 @@ class Question:
             controller=self.controller,
             sensor=self.sensor,
             estimator=self.estimator,
-            parameters={} if self.file is None else _read(self.file),
+            parameters=read_parameters(self.file),
             assignments=(*self.assignments, *mismatch),
         )
 
@@ -80,15 +79,6 @@ class Question:
             yield corner
             if name == NO_MISMATCH and corner.outcome == "unreachable":
                 return
-
-
-def _read(file: Path) -> dict[str, Any]:
-    """Return the parameters of a ROS parameter file (of the first node in it) or of a plain one."""
-    content = load_yaml(file)
-    for node in content.values():
-        if isinstance(node, dict) and "ros__parameters" in node:
-            return flat_names(node["ros__parameters"])
-    return flat_names(content)
 
 
 def gain_table(params: ControllerParams, report: GainReport, sensor: str) -> Table:
