@@ -127,6 +127,20 @@ def test_a_governed_team_is_on_one_path_and_counts_with_the_weaker_pad() -> None
     assert max(slipped(loop)) == 0.0
 
 
+def test_a_slip_of_one_pad_is_known_to_both_and_over_for_both() -> None:
+    loop = TeamLoop(load_pair(FLAT, law="governed", assignments=SOON))
+    left, right = (result.record.governor for result in list(ticks(loop, 150))[-1].results)
+    assert left.load_commanded > 0.05
+    assert right.load_commanded == pytest.approx(left.load_commanded, rel=0.1)  # what each learns friction from
+    now_ns = loop.simulation.stamp_ns
+    estimate = loop.team.sessions[1].state.governor.estimate
+    estimate.slipping, estimate.slip_ns = 1, now_ns  # what a slip sample of the right pad leaves
+    seen = [[result.record.governor.slipping for result in tick.results] for tick in ticks(loop, 100)]
+    assert seen[1] == [1.0, 1.0]
+    assert seen[-1] == [0.0, 0.0]
+    assert max(slipped(loop)) == 0.0
+
+
 def test_one_arms_bad_joint_states_stop_both_in_the_same_cycle_and_both_go_on_together() -> None:
     loop = TeamLoop(load_pair(UPRIGHT, assignments=(*SOON, "controller.safety.resume_after_s=0.1")))
     modes, reasons = [], set()

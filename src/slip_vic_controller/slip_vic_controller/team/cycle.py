@@ -80,11 +80,18 @@ def share_path(s: Any, other: Any) -> None:
 
 
 @part
-def agree_on_friction(s: Any, other: Any) -> None:
-    """Let both arms believe in the weaker pad, and know when one of them slips; s, other: STATE."""
+def agree_on_friction(config: Any, s: Any, other: Any) -> None:
+    """Let both arms believe in the weaker pad, and know when one of them slips; ESTIMATE_CONFIG, STATE of each.
+
+    Each pad's sensor tells of its own slip only, so it is over when no sample of either has shown one for so long.
+    """
     a, b = s.governor.estimate, other.governor.estimate
     a.F_hat = b.F_hat = min(a.F_hat, b.F_hat)
-    a.slipping = b.slipping = max(a.slipping, b.slipping)
+    slipping, newest = max(a.slipping, b.slipping), max(a.slip_ns, b.slip_ns)
+    if slipping != 0 and s.joint.answers.stamp_ns - newest >= config.quiet_ns + config.sensor_delay_ns:
+        slipping = 0
+    a.slipping = b.slipping = slipping
+    a.slip_ns = b.slip_ns = newest
 
 
 @part
@@ -104,6 +111,7 @@ def lead(s: Any, other: Any) -> None:
     b.out_s, b.out_rate, b.out_u, b.out_time = a.out_s, a.out_rate, a.out_u, a.out_time
     b.plan_load, b.infeasible, b.overrun, b.strained = a.plan_load, a.infeasible, a.overrun, a.strained
     b.halted = a.halted
+    b.usable, b.ceiling = a.usable, a.ceiling  # what is commanded is known by them, and from it where a pad has slipped
     b.heaviest_time, b.weight_load = a.heaviest_time, a.weight_load
 
 
@@ -132,7 +140,7 @@ def team_cycle(
         hold_with_the_other(c_r, s_r, i_r, o_r, right, before_r, works_r)
     governed = c_l.governor.mode != Governing.OFF and c_r.governor.mode != Governing.OFF
     if governed:
-        agree_on_friction(s_l, s_r)
+        agree_on_friction(c_l.governor.estimate, s_l, s_r)
     end_cycle(c_l, s_l, state_l[STATE_SIZE:].reshape(-1, ROW_SIZE), i_l, o_l, left)
     if governed:
         lead(s_l, s_r)
