@@ -2,6 +2,7 @@
 
     ros2 launch slip_bringup slip_vic.launch.py scenario:=glass_transport record:=out/glass
     ros2 launch slip_bringup slip_vic.launch.py namespace:=left set:='object.mass=0.6 controller.gains.k_s=500'
+    ros2 launch slip_bringup slip_vic.launch.py scenario:=pane_two_arms_upright
     ros2 launch slip_bringup slip_vic.launch.py bridge:=false mode:=realtime prefix:='chrt -f 80'
 
 The end is that of `slip-vic run` too: when the bridge has ended, the controller is asked to end, and then the recorder.
@@ -75,7 +76,7 @@ def system(context: LaunchContext) -> list:
     )
     controller = Node(
         package="slip_vic_controller",
-        executable="slip_vic_controller_node",
+        executable="slip_vic_controller_two_arms_node" if plan.two_arms else "slip_vic_controller_node",
         namespace=namespace,
         parameters=[str(plan.controller)],
         prefix=value("prefix"),
@@ -88,7 +89,7 @@ def system(context: LaunchContext) -> list:
     if plan.bridge is not None:
         bridge = Node(
             package="slip_sim_bridge",
-            executable="slip_sim_bridge_node",
+            executable="slip_sim_bridge_two_arms_node" if plan.two_arms else "slip_sim_bridge_node",
             namespace=namespace,
             parameters=[str(plan.bridge)],
             prefix=value("prefix"),

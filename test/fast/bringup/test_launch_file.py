@@ -9,20 +9,26 @@ import ast
 import importlib
 import inspect
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 import yaml
 
 from slip_bringup.launcher import Launcher
+from slip_bringup.pair.scenario import load_pair
 from slip_bringup.recording import recorder_command
 from slip_bringup.scenario import NODES, load_scenario
 from slip_bringup.system.node_command import LaunchPlan, launch_plan, run_parameters
 from slip_core.errors import InputError
-from slip_core.params import build, flatten
+from slip_core.params import ParameterModel, build, flatten
+from slip_sim_bridge.pair.params import PairParams
+from slip_vic_controller.parameters.team_params import TeamParams
 
 SRC = Path(__file__).parents[3] / "src"
 FILES = sorted((SRC / "slip_bringup" / "launch").glob("*.launch.py"))
+ONE_ARM = {name: model for name, (_, model) in NODES.items()}
+TWO_ARMS = {"controller": TeamParams, "bridge": PairParams}
 # What launch and launch_ros of Jazzy offer (docs.ros.org); look a name up before adding it.
 LAUNCH_API = {
     "launch": {"LaunchContext", "LaunchDescription"},
@@ -64,15 +70,17 @@ def problems(text: str) -> list[str]:
             found += [f"import {node.module}.{a.name}" for a in node.names if not hasattr(module, a.name)]
     for call in calls(tree, "Node"):
         given = keywords(call)
-        package, executable = ast.literal_eval(given["package"]), ast.literal_eval(given["executable"])
-        if not (SRC / package / "package.xml").is_file():
-            found.append(f"package {package}")
-        elif executable not in console_scripts(package):
-            found.append(f"executable {executable} of {package}")
-        else:
-            module, _, function = console_scripts(package)[executable].partition(":")
-            if f"def {function}" not in Path(SRC / package / (module.replace(".", "/") + ".py")).read_text():
-                found.append(f"function {function} of {module}")
+        package, choice = ast.literal_eval(given["package"]), given["executable"]
+        branches = [choice.body, choice.orelse] if isinstance(choice, ast.IfExp) else [choice]
+        for executable in map(ast.literal_eval, branches):
+            if not (SRC / package / "package.xml").is_file():
+                found.append(f"package {package}")
+            elif executable not in console_scripts(package):
+                found.append(f"executable {executable} of {package}")
+            else:
+                module, _, function = console_scripts(package)[executable].partition(":")
+                if f"def {function}" not in Path(SRC / package / (module.replace(".", "/") + ".py")).read_text():
+                    found.append(f"function {function} of {module}")
     declared = {ast.literal_eval(call.args[0]) for call in calls(tree, "DeclareLaunchArgument")}
     used = {ast.literal_eval(call.args[0]) for call in calls(tree, "value")}
     found += [f"argument {name}" for name in declared ^ used]
@@ -104,7 +112,8 @@ def test_everything_it_names_exists() -> None:
 @pytest.mark.parametrize(
     ("before", "after", "what"),
     [
-        ('executable="slip_sim_bridge_node"', 'executable="slip_bridge"', "executable slip_bridge of slip_sim_bridge"),
+        ('else "slip_sim_bridge_node"', 'else "slip_bridge"', "executable slip_bridge of slip_sim_bridge"),
+        ('"slip_sim_bridge_two_arms_node"', '"slip_bridges"', "executable slip_bridges of slip_sim_bridge"),
         ('package="slip_sim_bridge"', 'package="slip_bridge"', "package slip_bridge"),
         ("import launch_plan", "import launch_plans", "import slip_bringup.system.node_command.launch_plans"),
         ("import matches_action", "import matches_node", "import launch.events.matches_node"),
@@ -138,8 +147,8 @@ def plan(folder: Path, **changes: object) -> LaunchPlan:
     return launch_plan(folder, **given)  # type: ignore[arg-type]
 
 
-def read(path: Path, name: str) -> dict[str, object]:
-    node, model = NODES[name]
+def read(path: Path, name: str, models: Mapping[str, type[ParameterModel]] = ONE_ARM) -> dict[str, object]:
+    node, model = NODES[name][0], models[name]
     return flatten(build(model, yaml.safe_load(path.read_text())[f"/**/{node}"]["ros__parameters"], str(path)))
 
 
@@ -154,6 +163,18 @@ def test_the_plan_is_that_of_slip_vic_run(tmp_path: Path) -> None:
     assert made.recorder == recorder_command(scenario, tmp_path / "bag", tmp_path, "/left")
     assert made.recorder[-2:] == ["--namespace", "/left"]
     assert "run_parameters(scenario, recording)" in inspect.getsource(Launcher)
+
+
+def test_the_plan_of_two_arms_is_that_of_slip_vic_run(tmp_path: Path) -> None:
+    made = plan(tmp_path, scenario="pane_two_arms_upright", assignments=["object.mass=0.9"], namespace="")
+    scenario = load_pair("pane_two_arms_upright", law="classical", seed=3, assignments=["object.mass=0.9"])
+    controller, bridge = run_parameters(scenario, recording=True)
+    assert made.two_arms
+    assert made.bridge is not None
+    assert read(made.controller, "controller", TWO_ARMS) == flatten(controller)
+    assert read(made.bridge, "bridge", TWO_ARMS) == flatten(bridge)
+    assert made.recorder == recorder_command(scenario, tmp_path / "bag", tmp_path, "")
+    assert not plan(tmp_path).two_arms
 
 
 def test_without_bag_and_without_bridge(tmp_path: Path) -> None:

@@ -194,12 +194,23 @@ def test_laws_know_the_contacts_and_gains_that_their_names_say() -> None:
     for law in LAWS:
         scenario = load_pair(FLAT, law=law)
         left, right = scenario.controllers
-        both = law not in ("classical", "printed")
+        both = law not in ("classical", "leader_follower", "printed")
         assert len(left.contacts.position) == (6 if both else 3)
         assert (left.gains.kappa > 0.0) == (law in ("internal", "classical_internal", "governed"))
         if both:
             assert left.contacts.position[:3] == right.contacts.position[3:]
         scenario.team()
+
+
+def test_a_led_arm_keeps_to_the_other_pad_and_not_to_the_path() -> None:
+    loop = TeamLoop(load_pair(UPRIGHT, law="leader_follower", assignments=SOON))
+    run = list(ticks(loop, 400))
+    before, now = run[-2].results, run[-1].results[1].record.reference
+    apart = run[0].results[1].arm.position - run[0].results[0].arm.position
+    turned = before[0].arm.rotation @ run[0].results[0].arm.rotation.T
+    np.testing.assert_allclose(now.position, before[0].arm.position + turned @ apart, atol=1e-12)
+    np.testing.assert_array_equal(now.twist[3:], before[0].arm.twist[3:])
+    assert float(np.linalg.norm(now.position - run[0].results[1].arm.position)) > 0.02
 
 
 def test_a_mismatch_is_in_the_world_alone() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import click
 from rich.console import Console
 
-LAWS = ("classical", "classical_internal", "printed", "shared", "internal", "governed")
+LAWS = ("classical", "leader_follower", "classical_internal", "printed", "shared", "internal", "governed")
 
 
 def _laws(text: str) -> list[Any]:

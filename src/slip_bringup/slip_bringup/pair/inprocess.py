@@ -6,8 +6,11 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from slip_bringup.pair.scenario import PairScenario
-from slip_core.types import EffortCommand
+from slip_core.arrays import Array
+from slip_core.types import CartesianReference, EffortCommand
 from slip_sim_bridge.pair.simulation import PairSimulation, PairTick
 from slip_vic_controller.session import CycleResult, Manifest
 from slip_vic_controller.team.session import SIDES, TeamSession
@@ -21,12 +24,36 @@ class TeamTick:
     results: tuple[CycleResult, ...]
 
 
+class Leader:
+    """Leads the right pad by the left one: as far away as at first, with its velocity, one cycle later.
+
+    Args:
+        team: whose right arm is led.
+    """
+
+    def __init__(self, team: TeamSession) -> None:
+        self._team = team
+        self._apart: tuple[Array, Array] | None = None
+
+    def lead(self, results: tuple[CycleResult, ...]) -> None:
+        """Set the right arm's reference of the next cycle from where the left arm is in this one."""
+        left, right = (result.arm for result in results)
+        R, twist = np.array(left.rotation), np.array(left.twist)
+        if self._apart is None:
+            self._apart = R.T @ (right.position - left.position), R.T @ right.rotation
+        lever = R @ self._apart[0]
+        v = np.concatenate((twist[:3] + np.cross(twist[3:], lever), twist[3:]))
+        reference = CartesianReference(left.position + lever, R @ self._apart[1], v, np.zeros(6))
+        self._team.set_reference(1, reference)
+
+
 class TeamLoop:
     """Simulation and controller of a scenario, joined by function calls."""
 
     def __init__(self, scenario: PairScenario) -> None:
         self.simulation: PairSimulation = scenario.simulation()
         self.team: TeamSession = scenario.team()
+        self._leader = Leader(self.team) if scenario.leader else None
 
     def control(self, outputs: PairTick) -> tuple[CycleResult, ...]:
         """Return the controller's answer to a tick's outputs."""
@@ -43,6 +70,8 @@ class TeamLoop:
         answered = tuple(result for result in results if result is not None)
         if len(answered) != len(SIDES):
             raise RuntimeError("the controller did not answer a complete tick")
+        if self._leader is not None:
+            self._leader.lead(answered)
         return answered
 
 

@@ -37,10 +37,15 @@ from slip_vic_controller.parameters.team_params import TeamParams
 from slip_vic_controller.session import Controller
 from slip_vic_controller.team.session import TeamSession
 
-Law = Literal["classical", "classical_internal", "printed", "shared", "internal", "governed"]
-"""Two classical controllers; the same with internal feedback; the printed law, each arm with its own wrench; all
-wrenches in h_o; all wrenches and internal feedback; the same below the reference governor."""
-LAWS: tuple[Law, ...] = ("classical", "classical_internal", "printed", "shared", "internal", "governed")
+Law = Literal["classical", "leader_follower", "classical_internal", "printed", "shared", "internal", "governed"]
+"""Two classical controllers; the same where the right pad follows the left one instead of the path; the first with
+internal feedback; the printed law, each arm with its own wrench; all wrenches in h_o; all wrenches and internal
+feedback; the same below the reference governor."""
+LAWS: tuple[Law, ...] = (
+    "classical", "leader_follower", "classical_internal", "printed", "shared", "internal", "governed"
+)  # fmt: skip
+OWN_WRENCH = ("classical", "leader_follower", "printed")
+"""Laws in which each arm knows its own contact only."""
 
 
 BY_CONTROLLER: dict[ControllerKind, Law] = {"classical": "classical", "vic": "internal", "governed": "governed"}
@@ -105,6 +110,8 @@ class PairScenario:
     """URDFs without a base: the simulation puts them where they really are."""
     bases: tuple[BaseParams, ...]
     """Where the controllers believe the bases to be."""
+    leader: bool = False
+    """Whether the right pad is led by the left one; in one process only."""
     modules: ClassVar[dict[str, str]] = {
         "controller": "slip_vic_controller.team.node",
         "bridge": "slip_sim_bridge.pair.node",
@@ -187,8 +194,10 @@ def load_pair(
         node = values[side]
         node["bridge"] |= {"duration_s": outer.duration_s, "seed": seed, "mode": mode}
         node["controller"]["mode"] = mode
-        node["controller"]["controller"] = "classical" if law.startswith("classical") else "vic"
-        if law in ("classical", "printed", "shared"):
+        node["controller"]["controller"] = (
+            "classical" if law.startswith("classical") or law == "leader_follower" else "vic"
+        )
+        if law in (*OWN_WRENCH, "shared"):
             node["controller"]["gains.kappa"] = 0.0
         if law == "governed":
             node["controller"]["governor.mode"] = "slow_down"
@@ -226,7 +235,9 @@ def load_pair(
         for arm in arms
     )
     believed = tuple(placed_urdf(urdf, base.position, base.rotation) for urdf, base in zip(urdfs, bases, strict=True))
-    return PairScenario(outer.name, outer.description, text, controllers, bridge, believed, urdfs, bases)
+    return PairScenario(
+        outer.name, outer.description, text, controllers, bridge, believed, urdfs, bases, law == "leader_follower"
+    )
 
 
 def is_pair(name_or_path: str) -> bool:
@@ -277,7 +288,7 @@ def _values(outer: PairFile, sides: dict[str, SideFile], side: str, origin: str)
 
 def _own_contacts(node: dict[str, dict[str, Any]], law: Law) -> None:
     """Let the bridge know its own contact only, and the controller too where the law has its own wrench alone."""
-    for name in ("bridge", "controller") if law in ("classical", "printed") else ("bridge",):
+    for name in ("bridge", "controller") if law in OWN_WRENCH else ("bridge",):
         for key, count in (("position", 3), ("orientation_xyzw", 4), ("slip_axes", 6)):
             node[name][f"contacts.{key}"] = node[name][f"contacts.{key}"][:count]
 

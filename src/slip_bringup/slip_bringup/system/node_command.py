@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from slip_bringup.pair.any_scenario import load_any
+from slip_bringup.pair.scenario import PairScenario
 from slip_bringup.recording import AnyScenario, recorder_command
-from slip_bringup.scenario import NODES, ControllerKind, Mode, load_scenario, ros_parameter_file
+from slip_bringup.scenario import NODES, ControllerKind, Mode, ros_parameter_file
 from slip_bringup.system.processes import python_module
 from slip_core.params import ParameterModel
 
@@ -36,12 +38,14 @@ def run_parameters(scenario: AnyScenario, recording: bool) -> tuple[ParameterMod
 class LaunchPlan:
     """What a launch file starts: parameter files of the nodes, and the recorder's command.
 
-    bridge: None where a real arm takes its place. recorder: empty where nothing is recorded.
+    bridge: None where a real arm takes its place. recorder: empty where nothing is recorded. two_arms: whether these
+    are the nodes of two arms.
     """
 
     controller: Path
     bridge: Path | None
     recorder: list[str]
+    two_arms: bool
 
 
 def launch_plan(
@@ -60,9 +64,9 @@ def launch_plan(
     """Write the files of one run into `folder`; the arguments are those of ``slip_vic.launch.py``.
 
     Raises:
-        InputError: as `load_scenario`, or parameters and URDF that do not fit.
+        InputError: as `load_any`, or parameters and URDF that do not fit.
     """
-    loaded = load_scenario(
+    loaded = load_any(
         scenario,
         controller=controller,
         mode=mode,
@@ -76,6 +80,7 @@ def launch_plan(
         controller=_parameter_file("controller", controller_params, folder),
         bridge=_parameter_file("bridge", bridge_params, folder) if with_bridge else None,
         recorder=recorder_command(loaded, Path(bag), folder, namespace) if bag else [],
+        two_arms=isinstance(loaded, PairScenario),
     )
 
 
