@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -191,11 +192,12 @@ def test_kappa_is_lowered_to_what_late_wrenches_allow_and_refused_beyond_the_per
 
 
 def test_laws_know_the_contacts_and_gains_that_their_names_say() -> None:
-    for law in LAWS:
-        scenario = load_pair(FLAT, law=law)
+    for law, name in itertools.product(LAWS, (FLAT, UPRIGHT)):
+        scenario = load_pair(name, law=law)
         left, right = scenario.controllers
         both = law not in ("classical", "leader_follower", "printed")
         assert len(left.contacts.position) == (6 if both else 3)
+        assert (left.gains.spin == "bounded") == (law == "governed" or name == FLAT)
         assert (left.gains.kappa > 0.0) == (law in ("internal", "classical_internal", "governed"))
         if both:
             assert left.contacts.position[:3] == right.contacts.position[3:]

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
-from slip_bringup.scenario import ControllerKind, Mode, apply_sensor
+from slip_bringup.scenario import BOUNDED, ControllerKind, Mode, apply_sensor
 from slip_core.errors import InputError, nearest
 from slip_core.files.placed_urdf import placed_urdf
 from slip_core.files.plain_yaml import read_yaml
@@ -200,7 +200,7 @@ def load_pair(
         if law in (*OWN_WRENCH, "shared"):
             node["controller"]["gains.kappa"] = 0.0
         if law == "governed":
-            node["controller"]["governor.mode"] = "slow_down"
+            node["controller"] |= {"governor.mode": "slow_down"} | BOUNDED
         if sensor:
             apply_sensor(node, load_preset(sensor))
     for assignment in assignments:
