@@ -76,6 +76,7 @@ class GraspSimulation:
         self._at = ReadOut(len(self._limit))
         self._period_ns = params.control_period_ns
         self._gripper = Gripper(params.grip, params.control_period_s)
+        self._falls_in_ns = round(1e9 * params.friction.falls_at_s)
         self._stamp_ns = 0
         self._leaning: Array | None = None
         self.push(np.array(params.push.wrench), np.array(params.push.effort))
@@ -96,7 +97,7 @@ class GraspSimulation:
         """
         if stamp_ns < self._stamp_ns:
             raise ValueError(f"the clock never goes back: {stamp_ns} ns is before {self._stamp_ns} ns")
-        self._stamp_ns = stamp_ns
+        self._stamp_ns = self._started_ns = stamp_ns
 
     @property
     def holding(self) -> bool:
@@ -167,7 +168,10 @@ class GraspSimulation:
         self._gripper.step()
         if self.loss is None:
             self._look_at_contact()
-        self.plant.advance(applied if self._leaning is None else applied + self._leaning, self._gripper.force)
+        # Friction is mu N in every law: less of mu is, for the pads, less of N.
+        fallen = self._stamp_ns - self._started_ns >= self._falls_in_ns
+        normal = self._gripper.force * self.params.friction.falls_to if fallen else self._gripper.force
+        self.plant.advance(applied if self._leaning is None else applied + self._leaning, normal)
         self._diverged = False
         self._applied = applied
         self._stamp_ns += self._period_ns
@@ -212,6 +216,7 @@ class GraspSimulation:
         return self.plant.read()[self._at.position]
 
     def _start(self) -> None:
+        self._started_ns = self._stamp_ns
         self._hold_posture = self._posture()
         holding = self.plant.holding_effort(self._hold_posture, 0.0, 0.0)
         self._applied = readonly(np.clip(holding, -self._limit, self._limit))

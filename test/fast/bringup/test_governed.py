@@ -19,6 +19,8 @@ class Run:
     error_m: float
     mode: Mode
     reason: str
+    said: str
+    """All reasons that were published on the way."""
     most_load_ratio: float
     events: int
 
@@ -30,13 +32,16 @@ def run(scenario: str, *assignments: str, sensor: str = "", seconds: float = 3.0
         assignments=(*assignments, f"bridge.duration_s={seconds}"),
     )  # fmt: skip
     slip = load = 0.0
+    said: list[str] = []
     for tick in run_in_process(loaded):
         slip = max(slip, float(np.linalg.norm(tick.outputs.truth.slip_displacement[:3])))
         governor = tick.result.record.governor
         load = max(load, float(governor.load_ratio))
+        if tick.result.reason not in said:
+            said.append(tick.result.reason)
     result = tick.result
     error = float(result.record.law.error_linear) if result.record.ok else math.nan
-    return Run(slip, error, result.mode, result.reason, load, int(governor.friction_events))
+    return Run(slip, error, result.mode, result.reason, "; ".join(said), load, int(governor.friction_events))
 
 
 def test_nothing_slips_and_the_pad_arrives() -> None:
@@ -75,6 +80,17 @@ def test_the_observer_sees_it_before_a_slow_sensor_tells() -> None:
         assert 0.0 < done.slip_m < 5e-5, scenario
         assert done.error_m < 1e-3, scenario
         assert done.mode == Mode.ACTIVE, done.reason
+
+
+def test_friction_that_falls_half_way_is_overrun_by_little_and_the_mode_says_so() -> None:
+    for scenario, half_way_s in (("paper_planar", 1.0), ("glass_transport", 0.4)):
+        falls = f"bridge.friction.falls_at_s={half_way_s}", "bridge.friction.falls_to=0.8"
+        done = run(scenario, *falls, sensor="optical_flow_120", seconds=4.5)
+        assert 1e-5 < done.slip_m < 2e-4, scenario
+        assert done.error_m < 1e-3, scenario
+        assert "overrun" in done.said, scenario
+        assert done.mode == Mode.ACTIVE, "an overrun is over when the pad is back"
+        assert done.events >= 1
 
 
 def test_a_weight_that_seems_too_much_further_on_is_not_carried_there() -> None:

@@ -30,6 +30,15 @@ class FrictionParams(ParameterModel):
     )
     viscous: float = parameter(0.05, "friction force per slip speed, added to mu N", unit="N s/m", ge=0.0)
     torsional_radius: float = parameter(0.03, "largest friction torque over largest friction force", unit="m", gt=0.0)
+    falls_at_s: float = parameter(
+        0.0, "simulated time from which on `falls_to` of mu_s and mu_k is left", unit="s", ge=0
+    )
+    falls_to: float = parameter(
+        1.0,
+        "share of mu_s and mu_k that is left from `falls_at_s` on: a pad that comes upon a greasy spot",
+        ge=0.0,
+        le=1.0,
+    )
     lugre: LugreParams = LugreParams()
 
     @model_validator(mode="after")

@@ -53,6 +53,8 @@ class PairParams(ParameterModel):
                 raise ValueError(f"{side}.slip_input {arm.slip_input}: two arms have slip velocities")
             if any((*arm.push.wrench, *arm.push.effort)):
                 raise ValueError(f"{side}.push: nobody pushes two arms")
+            if arm.friction.falls_to != 1.0:
+                raise ValueError(f"{side}.friction.falls_to: with two arms friction stays")
             if arm.publish_tf:
                 raise ValueError(f"{side}.publish_tf: with two arms the recorder writes /tf")
         if self.left.friction.model != self.right.friction.model:

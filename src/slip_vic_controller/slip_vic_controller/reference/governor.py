@@ -58,6 +58,8 @@ MORE_THAN_WEIGHT: Final = 1.0 + 1e-6
 """Of what the weight alone asks: with that the path can be run through, as slowly as need be."""
 OVER: Final = 1.1
 """sdot^2 over K beyond which an overrun is said, ..."""
+BACK: Final = 1e-3
+"""How near the path's end the pad has come back when an overrun is over [m]."""
 SLOWEST: Final = 2e-2
 """... if this speed of the pad or more is too much [m/s]."""
 
@@ -327,6 +329,8 @@ def run(config: Any, state: Any, grid: Any, held: Held, point: Along, pad: Pad, 
     plan(config, state, grid)
     allow(config, state)
     if state.planned == 0 or state.arrived == 1:
+        if pad.x.dot(pad.x) < BACK * BACK:
+            state.overrun = 0
         smooth(config, state, grid, 0.0)
         return
     if state.estimate.slipping == 1:
