@@ -21,7 +21,7 @@ class Topic:
     """One topic: its relative name, message type, who publishes it, QoS and meaning.
 
     `latched` topics are reliable, transient local, depth 1. All others are volatile; publishers offer
-    reliable with `depth` samples of history, because a recorder may be 200 ms behind at 1 kHz.
+    reliable with `depth` samples of history, because a recorder on a busy machine may be seconds behind.
     common: with two arms there is one for both, not one below the prefix of each; two_arms: only they have it.
     """
 
@@ -30,7 +30,7 @@ class Topic:
     publisher: Owner
     description: str
     latched: bool = False
-    depth: int = 1000
+    depth: int = 10000
     recorded: bool = True
     common: bool = False
     two_arms: bool = False

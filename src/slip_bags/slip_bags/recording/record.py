@@ -22,7 +22,7 @@ from slip_bags.writer import BagWriter, StorageError, WriterOptions
 from slip_msgs_py.messages.transforms import TOPIC as TF_TOPIC
 
 READY_TOPIC: Final = "recorder/ready"
-QUEUE_DEPTH: Final = 2000
+QUEUE_DEPTH: Final = 10000
 MIN_FREE_BYTES: Final = 64 << 20
 
 
