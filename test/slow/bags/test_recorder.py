@@ -320,7 +320,7 @@ def test_without_a_parent_it_tells_people(processes, tmp_path):
         capture_output=True,
         text=True,
         check=False,
-        timeout=30.0,
+        timeout=90.0,
     )
     assert (done.returncode, done.stderr) == (0, "recording; Ctrl-C ends\n")
     assert done.stdout.splitlines()[-1] == f"{tmp_path / 'bag'}: 0 messages, 0 lost"

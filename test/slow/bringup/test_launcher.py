@@ -18,7 +18,7 @@ from slip_core.errors import ProtocolError
 from slip_core.stamps import stamp_to_ns
 from test.support.ros import wait_until
 
-DEADLINE_S = 30.0
+DEADLINE_S = 90.0
 # A wall clock decides how many commands arrive in time; on a loaded machine some do not.
 LEAST_ANSWERED_SHARE = 0.1
 

@@ -28,7 +28,7 @@ def run(folder: Path, *words: str, events: bool = False) -> subprocess.Completed
     if events:
         environment["SLIP_VIC_EVENTS"] = "1"
     command = [sys.executable, "-m", "slip_msgs_py.realtime", *words]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=30.0, check=False)
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=90.0, check=False)
 
 
 def test_the_module_runs_on_its_core_with_its_arguments(tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ def bare(tmp_path: Path) -> Path:
 def run(copy: Path, **extra: str) -> subprocess.CompletedProcess[str]:
     environment = {"PATH": str(copy.parent / "bin"), "HOME": os.environ.get("HOME", "/"), **extra}
     return subprocess.run(
-        [str(copy / "run"), "demo"], env=environment, capture_output=True, text=True, timeout=60, check=False
+        [str(copy / "run"), "demo"], env=environment, capture_output=True, text=True, timeout=150, check=False
     )
 
 
@@ -99,7 +99,7 @@ def called(tmp_path: Path) -> dict[str, str]:
 )
 def test_the_checks_of_each_tier(called: dict[str, str], arguments: tuple[str, ...], calls: list[str]) -> None:
     done = subprocess.run(
-        [ROOT / "tools" / "check", *arguments], env=called, capture_output=True, text=True, timeout=60, check=True
+        [ROOT / "tools" / "check", *arguments], env=called, capture_output=True, text=True, timeout=150, check=True
     )
     found = [line.removeprefix("called ") for line in done.stdout.splitlines() if line.startswith("called ")]
     assert [line.strip() for line in found] == [line.strip() for line in calls]
