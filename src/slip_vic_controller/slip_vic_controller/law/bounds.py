@@ -33,14 +33,13 @@ class Condition(NamedTuple):
 
 
 class GainReport(NamedTuple):
-    """Verdict on the gains: k_s as asked, as used, largest stable and largest accepted [1/s]; lambdas; conditions.
+    """Verdict on the gains: k_s as asked, as used and largest accepted [1/s]; lambdas; conditions.
 
     lambda_1, lambda_2: intervals (open at both ends) from which Propositions 1 and 2 may choose; empty where low >= 1.
     """
 
     asked: float
     used: float
-    stable_below: float
     accepted: float
     lambda_1: tuple[float, float]
     lambda_2: tuple[float, float]
@@ -186,7 +185,7 @@ def judge_gains(
             "Prop. 3: lambda_1 lambda_2 < 1, with the smallest that Prop. 1 and 2 allow",
         ),
     )  # fmt: skip
-    return GainReport(k_s, used, limit, accepted, lambda_1, lambda_2, conditions)
+    return GainReport(k_s, used, accepted, lambda_1, lambda_2, conditions)
 
 
 ROUNDING = 1e-5
