@@ -60,7 +60,7 @@ class Result(NamedTuple):
     worst: float
     F_hat: float
     events: int
-    overrun: int
+    overrun: bool
     governor: object
 
 
@@ -94,7 +94,7 @@ def run(
     f[:2] = -m * g
     f[2] = m * (case.r[0] * -g[1] - case.r[1] * -g[0]) * -1.0
     slip, v_s, arrived, overshoot, peak, worst = np.zeros(2), np.zeros(3), math.nan, 0.0, 0.0, 0.0
-    on_the_way, sample = deque(), np.zeros(3)
+    on_the_way, sample, overrun = deque(), np.zeros(3), False
     direction = goal[:2] / np.linalg.norm(goal[:2])
 
     def limit(s, now):
@@ -146,6 +146,7 @@ def run(
             six[0, PLANAR], six[1, PLANAR] = a_C, a_d
             factor = G.after(six[0], six[1], R, w)
             a_C = factor * a_C if guard else a_C
+            overrun |= bool(G.state.overrun)
             worst = max(worst, float(G.state.commanded) / float(G.state.ceiling))
             if extra:
                 extra(k, G)
@@ -181,7 +182,7 @@ def run(
     return Result(
         1e3 * float(np.hypot(*slip)), 1e3 * peak, arrived, 1e3 * overshoot, worst,
         float(G.state.estimate.F_hat) if G else math.nan, int(G.state.estimate.events) if G else 0,
-        int(G.state.overrun) if G else 0, G,
+        overrun, G,
     )  # fmt: skip
 
 
