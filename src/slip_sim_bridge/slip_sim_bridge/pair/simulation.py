@@ -15,7 +15,6 @@ from slip_core.stamps import seconds_to_ns
 from slip_core.types import EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.pair.params import SIDES, PairParams
 from slip_sim_bridge.plant import DivergenceError, ReadOut
-from slip_sim_bridge.plant.pair import PairPlant
 from slip_sim_bridge.sensors.params import SensorsParams
 from slip_sim_bridge.sensors.suite import SensorSuite
 from slip_sim_bridge.session import ArmOutputs
@@ -64,6 +63,8 @@ class PairSimulation:
     """
 
     def __init__(self, params: PairParams, urdf_texts: Sequence[str]) -> None:
+        from slip_sim_bridge.plant.pair import PairPlant  # compiled here, so that one arm waits for nothing of two
+
         self.params = params
         self.plant = PairPlant(params, urdf_texts)
         self._at = [ReadOut(len(limit)) for limit in self.plant.effort_limits]

@@ -17,7 +17,6 @@ from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.safety.reasons import ACTIVATION
 from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Health, Manifest
 from slip_vic_controller.team.crew import Results, Seat
-from slip_vic_controller.team.cycle import team_cycle
 
 SIDES = ("left", "right")
 NOT_ANSWERED: Results = (None, None)
@@ -80,6 +79,9 @@ class TeamSession:
         self.sessions = tuple(ControllerSession(controller) for controller in controllers)
         self.seats: tuple[Seat, ...] = tuple(TeamSeat(self, side) for side in range(len(SIDES)))
         self._lockstep = controllers[0].lockstep
+        from slip_vic_controller.team.cycle import team_cycle  # compiled here, so that one arm waits for nothing of two
+
+        self._cycle = team_cycle
 
     def add_joint(self, side: int, sample: JointSample, now_ns: int | None = None) -> None:
         """Take a joint state of one side."""
@@ -187,7 +189,7 @@ class TeamSession:
         buffers: list[Array] = []
         for session, (inputs, outputs) in zip(self.sessions, records, strict=True):
             buffers += [session.controller.config, session.buffer, inputs, outputs]
-        team_cycle(*buffers)
+        self._cycle(*buffers)
         return tuple(
             CycleResult(session.controller, one.joint, inputs, outputs)
             for session, one, (inputs, outputs) in zip(self.sessions, asked, records, strict=True)
