@@ -22,6 +22,7 @@ from slip_core.errors import InputError
 
 pytest.importorskip("optuna", reason="this environment is older than requirements.lock")
 
+from slip_bringup.study.tune.command import check_time
 from slip_bringup.study.tune.page import Found, page
 from slip_bringup.study.tune.search import Search, Trial, best_of, run_search, run_sets
 
@@ -128,6 +129,13 @@ def test_less_slip_beyond_the_bounds_costs_more_than_the_default() -> None:
         assert cost(found, base) > cost(base, base)
     nothing = score([row(outcome="refused"), row(outcome="crashed")], default, SEARCH.bounds)
     assert math.isfinite(cost(nothing, base))
+
+
+def test_runs_that_end_before_the_latest_arrival_that_is_allowed_are_refused() -> None:
+    check_time(3.5, 0.3, 4.0)
+    check_time(math.nan, 0.3, 4.0)
+    with pytest.raises(InputError, match=r"4 s, and the default arrives after 3\.90 s, expected at least 4\.20 s"):
+        check_time(3.9, 0.3, 4.0)
 
 
 def test_a_set_whose_runs_fail_has_rows_all_the_same(tmp_path: Path) -> None:

@@ -147,10 +147,25 @@ SCREENS: dict[str, dict[str, Any]] = {
 }
 
 
+LOWEST_NUMBER = "Math.max(...[...document.querySelectorAll('.readouts')].map(e => e.getBoundingClientRect().bottom))"
+FARTHEST = """Math.max(...slipPage.scenes.flatMap(scene => scene.arms.flatMap(own => own.robot.links.flatMap(link => {
+    const seen = link.getWorldPosition(slipPage.views.target.clone()).project(slipPage.views.camera);
+    return [Math.abs(seen.x), Math.abs(seen.y)];
+}))))"""
+"""How far from the middle of the picture a link is, 1 at its edge."""
+
+
 @pytest.mark.parametrize("name", SCREENS)
 def test_page_fits_the_screen(browser: Browser, demo: tuple[Path, str], name: str) -> None:
     page, errors = open_page(browser, address_of(demo[0] / "report.html"), offline=True, **SCREENS[name])
     shot(page, name, whole=True)
     assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+    if not SCREENS[name].get("is_mobile"):
+        assert page.evaluate(LOWEST_NUMBER) <= page.evaluate(
+            "document.querySelector('#player').getBoundingClientRect().top"
+        )
+    for time_s in (0.0, MIDDLE_S):
+        go(page, time_s)
+        assert page.evaluate(FARTHEST) < 1.0, "a link is out of the picture"
     assert errors == []
     page.close()

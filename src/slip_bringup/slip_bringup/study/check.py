@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from rich.markup import escape
 from rich.table import Table
 
 from slip_bringup.scenario import ControllerKind, Estimator, Scenario, load_scenario, read_parameters
@@ -103,14 +104,14 @@ def corner_table(corners: Sequence[Corner]) -> Table:
     """Return what came of the runs."""
     table = Table(title="simulated, one thing wrong at a time that the controller is not told")
     for name in ("world", "slip at the end [mm]", "peak [mm]", "arrives after [s]", "verdict"):
-        table.add_column(name, justify="left" if name in ("world", "verdict") else "right")
+        table.add_column(escape(name), justify="left" if name in ("world", "verdict") else "right")
     for corner in corners:
         numbers = corner.metrics
         arrival = numbers["arrival_s"]
         table.add_row(
             corner.mismatch, f"{1e3 * numbers['slip_linear_m']:.3f}", f"{1e3 * numbers['slip_linear_peak_m']:.3f}",
             "does not" if math.isnan(arrival) else f"{arrival:.3f}",
-            "[green]holds[/]" if corner.holds else f"[red]{corner.reason}[/]",
+            "[green]holds[/]" if corner.holds else f"[red]{escape(corner.reason)}[/]",
         )  # fmt: skip
     return table
 

@@ -12,6 +12,7 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt  # the backend must be chosen first: no display is needed
 import numpy as np
+from rich.markup import escape
 from rich.table import Table
 
 from slip_bringup.study.cases import ESTIMATORS, NO_MISMATCH
@@ -58,7 +59,7 @@ def summary_table(rows: Sequence[Row]) -> Table:
     for name in ("scenario", "mismatch", "sensor", "estimator", "runs", "not ok"):
         table.add_column(name)
     for _, _, label in SHOWN:
-        table.add_column(label, justify="right")
+        table.add_column(escape(label), justify="right")
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         groups.setdefault(tuple(row[k] for k in ("scenario", "mismatch", "sensor", "estimator")), []).append(row)

@@ -96,7 +96,7 @@ def _attack(only: tuple[str, ...], out: Path) -> None:
     if not names:
         raise InputError("--only", got=", ".join(only), expected=f"a part of one of: {', '.join(ATTACKS)}")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    table = Table("attack", "promise", "alive", "mode", "log lines/s", "memory [MiB]", "law again [s]", "note")
+    table = Table("attack", "promise", "alive", "mode", "log lines/s", "memory [MiB]", "law again, s", "note")
 
     def on_done(row: Row) -> None:
         back = "never" if row.recovery_s is None else f"{row.recovery_s:.2f}{', helped' if row.helped else ''}"
@@ -121,7 +121,7 @@ def _report(tally: object, out: Path) -> None:
 
     assert isinstance(tally, Tally)
     summary = tally.summary()
-    table = Table("fault", "trials", "violations", "recovered", "recovery median / max [s]")
+    table = Table("fault", "trials", "violations", "recovered", "recovery median / max, s")
     for name, row in summary["by_fault"].items():
         times = (row["recovery_median_s"], row["recovery_max_s"])
         shown = " / ".join("-" if value is None else f"{value:.2f}" for value in times)

@@ -18,7 +18,7 @@ from slip_bringup.study.progress import Report, progress
 from slip_bringup.study.tune.page import Found, page, worst_mm
 from slip_bringup.study.tune.search import Search, Told, Trial, best_of, run_search, run_sets
 from slip_bringup.study.tune.space import Bounds, assignments, search_space
-from slip_core.errors import SlipVicError
+from slip_core.errors import InputError, SlipVicError
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ def run_tune(wanted: Wanted, out: Path, engine: EngineName, jobs: int, command: 
     """Search, and write ``controller.yaml`` and ``tune.html``; return one line on what was found.
 
     Raises:
-        InputError: an unknown name, a bad override, a folder that holds another search.
+        InputError: an unknown name, a bad override, a folder that holds another search; runs that are too short.
         SlipVicError: the parameters that were found are refused by `check`.
     """
     asked = Asked((wanted.scenario,), (wanted.sensor,), (wanted.estimator,), wanted.mismatches, wanted.seeds)
@@ -62,6 +62,8 @@ def run_tune(wanted: Wanted, out: Path, engine: EngineName, jobs: int, command: 
         trials: list[Trial] = []
         for trial in run_search(search, wanted.trials, contents, out, workers, _told(report, trials, runs)):
             trials.append(trial)
+            if trial.number == 0:
+                check_time(trial.score.arrival, wanted.bounds.later_s, loaded.bridge.duration_s)
         best = best_of(trials)
         tried = {out / "unseen_default": {}, out / "unseen_tuned": best.values}
         rows = run_sets(tried, unseen, contents, workers, _told(report, trials, runs))
@@ -81,6 +83,19 @@ def run_tune(wanted: Wanted, out: Path, engine: EngineName, jobs: int, command: 
         f"{worst_mm(found.unseen_default):.3g} -> {worst_mm(found.unseen_best):.3g} mm; "
         f"{out / 'controller.yaml'}, {out / 'tune.html'}"
     )
+
+
+def check_time(arrival: float, later: float, duration: float) -> None:
+    """Look whether runs last as long as the bound on arrival allows; arrival [s]: the default's latest.
+
+    Raises:
+        InputError: they do not, so what is allowed to come later would count as what never arrives.
+    """
+    if arrival + later > duration:
+        raise InputError(
+            "parameter bridge.duration_s", got=f"{duration:g} s, and the default arrives after {arrival:.2f} s",
+            expected=f"at least {arrival + later:.2f} s: --later {later:g} allows it",
+        )  # fmt: skip
 
 
 def _told(report: Report, trials: Sequence[Trial], runs: int) -> Told:

@@ -21,6 +21,7 @@ function runCard(model, run, number) {
   card.innerHTML = `<h2><span class="label"></span><span class="mode"></span></h2><div class="views"><canvas class="arm" role="img"></canvas></div>`;
   card.querySelector(".label").textContent = run.label;
   const views = card.querySelector(".views"), readouts = [];
+  views.dataset.arms = run.arms.length;
   run.arms.forEach((arm, k) => {
     const canvas = document.createElement("canvas");
     canvas.className = "grasp";

@@ -62,7 +62,7 @@ class Plots {
       scales: { x: { time: false }, y: plot.steps.length ? { range: [-0.5, plot.steps.length - 0.5] } : { range: (u, low, high) => this.range(plot, low, high) } },
       axes: [
         { ...axis, size: 26, values: (u, ticks) => ticks.map((t) => `${+t.toFixed(3)} s`) },
-        { ...axis, size: plot.steps.length ? 96 : 52, splits: plot.steps.length ? () => plot.steps.map((_, i) => i) : undefined, values: plot.steps.length ? () => plot.steps : undefined },
+        { ...axis, size: plot.steps.length ? 96 : 52, splits: plot.steps.length ? () => plot.steps.map((_, i) => i) : undefined, values: plot.steps.length ? () => plot.steps : (u, ticks) => ticks.map((t) => `${+t.toPrecision(4)}`) },
       ],
       series: [{}, ...variant.series.map((series) => ({ stroke: () => runColour(series.run), width: 1.8, dash: series.arm ? [6, 4] : undefined, points: { show: false }, paths: plot.steps.length ? uPlot.paths.stepped({ align: 1 }) : undefined }))],
       hooks: {

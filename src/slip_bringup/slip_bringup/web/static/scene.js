@@ -3,6 +3,7 @@
 const ARM = 0, GRASP = 1; // layers: what each of the two cameras sees
 const OBJECT_GRID = 0.02; // m
 const ARROW = 0.06; // m, of the largest slip speed of all runs
+const EVERY = 25; // frames: how often the places of the links are kept, for the camera
 
 class RunScene {
   constructor(model, number, fastest) {
@@ -52,7 +53,7 @@ class RunScene {
   makeArm(arm) {
     const robot = new Robot(arm);
     this.scene.add(robot.root);
-    const own = { arm, robot, walked: new Track(0.004, 1e-3, ARM), trace: new Track(0.0014, 2e-4, GRASP), relative: new THREE.Matrix4() };
+    const own = { arm, robot, walked: new Track(0.004, 1e-3, ARM), trace: new Track(0.0014, 2e-4, GRASP), places: [], relative: new THREE.Matrix4() };
     this.scene.add(own.walked.mesh);
     this.planned(arm);
     own.pads = this.pads(robot);
@@ -149,6 +150,7 @@ class RunScene {
       if (this.object) inverse.copy(this.object.matrixWorld).invert();
       for (const own of this.arms) {
         if (!Number.isFinite(own.arm.q[own.arm.joints.length * frame])) continue;
+        if (frame % EVERY === 0) own.places.push(...own.robot.links.map((link) => new THREE.Vector3().setFromMatrixPosition(link.matrixWorld)));
         own.walked.add(point.setFromMatrixPosition(own.robot.tip.matrixWorld), frame);
         if (!this.object || !Number.isFinite(this.run.object.pose[7 * frame])) continue;
         point.applyMatrix4(inverse);

@@ -1,5 +1,7 @@
 // One WebGL context draws every picture; each picture is a plain canvas on the page, so that they scroll with it.
 
+const ROOM = 0.12; // [m] around link origins: what a link has beside its axis
+const MOST = 1000; // places of links that are looked at
 const START = { azimuth: 0.3, height: 0.5, zoom: 1 };
 
 class Renderer {
@@ -39,17 +41,16 @@ class Views {
   }
 
   fit(keep = false) { // every run is seen with the same camera: it looks at all of them
-    const box = new THREE.Box3();
+    const points = [];
     for (const scene of this.scenes) {
       for (const own of scene.arms) {
-        for (const link of own.robot.links) box.expandByPoint(new THREE.Vector3().setFromMatrixPosition(link.matrixWorld));
-        for (const point of own.walked.points) box.expandByPoint(point);
+        own.places.splice(0, own.places.length - MOST);
+        points.push(...own.places.map((place) => place.clone()));
       }
-      if (scene.object) box.expandByPoint(scene.object.position);
+      if (scene.object) points.push(scene.object.position.clone());
     }
-    box.expandByScalar(0.1);
-    this.target = box.getCenter(new THREE.Vector3());
-    this.radius = 0.5 * box.getSize(new THREE.Vector3()).length();
+    this.target = new THREE.Box3().setFromPoints(points).getCenter(new THREE.Vector3());
+    this.points = points.map((point) => point.sub(this.target));
     const seen = new THREE.Box2();
     let half = 0.03;
     for (const scene of this.scenes) {
@@ -86,14 +87,22 @@ class Views {
   drawArm(scene, canvas) {
     const { azimuth, height, zoom } = this.view;
     const aspect = Math.max(0.1, canvas.clientWidth / Math.max(1, canvas.clientHeight));
-    const half = Math.atan(Math.tan((this.camera.fov * Math.PI) / 360) * Math.min(1, aspect));
-    const distance = (0.66 * this.radius) / Math.sin(half) / zoom;
     const angle = this.facing + azimuth;
+    const back = new THREE.Vector3(Math.cos(angle) * Math.cos(height), Math.sin(angle) * Math.cos(height), Math.sin(height));
     this.camera.aspect = aspect;
-    this.camera.position.set(Math.cos(angle) * Math.cos(height), Math.sin(angle) * Math.cos(height), Math.sin(height)).multiplyScalar(distance).add(this.target);
+    this.camera.position.copy(back).multiplyScalar(this.distance(back, angle, aspect) / zoom).add(this.target);
     this.camera.lookAt(this.target);
     this.camera.updateProjectionMatrix();
     this.renderer.draw(canvas, scene.scene, this.camera);
+  }
+
+  distance(back, angle, aspect) { // from which every point is inside the picture
+    const right = new THREE.Vector3(-Math.sin(angle), Math.cos(angle), 0), up = back.clone().cross(right);
+    const high = Math.tan((this.camera.fov * Math.PI) / 360), wide = high * aspect;
+    return this.points.reduce((most, point) => {
+      const beside = (Math.abs(point.dot(right)) + ROOM) / wide, above = (Math.abs(point.dot(up)) + ROOM) / high;
+      return Math.max(most, point.dot(back) + Math.max(beside, above));
+    }, 0.5);
   }
 
   drawGrasp(scene, own, canvas) {
