@@ -2,6 +2,7 @@
 
 python test/slow/bringup/measure_study.py overhead
 python test/slow/bringup/measure_study.py kills      # needs Ray
+python test/slow/bringup/measure_study.py beside     # the Ray node dies on which the command runs
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from slip_bringup.study.table import Settings, StudyTable  # noqa: E402
 tasks, rays = importlib.import_module("study_tasks"), importlib.import_module("ray_cluster")
 JOBS = 2
 TASKS, ROUNDS = 200, 5
+KILLED_AFTER, LONGEST_S = 4, 120.0
 
 
 def overhead(folder: Path) -> None:
@@ -116,8 +118,35 @@ def kills(folder: Path) -> None:
     print(f"{rows_of(folder / 'pool')} rows, files equal: {same}")
 
 
+def beside(folder: Path) -> None:
+    """Kill the Ray node that the command is attached to, go on on another cluster, compare with the pool."""
+    study = [sys.executable, "-m", "slip_bringup.cli", "study"]
+    asked = ["--sensors", "ideal,vision_25", "--estimators", "observer", "--scenario", "paper_planar", "--seeds", "6"]
+    short = ["--set", "bridge.duration_s=0.5"]
+    on_ray = [*study, "--engine", "ray", "--out", str(folder / "ray")]
+    with rays.ray_cluster(2) as cluster:
+        client = subprocess.Popen([*on_ray, *asked, *short])
+        while rows_of(folder / "ray") < KILLED_AFTER:
+            time.sleep(0.02)
+        start = time.perf_counter()
+        psutil.Process(cluster.list_all_nodes()[0].all_processes["raylet"][0].process.pid).kill()
+        try:
+            code = f"ended with exit code {client.wait(LONGEST_S)}"
+        except subprocess.TimeoutExpired:
+            client.kill()
+            code = "did not end"
+        print(
+            f"the command {code} after {time.perf_counter() - start:.0f} s; {rows_of(folder / 'ray')} rows on the disk"
+        )
+    with rays.ray_cluster(2):
+        subprocess.run([*on_ray, "--resume"], check=True)
+    subprocess.run([*study, *asked, *short, "--jobs", "2", "--out", folder / "pool"], check=True)
+    same = (folder / "ray/study.csv").read_bytes() == (folder / "pool/study.csv").read_bytes()
+    print(f"{rows_of(folder / 'pool')} rows, files equal: {same}")
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["overhead", "kills"])
+    parser.add_argument("what", choices=["overhead", "kills", "beside"])
     with tempfile.TemporaryDirectory() as scratch:
-        {"overhead": overhead, "kills": kills}[parser.parse_args().what](Path(scratch))
+        {"overhead": overhead, "kills": kills, "beside": beside}[parser.parse_args().what](Path(scratch))
