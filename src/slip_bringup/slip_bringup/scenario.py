@@ -310,18 +310,18 @@ def urdf_assignment(urdf: Path | None) -> tuple[str, ...]:
 def ros_parameter_file(params: ParameterModel, node_name: str, *, complete: bool = True) -> str:
     """Return the ROS parameter file of one node, valid in any namespace.
 
-    Empty lists are left out: rcl's parser refuses them, and they are the defaults.
+    rcl's parser refuses empty lists: those that are the defaults are left out, others are a list of one empty text.
 
     Args:
         params: the values.
         node_name: whose file it is.
         complete: whether values that are equal to their defaults are written too.
     """
-    defaults = {} if complete else flatten(type(params)())
-    values = flatten(params)
-    nested = nested_names(
-        {name: value for name, value in values.items() if value != [] and (complete or value != defaults[name])}
-    )
+    defaults = flatten(type(params)())
+    wanted = {
+        name: value for name, value in flatten(params).items() if value != defaults[name] or (complete and value != [])
+    }
+    nested = nested_names({name: [""] if value == [] else value for name, value in wanted.items()})
     return yaml.safe_dump(
         {f"/**/{node_name}": {"ros__parameters": nested}}, sort_keys=False, default_flow_style=None, width=120
     )

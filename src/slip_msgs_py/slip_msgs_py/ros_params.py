@@ -15,6 +15,8 @@ Model = TypeVar("Model", bound=ParameterModel)
 NO_SIM_TIME = "use_sim_time: this node goes by steady time and by the stamps of what it receives"
 OWN_TIME = (Parameter("use_sim_time", value=False),)
 """For the constructor of a node: one that asks no ROS clock need not listen to `/clock`, which anybody may set."""
+NO_TEXTS = [""]
+"""An empty list in a ROS parameter file, whose parser refuses `[]`."""
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
 
@@ -66,7 +68,8 @@ def descriptor(info: ParameterInfo) -> ParameterDescriptor:
 
 
 def _plain(value: Any) -> Any:
-    return list(value) if hasattr(value, "typecode") else value
+    plain = list(value) if hasattr(value, "typecode") else value
+    return [] if plain == NO_TEXTS else plain
 
 
 def _ros_value(info: ParameterInfo, value: Any) -> Any:

@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
+import os
 import random
+import shutil
 import struct
 import tempfile
+import threading
 from pathlib import Path
 
 import pytest
+import yaml
+from mcap.records import Metadata
 from rosbags.highlevel import AnyReader
 
 from slip_bags.reader import Bag, RawMessage
 from slip_bags.recover import recover
+from slip_bags.storage.mcap_writer import McapWriter
 from slip_bags.storage.salvage import Salvage, salvage
-from slip_bags.writer import WriterOptions
+from slip_bags.writer import WriterOptions, _Syncer
 from slip_core.errors import InputError
 from test.support.bag_maker import make_bag
 from test.support.every import every
@@ -61,6 +68,7 @@ def test_killed_recorder_loses_nothing_that_was_flushed(original, tmp_path):
         assert dict(bag.attachments) == {"arm.urdf": b"<robot/>"}
         assert {topic.qos for topic in bag.topics.values()} == {topic.qos for topic in Bag(original).topics.values()}
     assert report.bytes_skipped < 100
+    assert (report.chunks_dropped, report.messages_dropped) == (0, 0)
     with AnyReader([tmp_path / "whole"]) as reader:
         assert reader.message_count == COUNT * len(TOPICS)
 
@@ -154,3 +162,70 @@ def test_recovery_refuses_an_existing_output(original, tmp_path):
     (tmp_path / "out").mkdir()
     with pytest.raises(InputError, match="it exists"):
         recover(original, tmp_path / "out")
+
+
+def test_a_file_that_cannot_grow_ends_where_its_last_chunks_were_and_keeps_the_others(tmp_path):
+    path = tmp_path / "x.mcap"
+    writer = McapWriter(io.FileIO(path, "xb+"), "none")
+    writer.start("ros2", "test", {}, Metadata("about", {}))
+    channel = writer.add_channel("/a", "cdr", writer.add_schema("std_msgs/msg/String", "ros2msg", b"string data"), {})
+    for k in range(40):
+        writer.add_message(channel, k, k, k, bytes(100))
+        writer.flush()
+    size = path.stat().st_size
+    contents = writer.finish_in_place(spare_bytes=500)
+    assert path.stat().st_size <= size - 500
+    kept = contents.counts["/a"]
+    assert 0 < kept < 40
+    assert contents.end_ns == kept - 1
+    with Bag(path) as bag:
+        assert [message.log_time_ns for message in bag.raw()] == list(range(kept))
+
+
+def test_a_flushed_bag_is_on_the_disk(tmp_path, monkeypatch):
+    """What the file system has is not what the disk has: each flush asks for that too, on a thread of its own."""
+    synced = threading.Event()
+    honest = os.fsync
+    monkeypatch.setattr(os, "fsync", lambda number: (honest(number), synced.set()))
+    with io.FileIO(tmp_path / "x", "xb+") as file:
+        syncer = _Syncer(file)
+        syncer.request()
+        assert synced.wait(30.0)
+        syncer.stop()
+
+
+def test_a_bag_that_cannot_be_read_holds_no_file_open(original, tmp_path):
+    folder = tmp_path / "bag"
+    shutil.copytree(original, folder)
+    tree = yaml.safe_load((folder / "metadata.yaml").read_text())
+    files = tree["rosbag2_bagfile_information"]["files"]
+    files.append({**files[0], "path": "bad.mcap"})
+    (folder / "bad.mcap").write_bytes(b"")
+    (folder / "metadata.yaml").write_text(yaml.safe_dump(tree))
+    with pytest.raises(InputError) as caught:
+        Bag(folder)
+    opened = {str(link.readlink()) for link in Path("/proc/self/fd").iterdir() if link.is_symlink()}
+    assert not any(name.startswith(str(folder)) for name in opened), caught
+
+
+def test_what_is_outside_of_the_wanted_time_is_not_read(tmp_path):
+    """Of a long bag the damaged part costs itself only."""
+    path = tmp_path / "x.mcap"
+    with io.FileIO(path, "xb+") as file:
+        writer = McapWriter(file, "none")
+        writer.start("ros2", "test", {}, Metadata("about", {}))
+        channel = writer.add_channel(
+            "/a", "cdr", writer.add_schema("std_msgs/msg/String", "ros2msg", b"string data"), {}
+        )
+        for k in range(6):
+            writer.add_message(channel, k, k, k, bytes([0xA0 + k] * 100))
+            if k % 2:
+                writer.flush()
+        writer.finish(Metadata("about", {}))
+    data = path.read_bytes()
+    for k in (0, 4):
+        path.write_bytes(data.replace(bytes([0xA0 + k] * 100), bytes([0xB0] * 100), 1))
+        with Bag(path) as bag:
+            assert [message.log_time_ns for message in bag.raw(start_ns=2, end_ns=3)] == [2, 3]
+            with pytest.raises(InputError):
+                list(bag.raw())

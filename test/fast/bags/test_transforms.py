@@ -1,5 +1,7 @@
 """Transforms made of a recorded run: decoded by others, where pinocchio and the ground truth have links and object."""
 
+import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from slip_bags.cli import bag as bag_command
 from slip_bags.export import export_bag
 from slip_bags.reader import Bag, RawMessage
 from slip_bags.transforms import RATE_HZ, Transforms, tf_topic
+from slip_bags.writer import BagWriter, WriterOptions
 from slip_core.errors import InputError
 from slip_core.files.link_tree import poses_on_parents, read_links
 from slip_description import urdf_text
@@ -26,7 +29,9 @@ CHAIN = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("tf") / "bag"
     with Bag(REFERENCE) as source:
-        assert export_bag(source, (), folder) > 0
+        made = export_bag(source, (), folder)
+    with Bag(folder) as bag:
+        assert made == bag.topics["/tf"].message_count > 0
     return folder
 
 
@@ -57,6 +62,22 @@ def test_exported_bag_has_all_that_was_and_transforms(exported: Path) -> None:
         assert after.attachments == before.attachments
         seconds = before.topics["/joint_states"].message_count * 1e-3
         assert after.topics["/tf"].message_count == pytest.approx(2 * RATE_HZ * seconds, rel=0.01)
+
+
+def test_a_topic_without_messages_is_left_out(tmp_path: Path) -> None:
+    with Bag(REFERENCE) as source:
+        info, text = source.topic("joint_states"), source.schema_text("/joint_states")
+        writer = BagWriter(tmp_path / "in", WriterOptions())
+        writer.add_topic(info, text)
+        writer.add_topic(replace(info, name="/silent"), text)
+        for message in itertools.islice(source.raw(["joint_states"]), 3):
+            writer.write(*message)
+        writer.close()
+    with Bag(tmp_path / "in") as silent:
+        assert silent.topics["/silent"].message_count == 0
+        export_bag(silent, (), tmp_path / "out")
+    with Bag(tmp_path / "out") as bag:
+        assert set(bag.topics) == {"/joint_states", "/tf"}
 
 
 def test_links_and_object_are_where_they_were(exported: Path) -> None:

@@ -150,6 +150,8 @@ def test_a_grip_of_zero_lets_the_object_fall() -> None:
         simulation.set_grip_force(side, 0.0)
     for _ in range(100):
         simulation.step([None, None])
+        assert not simulation.plant.deflections.any()  # a pad that presses nothing is not bent, and takes no energy
+    assert simulation.plant.energy()[1] == 0.0
     assert simulation.truth(0).truth.twist[2] == pytest.approx(-0.981, rel=1e-3)
     assert not simulation.truth(0).wrench.wrench.any()
 

@@ -145,6 +145,16 @@ def test_what_is_not_finite_is_not_ok() -> None:
             assert not case.evaluate().ok, (place, number)
 
 
+def test_a_slip_displacement_that_is_not_finite_is_not_ok() -> None:
+    """What the next cycle begins with; today's efforts may be good all the same."""
+    for number in (math.nan, -math.inf, 1e200):
+        for field, place in (("position", 2), ("rotation", (2, 1))):
+            for contact, ok in ((1, False), (2, True)):  # of two contacts
+                case = random_case(1, contacts=2)
+                getattr(case.slips[contact], field)[place] = number
+                assert case.evaluate().ok == ok, (number, field, contact)
+
+
 def test_a_mass_matrix_that_is_none_is_reported() -> None:
     case = random_case(0)
     case.arm.M[:] *= -1.0

@@ -202,3 +202,24 @@ def test_a_stamp_that_could_not_be_sent_back_is_refused() -> None:
         for way in (receiver, joint_receiver()):
             with pytest.raises(InputError, match=r"stamp: got .* nanoseconds"):
                 way(serialize_message(good))
+
+
+def test_a_receiver_subscribes_to_bytes_and_reports_under_the_name_it_listens_to(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[tuple[tuple[Any, ...], dict[str, Any]]] = []
+    monkeypatch.setattr(fast_io, "create_subscription", lambda *words, **more: asked.append((words, more)))
+    refusals, order = Refusals(lambda _: None), from_msgs.JointOrder(NAMES)
+    learn = partial(from_msgs.joint_samples, order=order)
+    for actual, shown in ((None, "joint_states"), ("left/joint_states", "left/joint_states")):
+        delivered: list[JointSample] = []
+        fast_io.create_receiver(
+            None, "joint_states", JOINT_FIELDS, learn, delivered.append, refusals, depth=3, reliable=True,
+            actual_name=actual,
+        )  # fmt: skip
+        (_, name, take), more = asked.pop()
+        assert (name, more) == ("joint_states", {"depth": 3, "reliable": True, "actual_name": actual, "raw": True})
+        take(joint_state(position=[1.0, 2, 3], velocity=[0.0, 0, 0], effort=[0.0, 0, 0]))
+        assert len(delivered) == 1
+        take(b"rubbish")
+        assert refusals.counts[shown] == 1

@@ -18,6 +18,7 @@ from slip_campaigns.faults import trial as trials
 from slip_campaigns.faults.campaign import Tally, Verdict, judge, plan_of, upper_bound_95
 from slip_campaigns.faults.cli import faults
 from slip_campaigns.faults.dds_campaign import campaign_scenario
+from slip_campaigns.faults.dds_session import SILENT_S, START_S, StartUp
 from slip_campaigns.faults.dds_watch import Watch
 from slip_campaigns.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
 from slip_campaigns.faults.plan import EFFORT, JOINT, TOPICS, Fault, Plan, all_faults
@@ -234,3 +235,17 @@ def test_summary_says_how_long_recovery_took() -> None:
     row = Tally(1, False, verdicts=[*verdicts, both]).summary()["by_fault"]["drop wrench"]
     assert (row["trials"], row["violations"], row["recovered"]) == (5, 1, 4)
     assert (row["recovery_median_s"], row["recovery_max_s"]) == (0.2, 0.3)
+
+
+def test_a_node_that_starts_slowly_is_not_taken_for_a_deaf_one() -> None:
+    """Or each new start would be ended before it is over, for ever."""
+    start, never = StartUp(), -math.inf
+    start.begin(100.0)
+    assert not start.deaf(100.0 + 0.9 * START_S, up=False, heard_s=never)  # longer than a deaf one may be silent
+    up_s = start.last_s
+    assert up_s == 100.0 + 0.9 * START_S
+    assert not start.deaf(up_s + 0.9 * SILENT_S, up=True, heard_s=never)
+    assert not start.deaf(up_s + 1.9 * SILENT_S, up=True, heard_s=up_s + SILENT_S)
+    assert start.deaf(up_s + 1.1 * SILENT_S, up=True, heard_s=never)
+    start.begin(300.0)
+    assert start.deaf(300.0 + 1.1 * START_S, up=False, heard_s=never)

@@ -12,9 +12,6 @@ from slip_campaigns.faults.campaign import Tally
 from slip_campaigns.faults.dds_campaign import run_over_dds
 from slip_campaigns.faults.plan import CONTROLLER, JOINT, all_faults_over_dds
 
-# By hand: in 2 of 11 runs the law was not at work within 60 s of the first start; why is not found yet.
-pytestmark = pytest.mark.long
-
 SEED = 3
 CASES = all_faults_over_dds()
 
@@ -47,5 +44,5 @@ def test_a_stricter_promise_than_the_gate_keeps_is_caught_and_leaves_a_bag(tmp_p
     (verdict,) = tally.failed
     assert any("effort steps" in text for text in verdict.violations)
     with Bag(tmp_path / f"trial_dds_{SEED}_{verdict.trial}") as bag:
-        assert bag.topics["/effort_command"].message_count > 10
+        assert bag.topics["/effort_command"].message_count >= 2  # a step has two ends
         assert "effort steps" in bag.custom_data["violations"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 import time
 from collections.abc import Mapping
 from typing import Any, Final
@@ -25,6 +24,7 @@ from slip_core.files.resources import read_text
 from slip_core.params import build, parameter_infos
 from slip_core.topics import TOPICS
 from slip_msgs_py.messages import to_msgs
+from slip_msgs_py.messages.cdr import stamp_of
 from slip_msgs_py.messages.from_msgs import JointOrder, vector6
 from slip_msgs_py.qos import create_publisher, message_class
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
@@ -130,7 +130,7 @@ class RosSystem:
                 if fresh and name == "joint_states":
                     last = time.monotonic()
             joints = heard["joint_states"]
-            if joints and stamp_of(joints[-1].data) - stamp_of(joints[0].data) >= seconds:
+            if joints and _time_of(joints[-1]) - _time_of(joints[0]) >= seconds:
                 break
         return self._read(heard)
 
@@ -223,7 +223,7 @@ class RosSystem:
     def _read(self, heard: Mapping[str, list[Arrival]]) -> Heard:
         joints = heard["joint_states"]
         received = np.array([arrival.received_ns for arrival in joints])
-        stamps = np.array([stamp_of(arrival.data) for arrival in joints])
+        stamps = np.array([_time_of(arrival) for arrival in joints])
 
         def track(name: str, columns: int, numbers: Any) -> Track:
             found = heard[name]
@@ -232,7 +232,7 @@ class RosSystem:
             before = np.searchsorted(received, [arrival.received_ns for arrival in found], side="right") - 1
             kind = message_class(TOPICS[name].type)
             values = np.array([numbers(deserialize_message(arrival.data, kind)) for arrival in found])
-            return Track(stamps[np.maximum(before, 0)], np.array([stamp_of(one.data) for one in found]), values)
+            return Track(stamps[np.maximum(before, 0)], np.array([_time_of(one) for one in found]), values)
 
         def states(message: Any) -> list[float]:
             pick = self._order.indices(message.name)
@@ -309,10 +309,9 @@ class RosSystem:
         return future.result()
 
 
-def stamp_of(data: bytes) -> float:
-    """Return the stamp of a message that begins with a header [s]."""
-    seconds, rest = struct.unpack_from("<iI" if data[1] else ">iI", data, 4)
-    return float(seconds) + 1e-9 * float(rest)
+def _time_of(arrival: Arrival) -> float:
+    """Return the stamp [s] of a message that begins with a header."""
+    return 1e-9 * stamp_of(arrival.data)
 
 
 def _wrench(message: Any) -> Array:

@@ -14,7 +14,7 @@ import psutil
 
 from slip_bringup.system.processes import Child
 from slip_campaigns.faults.attacks import ATTACKS, CHANGES, TWO_SOURCES
-from slip_campaigns.faults.dds_campaign import BACK_S, DdsCampaign, campaign_of
+from slip_campaigns.faults.dds_campaign import DdsCampaign, campaign_of
 from slip_campaigns.faults.flood import FOREIGN
 from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, Fault, Plan
 from slip_vic_controller.safety.modes import Mode
@@ -84,7 +84,7 @@ class AttackStage(DdsCampaign):
     def attack(self, name: str) -> Row:
         """Run one attack, and see what comes after it."""
         self.proxy.set_plan(None, 0)
-        self.spin_until(self.works, BACK_S, self.operate)
+        self.help_until(self.works)
         self.watch.violations()
         pids = [self.pid(node) for node in (CONTROLLER, BRIDGE)]
         memory, lines, began = self._memory(pids), self._lines(), time.monotonic()
@@ -102,7 +102,7 @@ class AttackStage(DdsCampaign):
         deaths = self.deaths()  # before the operator starts them anew
         if name in CHANGES:
             self._put_back()
-        back = not helped or self.spin_until(self._law_since(ended), BACK_S, self.operate)
+        back = not helped or self.help_until(self._law_since(ended))
         recovery = time.monotonic() - ended if back else None
         rate = (self._lines() - lines) / (time.monotonic() - began)
         deaths += self.deaths()

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import struct
 from typing import Any, Protocol
 
 import numpy as np
 
 from slip_campaigns.faults.wire import Wire
-from slip_core.stamps import NS_PER_S, split_ns
-
-_STAMP = struct.Struct("<iI")
-_STAMP_AT = 4  # after the encapsulation: every message here begins with its header
+from slip_msgs_py.messages.cdr import stamp_of, with_stamp
 
 
 class Carrier(Protocol):
@@ -67,16 +63,3 @@ class BytesCarrier:
         """Return whether the receiving node refuses it, or a number is not finite."""
         sample = self._wire.receive(item)
         return sample is None or self._samples.plainly_bad(sample)
-
-
-def stamp_of(data: bytes) -> int:
-    """Return the stamp [ns] of a serialised message that begins with a header."""
-    sec, nanosec = _STAMP.unpack_from(data, _STAMP_AT)
-    return int(sec) * NS_PER_S + int(nanosec)
-
-
-def with_stamp(data: bytes, stamp_ns: int) -> bytes:
-    """Return a serialised message with another stamp [ns], cut to what a stamp can hold."""
-    sec, nanosec = split_ns(stamp_ns)
-    sec = min(max(sec, -(2**31)), 2**31 - 1)
-    return data[:_STAMP_AT] + _STAMP.pack(sec, nanosec) + data[_STAMP_AT + _STAMP.size :]

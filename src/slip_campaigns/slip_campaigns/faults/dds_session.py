@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import resource
 import signal
 from collections.abc import Mapping
@@ -22,11 +23,38 @@ from slip_campaigns.faults.network import Cable
 from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, RECORDER
 from slip_campaigns.faults.proxy import remappings
 from slip_core.errors import InputError
-from slip_msgs_py.events import Failed, Status
+from slip_msgs_py.events import Event, Failed, Ready, Started, Status
 
 BLOCK_BYTES = 4096  # of a file system: what a file has beyond its end when the disk is full
 # A full disk refuses to grow in sum, this limit each file: metadata.yaml needs more than a young bag has.
 END_BYTES = 1 << 16
+UP: Mapping[str, type[Event]] = {CONTROLLER: Ready, BRIDGE: Started}
+"""What a node tells when its process has started, its topics are matched and it begins."""
+START_S = 60.0  # a busy machine takes long to start a process, and longer where it compiles first
+SILENT_S = 15.0
+
+
+class StartUp:
+    """Tells a node that is deaf from one that is still starting.
+
+    Fast DDS's shared memory can leave a node deaf that was killed and started at once: a peer goes on writing into the
+    file of the dead one (docs/safety.md). It runs and is never heard.
+    """
+
+    def __init__(self) -> None:
+        self._began_s = self.last_s = -math.inf
+        """When the newest start began, and when a node was starting for the last time."""
+
+    def begin(self, now_s: float) -> None:
+        """A process is started."""
+        self._began_s = self.last_s = now_s
+
+    def deaf(self, now_s: float, up: bool, heard_s: float) -> bool:
+        """Return whether nodes that run are deaf; up: all have told that they begin; heard_s: newest sign of life."""
+        if not up:
+            self.last_s = now_s
+            return now_s - self._began_s > START_S
+        return now_s - max(self.last_s, heard_s) > SILENT_S
 
 
 class Nodes:
@@ -70,6 +98,11 @@ class Nodes:
         """Return whether a node's process lives."""
         child = self._children.get(name)
         return child is not None and child.exit_code is None
+
+    def up(self) -> bool:
+        """Return whether controller and bridge run and have told that they begin."""
+        children = ((self._children.get(name), event) for name, event in UP.items())
+        return all(child is not None and child.exit_code is None and child.last(event) for child, event in children)
 
     def pid(self, name: str) -> int:
         """Return the process id of a node, 0 where it does not run."""
