@@ -9,6 +9,7 @@ from typing import Any
 from slip_bags.layout import Schema
 from slip_bags.reader import Bag, RawMessage
 from slip_core.errors import InputError
+from slip_core.stamps import stamp_of
 
 
 @dataclass(slots=True)
@@ -53,10 +54,7 @@ class _TopicScan:
 
     def _add_stamp(self, data: bytes) -> None:
         assert self._stamp_offset is not None
-        order = "little" if data[1:2] == b"\1" else "big"
-        at = self._stamp_offset
-        seconds = int.from_bytes(data[at : at + 4], order, signed=True)  # type: ignore[arg-type]
-        stamp = seconds * 10**9 + int.from_bytes(data[at + 4 : at + 8], order)  # type: ignore[arg-type]
+        stamp = stamp_of(data, self._stamp_offset)
         if self._stamp is not None:
             self._backward += stamp < self._stamp
             self._repeated += stamp == self._stamp

@@ -20,6 +20,7 @@ from slip_bags.reader import RawMessage
 from slip_bags.series import Series
 from slip_bags.typedefs import find_definition
 from slip_core.files.link_tree import Link, poses_on_parents, read_links
+from slip_core.stamps import stamp_of
 from slip_msgs_py.messages.transforms import TOPIC, TYPE, TYPE_HASH, TransformEncoder
 
 WORLD: Final = "world"
@@ -106,9 +107,7 @@ class Transforms:
         yield from self._transform(source, message)
 
     def _transform(self, source: _Source, message: RawMessage) -> Iterator[RawMessage]:
-        stamp_ns = int.from_bytes(message.data[4:8], "little", signed=True) * 10**9 + int.from_bytes(
-            message.data[8:12], "little"
-        )
+        stamp_ns = stamp_of(message.data)
         if source.next_ns - self._period_ns <= stamp_ns < source.next_ns:  # an older one is a clock that began anew
             return
         row = Series(source.schema, [message])

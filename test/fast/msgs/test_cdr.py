@@ -18,8 +18,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, Int64MultiArray
 
+from slip_core.stamps import stamp_of, with_stamp
 from slip_msgs_py.messages import to_msgs
-from slip_msgs_py.messages.cdr import CdrCodec, Template, numbers_at, stamp_of, with_stamp
+from slip_msgs_py.messages.cdr import CdrCodec, Template, numbers_at
 
 NAMES = [f"arm_joint{i}" for i in range(1, 8)]
 NS = 1_000_000_000

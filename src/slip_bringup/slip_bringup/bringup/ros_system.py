@@ -22,9 +22,9 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError, ProtocolError
 from slip_core.files.resources import read_text
 from slip_core.params import build, parameter_infos
+from slip_core.stamps import stamp_of
 from slip_core.topics import TOPICS
 from slip_msgs_py.messages import to_msgs
-from slip_msgs_py.messages.cdr import stamp_of
 from slip_msgs_py.messages.from_msgs import JointOrder, vector6
 from slip_msgs_py.qos import create_publisher, message_class
 from slip_vic_controller.parameters.node_params import ControllerNodeParams

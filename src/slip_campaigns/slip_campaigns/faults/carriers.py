@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from slip_campaigns.faults.wire import Wire
-from slip_msgs_py.messages.cdr import stamp_of, with_stamp
+from slip_core.stamps import stamp_of, with_stamp
 
 
 class Carrier(Protocol):

@@ -13,10 +13,9 @@ import numpy as np
 from slip_campaigns.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
 from slip_campaigns.faults.plan import EFFORT, JOINT, SLIP, WRENCH
 from slip_campaigns.faults.wire import Wire
-from slip_core.stamps import NS_PER_S
+from slip_core.stamps import NS_PER_S, stamp_of
 from slip_core.topics import topic
 from slip_msgs_py.fast_io import Receiver
-from slip_msgs_py.messages.cdr import stamp_of
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode

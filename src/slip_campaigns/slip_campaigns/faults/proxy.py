@@ -13,7 +13,7 @@ from slip_campaigns.faults.carriers import BytesCarrier
 from slip_campaigns.faults.channel import Channel
 from slip_campaigns.faults.plan import BRIDGE, EFFORT, TOPICS, Fault, Plan
 from slip_campaigns.faults.wire import Wire
-from slip_msgs_py.messages.cdr import stamp_of, with_stamp
+from slip_core.stamps import stamp_of, with_stamp
 from slip_msgs_py.qos import create_publisher, create_subscription
 
 PLANT = "plant"  # namespace of the bridge's side

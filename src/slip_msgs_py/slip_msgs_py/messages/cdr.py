@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 
-from slip_core.stamps import NS_PER_S, split_ns
+from slip_core.stamps import NS_PER_S
 
 _HEADER: Final = b"\x00\x01\x00\x00"  # plain CDR, little endian
 _NUMBERS: Final = {
@@ -28,7 +28,6 @@ _NUMBERS: Final = {
 _ARRAY: Final = re.compile(r"sequence<(?P<sequence>[^,]+)(?:, \d+)?>|(?P<fixed>.+)\[(?P<size>\d+)\]")
 _DTYPES: Final = {"d": np.dtype("<f8"), "q": np.dtype("<i8")}
 _STAMP: Final = struct.Struct("<iI")
-_BIG_ENDIAN_STAMP: Final = struct.Struct(">iI")
 _frombuffer = np.frombuffer
 Numbers = NDArray[Any]  # float64 or int64
 
@@ -247,23 +246,6 @@ def _stamp_offset(layout: Template, path: str) -> int:
     if sec is None:
         raise ValueError(f"{path}: not a stamp")
     return sec.offset
-
-
-def stamp_of(data: bytes) -> int:
-    """Return the stamp [ns] of a serialised message, of either byte order, that begins with a header."""
-    sec, nanosec = _stamp_form(data).unpack_from(data, len(_HEADER))
-    return int(sec) * NS_PER_S + int(nanosec)
-
-
-def with_stamp(data: bytes, stamp_ns: int) -> bytes:
-    """Return a serialised message with another stamp [ns] in its header, cut to what a stamp can hold."""
-    sec, nanosec = split_ns(stamp_ns)
-    stamp = _stamp_form(data).pack(min(max(sec, -(2**31)), 2**31 - 1), nanosec)
-    return data[: len(_HEADER)] + stamp + data[len(_HEADER) + len(stamp) :]
-
-
-def _stamp_form(data: bytes) -> struct.Struct:
-    return _STAMP if data[1] & 1 else _BIG_ENDIAN_STAMP
 
 
 def numbers_at(message: Any, path: str) -> list[Any]:
