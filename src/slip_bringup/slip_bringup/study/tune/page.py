@@ -13,12 +13,13 @@ import matplotlib as mpl
 mpl.use("Agg")
 
 import matplotlib.pyplot as plt  # the backend must be chosen first: no display is needed
+from matplotlib.ticker import LogFormatter
 
 from slip_bringup.study.table import Row
 from slip_bringup.study.tune.search import Search, Trial
 from slip_bringup.study.tune.space import slip_of
 
-DEFAULT, TUNED, OTHER, BEYOND = "#c44e52", "#1f6fb2", "#8c8c8c", "#d9d9d9"
+DEFAULT, TUNED, OTHER, BEYOND = "#c44e52", "#1f6fb2", "#6e6e6e", "#b0b0b0"
 STYLE = """
 :root { color-scheme: light dark; }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
@@ -26,6 +27,7 @@ table { border-collapse: collapse; margin: 1rem 0; display: block; overflow-x: a
 th, td { padding: .25rem .75rem; border-bottom: 1px solid #8886; text-align: right; }
 th:first-child, td:first-child { text-align: left; }
 figure { margin: 1rem 0; background: white; } svg { max-width: 100%; height: auto; }
+pre { white-space: pre-wrap; overflow-wrap: anywhere; }
 """
 
 
@@ -126,6 +128,9 @@ def _trade_off(search: Search, found: Found) -> str:
     right.legend()
     for axis in (left, right):
         axis.grid(alpha=0.3)
+    for one in (left.xaxis, left.yaxis, right.yaxis):  # 6, not 6 x 10^0
+        one.set_major_formatter(LogFormatter())
+        one.set_minor_formatter(LogFormatter(minor_thresholds=(1.5, 0.5)))
     text = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": "tune"}):
         figure.savefig(text, format="svg", metadata={"Date": None})
