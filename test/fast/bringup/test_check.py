@@ -62,6 +62,11 @@ def test_it_says_holds_only_of_what_it_has_run() -> None:
     assert "holds in 2 of 2 simulated worlds" in words
 
 
+def test_an_object_that_is_held_beside_its_goal_does_not_simply_hold() -> None:
+    _, words = check("--mismatch", "wrench_bias+", "--set", "bridge.duration_s=2.5")
+    assert "holds, but ends" in words
+
+
 def test_the_sensor_and_the_estimator_are_those_that_run() -> None:
     loaded = Question("paper_planar", "governed", "vision_25", "measured").load()
     assert loaded.bridge.sensors.slip.rate_hz == loaded.controller.slip_sensor.rate_hz == 25.0

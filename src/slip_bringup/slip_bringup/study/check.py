@@ -111,9 +111,18 @@ def corner_table(corners: Sequence[Corner]) -> Table:
         table.add_row(
             corner.mismatch, f"{1e3 * numbers['slip_linear_m']:.3f}", f"{1e3 * numbers['slip_linear_peak_m']:.3f}",
             "does not" if math.isnan(arrival) else f"{arrival:.3f}",
-            "[green]holds[/]" if corner.holds else f"[red]{escape(corner.reason)}[/]",
+            verdict_of(corner),
         )  # fmt: skip
     return table
+
+
+def verdict_of(corner: Corner) -> str:
+    """Return what is said of a world: an object that is held but does not come to its goal is said to."""
+    if not corner.holds:
+        return f"[red]{escape(corner.reason)}[/]"
+    if math.isnan(corner.metrics["arrival_s"]):
+        return f"[yellow]holds, but ends {1e3 * corner.metrics['final_error_m']:.1f} mm beside its goal[/]"
+    return "[green]holds[/]"
 
 
 def path_lines(load: PathLoad, as_told: Corner) -> list[str]:
