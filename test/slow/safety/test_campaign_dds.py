@@ -10,7 +10,7 @@ import pytest
 from slip_bags.reader import Bag
 from slip_campaigns.faults.campaign import Tally
 from slip_campaigns.faults.dds_campaign import run_over_dds
-from slip_campaigns.faults.plan import CONTROLLER, JOINT, all_faults_over_dds
+from slip_campaigns.faults.plan import CONTROLLER, JOINT, SLIP, all_faults_over_dds
 
 SEED = 3
 CASES = all_faults_over_dds()
@@ -38,10 +38,12 @@ def test_promise_holds_while_messages_are_damaged_and_the_controller_is_killed_a
     assert {f"{kind} {target}" for kind, target in cases} <= set(summary["by_fault"])
 
 
+# By hand: on a loaded machine a trial may judge too few commands; with one trial 2 of 6 runs found nothing to say.
+@pytest.mark.long
 def test_a_stricter_promise_than_the_gate_keeps_is_caught_and_leaves_a_bag(tmp_path: Path) -> None:
     """With a slope that moving needs: what the controller does lawfully must then be a violation."""
-    tally = run(tmp_path, ("kill", CONTROLLER), effort_rate=0.5)
-    (verdict,) = tally.failed
+    cases = [("bad_parameter", CONTROLLER), ("drop", SLIP), ("kill", CONTROLLER)]
+    verdict = run(tmp_path, *cases, effort_rate=0.5).failed[0]
     assert any("effort steps" in text for text in verdict.violations)
     with Bag(tmp_path / f"trial_dds_{SEED}_{verdict.trial}") as bag:
         assert bag.topics["/effort_command"].message_count >= 2  # a step has two ends
