@@ -6,7 +6,8 @@ import numpy as np
 
 from slip_sim_bridge.sensors.presets import load_preset, preset_names
 from slip_vic_controller.observer.config import SPARE_ROWS, capacity
-from slip_vic_controller.observer.layouts import ROW, TICK_ROW
+from slip_vic_controller.observer.layouts import ROW, SAMPLE_ROW, TICK_ROW
+from slip_vic_controller.observer.slip import LASTING, contradicted_since
 from test.fast.observer.bench import Bench
 from test.fast.observer.ride import SENSOR
 from test.fast.observer.rig import MS, Observer, make_motion, make_params, six
@@ -26,6 +27,20 @@ def sliding_observer(rows: int | None = None, **values) -> tuple[Observer, int]:
 def ordered_rows(observer: Observer) -> np.ndarray:
     rows, state = observer.history.view(ROW)[:, 0], observer.state
     return rows[(state.first + np.arange(state.rows)) % len(rows)]
+
+
+def test_samples_contradict_the_estimate_where_the_newest_in_a_row_all_do() -> None:
+    observer = Observer(make_params(**SENSOR))
+    state, rows = observer.state, observer.history.view(ROW)[:, 0].view(np.recarray)
+    state.first, state.rows = 0, LASTING
+    rows.kind[:LASTING], rows.contradicts[:LASTING] = SAMPLE_ROW, 1
+    assert contradicted_since(state, rows) == 0  # the oldest row counts too
+    rows.contradicts[0] = 0
+    assert contradicted_since(state, rows) == -1
+    state.rows, rows.kind[LASTING : LASTING + 2], rows.contradicts[LASTING + 1] = LASTING + 2, (TICK_ROW, SAMPLE_ROW), 1
+    assert contradicted_since(state, rows) == 1  # whatever ticks lie between
+    state.rows = 0
+    assert contradicted_since(state, rows) == -1
 
 
 def test_in_stick_only_the_window_is_kept() -> None:
