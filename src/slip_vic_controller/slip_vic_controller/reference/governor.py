@@ -58,10 +58,10 @@ MORE_THAN_WEIGHT: Final = 1.0 + 1e-6
 """Of what the weight alone asks: with that the path can be run through, as slowly as need be."""
 OVER: Final = 1.1
 """sdot^2 over K beyond which an overrun is said, ..."""
-BACK: Final = 1e-3
-"""How near the path's end the pad has come back when an overrun is over [m]."""
 SLOWEST: Final = 2e-2
 """... if this speed of the pad or more is too much [m/s]."""
+BACK: Final = 1e-3
+"""How near the path's end the pad has come back when an overrun is over [m]."""
 
 
 class Phase(IntEnum):
