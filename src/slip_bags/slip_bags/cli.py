@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from slip_bags.recording import QUEUE_DEPTH
 from slip_core.errors import InputError, SlipVicError
 from slip_msgs_py import events
 
@@ -103,7 +104,7 @@ def recover(bag_path: Path, output: Path | None, compression: str) -> None:
 @click.option("-b", "--max-bag-size", type=click.IntRange(0), default=0, help="split after so many bytes")
 @click.option("-d", "--max-bag-duration", type=click.FloatRange(0.0), default=0.0, help="split after so many seconds")
 @click.option("--duration", type=click.FloatRange(0.0), default=0.0, help="end after so many seconds")
-@click.option("--queue-depth", type=click.IntRange(1), default=2000, show_default=True, help="per topic")
+@click.option("--queue-depth", type=click.IntRange(1), default=QUEUE_DEPTH, show_default=True, help="per topic")
 @click.option("--attach", multiple=True, metavar="NAME=FILE", help="store a file in the bag")
 @click.option("--custom-data", multiple=True, metavar="KEY=VALUE", help="store a text in metadata.yaml")
 @click.option("--tf", "transforms", is_flag=True, help="make /tf of joint states and odometry, instead of recording it")

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from slip_bags.cli import bag
 from slip_bags.format import VERSION
-from slip_bags.recording.record import MIN_FREE_BYTES, QUEUE_DEPTH, READY_TOPIC
+from slip_bags.recording import QUEUE_DEPTH
+from slip_bags.recording.record import MIN_FREE_BYTES, READY_TOPIC
 from slip_bags.recording.recorder import POLL_S
 from slip_bags.storage.mcap_writer import CHUNK_BYTES
 from slip_bringup.replay.cli import references, verify

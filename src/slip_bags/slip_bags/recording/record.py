@@ -15,6 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from slip_bags.provenance import provenance
+from slip_bags.recording import QUEUE_DEPTH
 from slip_bags.recording.listeners import Listener
 from slip_bags.recording.recorder import POLL_S, Recorder, Selection
 from slip_bags.ros_node import ros_node
@@ -22,7 +23,6 @@ from slip_bags.writer import BagWriter, StorageError, WriterOptions
 from slip_msgs_py.messages.transforms import TOPIC as TF_TOPIC
 
 READY_TOPIC: Final = "recorder/ready"
-QUEUE_DEPTH: Final = 10000
 MIN_FREE_BYTES: Final = 64 << 20
 
 
