@@ -107,7 +107,7 @@ def test_a_reference_from_a_topic_is_followed(processes: Processes, ros_node: An
         "slip_vic_controller.node",
         "--ros-args",
         "--params-file",
-        CONFIG / "controller_vic.yaml",
+        CONFIG / "controller_vic_realtime.yaml",
         *controller_options,
     )
     poses: list[PoseStamped] = []
