@@ -32,7 +32,7 @@ from slip_vic_controller.parameters.node_params import ControllerNodeParams
 CONTROLLER: Final = "slip_vic_controller"
 BRIDGE: Final = "slip_sim_bridge"
 ANSWER_S: Final = 10.0
-DISCOVERY_S: Final = 5.0
+DISCOVERY_S: Final = 20.0  # on a busy machine; what is there is there at once
 SILENCE_S: Final = 3.0
 LOOK_S: Final = 0.005
 DEPTH: Final = 4000
