@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import importlib
-import time
-from typing import Any, Final
+from typing import Any
 
-from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from slip_core.topics import Topic, topic
-
-DELIVERY_S: Final = 2.0
 
 
 def message_class(type_name: str) -> Any:
@@ -64,13 +60,3 @@ def create_subscription(
     row = topic(name)
     qos = subscription_qos(row, depth=depth, reliable=reliable)
     return node.create_subscription(message_class(row.type), actual_name or name, callback, qos, raw=raw)
-
-
-def wait_until_delivered(node: Any) -> None:
-    """Wait until every reader has what the node published, 2 s at most.
-
-    A publisher that leaves takes with it what a reader has lost and not asked for yet.
-    """
-    deadline = time.monotonic() + DELIVERY_S
-    for publisher in node.publishers:
-        publisher.wait_for_all_acked(Duration(seconds=max(deadline - time.monotonic(), 0.0)))

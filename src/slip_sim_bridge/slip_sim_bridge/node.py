@@ -29,7 +29,7 @@ from slip_msgs_py.fast_io import Refusals, create_sender
 from slip_msgs_py.last_resort import Failures, LastResort
 from slip_msgs_py.messages import forms, to_msgs
 from slip_msgs_py.node_main import memory_mib, run_node
-from slip_msgs_py.qos import create_publisher, create_subscription, wait_until_delivered
+from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare
 from slip_sim_bridge import pacing
@@ -208,7 +208,6 @@ class SlipSimBridge(LastResort, Node):
         if self._failure is not None and not should_stop():
             raise self._failure
         wall = time.monotonic() - self._started_wall
-        wait_until_delivered(self)
         results = {"ticks": self.session.tick, "sim_time_s": self.session.elapsed_s, "wall_time_s": wall}
         emit(Done({**results, "memory_mib": memory_mib(), **self._timing()}))
 

@@ -28,7 +28,7 @@ from slip_msgs_py.fast_io import Refusals, create_receiver
 from slip_msgs_py.last_resort import Failures, LastResort, fails_loudly
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.node_main import memory_mib, run_node
-from slip_msgs_py.qos import create_publisher, wait_until_delivered
+from slip_msgs_py.qos import create_publisher
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare
 from slip_vic_controller.arm_topics import STATE_DEPTH, ArmTopics, Place
@@ -293,7 +293,6 @@ class SlipVicController(LastResort, LifecycleNode):
             return
         if self.session.active:
             self._say_no_command()
-        wait_until_delivered(self)
         missed = sum(arm.missed for arm in self._arms)
         emit(Done({"cycles": self.session.cycles, "missed": missed, "memory_mib": memory_mib()}))
 
