@@ -25,8 +25,8 @@ from slip_msgs_py.messages.transforms import TOPIC, TYPE, TYPE_HASH, TransformEn
 
 WORLD: Final = "world"
 RATE_HZ: Final = 50.0
-WAITING: Final = 500
-"""Joint states kept until their URDF is known: the newest 10 s at 50 Hz."""
+WAITING: Final = 10_000
+"""Joint states kept until their URDF is known: the newest 10 s at 1 kHz."""
 SOURCES: Final = {
     "sensor_msgs/msg/JointState": "joint_states",
     "std_msgs/msg/String": "robot_description",
@@ -53,6 +53,10 @@ class _Source:
     waiting: deque[RawMessage] = field(default_factory=lambda: deque(maxlen=WAITING))
     links: list[Link] | None = None
     encoder: TransformEncoder | None = None
+
+
+def _namespace(topic: str) -> str:
+    return topic.rpartition("/")[0].strip("/")
 
 
 class Transforms:
@@ -91,13 +95,10 @@ class Transforms:
         source = self._sources.get(message.topic)
         if source is None:
             return
-        namespace = message.topic.rpartition("/")[0].strip("/")
         if source.schema.type_name.endswith("String"):
-            text = str(Series(source.schema, [message])["data"][0])
-            self._urdfs[namespace] = text
+            self._urdfs[_namespace(message.topic)] = str(Series(source.schema, [message])["data"][0])
             for other in self._sources.values():
                 waiting, other.waiting = other.waiting, deque(maxlen=WAITING)
-                other.next_ns = 0 if waiting else other.next_ns
                 for one in waiting:
                     yield from self._transform(
                         other,
@@ -107,20 +108,20 @@ class Transforms:
         yield from self._transform(source, message)
 
     def _transform(self, source: _Source, message: RawMessage) -> Iterator[RawMessage]:
+        namespace, urdf = _namespace(message.topic), None
+        if source.schema.type_name.endswith("JointState"):
+            urdf = self._urdfs.get(namespace, self._urdfs.get(""))
+            if urdf is None:
+                source.waiting.append(message)
+                return
         stamp_ns = stamp_of(message.data)
         if source.next_ns - self._period_ns <= stamp_ns < source.next_ns:  # an older one is a clock that began anew
             return
         row = Series(source.schema, [message])
-        if "name" in row:
-            namespace = message.topic.rpartition("/")[0].strip("/")
-            urdf = self._urdfs.get(namespace, self._urdfs.get(""))
-            if urdf is None:
-                source.waiting.append(message)
-                source.next_ns = stamp_ns + self._period_ns
-                return
-            data = self._arm(source, row, namespace, urdf, stamp_ns)
-        else:
+        if urdf is None:
             data = self._body(source, row, stamp_ns)
+        else:
+            data = self._arm(source, row, namespace, urdf, stamp_ns)
         if data is not None:
             source.next_ns = stamp_ns + self._period_ns
             self._count += 1
