@@ -108,20 +108,17 @@ class Transforms:
         yield from self._transform(source, message)
 
     def _transform(self, source: _Source, message: RawMessage) -> Iterator[RawMessage]:
-        namespace, urdf = _namespace(message.topic), None
+        namespace, urdf = _namespace(message.topic), ""
         if source.schema.type_name.endswith("JointState"):
-            urdf = self._urdfs.get(namespace, self._urdfs.get(""))
-            if urdf is None:
+            urdf = self._urdfs.get(namespace, self._urdfs.get("", ""))
+            if not urdf:
                 source.waiting.append(message)
                 return
         stamp_ns = stamp_of(message.data)
         if source.next_ns - self._period_ns <= stamp_ns < source.next_ns:  # an older one is a clock that began anew
             return
         row = Series(source.schema, [message])
-        if urdf is None:
-            data = self._body(source, row, stamp_ns)
-        else:
-            data = self._arm(source, row, namespace, urdf, stamp_ns)
+        data = self._arm(source, row, namespace, urdf, stamp_ns) if urdf else self._body(source, row, stamp_ns)
         if data is not None:
             source.next_ns = stamp_ns + self._period_ns
             self._count += 1
