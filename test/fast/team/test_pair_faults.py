@@ -39,3 +39,11 @@ def test_some_trials_keep_the_promises() -> None:
     # The last one: the law of one arm cannot be evaluated while its joint states are late, and the other went on.
     for seed, number in ((7, 0), (7, 9), (7, 21), (1, 43)):
         assert judge_pair(seed, number).violations == ()
+
+
+def test_both_go_on_together_after_a_stop_though_each_joint_state_is_answered_as_it_comes() -> None:
+    for topic in (JOINT, WRENCH):
+        trial = PairTrial(SCENARIOS[1], (Fault("drop", f"left/{topic}", 0.2, 0.1, 0.9),), 1, 0)
+        assert trial.run() == []
+        assert trial.modes["HOLD"] > 20, topic
+        assert trial.follows == (True, True)

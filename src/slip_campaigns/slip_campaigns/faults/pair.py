@@ -22,6 +22,7 @@ from slip_sim_bridge.pair.simulation import PairSimulation
 from slip_sim_bridge.plant import DivergenceError
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session import Controller
+from slip_vic_controller.team.crew import Results
 from slip_vic_controller.team.session import TeamSession
 
 PERIOD_S = 0.004
@@ -130,6 +131,7 @@ class PairTrial:
         self.together = TogetherMonitor()
         self.modes: Counter[str] = Counter()
         self.violations: list[str] = []
+        self.follows: tuple[bool, ...] = ()
         self._happened: set[Fault] = set()
 
     def run(self) -> list[str]:
@@ -178,7 +180,8 @@ class PairTrial:
                 team.request(Request(1 + int(3 * fault.size)))
 
     def _control(self, team: TeamSession, t: float, now_ns: int) -> None:
-        """Let everything arrive, and answer."""
+        """Let everything arrive, and answer each joint state as it comes, as the node does."""
+        answered = False
         for side, name in enumerate(SIDES):
             for topic, add in ((WRENCH, team.add_wrench), (SLIP, team.add_slip)):
                 for delivery in self._channels[f"{name}/{topic}"].arrivals(now_ns):
@@ -187,7 +190,15 @@ class PairTrial:
             for delivery in self._channels[f"{name}/{JOINT}"].arrivals(now_ns):
                 team.add_joint(side, delivery.sample, now_ns)
                 self._note(side, JOINT, delivery, t)
-        results = team.cycle(now_ns)
+                answered |= self._answer(team, team.cycle(now_ns), t, now_ns)
+        answered |= self._answer(team, team.watchdog(now_ns), t, now_ns)
+        self.follows = tuple(session.mode.follows for session in team.sessions)
+        for monitor in self.safe:  # each arm's inputs are reasons for both
+            monitor.check(t, any(self.follows), answered)
+        self.together.check(t, self.follows)
+
+    def _answer(self, team: TeamSession, results: Results, t: float, now_ns: int) -> bool:
+        """Judge and send what a cycle answers; return whether it answers anything."""
         for side, result in enumerate(results):
             if result is None:
                 continue
@@ -198,10 +209,7 @@ class PairTrial:
                 starts.append(session.gravity)
             self.commands[side].take(now_ns, result.command.effort, tuple(starts))
             self._channels[f"{SIDES[side]}/{EFFORT}"].send(result.command, t, now_ns)
-        follows = tuple(session.mode.follows for session in team.sessions)
-        for monitor in self.safe:  # each arm's inputs are reasons for both
-            monitor.check(t, any(follows), any(result is not None for result in results))
-        self.together.check(t, follows)
+        return any(result is not None for result in results)
 
     def _note(self, side: int, topic: str, delivery: Any, t: float) -> None:
         if delivery.clean:

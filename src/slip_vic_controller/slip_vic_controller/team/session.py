@@ -79,12 +79,15 @@ class TeamSession:
         self.sessions = tuple(ControllerSession(controller) for controller in controllers)
         self.seats: tuple[Seat, ...] = tuple(TeamSeat(self, side) for side in range(len(SIDES)))
         self._lockstep = controllers[0].lockstep
+        self._overdue = [False] * len(SIDES)  # its own next joint state has come while one waited for the partner
+        self._ahead: int | None = None  # who was answered alone, for a joint state that the partner has yet to bring
         from slip_vic_controller.team.cycle import team_cycle  # compiled here, so that one arm waits for nothing of two
 
         self._cycle = team_cycle
 
     def add_joint(self, side: int, sample: JointSample, now_ns: int | None = None) -> None:
         """Take a joint state of one side."""
+        self._overdue[side] = self.sessions[side].waiting is not None
         self.sessions[side].add_joint(sample, now_ns)
 
     def add_wrench(self, side: int, sample: WrenchSample, now_ns: int | None = None) -> None:
@@ -171,6 +174,7 @@ class TeamSession:
             now_ns = None
         waiting = [session.waiting for session in self.sessions]
         if all(one is not None for one in waiting):
+            self._overdue, self._ahead = [False] * len(SIDES), None
             return self._together([one for one in waiting if one is not None], now_ns)
         assert now_ns is not None, "complete sessions have a joint state"
         return tuple(self._alone(side, now_ns) for side in range(len(SIDES)))
@@ -206,14 +210,21 @@ class TeamSession:
     def _alone(self, side: int, now_ns: int) -> CycleResult | None:
         """Answer an arm whose partner is silent or holds; return what the watchdog says where it is silent itself.
 
-        While both follow the law, a partner whose joint state is late is waited for; one that holds is not.
+        A partner that is not silent is waited for, so that both are answered together: while both follow the law until
+        its joint state comes, while it holds until the own next one does.
         """
         session, other = self.sessions[side], self.sessions[1 - side]
         if session.waiting is None:
             return session.watchdog(now_ns)
-        silent = is_silent(other.controller.config, other.buffer, now_ns)
-        if not other.begun or (other.mode.follows and not silent):
+        if not other.begun:
             return None
+        if not is_silent(other.controller.config, other.buffer, now_ns) and self._ahead != 1 - side:
+            if other.mode.follows or not self._overdue[side]:
+                return None
+            self._ahead = side
+        else:
+            self._ahead = None
+        self._overdue[side] = False
         before, session.state.outside = int(session.state.outside), int(Fault.OTHER_ARM)
         joint, fault = session.waiting
         result = session.answer(joint, fault, now_ns, 0 if session.active else ACTIVATION, None)
