@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import importlib.util
 import os
-import signal
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import FrameType
 
 from slip_bringup.recording import AnyScenario, recorder_command
 from slip_bringup.study.prepare import prepare
@@ -22,6 +19,7 @@ from slip_core.errors import InputError, ProtocolError
 from slip_core.incidents import Incident
 from slip_msgs_py.events import Event, Progress, Started, Warned
 from slip_msgs_py.realtime import ProcessOptions
+from slip_msgs_py.stop_flag import StopFlag
 
 READY_TIMEOUT_S = 60.0
 NO_OPTIONS = ProcessOptions()
@@ -98,7 +96,7 @@ class Launcher:
         self._one_process = one_process
         self.warnings: list[str] = []
         self._incidents: list[Incident] = []
-        self._stop = threading.Event()
+        self._stop = StopFlag()
         check_ros()
         scenario.check()
         if one_process and scenario.bridge.mode == "realtime":
@@ -113,24 +111,17 @@ class Launcher:
 
         Raises:
             ProtocolError: the first child that failed, with its exit code and last lines, or a missed deadline.
-            Interrupted: SIGINT or SIGTERM came first.
+            Interrupted: SIGINT, SIGTERM or SIGHUP came first.
         """
         self._on_progress = on_progress
         prepare()  # children that compile would miss the deadline by which they have to be ready
-        previous = {number: signal.signal(number, self._on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            with (
-                domain_id(self._wanted_domain) as domain,
-                tempfile.TemporaryDirectory(prefix="slip_vic_") as folder,
-                ProcessGroup() as group,
-            ):
-                return self._supervise(group, domain, Path(folder))
-        finally:
-            for number, handler in previous.items():
-                signal.signal(number, handler)
-
-    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
-        self._stop.set()
+        with (
+            self._stop,
+            domain_id(self._wanted_domain) as domain,
+            tempfile.TemporaryDirectory(prefix="slip_vic_") as folder,
+            ProcessGroup() as group,
+        ):
+            return self._supervise(group, domain, Path(folder))
 
     def _supervise(self, group: ProcessGroup, domain: int, folder: Path) -> RunResult:
         environment = child_environment(domain)
@@ -195,7 +186,8 @@ class Launcher:
     def _wait(self, group: ProcessGroup, done: Callable[[], bool], timeout_s: float | None, what: str) -> None:
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         while not done():
-            if self._stop.wait(POLL_S):
+            time.sleep(POLL_S)
+            if self._stop():
                 group.stop([child for child in group.children if child.name != "recorder"])
                 group.stop(group.children)
                 raise Interrupted(f"a signal{self._progress_text(group)}")
