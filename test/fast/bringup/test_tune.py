@@ -127,6 +127,13 @@ def test_less_slip_beyond_the_bounds_costs_more_than_the_default() -> None:
         found = score([worse, default[1]], default, SEARCH.bounds)
         assert found.excess > 0.0
         assert cost(found, base) > cost(base, base)
+    crossed = [row(arrival_s="3.6"), row(arrival_s="5.1")]
+    assert score([row(arrival_s="5.2"), row(arrival_s="3.5")], crossed, SEARCH.bounds).excess == 0.0
+    assert score([row(arrival_s="5.2"), row(arrival_s="nan")], crossed, SEARCH.bounds).excess > 1.0
+    assert score([row(arrival_s="5.5"), row(arrival_s="3.5")], crossed, SEARCH.bounds).excess > 0.0
+    other = [row(mismatch="mass+", arrival_s="3.6"), row(mismatch="mass-", arrival_s="5.1")]
+    late = [row(mismatch="mass+", arrival_s="5.1"), row(mismatch="mass-", arrival_s="3.6")]
+    assert score(late, other, SEARCH.bounds).excess > 0.0
     nothing = score([row(outcome="refused"), row(outcome="crashed")], default, SEARCH.bounds)
     assert math.isfinite(cost(nothing, base))
 

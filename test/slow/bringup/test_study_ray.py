@@ -15,6 +15,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import psutil
 import pytest
 
 from slip_bringup.study.engines import Died
@@ -100,6 +101,25 @@ with RayEngine(1) as engine:
     for number, _ in engine.run(slow_square, sys.argv[1], range(100000)):
         print(number, flush=True)
 """
+
+
+@needs_ray
+@pytest.mark.parametrize(("process", "name"), [("raylet", "node on this machine"), ("gcs_server", "head")])
+def test_what_the_client_needs_dies_and_one_line_says_how_to_go_on(
+    process: str, name: str, tasks: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)  # the client starts a cluster of its own
+    with subprocess.Popen(
+        [sys.executable, "-c", CLIENT, tmp_path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as client:
+        assert client.stdout is not None
+        client.stdout.readline()
+        children = psutil.Process(client.pid).children(recursive=True)
+        next(child for child in children if process in child.name()).kill()
+        _, said = client.communicate()
+    assert client.returncode == 1
+    assert f"Ray's {name} has ended" in said.splitlines()[-1]
+    assert "--resume" in said.splitlines()[-1]
 
 
 @needs_ray

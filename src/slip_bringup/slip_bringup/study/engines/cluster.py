@@ -12,14 +12,14 @@ from types import TracebackType
 from typing import Any, Self
 
 from slip_bringup.study.engines import DEATHS, Died, Result, Shared, Task
-from slip_core.errors import InputError
+from slip_core.errors import InputError, SlipVicError
 
 QUEUED = 2
 """Tasks that the cluster has at a time, for each of its cores: no core waits for the next one."""
 
 LOOK_S = 2.0
-"""How often the number of cores is asked for, so that a node that joins gets work [s]."""
-
+"""How often the number of cores is asked for, so that a node that joins gets work, and whether the nodes are there that
+this process needs [s]."""
 
 ANSWER_S = 5.0
 """How long the head of a cluster may take to answer [s]."""
@@ -65,6 +65,7 @@ class RayEngine:
                 "RAY_ADDRESS", got=f"{address} ({error})", expected="the address of a cluster",
                 fix="start one with `ray start --head`, or unset RAY_ADDRESS",
             ) from None  # fmt: skip
+        self._needed = _needed(self._ray)
         self.deaths = 0
 
     def __enter__(self) -> Self:
@@ -82,6 +83,9 @@ class RayEngine:
 
         Ray's own retries are switched off: they are counted for a task and say nothing of who died, so that a task that
         kills its worker would do so again and again before anybody hears of it.
+
+        Raises:
+            SlipVicError: the node on which this process runs, or the head, has ended.
         """
         ray = self._ray
         remote = ray.remote(call).options(num_cpus=1, max_retries=0)
@@ -92,6 +96,7 @@ class RayEngine:
         look_at = cores = 0.0
         while True:
             if time.monotonic() >= look_at:
+                self._look()
                 look_at, cores = time.monotonic() + LOOK_S, ray.cluster_resources().get("CPU", 0.0)
             while len(task_of) < QUEUED * max(1.0, cores):
                 if (task := again.pop() if again else next(waiting, None)) is None:
@@ -118,3 +123,28 @@ class RayEngine:
                         yield task, Died(f"its process died {DEATHS} times: {type(error).__name__}")
                 else:
                     yield task, result
+
+    def _look(self) -> None:
+        """Look whether what this process needs is there: Ray itself ends the process some seconds later, unsaid.
+
+        Raises:
+            SlipVicError: it is not.
+        """
+        for name, place in self._needed.items():
+            try:
+                socket.create_connection(place, ANSWER_S).close()
+            except OSError as error:
+                raise SlipVicError(
+                    f"Ray's {name} has ended ({place[0]}:{place[1]}: {error}); rows that were written stay: start it "
+                    "again, then go on with --resume"
+                ) from None
+
+
+def _needed(ray: Any) -> dict[str, tuple[str, int]]:
+    """Return what this process cannot do without: name, and host and port where it answers."""
+    here = ray.get_runtime_context()
+    head, _, port = here.gcs_address.rpartition(":")
+    (own,) = (node for node in ray.nodes() if node["NodeID"] == here.get_node_id())
+    return {
+        "node on this machine": (own["NodeManagerAddress"], own["NodeManagerPort"]), "head": (head, int(port)),
+    }  # fmt: skip

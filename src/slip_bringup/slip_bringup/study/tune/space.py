@@ -59,9 +59,9 @@ def assignments(values: Mapping[str, float]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What less slip may cost, against the default in the same case.
+    """What less slip may cost, against the default in the same world (mismatch).
 
-    effort_rate: factor on the effort rate; later_s: later arrival [s].
+    effort_rate: factor on the worst effort rate of its seeds; later_s: later arrival [s].
     """
 
     effort_rate: float
@@ -91,22 +91,42 @@ def score(rows: Sequence[Row], defaults: Sequence[Row], bounds: Bounds) -> Score
     """Return how good the runs of some cases are; `defaults` are the same cases with the default parameters."""
     good = [row for row in rows if row["outcome"] == "ok"]
     excess = float(len(rows) - len(good))
-    for row, default in zip(rows, defaults, strict=True):
-        if row["outcome"] != "ok" or default["outcome"] != "ok":
-            continue
-        rate = float(row["effort_rate_rms_n_m_s"]) / float(default["effort_rate_rms_n_m_s"])
-        excess += max(0.0, rate / bounds.effort_rate - 1.0)
-        latest = float(default["arrival_s"]) + bounds.later_s
-        if not math.isnan(latest):  # where the default never arrives nothing is asked
-            arrival = float(row["arrival_s"])
-            excess += 1.0 if math.isnan(arrival) else max(0.0, arrival / latest - 1.0)
-    arrivals = [float(row["arrival_s"]) for row in good]
+    for world in dict.fromkeys(row["mismatch"] for row in rows):
+        own, default = (
+            [row for row in some if row["mismatch"] == world and row["outcome"] == "ok"] for some in (rows, defaults)
+        )
+        if own and default:
+            excess += max(0.0, _effort_rate(own) / _effort_rate(default) / bounds.effort_rate - 1.0)
+            excess += _lateness(_arrivals(own), _arrivals(default), bounds.later_s)
     return Score(
         max(map(slip_of, good), default=math.inf),
-        max((float(row["effort_rate_rms_n_m_s"]) for row in good), default=math.inf),
-        max((value for value in arrivals if not math.isnan(value)), default=math.nan),
+        _effort_rate(good) if good else math.inf,
+        max(filter(math.isfinite, _arrivals(good)), default=math.nan),
         len(rows) - len(good),
         excess,
+    )
+
+
+def _effort_rate(rows: Sequence[Row]) -> float:
+    """Return the worst effort rate of some runs [N m/s]."""
+    return max(float(row["effort_rate_rms_n_m_s"]) for row in rows)
+
+
+def _arrivals(rows: Sequence[Row]) -> list[float]:
+    """Return when some runs arrive [s]; infinite where one never does."""
+    return [math.inf if math.isnan(value := float(row["arrival_s"])) else value for row in rows]
+
+
+def _lateness(found: Sequence[float], default: Sequence[float], later_s: float) -> float:
+    """Return how far the arrivals of a world are beyond what is allowed.
+
+    Seeds of one set differ by more than the bound, and what is late with one comes early with another: so the first is
+    compared with the first, the last with the last. Where the default never arrives nothing is asked.
+    """
+    return sum(
+        1.0 if math.isinf(own) else max(0.0, own / (other + later_s) - 1.0)
+        for own, other in zip(sorted(found), sorted(default), strict=False)
+        if math.isfinite(other)
     )
 
 
