@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import datetime
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -284,10 +283,12 @@ def _read_attachments(texts: Sequence[str]) -> dict[str, bytes]:
 
 def run_command(group: click.Group, name: str) -> int:
     """Run a command line and return its exit code: one line and 2 for a user's mistake."""
-    # A shell that starts us in the background has SIGINT ignored; whoever sends one means it.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    from slip_msgs_py.stop_flag import StopFlag
+
     try:
-        code = group.main(prog_name=name, standalone_mode=False)
+        # A shell that starts us in the background has SIGINT ignored; whoever sends one means it.
+        with StopFlag(interrupts=True):
+            code = group.main(prog_name=name, standalone_mode=False)
         return code if isinstance(code, int) else 0
     except click.exceptions.Exit as end:
         return end.exit_code

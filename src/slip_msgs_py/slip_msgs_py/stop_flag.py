@@ -12,17 +12,28 @@ class StopFlag:
     """Set by SIGINT, SIGTERM and SIGHUP from `install` on, or inside a `with` block; a loop asks by calling it.
 
     A KeyboardInterrupt inside a callback would be logged as fatal.
+
+    Inside another one it begins with what that one knows, and ignored hang-ups (nohup) stay ignored.
+
+    Args:
+        interrupts: raise KeyboardInterrupt nevertheless, to leave work that asks nobody. Where machine code is compiled
+            or loaded it is swallowed: whoever comes next has to ask.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, interrupts: bool = False) -> None:
         self._is_set = False
+        self._interrupts = interrupts
         self.in_haste = False
         """Whether the signal was another one than SIGINT, which asks for an orderly end."""
         self._before: dict[signal.Signals, Any] = {}
 
     def install(self) -> StopFlag:
         """Handle the signals until the process ends."""
-        self._before = {number: signal.signal(number, self._set) for number in SIGNALS}
+        ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+        handled = SIGNALS[:-1] if ignored else SIGNALS
+        self._before = {number: signal.signal(number, self._set) for number in handled}
+        outer = [getattr(handler, "__self__", None) for handler in self._before.values()]
+        self._is_set |= any(flag() for flag in outer if isinstance(flag, StopFlag))
         return self
 
     def __enter__(self) -> StopFlag:
@@ -39,3 +50,5 @@ class StopFlag:
     def _set(self, number: int, _frame: Any) -> None:
         self._is_set = True
         self.in_haste |= number != signal.SIGINT
+        if self._interrupts:
+            raise KeyboardInterrupt
