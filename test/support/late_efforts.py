@@ -20,8 +20,8 @@ LAGS_MS = (8, 12, 16, 20, 24)
 class Late(Channel):
     """Hands everything on, later by the fault's size [s]."""
 
-    def _suffer(self, fault: Fault, sample: Any, now_ns: int) -> None:
-        self._put(sample, now_ns, True, round(1e9 * fault.size))
+    def _suffer(self, fault: Fault, sample: Any, now_ns: int, measured_ns: int) -> None:
+        self._put(sample, now_ns + round(1e9 * fault.size), measured_ns, True)
 
 
 class Watched(trials.Trial):

@@ -497,9 +497,10 @@ class ControllerSession:
         """
         if not self.active or self._lockstep or not self.begun or self.mode == Mode.WAITING_INPUT:
             return None
-        newest = self.newest_joint
-        if newest is None or not is_silent(self._config, self.buffer, now_ns):
+        if not is_silent(self._config, self.buffer, now_ns):
             return None
+        newest = self.newest_joint
+        assert newest is not None  # silent is only who has spoken
         before = self.buffer.copy()
         result, changed = self.without_joint_state(newest, now_ns)
         if not changed:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import Int64MultiArray
 
 from slip_bags.reader import Bag
+from slip_bringup.scenario import ControllerKind
 from slip_campaigns.faults import trial as trials
 from slip_campaigns.faults.campaign import Tally, Verdict, judge, plan_of, upper_bound_95
 from slip_campaigns.faults.cli import faults
@@ -21,11 +23,12 @@ from slip_campaigns.faults.dds_campaign import campaign_scenario
 from slip_campaigns.faults.dds_session import SILENT_S, START_S, StartUp
 from slip_campaigns.faults.dds_watch import Watch
 from slip_campaigns.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
-from slip_campaigns.faults.plan import EFFORT, JOINT, TOPICS, Fault, Plan, all_faults
+from slip_campaigns.faults.plan import CONTROLLER, EFFORT, JOINT, SLIP, TOPICS, WRENCH, Fault, Plan, all_faults
 from slip_campaigns.faults.trial import run_trial
 from slip_campaigns.faults.wire import Wire
 from slip_core.records import record
 from slip_core.types import EffortCommand, JointSample
+from slip_sim_bridge.sensors.presets import load_preset, preset_names
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
@@ -51,15 +54,15 @@ def test_a_trial_can_be_run_again() -> None:
     assert judge(SEED, 5) == judge(SEED, 5)
 
 
-def without_rate_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the campaign run a controller whose effort limiter knows no rate limit, unlike its promise."""
+def break_controller(monkeypatch: pytest.MonkeyPatch, change: Callable[[Any], None]) -> None:
+    """Let the campaign run a controller with a changed configuration, unlike its promise."""
     real = trials.prepared
 
     def broken(*setting: Any) -> Any:
         scenario, _ = real(*setting)
         other = Controller(scenario.controller, scenario.urdf, lockstep=False)
         config = other.config.copy()
-        record(config, CONFIG).effort.rate = 1e9
+        change(record(config, CONFIG))
         other.config = config
         return scenario, other
 
@@ -69,7 +72,10 @@ def without_rate_limit(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_limiter_without_rate_limit_is_caught_and_leaves_its_bag(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    without_rate_limit(monkeypatch)
+    def without_rate_limit(config: Any) -> None:
+        config.effort.rate = 1e9
+
+    break_controller(monkeypatch, without_rate_limit)
     trial = 466  # joint states with wrong numbers, in motion
     words = ["--trials", "1", "--first", str(trial), "--seed", str(SEED), "--workers", "1", "--out", str(tmp_path)]
     result = CliRunner().invoke(faults, words)
@@ -114,7 +120,7 @@ def test_a_controller_that_lets_bad_numbers_through_is_caught(monkeypatch: pytes
 def test_command_monitor_sees(commands: list[tuple[int, list[float]]], what: str) -> None:
     monitor = CommandMonitor(PROMISE)
     for t, effort in commands:
-        monitor.take(t * MS, np.array(effort), (ZERO,))
+        monitor.take(t * MS, np.array(effort), lambda: (ZERO,))
     assert len(monitor.violations) >= 1
     assert what in monitor.violations[0]
 
@@ -122,9 +128,9 @@ def test_command_monitor_sees(commands: list[tuple[int, list[float]]], what: str
 def test_command_monitor_lets_the_fastest_allowed_pass() -> None:
     monitor = CommandMonitor(PROMISE)
     for t in range(0, 80, 4):
-        monitor.take(t * MS, np.array([4.0 + t, 0.0]), (ZERO,))
-    monitor.take(0, np.zeros(0), ())
-    monitor.take(90 * MS, np.array([20.0, 1.0]), (np.array([19.0, 0.0]), ZERO))
+        monitor.take(t * MS, np.array([4.0 + t, 0.0]), lambda: (ZERO,))
+    monitor.take(0, np.zeros(0), tuple)
+    monitor.take(90 * MS, np.array([20.0, 1.0]), lambda: (np.array([19.0, 0.0]), ZERO))
     assert monitor.violations == []
 
 
@@ -185,6 +191,61 @@ def test_safe_state_monitor_sees_a_law_without_input() -> None:
     assert monitor.violations == []
     monitor.check(1.2, True)
     assert "after the last good wrench" in monitor.violations[0]
+
+
+def test_safe_state_monitor_sees_a_law_that_goes_on_with_all_it_needs() -> None:
+    monitor = SafeStateMonitor({"slip": 0.5}, 0.05, {"slip": 0.1})
+    monitor.good("slip", 0.9, 1.0)  # its age counts from when it was measured
+    for now_s, degraded, complaints in ((1.01, False, 0), (1.1, True, 0), (1.1, False, 1), (1.6, True, 2)):
+        monitor.check(now_s, True, degraded=degraded)
+        assert len(monitor.violations) == complaints, now_s
+    assert "law with all it needs at work 0.200 s after the last good slip" in monitor.violations[0]
+
+
+def test_every_sensor_has_its_turn_with_every_controller() -> None:
+    """And changes no fault that a seed has drawn before there were sensors."""
+    plans = [plan_of(SEED, trial) for trial in range(300)]
+    turns = {(plan.sensor, plan.controller, plan.observer) for plan in plans}
+    assert len(turns) == len(preset_names()) * 3 * 2
+    assert {plan.setting.split()[-1] for plan in plans} == set(preset_names())
+    first = Fault("freeze_message", JOINT, 0.06850165840927014, 0.2407900680298737, 0.12216958020121715)
+    assert plans[5].faults[0] == first
+
+
+def test_a_sensor_is_the_preset_in_bridge_and_controller() -> None:
+    for name in preset_names():
+        scenario, _ = trials.prepared("paper_planar", True, "vic", name)
+        sensor = load_preset(name).slip
+        assert scenario.bridge.sensors.slip == sensor
+        told = scenario.controller.slip_sensor
+        assert (told.rate_hz, told.latency_s) == (sensor.rate_hz, sensor.latency_s)
+        assert scenario.controller.slip_estimator == "observer"
+
+
+def test_a_law_that_goes_on_after_a_slow_sensor_has_fallen_silent_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    silence = Fault("drop", SLIP, start_s=0.3, duration_s=2.0, size=0.9)
+    controllers: tuple[ControllerKind, ...] = ("governed", "classical")
+    plans = [Plan(0, 1, "paper_planar", False, controller, (silence,), "vision_25") for controller in controllers]
+    assert [run_trial(plan).violations for plan in plans] == [[], []]  # classical control needs no slip velocity
+    latency_s = load_preset("vision_25").slip.latency_s
+
+    def from_arrival(config: Any) -> None:
+        config.slip.age_ns += round(1e9 * latency_s)
+
+    break_controller(monkeypatch, from_arrival)
+    found = run_trial(plans[0]).violations
+    for what in ("law with all it needs at work", "law at work"):
+        assert any(what in text and "after the last good slip_velocity" in text for text in found), found
+
+
+def test_a_message_that_is_repeated_is_as_old_as_it_is() -> None:
+    """Also for a controller that starts meanwhile and takes it for its first one."""
+    freeze = Fault("freeze_message", WRENCH, 0.44, 0.2, 0.8)
+    kill = Fault("kill", CONTROLLER, 0.2, 0.042, 0.3)
+    for planned in ((kill, freeze), (freeze,)):
+        outcome = run_trial(Plan(0, 1, "paper_planar", False, "vic", planned))
+        assert outcome.violations == []
+        assert outcome.modes["HOLD"] > 10
 
 
 def test_without_joint_states_no_command_is_given_and_no_other_age_counts() -> None:

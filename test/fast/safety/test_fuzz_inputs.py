@@ -15,7 +15,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from slip_campaigns.faults.monitors import CommandMonitor, Promise
 from slip_campaigns.faults.plan import EFFORT, JOINT, SLIP, TOPICS, WRENCH
-from slip_campaigns.faults.trial import PERIOD_S, prepared
+from slip_campaigns.faults.trial import PERIOD_S, prepared, starts_of
 from slip_campaigns.faults.wire import Wire
 from slip_core.errors import InputError
 from slip_core.topics import topic
@@ -243,9 +243,6 @@ def _run(
         results.append(session.watchdog(now_ns))
         for result in results:
             if result is not None:
-                starts = [joint.effort] if np.isfinite(joint.effort).all() else []
-                if session.begun:
-                    starts.append(session.gravity)
-                monitor.take(now_ns, result.command.effort, tuple(starts))
+                monitor.take(now_ns, result.command.effort, partial(starts_of, session, joint))
         bridge.advance(None)
     assert monitor.violations == []

@@ -178,13 +178,14 @@ class Watch:
         command = self._wires[EFFORT].typed(data)
         effort = np.array(command.effort)
         if known:
-            self.commands.take(clock_ns, effort, self._starts(stamp_ns, np.array(command.position)))
+            starts = self._starts(stamp_ns, np.array(command.position))
+            self.commands.take(clock_ns, effort, lambda: starts)
         elif len(effort):
             self.not_judged += 1
             if self.by_itself:
                 self.commands.inside(clock_ns, effort)
             else:
-                self.commands.take(clock_ns, effort, ())
+                self.commands.take(clock_ns, effort, tuple)
 
     def _starts(self, stamp_ns: int, position: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return the efforts from which a first command may begin, as the controller was told them."""

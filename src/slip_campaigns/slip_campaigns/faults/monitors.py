@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -56,11 +57,11 @@ class CommandMonitor:
             self.violations.append(f"{now_s:.3f} s: effort {effort.tolist()} above the limits")
         return True
 
-    def take(self, now_ns: int, effort: Numbers, starts: tuple[Numbers, ...]) -> None:
+    def take(self, now_ns: int, effort: Numbers, starts: Callable[[], Sequence[Numbers]]) -> None:
         """Take a command.
 
-        now_ns: when it was given, of a steady clock; starts: efforts from which a first command, or the first after a
-        pause, may begin: those measured, gravity compensation.
+        now_ns: when it was given, of a steady clock; starts: gives the efforts from which a first command, or the first
+        after a pause, may begin: those measured, gravity compensation.
         """
         if len(effort) == 0:
             self._last = None
@@ -73,13 +74,13 @@ class CommandMonitor:
         known = None if self._last is None or passed_s > promise.restart_after_s else self._last[1]
         passed_s = promise.period_s if known is None else passed_s
         allowed = promise.rate * min(passed_s, promise.longest_step_s)
-        clipped = [np.clip(start, -promise.effort, promise.effort) for start in (starts if known is None else (known,))]
-        step = min((float(np.abs(effort - start).max()) for start in clipped), default=0.0)
+        before = [known] if known is not None else [np.clip(e, -promise.effort, promise.effort) for e in starts()]
+        step = min((float(np.abs(effort - start).max()) for start in before), default=0.0)
         if step > allowed + ROUNDING:
             kind = "from what the joints feel" if known is None else f"in {1e3 * passed_s:.3f} ms"
             self.violations.append(
                 f"{NS * now_ns:.3f} s: effort steps {kind} by {step:.6g} N m, allowed {allowed:.6g}: {effort.tolist()}"
-                f" after {[start.tolist() for start in clipped]}"
+                f" after {[start.tolist() for start in before]}"
             )
         self._last = (now_ns, effort)
 
@@ -127,13 +128,16 @@ class SafeStateMonitor:
     counts from its arrival. The stamps of the wrench can tell, where two in a row are ahead of it by `future_s`: then
     every age counts from when the sample was measured.
 
-    limits: input -> time [s] after its newest good sample.
+    limits, unheeded: input -> time [s] after its newest good sample was measured until the law must have ended, and
+    until it must at least be degraded.
     """
 
     limits: dict[str, float]
     future_s: float
+    unheeded: dict[str, float] = field(default_factory=dict)
     violations: list[str] = field(default_factory=list)
     _newest: dict[str, float] = field(default_factory=dict)
+    _told: dict[tuple[str, str], float | None] = field(default_factory=dict)
     _ahead: int = 0
     _late_s: float = 0.0
 
@@ -147,17 +151,21 @@ class SafeStateMonitor:
             told = self._ahead >= TWICE and self._newest[WRENCH] > measured_s + self.future_s
             self._late_s = 0.0 if told else arrived_s - measured_s
 
-    def check(self, now_s: float, follows: bool, answered: bool = True) -> None:
+    def check(self, now_s: float, follows: bool, answered: bool = True, *, degraded: bool = True) -> None:
         """Judge the mode of a moment at which the controller ran; answered: whether it gave a command.
 
         Where no joint state comes no command is given, whatever else is missing: then the joint state's limit alone
         counts.
         """
-        if not follows:
-            return
-        for name, limit in self.limits.items():
+        if follows:
+            self._judge(now_s, answered, "law", self.limits)
+        if follows and not degraded:
+            self._judge(now_s, answered, "law with all it needs", self.unheeded)
+
+    def _judge(self, now_s: float, answered: bool, what: str, limits: dict[str, float]) -> None:
+        for name, limit in limits.items():
             newest = self._newest.get(name) if answered or name == JOINT else None
             passed_s = 0.0 if newest is None else now_s - self._late_s - newest
-            if passed_s > limit + REACTION_S:
-                self.violations.append(f"{now_s:.3f} s: law at work {passed_s:.3f} s after the last good {name}")
-                self._newest[name] = now_s
+            if passed_s > limit + REACTION_S and self._told.get((what, name)) != newest:
+                self.violations.append(f"{now_s:.3f} s: {what} at work {passed_s:.3f} s after the last good {name}")
+                self._told[what, name] = newest

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from slip_campaigns.faults.carriers import SampleCarrier
 from slip_campaigns.faults.channel import Channel
 from slip_campaigns.faults.monitors import NS, CommandMonitor, Promise, SafeStateMonitor
 from slip_campaigns.faults.plan import EFFORT, JOINT, ON_TOPICS, SLIP, TOPICS, WRENCH, Fault
+from slip_campaigns.faults.trial import starts_of
 from slip_campaigns.faults.wire import Wire
 from slip_core.types import EffortCommand
 from slip_sim_bridge.pair.params import SIDES
@@ -203,14 +204,11 @@ class PairTrial:
             if result is None:
                 continue
             self.modes[result.mode.name] += 1
-            session = team.sessions[side]
-            starts = [result.joint.effort] if np.isfinite(result.joint.effort).all() else []
-            if session.begun:
-                starts.append(session.gravity)
-            self.commands[side].take(now_ns, result.command.effort, tuple(starts))
+            starts = partial(starts_of, team.sessions[side], result.joint)
+            self.commands[side].take(now_ns, result.command.effort, starts)
             self._channels[f"{SIDES[side]}/{EFFORT}"].send(result.command, t, now_ns)
         return any(result is not None for result in results)
 
     def _note(self, side: int, topic: str, delivery: Any, t: float) -> None:
         if delivery.clean:
-            self.safe[side].good(topic, NS * (delivery.sent_ns - STEADY_NS), t)
+            self.safe[side].good(topic, NS * (delivery.measured_ns - STEADY_NS), t)

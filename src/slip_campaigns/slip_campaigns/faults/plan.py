@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slip_bringup.scenario import ControllerKind
+from slip_sim_bridge.sensors.presets import preset_names
 
 JOINT, WRENCH, SLIP, EFFORT = "joint_states", "wrench", "slip_velocity", "effort_command"
 TOPICS = (JOINT, WRENCH, SLIP, EFFORT)
@@ -15,6 +16,7 @@ ON_TOPICS = (
     "drop", "duplicate", "delay", "reorder", "corrupt_values", "corrupt_bytes", "freeze_values", "freeze_message",
 )  # fmt: skip
 ON_NODES = ("kill", "stop")
+IDEAL = "ideal"
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,11 +77,12 @@ class Plan:
     observer: bool
     controller: ControllerKind
     faults: tuple[Fault, ...]
+    sensor: str = IDEAL
 
     @property
     def setting(self) -> str:
         """What runs, as reports count it."""
-        return f"{self.scenario} {self.controller}{' observer' if self.observer else ''}"
+        return f"{self.scenario} {self.controller}{' observer' if self.observer else ''} {self.sensor}"
 
 
 def make_plan(
@@ -105,4 +108,7 @@ def make_plan(
     scenario = "glass_transport" if rng.uniform() < 0.2 else scenario
     u = rng.uniform()
     controller: ControllerKind = "vic" if u < 0.5 else "governed" if u < 0.85 else "classical"
-    return Plan(trial, seed, scenario, observer, controller, tuple(sorted(faults, key=lambda fault: fault.start_s)))
+    sensors = preset_names()
+    sensor = sensors[int(rng.integers(len(sensors)))]
+    in_order = tuple(sorted(faults, key=lambda fault: fault.start_s))
+    return Plan(trial, seed, scenario, observer, controller, in_order, sensor)

@@ -84,7 +84,7 @@ class Proxy:
         for name, channel in self._channels.items():
             for delivery in channel.arrivals(now_ns):
                 self._publishers[name].publish(delivery.sample)
-                self._on_forward(name, delivery.sample, delivery.sent_ns, delivery.clean)
+                self._on_forward(name, delivery.sample, delivery.measured_ns, delivery.clean)
 
     def _take(self, name: str, data: bytes) -> None:
         now_ns = time.monotonic_ns()

@@ -6,20 +6,21 @@ import dataclasses
 from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slip_bringup.scenario import ControllerKind, Scenario, load_scenario
 from slip_campaigns.faults.carriers import SampleCarrier
 from slip_campaigns.faults.channel import Channel, Delivery
-from slip_campaigns.faults.monitors import LOST_M, CommandMonitor, JointMonitor, Promise, SafeStateMonitor
-from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, EFFORT, JOINT, SLIP, TOPICS, WRENCH, Fault, Plan
+from slip_campaigns.faults.monitors import LOST_M, NS, CommandMonitor, JointMonitor, Promise, SafeStateMonitor
+from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, EFFORT, IDEAL, JOINT, SLIP, TOPICS, WRENCH, Fault, Plan
 from slip_campaigns.faults.wire import Wire
 from slip_core.errors import InputError
 from slip_core.params import build, flatten
-from slip_core.types import EffortCommand
+from slip_core.types import EffortCommand, JointSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
@@ -52,19 +53,20 @@ class Outcome:
 
 
 @cache
-def prepared(name: str, observer: bool, kind: ControllerKind) -> tuple[Scenario, Controller]:
-    """Return a scenario as the campaign runs it, and its law."""
+def prepared(name: str, observer: bool, kind: ControllerKind, sensor: str = IDEAL) -> tuple[Scenario, Controller]:
+    """Return a scenario as the campaign runs it, and its law; the ideal sensor leaves the gains what they are."""
     assignments = [
         f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
         "controller.gains.k_s=100.0", f"controller.trajectory.duration_s={0.75 * DURATION_S}",
         "bridge.stop_after_duration=false",
     ]  # fmt: skip
-    if observer:
-        assignments.append("controller.slip_estimator=observer")
     if name == "vertical_plane":
         # What friction cannot carry is to be met: more than just enough grip at the start.
         assignments += ["controller.trajectory.displacement=[0.0, 0.1, 0.05]"]
-    scenario = load_scenario(name, controller=kind, mode="realtime", assignments=assignments)
+    scenario = load_scenario(
+        name, controller=kind, mode="realtime", assignments=assignments, sensor="" if sensor == IDEAL else sensor,
+        estimator="observer" if observer else "measured",
+    )  # fmt: skip
     return scenario, Controller(scenario.controller, scenario.urdf, lockstep=False)
 
 
@@ -78,8 +80,9 @@ class Trial:
 
     def __init__(self, plan: Plan, *, keep: bool = False) -> None:
         self._plan, self._keep = plan, keep
-        self.scenario, self._law = prepared(plan.scenario, plan.observer, plan.controller)
-        self._rng = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 1)))
+        self.scenario, self._law = prepared(plan.scenario, plan.observer, plan.controller, plan.sensor)
+        noise = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 1)))
+        self._bridge_params = self.scenario.bridge.model_copy(update={"seed": int(noise.integers(2**31))})
         controller, safety = self.scenario.controller, self.scenario.controller.safety
         self._channels = {
             name: Channel(
@@ -100,15 +103,14 @@ class Trial:
             )
         )
         self._joints = JointMonitor(self.scenario.bridge.effort_rate * PERIOD_S)
+        ages_s = {JOINT: inputs.joint.age_s + PERIOD_S, WRENCH: inputs.wrench.age_s + PERIOD_S}
+        # The same for every sensor: a slow one must be fast enough for it, its latency included.
+        slip_s = {} if plan.controller == "classical" else {SLIP: inputs.slip.age_s + PERIOD_S}  # it needs no slip
         degraded_s = safety.fallback.slow_down_s + (safety.fallback.observer_s if plan.observer else 0.0)
-        self._safe = SafeStateMonitor(
-            {
-                JOINT: inputs.joint.age_s + PERIOD_S,
-                WRENCH: inputs.wrench.age_s + PERIOD_S,
-                SLIP: inputs.slip.age_s + degraded_s + PERIOD_S,
-            },
-            inputs.future_s,
-        )
+        ages_s |= {name: age_s + degraded_s for name, age_s in slip_s.items()}
+        self._safe = SafeStateMonitor(ages_s, inputs.future_s, slip_s)
+        self._stops = [fault for fault in plan.faults if fault.kind == "stop"]
+        self._clock_stops = [fault for fault in plan.faults if fault.kind == "clock_stop"]
         self._modes: Counter[str] = Counter()
         self._record: list[tuple[int, str, Any]] = []
         self._done: set[Fault] = set()
@@ -133,7 +135,7 @@ class Trial:
         )  # fmt: skip
 
     def _run(self) -> None:
-        self._bridge = self._new_bridge(self.scenario.bridge, START_NS)
+        self._bridge = self._new_bridge(self._bridge_params, START_NS)
         self._controller: ControllerSession | None = ControllerSession(self._law)
         last_end = max(fault.end_s for fault in self._plan.faults)
         for tick in range(round(DURATION_S / PERIOD_S)):
@@ -151,7 +153,7 @@ class Trial:
                 self._newest_command = delivery.sample
             if self._bridge_runs(t):
                 self._bridge.advance(self._shifted(self._newest_command))
-                if np.abs(self._bridge.simulation.observe().truth.slip_displacement[:3]).max() > LOST_M:
+                if self._slipped() > LOST_M:
                     self._lost += 1
                     self._restart_bridge(t + PERIOD_S + RESTART_S)
             follows = self._controller is not None and self._controller.mode.follows
@@ -160,10 +162,15 @@ class Trial:
             if not follows:
                 self._recovered = None if t < last_end else self._recovered
 
+    def _slipped(self) -> float:
+        """Return the largest coordinate of the object's slip displacement [m]."""
+        readings = self._bridge.simulation.observe()
+        return max(map(abs, readings.numbers[readings.layout.slip_displacement][:3].tolist()))
+
     # -- nodes -------------------------------------------------------------------------------------
 
     def _stopped(self, node: str, t: float) -> bool:
-        return any(fault.kind == "stop" and fault.target == node and fault.at(t) for fault in self._plan.faults)
+        return bool(self._stops) and any(fault.target == node and fault.at(t) for fault in self._stops)
 
     def _controller_lives(self) -> bool:
         return self._controller is not None
@@ -216,7 +223,7 @@ class Trial:
         """Let the bridge be away until `back` [s] and then begin where the arm is, with the object in the grasp."""
         self._bridge_back = back
         posture = self._bridge.simulation.observe().joint.position
-        params = self.scenario.bridge.model_copy(update={"initial_position": tuple(posture.tolist())})
+        params = self._bridge_params.model_copy(update={"initial_position": tuple(posture.tolist())})
         self._bridge = self._new_bridge(params, START_NS + round(back * 1e9))
         self._newest_command = None
         self._joints.restarted()
@@ -229,12 +236,14 @@ class Trial:
     # -- messages ----------------------------------------------------------------------------------
 
     def _stamp(self, stamp_ns: int) -> int:
-        """Return what the bridge's clock shows where its simulation is at `stamp_ns`."""
-        for fault in self._plan.faults:
-            if fault.kind == "clock_stop" and fault.at(self._t):
+        """Return what the bridge's clock showed where its simulation was at `stamp_ns`."""
+        for fault in self._clock_stops:
+            if fault.at(self._t):
                 if self._stand_still_ns is None:
                     self._stand_still_ns = stamp_ns
-                return self._stand_still_ns + self._clock_offset_ns
+                return (
+                    min(stamp_ns, self._stand_still_ns) + self._clock_offset_ns
+                )  # what was measured before keeps its own
         self._stand_still_ns = None
         return stamp_ns + self._clock_offset_ns
 
@@ -243,8 +252,9 @@ class Trial:
         sent: list[tuple[str, Any]] = [(JOINT, outputs.joint)]
         sent += [(WRENCH, sample) for sample in outputs.wrenches[0]] + [(SLIP, sample) for sample in outputs.slips[0]]
         for name, sample in sent:
-            shown = dataclasses.replace(sample, stamp_ns=self._stamp(sample.stamp_ns))
-            self._channels[name].send(shown, t, self._now_ns)
+            stamp_ns = self._stamp(sample.stamp_ns)
+            shown = sample if stamp_ns == sample.stamp_ns else dataclasses.replace(sample, stamp_ns=stamp_ns)
+            self._channels[name].send(shown, t, self._now_ns, self._now_ns - (outputs.stamp_ns - sample.stamp_ns))
         controller = self._controller
         follows = controller is not None and controller.mode.follows and not self._stopped(CONTROLLER, t)
         self._joints.take(t, outputs.joint.effort, outputs.joint.velocity, follows)
@@ -253,8 +263,8 @@ class Trial:
 
     def _shifted(self, command: EffortCommand | None) -> EffortCommand | None:
         """Return a command with its stamp on the simulation's clock."""
-        if command is None:
-            return None
+        if command is None or self._clock_offset_ns == 0:
+            return command
         return EffortCommand(command.stamp_ns - self._clock_offset_ns, command.effort)
 
     def _control(self, t: float) -> None:
@@ -271,24 +281,28 @@ class Trial:
             self._note(JOINT, delivery)
             self._answer(self._controller.cycle(now_ns), t)
         self._answer(self._controller.watchdog(now_ns), t)
-        self._safe.check(t, self._controller.mode.follows, self._commands.commands > commands)
+        mode, answered = controller.mode, self._commands.commands > commands
+        self._safe.check(t, mode.follows, answered, degraded=mode is not Mode.ACTIVE)
 
     def _note(self, name: str, delivery: Delivery) -> None:
         if delivery.clean:
-            self._safe.good(name, (delivery.sent_ns - STEADY_NS) * 1e-9, self._t)
+            self._safe.good(name, NS * (delivery.measured_ns - STEADY_NS), self._t)
 
     def _answer(self, result: CycleResult | None, t: float) -> None:
         if result is None or self._controller is None:
             return
         self._modes[result.mode.name] += 1
-        starts = [result.joint.effort] if np.isfinite(result.joint.effort).all() else []
-        if self._controller.begun:
-            starts.append(self._controller.gravity)
-        self._commands.take(self._now_ns, result.command.effort, tuple(starts))
+        self._commands.take(self._now_ns, result.command.effort, partial(starts_of, self._controller, result.joint))
         self._channels[EFFORT].send(result.command, t, self._now_ns)
         if self._keep:
             self._record.append((self._now_ns, EFFORT, result.command))
             self._record.append((self._now_ns, "controller/mode", f"{result.mode.name}: {result.reason}"))
+
+
+def starts_of(session: ControllerSession, joint: JointSample) -> list[NDArray[np.float64]]:
+    """Return from where the first command may begin that answers this joint state: what is felt, gravity; [N m]."""
+    starts = [joint.effort] if np.isfinite(joint.effort).all() else []
+    return [*starts, session.gravity] if session.begun else starts
 
 
 def run_trial(plan: Plan, *, keep: bool = False) -> Outcome:
