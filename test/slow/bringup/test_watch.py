@@ -35,11 +35,11 @@ def start_watch(processes: Processes, *arguments: object) -> tuple[object, str]:
     return child, found[0]
 
 
-def start_player(processes: Processes) -> None:
+def start_player(processes: Processes, *how: object) -> None:
     with Bag(BAG) as bag:
         names = [name for name in bag.topics if name not in ("/clock", "/diagnostics")]
     renamed = [part for name in names for part in ("--remap", f"{name}:=/{NAMESPACE}{name}")]
-    options = ["--rate", SLOWLY, "--disable-keyboard-controls", "--topics"]
+    options = [*how, "--disable-keyboard-controls", "--topics"]
     chosen = [part for name in names for part in ("--topics", name)][1:]
     processes.python("player", "-m", "slip_bags.cli", "play", BAG, *options, *chosen, *renamed)
 
@@ -48,7 +48,7 @@ def test_page_follows_what_runs(processes: Processes, browser: Browser) -> None:
     child, address = start_watch(processes)
     page, errors = open_page(browser, address, ready=False)
     assert "Waiting for joint states" in page.inner_text("#problem")
-    start_player(processes)
+    start_player(processes, "--rate", SLOWLY)
     wait_in_page(page, f"(window.slipPage?.plots.model.count ?? 0) > {FRAMES}")
     assert not page.is_visible("#problem")
     assert page.evaluate("slipPage.plots.model.runs[0].arms.map(arm => arm.name)") == [NAMESPACE]
@@ -59,6 +59,22 @@ def test_page_follows_what_runs(processes: Processes, browser: Browser) -> None:
     assert min(abs(states - q).max(axis=1)) < 1e-6, "not a posture of the bag"
     assert errors == []
     assert processes.stop(child, signal.SIGINT) == 0
+
+
+def test_page_begins_again_with_a_bag_that_is_looped(processes: Processes, browser: Browser) -> None:
+    _, address = start_watch(processes)
+    page, errors = open_page(browser, address, ready=False)
+    start_player(processes, "--loop")
+    wait_in_page(page, f"(window.slipPage?.plots.model.count ?? 0) > {FRAMES}")
+    page.evaluate("window.latest = 0")  # gone where the page is loaded anew
+    wait_in_page(page, "(latest = Math.max(latest, slipPage.player.end)) > slipPage.player.end")
+    wait_in_page(page, f"slipPage.plots.model.count > {FRAMES}")
+    page.evaluate("slipPage.player.pause()")
+    assert page.evaluate("slipPage.player.t <= slipPage.player.end")
+    times = page.evaluate("Array.from(slipPage.plots.model.time.slice(0, slipPage.plots.model.count))")
+    assert times == sorted(times)
+    assert page.inner_text(".run .mode") == "ACTIVE"
+    assert errors == []
 
 
 def test_address_is_local_and_serves_the_page_alone(processes: Processes) -> None:

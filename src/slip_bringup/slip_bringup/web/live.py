@@ -141,7 +141,8 @@ class Watcher:
         self._node, self._wanted = node, namespace.strip("/")
         self.arms: list[WatchedArm] = []
         self._next_discovery = 0.0
-        self._start_ns, self._size = 0, 0
+        self._start_ns = 0
+        self._described: tuple[object, ...] = ()
         self._ready_since = 0.0
         self.last_ns = -1
         self.model: bytes | None = None
@@ -168,12 +169,14 @@ class Watcher:
         if stamp_ns == self.last_ns:
             return None
         run = self._run(ready)
-        data = frame((stamp_ns - self._start_ns) * 1e-9, run)
-        if self.model is None or stamp_ns < self.last_ns or len(data) != self._size:
-            self._begin(run, stamp_ns, len(data))
-            data = frame(0.0, run)
+        described = description(run)
+        if self.model is None or described != self._described:
+            self._begin(run)
+            self._described, self._start_ns = described, stamp_ns
+        elif stamp_ns < self.last_ns:
+            self._start_ns = stamp_ns  # a bag that is looped, a run that begins anew: the page sees the time go back
         self.last_ns = stamp_ns
-        return data
+        return frame((stamp_ns - self._start_ns) * 1e-9, run)
 
     def forget(self) -> None:
         """Make the model anew with the next frame."""
@@ -197,9 +200,8 @@ class Watcher:
             self.arms.append(WatchedArm(name, topics, ask_parameters(self._node, f"{prefix}/{NODE}")))
             self.forget()
 
-    def _begin(self, run: Run, stamp_ns: int, size: int) -> None:
+    def _begin(self, run: Run) -> None:
         """Make the model that says what stands in a frame; topics that appear later lead to another one."""
-        self._start_ns, self._size = stamp_ns, size
         packer = Packer()
         described, _ = describe(run, np.zeros(1), packer)
         plots = describe_plots([run], packer, empty=True)
@@ -260,6 +262,12 @@ def _load(symbols: Mapping[str, float], parameters: Mapping[str, Any]) -> Array:
         return np.full(1, np.nan)
     inverse = Rotation.from_rotvec(turn).inv()
     return load_ratio(np.hstack([inverse.apply(wrench[:3]), inverse.apply(wrench[3:])])[None], parameters)
+
+
+def description(run: Run) -> tuple[object, ...]:
+    """Return what a model is made of: one with the same describes the frames of another run too."""
+    arms = ((arm.name, arm.urdf, arm.tip, arm.joint_names, tuple(arm.values)) for arm in run.arms)
+    return (run.object_pose is not None, run.object_size, *arms)
 
 
 def frame(time_s: float, run: Run) -> bytes:

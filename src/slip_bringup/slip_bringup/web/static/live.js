@@ -52,8 +52,10 @@ class Live {
 
   frame(numbers) {
     const { model, page } = this, { player, scenes } = page;
-    const atEnd = player.t >= player.end - 1e-6;
-    if (model.count === KEPT) this.drop(KEPT / 2);
+    const again = numbers[0] < player.end; // a bag that is looped, a run that begins anew
+    const atEnd = again || player.t >= player.end - 1e-6;
+    if (again) this.drop(model.count);
+    else if (model.count === KEPT) this.drop(KEPT / 2);
     let at = 0;
     for (const [values, width] of this.arrays) {
       values.set(numbers.subarray(at, at + width), model.count * width);
@@ -61,8 +63,9 @@ class Live {
     }
     model.count++;
     for (const scene of scenes) scene.follow(model.count - 1, model.count);
+    if (again) player.pause();
     const now = performance.now();
-    if (now - this.since > PLOTS_MS) {
+    if (again || now - this.since > PLOTS_MS) {
       this.since = now;
       page.plots.refresh();
       page.views?.fit(page.views.moved);
@@ -76,6 +79,12 @@ class Live {
     const { model, page } = this;
     for (const [values, width] of this.arrays) values.copyWithin(0, frames * width);
     model.count -= frames;
-    for (const scene of page.scenes) for (const own of scene.arms) { own.walked.cut(frames); own.trace.cut(frames); }
+    for (const scene of page.scenes) {
+      for (const own of scene.arms) {
+        own.walked.cut(frames);
+        own.trace.cut(frames);
+        own.known &&= model.count > 0;
+      }
+    }
   }
 }

@@ -45,10 +45,15 @@ function runCard(model, run, number) {
     card.append(list);
   });
   document.getElementById("runs").append(card);
+  const coded = window.slipLive && seriesOf(model, "mode", number, 0); // live the texts are those of the beginning
+  const modeAt = (frame) => {
+    if (coded && Number.isFinite(coded[frame])) return model.plots.find((plot) => plot.name === "mode").steps[Math.round(coded[frame])];
+    const modes = run.arms[0].modes.filter(([from]) => from <= model.time[frame] + 1e-6);
+    return modes.length ? modes[modes.length - 1][1] : "";
+  };
   const say = (frame) => {
     for (const { values, value } of readouts) value.textContent = shown(values[frame]);
-    const modes = run.arms[0].modes.filter(([from]) => from <= model.time[frame] + 1e-6);
-    card.querySelector(".mode").textContent = modes.length ? modes[modes.length - 1][1] : "";
+    card.querySelector(".mode").textContent = modeAt(frame);
     const text = `${run.label} at ${model.time[frame].toFixed(2)} s: ` + [...card.querySelectorAll(".readouts > div")].map((pair) => `${pair.children[0].textContent} ${pair.children[1].textContent}`).join(", ");
     for (const canvas of views.children) canvas.setAttribute("aria-label", text);
   };
