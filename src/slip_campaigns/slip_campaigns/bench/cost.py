@@ -16,6 +16,7 @@ from slip_bringup.scenario import Scenario, load_scenario
 from slip_campaigns.bench.bare_law import BareLaw
 from slip_campaigns.bench.chain import chain_urdf
 from slip_campaigns.bench.pingpong import JOINTS, LEDGER_FORM, NEEDED, TRUTH, codec
+from slip_campaigns.bench.whole_pass import whole_pass
 from slip_core.arrays import Array
 from slip_core.records import new
 from slip_core.types import JointSample, SlipSample, WrenchSample
@@ -94,6 +95,12 @@ def bare_terms(robot: Robot, joint: JointSample) -> Call:
     """Return the evaluation of the Pinocchio terms that a control cycle needs, as a record, and nothing else."""
     arm = new(ARM)
     return lambda: robot.terms(joint.position, joint.velocity, arm)
+
+
+def backward_pass(governed: Moment) -> Call:
+    """Return the governor's whole backward pass over the path of a governed moment."""
+    state, F = governed.session.buffer.copy(), governed.scenario.controller.governor.friction_limit
+    return lambda: whole_pass(state, F)
 
 
 def closed_loop_factor(scenario: Scenario, ticks: int) -> float:
@@ -193,6 +200,11 @@ def sliding_step(bridge: BridgeSession) -> Call:
 def observer_scenario() -> Scenario:
     """Return the scenario with the slip observer."""
     return load_scenario(SCENARIO, assignments=("controller.slip_estimator=observer",))
+
+
+def governed_scenario() -> Scenario:
+    """Return the scenario below the reference governor."""
+    return load_scenario(SCENARIO, controller="governed")
 
 
 def slipping_scenario() -> Scenario:

@@ -107,6 +107,8 @@ def _rounds(effort: Effort, library: Path | None, say: Say) -> Rounds:
         "pinocchio terms": cost.bare_terms(step.session.controller.robot, step.joint),
     }
     pieces["control step, observer"] = cost.moment(cost.observer_scenario()).step
+    governed = cost.moment(cost.governed_scenario())
+    pieces |= {"control step, governed": governed.step, "backward pass": cost.backward_pass(governed)}
     sticking = cost.holding_bridge(vic)
     pieces["simulator step, stick"] = lambda: sticking.advance(None)
     pieces["simulator step, slip"] = cost.sliding_step(cost.holding_bridge(cost.slipping_scenario()))
@@ -143,6 +145,7 @@ def _metrics(rounds: Rounds) -> dict[str, Metric]:
     metrics = [
         ratio("control_step_ratio", "control step", bare, "low", "control step / Pinocchio terms it needs"),
         ratio("control_step_observer_ratio", "control step, observer", bare, "low", "the same with slip observer"),
+        ratio("control_step_governed_ratio", "control step, governed", bare, "low", "the same with reference governor"),
         rounds.metric("closed_loop_real_time_factor", "closed loop", "x", "high", "simulator, sensors, law"),
         rounds.metric("supervised_loop_real_time_factor", "supervised loop", "x", "high", "with the whole cycle"),
         ratio("lockstep_ratio", "r0", "lockstep", "high", "R0 round trip / lockstep tick, two processes"),
@@ -152,6 +155,8 @@ def _metrics(rounds: Rounds) -> dict[str, Metric]:
         ratio("recorder_ratio", "lockstep, recorded", "lockstep", "low", "lockstep tick with / without recorder"),
         microseconds("pinocchio_terms_us", bare),
         microseconds("control_step_us", "control step"),
+        microseconds("control_step_governed_us", "control step, governed"),
+        microseconds("backward_pass_us", "backward pass"),
         microseconds("simulator_step_stick_us", "simulator step, stick"),
         microseconds("simulator_step_slip_us", "simulator step, slip"),
         microseconds("r0_us", "r0"),

@@ -1,0 +1,22 @@
+"""The governor's backward pass in one go, which a control cycle never does: a share of its points is done in each."""
+
+from __future__ import annotations
+
+from slip_core.arrays import Array
+from slip_core.compiled import OUT1, REAL, VOID, kernel
+from slip_core.records import record
+from slip_vic_controller.cycle import STATE, STATE_SIZE
+from slip_vic_controller.reference.backward_pass import step_back
+
+
+@kernel(VOID(OUT1, REAL))
+def whole_pass(state: Array, F: float) -> None:
+    """Do the backward pass over every point of the path that a controller is on.
+
+    Args:
+        state: of a governed controller whose path is known.
+        F: load that may be asked [N].
+    """
+    grid = record(state[:STATE_SIZE], STATE).grid
+    for k in range(grid.points.shape[0]):
+        step_back(grid, grid.points.shape[0] - 1 - k, F, True)
