@@ -178,7 +178,13 @@ BAD = {
     ),
     "a lock without value": (["odd.urdf", "--lock", "joint_1"], URDF, ["--lock", "JOINT=VALUE"]),
     "a lock of nothing": (["odd.urdf", "--lock", "elbow=1"], URDF, ["--lock elbow"]),
-    "a missing limit": (["odd.urdf"], with_joint(URDF, "joint_2", "<limit[^>]*>", ""), ["joint_2", "<limit"]),
+    "a missing limit": (
+        ["odd.urdf"], with_joint(URDF, "joint_2", "<limit[^>]*>", ""), ["joint_2", "<limit", "--lock joint_2"]
+    ),
+    "no effort": (["odd.urdf"], URDF.replace('effort="150"', 'effort="0"', 1), ['effort="0"', "--lock joint_"]),
+    "two arms of five joints": (
+        ["odd.urdf", "--lock", "joint_3=0", "--lock", "other_joint_3=0"], TWO, ["5 moving joints", "--ee"]
+    ),
     "an unknown scenario": (["odd.urdf", "--scenario", "paper"], URDF, ["paper_planar"]),
     "a path out of reach": (["odd.urdf", "--scale", "3"], URDF, ["paper_planar", "is within reach"]),
     "too weak": (["odd.urdf"], URDF.replace('effort="150"', 'effort="12"'), ["effort limit"]),

@@ -81,6 +81,7 @@ def find_hand(
             f"arm to link {link}",
             got=f"{len(joints)} moving joints ({', '.join(joints)})",
             expected=f"at least {LEAST_JOINTS}: the law commands all six directions of the pad",
+            fix="--ee names the hand's link where another one is meant",
         )
     if not approach:
         approach = _approach(carrying, joints)
@@ -104,12 +105,10 @@ def _last_link(root: Element, locked: tuple[str, ...]) -> str:
         names = moving(chain(root, link))
         if not fingers & set(names):
             counts[link] = len([name for name in names if name not in locked])
-    most = max(counts.values(), default=0)
-    if most < LEAST_JOINTS:
-        most = max(most, 1)
+    most = max((1, *counts.values()))
     ends = [link for link, count in counts.items() if count == most]
     arms = {moving(chain(root, link))[-1] for link in ends if moving(chain(root, link))}
-    if len(arms) > 1:
+    if len(arms) > 1 and most >= LEAST_JOINTS:
         raise InputError("--ee", got=f"{len(arms)} arms that are equally long", expected=f"one of {', '.join(ends)}")
     if not ends:
         raise InputError("robot_description", got="no moving joint", expected="an arm")

@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 from rich.table import Table
 
-from slip_bringup.arm.hand import Hand, find_hand, finger_positions
+from slip_bringup.arm.hand import LEAST_JOINTS, Hand, find_hand, finger_positions
 from slip_bringup.arm.posture import Start, best_start, postures
 from slip_bringup.arm.write_urdf import PAD, arm_urdf
 from slip_bringup.reach import pad_path
@@ -93,11 +93,14 @@ class Arm:
         if start is None or reason:
             smaller = (scale * part for part in _SMALLER)
             fits = next((size for size in smaller if not failing(at(size), robot, controller)), None)
+            fix = f"--scale {fits:.2g} is within reach" if fits else "try another --scenario, --approach or --normal"
+            if len(self.hand.joints) > LEAST_JOINTS:
+                fix += ", or keep a joint that is too slow where it is: --lock JOINT=VALUE"
             raise InputError(
                 f"scenario {known.name} with this arm",
                 got=reason,
                 expected="a start from which its path can be followed",
-                fix=f"--scale {fits:.2g} is within reach" if fits else "try another --scenario, --approach or --normal",
+                fix=fix,
             )
         return self._content(base, start, scale), start
 

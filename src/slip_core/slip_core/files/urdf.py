@@ -165,16 +165,20 @@ def check_limits(joint: Element) -> None:
         InputError: with the joint's name.
     """
     name, kind = joint.get("name"), joint.get("type")
+    fix = f"change the URDF, or keep the joint where it is: slip-vic arm FILE --lock {name}=VALUE"
     if kind not in MOVING:
-        raise InputError(f"URDF joint {name}", got=f"type {kind}", expected="revolute, continuous or prismatic")
+        raise InputError(
+            f"URDF joint {name}", got=f"type {kind}", expected="revolute, continuous or prismatic", fix=fix
+        )
     limit = joint.find("limit")
     if limit is None:
         raise InputError(
-            f"URDF joint {name}", got="no <limit>", expected='<limit lower="" upper="" effort="" velocity=""/>'
+            f"URDF joint {name}", got="no <limit>", expected='<limit lower="" upper="" effort="" velocity=""/>', fix=fix
         )
     for key in ("effort", "velocity"):
         if not _number(joint, limit, key) > 0.0:
-            raise InputError(f"URDF joint {name}", got=f'{key}="{limit.get(key)}"', expected=f"a positive {key} limit")
+            got, expected = f'{key}="{limit.get(key)}"', f"a positive {key} limit"
+            raise InputError(f"URDF joint {name}", got=got, expected=expected, fix=fix)
     if kind != "continuous" and not _number(joint, limit, "lower") < _number(joint, limit, "upper"):
         raise InputError(
             f"URDF joint {name}",
