@@ -205,7 +205,7 @@ def check(
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the search")
 @click.option(
     "--effort-rate", type=click.FloatRange(1.0), default=1.2, show_default=True,
-    help="largest effort rate, as a factor on the default's in the same case",
+    help="largest effort rate, as a factor on the default's in the same world",
 )  # fmt: skip
 @click.option("--later", type=click.FloatRange(0.0), default=0.3, show_default=True, help="latest arrival after it [s]")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("tune"), show_default=True, help="folder")

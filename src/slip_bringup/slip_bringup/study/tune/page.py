@@ -73,8 +73,8 @@ def page(search: Search, found: Found, title: str, command: str) -> str:
     parts = [
         f"<h1>{html.escape(title)}</h1>",
         f"<p>Trial {best.number} of {len(found.trials)}. Slip is that of the pad on the object at the end of a run, "
-        "turning counted with 30 mm a radian; the worst of all cases counts. Allowed in each case: "
-        f"{bounds.effort_rate:g} times the default's effort rate, and {bounds.later_s:g} s later arrival.</p>",
+        "turning counted with 30 mm a radian; the worst of all cases counts. Allowed in each world: "
+        f"{bounds.effort_rate:g} times the default's worst effort rate, and {bounds.later_s:g} s later arrival.</p>",
         table(("", "default", "tuned"), scores),
         f"<figure>{_trade_off(search, found)}</figure>",
         "<h2>Parameters of the controller</h2>",
