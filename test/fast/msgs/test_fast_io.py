@@ -135,6 +135,14 @@ def test_forms_beyond_those_a_receiver_learns_are_still_read(monkeypatch: pytest
     assert len(made) == 16
 
 
+def test_a_message_without_stamp_has_stamp_zero() -> None:
+    receive = Receiver("std_msgs/msg/Float64MultiArray", ("data",), lambda _: lambda *read: read, stamp="")
+    sender = Sender(Wire(), forms.numbers(2))
+    for k in range(2):  # the typed way, then the quick one
+        stamp_ns, data = receive(sender.encode(7, np.array([1.0, k])))
+        assert (stamp_ns, data.tolist()) == (0, [1.0, k])
+
+
 BAD_JOINT_STATES = {
     "a joint missing": (joint_state(("a", "bb"), position=[0.0] * 2, velocity=[0.0] * 2), "joint ccc"),
     "another joint": (joint_state(("a", "bb", "d"), position=[0.0] * 3, velocity=[0.0] * 3), "joint ccc"),
