@@ -19,7 +19,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import REAL, WHOLE, layout, record
-from slip_core.vectors import IDENTITY, ZERO, Spatial, mat, put, put_mat, put_spatial, spatial, vec
+from slip_core.vectors import IDENTITY, ZERO, Mat, Spatial, Vec, mat, put, put_mat, put_spatial, spatial, vec
 from slip_vic_controller.governing import (
     GOVERNED,
     begin_governing,
@@ -77,7 +77,14 @@ from slip_vic_controller.safety.effort_limiter import (
     start_limiter,
 )
 from slip_vic_controller.safety.faults import Fault, Input
-from slip_vic_controller.safety.hold import HOLD, HOLD_CONFIG, carry_load, hold_effort, update_load_error
+from slip_vic_controller.safety.hold import (
+    HOLD,
+    HOLD_CONFIG,
+    believable_arm,
+    carry_load,
+    hold_effort,
+    update_load_error,
+)
 from slip_vic_controller.safety.latency import (
     LATENCY,
     SLIP_LATENCY,
@@ -401,6 +408,18 @@ def _bridge(c: Any, s: Any, i: Any, o: Any, fault: int) -> None:
 
 
 @part
+def _arm_of_load(c: Any, s: Any, pad: Mat) -> Vec:
+    """Return r = x_c - x_o at which the load pulls, on the axes of the pad whose attitude is `pad` [m] {ee}."""
+    slips, told = s.law.slips, ZERO
+    r = contact_arm(pad, vec(c.law.contact[0].position), c.law.contact[0], slips[0])
+    if c.law.contacts > 1:  # the levers of several shares of the weight cancel, as far as they can
+        r = mean_arm(c.law, c.gains, slips)
+    for k in range(c.law.contacts):
+        told = told + vec(c.law.contact[k].position)
+    return believable_arm(pad.T() @ ((1.0 / c.law.contacts) * told), r)
+
+
+@part
 def _hold(c: Any, s: Any, i: Any, o: Any, wrench_good: bool) -> None:
     """Keep the posture in which HOLD began."""
     law, sample, n = s.law, s.joint.answers, c.law.joints
@@ -410,9 +429,7 @@ def _hold(c: Any, s: Any, i: Any, o: Any, wrench_good: bool) -> None:
         s.hold.load_error[:] = 0.0
     dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
     pad = pad_rotation(c.law.contact[0], law.slips[0])
-    r = contact_arm(pad, vec(c.law.contact[0].position), c.law.contact[0], law.slips[0])
-    if c.law.contacts > 1:  # the levers of several shares of the weight cancel, as far as they can
-        r = mean_arm(c.law, c.gains, law.slips)
+    r = _arm_of_load(c, s, pad)
     if wrench_good:
         measured = wrench_at_pad(c.wrench_sensor, s.wrench_inputs[0].values, mat(i.arm.rotation))
         update_load_error(c.hold, s.hold, i.arm, r, measured, dt_ns * 1e-9)
@@ -447,7 +464,7 @@ def _keep_joints(c: Any, s: Any, i: Any) -> None:
     law.stamp_ns = max(sample.stamp_ns, law.stamp_ns)
     law.position[:n], law.gravity[:n] = sample.position[:n], i.arm.gravity[:n]
     if c.law.contacts > 1 and s.mode.reason.cause != Cause.FALLS:
-        carry_load(c.hold, s.hold, i.arm, mean_arm(c.law, c.gains, law.slips), law.gravity)
+        carry_load(c.hold, s.hold, i.arm, _arm_of_load(c, s, pad_rotation(c.law.contact[0], law.slips[0])), law.gravity)
 
 
 @part

@@ -282,6 +282,41 @@ def test_a_joint_state_that_was_long_on_its_way_is_no_violation() -> None:
     assert run_trial(plan).violations == []
 
 
+def test_an_arm_that_bad_commands_have_thrown_rests_in_time_after_the_controller_has_it_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its joints turn at 20 rad/s, the bridge holds it while commands are lost, and the controller after that."""
+    bad = Fault("corrupt_values", EFFORT, 0.41380490251640956, 0.08457941546591131, 0.5539483726001245)
+    lost = Fault("drop", EFFORT, 0.42543410724844954, 0.2808509989055661, 0.9037178607898289)
+    ask = Fault("request", CONTROLLER, 0.15134483207648047, 0.011957284900918975, 0.169571585205049)
+    plan = Plan(7649, 19, "glass_transport", True, "governed", (ask, bad, lost), "optical_flow_120")
+    outcome = run_trial(plan)
+    assert outcome.modes["FAULT"] > 300
+    assert outcome.violations == []
+    monkeypatch.setattr(trials, "THROWN_REST_AFTER_S", 0.9)
+    assert any("not at rest" in text for text in run_trial(plan).violations)
+
+
+def test_an_arm_rests_after_a_wrong_wrench_has_told_of_metres_of_slip() -> None:
+    freeze = Fault("freeze_message", EFFORT, 0.07306038693865524, 0.04623121152885657, 0.10842027324283043)
+    lost = Fault("drop", EFFORT, 0.3218716126095561, 0.20827982070044623, 0.729341082522023)
+    wrong = Fault("corrupt_values", WRENCH, 0.46413919116770935, 0.25021834496065487, 0.6692857445673752)
+    outcome = run_trial(Plan(11402, 19, "glass_transport", True, "governed", (freeze, lost, wrong), "vision_60"))
+    assert outcome.modes["FAULT"] > 200
+    assert outcome.violations == []
+
+
+def test_a_message_without_numbers_can_be_damaged() -> None:
+    """As a command is that gives no effort: a controller that still waits for a slow sensor gives such ones."""
+    wire, stamps = Wire(EFFORT, ("a", "b"), "ee"), set()
+    for seed in range(30):
+        message = wire.message(EffortCommand(7, np.zeros(0)))
+        damaged = wire.receive(wire.damaged(message, "corrupt_values", np.random.default_rng(seed)))
+        assert len(damaged.effort) == 0
+        stamps.add(damaged.stamp_ns)
+    assert len(stamps) > 1
+
+
 def test_bound_is_that_of_clopper_and_pearson() -> None:
     for count, failures in ((300, 0), (3000, 0), (300, 1), (3000, 7)):
         p = upper_bound_95(count, failures)

@@ -11,11 +11,12 @@ import pytest
 from slip_bringup.scenario import load_scenario
 from slip_campaigns.faults.trial import STEADY_NS
 from slip_core.records import new, record
+from slip_core.vectors import Vec
 from slip_sim_bridge.session import TickOutputs
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.parameters.safety_params import SafetyParams
-from slip_vic_controller.safety.hold import EXCESS, HOLD, HOLD_CONFIG, LOAD_LEVER, SLOWEST
+from slip_vic_controller.safety.hold import EXCESS, HOLD, HOLD_CONFIG, LOAD_LEVER, SLOWEST, believable_arm
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety.validation import JOINT_SAMPLE
 from slip_vic_controller.session import Controller
@@ -31,6 +32,7 @@ BORNE_S = 0.020  # docs/safety.md
 REST_RAD_S = 0.1  # what the campaign calls rest, a second after the law
 MS = 1_000_000
 CLOSE = 1e-9  # relative to the largest: products of matrices of size 1 to 100
+RATE_250_HZ = tuple(f"{node}.control_period_s=0.004" for node in ("bridge", "controller"))
 SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
 
 
@@ -243,6 +245,30 @@ def test_the_arm_rests_though_joint_states_are_late() -> None:
             fastest, slip = hold_in_motion(name, rate_hz, delay_s)
             assert fastest < REST_RAD_S, (name, rate_hz, delay_s)
             assert slip < 0.07, (name, rate_hz, delay_s)  # nothing is thrown away
+
+
+def test_no_load_is_believed_to_be_metres_from_where_it_was_told_to_be() -> None:
+    told = Vec(0.1, -0.2, 0.3)
+    for slid in (Vec(0.0, 0.0, 0.0), Vec(0.06, -0.07, 0.0)):
+        assert believable_arm(told, told + slid) == told + slid  # to the last bit
+    far = believable_arm(told, told + Vec(2.02, -1.33, 0.0)) - told
+    assert far.norm() == pytest.approx(LOAD_LEVER, rel=CLOSE)
+    assert far.cross(Vec(2.02, -1.33, 0.0)).norm() < CLOSE
+
+
+def test_the_arm_rests_though_the_object_seems_to_have_slid_metres_away() -> None:
+    """An observer that a wrong wrench has misled for a quarter of a second; with such a lever HOLD would swing."""
+    for name in SCENARIOS:
+        scenario = load_scenario(name, mode="realtime", assignments=RATE_250_HZ)
+        bridge, controller = begun_bridge(scenario), realtime(scenario)
+        for tick in range(350):
+            outputs = bridge.observe()
+            if tick == 60:
+                controller.state.law.slips[0].position[:] = 2.02, -1.33, 0.0
+                controller.set_publishers({"wrench": 2}, 1)
+            bridge.advance(answered_outputs(controller, outputs, STEADY_NS + tick * 4 * MS).command)
+        assert controller.mode == Mode.HOLD, name
+        assert np.abs(outputs.joint.velocity).max() < REST_RAD_S, name
 
 
 def test_later_joint_states_get_softer_gains() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from slip_campaigns.faults.carriers import Carrier
 from slip_campaigns.faults.plan import Fault
 
-_DAMAGED = ("corrupt_values", "corrupt_bytes", "wrong_names", "wrong_frame")
+DAMAGED = ("corrupt_values", "corrupt_bytes", "wrong_names", "wrong_frame")
 _LONGEST_DELAY_S = 0.3
 
 
@@ -84,7 +84,7 @@ class Channel:
             else:
                 self._put(sample, now_ns, measured_ns, True)
                 self._release(now_ns)
-        elif kind in _DAMAGED:
+        elif kind in DAMAGED:
             damaged = self._carrier.damage(sample, kind, rng)
             if damaged is not None:
                 self._put(damaged, now_ns, measured_ns, not self._carrier.plainly_bad(damaged))

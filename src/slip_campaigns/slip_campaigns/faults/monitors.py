@@ -15,6 +15,7 @@ NS = 1e-9
 ROUNDING = 1e-9  # [N m]: sums of a few numbers of some tens
 AT_REST = 0.1  # [rad/s]
 REST_AFTER_S = 1.0
+THROWN_REST_AFTER_S = 1.5  # where bad numbers have reached the drives as efforts: joints then turn at 20 rad/s
 LOST_M = 0.05  # slip at which an object has left the pads: half of what the simulation's pads are long
 TWICE = 2  # a single stamp that is ahead is the sample's own fault
 REACTION_S = 0.02  # beyond the age limit: the watchdog's period and one cycle
@@ -90,6 +91,7 @@ class JointMonitor:
     """What the joints feel: no step above the drives' slope, whoever commands; and rest where nobody follows."""
 
     largest_change: float
+    rest_after_s: float = REST_AFTER_S
     violations: list[str] = field(default_factory=list)
     largest_seen: float = 0.0
     _last: Numbers | None = None
@@ -115,7 +117,7 @@ class JointMonitor:
             self._resting_since = None
         elif self._resting_since is None:
             self._resting_since = now_s
-        elif now_s - self._resting_since > REST_AFTER_S and np.abs(velocity).max() > AT_REST:
+        elif now_s - self._resting_since > self.rest_after_s and np.abs(velocity).max() > AT_REST:
             self.violations.append(f"{now_s:.3f} s: not at rest: {np.abs(velocity).max():.2f} rad/s")
             self._resting_since = now_s
 

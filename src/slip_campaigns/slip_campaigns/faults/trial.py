@@ -14,8 +14,17 @@ from numpy.typing import NDArray
 
 from slip_bringup.scenario import ControllerKind, Scenario, load_scenario
 from slip_campaigns.faults.carriers import SampleCarrier
-from slip_campaigns.faults.channel import Channel, Delivery
-from slip_campaigns.faults.monitors import LOST_M, NS, CommandMonitor, JointMonitor, Promise, SafeStateMonitor
+from slip_campaigns.faults.channel import DAMAGED, Channel, Delivery
+from slip_campaigns.faults.monitors import (
+    LOST_M,
+    NS,
+    REST_AFTER_S,
+    THROWN_REST_AFTER_S,
+    CommandMonitor,
+    JointMonitor,
+    Promise,
+    SafeStateMonitor,
+)
 from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, EFFORT, IDEAL, JOINT, SLIP, TOPICS, WRENCH, Fault, Plan
 from slip_campaigns.faults.wire import Wire
 from slip_core.errors import InputError
@@ -102,7 +111,10 @@ class Trial:
                 PERIOD_S,
             )
         )
-        self._joints = JointMonitor(self.scenario.bridge.effort_rate * PERIOD_S)
+        thrown = any(fault.target == EFFORT and fault.kind in DAMAGED for fault in plan.faults)
+        self._joints = JointMonitor(
+            self.scenario.bridge.effort_rate * PERIOD_S, THROWN_REST_AFTER_S if thrown else REST_AFTER_S
+        )
         ages_s = {JOINT: inputs.joint.age_s + PERIOD_S, WRENCH: inputs.wrench.age_s + PERIOD_S}
         # The same for every sensor: a slow one must be fast enough for it, its latency included.
         slip_s = {} if plan.controller == "classical" else {SLIP: inputs.slip.age_s + PERIOD_S}  # it needs no slip
@@ -115,6 +127,7 @@ class Trial:
         self._record: list[tuple[int, str, Any]] = []
         self._done: set[Fault] = set()
         self._controller_back = self._bridge_back = 0.0
+        self._held = True  # by the bridge
         self._clock_offset_ns = 0
         self._newest_command: EffortCommand | None = None
         self._recovered: float | None = None
@@ -153,6 +166,9 @@ class Trial:
                 self._newest_command = delivery.sample
             if self._bridge_runs(t):
                 self._bridge.advance(self._shifted(self._newest_command))
+                if self._bridge.simulation.holding != self._held:
+                    self._held = not self._held
+                    self._joints.begin_again()  # another one holds the arm from now on, and begins from its motion
                 if self._slipped() > LOST_M:
                     self._lost += 1
                     self._restart_bridge(t + PERIOD_S + RESTART_S)

@@ -82,9 +82,9 @@ class Wire:
 
 
 def damage_numbers(message: Any, rng: np.random.Generator) -> None:
-    """Put bad numbers into a message; its stamp may suffer too."""
+    """Put bad numbers into a message where it has any; its stamp may suffer too."""
     paths = numbers_of(message)
-    for _ in range(int(rng.integers(1, 4))):
+    for _ in range(int(rng.integers(1, 4)) if paths else 0):
         owner, name, index = paths[int(rng.integers(len(paths)))]
         bad = BAD_NUMBERS[int(rng.integers(len(BAD_NUMBERS)))]
         value = bad if rng.uniform() < 0.7 else float(rng.normal() * 10.0 ** rng.integers(-3, 6))

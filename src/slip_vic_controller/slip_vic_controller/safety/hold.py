@@ -14,7 +14,7 @@ from slip_core.vectors import Mat, Spatial, Vec, mat, put_spatial, spatial, vec
 from slip_vic_controller.sizes import MAX_JOINTS
 
 EXCESS = 1.5  # times that the inertia in HOLD may be what is moved
-LOAD_LEVER = 0.1  # [m]: how far off the pad centre the unknown part of a load may pull
+LOAD_LEVER = 0.1  # [m]: how far off the pad centre the unknown part of a load may pull; no pad is longer
 SLOWEST = 0.45  # of the loop in slow motion: with the default gains no joint gives way under a load that slides
 
 HOLD_CONFIG = layout(
@@ -32,6 +32,16 @@ def object_load(config: Any, R: Mat, r: Vec) -> Spatial:
     """Return the wrench on the pad of a resting object; R: pad to {w}; r = x_c - x_o {w} -> {ee}."""
     weight = vec(config.weight)
     return R.T() @ Spatial(weight, -r.cross(weight))
+
+
+@part
+def believable_arm(told: Vec, r_pad: Vec) -> Vec:
+    """Return r_pad, no farther than LOAD_LEVER from where it was told to be; [m], on any axes.
+
+    A slip velocity that is wrong adds up to any distance, and the inertia of an object metres away makes HOLD swing.
+    """
+    far = (r_pad - told).norm()
+    return r_pad if far <= LOAD_LEVER else told + (LOAD_LEVER / far) * (r_pad - told)
 
 
 @part
