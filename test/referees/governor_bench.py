@@ -95,7 +95,7 @@ def _feel(config, state, history, h_ee, now_ns):
 @kernel(BOOL(IN1, OUT1, OUT1, INT, REAL))
 def _slip(config, state, history, stamp_ns, speed):
     c, s = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR)
-    return slip_sample(c.estimate, s.estimate, record(history, LOAD_HISTORY), stamp_ns, speed)
+    return slip_sample(c.estimate, s.estimate, record(history, LOAD_HISTORY), stamp_ns, speed, False)
 
 
 @kernel(REAL(IN1, OUT1, IN1, IN2, IN1, IN1, IN1))

@@ -99,8 +99,13 @@ class ObserverReferee:
         seen = False
         for stamp_ns, values in fresh:
             if stamp_ns > self.since_ns:
-                self.sample_mean += self.config.smoothing * (np.array(values) - self.sample_mean)
-                total = np.sum(self.sample_mean**2 / (self.share * self.measurement_variance))
+                R = self.share * self.measurement_variance
+                step = self.config.smoothing * (np.array(values) - self.sample_mean)
+                over = np.sqrt(np.sum(step**2 / R) / self.config.nis_slip) / self.config.most_step
+                self.sample_mean += step / max(over, 1.0)
+                total = np.sum(self.sample_mean**2 / R)
+                if total > self.config.nis_slip and over > 1.0:
+                    self.sample_mean = np.array(values)
                 seen = seen or total > self.config.nis_slip
         if self.significance > self.config.nis_slip:
             self.P[:, 1, 1] += (self.onset_gain * np.sqrt(np.sum(tick.drag**2))) ** 2

@@ -16,7 +16,7 @@ from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import INTERNAL_BOUND, ROUNDING, internal_gain_limit
 from slip_vic_controller.law.gains import gain_report, make_law_gains
 from slip_vic_controller.law.law import LAW_CONFIG, make_law_config
-from slip_vic_controller.observer.config import observer_config
+from slip_vic_controller.observer.config import observer_config, witnesses
 from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
 from slip_vic_controller.parameters.interface_params import GripParams
 from slip_vic_controller.parameters.safety_params import InputParams, SafetyParams, WatchParams
@@ -258,5 +258,6 @@ def _fill_governor(governor: Any, params: ControllerParams) -> None:
     estimate.least, estimate.probe, estimate.trust = LEAST_SHARE * given.friction_limit, given.probe, TRUST
     noise = math.hypot(math.sqrt(2.0) * sensor.noise_linear, given.torsional_radius * sensor.noise_angular)
     estimate.threshold = max(LEAST_SLIP_M_S, NOISE_DEVIATIONS * noise, sensor.quantum_linear)
+    estimate.witnesses = witnesses(params)
     estimate.quiet_ns = seconds_to_ns(QUIET_S)
     estimate.sensor_delay_ns = seconds_to_ns(sensor.latency_s + sensor.period_s)

@@ -265,7 +265,7 @@ def govern(c: Any, s: Any, arm: Any, o: Any, grasped: Held, dt: float, path_spee
     for k in range(s.queue.count):
         sample = s.queue.samples[k]
         speed = slip_speed(c.governor, sample.twist)
-        slip_sample(c.governor.estimate, state.estimate, s.loads, sample.stamp_ns, speed / share)
+        slip_sample(c.governor.estimate, state.estimate, s.loads, sample.stamp_ns, speed / share, found)
     if c.cycle.has_observer != 0:
         speed = slip_speed(c.governor, s.observer.twist)
         heavy = 0.0 if c.grip.follow != 0 else state.weight_load

@@ -61,6 +61,16 @@ def test_slow_noisy_sensors_cost_nothing_where_friction_is_as_told() -> None:
         assert done.events == 0, "a false alarm"
 
 
+def test_outliers_of_a_real_sensor_move_nothing() -> None:
+    """One sample in fifty 0.2 m/s off: each one was taken for a slip, and the object lost in vertical_plane."""
+    for scenario in ("paper_planar", "glass_transport", "vertical_plane"):
+        done = run(
+            scenario, "bridge.sensors.slip.faults.outlier_probability=0.02", sensor="optical_flow_120", seconds=2.5
+        )
+        assert done.slip_m < HELD_M, scenario
+        assert done.events == 0
+
+
 def test_friction_that_is_less_than_told_is_learnt_from_one_short_slip() -> None:
     less = "bridge.friction.mu_s=0.3", "bridge.friction.mu_k=0.24"  # 40 % less
     known = *less, "controller.slip_estimator=measured"  # without the observer it takes a sample of that slip

@@ -165,6 +165,15 @@ def test_samples_alone_find_a_slip_that_the_model_misses() -> None:
     assert not seen[0]
 
 
+def test_two_outliers_in_stick_begin_no_slip_and_three_samples_that_agree_do() -> None:
+    for count, slides in ((1, False), (2, False), (3, True)):
+        bench = Bench(**SENSOR)
+        for reads in (0.0, 0.0, *(0.3,) * count):
+            bench.step(np.zeros(6), samples=[((bench.tick + 1) * MS, six(x=reads, turn=reads))])
+        assert bool(bench.state.sliding) == slides, count
+    assert abs(bench.state.twist[0] - 0.3) < 1e-3, "the estimate begins with what they read"
+
+
 def test_samples_that_go_on_contradicting_the_model_are_believed() -> None:
     """A slip that a wrong model has made up: a filter sure of its model would take every sample for an outlier."""
     for reads, rest in ((0.0, True), (0.02, False)):

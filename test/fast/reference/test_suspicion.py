@@ -54,7 +54,7 @@ def test_a_sensor_that_does_not_see_what_it_must_withdraws_it() -> None:
         e = estimate()
         for ms in range(30):
             cycle(e, ms, 0.8, found=True, speed=2.0 * THRESHOLD if ms >= 10 else 0.5 * THRESHOLD)
-        slip_sample(e.config, e.state, e.history, stamp_ms * MS, 0.0)
+        slip_sample(e.config, e.state, e.history, stamp_ms * MS, 0.0, False)
         assert bool(e.state.suspected) is stands, "only a sample of the time when the slip must be seen says so"
         assert (cycle(e, 30, 0.8, found=True) == TOLD) is not stands, "the same slip is not found twice"
 
@@ -63,10 +63,25 @@ def test_a_sample_that_sees_it_makes_it_known() -> None:
     e = estimate()
     for ms in range(30):
         cycle(e, ms, 0.8 if ms < 10 else 0.7, found=True)
-    assert slip_sample(e.config, e.state, e.history, 5 * MS, 2.0 * THRESHOLD)
+    assert slip_sample(e.config, e.state, e.history, 5 * MS, 2.0 * THRESHOLD, False)
     assert e.state.suspected == 0
     assert e.state.slipping == 1
     assert np.isclose(e.state.F_hat, KEPT * 0.8)
+
+
+def test_a_real_sensor_must_show_slip_three_times_in_a_row_or_be_confirmed() -> None:
+    for speeds, found, believed in (
+        ((2.0, 2.0, 0.0, 2.0, 2.0), False, False), ((2.0, 2.0, 2.0), False, True), ((0.0, 2.0), True, True),
+    ):  # fmt: skip
+        e = estimate()
+        e.config.witnesses = 3
+        for ms in range(200):
+            remember(e.history, ms * MS, 0.5 + 0.001 * ms, 0.5 + 0.001 * ms)
+        first = 100 + 10 * (len(speeds) - 1 if found else 0)
+        for k, speed in enumerate(speeds):
+            slip_sample(e.config, e.state, e.history, (100 + 10 * k) * MS, speed * THRESHOLD, found)
+        assert bool(e.state.slipping) == believed
+        assert np.isclose(e.state.F_hat, KEPT * (0.5 + 0.001 * first) if believed else TOLD), "the first one's load"
 
 
 def test_slip_that_goes_on_growing_lowers_it_down_to_what_is_plausible() -> None:

@@ -15,8 +15,22 @@ from slip_vic_controller.params import ControllerParams
 
 SPARE_ROWS = 64
 """Rows of the history beyond those that are expected: samples that come in a burst."""
+WITNESSES = 3
+"""Samples in a row that a real sensor must show slip in: two outliers in a row happen in every minute."""
+TOGETHER = 1.2
+"""What these samples may move the tested mean together, over what is significant [1]."""
 MOST_ROWS = 100_000
 """Rows of a history that still fits into memory and into a cycle many times."""
+
+
+def witnesses(params: ControllerParams) -> int:
+    """Return how many slip samples in a row it takes to be believed: a real sensor has outliers, a flag has none.
+
+    A sensor that is told to be perfect is believed at its word.
+    """
+    sensor = params.slip_sensor
+    perfect = max(sensor.noise_linear, sensor.noise_angular, sensor.quantum_linear) == 0.0
+    return 1 if perfect or params.slip_input == "flag" else WITNESSES
 
 
 def observer_config(params: ControllerParams) -> Array:
@@ -68,6 +82,8 @@ def observer_config(params: ControllerParams) -> Array:
     count = max(int(np.sum(config.axes)), 1)
     config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
     config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))
+    needed = witnesses(params)
+    config.most_step = TOGETHER / needed if needed > 1 else math.inf
     config.smoothing, config.outlier_deviations = tuning.smoothing, tuning.outlier
     config.friction_spread, config.friction_memory_ticks = tuning.drag_spread, tuning.drag_memory_s / T
     config.dwell_ticks = max(1, round(tuning.dwell_s / T))

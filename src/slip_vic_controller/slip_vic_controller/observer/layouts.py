@@ -26,6 +26,7 @@ OBSERVER_CONFIG = layout(
     nis_slip=REAL,
     nis_stick=REAL,
     smoothing=REAL,
+    most_step=REAL,
     outlier_deviations=REAL,
     friction_spread=REAL,
     friction_memory_ticks=REAL,
@@ -40,9 +41,10 @@ wrench noise and model. drift_variance: Q of b per tick. prior_P_bb, prior_P_cc:
 the beginning. onset_gain: standard deviation that b gains when slip begins, per acceleration of the object [1, 1/m].
 floor_variance: of a slip velocity that means nothing. stick_P_bb, stick_P_vv: variances above which nothing is taken
 for stick. dead_band: speed below which the sensor reads zero. nis_slip, nis_stick: normalised innovation squared above
-which slip begins, and below which it is over. smoothing: weight of a new sample in the mean that is tested in stick.
-outlier_deviations: beyond which a sample pulls no harder. friction_spread: how far friction may point away from the
-slip [rad], 0 = its direction is not used; friction_memory_ticks: over which that error stays the same. dwell_ticks:
+which slip begins, and below which it is over. smoothing: weight of a new sample in the mean that is tested in stick;
+most_step: how far one sample may move that mean, over what is significant [1]. outlier_deviations: beyond which a
+sample pulls no harder. friction_spread: how far friction may point away from the slip [rad], 0 = its direction is not
+used; friction_memory_ticks: over which that error stays the same. dwell_ticks:
 below nis_stick until slip is over. window_ticks: over which slip must show in the model. memory_ns: how late a sample
 may be.
 """

@@ -6,6 +6,7 @@ beginning of a slip would be learnt as an error of the model.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from slip_core.compiled import part
@@ -68,21 +69,35 @@ def variance_ratio_of_mean(config: Any) -> float:
 
 @part
 def average_and_test_samples(config: Any, state: Any, samples: Any, count: int) -> bool:
-    """Take samples into the weighted mean, in their order; return whether it was significant after any of them."""
+    """Take samples into the weighted mean, in their order; return whether it was significant after any of them.
+
+    One sample moves the mean no further than `most_step`, so an outlier alone is not significant.
+    """
     share = variance_ratio_of_mean(config)
     seen = False
     k = -1
     for _ in range(count):
         k = next_sample(config, samples, count, k)
         if samples[k].stamp_ns > state.since_ns:
+            step = 0.0
+            for i in range(AXES):
+                if config.axes[i]:
+                    d = config.smoothing * (samples[k].twist[i] - state.sample_mean[i])
+                    step += d * d / (share * config.measurement_variance[i])
+            most = config.most_step * math.sqrt(config.nis_slip)
+            limit = most / math.sqrt(step) if step > most * most else 1.0
             total = 0.0
             for i in range(AXES):
                 if config.axes[i]:
                     m = state.sample_mean[i]
-                    m += config.smoothing * (samples[k].twist[i] - m)
+                    m += limit * (config.smoothing * (samples[k].twist[i] - m))
                     state.sample_mean[i] = m
                     total += m * m / (share * config.measurement_variance[i])
-            seen = seen or total > config.nis_slip
+            if total > config.nis_slip:
+                seen = True
+                for i in range(AXES):  # no outlier then, but a slip that lasts
+                    if config.axes[i] and limit < 1.0:
+                        state.sample_mean[i] = samples[k].twist[i]
     return seen
 
 

@@ -41,25 +41,27 @@ ESTIMATE_CONFIG = layout(
     least=REAL,
     probe=REAL,
     threshold=REAL,
+    witnesses=WHOLE,
     quiet_ns=WHOLE,
     sensor_delay_ns=WHOLE,
     trust=REAL,
 )
 """friction: Friction; told: mu N as told, or the most that is ever probed [N]; kept: share of the load at which it
 slipped; least: floor of F^ [N]; probe: eps, load beyond the certified one [N]; threshold: slip speed |S v_s| that
-counts [m/s]; quiet_ns: without slip for so long, it holds again; sensor_delay_ns: age at which a cycle's load is known
-to have been carried; trust: least that the model's load may be of the measured one: below it, the model is not believed
-(an object lighter than told by more than this)."""
+counts [m/s]; witnesses: how many samples in a row must show it; quiet_ns: without slip for so long, it holds again;
+sensor_delay_ns: age at which a cycle's load is known to have been carried; trust: least that the model's load may be of
+the measured one: below it, the model is not believed (an object lighter than told by more than this)."""
 ESTIMATE = layout(
     F_hat=REAL, slipped_at=REAL, certified=REAL, slipping=WHOLE, slip_ns=WHOLE, events=WHOLE, event_ns=WHOLE,
     suspected=WHOLE, suspected_at=REAL, suspected_ns=WHOLE, suspected_speed=REAL, claimed_ns=WHOLE, found=WHOLE,
+    said=WHOLE, said_ns=WHOLE,
 )  # fmt: skip
 """F^ [N]; slipped_at: smallest load at which it has slipped, in the model's units, 0 before [N]; certified: largest
 load carried without slip [N]; slipping, slip_ns: whether, and the stamp of the newest slip sample; events, event_ns:
 how often F^ was made smaller, and the stamp of the last time. suspected, suspected_at: whether the observer alone has
 told of a slip, and the load at which it did [N]; suspected_ns, suspected_speed: when that was looked at last, and
 its speed of slip then [m/s]; claimed_ns: stamp since when it says that the slip sensor must see it; found: whether it
-finds slip now."""
+finds slip now. said, said_ns: how many samples in a row say slip, and the stamp of the first of them."""
 
 
 @part
@@ -70,6 +72,7 @@ def start_estimate(config: Any, state: Any, history: Any, at_rest: float) -> Non
     state.slipping, state.slip_ns, state.events, state.event_ns = 0, NEVER, 0, NEVER
     state.suspected, state.suspected_at, state.claimed_ns, state.found = 0, 0.0, NEVER, 0
     state.suspected_ns, state.suspected_speed = 0, 0.0
+    state.said, state.said_ns = 0, NEVER
     history.count = 0
 
 
@@ -110,28 +113,35 @@ def carried(config: Any, load: Any) -> float:
 
 
 @part
-def slip_sample(config: Any, state: Any, history: Any, stamp_ns: int, speed: float) -> bool:
+def slip_sample(config: Any, state: Any, history: Any, stamp_ns: int, speed: float, found: bool) -> bool:
     """Take a slip sample; return whether F^ has become smaller.
 
-    Only the first sample of a slip tells where friction ended: what loads there are while it slides is the sliding
-    friction and the law's doing.
+    A single sample may be an outlier: it takes several in a row, or one that the observer confirms. Only the first
+    sample of a slip tells where friction ended: what loads there are while it slides is the sliding friction and the
+    law's doing.
 
     Args:
         config, state, history: ESTIMATE_CONFIG, ESTIMATE, LOAD_HISTORY.
         stamp_ns: when the sample was measured.
         speed: |S v_s| [m/s]; of a flag: infinite or 0.
+        found: whether the observer finds slip.
 
     Implements: ours: F^ <- min(F^, 0.95 min(|S^-1 h_ee|, |l(a_C)|)) at the stamp of the first slip sample.
     """
     if not speed > config.threshold:
+        state.said = 0
         if state.suspected != 0 and state.claimed_ns != NEVER and stamp_ns >= state.claimed_ns:
             state.suspected = 0
         if state.slipping != 0 and stamp_ns - state.slip_ns >= config.quiet_ns:
             state.slipping = 0
         return False
+    state.said_ns = stamp_ns if state.said == 0 else state.said_ns
+    state.said += 1
     first = state.slipping == 0
+    if first and state.said < config.witnesses and not found:
+        return False
     state.slipping, state.slip_ns = 1, max(stamp_ns, state.slip_ns)
-    i = index_at(history, stamp_ns)
+    i = index_at(history, state.said_ns)
     if not first or i < 0 or config.friction == Friction.KNOWN:
         return False
     slipped_at = carried(config, history.loads[i])
