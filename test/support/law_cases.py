@@ -49,8 +49,8 @@ class Case:
         """The slip velocity that the law sees; (6,) {ee}."""
         return np.array(self.config.contact[0].slip_axes * self.samples[0].slip_twist)
 
-    def evaluate(self) -> Any:
-        """Return the EVALUATION record; its buffer is `evaluation`."""
+    def evaluate(self, factor: float | None = None) -> Any:
+        """Return the EVALUATION record; its buffer is `evaluation`. `factor`: of the acceleration that is commanded."""
         given, memory, sample = (new(layout) for layout in (GIVEN, MEMORY, JOINT_SAMPLE))
         config, gains, arm, samples, slips, reference = self.buffers
         buffers = {"gains": gains, "samples": samples, "slips": slips, "reference": reference}
@@ -60,6 +60,8 @@ class Case:
         state = record(sample, JOINT_SAMPLE)
         state.position[: self.joints], state.velocity[: self.joints] = self.q, self.qd
         run.run_law(config, arm, sample, memory, given)
+        if factor is not None:
+            run.run_scaled_law(config, arm, sample, memory, factor, given)
         self.evaluation = given[place(GIVEN, "law")]
         return record(self.evaluation, EVALUATION)
 

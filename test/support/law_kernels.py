@@ -13,7 +13,7 @@ from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.contact import CONTACT, CONTACT_SAMPLE, SLIP
 from slip_vic_controller.law.gains import GAINS, LAW_GAINS, sample_gains
 from slip_vic_controller.law.giving_up import GIVEN_UP, GIVING_UP, judge_compensation
-from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG, evaluate, predict_motion
+from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG, evaluate, predict_motion, scale_acceleration
 from slip_vic_controller.law.object import object_motion
 from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, no_symbols, symbols
 from slip_vic_controller.observer.layouts import MOTION
@@ -47,6 +47,14 @@ def run_giving_up(config, state, gains, v_s, seen, error, fall, dt) -> None:
 def run_law(config, arm, sample, memory, given) -> None:
     evaluate(
         record(config, LAW_CONFIG), record(arm, ARM), record(sample, JOINT_SAMPLE), record(memory, MEMORY),
+        record(given, GIVEN),
+    )  # fmt: skip
+
+
+@kernel(VOID(*[IN1] * 4, REAL, OUT1))
+def run_scaled_law(config, arm, sample, memory, factor, given) -> None:
+    scale_acceleration(
+        record(config, LAW_CONFIG), record(arm, ARM), record(sample, JOINT_SAMPLE), record(memory, MEMORY), factor,
         record(given, GIVEN),
     )  # fmt: skip
 

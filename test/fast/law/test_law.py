@@ -233,6 +233,23 @@ def test_gimbal_lock_gives_a_bounded_effort_and_says_so() -> None:
         assert all(map(math.isfinite, case.symbols().values()))
 
 
+def test_a_scaled_acceleration_is_what_the_effort_makes() -> None:
+    """The effort follows the torque, affine in the factor, and is inside the limits anew."""
+    for seed in range(6):
+        case = random_case(seed)
+        case.config.effort_limit[: case.joints] = 1e9
+        none, half, whole = (case.evaluate(factor).effort[: case.joints].copy() for factor in (0.0, 0.5, 1.0))
+        np.testing.assert_allclose(half, 0.5 * (none + whole), rtol=0.0, atol=TORQUE * np.abs(whole).max())
+        np.testing.assert_allclose(case.evaluate().effort[: case.joints], whole, rtol=TORQUE)
+        case.config.effort_limit[: case.joints] = np.abs(half) + 1e-3
+        whole = case.evaluate()
+        found = case.evaluate(0.5)
+        assert whole.saturated_joints > 0
+        assert found.ok
+        assert found.saturated_joints == 0
+        np.testing.assert_allclose(found.effort[: case.joints], half, rtol=TORQUE)
+
+
 def test_what_is_ok_is_finite_and_inside_the_limits_whatever_comes_in() -> None:
     rng, good = np.random.default_rng(0), 0
     for trial in range(1000):
