@@ -175,3 +175,8 @@ def test_recover_command_names_its_output(tmp_path):
 def test_record_without_topics_says_what_to_give():
     with pytest.raises(InputError, match="--all or --regex"):
         run("record")
+
+
+def test_every_topic_has_a_file_name() -> None:
+    names = {"/a/b": "a.b", "/left/slip velocity": "left.slip_velocity", "/": "topic", "": "topic"}
+    assert {topic: file_name(topic) for topic in names} == names

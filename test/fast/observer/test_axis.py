@@ -9,6 +9,7 @@ import numpy as np
 from slip_vic_controller.observer.axis import (
     AXIS,
     Axis,
+    contradicts,
     correct,
     correct_within,
     predict,
@@ -91,3 +92,13 @@ def test_outliers_pull_with_bounded_force() -> None:
 def test_record_holds_the_numbers() -> None:
     assert AXIS.names == Axis._fields
     assert AXIS.itemsize == 8 * len(Axis._fields)
+
+
+def test_a_reading_contradicts_from_the_edge_of_its_dead_band_on() -> None:
+    """Beyond three of their common deviations of 0.02; a reading of zero with a band is anything within it."""
+    R, limit = 3e-4, 3.0
+    for v, z, band, expected in (
+        (0.01, 0.06, 0.0, False), (0.01, 0.08, 0.0, True), (0.01, -0.06, 0.0, True), (0.1, 0.0, 0.0, True),
+        (0.1, 0.0, 0.03, True), (0.1, 0.0, 0.05, False), (0.02, 0.0, 0.05, False),
+    ):  # fmt: skip
+        assert contradicts(START._replace(v=v), z, R, limit, band) == expected, (v, z, band)
