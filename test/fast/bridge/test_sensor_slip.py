@@ -59,7 +59,7 @@ def test_unknown_sensor_names_the_nearest() -> None:
 
 
 def test_quantum_saturation_and_dead_band() -> None:
-    np.testing.assert_allclose(one(slip__quantum_linear=0.008)[:2], [0.032, -0.016], atol=ROUNDING)
+    np.testing.assert_allclose(one(slip__quantum_linear=0.008), [0.032, -0.016, 0.0, 0.0, 0.0, 0.4], atol=ROUNDING)
     np.testing.assert_allclose(one(slip__saturation_linear=0.025)[:2], [0.025, -0.02], atol=ROUNDING)
     assert not one(slip__dead_band_linear=0.037)[:3].any()
     assert one(slip__dead_band_linear=0.035)[:2].all()
