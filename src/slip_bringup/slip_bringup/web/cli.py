@@ -41,7 +41,7 @@ def report(bags: tuple[Path, ...], output: Path, title: str, video: Path | None)
     "--host", default="127.0.0.1", show_default=True, help="address to listen on; others may watch if it is not local"
 )
 @click.option("--port", type=click.IntRange(0, 65535), default=8765, show_default=True, help="0: a free one")
-@click.option("--rate", type=click.FloatRange(1.0, 60.0), default=20.0, show_default=True, help="frames a second")
+@click.option("--rate", type=click.FloatRange(1.0, 60.0), default=10.0, show_default=True, help="frames a second")
 @click.option("--duration", type=click.FloatRange(0.0), default=0.0, help="end after so many seconds")
 def watch(namespace: str, domain_id: int | None, host: str, port: int, rate: float, duration: float) -> None:
     """Show in the browser what runs now: the same picture and plots, from the topics."""
