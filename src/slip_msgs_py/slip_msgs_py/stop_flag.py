@@ -29,8 +29,8 @@ class StopFlag:
 
     def install(self) -> StopFlag:
         """Handle the signals until the process ends."""
-        ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
-        handled = SIGNALS[:-1] if ignored else SIGNALS
+        nohup = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+        handled = [number for number in SIGNALS if not (nohup and number == signal.SIGHUP)]
         self._before = {number: signal.signal(number, self._set) for number in handled}
         outer = [getattr(handler, "__self__", None) for handler in self._before.values()]
         self._is_set |= any(flag() for flag in outer if isinstance(flag, StopFlag))

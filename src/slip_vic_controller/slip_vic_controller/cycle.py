@@ -410,10 +410,9 @@ def _bridge(c: Any, s: Any, i: Any, o: Any, fault: int) -> None:
 @part
 def _arm_of_load(c: Any, s: Any, pad: Mat) -> Vec:
     """Return r = x_c - x_o at which the load pulls, on the axes of the pad whose attitude is `pad` [m] {ee}."""
-    slips, told = s.law.slips, ZERO
-    r = contact_arm(pad, vec(c.law.contact[0].position), c.law.contact[0], slips[0])
-    if c.law.contacts > 1:  # the levers of several shares of the weight cancel, as far as they can
-        r = mean_arm(c.law, c.gains, slips)
+    slips, own, told = s.law.slips, c.law.contact[0], ZERO
+    # The levers of several shares of the weight cancel, as far as they can.
+    r = mean_arm(c.law, c.gains, slips) if c.law.contacts > 1 else contact_arm(pad, vec(own.position), own, slips[0])
     for k in range(c.law.contacts):
         told = told + vec(c.law.contact[k].position)
     return believable_arm(pad.T() @ ((1.0 / c.law.contacts) * told), r)

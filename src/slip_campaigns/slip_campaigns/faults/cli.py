@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
 from pathlib import Path
 
@@ -76,7 +75,6 @@ def faults(
         if dds:
             from slip_campaigns.faults.dds_campaign import run_over_dds
 
-            signal.signal(signal.SIGTERM, signal.default_int_handler)  # its processes end with it in any case
             tally = run_over_dds(seed, numbers, out, on_done)
         else:
             jobs = workers or min(trials, os.cpu_count() or 1)
@@ -95,7 +93,6 @@ def _attack(only: tuple[str, ...], out: Path) -> None:
     names = [name for name in ATTACKS if not only or any(words in name for words in only)]
     if not names:
         raise InputError("--only", got=", ".join(only), expected=f"a part of one of: {', '.join(ATTACKS)}")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     table = Table("attack", "promise", "alive", "mode", "log lines/s", "memory [MiB]", "law again, s", "note")
 
     def on_done(row: Row) -> None:

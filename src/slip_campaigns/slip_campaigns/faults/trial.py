@@ -257,9 +257,8 @@ class Trial:
             if fault.at(self._t):
                 if self._stand_still_ns is None:
                     self._stand_still_ns = stamp_ns
-                return (
-                    min(stamp_ns, self._stand_still_ns) + self._clock_offset_ns
-                )  # what was measured before keeps its own
+                # What was measured before keeps its own.
+                return min(stamp_ns, self._stand_still_ns) + self._clock_offset_ns
         self._stand_still_ns = None
         return stamp_ns + self._clock_offset_ns
 

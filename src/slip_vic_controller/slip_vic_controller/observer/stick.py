@@ -73,7 +73,7 @@ def average_and_test_samples(config: Any, state: Any, samples: Any, count: int) 
 
     One sample moves the mean no further than `most_step`, so an outlier alone is not significant.
     """
-    share = variance_ratio_of_mean(config)
+    share, most = variance_ratio_of_mean(config), config.most_step * math.sqrt(config.nis_slip)
     seen = False
     k = -1
     for _ in range(count):
@@ -84,7 +84,6 @@ def average_and_test_samples(config: Any, state: Any, samples: Any, count: int) 
                 if config.axes[i]:
                     d = config.smoothing * (samples[k].twist[i] - state.sample_mean[i])
                     step += d * d / (share * config.measurement_variance[i])
-            most = config.most_step * math.sqrt(config.nis_slip)
             limit = most / math.sqrt(step) if step > most * most else 1.0
             total = 0.0
             for i in range(AXES):
@@ -95,9 +94,10 @@ def average_and_test_samples(config: Any, state: Any, samples: Any, count: int) 
                     total += m * m / (share * config.measurement_variance[i])
             if total > config.nis_slip:
                 seen = True
-                for i in range(AXES):  # no outlier then, but a slip that lasts
-                    if config.axes[i] and limit < 1.0:
-                        state.sample_mean[i] = samples[k].twist[i]
+                if limit < 1.0:  # no outlier then, but a slip that lasts
+                    for i in range(AXES):
+                        if config.axes[i]:
+                            state.sample_mean[i] = samples[k].twist[i]
     return seen
 
 
