@@ -57,12 +57,13 @@ RETUNABLE = ("gains.", "object.", "contacts.position", "safety.hold_stiffness")
 
 NO_EFFORT = readonly(np.zeros(0))
 
-_GOOD = frozenset((Fault.NONE, Fault.DENORMAL, Fault.RESTARTED, Fault.NOT_RUN))
+# Looked up in every cycle, by number: to make an enum's member of one, or to hash it, takes longer.
+_FAULTS, _MODES = tuple(Fault), tuple(Mode)
+_GOOD = tuple(fault in (Fault.NONE, Fault.DENORMAL, Fault.RESTARTED, Fault.NOT_RUN) for fault in Fault)
 _ARM, _EFFORT, _LEDGER = place(INPUTS, "arm"), place(OUTPUTS, "effort"), place(OUTPUTS, "ledger")
 _ANSWERED, _MODE = place(OUTPUTS, "answered").start, place(OUTPUTS, "mode.mode").start
 _OK, _CAUSE = place(OUTPUTS, "ok").start, place(OUTPUTS, "mode.reason").start
 _REASON = slice(_CAUSE, _CAUSE + 3)
-_MODES = tuple(Mode)
 _GOVERNED, _GOVERNED_NAMES = place(OUTPUTS, "governor"), GOVERNED.names or ()
 _GRIP = place(OUTPUTS, "grip").start
 _PATH_SCALE = place(OUTPUTS, "path_scale").start
@@ -138,22 +139,32 @@ class Controller:
 class CycleResult:
     """One answered cycle; an empty effort means "no command": an input has never been seen.
 
-    joint: the joint state; command; mode; ledger: what it used; decision: on what, and where
-    references or goals come by topic how many were taken; inputs, outputs: its records.
+    joint: the joint state; command; mode; inputs, outputs: its records.
     """
 
-    __slots__ = ("_controller", "command", "decision", "inputs", "joint", "ledger", "mode", "outputs")
+    __slots__ = ("_controller", "command", "inputs", "joint", "mode", "outputs")
 
     def __init__(self, controller: Controller, joint: JointSample, inputs: Array, outputs: Array) -> None:
         self._controller, self.joint, self.inputs, self.outputs = controller, joint, inputs, outputs
         outputs.setflags(write=False)
         whole = outputs.view(np.int64)
-        used = 3 + 4 * controller.contacts
-        ledger = whole[_LEDGER].tolist()
-        self.ledger, self.decision = tuple(ledger[:used]), tuple(ledger[used : used + 5 + controller.external])
         self.mode = _MODES[whole[_MODE]]
         effort = outputs[_EFFORT][: len(controller.robot.joint_names)] if whole[_ANSWERED] else NO_EFFORT
         self.command = EffortCommand(joint.stamp_ns, effort)
+
+    @property
+    def ledger(self) -> tuple[int, ...]:
+        """What it used: the cycle, and the stamps (sec, nanosec) of joint state, wrench and slip of each contact."""
+        return tuple(self._numbers(0, 3 + 4 * self._controller.contacts))
+
+    @property
+    def decision(self) -> tuple[int, ...]:
+        """On what it decided, behind the ledger; where references or goals come by topic, also how many were taken."""
+        begin = 3 + 4 * self._controller.contacts
+        return tuple(self._numbers(begin, begin + 5 + self._controller.external))
+
+    def _numbers(self, begin: int, end: int) -> list[int]:
+        return self.outputs[_LEDGER][begin:end].view(np.int64).tolist()
 
     @property
     def cycle(self) -> int:
@@ -300,7 +311,7 @@ class ControllerSession:
             self._config, self.buffer, sample.stamp_ns, q, qd, effort, refused, now_ns, self._lockstep
         )
         if self._whole[_PENDING]:
-            self._joint, self._joint_fault = sample, Fault(fault)
+            self._joint, self._joint_fault = sample, _FAULTS[fault]
 
     def add_wrench(self, contact: int, sample: WrenchSample, now_ns: int | None = None) -> None:
         """Take a wrench of one contact."""
@@ -455,7 +466,7 @@ class ControllerSession:
         if health is not None:
             given = record(inputs, INPUTS)
             given.health_given, given.health = 1, tuple(int(part) for part in health)
-        if fault in _GOOD:
+        if _GOOD[fault]:
             self.controller.robot.terms(joint.position, joint.velocity, inputs[_ARM])
         return inputs, outputs
 

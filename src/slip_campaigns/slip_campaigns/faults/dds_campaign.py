@@ -48,7 +48,7 @@ STAYS_S = 2.0  # a mode without the law that lasts so long, with all processes a
 BACK_S = 60.0  # for which an operator tries, counted from when all nodes have started
 GIVE_UP_S = 2.5 * START_S
 ASK_EVERY_S = 0.5
-DISK_FULL_S = 15.0
+DISK_FULL_S = 60.0  # as long as a bridge that has to start anew may need
 SPIN_S = 0.002
 TRUTH_EVERY = 3
 
@@ -197,16 +197,15 @@ class DdsCampaign:
         modes: Counter[str] = Counter()
         self.proxy.set_plan(None, 0)
         self.nodes.place_bridge(self._cable is not None and remote(plan.faults))
-        if any(fault.target == RECORDER for fault in plan.faults):
-            self.nodes.start_recorder()
-            self.spin_until(self.nodes.records, BACK_S, self.operate)
+        if any(fault.target == RECORDER for fault in plan.faults) and not self._start_recorder():
+            violations.append(f"two recorders have recorded nothing within {BACK_S:g} s each")
         self._actions.restore()
         if not self.help_until(self.works):
             violations.append(f"the law is not at work within {BACK_S:g} s; mode {self.watch.mode.name}")
         violations += self.deaths()
         commands = self.watch.commands.commands
         recovery = None if violations else self._suffer(plan, modes)
-        violations += self._recorder(plan) + self.watch.violations() + self.deaths()
+        violations += self.deaths() + self._recorder(plan) + self.watch.violations() + self.deaths()
         if violations:
             write_bag(self._out / f"trial_dds_{plan.seed}_{plan.trial}", self.proxy.kept, notes_of(plan, violations))
         return Verdict(
@@ -219,6 +218,16 @@ class DdsCampaign:
         )
 
     # -- a trial -----------------------------------------------------------------------------------
+
+    def _start_recorder(self) -> bool:
+        """Start a recorder; return whether it hears the nodes. One may be deaf, as any node (see `StartUp`)."""
+        self.nodes.start_recorder()
+        if self.spin_until(self.nodes.records, BACK_S, self.operate):
+            return True
+        self.deaf += 1
+        self.nodes.end(RECORDER)
+        self.nodes.start_recorder()
+        return self.spin_until(self.nodes.records, BACK_S, self.operate)
 
     def works(self) -> bool:
         """Return whether the law is at work and has been for a moment."""
@@ -297,13 +306,18 @@ class DdsCampaign:
 
     def _recorder(self, plan: Plan) -> list[str]:
         """End the recorder; one whose disk was full must have said so, and left a bag that can be read."""
-        found = ""
+        found: list[str] = []
+
+        def turn() -> None:
+            found.extend(self.deaths())
+            self.operate()  # a bridge that was ended comes back: without messages no disk is too small
+
         faults = [fault for fault in plan.faults if fault.target == RECORDER]
         if any(fault.kind == "disk_full" for fault in faults) and all(fault.kind != "kill" for fault in faults):
-            self.spin_until(lambda: not self.nodes.runs(RECORDER), DISK_FULL_S, lambda: None)
-            found = self.nodes.judge_full_disk()
+            self.spin_until(lambda: not self.nodes.runs(RECORDER), DISK_FULL_S, turn)
+            found += filter(None, [self.nodes.judge_full_disk()])
         self.nodes.end(RECORDER)
-        return [found] if found else []
+        return found
 
     def deaths(self) -> list[str]:
         """Return how controller and bridge ended, where they did."""
