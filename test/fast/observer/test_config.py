@@ -47,3 +47,12 @@ def test_variances_follow_from_noise_mass_and_inertia() -> None:
     }
     for name, (linear, angular) in expected.items():
         np.testing.assert_allclose(config[name], [linear] * 3 + [angular] * 3, rtol=1e-12, err_msg=name)
+
+
+def test_no_sensor_is_believed_to_be_better_than_its_floor() -> None:
+    config = config_of(
+        slip_sensor__noise_linear=0.0, slip_sensor__quantum_linear=0.0, slip_sensor__noise_angular=0.0,
+        observer__min_slip_std_m_s=3e-4, observer__min_slip_std_rad_s=7e-3,
+    )  # fmt: skip
+    for name in ("measurement_variance", "floor_variance"):
+        np.testing.assert_allclose(config[name], [9e-8] * 3 + [49e-6] * 3, rtol=1e-12, err_msg=name)

@@ -10,6 +10,7 @@ import numpy as np
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from slip_vic_controller.reference import governor
 from test.referees.governor_bench import PAPER_PLANAR, Friction, Governing, Governor
 from test.referees.governor_paths import BentPath
 from test.referees.planar_governed import (
@@ -164,6 +165,40 @@ def test_the_plan_is_slow_enough_at_once_when_friction_falls() -> None:
         assert G.state.rate <= rate + ROUNDING or G.state.urgent == 0
         rate = float(G.state.rate)
     assert 1 < seen <= 200 // 25 + 2
+
+
+def test_what_stops_on_the_path_is_looked_for_and_the_least_that_was_seen_to_is_planned_for() -> None:
+    for enough in (0.18, 0.21, 0.235):
+        G = Governor(BentPath(PAPER.way, 2.0), PAPER).plan()
+        state, estimate = G.state, G.state.estimate
+        estimate.F_hat, estimate.slipped_at, state.rate = 0.16, 0.25, 1.0
+        governor.begin_plan(state, 0.16)
+        seen, passes = 0.25, 0
+        while state.phase == governor.Phase.BACKWARD:
+            tried = float(state.pass_load)
+            G.points["K_next"][:] = 2.0 if tried >= enough else 0.5
+            seen = min(seen, tried) if tried >= enough else seen
+            governor.end_pass(G.config, state, G.grid)
+            passes += 1
+        assert passes == 3 + governor.SEARCH_PASSES
+        assert state.plan_load == seen
+        assert enough <= state.plan_load <= enough + (0.985 * 0.25 - 0.16) / 2**governor.SEARCH_PASSES
+
+
+def test_while_the_observers_word_is_provisional_braking_asks_no_more_than_what_is_known_to_hold() -> None:
+    G = Governor(BentPath(PAPER.way, 2.0), PAPER).plan()
+    for _ in range(900):
+        _, R, v, a = G.before()
+        G.after(a, a, R, v[3:])
+    G.state.estimate.suspected, G.state.estimate.suspected_at = 1, 0.8 * PAPER.force
+    G.state.asked = governor.planned_load(G.config, G.state)  # as if that plan were there, and nowhere admitted motion
+    G.points["K"][:] = 1e-6
+    before = float(G.state.rate)
+    assert before > 0.1
+    _, R, v, a = G.before()
+    assert G.state.urgent == 0
+    assert 0.0 < G.state.rate < before
+    assert np.linalg.norm(G.load_of(R, v[3:], a)) <= float(G.state.usable) * (1 + ROUNDING)
 
 
 def test_a_snapshot_goes_on_with_equal_bytes() -> None:
