@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -106,3 +107,13 @@ def ros_node(ros_domain: int) -> Iterator[object]:
     finally:
         node.destroy_node()
         rclpy.try_shutdown(context=context)
+
+
+def call_service(node: Any, kind: Any, name: str, request: Any, wait: Callable[[Callable[[], bool], str], None]) -> Any:
+    """Return a service's answer; `wait` spins until a condition holds, or says what it has waited for."""
+    client = node.create_client(kind, name)
+    wait(client.service_is_ready, name)
+    future = client.call_async(request)
+    wait(future.done, f"answer of {name}")
+    node.destroy_client(client)
+    return future.result()

@@ -16,6 +16,7 @@ from slip_bringup import __version__
 from slip_bringup.arm.cli import arm
 from slip_bringup.bringup.cli import bringup
 from slip_bringup.exit_code import ALLOW_FAULT, end_with
+from slip_bringup.options import ASSIGNMENTS, CONTROLLER, PARAMS, SCENARIO, URDF
 from slip_bringup.pair.cli import pair, pair_study
 from slip_bringup.replay.cli import references, verify
 from slip_bringup.study.cli import check, merge, study, tune
@@ -25,11 +26,6 @@ if TYPE_CHECKING:
     from slip_bringup.scenario import ControllerKind, Mode
 
 CONSOLE = Console(stderr=True)
-CONTROLLERS = click.Choice(["vic", "classical", "governed"])
-PARAMS = click.option(
-    "--params", type=click.Path(path_type=Path), help="parameter file of the controller, e.g. of bringup or tune"
-)
-
 
 DEVELOPERS: Final = {name: f"slip_campaigns.{name}.cli" for name in ("bench", "faults", "soak")}
 """Commands for developers: the module of each, imported where it is asked for."""
@@ -59,14 +55,14 @@ def cli() -> None:
 
 
 @cli.command()
-@click.option("--scenario", default="paper_planar", show_default=True, help="name or .yaml file")
-@click.option("--controller", "kind", type=CONTROLLERS, default="governed", show_default=True, help="control law")
+@SCENARIO
+@CONTROLLER
 @click.option("--mode", type=click.Choice(["lockstep", "realtime"]), default="lockstep", show_default=True)
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="seed of the sensor noise")
 @PARAMS
 @click.option("--record", type=click.Path(path_type=Path), help="record a bag into this new folder")
-@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
-@click.option("--urdf", type=click.Path(path_type=Path), help="another arm")
+@ASSIGNMENTS
+@URDF
 @click.option("--namespace", default="", help="ROS namespace of all nodes")
 @click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
 @click.option("--cpu", "cpus", help="core of bridge and controller, or two: 2,3; default in real time: the last two")
@@ -78,7 +74,7 @@ def cli() -> None:
 def run(
     *,
     scenario: str,
-    kind: ControllerKind,
+    controller: ControllerKind,
     mode: Mode,
     seed: int,
     params: Path | None,
@@ -106,7 +102,7 @@ def run(
 
     loaded = load_any(
         scenario,
-        controller=kind,
+        controller=controller,
         mode=mode,
         seed=seed,
         assignments=assignments,
@@ -118,7 +114,7 @@ def run(
         loaded, bag=record, wanted_domain=domain_id, namespace=namespace, process=process, one_process=one_process
     )
     with run_progress(CONSOLE) as progress:
-        result = launcher.run(progress.add_run(f"{loaded.name} {kind}", loaded.bridge.duration_s))
+        result = launcher.run(progress.add_run(f"{loaded.name} {controller}", loaded.bridge.duration_s))
     click.echo(
         f"{result.ticks} ticks, {result.sim_time_s:.3f} s simulated in {result.wall_time_s:.2f} s "
         f"({result.real_time_factor:.2f} x real time)"
@@ -139,12 +135,12 @@ def run(
 
 
 @cli.command()
-@click.option("--scenario", default="paper_planar", show_default=True, help="name or .yaml file")
+@SCENARIO
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out"), show_default=True, help="output folder")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="seed of the sensor noise")
 @PARAMS
-@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
-@click.option("--urdf", type=click.Path(path_type=Path), help="another arm")
+@ASSIGNMENTS
+@URDF
 @click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
 @ALLOW_FAULT
 def demo(

@@ -35,7 +35,7 @@ class RunnableNode(Protocol):
 
 
 DELIVERY_S = 10.0  # a busy machine may starve a recorder for seconds
-LAUNCHED_DELIVERY_S = 4.0  # what was lost is repeated within 3 s; a launcher that asks for the end waits for 5
+LAUNCHED_DELIVERY_S = 4.0  # what was lost is repeated much sooner; a launcher that asks for the end waits for 5
 STOP_DELIVERY_S = 0.1  # somebody waits for the process to end
 
 

@@ -11,7 +11,7 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from slip_bringup.scenario import NODES, load_scenario, ros_parameter_file
-from test.support.ros import Processes, wait_until
+from test.support.ros import Processes, call_service, wait_until
 
 ATTEMPTS, PATIENCE_S = 3, 8.0
 BRIDGE, CONTROLLER = "slip_sim_bridge.node", "slip_vic_controller.node"
@@ -69,12 +69,7 @@ class Watcher:
         self.wait_mode("ACTIVE")
 
     def call(self, kind: Any, name: str, request: Any) -> Any:
-        client = self.node.create_client(kind, name)
-        self.spin(client.service_is_ready, name)
-        future = client.call_async(request)
-        self.spin(future.done, f"answer of {name}")
-        self.node.destroy_client(client)
-        return future.result()
+        return call_service(self.node, kind, name, request, self.spin)
 
     def trigger(self, name: str) -> Any:
         from std_srvs.srv import Trigger

@@ -26,7 +26,7 @@ from slip_msgs_py.events import Started
 from slip_sim_bridge.pair.params import SIDES
 from slip_vic_controller.safety.modes import Mode
 from test.slow.nodes.test_modes import LATCHED
-from test.support.ros import Processes, wait_until
+from test.support.ros import Processes, call_service, wait_until
 
 ASSIGNMENTS = (
     "bridge.stop_after_duration=false",
@@ -70,7 +70,7 @@ class Operator:
         """Call a service of the controller."""
         from std_srvs.srv import Trigger
 
-        return bool(self._call(Trigger, f"{NODE}/{name}", Trigger.Request()).success)
+        return bool(call_service(self.node, Trigger, f"{NODE}/{name}", Trigger.Request(), self.wait).success)
 
     def spoil(self, name: str, value: bool) -> None:
         """Set a parameter of the bridge."""
@@ -79,16 +79,8 @@ class Operator:
 
         given = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value)
         request = SetParameters.Request(parameters=[Parameter(name=name, value=given)])
-        answer = self._call(SetParameters, f"{BRIDGE}/set_parameters", request)
+        answer = call_service(self.node, SetParameters, f"{BRIDGE}/set_parameters", request, self.wait)
         assert answer.results[0].successful, answer.results[0].reason
-
-    def _call(self, kind: Any, name: str, request: Any) -> Any:
-        client = self.node.create_client(kind, name)
-        self.wait(client.service_is_ready, name)
-        future = client.call_async(request)
-        self.wait(future.done, f"answer of {name}")
-        self.node.destroy_client(client)
-        return future.result()
 
 
 @pytest.fixture

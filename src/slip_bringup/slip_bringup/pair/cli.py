@@ -9,6 +9,8 @@ from typing import Any
 import click
 from rich.console import Console
 
+from slip_bringup.options import ASSIGNMENTS
+
 LAWS = ("classical", "leader_follower", "classical_internal", "printed", "shared", "internal", "governed")
 
 
@@ -21,7 +23,7 @@ def _laws(text: str) -> list[Any]:
 @click.option("--laws", default=",".join(LAWS), show_default=True, help="names, comma separated")
 @click.option("--late", type=click.IntRange(0), default=0, help="control periods that commands are on their way")
 @click.option("--out", type=click.Path(path_type=Path), help="folder for pair.png and a CSV file of every law")
-@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
+@ASSIGNMENTS
 def pair(scenario: str, laws: str, late: int, out: Path | None, assignments: tuple[str, ...]) -> None:
     """Two arms carry one object, in this process: slip, internal force and path error of every law."""
     from slip_bringup.pair.measures import judge, verdicts
@@ -46,7 +48,7 @@ def pair(scenario: str, laws: str, late: int, out: Path | None, assignments: tup
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 @click.option("--jobs", type=click.IntRange(1), default=None, help="parallel processes; default one per core")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("pair_study"), show_default=True, help="folder")
-@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
+@ASSIGNMENTS
 def pair_study(
     scenarios: str, laws: str, draws: int, seed: int, jobs: int | None, out: Path, assignments: tuple[str, ...]
 ) -> None:

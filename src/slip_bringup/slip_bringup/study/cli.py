@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from slip_bringup.exit_code import ALLOW_FAULT, end_with
+from slip_bringup.options import ASSIGNMENTS, CONTROLLER, PARAMS, SCENARIO, URDF
 
 if TYPE_CHECKING:
     from slip_bringup.scenario import ControllerKind, Estimator
@@ -54,8 +55,8 @@ def workers(command: click.decorators.FC) -> click.decorators.FC:
 @workers
 @click.option("--shard", default="1/1", callback=_shard, metavar="I/N", help="every N-th case from the I-th on")
 @click.option("--resume", "go_on", is_flag=True, help="go on with all that --out was asked for")
-@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
-@click.option("--urdf", type=click.Path(path_type=Path), help="another arm")
+@ASSIGNMENTS
+@URDF
 @click.option(
     "--lottery", "drawn", type=click.IntRange(0), default=0, help="draw so many cases nobody tuned to instead"
 )
@@ -133,16 +134,14 @@ def _lottery(cases: int, seed: int, out: Path, jobs: int) -> None:
 
 
 @click.command()
-@click.option("--scenario", default="paper_planar", show_default=True, help="name or .yaml file")
-@click.option("--params", type=click.Path(path_type=Path), help="ROS or plain parameter file of the controller")
+@SCENARIO
+@PARAMS
 @click.option("--sensor", default="", help="name or .yaml file; default the scenario's own")
 @click.option("--estimator", type=click.Choice(["measured", "observer"]), help="default the sensor's")
-@click.option(
-    "--controller", type=click.Choice(["vic", "classical", "governed"]), default="governed", show_default=True
-)
+@CONTROLLER
 @click.option("--mismatch", "mismatches", default="all", show_default=True, help="worlds to simulate: names, or all")
-@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
-@click.option("--urdf", type=click.Path(path_type=Path), help="another arm")
+@ASSIGNMENTS
+@URDF
 def check(
     *,
     scenario: str,
@@ -190,7 +189,7 @@ def check(
 
 
 @click.command()
-@click.option("--scenario", default="paper_planar", show_default=True, help="name or .yaml file")
+@SCENARIO
 @click.option("--sensor", required=True, help="name or .yaml file")
 @click.option(
     "--estimator", type=click.Choice(["measured", "observer", "governed"]), default="observer", show_default=True
@@ -210,7 +209,7 @@ def check(
 @click.option("--later", type=click.FloatRange(0.0), default=0.3, show_default=True, help="latest arrival after it [s]")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("tune"), show_default=True, help="folder")
 @workers
-@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
+@ASSIGNMENTS
 def tune(
     *,
     scenario: str,

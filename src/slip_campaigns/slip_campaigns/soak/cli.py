@@ -9,11 +9,13 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from slip_bringup.options import SCENARIO
+
 
 @click.command()
 @click.option("--minutes", type=click.FloatRange(0.1), default=60.0, show_default=True, help="real time")
 @click.option("--rate", type=click.FloatRange(10.0, 2000.0), default=500.0, show_default=True, help="control rate [Hz]")
-@click.option("--scenario", default="paper_planar", show_default=True, help="name or .yaml file")
+@SCENARIO
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/soak"), show_default=True)
 def soak(minutes: float, rate: float, scenario: str, out: Path) -> None:
     """Run for long in real time over DDS and watch memory and open files of every process.
