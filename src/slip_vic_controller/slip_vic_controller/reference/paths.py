@@ -10,7 +10,6 @@ import math
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, OUT2, VOID, kernel, part
@@ -239,6 +238,8 @@ def make_path(params: TrajectoryParams) -> Array:
         times = np.linspace(0.0, params.duration_s, len(points))
         if params.waypoint_times_s:
             times = np.array([0.0, *params.waypoint_times_s])
+        from scipy.interpolate import CubicSpline  # 14 MiB, for way points alone
+
         spline = CubicSpline(times, points, bc_type="clamped")
         rate_rates = spline(times, 2)
         rate_rates[[0, -1]] = 0.0
