@@ -27,14 +27,21 @@ def limit_effort(effort_limit: Array, step: float, before: Array, wanted: Array)
 # -- limit avoidance ----------------------------------------------------------------------------------
 
 
-def joint_repulsion(limits: Any, q: Array, qd: Array) -> Array:
-    """Return the torque away from stops and against too high velocities; limits: MOTION_LIMITS of n joints."""
+def joint_repulsion(limits: Any, q: Array, qd: Array, inertia: Array) -> Array:
+    """Return the torque away from stops and against too high velocities; limits: MOTION_LIMITS of n joints.
+
+    inertia: (n,) [kg m2]; braking ends before the joint turns round: tau T + tau^2 / (2 rate) <= inertia |qd| / 2.
+    """
     n = len(q)
     low = np.clip((limits.near_lower[:n] - q) / limits.margin, 0.0, 1.0)
     high = np.clip((q - limits.near_upper[:n]) / limits.margin, 0.0, 1.0)
     reach = limits.velocity[:n] - limits.brake_from[:n]
-    brake = np.clip((np.abs(qd) - limits.brake_from[:n]) / reach, 0.0, 1.0)
-    return limits.effort[:n] * (low**2 - high**2 - np.sign(qd) * brake)
+    brake = limits.effort[:n] * np.clip((np.abs(qd) - limits.brake_from[:n]) / reach, 0.0, 1.0)
+    most = [
+        max(np.roots((0.5 / limits.rate, limits.period, -0.5 * m * abs(v))).real)
+        for m, v in zip(inertia, qd, strict=True)
+    ]
+    return limits.effort[:n] * (low**2 - high**2) - np.sign(qd) * np.minimum(brake, most)
 
 
 def pad_brake(limits: Any, J: Array, twist: Array) -> Array:

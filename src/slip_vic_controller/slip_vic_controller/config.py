@@ -202,6 +202,7 @@ def _fill_limits(config: Any, safety: SafetyParams, robot: Robot, period_s: floa
     motion.brake_from[:n], motion.trip[:n] = velocity * limits.velocity_brake, velocity * limits.velocity_trip
     motion.effort[:n], effort.effort[:n] = robot.effort_limit, robot.effort_limit
     motion.speed_linear, motion.speed_angular = limits.speed_linear, limits.speed_angular
+    motion.rate, motion.period = limits.effort_rate, period_s
     effort.rate, effort.period_ns = limits.effort_rate, seconds_to_ns(period_s)
     effort.longest_step_ns = seconds_to_ns(max(limits.longest_step_s, period_s))  # a control period is no pause
     effort.restart_after_ns = seconds_to_ns(limits.restart_after_s)

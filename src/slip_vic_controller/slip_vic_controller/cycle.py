@@ -123,6 +123,7 @@ from slip_vic_controller.safety.validation import (
     all_finite,
     fine,
     frozen,
+    stays_away,
     usable,
     vector_validity,
 )
@@ -392,7 +393,8 @@ def _bridge(c: Any, s: Any, i: Any, o: Any, fault: int) -> None:
     n, now_ns = c.law.joints, i.now_ns
     if s.since.joint_bad_ns == NEVER:
         s.since.joint_bad_ns = now_ns
-    if bridges(c, s, now_ns):
+    ends = follows(s.mode.mode) and stays_away(o.health.wrench)  # the law has to, whatever the joint states are like
+    if bridges(c, s, now_ns) and not ends:
         o.wanted[:n] = s.limiter.effort[:n]
     else:
         o.wanted[:n] = s.law.gravity[:n]

@@ -23,7 +23,7 @@ from slip_campaigns.faults.dds_campaign import campaign_scenario
 from slip_campaigns.faults.dds_session import SILENT_S, START_S, StartUp
 from slip_campaigns.faults.dds_watch import Watch
 from slip_campaigns.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
-from slip_campaigns.faults.plan import CONTROLLER, EFFORT, JOINT, SLIP, TOPICS, WRENCH, Fault, Plan, all_faults
+from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, EFFORT, JOINT, SLIP, TOPICS, WRENCH, Fault, Plan, all_faults
 from slip_campaigns.faults.trial import run_trial
 from slip_campaigns.faults.wire import Wire
 from slip_core.records import record
@@ -304,6 +304,44 @@ def test_an_arm_rests_after_a_wrong_wrench_has_told_of_metres_of_slip() -> None:
     outcome = run_trial(Plan(11402, 19, "glass_transport", True, "governed", (freeze, lost, wrong), "vision_60"))
     assert outcome.modes["FAULT"] > 200
     assert outcome.violations == []
+
+
+def test_a_joint_that_bad_joint_states_have_thrown_is_braked_and_not_thrown_to_the_other_side() -> None:
+    """It turned at 11 rad/s for ever: the brake asked for the full effort, which the rate limit made come too late."""
+    frozen = Fault("freeze_message", EFFORT, 0.13885944429128222, 0.28330723720808043, 0.07145980155955556)
+    wrong = Fault("corrupt_values", JOINT, 0.44264457509307953, 0.09691312164022722, 0.7649576362879444)
+    still = Fault("freeze_values", SLIP, 0.4866929437000143, 0.08486397226297236, 0.16280252576743337)
+    first = Fault("corrupt_values", JOINT, 0.2961735175185298, 0.03486323083433841, 0.3284165175051872)
+    second = Fault("corrupt_values", JOINT, 0.4035277054318592, 0.08496196028815647, 0.9818354589158573)
+    for plan in (
+        Plan(38281, 29, "vertical_plane", False, "governed", (frozen, wrong, still), "vision_25"),
+        Plan(41866, 29, "vertical_plane", True, "vic", (first, second), "vision_60"),
+    ):
+        outcome = run_trial(plan)
+        assert outcome.modes["FAULT"] > 200
+        assert outcome.violations == []
+
+
+def test_a_bad_joint_state_is_not_bridged_where_the_law_has_to_end() -> None:
+    """The wrench had stayed away for 92 ms when a joint state came that could not be used."""
+    frame = Fault("wrong_frame", WRENCH, 0.21635828438030497, 0.15395570360245683, 0.5726648249489459)
+    wrong = Fault("corrupt_bytes", JOINT, 0.25281868096423404, 0.2675266431238336, 0.3725847800446135)
+    later = Fault("corrupt_bytes", WRENCH, 0.594076825719274, 0.014073844595156013, 0.44764923849515237)
+    outcome = run_trial(Plan(61220, 29, "paper_planar", True, "classical", (frame, wrong, later), "event_1000"))
+    assert outcome.violations == []
+
+
+def test_where_the_simulation_stood_still_nothing_has_aged() -> None:
+    stop = Fault("stop", BRIDGE, 0.1824685103156638, 0.045375090056341806, 0.8239836050619626)
+    frame = Fault("wrong_frame", SLIP, 0.22211506490320043, 0.1158226774888418, 0.7799515160739481)
+    wrong = Fault("corrupt_values", JOINT, 0.222932560909884, 0.007280500333756684, 0.9133325203935808)
+    assert run_trial(Plan(33181, 29, "paper_planar", True, "vic", (stop, frame, wrong), "vision_25")).violations == []
+    monitor = SafeStateMonitor({JOINT: 0.1, WRENCH: 0.1}, 0.05)
+    for name in (JOINT, WRENCH):
+        monitor.good(name, 1.0, 1.0)
+    monitor.stood_still(0.1)
+    monitor.check(1.2, True)
+    assert [text.split()[-1] for text in monitor.violations] == [JOINT]
 
 
 def test_a_message_without_numbers_can_be_damaged() -> None:

@@ -24,6 +24,14 @@ def random_arm(rng: np.random.Generator, speed: float) -> np.ndarray:
     buffer = new(ARM)
     arm = record(buffer, ARM)
     arm.J[:, :N], arm.twist[:] = rng.normal(size=(6, N)), speed * rng.normal(size=6)
+    arm.M[range(N), range(N)] = 10.0 ** rng.uniform(-2.5, 1.0, N)
+    return buffer
+
+
+def heavy_arm() -> np.ndarray:
+    """Return an arm whose joints no brake turns round."""
+    buffer = new(ARM)
+    record(buffer, ARM).M[range(N), range(N)] = 1e6
     return buffer
 
 
@@ -40,7 +48,7 @@ def test_it_adds_repulsion_of_the_joints_and_the_brake_of_the_pad() -> None:
         q, qd = MIDDLE + HALF * rng.uniform(-1.05, 1.05, N), ROBOT.velocity_limit * rng.uniform(-1.2, 1.2, N)
         buffer, wanted = random_arm(rng, 10.0 ** rng.uniform(-2, 1)), 60.0 * rng.normal(size=N)
         arm = record(buffer, ARM)
-        joints, pad = joint_repulsion(LIMITS, q, qd), pad_brake(LIMITS, arm.J[:, :N], arm.twist)
+        joints, pad = joint_repulsion(LIMITS, q, qd, np.diag(arm.M)[:N]), pad_brake(LIMITS, arm.J[:, :N], arm.twist)
         pushed, braked_pads = pushed + joints.any(), braked_pads + pad.any()
         np.testing.assert_allclose(torque(q, qd, buffer, False, wanted), wanted + joints, atol=CLOSE)
         np.testing.assert_allclose(torque(q, qd, buffer, True, wanted), wanted + joints + pad, atol=CLOSE)
@@ -54,7 +62,7 @@ def test_far_from_every_limit_the_wanted_effort_passes_to_the_last_bit() -> None
 
 
 def test_repulsion_is_continuous_and_reaches_the_full_effort_at_the_stop() -> None:
-    rest, arm, zero = np.zeros(N), new(ARM), np.zeros(N)
+    rest, arm, zero = np.zeros(N), heavy_arm(), np.zeros(N)
     assert LIMITS.margin > 0.0
     for side, stop in ((1.0, ROBOT.position_lower), (-1.0, ROBOT.position_upper)):
         np.testing.assert_allclose(torque(stop + side * LIMITS.margin, rest, arm, False, zero), 0.0, atol=CLOSE)
@@ -75,6 +83,22 @@ def test_a_brake_only_takes_power() -> None:
         assert torque(MIDDLE, qd, buffer, True, np.zeros(N)) @ qd <= 0.0
 
 
+def test_a_brake_at_the_rate_limit_stops_a_joint_and_never_turns_it_round() -> None:
+    """With the full effort, a joint that is light for its motor is thrown from one side to the other for ever."""
+    arm, limits = new(ARM), record(BUFFER.copy(), MOTION_LIMITS)
+    T, step = limits.period, limits.rate * limits.period
+    for inertia in (2e-3, 6e-3, 0.03, 0.2, 1.5):
+        record(arm, ARM).M[range(N), range(N)] = 2.0 * inertia  # half of it gives way
+        for speed in (3.0, 12.0, 50.0):
+            qd, effort = np.full(N, speed), np.zeros(N)
+            for _ in range(round((1.0 + 12.0 * inertia) / T)):
+                wanted = torque(MIDDLE, qd, arm, False, np.zeros(N))
+                effort = effort + np.clip(wanted - effort, -step, step)
+                qd = qd + T * effort / inertia
+                assert (qd > -1e-9).all(), (inertia, speed)
+            assert (qd <= LIMITS.velocity[:N]).all()
+
+
 def test_limits_are_the_parameters_and_the_urdf_s() -> None:
     limits = CONTROLLER.params.safety.limits
     assert MOTION_LIMITS.itemsize == LIMITS.dtype.itemsize
@@ -83,3 +107,4 @@ def test_limits_are_the_parameters_and_the_urdf_s() -> None:
     np.testing.assert_allclose(LIMITS.velocity[:N], limits.velocity_scale * ROBOT.velocity_limit)
     np.testing.assert_allclose(LIMITS.trip[:N], limits.velocity_trip * LIMITS.velocity[:N])
     assert (LIMITS.speed_linear, LIMITS.speed_angular) == (limits.speed_linear, limits.speed_angular)
+    assert (LIMITS.rate, LIMITS.period) == (limits.effort_rate, CONTROLLER.params.control_period_s)

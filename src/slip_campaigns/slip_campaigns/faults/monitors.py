@@ -153,6 +153,11 @@ class SafeStateMonitor:
             told = self._ahead >= TWICE and self._newest[WRENCH] > measured_s + self.future_s
             self._late_s = 0.0 if told else arrived_s - measured_s
 
+    def stood_still(self, seconds: float) -> None:
+        """The simulation, whose clock the stamps show, did not go on: what was measured before is no older for it."""
+        for name in self._newest.keys() - {JOINT}:  # the joint state's age is that of its arrival
+            self._newest[name] += seconds
+
     def check(self, now_s: float, follows: bool, answered: bool = True, *, degraded: bool = True) -> None:
         """Judge the mode of a moment at which the controller ran; answered: whether it gave a command.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from slip_core.arrays import Array
@@ -22,27 +23,40 @@ TRIP = 4.0 / 3.0
 MOTION_LIMITS = layout(
     near_lower=(REAL, MAX_JOINTS), near_upper=(REAL, MAX_JOINTS), margin=REAL, velocity=(REAL, MAX_JOINTS),
     brake_from=(REAL, MAX_JOINTS), trip=(REAL, MAX_JOINTS), effort=(REAL, MAX_JOINTS), speed_linear=REAL,
-    speed_angular=REAL,
+    speed_angular=REAL, rate=REAL, period=REAL,
 )  # fmt: skip
 """near_lower, near_upper [rad]: the joints' stops less the margin [rad]; velocity, brake_from, trip [rad/s]; effort
-[N m]; speed_linear [m/s], speed_angular [rad/s]: of the pad."""
+[N m]; speed_linear [m/s], speed_angular [rad/s]: of the pad; rate: of efforts [N m/s]; period: of control [s]."""
 
 
 @part
-def joint_repulsion(limits: Any, j: int, q: float, qd: float) -> float:
+def most_brake(limits: Any, speed: float, inertia: float) -> float:
+    """Return the largest torque that brakes a joint and does not turn it round [N m]; [rad/s], [kg m2].
+
+    What brakes now is at work for one more period, and then for as long as the rate limit takes to bring it down to
+    zero: tau T + tau^2 / (2 rate) = inertia * speed / 2. Half, because the joints before it give way. With more a joint
+    that is light for its motor is pushed from one side to the other for ever.
+    """
+    T = limits.period
+    return float(limits.rate * (math.sqrt(T * T + inertia * speed / limits.rate) - T))
+
+
+@part
+def joint_repulsion(limits: Any, j: int, q: float, qd: float, inertia: float) -> float:
     """Return the torque of joint j away from its stops and against too high a velocity [N m].
 
     Grows from zero with the square of the depth, to the full effort at the stop, and in proportion from the braking
-    velocity on, to the full effort at the velocity limit: continuous, bounded, no gains to tune.
+    velocity on, to the full effort at the velocity limit, or to `most_brake`: continuous, bounded, no gains to tune.
     """
     speed = abs(qd)
     if not (q < limits.near_lower[j] or q > limits.near_upper[j] or speed > limits.brake_from[j]):
         return 0.0
     low = min(max((limits.near_lower[j] - q) / limits.margin, 0.0), 1.0)
     high = min(max((q - limits.near_upper[j]) / limits.margin, 0.0), 1.0)
-    brake = min(max((speed - limits.brake_from[j]) / (limits.velocity[j] - limits.brake_from[j]), 0.0), 1.0)
+    share = min(max((speed - limits.brake_from[j]) / (limits.velocity[j] - limits.brake_from[j]), 0.0), 1.0)
+    brake = min(limits.effort[j] * share, most_brake(limits, speed, inertia))
     sign = 1.0 if qd > 0.0 else -1.0 if qd < 0.0 else 0.0
-    return limits.effort[j] * (low * low - high * high - sign * brake)
+    return limits.effort[j] * (low * low - high * high) - sign * brake
 
 
 @part
@@ -70,7 +84,7 @@ def avoid_limits(limits: Any, n: int, q: Array, qd: Array, arm: Any, braked: boo
         limits: see MOTION_LIMITS.
         n: number of joints.
         q, qd: joint state; (n,).
-        arm: its terms, looked at where `braked`.
+        arm: its terms; zeros where nothing moves.
         braked: whether the pad's speed is limited in this cycle.
         torque: changed.
     """
@@ -80,7 +94,7 @@ def avoid_limits(limits: Any, n: int, q: Array, qd: Array, arm: Any, braked: boo
     pushed = force.linear.dot(force.linear) + force.angular.dot(force.angular) != 0.0
     linear, angular = force.linear, force.angular
     for j in range(n):
-        torque[j] = torque[j] + joint_repulsion(limits, j, q[j], qd[j])
+        torque[j] = torque[j] + joint_repulsion(limits, j, q[j], qd[j], arm.M[j, j])
         if pushed:
             torque[j] += arm.J[0, j] * linear.x + arm.J[3, j] * angular.x
             torque[j] += arm.J[1, j] * linear.y + arm.J[4, j] * angular.y

@@ -233,6 +233,12 @@ def vector_validity(limits: Any, state: Any, now_ns: int, joint_stamp_ns: int, a
     return Fault.NONE.value
 
 
+@part
+def stays_away(fault: int) -> bool:
+    """Return whether a fault of `vector_validity` is one of arrival: no good sample comes any more."""
+    return bool(fault == Fault.SILENT or fault == Fault.NOT_FINITE or fault == Fault.ABSURD)
+
+
 # -- joint state --------------------------------------------------------------------------------------
 
 
