@@ -293,7 +293,7 @@ def test_an_arm_that_bad_commands_have_thrown_rests_in_time_after_the_controller
     outcome = run_trial(plan)
     assert outcome.modes["FAULT"] > 300
     assert outcome.violations == []
-    monkeypatch.setattr(trials, "THROWN_REST_AFTER_S", 0.9)
+    monkeypatch.setattr(trials, "REST_AFTER_S", 0.5)
     assert any("not at rest" in text for text in run_trial(plan).violations)
 
 

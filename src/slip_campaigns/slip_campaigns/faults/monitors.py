@@ -15,7 +15,6 @@ NS = 1e-9
 ROUNDING = 1e-9  # [N m]: sums of a few numbers of some tens
 AT_REST = 0.1  # [rad/s]
 REST_AFTER_S = 1.0
-THROWN_REST_AFTER_S = 1.5  # where bad numbers have reached the drives as efforts: joints then turn at 20 rad/s
 LOST_M = 0.05  # slip at which an object has left the pads: half of what the simulation's pads are long
 TWICE = 2  # a single stamp that is ahead is the sample's own fault
 REACTION_S = 0.02  # beyond the age limit: the watchdog's period and one cycle

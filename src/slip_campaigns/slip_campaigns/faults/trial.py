@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 
 from slip_bringup.scenario import ControllerKind, Scenario, load_scenario
 from slip_campaigns.faults.carriers import SampleCarrier
-from slip_campaigns.faults.channel import DAMAGED, Channel, Delivery
+from slip_campaigns.faults.channel import Channel, Delivery
 from slip_campaigns.faults.monitors import (
     LOST_M,
     NS,
     REST_AFTER_S,
-    THROWN_REST_AFTER_S,
     CommandMonitor,
     JointMonitor,
     Promise,
@@ -111,10 +110,7 @@ class Trial:
                 PERIOD_S,
             )
         )
-        thrown = any(fault.target == EFFORT and fault.kind in DAMAGED for fault in plan.faults)
-        self._joints = JointMonitor(
-            self.scenario.bridge.effort_rate * PERIOD_S, THROWN_REST_AFTER_S if thrown else REST_AFTER_S
-        )
+        self._joints = JointMonitor(self.scenario.bridge.effort_rate * PERIOD_S, REST_AFTER_S)
         ages_s = {JOINT: inputs.joint.age_s + PERIOD_S, WRENCH: inputs.wrench.age_s + PERIOD_S}
         # The same for every sensor: a slow one must be fast enough for it, its latency included.
         slip_s = {} if plan.controller == "classical" else {SLIP: inputs.slip.age_s + PERIOD_S}  # it needs no slip
