@@ -13,7 +13,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "numpy", "slip_core"],
+    install_requires=["setuptools", "numpy", "slip_core", "slip_msgs_py"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
     maintainer="slip-vic maintainers",
@@ -22,9 +22,9 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "slip_adapter_papillarray = slip_adapters.node:papillarray",
-            "slip_adapter_xela = slip_adapters.node:xela",
-            "slip_adapter_bool = slip_adapters.node:boolean",
+            "slip_adapter_papillarray = slip_adapters.main:papillarray",
+            "slip_adapter_xela = slip_adapters.main:xela",
+            "slip_adapter_bool = slip_adapters.main:boolean",
         ]
     },
 )

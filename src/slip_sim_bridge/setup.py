@@ -22,8 +22,8 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "slip_sim_bridge_node = slip_sim_bridge.node:main",
-            "slip_sim_bridge_two_arms_node = slip_sim_bridge.pair.node:main",
+            "slip_sim_bridge_node = slip_sim_bridge.main:main",
+            "slip_sim_bridge_two_arms_node = slip_sim_bridge.pair.main:main",
         ]
     },
 )

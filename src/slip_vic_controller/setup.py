@@ -22,8 +22,8 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "slip_vic_controller_node = slip_vic_controller.node:main",
-            "slip_vic_controller_two_arms_node = slip_vic_controller.team.node:main",
+            "slip_vic_controller_node = slip_vic_controller.main:main",
+            "slip_vic_controller_two_arms_node = slip_vic_controller.team.main:main",
         ]
     },
 )

@@ -27,21 +27,20 @@ def limit_effort(effort_limit: Array, step: float, before: Array, wanted: Array)
 # -- limit avoidance ----------------------------------------------------------------------------------
 
 
-def joint_repulsion(limits: Any, q: Array, qd: Array, inertia: Array) -> Array:
+def joint_repulsion(limits: Any, q: Array, qd: Array, M: Array) -> Array:
     """Return the torque away from stops and against too high velocities; limits: MOTION_LIMITS of n joints.
 
-    inertia: (n,) [kg m2]; braking ends before the joint turns round: tau T + tau^2 / (2 rate) <= inertia |qd| / 2.
+    M: (n, n) [kg m2]; braking ends before the joint turns round, also where efforts are 20 ms late:
+    tau T + tau^2 / (2 rate) <= |qd| / (2 (M^-1)_jj).
     """
-    n = len(q)
+    n, drive = len(q), limits.drive
+    T, inertia = 1e-9 * drive.period_ns + 0.020, 1.0 / np.diag(np.linalg.inv(M))
     low = np.clip((limits.near_lower[:n] - q) / limits.margin, 0.0, 1.0)
     high = np.clip((q - limits.near_upper[:n]) / limits.margin, 0.0, 1.0)
     reach = limits.velocity[:n] - limits.brake_from[:n]
-    brake = limits.effort[:n] * np.clip((np.abs(qd) - limits.brake_from[:n]) / reach, 0.0, 1.0)
-    most = [
-        max(np.roots((0.5 / limits.rate, limits.period, -0.5 * m * abs(v))).real)
-        for m, v in zip(inertia, qd, strict=True)
-    ]
-    return limits.effort[:n] * (low**2 - high**2) - np.sign(qd) * np.minimum(brake, most)
+    brake = drive.effort[:n] * np.clip((np.abs(qd) - limits.brake_from[:n]) / reach, 0.0, 1.0)
+    most = [max(np.roots((0.5 / drive.rate, T, -0.5 * m * abs(v))).real) for m, v in zip(inertia, qd, strict=True)]
+    return drive.effort[:n] * (low**2 - high**2) - np.sign(qd) * np.minimum(brake, most)
 
 
 def pad_brake(limits: Any, J: Array, twist: Array) -> Array:

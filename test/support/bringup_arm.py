@@ -24,9 +24,9 @@ from slip_core.arrays import Array
 from slip_core.params import build, flatten
 from slip_core.types import EffortCommand, PoseGoal
 from slip_sim_bridge.params import BridgeParams
-from slip_vic_controller.goal_interface import GoalInterface
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Request
+from slip_vic_controller.topics.goal import GoalInterface
 
 BRINGUP = (
     "controller.trajectory.kind=goal", "controller.safety.auto_enable=false", "controller.governor.friction=unknown",

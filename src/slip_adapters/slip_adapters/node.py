@@ -6,15 +6,12 @@ the controller with `slip_delay_s` by how much that is late.
 
 from __future__ import annotations
 
-import contextlib
 import importlib
-import sys
 from collections.abc import Callable
 from typing import Any
 
-import rclpy
 from geometry_msgs.msg import Vector3, Wrench, WrenchStamped
-from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
@@ -23,8 +20,10 @@ from std_msgs.msg import Bool, Header
 from slip_adapters.conversions import papillarray_flags, papillarray_wrench, taxel_places, xela_wrench
 from slip_core.arrays import Array
 from slip_core.errors import InputError
+from slip_msgs_py.executor import Spinner
 
 DEPTH = 10
+STOP_WITHIN_S = 0.1
 PAPILLARRAY = "sensor_interfaces", "SensorState", "Contactile's ROS 2 driver"
 XELA = "xela_server_ros2", "SensStream", "XELA's ROS 2 server"
 
@@ -63,6 +62,12 @@ class Adapter(Node):
                     self.get_logger().error(self._said)
 
         self.create_subscription(kind, topic, guarded, qos_profile_sensor_data)
+
+    def run(self, should_stop: Callable[[], bool]) -> None:
+        """Convert messages until told to stop."""
+        executor = EventsExecutor()
+        executor.add_node(self)
+        Spinner(executor).spin_while(self, lambda: not should_stop(), STOP_WITHIN_S)
 
     def header(self, message: Any) -> Any:
         """Return the message's header, or one with the time of now."""
@@ -124,32 +129,3 @@ class Boolean(Adapter):
 
 
 _GRID: dict[str, Any] = {"sensor": 1, "rows": 4, "columns": 4, "pitch_m": 4.7e-3}
-
-
-def run(adapter: Callable[[], Adapter]) -> int:
-    """Run one adapter until it is stopped; bad input of a user is one line, exit code 2."""
-    rclpy.init()
-    try:
-        with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):  # a wanted end
-            rclpy.spin(adapter())
-    except InputError as error:
-        print(error, file=sys.stderr)
-        return 2
-    finally:
-        rclpy.try_shutdown()
-    return 0
-
-
-def papillarray() -> int:
-    """Entry point of ``slip_adapter_papillarray``."""
-    return run(PapillArray)
-
-
-def xela() -> int:
-    """Entry point of ``slip_adapter_xela``."""
-    return run(Xela)
-
-
-def boolean() -> int:
-    """Entry point of ``slip_adapter_bool``."""
-    return run(Boolean)

@@ -285,9 +285,10 @@ def run_command(group: click.Group, name: str) -> int:
     """Run a command line and return its exit code: one line and 2 for a user's mistake."""
     from slip_msgs_py.stop_flag import StopFlag
 
+    stop = StopFlag(interrupts=True)
     try:
         # A shell that starts us in the background has SIGINT ignored; whoever sends one means it.
-        with StopFlag(interrupts=True):
+        with stop:
             code = group.main(prog_name=name, standalone_mode=False)
         return code if isinstance(code, int) else 0
     except click.exceptions.Exit as end:
@@ -296,12 +297,15 @@ def run_command(group: click.Group, name: str) -> int:
         command = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else name
         click.echo(f"error: {error.format_message()} (see {command} --help)", err=True)
         return 2
-    except (click.Abort, KeyboardInterrupt):
-        click.echo("error: interrupted", err=True)
-        return 2
     except SlipVicError as error:
         click.echo(f"error: {error}", err=True)
         return error.exit_code
+    except (KeyboardInterrupt, Exception) as error:
+        # A library that is just being loaded makes something else of the signal: MuJoCo an ImportError.
+        if not stop() and not isinstance(error, KeyboardInterrupt | click.Abort):
+            raise
+        click.echo("error: interrupted", err=True)
+        return 2
 
 
 def main() -> int:

@@ -73,7 +73,7 @@ def parameter_page() -> str:
     for node_name, model in NODES.values():
         parts.append(f"## {node_name}\n\n{_table(model)}")
     parts.append(
-        "## Two arms\n\nTheir nodes (`slip_vic_controller.team.node`, `slip_sim_bridge.pair.node`) have the\n"
+        "## Two arms\n\nTheir nodes (`slip_vic_controller_two_arms_node`, `slip_sim_bridge_two_arms_node`) have the\n"
         "parameters above twice, below `left.` and `right.`, and these. Two arms follow built-in paths, with a\n"
         "constant grip."
     )

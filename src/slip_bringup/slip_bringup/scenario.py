@@ -78,7 +78,7 @@ class Scenario:
     bridge: BridgeParams
     urdf: str
     modules: ClassVar[dict[str, str]] = {
-        "controller": "slip_vic_controller.node", "bridge": "slip_sim_bridge.node", "both": "slip_bringup.both_nodes"
+        "controller": "slip_vic_controller.main", "bridge": "slip_sim_bridge.main", "both": "slip_bringup.both_nodes"
     }  # fmt: skip
     """What runs as a process."""
 

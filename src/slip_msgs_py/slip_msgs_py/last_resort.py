@@ -72,12 +72,15 @@ class LastResort:
         """Create a timer as rclpy does."""
 
         def tick() -> None:
+            if timer not in self.timers:  # type: ignore[attr-defined]
+                return  # it was due already when it was destroyed, and what it looks at may be gone
             try:
                 callback()
             except Exception as error:
                 self.fail("a timer", error)
 
-        return super().create_timer(period_s, tick, *rest, **options)  # type: ignore[misc]
+        timer = super().create_timer(period_s, tick, *rest, **options)  # type: ignore[misc]
+        return timer
 
     def create_service(
         self, srv_type: Any, name: str, callback: Callable[[Any, Any], Any], *rest: Any, **options: Any

@@ -52,6 +52,8 @@ def run_node(factory: Callable[[], RunnableNode], args: Sequence[str] | None = N
         args: command line with ``--ros-args``; None takes that of the process.
     """
     stop = StopFlag().install()
+    if stop():
+        return 0  # asked for while this was imported
     stay_on_this_machine()
     node: RunnableNode | None = None
     try:

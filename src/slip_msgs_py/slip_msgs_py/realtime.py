@@ -129,7 +129,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--fifo", type=int, help="SCHED_FIFO priority, 1 to 99")
     parser.add_argument("--lock-memory", action="store_true", help="keep all memory in RAM")
     parser.add_argument("--awake", action="store_true", help="keep its cores from sleeping")
-    parser.add_argument("module", help="module to run, e.g. slip_sim_bridge.node")
+    parser.add_argument("module", help="module to run, e.g. slip_sim_bridge.main")
     parser.add_argument("arguments", nargs=argparse.REMAINDER, help="its arguments")
     words = parser.parse_args(argv)
     for line in set_up_process(ProcessOptions(words.cpu, words.fifo, words.lock_memory, words.awake)):

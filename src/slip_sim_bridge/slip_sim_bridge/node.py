@@ -5,7 +5,6 @@ A thin shell around `slip_sim_bridge.session`: topics, clock, lockstep and pacin
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -28,7 +27,7 @@ from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_sender
 from slip_msgs_py.last_resort import Failures, LastResort
 from slip_msgs_py.messages import forms, to_msgs
-from slip_msgs_py.node_main import memory_mib, run_node
+from slip_msgs_py.node_main import memory_mib
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare
@@ -390,12 +389,3 @@ class SlipSimBridge(LastResort, Node):
 def arm_urdf(params: BridgeParams) -> str:
     """Return the URDF of an arm, on its own base."""
     return params.robot_description or read_text(params.robot_description_file, "parameter robot_description_file")
-
-
-def main() -> int:
-    """Entry point of ``slip_sim_bridge_node``."""
-    return run_node(SlipSimBridge)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

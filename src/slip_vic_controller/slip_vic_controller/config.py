@@ -194,18 +194,16 @@ def _fill_modes(config: Any, params: ControllerParams) -> None:
 
 
 def _fill_limits(config: Any, safety: SafetyParams, robot: Robot, period_s: float) -> None:
-    n, limits, motion, effort = len(robot.joint_names), safety.limits, config.motion, config.effort
+    n, limits, motion, drive = len(robot.joint_names), safety.limits, config.motion, config.motion.drive
     velocity = robot.velocity_limit * limits.velocity_scale
     motion.near_lower[:n] = robot.position_lower + limits.position_margin
     motion.near_upper[:n] = robot.position_upper - limits.position_margin
     motion.margin, motion.velocity[:n] = limits.position_margin, velocity
     motion.brake_from[:n], motion.trip[:n] = velocity * limits.velocity_brake, velocity * limits.velocity_trip
-    motion.effort[:n], effort.effort[:n] = robot.effort_limit, robot.effort_limit
     motion.speed_linear, motion.speed_angular = limits.speed_linear, limits.speed_angular
-    motion.rate, motion.period = limits.effort_rate, period_s
-    effort.rate, effort.period_ns = limits.effort_rate, seconds_to_ns(period_s)
-    effort.longest_step_ns = seconds_to_ns(max(limits.longest_step_s, period_s))  # a control period is no pause
-    effort.restart_after_ns = seconds_to_ns(limits.restart_after_s)
+    drive.effort[:n], drive.rate, drive.period_ns = robot.effort_limit, limits.effort_rate, seconds_to_ns(period_s)
+    drive.longest_step_ns = seconds_to_ns(max(limits.longest_step_s, period_s))  # a control period is no pause
+    drive.restart_after_ns = seconds_to_ns(limits.restart_after_s)
 
 
 def _fill_drop(drop: Any, params: ControllerParams) -> None:

@@ -11,7 +11,7 @@ of `_finish`.
 from __future__ import annotations
 
 import math
-from enum import IntEnum
+from enum import IntEnum, unique
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -70,7 +70,6 @@ from slip_vic_controller.safety.arbitration import (
 )
 from slip_vic_controller.safety.drop_detection import DROP_DETECTION, OBSERVED, forget, observe_motion
 from slip_vic_controller.safety.effort_limiter import (
-    EFFORT_LIMITS,
     LIMITER,
     limit_effort,
     needs_restart,
@@ -83,6 +82,7 @@ from slip_vic_controller.safety.hold import (
     believable_arm,
     carry_load,
     hold_effort,
+    keep_posture,
     update_load_error,
 )
 from slip_vic_controller.safety.latency import (
@@ -143,7 +143,7 @@ late; gate_shut: whether the law takes the object as held; leaves_gravity: wheth
 CONFIG = layout(
     law=LAW_CONFIG, gains=LAW_GAINS, giving_up=GIVING_UP, path=PATH, observer=OBSERVER_CONFIG, cycle=CYCLE_CONFIG,
     joint=JOINT_LIMITS, wrench=VECTOR_LIMITS, slip=VECTOR_LIMITS, modes=MODE_POLICY, arbitration=ARBITRATION,
-    drop=DROP_DETECTION, motion=MOTION_LIMITS, effort=EFFORT_LIMITS, hold=HOLD_CONFIG, governor=GOVERNOR_CONFIG,
+    drop=DROP_DETECTION, motion=MOTION_LIMITS, hold=HOLD_CONFIG, governor=GOVERNOR_CONFIG,
     wrench_sensor=WRENCH_SENSOR, grip=GRIP_CONFIG, goals=GOALS, stream=STREAM_CONFIG,
 )  # fmt: skip
 """All that does not change while the controller runs."""
@@ -254,7 +254,7 @@ def _never_seen(c: Any, s: Any) -> int:
 def _wait(c: Any, s: Any, i: Any, missing: Reason, keep_limiter: int) -> None:
     """Give no effort. Without one the arm goes anywhere: HOLD, also that of a fault, begins anew where it is then."""
     next_mode(c.modes, s.mode, TransitionReasons(missing, NOTHING, NOTHING, NOTHING), i.request, i.now_ns)
-    s.limiter.started, s.now_ns, s.hold.known = keep_limiter, i.now_ns, 0
+    s.limiter.started, s.now_ns, s.hold.known, s.hold.load_error[:] = keep_limiter, i.now_ns, 0, 0.0
     forget_latency(s.latency)
 
 
@@ -318,6 +318,7 @@ class Decision(NamedTuple):
     freezes: bool
 
 
+@unique
 class Step(IntEnum):
     """What a cycle does after its decision."""
 
@@ -355,7 +356,7 @@ def _answer(c: Any, s: Any, history: Array, i: Any, o: Any, decision: Decision) 
     if not follows(entered):
         # After a HOLD the path starts from rest; and the time that passed in it is not part of the path.
         s.path.scale, s.path.rate = (1.0 if entered == Mode.WAITING_INPUT else 0.0), 0.0
-        s.hold.known = 0
+        s.hold.known, s.hold.load_error[:] = 0, 0.0
         forget(s.observed, s.observed.blind_since_ns)
         if c.cycle.has_observer != 0:
             reset(c.observer, s.observer, sample.stamp_ns, i.arm.twist)  # what it knew is void
@@ -422,12 +423,12 @@ def _arm_of_load(c: Any, s: Any, pad: Mat) -> Vec:
 
 @part
 def _hold(c: Any, s: Any, i: Any, o: Any, wrench_good: bool) -> None:
-    """Keep the posture in which HOLD began."""
+    """Keep the posture in which HOLD began; what the wrench has told of the load stays until the law begins."""
     law, sample, n = s.law, s.joint.answers, c.law.joints
     if s.hold.known == 0 or i.now_ns - s.now_ns > c.arbitration.gap_ns:  # after a pause somebody else held the arm
         s.hold.known = 1
         s.hold.posture[:n] = sample.position[:n]
-        s.hold.load_error[:] = 0.0
+    keep_posture(s.hold, n, sample, c.motion.velocity)
     dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
     pad = pad_rotation(c.law.contact[0], law.slips[0])
     r = _arm_of_load(c, s, pad)
@@ -499,7 +500,6 @@ def _follow(c: Any, s: Any, history: Array, i: Any, o: Any, level: int) -> None:
     next_mode(c.modes, s.mode, reasons, Request.NONE.value, i.now_ns)
     s.path.scale, s.path.rate, s.hold.known = 0.0, 0.0, 1
     s.hold.posture[:n] = sample.position[:n]
-    s.hold.load_error[:] = 0.0
     _finish(c, s, i, o, sample.position, sample.velocity, sample.effort, False)
 
 
@@ -628,12 +628,12 @@ def _finish(c: Any, s: Any, i: Any, o: Any, q: Array, qd: Array, felt: Array, la
         law_at_work: whether the effort is the law's; then the pad's speed is limited too.
     """
     n, now_ns = c.law.joints, i.now_ns
-    if needs_restart(c.effort, s.limiter, now_ns):
-        start_limiter(c.effort, s.limiter, n, felt, s.law.gravity, now_ns)
+    if needs_restart(c.motion.drive, s.limiter, now_ns):
+        start_limiter(c.motion.drive, s.limiter, n, felt, s.law.gravity, now_ns)
     torque, clipped = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64)
     torque[:n] = o.wanted[:n]
     avoid_limits(c.motion, n, q, qd, i.arm, law_at_work, torque)
-    finite = limit_effort(c.effort, s.limiter, n, torque, now_ns, clipped, o.limited)
+    finite = limit_effort(c.motion.drive, s.limiter, n, torque, now_ns, clipped, o.limited)
     saturated = 0
     for j in range(n):
         o.effort[j] = s.limiter.effort[j]

@@ -6,7 +6,6 @@ A thin shell around `ControllerSession`: topics, readiness and publication; no m
 from __future__ import annotations
 
 import functools
-import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -27,15 +26,15 @@ from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_receiver
 from slip_msgs_py.last_resort import Failures, LastResort, fails_loudly
 from slip_msgs_py.messages import to_msgs
-from slip_msgs_py.node_main import memory_mib, run_node
+from slip_msgs_py.node_main import memory_mib
 from slip_msgs_py.qos import create_publisher
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare
-from slip_vic_controller.arm_topics import STATE_DEPTH, ArmTopics, Place
-from slip_vic_controller.mode_interface import RequestServices
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.session import Controller, ControllerSession, Manifest
 from slip_vic_controller.team.crew import Crew, OneArm, Results
+from slip_vic_controller.topics.arm import STATE_DEPTH, ArmTopics, Place
+from slip_vic_controller.topics.mode import RequestServices
 
 LOOK_S = 0.02
 WATCHDOG_S = 0.01
@@ -311,12 +310,3 @@ def make_controller(params: ControllerNodeParams, base: BaseParams = ORIGIN) -> 
 
 def _manifest(_stamp_ns: int, numbers: Any) -> Manifest:
     return Manifest.decode(numbers.tolist())
-
-
-def main() -> int:
-    """Entry point of ``slip_vic_controller_node``."""
-    return run_node(SlipVicController)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

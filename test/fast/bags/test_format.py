@@ -146,6 +146,13 @@ def test_empty_bag_starts_at_the_end_of_time():
     assert tree["topics_with_message_count"] == []
 
 
+def test_lists_without_an_entry_may_be_empty_or_null():
+    text = metadata_text(BagMetadata(files=(FileInfo("x_0.mcap"),)), root=True)
+    for nothing in ("[]", "null"):
+        topics, found = f"topics_with_message_count: {nothing}", parse_metadata(text, "x")
+        assert parse_metadata(text.replace("topics_with_message_count: []", topics), "x") == found
+
+
 def test_numbers_of_old_versions_are_read():
     (profile,) = parse_qos(NUMBERED)
     assert (profile.history, profile.reliability, profile.durability) == ("unknown", "best_effort", "volatile")

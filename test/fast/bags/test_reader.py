@@ -6,10 +6,12 @@ import struct
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
 from slip_bags.format import QosProfile, TopicInfo
 from slip_bags.reader import Bag
+from slip_bags.storage import mcap_file
 from slip_bags.typedefs import find_definition
 from slip_bags.writer import BagWriter, StorageError, WriterOptions
 from slip_core.errors import InputError
@@ -19,7 +21,7 @@ TWO = {"/a": "std_msgs/msg/String", "/b": "geometry_msgs/msg/WrenchStamped"}
 STRING = find_definition("std_msgs/msg/String")
 
 
-def write_strings(path: Path, times: list[int], **writer_options: object) -> None:
+def write_strings(path: Path, times: list[int], fill: bytes = b"", **writer_options: object) -> None:
     """Write one topic with the mcap package alone, as other tools do."""
     with path.open("wb") as file:
         writer = Writer(file, **writer_options)
@@ -27,7 +29,7 @@ def write_strings(path: Path, times: list[int], **writer_options: object) -> Non
         schema = writer.register_schema(STRING.name, "ros2msg", STRING.text.encode())
         channel = writer.register_channel("/a", "cdr", schema, {})
         for index, time in enumerate(times):
-            text = str(index).encode() + b"\0"
+            text = str(index).encode() + fill + b"\0"
             data = b"\0\1\0\0" + struct.pack("<I", len(text)) + text
             writer.add_message(channel, time, data, time, index)
         writer.finish()
@@ -89,6 +91,17 @@ def test_files_of_other_writers(tmp_path, options):
         assert bag.message_count == 50
 
 
+@pytest.mark.parametrize("index", [IndexType.ALL, IndexType.NONE], ids=["index", "no index"])
+def test_what_is_much_larger_than_its_file_is_refused(tmp_path, monkeypatch, index):
+    monkeypatch.setattr(mcap_file, "MAX_UNPACKED", 0)
+    write_strings(tmp_path / "usual", [START_NS] * 50, index_types=index)
+    with Bag(tmp_path / "usual") as bag:
+        assert bag.message_count == 50
+    write_strings(tmp_path / "much", [START_NS], fill=b"x" * 1_000_000, index_types=index)
+    with pytest.raises(InputError, match="in a file of"):
+        Bag(tmp_path / "much")
+
+
 def test_two_channels_of_one_topic_are_one_topic(tmp_path):
     with (tmp_path / "x.mcap").open("wb") as file:
         writer = Writer(file)
@@ -110,6 +123,11 @@ def test_custom_data_and_attachments_with_and_without_folder(tmp_path):
         with Bag(path) as bag:
             assert dict(bag.custom_data) == {"k": "v: 1"}
             assert dict(bag.attachments) == {"arm.urdf": b"<robot/>", "a.yaml": b"\xff"}
+    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as file:
+        reader = make_reader(file)
+        listed = reader.get_summary().attachment_indexes
+        times = {(each.log_time, each.create_time) for each in (*listed, *reader.iter_attachments())}
+    assert times == {(0, 0)}  # the same bag gives the same bytes
 
 
 def test_unknown_topic_offers_the_nearest(tmp_path):
@@ -266,6 +284,16 @@ def test_closed_writer_refuses(tmp_path):
         writer.write("/a", 1, 1, 1, b"")
 
 
+def test_messages_count_before_their_chunk_is_written(tmp_path):
+    writer = BagWriter(tmp_path / "bag", WriterOptions())
+    writer.add_topic(TopicInfo("/a", STRING.name, (QosProfile(),), STRING.type_hash), STRING.text)
+    for k in range(5):
+        writer.write("/a", k, k, k, b"\0\1\0\0\1\0\0\0\0")
+    assert (writer.message_count, writer.metadata().message_count) == (5, 5)
+    writer.flush()
+    assert writer.close().message_count == 5
+
+
 def test_huge_message(tmp_path):
     """One message far larger than a chunk."""
     writer = BagWriter(tmp_path / "bag", WriterOptions())
@@ -277,6 +305,15 @@ def test_huge_message(tmp_path):
     with Bag(tmp_path / "bag") as bag:
         assert next(bag.raw()).data == data
         assert len(bag.series("/a")["data"][0]) == size
+
+
+def test_a_file_that_is_large_enough_is_followed_by_the_next(tmp_path):
+    size = 1 << 20  # more than a chunk, so that each is written at once
+    writer = BagWriter(tmp_path / "bag", WriterOptions(compression="none", split_bytes=3 * size))
+    writer.add_topic(TopicInfo("/a", STRING.name, (QosProfile(),), STRING.type_hash), STRING.text)
+    for k in range(10):
+        writer.write("/a", k, k, k, b"\0\1\0\0" + struct.pack("<I", size + 1) + b"x" * size + b"\0")
+    assert [file.message_count for file in writer.close().files] == [3, 3, 3, 1]
 
 
 def test_two_readers_of_one_bag_do_not_disturb_each_other(tmp_path):

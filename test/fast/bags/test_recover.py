@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import io
 import os
@@ -15,20 +16,24 @@ from pathlib import Path
 
 import pytest
 import yaml
+from mcap.reader import make_reader
 from mcap.records import Metadata
 from rosbags.highlevel import AnyReader
 
+from slip_bags.format import TopicInfo
 from slip_bags.reader import Bag, RawMessage
 from slip_bags.recover import recover
 from slip_bags.storage.mcap_writer import McapWriter
 from slip_bags.storage.salvage import Salvage, salvage
-from slip_bags.writer import WriterOptions, _Syncer
+from slip_bags.writer import BagWriter, StorageError, WriterOptions, _Syncer
 from slip_core.errors import InputError
 from test.support.bag_maker import make_bag
 from test.support.every import every
 
 TOPICS = {"/a": "sensor_msgs/msg/JointState", "/b": "geometry_msgs/msg/WrenchStamped"}
 COUNT, FLUSH = 400, 40
+BLOCKS = 3 * 4096  # of metadata.yaml, its temporary copy and the folder
+DATA = b"\0\1\0\0" + struct.pack("<I", 4001) + 4000 * b"a" + b"\0"  # of a std_msgs/String
 CUTS = 10
 DAMAGES = 8
 
@@ -137,6 +142,25 @@ def test_damage_anywhere(original, tmp_path, seed):
         assert len(whole) - len(saved) <= 2 * FLUSH * len(TOPICS)
 
 
+@every("compression", ["zstd", "lz4"])
+def test_a_chunk_whose_head_is_damaged_costs_its_own_messages_only(tmp_path, compression):
+    tmp_path = made(tmp_path / compression)
+    original, bad = tmp_path / "original", tmp_path / "bad.mcap"
+    make_bag(original, count=COUNT, topics=TOPICS, options=WriterOptions(compression), flush_every=FLUSH)
+    good = original / "original_0.mcap"
+    with good.open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    damaged, head = chunks[len(chunks) // 2], struct.calcsize("<BQ")
+    data = bytearray(good.read_bytes())
+    at = damaged.chunk_start_offset
+    data[at : at + head] = b"\xff" * head
+    bad.write_bytes(data)
+    report = recover(bad, tmp_path / "out", "zstd")
+    first, last = damaged.message_start_time, damaged.message_end_time
+    assert messages(tmp_path / "out") == [row for row in messages(original) if not first <= row.log_time_ns <= last]
+    assert report.bytes_skipped >= head
+
+
 def test_split_bags_keep_their_files(tmp_path):
     make_bag(tmp_path / "bag", count=90, topics=TOPICS, options=WriterOptions(split_duration_ns=29_500_000))
     (tmp_path / "bag" / "metadata.yaml").unlink()
@@ -180,6 +204,28 @@ def test_a_file_that_cannot_grow_ends_where_its_last_chunks_were_and_keeps_the_o
     assert contents.end_ns == kept - 1
     with Bag(path) as bag:
         assert [message.log_time_ns for message in bag.raw()] == list(range(kept))
+
+
+def test_a_disk_that_refuses_leaves_a_bag_with_its_metadata(tmp_path, monkeypatch):
+    writer = BagWriter(tmp_path / "bag", WriterOptions("none"))
+    writer.add_topic(TopicInfo("/a", "std_msgs/msg/String", (), "h"), "string data")
+    for k in range(100):
+        writer.write("/a", k, k, k, DATA)
+        writer.flush()
+    file = tmp_path / "bag" / "bag_0.mcap"
+    before = file.stat().st_size
+    monkeypatch.setattr(McapWriter, "add_message", refuse)
+    with pytest.raises(StorageError, match="No space left on device") as caught:
+        writer.write("/a", 100, 100, 100, DATA)
+    kept = messages(tmp_path / "bag")
+    assert f"closed with the {len(kept)} messages before, readable" in str(caught.value)
+    assert [row.log_time_ns for row in kept] == list(range(len(kept)))
+    assert 0 < len(kept) < 100  # the end of the file needs room
+    assert file.stat().st_size + (tmp_path / "bag" / "metadata.yaml").stat().st_size + BLOCKS <= before
+
+
+def refuse(*_: object) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def test_a_flushed_bag_is_on_the_disk(tmp_path, monkeypatch):

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from slip_bags.playing.schedule import SLICE_NS, SPIN_NS, Schedule
 
 SECOND = 10**9
+LOOK_NS = 100
 ROUNDING_NS = 2  # two roundings to whole nanoseconds
 
 
@@ -16,11 +17,11 @@ class FakeTime:
     """A clock that only sleeping, and each look at it, moves on."""
 
     def __init__(self, oversleep_ns: int = 0) -> None:
-        self.ns = 123 * SECOND
+        self.ns, self.looks = 123 * SECOND, 0
         self.oversleep_ns = oversleep_ns
 
     def now(self) -> int:
-        self.ns += 100
+        self.ns, self.looks = self.ns + LOOK_NS, self.looks + 1
         return self.ns
 
     def sleep(self, seconds: float) -> None:
@@ -50,6 +51,14 @@ def test_errors_do_not_add_up(rate):
         wait(schedule, bag_time)
         late = time.ns - start - (bag_time - 7 * SECOND) / rate
         assert 0 <= late + ROUNDING_NS <= 1000
+
+
+@pytest.mark.parametrize("ahead_ns", [SPIN_NS // 2, 2 * SPIN_NS, SLICE_NS - SPIN_NS // 2, SLICE_NS + SPIN_NS // 2])
+def test_it_sleeps_until_just_before_a_message_is_due(ahead_ns):
+    schedule, time = make()
+    wait(schedule, 7 * SECOND + ahead_ns)
+    assert 0 <= schedule.lateness(7 * SECOND + ahead_ns) <= 10 * LOOK_NS
+    assert time.looks < 1.1 * SPIN_NS / LOOK_NS
 
 
 def test_what_is_due_comes_at_once():

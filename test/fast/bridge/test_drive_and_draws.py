@@ -49,6 +49,6 @@ def test_chances_drawn_ahead_are_those_of_one_draw_after_the_other():
 )
 def test_exceeds_compares_sizes(values, beyond):
     values, bounds = np.array(values), np.array([1.0, 2.0])
-    assert exceeds(values, bounds) is beyond
+    assert bool(exceeds(values, bounds)) is beyond
     with np.errstate(invalid="ignore"):
         assert bool((np.abs(values) > bounds).any()) is beyond

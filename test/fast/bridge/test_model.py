@@ -70,6 +70,15 @@ def test_joint_friction_of_a_urdf_is_left_out():
     assert not np.any(model.dof_frictionloss)
 
 
+def test_collision_shapes_of_a_urdf_do_not_touch():
+    shape = '<collision><geometry><sphere radius="0.5"/></geometry></collision></link>'
+    model = build_model(BridgeParams(), urdf_text().replace("</link>", shape))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert np.count_nonzero(model.geom_contype) > 5
+    assert data.ncon == 0
+
+
 def test_a_urdf_without_the_mujoco_extension_keeps_fixed_links():
     plain = urdf_text().replace('<compiler fusestatic="false" discardvisual="false"/>', "")
     ours, theirs = (build_model(BridgeParams(), text) for text in (urdf_text(), plain))

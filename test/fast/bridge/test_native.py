@@ -7,7 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from slip_bringup.scenario import load_scenario
 from slip_core.errors import InputError
+from slip_sim_bridge.plant.native import NativePlant
 from test.support.every import every
 
 from .grasp_cases import G0, MU_S, POSTURE, RHO, friction_used, grasp, planar, shaken_hold, slip, slip_speed
@@ -17,6 +19,7 @@ SAME_WRENCH = 0.005  # of the wrench's size: soft contacts and 0.2 g of pads; me
 BREAK_AWAY = 0.005  # the grip falls by 0.05 % a tick; measured 0.003
 CREEP_M_S = 2e-5  # noslip solver at 90 % load with vibration, measured 6e-6; without it 2e-3
 SLIPPING_M_S = 1e-4  # above creep and settling, below any real slip
+SETTLED_M = 1e-7  # measured 3e-8
 BACKENDS = ("implicit", "native")
 
 
@@ -165,6 +168,13 @@ def test_at_the_start_the_robot_feels_the_whole_weight():
         weight, com = np.array([0.0, 0.0, -0.5 * G0]), np.array([-0.02, -0.01, 0.0])  # seen from the pad
         expected = np.concatenate((weight, np.cross(com, weight)))
         np.testing.assert_allclose(wrench, expected, atol=SAME_WRENCH * 0.5 * G0)
+
+
+def test_nothing_slides_while_the_contacts_settle():
+    scenario = load_scenario("paper_planar")
+    plant = NativePlant(scenario.bridge, scenario.urdf)
+    plant.reset(scenario.bridge.grip.force)
+    assert np.abs(plant.data.qpos[plant._slip[:2]]).max() < SETTLED_M
 
 
 def test_bristles_are_refused():

@@ -171,3 +171,12 @@ def test_what_cannot_be_simulated_is_refused() -> None:
         simulation.step([np.zeros(3), None])
     with pytest.raises(DivergenceError):
         simulation.step([None, None])
+
+
+def test_forces_that_are_not_finite_end_the_simulation_before_they_act() -> None:
+    simulation = pair()
+    simulation.plant.data.qvel[0] = np.nan
+    before = simulation.plant.data.qpos.copy()
+    with pytest.raises(DivergenceError, match="the forces of the pads are not finite"):
+        simulation.plant.advance([np.zeros(7), np.zeros(7)])
+    assert np.array_equal(simulation.plant.data.qpos, before)

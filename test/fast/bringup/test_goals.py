@@ -16,8 +16,8 @@ from slip_bringup.scenario import load_scenario
 from slip_core.errors import InputError
 from slip_core.types import PoseGoal
 from slip_msgs_py.messages.from_msgs import pose_goal
-from slip_vic_controller.goal_interface import GoalInterface
 from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.topics.goal import GoalInterface
 from test.support.run_maker import goal_message, record_run
 
 HELD_M = 1e-7

@@ -74,7 +74,9 @@ SENT = {
 def test_what_is_sent_decodes_to_the_typed_message(case: tuple[forms.Form, tuple[Any, ...]]) -> None:
     form, numbers = case
     wire = Wire()
-    Sender(wire, form).send(STAMP_NS, *numbers)
+    sender = Sender(wire, form)
+    sender.send(STAMP_NS, *numbers)
+    assert sender.publisher is wire  # a node waits for its publishers before it ends
     typed = form.make(STAMP_NS, *numbers)
     assert deserialize_message(wire.sent[0], type(typed)) == typed
 

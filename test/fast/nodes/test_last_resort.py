@@ -97,6 +97,7 @@ class Rclpy:
         return callback
 
     def create_timer(self, _period: float, callback: Any, *_rest: Any, **_options: Any) -> Any:
+        self.timers = [callback]
         return callback
 
     def create_service(self, _type: Any, _name: str, callback: Any, *_rest: Any, **_options: Any) -> Any:
@@ -128,3 +129,12 @@ def test_no_exception_leaves_a_callback_unless_tests_want_it(monkeypatch: pytest
     for call in (lambda: take("message"), tick, lambda: answer("request", "response")):
         with pytest.raises(ZeroDivisionError):
             call()
+
+
+def test_a_timer_that_was_due_when_it_was_destroyed_is_not_run() -> None:
+    node, calls = Node(), []
+    tick = node.create_timer(1.0, lambda: calls.append(1))
+    tick()
+    node.timers.clear()
+    tick()
+    assert calls == [1]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
+import pytest
 
 from slip_sim_bridge.sensors.presets import load_preset, preset_names
 from slip_vic_controller.observer.config import SPARE_ROWS, capacity
@@ -41,6 +44,42 @@ def test_samples_contradict_the_estimate_where_the_newest_in_a_row_all_do() -> N
     assert contradicted_since(state, rows) == 1  # whatever ticks lie between
     state.rows = 0
     assert contradicted_since(state, rows) == -1
+
+
+def test_what_is_kept_of_axes_that_are_not_filtered_is_zero() -> None:
+    rng = np.random.default_rng(0)
+    R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    for axis in range(6):
+        axes = np.arange(6) == axis
+        observer = Observer(make_params(**SENSOR, contacts__slip_axes=tuple(map(bool, axes))))
+        v_ee, follow, force = rng.normal(size=(3, 6))
+        drag, w_o = rng.normal(size=(2, 3))
+        observer.observe(make_motion(v_ee, follow, force, drag, w_o, R), MS, [])
+        row = ordered_rows(observer)[-1]
+        for name in ("step", "force", "drag"):
+            assert np.array_equal(row[name] != 0.0, axes[: len(row[name])]), (axis, name)
+
+
+def test_samples_of_a_tick_count_by_stamp_then_value_whatever_their_order_and_twice_where_they_come_twice() -> None:
+    samples = [(2 * MS, six(x=3e-5)), (3 * MS, six(x=1e-5)), (3 * MS, six(x=2e-5)), (3 * MS, six(x=2e-5))]
+    for given in itertools.permutations(samples):
+        observer = Observer(make_params(**SENSOR))
+        assert observer.observe(make_motion(np.zeros(6)), 5 * MS, given)
+        mean = 0.0
+        for _, twist in samples:
+            mean += observer.config.smoothing * (twist[0] - mean)
+        assert observer.state.sample_mean[0] == pytest.approx(mean, rel=1e-12)
+
+
+@pytest.mark.parametrize("above", [-0.5, 0.5])
+def test_a_mean_of_samples_is_significant_from_the_limit_on(above: float) -> None:
+    observer = Observer(make_params(**SENSOR))
+    c = observer.config
+    variance = c.smoothing / (2.0 - c.smoothing) * c.measurement_variance[0]
+    x = np.sqrt((c.nis_slip + above) * variance)
+    observer.state.sample_mean[0] = x
+    observer.observe(make_motion(np.zeros(6)), 5 * MS, [(3 * MS, six(x=x))])
+    assert bool(observer.state.sliding) is (above > 0.0)
 
 
 def test_in_stick_only_the_window_is_kept() -> None:

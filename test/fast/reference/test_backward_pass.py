@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from slip_core.records import record
-from slip_vic_controller.reference.backward_pass import most
+from slip_core.records import new, record
+from slip_vic_controller.reference.backward_pass import admissible, most
 from slip_vic_controller.reference.path_grid import GRID_POINT, path_time
 from test.referees.governor_bench import PAPER_PLANAR, Governing, Governor
 from test.referees.governor_paths import BentPath
@@ -50,6 +50,17 @@ def test_points_keep_the_scalar_products_of_the_load() -> None:
         for name, a, b in (("uu", l_u, l_u), ("ux", l_u, l_x), ("xx", l_x, l_x), ("xc", l_x, l_c), ("cc", l_c, l_c)):
             ours, theirs = G.points[name][1:-1], (a * b).sum(1)[1:-1]
             np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-6 * np.abs(theirs).max())
+
+
+def test_the_heaviest_place_of_a_path_is_known_wherever_it_is() -> None:
+    rng, inside = np.random.default_rng(SEED), 0
+    for _ in range(6):
+        G = Governor(bent(rng, LIGHT), LIGHT, margin=1.0).plan()
+        worst = int(np.argmax(G.points["cc"]))
+        inside += 0 < worst < len(G.points) - 1
+        assert G.state.weight_load == np.sqrt(G.points["cc"][worst])
+        assert G.state.heaviest_time == G.points["time"][worst]
+    assert inside
 
 
 def test_s_is_the_length_of_the_path() -> None:
@@ -97,6 +108,22 @@ def test_bound_is_that_of_a_conic_solver() -> None:
             for first in (20, 100, 150):
                 ours = float(G.points["K"][first])
                 assert ours == pytest.approx(conic_bound(cp, G, first), rel=SOLVER)
+
+
+def test_bound_can_be_run_where_friction_only_just_carries_the_weight() -> None:
+    rng, bounds = np.random.default_rng(SEED), []
+    for _ in range(500):
+        l_u, l_x, l_c = (rng.normal(size=3) * 10.0 ** rng.uniform(-2.0, 2.0) for _ in range(3))
+        F, way, after = 10.0 ** rng.uniform((-1.0, -4.0, -6.0), (1.0, 0.0, 2.0))
+        l_c *= F * (1.0 - 10.0 ** rng.uniform(-14.0, -10.0)) / np.linalg.norm(l_c)
+        point = record(new(GRID_POINT), GRID_POINT)
+        point.uu, point.ux, point.uc, point.xx, point.xc, point.cc = (
+            l_u @ l_u, l_u @ l_x, l_u @ l_c, l_x @ l_x, l_x @ l_c, l_c @ l_c
+        )  # fmt: skip
+        point.cap = 10.0 ** rng.uniform(-2.0, 2.0)
+        bounds.append(most(point, F, way, after))
+        assert admissible(point, bounds[-1], F, 2.0 * way, after)
+    assert min(bounds) < 1e-6 < max(bounds)
 
 
 def travel_time(G, K=None, first=0, last=None):

@@ -7,10 +7,12 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from slip_vic_controller.reference import governor
+from slip_vic_controller.reference.path_grid import path_time
 from test.referees.governor_bench import PAPER_PLANAR, Friction, Governing, Governor
 from test.referees.governor_paths import BentPath
 from test.referees.planar_governed import (
@@ -139,6 +141,23 @@ def test_only_the_first_sample_of_a_slip_teaches() -> None:
     assert G.state.estimate.events == 1
 
 
+def test_while_it_slips_the_reference_follows_the_pad() -> None:
+    G = Governor(BentPath(PAPER.way, PAPER.duration), PAPER).plan()
+    while G.state.s < 0.4 * G.state.end:
+        G.before()
+    G.state.estimate.slipping = 1
+    s, slower = float(G.state.s), 0.7 * float(G.state.rate)
+    assert slower > 0.01
+    for rate in (slower, -slower):
+        for _ in range(20):
+            s += rate * G.dt
+            time = path_time(G.grid, s)
+            x, R, v, _ = G.path.at(time)
+            G.before(x, R, rate * v / np.interp(time, G.points["time"], G.points["speed"]))
+            assert G.state.rate == pytest.approx(max(rate, 0.0), rel=0.02, abs=1e-9)
+            assert G.state.s == pytest.approx(s, abs=2.0 * G.dt * slower)
+
+
 def test_a_late_sample_teaches_the_load_of_its_own_stamp() -> None:
     G = Governor(BentPath(PAPER.way, 2.0), PAPER)
     for k in range(200):
@@ -183,6 +202,33 @@ def test_what_stops_on_the_path_is_looked_for_and_the_least_that_was_seen_to_is_
         assert passes == 3 + governor.SEARCH_PASSES
         assert state.plan_load == seen
         assert enough <= state.plan_load <= enough + (0.985 * 0.25 - 0.16) / 2**governor.SEARCH_PASSES
+
+
+def test_it_begins_without_feedback() -> None:
+    assert not np.any(Governor(BentPath(PAPER.way, 2.0), PAPER).state.feedback)
+
+
+@pytest.mark.parametrize(("K", "admitted"), [((0.04, 0.09, 0.16), 0.04), ((0.09, 0.04, 0.01), 0.04)])
+def test_it_begins_as_fast_as_the_first_cell_admits(K: tuple[float, ...], admitted: float) -> None:
+    G = Governor(BentPath(PAPER.way, 2.0), PAPER)
+    G.points["K_next"][:3] = K
+    governor.take_plan(G.config, G.state, G.grid)
+    assert G.state.rate == pytest.approx(np.sqrt(admitted))
+    assert G.state.planned == 1
+
+
+def test_the_observers_word_alone_is_dropped_where_nothing_would_stop_on_the_path_any_more() -> None:
+    G = Governor(BentPath(PAPER.way, 2.0), PAPER).plan()
+    state, estimate = G.state, G.state.estimate
+    estimate.F_hat, estimate.slipped_at, state.rate = 0.16, 0.25, 1.0
+    estimate.suspected, estimate.suspected_at = 1, 0.25
+    governor.begin_plan(state, 0.16)
+    G.points["K_next"][:] = 0.5  # too slow for this rate, whatever load it is planned for
+    governor.end_pass(G.config, state, G.grid)
+    assert (state.search, estimate.suspected) == (governor.Search.CEILING, 1)
+    governor.end_pass(G.config, state, G.grid)
+    assert (state.search, estimate.suspected, state.urgent) == (governor.Search.NO, 0, 0)
+    assert state.pass_load == governor.planned_load(G.config, state)
 
 
 def test_while_the_observers_word_is_provisional_braking_asks_no_more_than_what_is_known_to_hold() -> None:

@@ -16,8 +16,10 @@ from slip_bringup.scenario import load_scenario
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_core.types import CartesianReference
+from slip_core.vectors import mat, spatial, vec
 from slip_msgs_py.messages.from_msgs import streamed_reference
-from slip_vic_controller.reference.stream import STREAM, drop_passed
+from slip_vic_controller.reference.paths import REFERENCE, Reference, put_reference
+from slip_vic_controller.reference.stream import STREAM, at, drop_passed
 from slip_vic_controller.safety.modes import Mode
 from test.support.run_maker import goal_message, record_run
 
@@ -111,6 +113,38 @@ def test_what_has_been_run_through_is_forgotten_and_nothing_else() -> None:
         assert [stream.points[i].time for i in kept] == list(range(6 - points, 6)), time
         assert [stream.samples[i].position[0] for i in kept] == list(range(6 - points, 6)), time
         assert stream.fresh == max(points - 2, 0), "the load of the last two is still unknown"
+
+
+def numbers(reference: Reference) -> np.ndarray:
+    """Position, attitude, twist and acceleration; (24,)."""
+    buffer = new(REFERENCE)
+    put_reference(record(buffer, REFERENCE), reference)
+    found = record(buffer, REFERENCE)
+    return np.concatenate([np.ravel(found[name]) for name in ("position", "rotation", "twist", "acceleration")])
+
+
+def test_between_its_samples_a_stream_moves_as_its_rates_say_and_meets_them_at_each() -> None:
+    rng, stream = np.random.default_rng(5), record(new(STREAM), STREAM)
+    times, R, samples = (0.0, 0.3, 0.5, 1.1), np.eye(3), []
+    for i, time in enumerate(times):
+        R = Rotation.from_rotvec(rng.normal(size=3) * 0.2).as_matrix() @ R
+        x, v, a = rng.normal(size=3), rng.normal(size=6), rng.normal(size=6)
+        samples.append(Reference(vec(x), mat(R), spatial(v), spatial(a)))
+        stream.points[i].time = time
+        put_reference(stream.samples[i], samples[-1])
+    stream.count = len(times)
+    for time, sample in zip(times, samples, strict=True):
+        expected = numbers(sample)
+        expected[18:] *= time < times[-1]  # behind the last sample it goes straight on
+        np.testing.assert_allclose(numbers(at(stream, time)), expected, atol=1e-9)
+        if time > 0.0:
+            np.testing.assert_allclose(numbers(at(stream, time - 1e-10)), numbers(sample), atol=1e-5)
+    h = 1e-6
+    for time in (0.04, 0.2, 0.33, 0.49, 0.6, 1.0, 2.0):
+        before, now, after = (numbers(at(stream, time + step)) for step in (-h, 0.0, h))
+        turned = Rotation.from_matrix(after[3:12].reshape(3, 3) @ before[3:12].reshape(3, 3).T).as_rotvec()
+        rates = np.concatenate((after[:3] - before[:3], turned, after[12:18] - before[12:18])) / (2.0 * h)
+        np.testing.assert_allclose(rates, now[12:], rtol=1e-5, atol=1e-4)
 
 
 def test_what_does_not_say_how_it_moves_is_refused() -> None:

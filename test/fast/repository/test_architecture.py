@@ -45,6 +45,7 @@ ALLOWED = {
     "slip_vic_controller.slip_displacement": {"numpy", "slip_core"},
     "slip_vic_controller.snapshot": {"numpy", "slip_core"},
     "slip_vic_controller.team": {"numpy", "slip_core"},
+    "slip_vic_controller.team.main": {"slip_msgs_py"},
     "slip_vic_controller.team.node": SHELLS,
     "slip_sim_bridge": SHELLS,
     "slip_sim_bridge.friction": {"numpy", "pydantic", "slip_core"},
@@ -54,7 +55,7 @@ ALLOWED = {
     "slip_bringup": ROOMS | NUMERIC | TOOLS | ROS,  # slip_campaigns is named as text and loaded on demand
     "slip_bringup.web": ROOMS | NUMERIC | {"click", "scipy", "trimesh", "websockets"} | ROS,
     "slip_bringup.study.tune.search": ROOMS | NUMERIC | {"optuna"},
-    "slip_adapters": {"slip_core"} | ROS,
+    "slip_adapters": {"slip_core", "slip_msgs_py"} | ROS,
     "slip_adapters.conversions": {"numpy", "slip_core"},
     "slip_campaigns": {"slip_bringup"} | ROOMS | NUMERIC | TOOLS | ROS,
 }
@@ -89,6 +90,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_vic_controller.snapshot": {"slip_vic_controller.cycle", "slip_vic_controller.observer"},
     "slip_vic_controller.team": CYCLE
     | {f"slip_vic_controller.{part}" for part in ("arrival", "cycle", "session", "team")},
+    "slip_vic_controller.team.main": {"slip_vic_controller.team.node"},
     "slip_vic_controller.team.node": {"slip_vic_controller"},
     "slip_adapters.conversions": set(),
     "slip_sim_bridge.friction": {"slip_sim_bridge.friction"},

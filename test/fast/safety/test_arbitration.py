@@ -143,6 +143,18 @@ def test_the_classical_law_needs_no_slip_velocity() -> None:
     assert verdict == Verdict("", "", "", Level.MEASURED, None, None)
 
 
+def test_a_path_too_heavy_for_friction_is_said_with_its_place_and_both_loads() -> None:
+    judge = Arbitration()
+    judge.judge(QUIET)
+    governor = judge.state.governor
+    governor.infeasible, governor.heaviest_time, governor.weight_load, governor.plan_load = 1, 1.5, 2.5, 0.5
+    given, out = new(HEALTH), new(ARBITRATED)
+    run_arbitrate(judge.config, judge.buffer, given, False, STILL, NOW_NS, out)
+    reason = describe(read_reason(record(out, ARBITRATED).hold), judge.names)
+    load = "its weight asks 2.500 N, friction may be asked 0.485 N"
+    assert reason == f"friction cannot carry the object where the path is at 1.500 s: {load}"
+
+
 def test_speed_is_a_fault_after_five_milliseconds() -> None:
     kind = kinds()[0]
     qd = 2.0 * kind.controller.robot.velocity_limit * (np.arange(N) == 3)

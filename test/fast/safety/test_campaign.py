@@ -73,7 +73,7 @@ def test_a_limiter_without_rate_limit_is_caught_and_leaves_its_bag(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     def without_rate_limit(config: Any) -> None:
-        config.effort.rate = 1e9
+        config.motion.drive.rate = 1e9
 
     break_controller(monkeypatch, without_rate_limit)
     trial = 466  # joint states with wrong numbers, in motion
@@ -293,7 +293,7 @@ def test_an_arm_that_bad_commands_have_thrown_rests_in_time_after_the_controller
     outcome = run_trial(plan)
     assert outcome.modes["FAULT"] > 300
     assert outcome.violations == []
-    monkeypatch.setattr(trials, "REST_AFTER_S", 0.5)
+    monkeypatch.setattr(trials, "REST_AFTER_S", 0.1)
     assert any("not at rest" in text for text in run_trial(plan).violations)
 
 
@@ -316,6 +316,25 @@ def test_a_joint_that_bad_joint_states_have_thrown_is_braked_and_not_thrown_to_t
     for plan in (
         Plan(38281, 29, "vertical_plane", False, "governed", (frozen, wrong, still), "vision_25"),
         Plan(41866, 29, "vertical_plane", True, "vic", (first, second), "vision_60"),
+    ):
+        outcome = run_trial(plan)
+        assert outcome.modes["FAULT"] > 200
+        assert outcome.violations == []
+
+
+def test_a_thrown_arm_rests_within_half_a_second_and_does_not_return_at_its_speed_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Joints 1 and 3 turn against each other at 12 rad/s; in the second trial they are 1.5 rad away by then."""
+    grip = Fault("grip", "", 0.33637720691652273, 0.05182403682161728, 0.9893720044679576)
+    wrong = Fault("corrupt_values", EFFORT, 0.3865768174947519, 0.11532647041781036, 0.7195938567636941)
+    twice = Fault("duplicate", SLIP, 0.21247867397997006, 0.06366094836785162, 0.5531869168154236)
+    late = Fault("delay", JOINT, 0.4058798240213023, 0.3303402498518253, 0.5013868972666004)
+    frozen = Fault("freeze_values", EFFORT, 0.4724600269954895, 0.008508264735326463, 0.856078911671774)
+    monkeypatch.setattr(trials, "REST_AFTER_S", 0.5)
+    for plan in (
+        Plan(39552, 37, "glass_transport", True, "governed", (grip, wrong)),
+        Plan(276, 43, "glass_transport", False, "vic", (twice, late, frozen), "optical_flow_120"),
     ):
         outcome = run_trial(plan)
         assert outcome.modes["FAULT"] > 200

@@ -25,7 +25,14 @@ from test.referees.hold_referee import held_inertia
 from test.referees.law_referee import exponential
 from test.support.delivery import answered_outputs, begun_bridge, realtime
 from test.support.every import every
-from test.support.safety_kernels import delay_margin, gains_for_delay, run_hold, run_hold_load, run_load_error
+from test.support.made_up import LOAD, POSITION, MadeUp, N, law_at_work
+from test.support.safety_kernels import (
+    delay_margin,
+    gains_for_delay,
+    run_hold,
+    run_hold_load,
+    run_load_error,
+)
 
 SAFETY = SafetyParams()
 BORNE_S = 0.020  # docs/safety.md
@@ -93,6 +100,43 @@ def test_at_rest_in_its_posture_it_is_gravity_and_load() -> None:
     load = hold_referee.object_load(R, r, case.config.weight) + case.hold.load_error
     world = np.concatenate((R @ load[:3], R @ load[3:]))
     np.testing.assert_allclose(case.torque(0.0, True), case.arm.gravity[:7] - case.arm.J[:, :7].T @ world, atol=CLOSE)
+
+
+def test_a_joint_that_was_thrown_rests_where_it_becomes_slow_again() -> None:
+    """The others go back to the posture in which HOLD began."""
+    made_up = law_at_work()
+    assert made_up.past_validation(wrench=np.full(6, np.nan)).mode is Mode.HOLD
+    before = np.array(made_up.state.hold.posture[:N])
+    limit = record(made_up.controller.config, CONFIG).motion.velocity[:N]
+    velocity = limit * np.array([1.01, -1.01, 0.99, -0.99, 0.0, 1.0, 1.4])
+    away = made_up.joint(POSITION + np.linspace(0.1, 0.2, N), velocity)
+    assert made_up.past_validation(away, passed_ns=0).mode is Mode.HOLD
+    thrown = np.abs(velocity) > limit
+    np.testing.assert_array_equal(made_up.state.hold.posture[:N], np.where(thrown, away.position, before))
+    assert thrown.tolist() == [True, True, False, False, False, False, True]
+
+
+def test_what_the_wrench_has_told_of_the_load_stays_over_a_silence_and_ends_with_the_law() -> None:
+    """Without it an arm at rest sags when its controller has not run for a moment, though nothing else has changed."""
+    made_up = law_at_work()
+    assert made_up.past_validation(wrench=np.full(6, np.nan)).mode is Mode.HOLD
+    heavier = LOAD + np.array([0.0, 0.0, -0.5, 0.0, 0.0, 0.0])
+    assert made_up.run(80, wrench=heavier).mode is Mode.HOLD
+    before = np.array(made_up.state.hold.load_error)
+    assert np.linalg.norm(before) > 0.2
+    made_up.pass_time(200 * MS)
+    assert made_up.session.watchdog(made_up.now_ns).reason == "joint state is silent"
+    assert made_up.run(1, wrench=heavier).mode is Mode.HOLD
+    np.testing.assert_allclose(made_up.state.hold.load_error, before, atol=0.1 * np.linalg.norm(before))
+    assert made_up.run(300).mode.follows
+    np.testing.assert_array_equal(made_up.state.hold.load_error, 0.0)
+
+
+def test_a_controller_that_waits_for_inputs_knows_nothing_of_the_load() -> None:
+    made_up = MadeUp()
+    made_up.state.hold.load_error[:] = 3.0
+    assert made_up.cycle(wrench=None, slip=None).mode == Mode.WAITING_INPUT
+    assert not made_up.state.hold.load_error.any()
 
 
 def test_the_load_error_is_the_referee_s() -> None:

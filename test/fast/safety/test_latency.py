@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slip_core.records import new, record
-from slip_vic_controller.safety.latency import DECAY_S, LATENCY, SLIP_LATENCY
+from slip_vic_controller.safety.latency import DECAY_S, LATENCY, SLIP_LATENCY, STEADY_NS
 from slip_vic_controller.safety.validation import SLIP_QUEUE
 from test.referees.safety_referee import Latency, answered
 from test.support.safety_kernels import run_latency, run_slip_latency
@@ -67,6 +67,14 @@ def test_clocks_that_drift_apart_are_not_late() -> None:
         stamp_ns = k * 4 * MS
         run_latency(buffer, stamp_ns + round(2e-4 * stamp_ns), stamp_ns, 4 * MS, 12 * MS)
     assert record(buffer, LATENCY).most_ns < 1 * MS
+
+
+def test_from_the_steady_limit_on_the_least_time_stays() -> None:
+    for above_ns, drifts in ((STEADY_NS - 1, True), (STEADY_NS, False)):
+        buffer = new(LATENCY)
+        state = record(buffer, LATENCY)
+        state.known, state.least_ns, state.last_ns = 1, MS, above_ns
+        assert bool(run([20.0], buffer)[0].least_ns > MS) is drifts
 
 
 class Slips:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from slip_core.records import new, record
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.law.arm import ARM
-from slip_vic_controller.safety.limit_avoidance import MOTION_LIMITS
+from slip_vic_controller.safety.effort_limiter import NS
+from slip_vic_controller.safety.limit_avoidance import BRAKE_LAG_S, MOTION_LIMITS
 from test.referees.safety_referee import joint_repulsion, pad_brake
 from test.support.made_up import N, controller_of
 from test.support.safety_kernels import run_limit_avoidance
@@ -24,7 +27,8 @@ def random_arm(rng: np.random.Generator, speed: float) -> np.ndarray:
     buffer = new(ARM)
     arm = record(buffer, ARM)
     arm.J[:, :N], arm.twist[:] = rng.normal(size=(6, N)), speed * rng.normal(size=6)
-    arm.M[range(N), range(N)] = 10.0 ** rng.uniform(-2.5, 1.0, N)
+    root = rng.normal(size=(N, N)) * np.sqrt(10.0 ** rng.uniform(-2.5, 1.0, N))
+    arm.M[:N, :N] = root.T @ root
     return buffer
 
 
@@ -48,7 +52,7 @@ def test_it_adds_repulsion_of_the_joints_and_the_brake_of_the_pad() -> None:
         q, qd = MIDDLE + HALF * rng.uniform(-1.05, 1.05, N), ROBOT.velocity_limit * rng.uniform(-1.2, 1.2, N)
         buffer, wanted = random_arm(rng, 10.0 ** rng.uniform(-2, 1)), 60.0 * rng.normal(size=N)
         arm = record(buffer, ARM)
-        joints, pad = joint_repulsion(LIMITS, q, qd, np.diag(arm.M)[:N]), pad_brake(LIMITS, arm.J[:, :N], arm.twist)
+        joints, pad = joint_repulsion(LIMITS, q, qd, arm.M[:N, :N]), pad_brake(LIMITS, arm.J[:, :N], arm.twist)
         pushed, braked_pads = pushed + joints.any(), braked_pads + pad.any()
         np.testing.assert_allclose(torque(q, qd, buffer, False, wanted), wanted + joints, atol=CLOSE)
         np.testing.assert_allclose(torque(q, qd, buffer, True, wanted), wanted + joints + pad, atol=CLOSE)
@@ -83,20 +87,53 @@ def test_a_brake_only_takes_power() -> None:
         assert torque(MIDDLE, qd, buffer, True, np.zeros(N)) @ qd <= 0.0
 
 
+def largest_way_back(M: np.ndarray, qd: np.ndarray, late: int = 0) -> float:
+    """Brake an arm with inertia M below its velocity limits; return how fast a joint turns back, of its first speed.
+
+    late: periods after which an effort is at work.
+    """
+    arm, drive = new(ARM), LIMITS.drive
+    record(arm, ARM).M[:N, :N] = M
+    T, first, effort, back = NS * drive.period_ns, qd, np.zeros(N), 0.0
+    step, moved, on_the_way = drive.rate * T, qd @ M @ qd / (qd @ qd), deque([np.zeros(N)] * late)
+    for _ in range(round((1.0 + 12.0 * moved) / T)):
+        effort = effort + np.clip(torque(MIDDLE, qd, arm, False, np.zeros(N)) - effort, -step, step)
+        on_the_way.append(effort)
+        qd = qd + T * np.linalg.solve(M, on_the_way.popleft())
+        back = max(back, float((-qd / first).max()))
+    assert (np.abs(qd) <= LIMITS.velocity[:N]).all()
+    return back
+
+
+def coupled(inertia: float, shared: float) -> np.ndarray:
+    """Return the inertia of joints that in pairs have nearly one axis."""
+    M = inertia * np.eye(N)
+    for j in range(0, N - 1, 2):
+        M[j, j + 1] = M[j + 1, j] = shared * inertia
+    return M
+
+
 def test_a_brake_at_the_rate_limit_stops_a_joint_and_never_turns_it_round() -> None:
     """With the full effort, a joint that is light for its motor is thrown from one side to the other for ever."""
-    arm, limits = new(ARM), record(BUFFER.copy(), MOTION_LIMITS)
-    T, step = limits.period, limits.rate * limits.period
     for inertia in (2e-3, 6e-3, 0.03, 0.2, 1.5):
-        record(arm, ARM).M[range(N), range(N)] = 2.0 * inertia  # half of it gives way
         for speed in (3.0, 12.0, 50.0):
-            qd, effort = np.full(N, speed), np.zeros(N)
-            for _ in range(round((1.0 + 12.0 * inertia) / T)):
-                wanted = torque(MIDDLE, qd, arm, False, np.zeros(N))
-                effort = effort + np.clip(wanted - effort, -step, step)
-                qd = qd + T * effort / inertia
-                assert (qd > -1e-9).all(), (inertia, speed)
-            assert (qd <= LIMITS.velocity[:N]).all()
+            assert largest_way_back(inertia * np.eye(N), np.full(N, speed)) < CLOSE
+
+
+def test_joints_with_nearly_one_axis_are_braked_as_the_light_motion_that_they_share() -> None:
+    """Each has the inertia of the whole arm; against each other they turn next to nothing."""
+    opposite = np.array([1.0, -1.0] * (N // 2) + [1.0] * (N % 2))
+    for inertia, shared in ((1.5, 0.99), (0.2, 0.95), (4.0, 0.995)):
+        for speed in (3.0, 12.0, 25.0):
+            assert largest_way_back(coupled(inertia, shared), speed * opposite) < CLOSE
+
+
+def test_a_brake_bears_efforts_that_are_late() -> None:
+    late = round(BRAKE_LAG_S / (NS * LIMITS.drive.period_ns))
+    assert late >= 5
+    for inertia in (2e-3, 6e-3, 0.03, 0.2, 1.5):
+        for speed in (3.0, 12.0, 50.0):
+            assert largest_way_back(inertia * np.eye(N), np.full(N, speed), late) < 0.5
 
 
 def test_limits_are_the_parameters_and_the_urdf_s() -> None:
@@ -107,4 +144,5 @@ def test_limits_are_the_parameters_and_the_urdf_s() -> None:
     np.testing.assert_allclose(LIMITS.velocity[:N], limits.velocity_scale * ROBOT.velocity_limit)
     np.testing.assert_allclose(LIMITS.trip[:N], limits.velocity_trip * LIMITS.velocity[:N])
     assert (LIMITS.speed_linear, LIMITS.speed_angular) == (limits.speed_linear, limits.speed_angular)
-    assert (LIMITS.rate, LIMITS.period) == (limits.effort_rate, CONTROLLER.params.control_period_s)
+    assert (LIMITS.drive.rate, NS * LIMITS.drive.period_ns) == (limits.effort_rate, CONTROLLER.params.control_period_s)
+    np.testing.assert_array_equal(LIMITS.drive.effort[:N], ROBOT.effort_limit)

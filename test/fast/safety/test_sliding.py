@@ -15,6 +15,7 @@ from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.safety.modes import Mode, Request
 from test.support.delivery import answered_outputs, begun_bridge, realtime
 from test.support.every import every
+from test.support.made_up import MadeUp
 
 SAFETY = SafetyParams()
 RESUME_TICKS = round(SAFETY.resume_after_s / PERIOD_S)
@@ -60,6 +61,14 @@ def test_it_begins_when_the_object_has_come_to_rest(linear: float, angular: floa
     assert loop.run(1).startswith(("ACTIVE", "DEGRADED"))
     loop.run(1, *fast)
     assert loop.controller.mode.follows
+
+
+@every("limit", [0.5, 2.0])
+def test_how_fast_it_may_turn_is_a_parameter(limit: float) -> None:
+    for share, begins in ((0.99, True), (1.01, False)):
+        made_up = MadeUp(safety__resume_slip_angular=limit)
+        made_up.run(2, slip=np.array([0.0, 0.0, 0.0, 0.0, 0.0, share * limit]))
+        assert made_up.session.mode.follows is begins
 
 
 def test_it_does_not_begin_without_a_slip_sensor_either() -> None:

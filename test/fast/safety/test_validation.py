@@ -309,6 +309,20 @@ def test_one_sample_ahead_is_its_own_fault_and_two_are_not() -> None:
     assert v.validity(False, NOW_NS, STAMP_NS) == Fault.NONE
 
 
+def test_a_wrench_of_zeros_counts_as_invalid_from_the_one_in_a_row_on_that_is_told() -> None:
+    controller = controller_of(False, wrench__zero_after=3)
+    state = controller.new_state()
+
+    def take(k: int, value: float) -> Fault:
+        later = k * PERIOD_NS
+        args = (0, STAMP_NS + later, np.full(6, value), False, NOW_NS + later)
+        return Fault(receive_wrench(controller.config, state, *args))
+
+    zeros = [take(k, 0.0) for k in range(5)]
+    assert zeros == [Fault.NONE, Fault.NONE, Fault.INVALID, Fault.INVALID, Fault.INVALID]
+    assert [take(5, 1.0), take(6, 0.0)] == [Fault.NONE, Fault.NONE]
+
+
 def test_only_values_that_should_change_are_frozen() -> None:
     """A wrench where the arm moves; a slip velocity that is not zero."""
     frozen_ns = round(WRENCH.frozen_s * 1e9) + 2 * PERIOD_NS

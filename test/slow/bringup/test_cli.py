@@ -115,6 +115,26 @@ def test_ctrl_c_at_any_moment_leaves_nothing(command: str, moment: str, tmp_path
         assert (tmp_path / "bag" / "metadata.yaml").exists()
 
 
+@pytest.mark.parametrize(
+    "body",
+    [
+        "exec('signal.raise_signal(signal.SIGINT)')",
+        "with contextlib.suppress(KeyboardInterrupt): signal.raise_signal(signal.SIGINT)\n    raise ImportError",
+    ],
+    ids=["within a text that is executed, as dataclasses are", "within a library that says something else of it"],
+)
+def test_ctrl_c_while_importing_ends_with_the_exit_code(body: str, tmp_path: Path) -> None:
+    (tmp_path / "made.py").write_text(
+        "import click, contextlib, signal, sys\n"
+        "from slip_bags.cli import run_command\n"
+        "@click.command()\n"
+        f"def made():\n    {body}\n"
+        "sys.exit(run_command(made, 'made'))\n"
+    )
+    done = subprocess.run([sys.executable, "-m", "made"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.strip()) == (2, "error: interrupted")
+
+
 def marked(marker: str) -> list[int]:
     """Return the processes that carry the marker in their environment."""
     found = []

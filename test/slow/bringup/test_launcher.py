@@ -68,8 +68,8 @@ def test_a_recorder_that_sleeps_for_a_while_loses_nothing(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("module", "words"),
     [
-        ("slip_vic_controller.node", "controller failed with exit code -9"),
-        ("slip_sim_bridge.node", "bridge failed with exit code -9"),
+        ("slip_vic_controller.main", "controller failed with exit code -9"),
+        ("slip_sim_bridge.main", "bridge failed with exit code -9"),
         ("slip_bags.cli", "recorder failed with exit code -9"),
     ],
 )

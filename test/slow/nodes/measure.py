@@ -3,7 +3,7 @@
 starts   start bridge and controller, stop them with SIGINT after a moment: exit codes, time to stop, files left behind
 slip     how much the object slips in real time and in lockstep, several runs
 late     how much the object slips in process where every command is some control periods late, by what spin does
-fresh    a long run in real time with the recorder: fresh ticks, missed states, latency, messages lost
+fresh    a long run in real time, with the recorder or without: fresh ticks, missed states, latency, messages lost
 wakes    how late the machine wakes a thread that sleeps for a millisecond, cores asleep and awake
 """
 
@@ -108,13 +108,14 @@ def late() -> None:
             print(f"spin {spin}, {ticks} ms late: largest slip {words}{'' if works else ', the law gave up'}")
 
 
-def fresh(seconds: float, rate_hz: float, fifo: int | None) -> None:
-    """Run for so long in real time with the recorder as a third process."""
+def fresh(seconds: float, rate_hz: float, fifo: int | None, records: bool) -> None:
+    """Run for so long in real time, with the recorder as a third process or without."""
     scenario = scenario_in("realtime", seconds, rate_hz)
     with tempfile.TemporaryDirectory() as folder:
-        result = Launcher(scenario, bag=Path(folder) / "bag", process=ProcessOptions(fifo=fifo)).run()
+        bag = Path(folder) / "bag" if records else None
+        result = Launcher(scenario, bag=bag, process=ProcessOptions(fifo=fifo)).run()
     print(f"{rate_hz:g} Hz, {seconds:g} s, {'SCHED_FIFO' if fifo else 'unprivileged'}: {result.ticks} ticks;", end=" ")
-    print(*timing_words(result.timing), f"{result.messages} messages, {result.lost} lost")
+    print(*timing_words(result.timing), f"{result.messages} messages, {result.lost} lost" if records else "no recorder")
 
 
 def wakes(seconds: float) -> None:
@@ -169,6 +170,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--rate", type=float, default=1000.0)
     parser.add_argument("--fifo", type=int)
+    parser.add_argument("--no-recorder", action="store_true")
     parser.add_argument("--seed", type=int, default=1)
     words = parser.parse_args()
     if words.what == "starts":
@@ -180,7 +182,7 @@ def main() -> None:
     elif words.what == "wakes":
         wakes(words.seconds)
     else:
-        fresh(words.seconds, words.rate, words.fifo)
+        fresh(words.seconds, words.rate, words.fifo, not words.no_recorder)
 
 
 if __name__ == "__main__":

@@ -56,7 +56,7 @@ def test_goals_by_topic(processes: Processes, ros_node: Any) -> None:
     for name, options, parameters in (
         ("bridge", bridge, "bridge.yaml"), ("controller", controller, "controller_classical.yaml")
     ):  # fmt: skip
-        module = "slip_sim_bridge.node" if name == "bridge" else "slip_vic_controller.node"
+        module = "slip_sim_bridge.main" if name == "bridge" else "slip_vic_controller.main"
         processes.python(name, "-m", module, "--ros-args", "--params-file", CONFIG / parameters, *options)
     poses: list[PoseStamped] = []
     said: list[str] = []

@@ -14,7 +14,7 @@ from slip_bringup.scenario import NODES, load_scenario, ros_parameter_file
 from test.support.ros import Processes, call_service, wait_until
 
 ATTEMPTS, PATIENCE_S = 3, 8.0
-BRIDGE, CONTROLLER = "slip_sim_bridge.node", "slip_vic_controller.node"
+BRIDGE, CONTROLLER = "slip_sim_bridge.main", "slip_vic_controller.main"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 

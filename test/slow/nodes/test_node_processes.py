@@ -9,7 +9,7 @@ from slip_bringup.scenario import NODES, load_scenario, ros_parameter_file
 from slip_msgs_py.events import Progress
 from test.support.ros import Processes, wait_until
 
-BRIDGE, CONTROLLER = "slip_sim_bridge.node", "slip_vic_controller.node"
+BRIDGE, CONTROLLER = "slip_sim_bridge.main", "slip_vic_controller.main"
 
 
 @pytest.fixture
@@ -41,6 +41,17 @@ def test_both_nodes_end_cleanly_on_a_signal_while_running(processes: Processes, 
     processes.wait_event(bridge, Progress)
     assert processes.stop(bridge, number) == 0, bridge.tail()
     assert processes.stop(controller, number) == 0, controller.tail()
+
+
+@pytest.mark.parametrize(("module", "library"), [(BRIDGE, "libmujoco"), (CONTROLLER, "libpinocchio")])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+def test_a_node_ends_cleanly_on_a_signal_while_it_is_imported(
+    processes: Processes, module: str, library: str, number: int
+) -> None:
+    node = processes.python("node", "-m", module)
+    wait_until(lambda: library in Path(f"/proc/{node.pid}/maps").read_text(), library)
+    assert processes.stop(node, number) == 0, node.tail()
+    assert list(node.lines) == []
 
 
 @pytest.mark.parametrize("module", [BRIDGE, CONTROLLER])

@@ -27,14 +27,18 @@ def unread(port: int) -> bool:
     return int(line[4].partition(":")[2], 16) > 0
 
 
+def assert_loopback_only(pid: int) -> None:
+    sockets = psutil.Process(pid).net_connections("inet")
+    assert any(each.laddr.ip == LOOPBACK for each in sockets)
+    open_to_all = [each.laddr for each in sockets if each.laddr.ip != LOOPBACK]
+    assert all(unread(address.port) for address in open_to_all if address.ip == "0.0.0.0"), open_to_all
+
+
 def test_nodes_listen_on_the_loopback_interface_only(watcher: Watcher, start: Any) -> None:
     nodes = [start("controller", *CONTROLLER_SLOW), start("bridge", *BRIDGE_ENDLESS)]
     watcher.wait_law()
     for node in nodes:
-        sockets = psutil.Process(node.pid).net_connections("inet")
-        assert any(each.laddr.ip == LOOPBACK for each in sockets)
-        open_to_all = [each.laddr for each in sockets if each.laddr.ip != LOOPBACK]
-        assert all(unread(address.port) for address in open_to_all if address.ip == "0.0.0.0"), open_to_all
+        assert_loopback_only(node.pid)
 
 
 def test_another_machine_hears_nothing_unless_it_may(processes: Processes) -> None:

@@ -90,7 +90,7 @@ def test_a_reference_from_a_topic_is_followed(processes: Processes, ros_node: An
     common = ["-p", "mode:=realtime"]
     bridge_options = [*common, "-p", "stop_after_duration:=false", "-p", "control_period_s:=0.01"]
     processes.python(
-        "bridge", "-m", "slip_sim_bridge.node", "--ros-args", "--params-file", CONFIG / "bridge.yaml", *bridge_options
+        "bridge", "-m", "slip_sim_bridge.main", "--ros-args", "--params-file", CONFIG / "bridge.yaml", *bridge_options
     )
     controller_options = [
         *common,
@@ -104,7 +104,7 @@ def test_a_reference_from_a_topic_is_followed(processes: Processes, ros_node: An
     controller = processes.python(
         "controller",
         "-m",
-        "slip_vic_controller.node",
+        "slip_vic_controller.main",
         "--ros-args",
         "--params-file",
         CONFIG / "controller_vic_realtime.yaml",

@@ -26,12 +26,13 @@ def run(tmp_path: Path, *cases: tuple[str, str], effort_rate: float | None = Non
 
 
 def test_promise_holds_while_messages_are_damaged_and_the_controller_is_killed_and_stopped(tmp_path: Path) -> None:
-    """One start of the processes serves all trials; the controller comes back in motion without a step."""
+    """In three settings: of scenario, law and sensor; the controller comes back in motion without a step."""
     cases = [("corrupt_values", JOINT), ("kill", CONTROLLER), ("stop", CONTROLLER), ("bad_parameter", CONTROLLER)]
     tally = run(tmp_path, *cases)
     assert [verdict.violations for verdict in tally.verdicts] == [()] * len(cases)
     assert all(verdict.commands > 0 for verdict in tally.verdicts)
     assert tally.notes["process_starts"] >= 3
+    assert len({verdict.setting for verdict in tally.verdicts}) == 3
     summary = json.loads((tmp_path / "faults.json").read_text())
     assert {"trials", "violations", "bound_95", "by_fault"} <= set(summary)
     assert (summary["trials"], summary["violations"], summary["over_dds"]) == (len(cases), 0, True)

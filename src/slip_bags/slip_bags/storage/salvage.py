@@ -104,8 +104,8 @@ def _definitions(data: mmap.mmap, found: Salvage) -> None:
     footer = len(data) - len(MAGIC) - _FOOTER.size
     if footer < len(MAGIC):
         return
-    opcode, length, summary_start, _, _ = _FOOTER.unpack(data[footer : footer + _FOOTER.size])
-    if opcode != Opcode.FOOTER or length != _FOOTER.size - _HEAD.size or not summary_start:
+    _, length, summary_start, _, _ = _FOOTER.unpack(data[footer : footer + _FOOTER.size])
+    if length != _FOOTER.size - _HEAD.size or not summary_start:
         return
     for record in records(data, summary_start, footer):
         if record.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):

@@ -113,8 +113,8 @@ class PairScenario:
     leader: bool = False
     """Whether the right pad is led by the left one; in one process only."""
     modules: ClassVar[dict[str, str]] = {
-        "controller": "slip_vic_controller.team.node",
-        "bridge": "slip_sim_bridge.pair.node",
+        "controller": "slip_vic_controller.team.main",
+        "bridge": "slip_sim_bridge.pair.main",
         "both": "slip_bringup.pair.both_nodes",
     }
     """What runs as a process."""

@@ -16,7 +16,7 @@ from slip_core.params import ParameterModel
 
 def node_module(name: str) -> str:
     """Return the module that runs a node; name: a key of `NODES`."""
-    return f"{NODES[name][0]}.node"
+    return f"{NODES[name][0]}.main"
 
 
 def parameter_arguments(name: str, params: ParameterModel, folder: Path) -> list[str]:

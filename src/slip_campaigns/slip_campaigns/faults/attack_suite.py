@@ -15,6 +15,7 @@ import psutil
 from slip_bringup.system.processes import Child
 from slip_campaigns.faults.attacks import ATTACKS, CHANGES, TWO_SOURCES
 from slip_campaigns.faults.dds_campaign import DdsCampaign, campaign_of
+from slip_campaigns.faults.dds_session import Nodes
 from slip_campaigns.faults.flood import FOREIGN
 from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, Fault, Plan
 from slip_vic_controller.safety.modes import Mode
@@ -52,9 +53,9 @@ class Row:
 class AttackStage(DdsCampaign):
     """Nodes of a campaign as the `Stage` of attacks."""
 
-    def __init__(self, node: Any, group: Any, environment: dict[str, str], folder: Path, *rest: Any) -> None:
-        super().__init__(node, group, environment, folder, *rest)
-        self.node, self.folder, self._group, self._environment = node, folder, group, environment
+    def __init__(self, node: Any, nodes: Nodes, *rest: Any) -> None:
+        super().__init__(node, nodes, *rest)
+        self.node, self.folder = node, nodes.folder
         self._guests: list[Child] = []
 
     def on_command(self, data: bytes) -> None:
@@ -72,7 +73,7 @@ class AttackStage(DdsCampaign):
 
     def start(self, name: str, argv: Sequence[str]) -> Child:
         """Start a process that ends with the attack."""
-        child: Child = self._group.start(name, argv, self._environment, lambda *_: None)
+        child: Child = self.nodes.group.start(name, argv, self.nodes.environment, lambda *_: None)
         self._guests.append(child)
         return child
 
@@ -80,6 +81,10 @@ class AttackStage(DdsCampaign):
         """Let a fault happen to what travels, beginning now."""
         plan = Plan(0, 0, self.scenario.name, True, "vic", (fault,))
         self.proxy.set_plan(plan, time.monotonic_ns())
+
+    def load_changes(self) -> None:
+        """Let the time to come to rest begin anew."""
+        self.watch.joints.begin_again()
 
     def attack(self, name: str) -> Row:
         """Run one attack, and see what comes after it."""
@@ -130,7 +135,7 @@ class AttackStage(DdsCampaign):
         return sum(psutil.Process(pid).memory_info().rss for pid in pids) / MIB
 
     def _lines(self) -> int:
-        return sum(child.line_count for child in self._group.children if child.name in (CONTROLLER, BRIDGE))
+        return sum(child.line_count for child in self.nodes.group.children if child.name in (CONTROLLER, BRIDGE))
 
 
 def _badness(mode: Mode) -> int:

@@ -67,6 +67,9 @@ class Stage(Protocol):
     def suffer(self, fault: Fault) -> None:
         """Let a fault of the campaign happen to what travels, beginning now."""
 
+    def load_changes(self) -> None:
+        """Say that what the arm carries, or is told to carry, may have changed: it rests a second after that."""
+
 
 Attack = Callable[[Stage], str]
 """Returns what is worth knowing of how it went; an empty text else."""
@@ -170,6 +173,7 @@ def parameters(stage: Stage) -> str:
                 request.parameters.append(Parameter(name, value=value if value != [] else None).to_parameter_msg())
             client.call_async(request)
             calls += 1
+        stage.load_changes()
         stage.go_on(0.002)
     for client in clients:
         stage.node.destroy_client(client)

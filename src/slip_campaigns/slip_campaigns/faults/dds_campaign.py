@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import itertools
 import os
 import tempfile
 import time
@@ -25,12 +26,23 @@ from slip_bringup.system.domain import domain_id
 from slip_bringup.system.processes import ProcessGroup, child_environment
 from slip_campaigns.faults import network
 from slip_campaigns.faults.campaign import Tally, Verdict, write_results
-from slip_campaigns.faults.dds_faults import GRIP_N, FaultActions, remote
+from slip_campaigns.faults.dds_faults import FaultActions, remote
 from slip_campaigns.faults.dds_session import START_S, Nodes, StartUp
 from slip_campaigns.faults.dds_watch import Watch
 from slip_campaigns.faults.evidence import notes_of, write_bag
 from slip_campaigns.faults.monitors import LOST_M
-from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, RECORDER, TOPICS, Fault, Plan, all_faults_over_dds, make_plan
+from slip_campaigns.faults.plan import (
+    BRIDGE,
+    CONTROLLER,
+    PERIOD_S,
+    RECORDER,
+    TOPICS,
+    Fault,
+    Plan,
+    all_faults_over_dds,
+    make_plan,
+    realtime_scenario,
+)
 from slip_campaigns.faults.proxy import Proxy
 from slip_campaigns.faults.wire import Wire
 from slip_core.topics import topic
@@ -39,7 +51,6 @@ from slip_msgs_py.qos import create_subscription, message_class
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
 
-PERIOD_S = 0.004
 LATEST_START_S, LONGEST_S = 0.3, 0.5
 SETTLED_S = 0.1
 Campaign = TypeVar("Campaign", bound="DdsCampaign")
@@ -48,29 +59,35 @@ STAYS_S = 2.0  # a mode without the law that lasts so long, with all processes a
 BACK_S = 60.0  # for which an operator tries, counted from when all nodes have started
 GIVE_UP_S = 2.5 * START_S
 ASK_EVERY_S = 0.5
+GRIP_AGAIN_S = 10.0  # after so much HOLD the operator grips the object anew: it may hang badly after it slid
 DISK_FULL_S = 60.0  # as long as a bridge that has to start anew may need
 SPIN_S = 0.002
 TRUTH_EVERY = 3
+TRIALS_PER_SETTING = 20  # new nodes take as long as some four trials
+USUAL = Plan(0, 0, "paper_planar", True, "vic", ())
+GRIP_N = {"paper_planar": 2.0, "vertical_plane": 8.0, "glass_transport": 3.0}
 
 
 def plan_over_dds(seed: int, trial: int) -> Plan:
-    """Return the plan of a trial over DDS."""
-    plan = make_plan(seed, trial, all_faults_over_dds(), LATEST_START_S, LONGEST_S)
-    return dataclasses.replace(plan, scenario="paper_planar", observer=True, controller="vic")
+    """Return the plan of a trial over DDS: TRIALS_PER_SETTING in a row run what the first of them has drawn."""
+    first, plan = (
+        make_plan(seed, number, all_faults_over_dds(), LATEST_START_S, LONGEST_S)
+        for number in (trial - trial % TRIALS_PER_SETTING, trial)
+    )
+    setting = {name: getattr(first, name) for name in ("scenario", "observer", "controller", "sensor")}
+    return dataclasses.replace(plan, **setting)
 
 
-def campaign_scenario() -> Scenario:
-    """Return what the nodes run: an endless lemniscate, with the observer, on a grip that survives faults mostly."""
-    return load_scenario(
-        "paper_planar",
-        mode="realtime",
-        assignments=(
-            f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
-            "controller.gains.k_s=100.0", "controller.slip_estimator=observer", f"bridge.grip.force={GRIP_N}",
-            "controller.trajectory.kind=lemniscate", "controller.trajectory.radius=0.06",
-            "controller.trajectory.duration_s=1e6", "bridge.stop_after_duration=false", "bridge.wait_for=[]",
-        ),
+def campaign_scenario(plan: Plan = USUAL) -> Scenario:
+    """Return what the nodes run: an endless lemniscate, on a grip that survives faults mostly, told to the governor."""
+    usual = load_scenario(plan.scenario)
+    friction_n = usual.controller.governor.friction_limit * GRIP_N[plan.scenario] / usual.bridge.grip.force
+    assignments = (
+        f"bridge.grip.force={GRIP_N[plan.scenario]}", f"controller.governor.friction_limit={friction_n}",
+        "controller.trajectory.kind=lemniscate", "controller.trajectory.radius=0.06",
+        "controller.trajectory.duration_s=1e6", "bridge.wait_for=[]",
     )  # fmt: skip
+    return realtime_scenario(plan.scenario, plan.observer, plan.controller, plan.sensor, assignments)
 
 
 def run_over_dds(
@@ -86,19 +103,26 @@ def run_over_dds(
     effort_rate: what the monitor allows [N m/s]; None takes the controller's own limit.
     """
     tally = Tally(seed, over_dds=True)
-    with campaign_of(DdsCampaign, out, effort_rate) as campaign:
-        for trial in trials:
-            verdict = campaign.run(plan_over_dds(seed, trial))
-            tally.verdicts.append(verdict)
-            tally.notes = campaign.notes()
-            write_results(out, tally)  # an hour of trials is not lost with the last one
-            on_done(verdict)
+    for _, numbers in itertools.groupby(trials, lambda trial: trial // TRIALS_PER_SETTING):
+        plans, before = [plan_over_dds(seed, trial) for trial in numbers], tally.notes
+        with campaign_of(DdsCampaign, out, effort_rate, plans[0]) as campaign:
+            for plan in plans:
+                verdict = campaign.run(plan)
+                tally.verdicts.append(verdict)
+                tally.notes = _added(before, campaign.notes())
+                write_results(out, tally)  # an hour of trials is not lost with the last one
+                on_done(verdict)
     return tally
 
 
+def _added(notes: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
+    """Return notes of two campaigns as one: numbers are counts."""
+    return {name: notes.get(name, 0) + value if isinstance(value, int) else value for name, value in more.items()}
+
+
 @contextmanager
-def campaign_of(kind: type[Campaign], out: Path, effort_rate: float | None) -> Iterator[Campaign]:
-    """Give a campaign of a kind, in a domain of its own; arguments as for `DdsCampaign`."""
+def campaign_of(kind: type[Campaign], out: Path, effort_rate: float | None, plan: Plan = USUAL) -> Iterator[Campaign]:
+    """Give a campaign of a kind that runs the setting of a plan, in a domain of its own; see `DdsCampaign`."""
     prepare()  # or the nodes would compile first, at the same time
     with contextlib.ExitStack() as stack:
         domain = stack.enter_context(domain_id())
@@ -113,7 +137,8 @@ def campaign_of(kind: type[Campaign], out: Path, effort_rate: float | None) -> I
             rclpy.init(args=[], domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         node = Node("faults", start_parameter_services=False, enable_rosout=False)
         try:
-            yield kind(node, group, environment, folder, out, cable, effort_rate)
+            nodes = Nodes(node, group, environment, campaign_scenario(plan), folder, cable)
+            yield kind(node, nodes, out, effort_rate)
         finally:
             node.destroy_node()
             rclpy.try_shutdown()
@@ -138,35 +163,24 @@ class DdsCampaign:
 
     Args:
         node: ours.
-        group, environment, folder, cable: as for `Nodes`.
+        nodes: of the system, with their scenario.
         out: where bags of violations go.
         effort_rate: as for `run_over_dds`.
     """
 
-    def __init__(
-        self,
-        node: Any,
-        group: ProcessGroup,
-        environment: dict[str, str],
-        folder: Path,
-        out: Path,
-        cable: network.Cable | None,
-        effort_rate: float | None,
-    ) -> None:
-        self.scenario = scenario = campaign_scenario()
-        controller = scenario.controller
-        self._out, self._cable = out, cable
-        robot = Robot(scenario.urdf, controller.ee_frame, controller.joint_names, controller.gravity)
+    def __init__(self, node: Any, nodes: Nodes, out: Path, effort_rate: float | None) -> None:
+        self.nodes, self.scenario, self._out = nodes, nodes.scenario, out
+        controller, bridge = self.scenario.controller, self.scenario.bridge
+        robot = Robot(self.scenario.urdf, controller.ee_frame, controller.joint_names, controller.gravity)
         wires = {name: Wire(name, controller.joint_names, controller.ee_frame) for name in TOPICS}
-        bridge = scenario.bridge
         self.watch = Watch(
             wires, controller, robot, PERIOD_S, bridge.effort_rate, bridge.command_timeout_s, effort_rate
         )
-        self.nodes = Nodes(node, group, environment, scenario, folder, cable)
-        self._actions = FaultActions(node, self.nodes, self.watch, scenario, cable)
+        self._actions = FaultActions(node, nodes, self.watch)
         self.proxy = Proxy(node, wires, self.watch.forwarded, self._on_state)
         self._lost = False
-        self.lost = self.deaf = 0
+        self.lost = self.deaf = self.gripped_again = 0
+        self._gripped_s = 0.0
         self._startup = StartUp()
         self._since_truth = 0
         self._last_ask = 0.0
@@ -185,10 +199,12 @@ class DdsCampaign:
         """Return what is worth knowing of the whole campaign."""
         return {
             "process_starts": self.nodes.starts,
-            "objects_lost": self.lost,
             "deaf_nodes": self.deaf,
+            "gripped_again": self.gripped_again,
             "commands_without_predecessor": self.watch.not_judged,
-            "network_cut": "namespaces" if self._cable else "not permitted here: the proxy drops everything instead",
+            "network_cut": "namespaces"
+            if self.nodes.cable
+            else "not permitted here: the proxy drops everything instead",
         }
 
     def run(self, plan: Plan) -> Verdict:
@@ -196,14 +212,14 @@ class DdsCampaign:
         violations: list[str] = []
         modes: Counter[str] = Counter()
         self.proxy.set_plan(None, 0)
-        self.nodes.place_bridge(self._cable is not None and remote(plan.faults))
+        self.nodes.place_bridge(self.nodes.cable is not None and remote(plan.faults))
         if any(fault.target == RECORDER for fault in plan.faults) and not self._start_recorder():
             violations.append(f"two recorders have recorded nothing within {BACK_S:g} s each")
         self._actions.restore()
         if not self.help_until(self.works):
             violations.append(f"the law is not at work within {BACK_S:g} s; mode {self.watch.mode.name}")
         violations += self.deaths()
-        commands = self.watch.commands.commands
+        commands, lost = self.watch.commands.commands, self.lost
         recovery = None if violations else self._suffer(plan, modes)
         violations += self.deaths() + self._recorder(plan) + self.watch.violations() + self.deaths()
         if violations:
@@ -215,6 +231,8 @@ class DdsCampaign:
             recovery,
             self.watch.commands.commands - commands,
             dict(modes),
+            self.lost - lost,
+            plan.setting,
         )
 
     # -- a trial -----------------------------------------------------------------------------------
@@ -268,11 +286,20 @@ class DdsCampaign:
             self.nodes.trigger("reset_fault")
         elif self.watch.mode == Mode.HOLD:
             self.nodes.trigger("enable")
+            self._grip_again(now)
+
+    def _grip_again(self, now: float) -> None:
+        """Grip the object anew where HOLD does not end."""
+        if now - max(self.watch.mode_since_s, self._gripped_s) > GRIP_AGAIN_S:
+            self._gripped_s = now
+            self.gripped_again += 1
+            self.watch.teleport(now)
+            self.nodes.trigger("reset")
 
     def _suffer(self, plan: Plan, modes: Counter[str]) -> float | None:
         """Let the faults happen; return the time from the last one's end until the law works again."""
         start_ns = time.monotonic_ns()
-        self.proxy.set_plan(plan, start_ns, cut_here=self._cable is None)
+        self.proxy.set_plan(plan, start_ns, cut_here=self.nodes.cable is None)
         start = start_ns * 1e-9
         begun: set[Fault] = set()
         over: set[Fault] = set()

@@ -9,14 +9,11 @@ from typing import Any
 
 from sensor_msgs.msg import JointState
 
-from slip_bringup.scenario import Scenario
 from slip_campaigns.faults.dds_session import Nodes
 from slip_campaigns.faults.dds_watch import Watch
-from slip_campaigns.faults.network import Cable
 from slip_campaigns.faults.plan import BRIDGE, RECORDER, Fault
 from slip_core.params import flatten
 
-GRIP_N = 2.0
 RETUNED = ("gains.stiffness", "gains.k_s", "object.mass")
 REFUSED = (
     ("gains.k_s", -1.0), ("gains.stiffness", [float("nan")] * 6), ("object.mass", float("inf")),
@@ -29,14 +26,13 @@ class FaultActions:
 
     Args:
         node: an rclpy node of our own.
-        nodes, watch: of the campaign.
-        scenario: for the parameters that change and come back.
-        cable: to the bridge; None where the network cannot be cut, then the proxy drops everything instead.
+        nodes, watch: of the campaign; where nodes have no cable the proxy drops everything instead of a cut.
     """
 
-    def __init__(self, node: Any, nodes: Nodes, watch: Watch, scenario: Scenario, cable: Cable | None) -> None:
-        self._node, self._nodes, self._watch, self._cable = node, nodes, watch, cable
-        values = flatten(scenario.controller)
+    def __init__(self, node: Any, nodes: Nodes, watch: Watch) -> None:
+        self._node, self._nodes, self._watch, self._cable = node, nodes, watch, nodes.cable
+        values = flatten(nodes.scenario.controller)
+        self._grip_n = nodes.scenario.bridge.grip.force
         self._usual = {name: values[name] for name in RETUNED}
         self._intruders: dict[Fault, Callable[[], None]] = {}
 
@@ -55,7 +51,7 @@ class FaultActions:
             self._watch.teleport(time.monotonic())
             nodes.trigger("reset")
         elif kind == "grip":
-            nodes.set_grip(GRIP_N * 2.0 * fault.size**3)
+            nodes.set_grip(self._grip_n * 2.0 * fault.size**3)
         elif kind == "request":
             nodes.trigger(("enable", "hold", "reset_fault")[int(3 * fault.size)])
         elif kind == "gains":
@@ -76,7 +72,7 @@ class FaultActions:
         elif kind == "cut" and self._cable is not None:
             self._cable.mend()
         elif kind == "grip":
-            nodes.set_grip(GRIP_N)
+            nodes.set_grip(self._grip_n)
         elif kind == "second_publisher":
             self._intruders.pop(fault)()
 

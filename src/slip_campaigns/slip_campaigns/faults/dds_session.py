@@ -78,8 +78,8 @@ class Nodes:
         folder: Path,
         cable: Cable | None,
     ) -> None:
-        self._group, self._environment, self._folder, self._cable = group, environment, folder, cable
-        self._scenario = scenario
+        self.group, self.environment, self.folder, self.cable = group, environment, folder, cable
+        self.scenario = scenario
         self._children: dict[str, Child] = {}
         self._leaving: dict[str, Child] = {}
         self._bags = 0
@@ -112,12 +112,12 @@ class Nodes:
         """Start a node."""
         self.starts += 1
         if name in self._leaving:  # two of them would be heard
-            self._group.stop([self._leaving.pop(name)])
+            self.group.stop([self._leaving.pop(name)])
         extra = remappings() if name == BRIDGE else []
-        argv = node_command(name, getattr(self._scenario, name), self._folder, *extra)
-        if name == BRIDGE and self._remote and self._cable is not None:
-            argv = self._cable.behind(argv)
-        self._children[name] = self._group.start(name, argv, self._environment, lambda *_: None)
+        argv = node_command(name, getattr(self.scenario, name), self.folder, *extra)
+        if name == BRIDGE and self._remote and self.cable is not None:
+            argv = self.cable.behind(argv)
+        self._children[name] = self.group.start(name, argv, self.environment, lambda *_: None)
 
     def place_bridge(self, remote: bool) -> bool:
         """Let the bridge run behind the cable, or not; return whether it had to be ended for that."""
@@ -130,10 +130,10 @@ class Nodes:
     def start_recorder(self) -> None:
         """Start a recorder of all topics."""
         self._bags += 1
-        self._bag = self._folder / f"bag_{self._bags}"
+        self._bag = self.folder / f"bag_{self._bags}"
         words = ["record", "--output", str(self._bag), "--all", "--flush-period", "0.1"]
         argv = python_module("slip_bags.cli", *words)
-        self._children[RECORDER] = self._group.start(RECORDER, argv, self._environment, lambda *_: None)
+        self._children[RECORDER] = self.group.start(RECORDER, argv, self.environment, lambda *_: None)
 
     def records(self) -> bool:
         """Return whether the recorder has written something."""
@@ -199,7 +199,7 @@ class Nodes:
         """End a process as a user would, where it runs."""
         child = self._children.pop(name, None)
         if child is not None:
-            self._group.stop([child])
+            self.group.stop([child])
 
     def trigger(self, key: str) -> None:
         """Call a service without waiting for its answer."""

@@ -56,7 +56,8 @@ class Watch:
         promise = Promise(robot.effort_limit, rate, limits.longest_step_s, limits.restart_after_s, period_s)
         observer_s = safety.fallback.observer_s if params.slip_estimator == "observer" else 0.0
         slip_s = inputs.slip.age_s + safety.fallback.slow_down_s + observer_s
-        ages = {JOINT: inputs.joint.age_s, WRENCH: inputs.wrench.age_s, SLIP: slip_s}
+        ages = {JOINT: inputs.joint.age_s, WRENCH: inputs.wrench.age_s}
+        ages |= {} if params.controller == "classical" else {SLIP: slip_s}  # it needs no slip
         self.commands = CommandMonitor(promise)
         self.joints = JointMonitor(effort_rate * period_s)
         self.safe = SafeStateMonitor({name: age + period_s + HOST_S for name, age in ages.items()}, inputs.future_s)

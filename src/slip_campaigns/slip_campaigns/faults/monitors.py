@@ -101,7 +101,7 @@ class JointMonitor:
         self._last, self._resting_since = None, None
 
     def begin_again(self) -> None:
-        """The time to come to rest begins anew: another one holds the arm, or the object has left the grasp."""
+        """The time to come to rest begins anew: another one holds the arm, or what it carries is no longer the same."""
         self._resting_since = None
 
     def take(self, now_s: float, applied: Numbers, velocity: Numbers, follows: bool) -> None:

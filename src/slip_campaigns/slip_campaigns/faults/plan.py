@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from slip_bringup.scenario import ControllerKind
+from slip_bringup.scenario import ControllerKind, Scenario, load_scenario
 from slip_sim_bridge.sensors.presets import preset_names
 
 JOINT, WRENCH, SLIP, EFFORT = "joint_states", "wrench", "slip_velocity", "effort_command"
@@ -17,6 +18,7 @@ ON_TOPICS = (
 )  # fmt: skip
 ON_NODES = ("kill", "stop")
 IDEAL = "ideal"
+PERIOD_S = 0.004
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,3 +114,17 @@ def make_plan(
     sensor = sensors[int(rng.integers(len(sensors)))]
     in_order = tuple(sorted(faults, key=lambda fault: fault.start_s))
     return Plan(trial, seed, scenario, observer, controller, in_order, sensor)
+
+
+def realtime_scenario(
+    name: str, observer: bool, controller: ControllerKind, sensor: str, assignments: Iterable[str]
+) -> Scenario:
+    """Return a scenario as campaigns run it, in real time without an end; the ideal sensor leaves the gains."""
+    usual = (
+        f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
+        "controller.gains.k_s=100.0", "bridge.stop_after_duration=false",
+    )  # fmt: skip
+    return load_scenario(
+        name, controller=controller, mode="realtime", assignments=(*usual, *assignments),
+        sensor="" if sensor == IDEAL else sensor, estimator="observer" if observer else "measured",
+    )  # fmt: skip

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_bringup.scenario import ControllerKind, Scenario, load_scenario
+from slip_bringup.scenario import ControllerKind, Scenario
 from slip_campaigns.faults.carriers import SampleCarrier
 from slip_campaigns.faults.channel import Channel, Delivery
 from slip_campaigns.faults.monitors import (
@@ -24,7 +24,20 @@ from slip_campaigns.faults.monitors import (
     Promise,
     SafeStateMonitor,
 )
-from slip_campaigns.faults.plan import BRIDGE, CONTROLLER, EFFORT, IDEAL, JOINT, SLIP, TOPICS, WRENCH, Fault, Plan
+from slip_campaigns.faults.plan import (
+    BRIDGE,
+    CONTROLLER,
+    EFFORT,
+    IDEAL,
+    JOINT,
+    PERIOD_S,
+    SLIP,
+    TOPICS,
+    WRENCH,
+    Fault,
+    Plan,
+    realtime_scenario,
+)
 from slip_campaigns.faults.wire import Wire
 from slip_core.errors import InputError
 from slip_core.params import build, flatten
@@ -36,7 +49,6 @@ from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import Controller, ControllerSession, CycleResult
 
-PERIOD_S = 0.004
 DURATION_S = 1.8
 LATEST_START_S, LONGEST_S = 0.6, 0.4
 START_NS = 1_000_000_000_000  # of the wall clock
@@ -63,18 +75,11 @@ class Outcome:
 @cache
 def prepared(name: str, observer: bool, kind: ControllerKind, sensor: str = IDEAL) -> tuple[Scenario, Controller]:
     """Return a scenario as the campaign runs it, and its law; the ideal sensor leaves the gains what they are."""
-    assignments = [
-        f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
-        "controller.gains.k_s=100.0", f"controller.trajectory.duration_s={0.75 * DURATION_S}",
-        "bridge.stop_after_duration=false",
-    ]  # fmt: skip
+    assignments = [f"controller.trajectory.duration_s={0.75 * DURATION_S}"]
     if name == "vertical_plane":
         # What friction cannot carry is to be met: more than just enough grip at the start.
         assignments += ["controller.trajectory.displacement=[0.0, 0.1, 0.05]"]
-    scenario = load_scenario(
-        name, controller=kind, mode="realtime", assignments=assignments, sensor="" if sensor == IDEAL else sensor,
-        estimator="observer" if observer else "measured",
-    )  # fmt: skip
+    scenario = realtime_scenario(name, observer, kind, sensor, assignments)
     return scenario, Controller(scenario.controller, scenario.urdf, lockstep=False)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +9,6 @@ from slip_core.files.placed_urdf import placed_urdf
 from slip_core.types import EffortCommand
 from slip_msgs_py.fast_io import create_sender
 from slip_msgs_py.messages import forms, to_msgs
-from slip_msgs_py.node_main import run_node
 from slip_sim_bridge.node import SlipSimBridge, arm_urdf
 from slip_sim_bridge.pair.internal import internal_wrenches
 from slip_sim_bridge.pair.params import SIDES, PairParams
@@ -67,12 +65,3 @@ class PairBridge(SlipSimBridge):
         self._send_total.send(outputs.stamp_ns, total)
         for send, part in zip(self._send_internal, parts, strict=True):
             send.send(outputs.stamp_ns, part)
-
-
-def main() -> int:
-    """Entry point of ``slip_sim_pair_node``."""
-    return run_node(PairBridge)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -10,7 +10,7 @@ law is not told, and the guard holds nothing back for it, until the slip sensor 
 
 from __future__ import annotations
 
-from enum import IntEnum
+from enum import IntEnum, unique
 from typing import Any, Final
 
 from slip_core.compiled import part
@@ -23,6 +23,7 @@ PLAUSIBLE: Final = 0.5
 """Share of what is known of friction below which a slip that the observer alone finds is the model's error."""
 
 
+@unique
 class Friction(IntEnum):
     """Where the friction limit comes from."""
 

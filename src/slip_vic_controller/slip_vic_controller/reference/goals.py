@@ -7,7 +7,7 @@ velocity and acceleration that the reference has.
 
 from __future__ import annotations
 
-from enum import IntEnum
+from enum import IntEnum, unique
 from typing import Any
 
 from slip_core.compiled import part
@@ -17,6 +17,7 @@ from slip_vic_controller.law.rotation import logarithm
 from slip_vic_controller.reference.paths import HOLD, PATH, POLYNOMIALS, Reference, reference_at
 
 
+@unique
 class GoalPhase(IntEnum):
     """What becomes of the goal that was taken last."""
 
@@ -27,6 +28,7 @@ class GoalPhase(IntEnum):
     REACHED = 4
 
 
+@unique
 class Refusal(IntEnum):
     """Why a goal is refused."""
 

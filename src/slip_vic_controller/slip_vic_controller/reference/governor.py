@@ -12,7 +12,7 @@ no cycle asks for more than the new F^. A plan for a larger F^ may wait: the old
 from __future__ import annotations
 
 import math
-from enum import IntEnum
+from enum import IntEnum, unique
 from typing import Any, Final, NamedTuple
 
 from slip_core.compiled import part
@@ -64,6 +64,7 @@ BACK: Final = 1e-3
 """How near the path's end the pad has come back when an overrun is over [m]."""
 
 
+@unique
 class Phase(IntEnum):
     """What the planning is at."""
 
@@ -72,6 +73,7 @@ class Phase(IntEnum):
     READY = 2
 
 
+@unique
 class Search(IntEnum):
     """Whether a pass looks for the least load that still stops on the path."""
 

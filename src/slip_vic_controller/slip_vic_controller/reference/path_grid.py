@@ -10,7 +10,7 @@ acceleration, so there s is a length indeed.
 from __future__ import annotations
 
 import math
-from enum import IntEnum
+from enum import IntEnum, unique
 from typing import Any, Final, NamedTuple
 
 from slip_core.compiled import part
@@ -28,6 +28,7 @@ CLOSE: Final = 1e-13
 """Steps of Newton's method for the time at s, kept in a bracket, and the share of a cell at which they end."""
 
 
+@unique
 class Governing(IntEnum):
     """What the governor does with the path's timing."""
 

@@ -7,7 +7,7 @@ goes on with the prediction, or without compensation where there is none; then H
 
 from __future__ import annotations
 
-from enum import IntEnum
+from enum import IntEnum, unique
 from typing import Any
 
 from slip_core.compiled import part
@@ -27,6 +27,7 @@ FAST_NS = 5_000_000
 """How long a speed must be too high: a single bad sample is no speed."""
 
 
+@unique
 class Level(IntEnum):
     """Degradation levels of the slip velocity, downwards."""
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from enum import IntEnum
+from enum import IntEnum, unique
 from types import MappingProxyType
 from typing import NamedTuple
 
 
+@unique
 class Fault(IntEnum):
     """What is wrong with a sample or an input; the numbers are part of the ledger's format."""
 
@@ -38,6 +39,7 @@ class Fault(IntEnum):
 FAULTS = len(Fault)
 
 
+@unique
 class Input(IntEnum):
     """What a fault is said of."""
 

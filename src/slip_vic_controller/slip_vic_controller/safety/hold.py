@@ -163,6 +163,21 @@ def hold_effort(
 
 
 @part
+def keep_posture(state: Any, n: int, sample: Any, velocity_limit: Array) -> None:
+    """Let a joint that was thrown rest where it becomes slow again: the way back would be as fast as it is allowed.
+
+    Args:
+        state: of HOLD; changed.
+        n: number of joints.
+        sample: position and velocity of the joints; [rad], [rad/s].
+        velocity_limit: (n,) [rad/s].
+    """
+    for j in range(n):
+        if abs(sample.velocity[j]) > velocity_limit[j]:
+            state.posture[j] = sample.position[j]
+
+
+@part
 def carry_load(config: Any, state: Any, arm: Any, r_pad: Vec, torque: Array) -> None:
     """Add -J^T h to `torque` (n,) [N m]: the load of an object that does not fall; arguments as of `hold_effort`."""
     R = mat(arm.rotation)

@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from slip_core.arrays import Array
+from slip_core.cholesky import cholesky, forward_substitute
 from slip_core.compiled import part
 from slip_core.records import REAL, layout
 from slip_core.vectors import ZERO, Spatial, Vec, spatial
+from slip_vic_controller.safety.effort_limiter import EFFORT_LIMITS, NS
 from slip_vic_controller.safety.modes import NOTHING
 from slip_vic_controller.safety.reasons import Cause, Reason
 from slip_vic_controller.sizes import MAX_JOINTS
@@ -17,28 +21,50 @@ BRAKED_FROM = 0.75
 """Part of the pad's speed limits from which it is braked."""
 BRAKE_LINEAR, BRAKE_ANGULAR = 100.0, 10.0
 """[N s/m], [N m s/rad]."""
+BRAKE_LAG_S = 0.020
+"""How late efforts may be at work without a braked joint being thrown to the other side [s]; HOLD bears as much."""
 TRIP = 4.0 / 3.0
 """Of the pad's speed limits: a control loop that runs away ends here."""
 
 MOTION_LIMITS = layout(
     near_lower=(REAL, MAX_JOINTS), near_upper=(REAL, MAX_JOINTS), margin=REAL, velocity=(REAL, MAX_JOINTS),
-    brake_from=(REAL, MAX_JOINTS), trip=(REAL, MAX_JOINTS), effort=(REAL, MAX_JOINTS), speed_linear=REAL,
-    speed_angular=REAL, rate=REAL, period=REAL,
+    brake_from=(REAL, MAX_JOINTS), trip=(REAL, MAX_JOINTS), speed_linear=REAL, speed_angular=REAL,
+    drive=EFFORT_LIMITS,
 )  # fmt: skip
-"""near_lower, near_upper [rad]: the joints' stops less the margin [rad]; velocity, brake_from, trip [rad/s]; effort
-[N m]; speed_linear [m/s], speed_angular [rad/s]: of the pad; rate: of efforts [N m/s]; period: of control [s]."""
+"""near_lower, near_upper [rad]: the joints' stops less the margin [rad]; velocity, brake_from, trip [rad/s];
+speed_linear [m/s], speed_angular [rad/s]: of the pad; drive: what the effort limiter lets pass."""
 
 
 @part
-def most_brake(limits: Any, speed: float, inertia: float) -> float:
+def most_brake(drive: Any, speed: float, inertia: float) -> float:
     """Return the largest torque that brakes a joint and does not turn it round [N m]; [rad/s], [kg m2].
 
-    What brakes now is at work for one more period, and then for as long as the rate limit takes to bring it down to
-    zero: tau T + tau^2 / (2 rate) = inertia * speed / 2. Half, because the joints before it give way. With more a joint
-    that is light for its motor is pushed from one side to the other for ever.
+    What brakes now is at work for one more period and BRAKE_LAG_S, together T, and then for as long as the rate limit
+    takes to bring it down to zero: tau T + tau^2 / (2 rate) = inertia * speed / 2. Half, because another joint may
+    brake the same motion. With more a joint that is light for its motor is pushed from one side to the other for ever.
     """
-    T = limits.period
-    return float(limits.rate * (math.sqrt(T * T + inertia * speed / limits.rate) - T))
+    T = NS * drive.period_ns + BRAKE_LAG_S
+    return float(drive.rate * (math.sqrt(T * T + inertia * speed / drive.rate) - T))
+
+
+@part
+def felt_inertias(M: Array, n: int, felt: Array) -> None:
+    """Write what each motor has to turn while all other joints give way to `felt` (n,): 1 / (M^-1)_jj [kg m2].
+
+    Two joints whose axes are nearly one turn against each other almost freely, though both diagonals of M are large.
+    Writes nothing where M is not positive definite.
+    """
+    L, x = np.zeros((n, n)), np.empty(n)
+    if not cholesky(M[:n, :n], L):
+        return
+    for j in range(n):
+        x[:] = 0.0
+        x[j] = 1.0
+        forward_substitute(L, x, x)
+        total = 0.0
+        for k in range(j, n):
+            total += x[k] * x[k]
+        felt[j] = 1.0 / total
 
 
 @part
@@ -54,9 +80,9 @@ def joint_repulsion(limits: Any, j: int, q: float, qd: float, inertia: float) ->
     low = min(max((limits.near_lower[j] - q) / limits.margin, 0.0), 1.0)
     high = min(max((q - limits.near_upper[j]) / limits.margin, 0.0), 1.0)
     share = min(max((speed - limits.brake_from[j]) / (limits.velocity[j] - limits.brake_from[j]), 0.0), 1.0)
-    brake = min(limits.effort[j] * share, most_brake(limits, speed, inertia))
+    brake = min(limits.drive.effort[j] * share, most_brake(limits.drive, speed, inertia))
     sign = 1.0 if qd > 0.0 else -1.0 if qd < 0.0 else 0.0
-    return limits.effort[j] * (low * low - high * high) - sign * brake
+    return limits.drive.effort[j] * (low * low - high * high) - sign * brake
 
 
 @part
@@ -93,8 +119,13 @@ def avoid_limits(limits: Any, n: int, q: Array, qd: Array, arm: Any, braked: boo
         force = pad_brake(limits, arm.twist)
     pushed = force.linear.dot(force.linear) + force.angular.dot(force.angular) != 0.0
     linear, angular = force.linear, force.angular
+    fast, felt = False, np.zeros(MAX_JOINTS)
     for j in range(n):
-        torque[j] = torque[j] + joint_repulsion(limits, j, q[j], qd[j], arm.M[j, j])
+        fast = fast or abs(qd[j]) > limits.brake_from[j]
+    if fast:
+        felt_inertias(arm.M, n, felt)
+    for j in range(n):
+        torque[j] = torque[j] + joint_repulsion(limits, j, q[j], qd[j], felt[j])
         if pushed:
             torque[j] += arm.J[0, j] * linear.x + arm.J[3, j] * angular.x
             torque[j] += arm.J[1, j] * linear.y + arm.J[4, j] * angular.y

@@ -9,7 +9,7 @@ FAULT          as HOLD, until somebody resets it
 
 from __future__ import annotations
 
-from enum import IntEnum
+from enum import IntEnum, unique
 from typing import Any, NamedTuple
 
 from slip_core.compiled import part
@@ -18,6 +18,7 @@ from slip_vic_controller.safety.reasons import REASON, Cause, Prefix, Reason, be
 from slip_vic_controller.sizes import NEVER
 
 
+@unique
 class Mode(IntEnum):
     """Modes in the order of their numbers on the topics."""
 
@@ -33,6 +34,7 @@ class Mode(IntEnum):
         return self in (Mode.ACTIVE, Mode.DEGRADED)
 
 
+@unique
 class Request(IntEnum):
     """What was asked for since the last cycle, by a user if nothing else is said."""
 

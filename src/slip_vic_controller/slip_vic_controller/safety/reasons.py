@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import IntEnum
+from enum import IntEnum, unique
 from typing import Any, NamedTuple
 
 from slip_core.compiled import part
@@ -12,6 +12,7 @@ from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.sizes import MAX_CONTACTS
 
 
+@unique
 class Cause(IntEnum):
     """What a reason is about; `detail`, `value` and `limit` of a `Reason` say more."""
 
@@ -42,6 +43,7 @@ class Cause(IntEnum):
     HALTED = 24
 
 
+@unique
 class Prefix(IntEnum):
     """What is said before a cause; bits."""
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
-from slip_msgs_py.node_main import run_node
-from slip_vic_controller.arm_topics import Place
 from slip_vic_controller.node import SlipVicController, make_controller
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.parameters.team_params import TeamParams
 from slip_vic_controller.team.crew import Crew
 from slip_vic_controller.team.session import SIDES, TeamSession
+from slip_vic_controller.topics.arm import Place
 
 
 class TeamController(SlipVicController):
@@ -36,12 +34,3 @@ class TeamController(SlipVicController):
         crew = self.crew
         each = zip(SIDES, self.params.arms, crew.sessions, crew.seats, strict=True)
         return tuple(Place(f"{side}/", params, session, seat, 1) for side, params, session, seat in each)
-
-
-def main() -> int:
-    """Entry point of ``slip_vic_team_node``."""
-    return run_node(TeamController)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -15,12 +15,12 @@ from slip_msgs_py.messages import forms, from_msgs
 from slip_msgs_py.node_part import NodePart
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_vic_controller.config import governed_stream
-from slip_vic_controller.goal_interface import GoalInterface
-from slip_vic_controller.mode_interface import ModeInterface
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.publishing import DiagnosticsPublisher, StatePublisher, TimingPublisher
 from slip_vic_controller.session import NO_EFFORT, ControllerSession, CycleResult
 from slip_vic_controller.team.crew import Seat
+from slip_vic_controller.topics.goal import GoalInterface
+from slip_vic_controller.topics.mode import ModeInterface
 
 STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only the newest state matters
 SLIP_DEPTH = 100  # every sample counts for the observer
