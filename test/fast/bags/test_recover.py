@@ -12,10 +12,13 @@ import shutil
 import struct
 import tempfile
 import threading
+import zlib
 from pathlib import Path
 
+import lz4.frame
 import pytest
 import yaml
+import zstandard
 from mcap.reader import make_reader
 from mcap.records import Metadata
 from rosbags.highlevel import AnyReader
@@ -25,6 +28,7 @@ from slip_bags.reader import Bag, RawMessage
 from slip_bags.recover import recover
 from slip_bags.storage.mcap_writer import McapWriter
 from slip_bags.storage.salvage import Salvage, salvage
+from slip_bags.storage.scan import partial_chunk
 from slip_bags.writer import BagWriter, StorageError, WriterOptions, _Syncer
 from slip_core.errors import InputError
 from test.support.bag_maker import make_bag
@@ -275,3 +279,15 @@ def test_what_is_outside_of_the_wanted_time_is_not_read(tmp_path):
             assert [message.log_time_ns for message in bag.raw(start_ns=2, end_ns=3)] == [2, 3]
             with pytest.raises(InputError):
                 list(bag.raw())
+
+
+@pytest.mark.parametrize("compression", ["", "lz4", "zstd"])
+def test_of_a_cut_chunk_its_beginning_is_read_from_its_first_byte_on(compression: str) -> None:
+    """The record as the MCAP specification has it: times, size, CRC, name of the compression, length, content."""
+    content = random.Random(3).randbytes(3 * 2**18)
+    packed = {"": bytes, "lz4": lz4.frame.compress, "zstd": zstandard.ZstdCompressor().compress}[compression](content)
+    name = compression.encode()
+    head = struct.pack("<QQQI", 1, 2, len(content), zlib.crc32(content)) + struct.pack("<I", len(name)) + name
+    found = partial_chunk((head + struct.pack("<Q", len(packed)) + packed)[: -len(packed) // 3])
+    assert 0 < len(found) < len(content)
+    assert content.startswith(found)

@@ -10,10 +10,12 @@ import pytest
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
+from slip_core.records import new, record
 from slip_description import urdf_text
 from slip_sim_bridge.pair.params import PairParams
 from slip_sim_bridge.pair.simulation import PairSimulation
 from slip_sim_bridge.plant import DivergenceError
+from slip_sim_bridge.plant.pair_step import PAIR, pair_after
 
 POSTURE = (-0.040646922, 0.138380669, -0.173567454, -2.241908013, -1.709427011, 1.734215231, 0.821351893)
 GRAVITY = np.array((0.0, 0.0, -9.81))
@@ -180,3 +182,26 @@ def test_forces_that_are_not_finite_end_the_simulation_before_they_act() -> None
     with pytest.raises(DivergenceError, match="the forces of the pads are not finite"):
         simulation.plant.advance([np.zeros(7), np.zeros(7)])
     assert np.array_equal(simulation.plant.data.qpos, before)
+
+
+@pytest.mark.parametrize("grip", [0.5, 0.0])
+def test_deflection_slip_and_energies_move_on_as_their_rates_say(grip: float) -> None:
+    """Against the same in matrices: a pad is bent by what does not slip, and without pressure is not bent at all."""
+    rng, dt = np.random.default_rng(5), 1e-3
+    state, rows, qvel = new(PAIR), rng.normal(size=(12, 9)), rng.normal(size=9)
+    state[:] = rng.normal(size=state.shape)
+    before, after = record(state.copy(), PAIR), record(state, PAIR)
+    pair_after(qvel, rows, np.array((20.0, grip)), dt, state)
+    slipping = np.eye(6)[:, (0, 1, 5)]
+    for i, pressed in enumerate((True, grip > 0.0)):
+        old, moved, w = before.contact[i], after.contact[i], rows[6 * i : 6 * i + 6] @ qvel
+        v = old.slip_rate if pressed else slipping.T @ w
+        bent = w - slipping @ v if pressed else np.zeros(6)
+        np.testing.assert_allclose(moved.slip_rate, v, atol=1e-15)
+        np.testing.assert_allclose(moved.deflection, (old.deflection if pressed else 0.0) + dt * bent, atol=1e-15)
+        assert moved.damped - old.damped == pytest.approx(dt * bent @ np.diag(old.damping) @ bent, abs=1e-14)
+        assert moved.rubbed - old.rubbed == pytest.approx(-dt * old.force @ slipping @ v, abs=1e-14)
+        half = old.slip[2] - 0.5 * dt * v[2]
+        turn = np.array(((np.cos(half), -np.sin(half)), (np.sin(half), np.cos(half))))
+        np.testing.assert_allclose(moved.slip[:2], old.slip[:2] - dt * turn @ v[:2], atol=1e-15)
+        assert moved.slip[2] == pytest.approx(old.slip[2] - dt * v[2], abs=1e-15)
