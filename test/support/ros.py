@@ -6,7 +6,9 @@ by fork, because a process forked after `rclpy.init` has no DDS threads.
 
 from __future__ import annotations
 
+import contextlib
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -63,6 +65,25 @@ class Processes:
         assert child.wait(DEADLINE_S), f"{child.name} did not end:\n{child.tail()}"
         assert child.exit_code is not None
         return child.exit_code
+
+    def kill(self, child: Child) -> None:
+        """Kill a child at a moment when none of its threads is at work.
+
+        One that is killed while it writes to DDS's shared memory leaves a lock, and whoever writes there next waits for
+        ever: this process too.
+        """
+        tasks = Path(f"/proc/{child.pid}/task")
+        while child.exit_code is None:
+            child.send(signal.SIGSTOP)
+            stats, calls = list[str](), list[str]()
+            with contextlib.suppress(OSError):  # where the system does not show the calls: at any moment
+                stats += [stat.read_text().rpartition(")")[2].split()[0] for stat in tasks.glob("*/stat")]
+                calls += [call.read_text().split()[0] for call in tasks.glob("*/syscall")]
+            if set(stats) == {"T"} and "-1" not in calls and "running" not in calls:
+                child.send(signal.SIGKILL)
+                self.wait_end(child)
+            child.send(signal.SIGCONT)
+            time.sleep(0.001)
 
     def stop(self, child: Child, signal_number: int) -> int:
         """Send a signal and wait for the end; return the exit code."""

@@ -157,7 +157,7 @@ def test_a_bridge_that_starts_again_is_taken_up(watcher: Watcher, start, process
     start("controller", *CONTROLLER_SLOW)
     bridge = start("bridge", *BRIDGE_ENDLESS)
     watcher.wait_law()
-    bridge.send(signal.SIGKILL)
+    processes.kill(bridge)
     watcher.wait_mode("HOLD", "silent")
     start("bridge", *BRIDGE_ENDLESS, "bridge.wait_for=[]")
     watcher.wait_law()

@@ -76,7 +76,7 @@ def test_a_controller_that_dies_is_reported_with_the_tick_it_owes(processes: Pro
         "bridge", "-m", BRIDGE, *params("bridge", "bridge.duration_s=1000.0", "bridge.lockstep_timeout_s=0.5")
     )
     processes.wait_event(bridge, Progress)
-    controller.send(signal.SIGKILL)
+    processes.kill(controller)
     assert processes.wait_end(bridge) == 1
     (line,) = [line for line in bridge.lines if line.startswith("error:")]
     assert "no effort_command for tick" in line
