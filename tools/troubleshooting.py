@@ -119,7 +119,7 @@ def error_tables() -> str:
 
 def bringup_table() -> str:
     """Return the table of what `slip-vic bringup` says where a step does not hold."""
-    rules = ROOT / "src/slip_bringup/slip_bringup/bringup/verdicts.py"
+    rules = ROOT / "src/slip_vic/slip_vic/bringup/verdicts.py"
     lines = ["| judged | what it says to do |", "|---|---|"]
     for function in ast.parse(rules.read_text(encoding="utf-8")).body:
         if isinstance(function, ast.FunctionDef):

@@ -253,7 +253,7 @@ def uniform(G):
 
 
 def table(rows=None):
-    """Yield the lines of the table, as `python -m pytest test/fast/reference -k table -s` prints them."""
+    """Yield the lines of the table, as `python -m pytest test/unit/reference -k table -s` prints them."""
     for name in rows or ROWS:
         q = row(name)
         yield (

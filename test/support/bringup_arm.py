@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from slip_bringup.bringup.hands import simulated_hand
-from slip_bringup.bringup.system import Endpoint, Heard, Track
-from slip_bringup.bringup.verdicts import Verdict
-from slip_bringup.bringup.walk import Walk
-from slip_bringup.inprocess import ClosedLoop
-from slip_bringup.scenario import load_scenario
 from slip_core.arrays import Array
 from slip_core.params import build, flatten
 from slip_core.types import EffortCommand, PoseGoal
 from slip_sim_bridge.params import BridgeParams
+from slip_vic.bringup.hands import simulated_hand
+from slip_vic.bringup.system import Endpoint, Heard, Track
+from slip_vic.bringup.verdicts import Verdict
+from slip_vic.bringup.walk import Walk
+from slip_vic.inprocess import ClosedLoop
+from slip_vic.scenario import load_scenario
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.topics.goal import GoalInterface

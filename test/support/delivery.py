@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from slip_campaigns.faults.trial import START_NS
 from slip_sim_bridge.session import BridgeSession, TickOutputs
 from slip_vic_controller.session import Controller, ControllerSession, CycleResult
+from test.campaigns.faults.trial import START_NS
 
 
 def begun_bridge(scenario) -> BridgeSession:

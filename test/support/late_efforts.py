@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 from typing import Any
 
-from slip_bringup.scenario import ControllerKind, Scenario
-from slip_campaigns.faults import trial as trials
-from slip_campaigns.faults.channel import Channel
-from slip_campaigns.faults.dds_campaign import campaign_scenario
-from slip_campaigns.faults.plan import EFFORT, IDEAL, Fault, Plan
 from slip_description import scenario_names
+from slip_vic.scenario import ControllerKind, Scenario
 from slip_vic_controller.session import Controller
+from test.campaigns.faults import trial as trials
+from test.campaigns.faults.channel import Channel
+from test.campaigns.faults.dds_campaign import campaign_scenario
+from test.campaigns.faults.plan import EFFORT, IDEAL, Fault, Plan
 
 FROM_S, LASTS_S = 0.8, 6.0
 LAGS_MS = (8, 12, 16, 20, 24)

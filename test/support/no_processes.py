@@ -47,7 +47,7 @@ class _Guard:
     def hear(self, event: str, arguments: tuple[Any, ...]) -> None:
         if self.on and event in STARTS and not _interpreted_check(event, arguments):
             raise Forbidden(
-                f"a test of the fast tier started a process: {event} {arguments[:2]}; it belongs in test/slow"
+                f"a test of the fast tier started a process: {event} {arguments[:2]}; it belongs in test/system"
             )
 
 
@@ -68,7 +68,7 @@ def _lookup(environment: Mapping[Any, Any]) -> str | None:
 
 
 def _refuse(*_: object, **__: object) -> None:
-    raise Forbidden("a test of the fast tier opened DDS (rclpy.init); it belongs in test/slow")
+    raise Forbidden("a test of the fast tier opened DDS (rclpy.init); it belongs in test/system")
 
 
 @contextlib.contextmanager

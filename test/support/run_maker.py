@@ -11,11 +11,11 @@ import numpy as np
 from slip_bags.format import QosProfile, TopicInfo
 from slip_bags.typedefs import find_definition
 from slip_bags.writer import BagWriter, WriterOptions
-from slip_bringup.inprocess import ClosedLoop, Tick
-from slip_bringup.scenario import NODES, Scenario, ros_parameter_file
 from slip_core.params import build, flatten
 from slip_core.types import DisplacementSample
 from slip_msgs_py.messages.from_msgs import cartesian_reference, pose_goal
+from slip_vic.inprocess import ClosedLoop, Tick
+from slip_vic.scenario import NODES, Scenario, ros_parameter_file
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from test.support.bag_maker import STORE, encode
 

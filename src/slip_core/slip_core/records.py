@@ -1,19 +1,82 @@
-"""Records: one numpy dtype is the one declaration of a layout, for Python, for compiled code, for bags and topics.
+"""Records: an annotated class is the one declaration of a layout, for mypy, Python, compiled code, bags and topics.
 
-Numbers lie in flat float64 buffers; `record(buffer, LAYOUT)` looks at one by name, reads and writes through. Every
-field is REAL or WHOLE, 8 bytes each, an array of them, or another layout, so a buffer's bytes are the record's.
+    class Gains(Record):
+        K_D: Vec6  # N/m, N m/rad
+        alpha: Real  # s/m
+
+
+    GAINS = dtype_of(Gains)
+
+Numbers lie in flat float64 buffers; `gains: Gains = record(buffer, GAINS)` reads and writes them by name. Every field
+is 8 bytes (Real, Whole), an array of them, another record, or an array of records, so that a buffer's bytes are the
+record's. The compiler types a record by its dtype: annotations cost nothing there.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Annotated, Any, Protocol, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numba.extending import overload
+from numpy.typing import NDArray
 
 from slip_core.arrays import Array
 
+T = TypeVar("T")
 REAL, WHOLE = "f8", "i8"
+
+Real = Annotated[float, REAL]
+Whole = Annotated[int, WHOLE]
+WholeArray = NDArray[np.int64]
+Vec3 = Annotated[Array, 3]
+Vec6 = Annotated[Array, 6]
+Mat3 = Annotated[Array, (3, 3)]
+"""Fields that are arrays: the shape stands behind the type. Others: Annotated[Array, 7], Annotated[WholeArray, 7]."""
+
+
+class Record:
+    """Base of declared records. It has no instances: a record is a view of a buffer, which `record` returns."""
+
+
+class Records(Protocol[T]):
+    """A field that is an array of records: `Annotated[Records[Slip], 4]`."""
+
+    def __getitem__(self, index: int) -> T:
+        """Return one of them."""
+
+    def __setitem__(self, index: int, value: T) -> None:
+        """Write one of them, whole."""
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+
+    def __iter__(self) -> Iterator[T]:
+        """Go through them."""
+
+
+def dtype_of(declared: type[Record]) -> np.dtype[np.void]:
+    """Return the dtype of a declared record, fields in the order of the class.
+
+    Raises:
+        TypeError: a field that is no number, array or record.
+    """
+    hints = get_type_hints(declared, include_extras=True)
+    return np.dtype([(name, *_field(f"{declared.__name__}.{name}", hint)) for name, hint in hints.items()])
+
+
+def _field(name: str, hint: Any) -> tuple[Any, ...]:
+    """Return type and, of an array, shape of a field, as numpy wants them."""
+    if isinstance(hint, type) and issubclass(hint, Record):
+        return (dtype_of(hint),)
+    kind, *given = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    if given in ([REAL], [WHOLE]):
+        return (given[0],)
+    if len(given) == 1 and get_origin(kind) is Records:
+        return (dtype_of(get_args(kind)[0]), given[0])
+    if len(given) == 1 and kind in (Array, WholeArray):
+        return (REAL if kind == Array else WHOLE, given[0])
+    raise TypeError(f"{name}: {hint} is no Real, Whole, Annotated array or Record")
 
 
 def layout(**fields: Any) -> np.dtype[np.void]:

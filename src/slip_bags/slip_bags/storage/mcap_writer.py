@@ -2,7 +2,7 @@
 
 The `mcap` package forms the records other than messages. Its own writer is not used: it cannot end a file inside the
 space it has, and it takes 3.6 us for a message of a recorded run where this one takes 1.1 us (`python
-test/slow/bags/measure.py writer`), of the 18 us that the recorder needs for it in all.
+test/system/bags/measure.py writer`), of the 18 us that the recorder needs for it in all.
 """
 
 from __future__ import annotations

@@ -1,1 +1,0 @@
-"""Vendors' tactile messages to the stock messages of the controller; optional."""

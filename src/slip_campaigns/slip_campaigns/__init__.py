@@ -1,1 +1,0 @@
-"""For developers: fault campaigns, long runs, and what a control cycle costs."""

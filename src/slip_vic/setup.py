@@ -1,0 +1,45 @@
+"""Package description that works for `colcon build` and for pip alike."""
+
+from setuptools import find_packages, setup
+
+NAME = "slip_vic"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(),
+    package_data={NAME: ["py.typed", "presets/*/*.yaml", "web/static/*"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/launch", ["launch/slip_vic.launch.py"]),
+    ],
+    install_requires=[
+        "setuptools",
+        "slip_bags",
+        "slip_core",
+        "slip_description",
+        "slip_msgs_py",
+        "slip_sim_bridge",
+        "slip_vic_controller",
+        "click",
+        "matplotlib",
+        "numpy",
+        "optuna",
+        "psutil",
+        "pydantic",
+        "pyyaml",
+        "rich",
+        "scipy",
+        "trimesh",
+        "uplot-python",
+        "websockets",
+    ],
+    extras_require={"test": ["pytest"], "cluster": ["ray"], "video": ["imageio-ffmpeg"]},
+    zip_safe=False,
+    maintainer="slip-vic maintainers",
+    maintainer_email="maintainers@slip-vic.example",
+    description="Launcher, demo, replay, report and the slip-vic command line.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": ["slip-vic = slip_vic.cli:main"]},
+)

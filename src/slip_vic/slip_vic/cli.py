@@ -1,0 +1,181 @@
+"""The ``slip-vic`` command line."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from rich.console import Console
+
+from slip_bags.cli import bag, run_command
+from slip_vic import __version__
+from slip_vic.arm.cli import arm
+from slip_vic.bringup.cli import bringup
+from slip_vic.exit_code import ALLOW_FAULT, end_with
+from slip_vic.options import ASSIGNMENTS, CONTROLLER, PARAMS, SCENARIO, URDF
+from slip_vic.pair.cli import pair, pair_study
+from slip_vic.replay.cli import references, verify
+from slip_vic.study.cli import check, merge, study, tune
+from slip_vic.web.cli import report, watch
+
+if TYPE_CHECKING:
+    from slip_vic.scenario import ControllerKind, Mode
+
+CONSOLE = Console(stderr=True)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, prog_name="slip-vic")
+def cli() -> None:
+    """Variable impedance control for slippery grasps on ROS 2: run, record, compare."""
+
+
+@cli.command()
+@SCENARIO
+@CONTROLLER
+@click.option("--mode", type=click.Choice(["lockstep", "realtime"]), default="lockstep", show_default=True)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="seed of the sensor noise")
+@PARAMS
+@click.option("--record", type=click.Path(path_type=Path), help="record a bag into this new folder")
+@ASSIGNMENTS
+@URDF
+@click.option("--namespace", default="", help="ROS namespace of all nodes")
+@click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
+@click.option("--cpu", "cpus", help="core of bridge and controller, or two: 2,3; default in real time: the last two")
+@click.option("--fifo", type=click.IntRange(1, 99), help="their SCHED_FIFO priority, where permitted")
+@click.option("--lock-memory", is_flag=True, help="keep their memory in RAM, where permitted")
+@click.option("--awake/--no-awake", default=True, help="keep the cores from sleeping; default: yes")
+@click.option("--one-process", is_flag=True, help="bridge and controller in one process; topics stay real")
+@ALLOW_FAULT
+def run(
+    *,
+    scenario: str,
+    controller: ControllerKind,
+    mode: Mode,
+    seed: int,
+    params: Path | None,
+    record: Path | None,
+    assignments: tuple[str, ...],
+    urdf: Path | None,
+    namespace: str,
+    domain_id: int | None,
+    cpus: str | None,
+    fifo: int | None,
+    lock_memory: bool,
+    awake: bool,
+    one_process: bool,
+    allow_fault: bool,
+) -> None:
+    """Run one scenario: bridge, controller and, with --record, recorder as processes on DDS.
+
+    Exit code 1 where the controller gave up, the object was lost, the path could not be followed or the arm saturated.
+    """
+    from slip_msgs_py.realtime import ProcessOptions, parse_cores
+    from slip_vic.launcher import Launcher
+    from slip_vic.pair.any_scenario import load_any
+    from slip_vic.progress import run_progress
+    from slip_vic.scenario import read_parameters
+
+    loaded = load_any(
+        scenario,
+        controller=controller,
+        mode=mode,
+        seed=seed,
+        assignments=assignments,
+        urdf_file=urdf,
+        parameters=read_parameters(params),
+    )
+    process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory, awake)
+    launcher = Launcher(
+        loaded, bag=record, wanted_domain=domain_id, namespace=namespace, process=process, one_process=one_process
+    )
+    with run_progress(CONSOLE) as progress:
+        result = launcher.run(progress.add_run(f"{loaded.name} {controller}", loaded.bridge.duration_s))
+    click.echo(
+        f"{result.ticks} ticks, {result.sim_time_s:.3f} s simulated in {result.wall_time_s:.2f} s "
+        f"({result.real_time_factor:.2f} x real time)"
+    )
+    if result.timing:
+        timing = result.timing
+        click.echo(
+            f"fresh ticks {100.0 * timing['fresh_share']:.2f} %, overruns {timing['overruns']:.0f}, "
+            f"missed {timing.get('missed', 0.0):.0f}; state to command "
+            f"{1e3 * timing['latency_p50_s']:.2f} ms (p99 {1e3 * timing['latency_p99_s']:.2f}, "
+            f"max {1e3 * timing['latency_max_s']:.2f})"
+        )
+    for line in result.warnings:
+        click.echo(f"warning: {line}", err=True)
+    if result.bag is not None:
+        click.echo(f"bag: {result.bag} ({result.messages} messages, {result.lost} lost)")
+    end_with(map(str, result.incidents), allow_fault)
+
+
+@cli.command()
+@SCENARIO
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out"), show_default=True, help="output folder")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="seed of the sensor noise")
+@PARAMS
+@ASSIGNMENTS
+@URDF
+@click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
+@ALLOW_FAULT
+def demo(
+    scenario: str,
+    out: Path,
+    seed: int,
+    params: Path | None,
+    assignments: tuple[str, ...],
+    urdf: Path | None,
+    domain_id: int | None,
+    allow_fault: bool,
+) -> None:
+    """Compare classical, variable and governed impedance on one scenario: table, report.html, summary.json, bags."""
+    from slip_vic.demo import run_demo
+    from slip_vic.scenario import read_parameters, urdf_assignment
+
+    given = (*urdf_assignment(urdf), *assignments)
+    summary = run_demo(scenario, out, seed, given, domain_id, CONSOLE, read_parameters(params))
+    lines = (f"{kind}: {incident}" for kind, run in summary["runs"].items() for incident in run["incidents"])
+    end_with(lines, allow_fault)
+
+
+@cli.command()
+@click.option("--scenario", "scenarios", multiple=True, help="only these; default all that come with the suite")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("config"), show_default=True)
+@click.option("--all", "complete", is_flag=True, help="with the parameters that have their defaults too")
+@click.option("--reference", is_flag=True, help="write docs/parameters.md and docs/topics.md instead, below --out")
+def params(scenarios: tuple[str, ...], out: Path, complete: bool, reference: bool) -> None:
+    """Write the ROS parameter files of the scenarios, for nodes that are started alone."""
+    from slip_vic.reference import config_files, parameter_page, topic_page, write_files
+
+    pages = {"parameters.md": parameter_page(), "topics.md": topic_page()} if reference else {}
+    files = pages or config_files(list(scenarios), complete=complete)
+    write_files(out, files)
+    for name in files:
+        click.echo(str(out / name))
+
+
+bag.add_command(verify)
+bag.add_command(references)
+cli.add_command(arm)
+cli.add_command(bag)
+cli.add_command(bringup)
+cli.add_command(check)
+cli.add_command(merge)
+cli.add_command(report)
+cli.add_command(pair)
+cli.add_command(pair_study)
+cli.add_command(study)
+cli.add_command(tune)
+cli.add_command(watch)
+
+
+def main() -> int:
+    """Entry point of ``slip-vic``."""
+    return run_command(cli, "slip-vic")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

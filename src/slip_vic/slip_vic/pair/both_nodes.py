@@ -1,0 +1,26 @@
+"""Bridge and controller of two arms in one process, as `slip_vic.both_nodes`."""
+
+from __future__ import annotations
+
+import sys
+
+from slip_msgs_py.node_main import run_node
+from slip_sim_bridge.pair.node import PairBridge
+from slip_vic.both_nodes import BothNodes
+from slip_vic_controller.team.node import TeamController
+
+
+class BothTeamNodes(BothNodes):
+    """The nodes of two arms."""
+
+    CONTROLLER = TeamController
+    BRIDGE = PairBridge
+
+
+def main() -> int:
+    """Entry point."""
+    return run_node(BothTeamNodes)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,55 @@
+"""``slip-vic bag verify`` and ``references``: what knows the controller."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.progress import Progress
+
+
+@click.command()
+@click.argument("bag_path", metavar="BAG", type=click.Path(path_type=Path))
+@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="replace a stored parameter; repeatable")
+@click.option("--from", "from_s", type=click.FloatRange(min=0.0), default=0.0, help="begin so many seconds in [s]")
+def verify(bag_path: Path, assignments: tuple[str, ...], from_s: float) -> None:
+    """Run the controller again on the recorded inputs and compare every effort bit by bit.
+
+    Exit code 0: identical. 1: not, with the first difference. 2: this bag cannot be verified.
+    """
+    from slip_bags.reader import Bag
+    from slip_core.params import parse_assignment
+    from slip_vic.replay.run_data import TeamRun, is_team, read_run, read_team
+    from slip_vic.replay.verify import other_software, verify_run
+
+    console = Console(stderr=True)
+    with Bag(bag_path) as opened:
+        changes = dict(parse_assignment(text) for text in assignments)
+        run = read_team(opened, changes) if is_team(opened) else read_run(opened, changes)
+        notes = other_software(opened.custom_data)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        sides = run.sides if isinstance(run, TeamRun) else (run,)
+        task = progress.add_task("replaying", total=sum(len(side.ledger) for side in sides))
+        verdict = verify_run(run, lambda: progress.advance(task), from_s)
+    click.echo(verdict.text())
+    if not verdict.identical:
+        for note in notes:
+            click.echo(f"note: {note}")
+        raise click.exceptions.Exit(1)
+
+
+@click.command()
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    default=Path("bags"),
+    show_default=True,
+    help="folder of the bags",
+)
+def references(output: Path) -> None:
+    """Record the repository's reference bags anew; they replace the old ones when all are verified."""
+    from slip_vic.replay.references import make_references
+
+    make_references(output, click.echo)

@@ -1,0 +1,304 @@
+"""Run the controller again on what the ledger says it used, and compare every effort bit by bit."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_core.errors import InputError
+from slip_core.types import JointSample, PoseGoal, SlipSample, WrenchSample
+from slip_vic.replay.run_data import LedgerEntry, RecordedRun, TeamRun
+from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.safety.reasons import JOINT_STATES
+from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Health
+from slip_vic_controller.snapshot import from_text
+from slip_vic_controller.team.session import SIDES, Asked, TeamSession
+
+
+@dataclass(frozen=True, slots=True)
+class Divergence:
+    """The first number that is not the recorded one in a cycle; `ulps` is None where there is no distance."""
+
+    cycle: int
+    stamp_ns: int
+    topic: str
+    field: str
+    recorded: float
+    replayed: float
+    ulps: int | None
+
+
+Sample = TypeVar("Sample", JointSample, WrenchSample, SlipSample)
+
+
+class _Samples:
+    """Finds the samples that a ledger entry names."""
+
+    def __init__(self, run: RecordedRun) -> None:
+        self._run = run
+        self._slip_needed = run.params.controller == "vic"
+        self._previous_ns = -1
+        self._stamps = np.array(sorted(run.slips[0]), dtype=np.int64)
+
+    def previous(self, entry: LedgerEntry) -> None:
+        """Name the cycle before the first one: the slip samples up to it are not new."""
+        self._previous_ns = entry.slip_ns[0]
+
+    def joint(self, entry: LedgerEntry) -> JointSample:
+        """Return the joint state the cycle answered."""
+        return self._find(entry, self._run.joints, entry.joint_ns, "joint_states")
+
+    def waits(self, entry: LedgerEntry) -> bool:
+        """Return whether the cycle had to wait for an input; its entry names no sample then."""
+        named = any(entry.wrench_ns) or any(entry.slip_ns)
+        return entry.mode == Mode.WAITING_INPUT or (entry.mode == Mode.FAULT and not named)
+
+    def wrenches(self, entry: LedgerEntry) -> list[WrenchSample]:
+        """Return the newest wrench of each contact."""
+        pairs = zip(self._run.wrenches, entry.wrench_ns, strict=True)
+        return [self._find(entry, samples, stamp, "wrench") for samples, stamp in pairs]
+
+    def slips(self, entry: LedgerEntry) -> list[SlipSample | None]:
+        """Return the newest slip velocity of each contact, None where there was none and none is needed."""
+        return [
+            None
+            if not self._slip_needed and stamp == 0 and stamp not in samples
+            else self._find(entry, samples, stamp, "slip_velocity")
+            for samples, stamp in zip(self._run.slips, entry.slip_ns, strict=True)
+        ]
+
+    def new_slips(self, entry: LedgerEntry) -> list[SlipSample]:
+        """Return the slip samples of the own contact since the cycle before."""
+        stamp = entry.slip_ns[0]
+        first, last = (np.searchsorted(self._stamps, at, side="right") for at in (self._previous_ns, stamp))
+        self._previous_ns = max(self._previous_ns, stamp)
+        found = (self._run.slips[0][int(at)] for at in self._stamps[first:last])
+        return [sample for sample in found if sample.valid]
+
+    def _find(self, entry: LedgerEntry, samples: dict[int, Sample], stamp_ns: int, topic: str) -> Sample:
+        try:
+            return samples[stamp_ns]
+        except KeyError:
+            raise InputError(
+                f"cycle {entry.cycle}: {topic}",
+                got=f"no message with stamp {stamp_ns} ns",
+                expected="every sample the ledger names",
+            ) from None
+
+
+def first_index(run: RecordedRun, from_s: float = 0.0) -> int:
+    """Return where in the ledger a replay begins: at its first cycle, or where a snapshot of the controller is known.
+
+    Args:
+        run: the run.
+        from_s: begin no earlier than this many seconds after the first cycle.
+
+    Raises:
+        InputError: there is no such place.
+    """
+    if run.ledger[0].cycle == 0 and from_s <= 0.0:
+        return 0
+    earliest = run.ledger[0].joint_ns + round(1e9 * from_s)
+    # The cycle before is needed too: it says which slip samples are new.
+    for index, entry in enumerate(run.ledger[1:], start=1):
+        if entry.joint_ns >= earliest and entry.cycle in run.states:
+            return index
+    raise InputError(
+        "the ledger",
+        got=f"a beginning at cycle {run.ledger[0].cycle}, and no controller/state at {from_s:g} s or later",
+        expected="the run from its first cycle, or a state to begin with (one each second)",
+    )
+
+
+def replay(run: RecordedRun, begin: int = 0) -> Iterator[Divergence | None]:
+    """Yield per cycle None where effort and mode are the recorded ones to the last bit, else the first difference.
+
+    Args:
+        run: the run.
+        begin: index in the ledger, of `first_index`.
+
+    Raises:
+        InputError: the run cannot be replayed from this bag.
+
+    The ledger gives the inputs, clock, verdicts and requests of every cycle; the rest is code.
+    """
+    arm = _Arm(ControllerSession(_controller(run)), run, begin)
+    for index in range(begin, len(run.ledger)):
+        entry = arm.begin(index)
+        yield _compare(run, entry, run.efforts[index], arm.cycle(entry))
+
+
+def replay_team(run: TeamRun, from_s: float = 0.0) -> Iterator[Divergence | None]:
+    """Yield per cycle and arm what `replay` does; both arms ran in one controller.
+
+    Args:
+        run: the run.
+        from_s: begin no earlier than this many seconds after the first cycle.
+
+    Raises:
+        InputError: as of `replay`.
+    """
+    team = TeamSession([_controller(side) for side in run.sides])
+    begins = team_begins(run, from_s)
+    arms = [_Arm(*each) for each in zip(team.sessions, run.sides, begins, strict=True)]
+    at = list(begins)
+    while any(index < len(side.ledger) for index, side in zip(at, run.sides, strict=True)):
+        entries = [
+            side.ledger[index] if index < len(side.ledger) else None for index, side in zip(at, run.sides, strict=True)
+        ]
+        turn = _turn(entries)
+        begun = {side: arms[side].begin(at[side]) for side in turn}
+        if len(turn) == len(arms):
+            answered = team.answer([arms[side].asked(entry, together=True) for side, entry in begun.items()])
+            results = dict(zip(turn, answered, strict=True))
+            for side, entry in begun.items():
+                arms[side].end(entry)
+        else:
+            results = {side: arms[side].cycle(entry) for side, entry in begun.items()}
+        for side, result in results.items():
+            found = _compare(run.sides[side], begun[side], run.sides[side].efforts[at[side]], result)
+            yield None if found is None else replace(found, topic=f"{SIDES[side]}/{found.topic}")
+            at[side] += 1
+
+
+def _controller(run: RecordedRun) -> Controller:
+    return Controller(run.params, run.urdf, lockstep=run.params.mode == "lockstep")
+
+
+def team_begins(run: TeamRun, from_s: float) -> tuple[int, ...]:
+    """Return where in both ledgers a replay begins, as of `first_index`: in one cycle of both."""
+    left, right = run.sides
+    first = first_index(left, from_s)
+    if first == 0:
+        return 0, first_index(right)
+    now_ns = left.ledger[first].now_ns
+    for index, entry in enumerate(right.ledger):
+        if entry.now_ns == now_ns and entry.cycle in right.states:
+            return first, index
+    raise InputError(
+        "the ledgers", got=f"no state of the right arm in cycle {left.ledger[first].cycle} of the left one",
+        expected="states of both arms in the same cycle",
+    )  # fmt: skip
+
+
+def _turn(entries: Sequence[LedgerEntry | None]) -> tuple[int, ...]:
+    """Return whose cycle is next: that of both, where they share a clock and no watchdog ran, or of the earlier one."""
+    left, right = entries
+    if left is None or right is None:
+        return (0,) if right is None else (1,)
+    if left.now_ns != right.now_ns:
+        return (0,) if left.now_ns < right.now_ns else (1,)
+    alone = any(Health.from_code(entry.health).joint == Fault.SILENT for entry in (left, right))
+    return (0,) if alone else (0, 1)
+
+
+class _Arm:
+    """One controller on its way through a ledger.
+
+    Args:
+        session: of the controller.
+        run: what was recorded.
+        begin: index in the ledger.
+    """
+
+    def __init__(self, session: ControllerSession, run: RecordedRun, begin: int) -> None:
+        self._session, self._run, self._samples = session, run, _Samples(run)
+        self._changes = {change.index: change.params for change in run.changes}
+        if begin > 0:
+            session.restore(from_text(run.states[run.ledger[begin].cycle]))
+            self._samples.previous(run.ledger[begin - 1])
+            for index in [index for index in self._changes if index < begin]:
+                session.know(self._changes.pop(index))
+
+    def begin(self, index: int) -> LedgerEntry:
+        """Take what had come since the cycle before, and return the entry of this one."""
+        entry = self._run.ledger[index]
+        if index in self._changes:
+            self._session.retune(self._changes[index])
+        _take(self._session, self._run, entry)
+        self._session.request(Request(entry.request))
+        return entry
+
+    def asked(self, entry: LedgerEntry, *, together: bool = False) -> Asked:
+        """Put the samples of a cycle in place, and return what it asks of this arm.
+
+        together: a cycle of both arms, which finds anew whether one holds because of the other.
+        """
+        session, samples, health = self._session, self._samples, Health.from_code(entry.health)
+        if together and health.outside == Fault.OTHER_ARM:
+            health = health._replace(outside=Fault.NONE)
+        joint = samples.joint(entry)
+        if samples.waits(entry):
+            session.give(joint, (), (), (), entry.now_ns)
+            return Asked(joint, health.joint, entry.now_ns, JOINT_STATES, health)
+        new_slips = samples.new_slips(entry)
+        session.give(joint, samples.wrenches(entry), samples.slips(entry), new_slips, entry.now_ns)
+        return Asked(joint, health.joint, entry.now_ns, 0, health)
+
+    def end(self, entry: LedgerEntry) -> None:
+        """Begin anew after a cycle that waited for an input, as the run did."""
+        if self._samples.waits(entry):
+            self._session.set_active(self._session.active)
+
+    def cycle(self, entry: LedgerEntry) -> CycleResult:
+        """Run a cycle of this arm alone."""
+        session, newest = self._session, self._session.newest_joint
+        if Health.from_code(entry.health).joint == Fault.SILENT and session.begun and newest is not None:
+            # The watchdog's cycle: no joint state, so nothing of the input side takes part.
+            return session.without_joint_state(newest, entry.now_ns)[0]
+        result = session.answer(*self.asked(entry))
+        self.end(entry)
+        return result
+
+
+def _take(session: ControllerSession, run: RecordedRun, entry: LedgerEntry) -> None:
+    """Hand over the references or goals that had come since the cycle before.
+
+    Raises:
+        InputError: the bag has fewer than the controller took.
+    """
+    if entry.taken > len(run.given):
+        got, expected = f"{len(run.given)} messages", f"the {entry.taken} that cycle {entry.cycle} knows"
+        raise InputError("controller/reference_used", got=got, expected=expected)
+    for item in run.given[int(session.state.taken) : entry.taken]:
+        if isinstance(item, PoseGoal):
+            session.set_goal(item)
+        else:
+            session.set_reference(item)
+
+
+def _compare(
+    run: RecordedRun, entry: LedgerEntry, recorded: NDArray[np.float64], result: CycleResult
+) -> Divergence | None:
+    mode, replayed = int(result.mode), result.command.effort
+
+    def differs(topic: str, field: str, one: float, other: float, ulps: int | None) -> Divergence:
+        return Divergence(entry.cycle, entry.joint_ns, topic, field, one, other, ulps)
+
+    if recorded.shape != replayed.shape:
+        return differs("effort_command", "number of efforts", len(recorded), len(replayed), None)
+    if recorded.tobytes() != replayed.tobytes():
+        index = next(i for i in range(len(recorded)) if _bits(recorded[i]) != _bits(replayed[i]))
+        distance = abs(_ordered(recorded[index]) - _ordered(replayed[index]))
+        return differs(
+            "effort_command", run.params.joint_names[index], float(recorded[index]), float(replayed[index]), distance
+        )
+    if entry.mode != mode:
+        return differs("controller/ledger", "mode", entry.mode, mode, None)
+    return None
+
+
+def _bits(value: float) -> int:
+    return int(struct.unpack("<q", struct.pack("<d", value))[0])
+
+
+def _ordered(value: float) -> int:
+    """Number the floats in order, so that neighbours differ by one."""
+    bits = _bits(value)
+    return bits if bits >= 0 else -(2**63) - bits

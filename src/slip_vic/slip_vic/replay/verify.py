@@ -1,0 +1,82 @@
+"""The verdict on a recorded run: identical to the last bit, or where it first differs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from slip_bags.provenance import provenance
+from slip_vic.recording import versions
+from slip_vic.replay.replay import Divergence, first_index, replay, replay_team, team_begins
+from slip_vic.replay.run_data import RecordedRun, TeamRun
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """How many cycles and efforts were compared, how many cycles differ, and the first difference."""
+
+    cycles: int
+    efforts: int
+    different: int
+    first: Divergence | None
+
+    @property
+    def identical(self) -> bool:
+        """Whether not one bit differs."""
+        return self.first is None
+
+    def text(self) -> str:
+        """Return the verdict in one line."""
+        if self.first is None:
+            return f"identical: {self.cycles} cycles, {self.efforts} efforts, to the last bit"
+        first = self.first
+        distance = "" if first.ulps is None else f", {first.ulps} ulp apart"
+        return (
+            f"differs in {self.different} of {self.cycles} cycles; first in cycle {first.cycle} "
+            f"(stamp {first.stamp_ns * 1e-9:.9f} s), {first.topic}, {first.field}: "
+            f"recorded {first.recorded!r}, replayed {first.replayed!r}{distance}"
+        )
+
+
+def verify_run(
+    run: RecordedRun | TeamRun, on_cycle: Callable[[], None] = lambda: None, from_s: float = 0.0
+) -> Comparison:
+    """Replay a run; `on_cycle` is called after every cycle; from_s: begin so many seconds after the first cycle.
+
+    Raises:
+        InputError: the run cannot be replayed from its bag.
+    """
+    begins: tuple[int, ...]
+    sides: tuple[RecordedRun, ...]
+    if isinstance(run, TeamRun):
+        begins, sides, cycles = team_begins(run, from_s), run.sides, replay_team(run, from_s)
+    else:
+        begins, sides = (first_index(run, from_s),), (run,)
+        cycles = replay(run, begins[0])
+    different, first = 0, None
+    for divergence in cycles:
+        on_cycle()
+        if divergence is not None:
+            different += 1
+            first = first or divergence
+    rest = [side.efforts[begin:] for side, begin in zip(sides, begins, strict=True)]
+    return Comparison(sum(map(len, rest)), sum(len(effort) for efforts in rest for effort in efforts), different, first)
+
+
+def other_software(custom_data: Mapping[str, str]) -> list[str]:
+    """Say what a bag was recorded with that is not the same here: only the same software gives the same bits."""
+    here = provenance()
+    notes = []
+    for key in ("platform", "cpu", "git_revision"):
+        if key in custom_data and custom_data[key] != here[key]:
+            notes.append(f"recorded with {key} {custom_data[key]}, here it is {here[key]}")
+    try:
+        recorded = dict(json.loads(custom_data.get("versions", "{}")))
+    except (ValueError, TypeError):
+        return notes
+    current = versions()
+    for name, version in recorded.items():
+        if current.get(name) != version:
+            notes.append(f"recorded with {name} {version}, here it is {current.get(name, 'not installed')}")
+    return notes

@@ -1,0 +1,144 @@
+"""Whether a scenario holds what is asked of it: gains, path, and short runs in worlds that differ from what is told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from rich.markup import escape
+from rich.table import Table
+
+from slip_vic.scenario import ControllerKind, Estimator, Scenario, load_scenario, read_parameters
+from slip_vic.study.cases import NO_MISMATCH, mismatch_assignments
+from slip_vic.study.path_load import PathLoad, path_load
+from slip_vic.study.run_case import run_scenario
+from slip_vic_controller.law.bounds import GainReport
+from slip_vic_controller.law.gains import gain_report
+from slip_vic_controller.params import ControllerParams
+
+
+class Corner(NamedTuple):
+    """A run in one wrong world: its outcome as of `CaseResult`."""
+
+    mismatch: str
+    outcome: str
+    reason: str
+    metrics: dict[str, float]
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing went wrong."""
+        return self.outcome == "ok"
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What is checked: a scenario with a controller, a sensor, a parameter file of the controller and overrides.
+
+    Raises:
+        InputError: unknown scenario, sensor or parameter; an unreadable file.
+    """
+
+    scenario: str
+    controller: ControllerKind
+    sensor: str = ""
+    estimator: Estimator | None = None
+    file: Path | None = None
+    assignments: Sequence[str] = ()
+
+    def load(self, mismatch: Sequence[str] = ()) -> Scenario:
+        """Return the scenario, with assignments of the simulated world."""
+        return load_scenario(
+            self.scenario,
+            controller=self.controller,
+            sensor=self.sensor,
+            estimator=self.estimator,
+            parameters=read_parameters(self.file),
+            assignments=(*self.assignments, *mismatch),
+        )
+
+    def gains(self) -> GainReport:
+        """Return the verdict on the gains, without refusing them."""
+        return gain_report(self.load().controller, refuse=False)
+
+    def path(self) -> PathLoad:
+        """Return what the path takes of the friction."""
+        return path_load(self.load())
+
+    def corners(self, mismatches: Sequence[str], report: Callable[[str], None]) -> Iterator[Corner]:
+        """Run the world that is told, then each mismatch, and yield outcomes; `report` is told what runs.
+
+        Where the path is refused already there is nothing more to run.
+        """
+        known = self.load()
+        for name in dict.fromkeys((NO_MISMATCH, *mismatches)):
+            report(name)
+            corner = Corner(name, *run_scenario(self.load(mismatch_assignments(name, known))))
+            yield corner
+            if name == NO_MISMATCH and corner.outcome == "unreachable":
+                return
+
+
+def gain_table(params: ControllerParams, report: GainReport, sensor: str) -> Table:
+    """Return the conditions on the gains, each with its reason."""
+    title = f"k_s asked {report.asked:g}, used {report.used:.6g} 1/s ({params.gains.k_s_mode}, {params.slip_estimator}"
+    table = Table(title=f"{title}{', ' + sensor if sensor else ''})")
+    for name in ("condition", "value", "limit", "margin", "verdict", "reason"):
+        table.add_column(name, justify="right" if name in ("value", "limit", "margin") else "left")
+    for c in report.conditions:
+        verdict = "[green]holds[/]" if c.holds else "[red]fails[/]"
+        table.add_row(c.name, f"{c.value:.6g}", f"{c.limit:.6g}", f"{c.margin:.3g}", verdict, c.reason)
+    for name, (low, high) in (("lambda_1", report.lambda_1), ("lambda_2", report.lambda_2)):
+        empty = low >= high
+        table.add_row(
+            name, f"{low:.4g}", f"{high:g}", "", "[red]empty[/]" if empty else "[green]exists[/]",
+            "between these two numbers" if not empty else "no number below 1 is large enough",
+        )  # fmt: skip
+    return table
+
+
+def corner_table(corners: Sequence[Corner]) -> Table:
+    """Return what came of the runs."""
+    table = Table(title="simulated, one thing wrong at a time that the controller is not told")
+    for name in ("world", "slip at the end [mm]", "peak [mm]", "arrives after [s]", "verdict"):
+        table.add_column(escape(name), justify="left" if name in ("world", "verdict") else "right")
+    for corner in corners:
+        numbers = corner.metrics
+        arrival = numbers["arrival_s"]
+        table.add_row(
+            corner.mismatch, f"{1e3 * numbers['slip_linear_m']:.3f}", f"{1e3 * numbers['slip_linear_peak_m']:.3f}",
+            "does not" if math.isnan(arrival) else f"{arrival:.3f}",
+            verdict_of(corner),
+        )  # fmt: skip
+    return table
+
+
+def verdict_of(corner: Corner) -> str:
+    """Return what is said of a world: an object that is held but does not come to its goal is said to."""
+    if not corner.holds:
+        return f"[red]{escape(corner.reason)}[/]"
+    if math.isnan(corner.metrics["arrival_s"]):
+        return f"[yellow]holds, but ends {1e3 * corner.metrics['final_error_m']:.1f} mm beside its goal[/]"
+    return "[green]holds[/]"
+
+
+def path_lines(load: PathLoad, as_told: Corner) -> list[str]:
+    """Return what the path takes of the friction, where, and how long the motion lasts."""
+    arrival = as_told.metrics["arrival_s"]
+    lasts = "it does not arrive" if math.isnan(arrival) else f"it arrives after {arrival:.3f} s"
+    return [
+        f"path as planned: takes {load.moving.text(load.limit)}",
+        f"weight alone:    takes {load.resting.text(load.limit)}",
+        f"as told:         {lasts}, slip at most {1e3 * as_told.metrics['slip_linear_peak_m']:.3f} mm",
+    ]
+
+
+def refusal(load: PathLoad, as_told: Corner) -> str:
+    """Return why the path is refused, with its place; "" where it is not."""
+    if as_told.outcome != "unreachable":
+        return ""
+    x, y, z = load.resting.position
+    return f"refused: {as_told.reason}; the pad is at x {x:.3f}, y {y:.3f}, z {z:.3f} m there"

@@ -1,0 +1,239 @@
+"""``slip-vic study``, ``slip-vic merge``, ``slip-vic check`` and ``slip-vic tune``."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from rich.console import Console
+from rich.progress import Progress
+
+from slip_vic.exit_code import ALLOW_FAULT, end_with
+from slip_vic.options import ASSIGNMENTS, CONTROLLER, PARAMS, SCENARIO, URDF
+
+if TYPE_CHECKING:
+    from slip_vic.scenario import ControllerKind, Estimator
+    from slip_vic.study.engines import EngineName
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Return the names of a comma separated list."""
+    return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def _shard(context: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d+)/(\d+)", text)
+    if found is None or not 1 <= int(found[1]) <= int(found[2]):
+        raise click.BadParameter(f"{text} is not i/n with i from 1 to n")
+    return int(found[1]), int(found[2])
+
+
+def workers(command: click.decorators.FC) -> click.decorators.FC:
+    """Add the options that say on which workers a command runs its cases."""
+    jobs = click.option(
+        "--jobs", type=click.IntRange(1), default=os.cpu_count() or 1, help="parallel processes; default one per core"
+    )
+    engine = click.option(
+        "--engine", type=click.Choice(["pool", "ray"]), default="pool", show_default=True,
+        help="pool: processes of this machine; ray: the cluster at RAY_ADDRESS, else one on this machine",
+    )  # fmt: skip
+    return engine(jobs(command))
+
+
+@click.command()
+@click.option("--scenario", "scenarios", default="", help="names, comma separated; default all")
+@click.option("--sensors", default="", help="names or .yaml files, comma separated; default all")
+@click.option("--estimators", default="classical,observer,governed", show_default=True)
+@click.option("--mismatch", "mismatches", default="none", show_default=True, help="names, comma separated, or all")
+@click.option("--seeds", type=click.IntRange(1), default=5, show_default=True, help="how many seeds, from 0")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("study"), show_default=True, help="folder")
+@workers
+@click.option("--shard", default="1/1", callback=_shard, metavar="I/N", help="every N-th case from the I-th on")
+@click.option("--resume", "go_on", is_flag=True, help="go on with all that --out was asked for")
+@ASSIGNMENTS
+@URDF
+@click.option(
+    "--lottery", "drawn", type=click.IntRange(0), default=0, help="draw so many cases nobody tuned to instead"
+)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the lottery")
+@ALLOW_FAULT
+def study(
+    *,
+    scenarios: str,
+    sensors: str,
+    estimators: str,
+    mismatches: str,
+    seeds: int,
+    out: Path,
+    jobs: int,
+    engine: EngineName,
+    shard: tuple[int, int],
+    go_on: bool,
+    assignments: tuple[str, ...],
+    urdf: Path | None,
+    drawn: int,
+    seed: int,
+    allow_fault: bool,
+) -> None:
+    """Run scenario x sensor x estimator x mismatch over seeds: study.csv, study.png; goes on where it stopped.
+
+    Says every case that did not end well in a line, and ends with exit code 1 where there is one.
+    """
+    if drawn:
+        _lottery(drawn, seed, out, jobs)
+        return
+    from slip_description import scenario_names
+    from slip_vic.presets.sensors import preset_names
+    from slip_vic.scenario import urdf_assignment
+    from slip_vic.study.cases import MISMATCHES, Asked
+    from slip_vic.study.command import resume, run_study
+
+    if go_on:
+        done = resume(out, engine, jobs)
+        click.echo(done.line)
+        end_with(done.bad, allow_fault)
+        return
+    wrong = MISMATCHES if mismatches == "all" else names(mismatches)
+    wanted = names(sensors) or tuple(preset_names())
+    asked = Asked(names(scenarios) or tuple(scenario_names()), wanted, names(estimators), wrong, seeds, shard)
+    done = run_study([asked], (*urdf_assignment(urdf), *assignments), out, engine, jobs)
+    click.echo(done.line)
+    end_with(done.bad, allow_fault)
+
+
+@click.command()
+@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="folder")
+def merge(folders: tuple[Path, ...], out: Path) -> None:
+    """Put studies that were made in parts (--shard) into one folder; parts that do not fit are refused."""
+    from slip_vic.study.command import merge_studies
+
+    click.echo(merge_studies(folders, out))
+
+
+def _lottery(cases: int, seed: int, out: Path, jobs: int) -> None:
+    """Draw cases, run each with every law, and say how the laws compare."""
+    from slip_vic.study.lottery import lottery, lottery_table, write_lottery
+
+    out.mkdir(parents=True, exist_ok=True)
+    results = []
+    console = Console(stderr=True)
+    with Progress(console=console, disable=not console.is_terminal) as progress:
+        task = progress.add_task("lottery", total=cases)
+        for result in lottery(cases, seed, jobs):
+            results.append(result)
+            progress.update(task, completed=result[0].number + 1)
+    write_lottery(out / "lottery.csv", results)
+    Console(width=120).print(lottery_table(results))
+    click.echo(f"{len(results)} of {cases} drawn cases are feasible; {out / 'lottery.csv'}")
+
+
+@click.command()
+@SCENARIO
+@PARAMS
+@click.option("--sensor", default="", help="name or .yaml file; default the scenario's own")
+@click.option("--estimator", type=click.Choice(["measured", "observer"]), help="default the sensor's")
+@CONTROLLER
+@click.option("--mismatch", "mismatches", default="all", show_default=True, help="worlds to simulate: names, or all")
+@ASSIGNMENTS
+@URDF
+def check(
+    *,
+    scenario: str,
+    params: Path | None,
+    sensor: str,
+    estimator: Estimator | None,
+    controller: ControllerKind,
+    mismatches: str,
+    assignments: tuple[str, ...],
+    urdf: Path | None,
+) -> None:
+    """Say what will hold before anything moves: gains, arm, path, and simulated worlds that differ from what is told.
+
+    Bound on k_s, Propositions 1 to 3; whether the arm can start where the scenario says and follow its path; what the
+    path takes of the friction, where, and how long the motion lasts; then simulations in this process. Exit code 2
+    where gains or path are refused, 1 where a simulated world does not hold.
+    """
+    from slip_vic.scenario import urdf_assignment
+    from slip_vic.study.cases import MISMATCHES, check_names
+    from slip_vic.study.check import Question, corner_table, gain_table, path_lines, refusal
+
+    wanted = MISMATCHES if mismatches == "all" else names(mismatches)
+    check_names("mismatch", wanted, MISMATCHES)
+    asked = Question(scenario, controller, sensor, estimator, params, (*urdf_assignment(urdf), *assignments))
+    loaded, report = asked.load(), asked.gains()
+    loaded.check_arm()
+    console = Console(width=150)
+    console.print(gain_table(loaded.controller, report, sensor))
+    if not report.hold:
+        raise click.exceptions.Exit(2)
+    loaded.check()
+    with Console(stderr=True).status("path") as status:
+        load = asked.path()
+        corners = list(asked.corners(wanted, lambda name: status.update(f"simulates {name}")))
+    for line in path_lines(load, corners[0]):
+        click.echo(line)
+    refused = refusal(load, corners[0])
+    if refused:
+        click.echo(refused, err=True)
+        raise click.exceptions.Exit(2)
+    console.print(corner_table(corners))
+    failed = [corner for corner in corners if not corner.holds]
+    click.echo(f"holds in {len(corners) - len(failed)} of {len(corners)} simulated worlds")
+    end_with((f"{corner.mismatch}: {corner.reason}" for corner in failed), allowed=False)
+
+
+@click.command()
+@SCENARIO
+@click.option("--sensor", required=True, help="name or .yaml file")
+@click.option(
+    "--estimator", type=click.Choice(["measured", "observer", "governed"]), default="observer", show_default=True
+)
+@click.option("--mismatch", "mismatches", default="none,mass+,mass-,friction+,friction-", show_default=True)
+@click.option("--seeds", type=click.IntRange(1), default=2, show_default=True, help="seeds that the search sees")
+@click.option(
+    "--unseen", type=click.IntRange(1), default=5, show_default=True, help="seeds that the result is tried on"
+)
+@click.option("--trials", type=click.IntRange(2), default=40, show_default=True, help="sets that are tried")
+@click.option("--batch", type=click.IntRange(1), default=4, show_default=True, help="sets that run at the same time")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the search")
+@click.option(
+    "--effort-rate", type=click.FloatRange(1.0), default=1.2, show_default=True,
+    help="largest effort rate, as a factor on the default's in the same world",
+)  # fmt: skip
+@click.option("--later", type=click.FloatRange(0.0), default=0.3, show_default=True, help="latest arrival after it [s]")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("tune"), show_default=True, help="folder")
+@workers
+@ASSIGNMENTS
+def tune(
+    *,
+    scenario: str,
+    sensor: str,
+    estimator: str,
+    mismatches: str,
+    seeds: int,
+    unseen: int,
+    trials: int,
+    batch: int,
+    seed: int,
+    effort_rate: float,
+    later: float,
+    out: Path,
+    jobs: int,
+    engine: EngineName,
+    assignments: tuple[str, ...],
+) -> None:
+    """Search gains for less slip with a sensor: controller.yaml, tune.html; goes on where it stopped."""
+    from slip_vic.study.cases import MISMATCHES
+    from slip_vic.study.tune.command import Wanted, run_tune
+    from slip_vic.study.tune.space import Bounds
+
+    wrong = MISMATCHES if mismatches == "all" else names(mismatches)
+    bounds = Bounds(effort_rate, later)
+    wanted = Wanted(scenario, sensor, estimator, wrong, seeds, unseen, bounds, trials, batch, seed, assignments)
+    click.echo(run_tune(wanted, out, engine, jobs, shlex.join(["slip-vic", *sys.argv[1:]])))

@@ -1,0 +1,310 @@
+"""The lottery: cases that nobody tuned to, drawn from a seed, each run with several configurations in this process.
+
+A case is a scenario, a motion, a sensor, a simulated world that differs from what the controller is told, and one
+trouble of the wrench sensor. A configuration is a list of assignments, so laws are compared in equal worlds.
+"""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from statistics import median
+from typing import Literal, NamedTuple
+
+import numpy as np
+from rich.table import Table
+
+from slip_core.errors import SlipVicError
+from slip_description import scenario_names
+from slip_sim_bridge.plant import DivergenceError
+from slip_vic.arrival import Arrival
+from slip_vic.inprocess import run_in_process
+from slip_vic.presets.sensors import preset_names
+from slip_vic.scenario import ControllerKind, Estimator, Scenario, load_scenario
+from slip_vic_controller.safety.modes import Mode
+
+SPREAD = 0.3
+"""Largest relative error of what the controller is told: mass, inertia, friction, centre of mass."""
+WRONG = 0.6
+"""Share of cases in which each of them is wrong."""
+BIAS_FORCE = 0.1
+NOISE_FORCE = 0.05
+LATENCY_S = (0.001, 0.005)
+KINDS = ("scenario", "waypoints", "circle", "lemniscate")
+TROUBLES = ("none", "bias", "noise told", "noise untold", "latency")
+QUINTIC_PEAK = 5.7735
+"""Largest acceleration of a quintic from rest to rest over way / duration^2."""
+LOST_ERROR_M = 1.0
+WORSE_M = 5e-4
+"""Slip by which a law may exceed classical control before it counts as worse."""
+SLIPPERY_M = 5e-3
+"""Slip of classical control above which a law is compared by ratio."""
+
+Outcome = Literal["ok", "lost", "fault", "refused"]
+
+
+@dataclass(frozen=True, slots=True)
+class Ticket:
+    """One drawn case.
+
+    number: in its lottery; kind: of the motion; world: assignments of the simulated world and of the motion;
+    wrong: the drawn relative errors by name; trouble: of the wrench sensor; feasible: friction carries the weight.
+    """
+
+    number: int
+    scenario: str
+    kind: str
+    sensor: str
+    seed: int
+    world: tuple[str, ...]
+    wrong: Mapping[str, float]
+    trouble: str
+    feasible: bool
+
+    def load(self, law: Law) -> Scenario:
+        """Return the scenario of this case with a configuration."""
+        return load_scenario(
+            self.scenario,
+            controller=law.controller,
+            sensor=self.sensor,
+            seed=self.seed,
+            estimator=law.estimator,
+            assignments=(*self.world, *law.assignments),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """A configuration that takes part."""
+
+    name: str
+    controller: ControllerKind = "vic"
+    estimator: Estimator | None = "observer"
+    assignments: tuple[str, ...] = ()
+
+
+CLASSICAL = Law("classical", "classical", None)
+OBSERVER = Law("law + observer")
+GOVERNED = Law("governed + observer", "governed")
+LAWS = (CLASSICAL, OBSERVER, GOVERNED)
+
+
+class Drawn(NamedTuple):
+    """Outcome of one case with one law; slip [m] and [rad] at the end, largest slip speed [m/s], arrival [s].
+
+    arrival: since when the pad stays within 1 mm and 0.5 deg of the goal; NaN where it does not arrive.
+    """
+
+    outcome: Outcome
+    reason: str
+    slip: float
+    angle: float
+    peak_speed: float
+    drift: float
+    arrival: float
+
+
+REFUSED = Drawn("refused", "", math.nan, math.nan, math.nan, math.nan, math.nan)
+
+
+def draw(number: int, seed: int) -> Ticket:
+    """Return case `number` of the lottery with this seed: the same one whatever else is drawn."""
+    rng = np.random.default_rng((seed, number))
+    scenario = str(rng.choice(scenario_names()))
+    sensor, kind = str(rng.choice(preset_names())), str(rng.choice(KINDS))
+    known = load_scenario(scenario, sensor=sensor)
+    wrong = {
+        what: float(rng.uniform(-SPREAD, SPREAD)) if rng.random() < WRONG else 0.0
+        for what in ("mass", "inertia", "friction", "com")
+    }
+    trouble = str(rng.choice(TROUBLES))
+    world = (*motion(kind, known, rng), *world_assignments(known, wrong), *wrench_trouble(trouble, rng))
+    return Ticket(
+        number, scenario, kind, sensor, int(rng.integers(2**31)), world, wrong, trouble, carries_weight(known, wrong)
+    )
+
+
+def world_assignments(known: Scenario, wrong: Mapping[str, float]) -> list[str]:
+    """Return what makes the simulated world differ from what the controller is told."""
+    bridge = known.bridge
+    position = [value * (1.0 + wrong["com"]) for value in bridge.contacts.position[:3]]
+    return [
+        f"bridge.object.mass={bridge.object.mass * (1.0 + wrong['mass'])}",
+        f"bridge.object.inertia={[value * (1.0 + wrong['inertia']) for value in bridge.object.inertia]}",
+        f"bridge.contacts.position={position + list(bridge.contacts.position[3:])}",
+        f"bridge.friction.mu_s={bridge.friction.mu_s * (1.0 + wrong['friction'])}",
+        f"bridge.friction.mu_k={bridge.friction.mu_k * (1.0 + wrong['friction'])}",
+    ]
+
+
+def wrench_trouble(trouble: str, rng: np.random.Generator) -> list[str]:
+    """Return what is wrong with the wrench sensor."""
+    if trouble == "bias":
+        direction = rng.normal(size=3)
+        force = rng.uniform(0.0, BIAS_FORCE) * direction / np.linalg.norm(direction)
+        return [f"bridge.sensors.wrench.bias={[*force.tolist(), 0.0, 0.0, 0.0]}"]
+    if trouble == "latency":
+        return [f"bridge.sensors.wrench.latency_s={float(rng.uniform(*LATENCY_S)):.4f}"]
+    if trouble.startswith("noise"):
+        told = [f"controller.wrench_sensor.noise_force={NOISE_FORCE}"] if trouble == "noise told" else []
+        return [f"bridge.sensors.wrench.noise_force={NOISE_FORCE}", *told]
+    return []
+
+
+def motion(kind: str, known: Scenario, rng: np.random.Generator) -> list[str]:
+    """Return the trajectory parameters of a kind, in the plane of the scenario's own motion, at most as fast.
+
+    Curves turn with 0.4 to 1 of the largest acceleration of the scenario's own motion.
+    """
+    own = known.controller.trajectory
+    way, turn = np.array(own.displacement), np.array(own.rotation)
+    if kind == "waypoints":
+        shares = np.array([1.0, 2.0]) / 3.0 + rng.uniform(-0.08, 0.08, 2)
+        bend = 0.08 * np.linalg.norm(way) * rng.uniform(-1.0, 1.0, 2)
+        across = np.cross(turn / np.linalg.norm(turn), way / np.linalg.norm(way))
+        points = [np.concatenate((k * way + b * across, k * turn)) for k, b in zip(shares, bend, strict=True)]
+        flat = np.concatenate([*points, way, turn]).tolist()
+        return ["controller.trajectory.kind=waypoints", f"controller.trajectory.waypoints={flat}"]
+    if kind in ("circle", "lemniscate"):
+        plane = {0: "yz", 1: "zx", 2: "xy"}[int(np.argmax(np.abs(turn)))]
+        radius = 0.08
+        fastest = QUINTIC_PEAK * float(np.linalg.norm(way)) / own.duration_s**2
+        period = 2.0 * math.pi * math.sqrt(radius / (fastest * rng.uniform(0.4, 1.0)))
+        return [
+            f"controller.trajectory.kind={kind}", f"controller.trajectory.plane={plane}",
+            f"controller.trajectory.radius={radius}", f"controller.trajectory.period_s={period:.4f}",
+            f"controller.trajectory.ramp_s={0.5 * period:.4f}", f"controller.trajectory.duration_s={2.0 * period:.4f}",
+            f"controller.trajectory.rotation={(0.5 * turn).tolist()}",
+        ]  # fmt: skip
+    return []
+
+
+def carries_weight(known: Scenario, wrong: Mapping[str, float]) -> bool:
+    """Return whether static friction carries the object's weight at rest, in the attitude of the grasp.
+
+    The object's axes start along those of the world, as in all shipped scenarios.
+    """
+    bridge = known.bridge
+    x, y, z, w = bridge.contacts.orientation_xyzw[:4]
+    normal = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+    weight = bridge.object.mass * (1.0 + wrong["mass"]) * np.array(bridge.gravity)
+    lever = (1.0 + wrong["com"]) * np.array(bridge.contacts.position[:3])
+    force = weight - normal * (normal @ weight)
+    torque = float(normal @ np.cross(-lever, weight))
+    limit = bridge.friction.mu_s * (1.0 + wrong["friction"]) * bridge.grip.force
+    return math.hypot(float(np.linalg.norm(force)), torque / bridge.friction.torsional_radius) < limit
+
+
+def play(ticket: Ticket, law: Law) -> Drawn:
+    """Run one case with one law; parameters that are refused and a simulation that diverges are outcomes."""
+    try:
+        return _play(ticket.load(law))
+    except SlipVicError as error:
+        return REFUSED._replace(reason=str(error))
+
+
+def _play(scenario: Scenario) -> Drawn:
+    outcome: Outcome = "ok"
+    reason = ""
+    slip, peak, drift, arrival = np.zeros(6), 0.0, 0.0, Arrival()
+    try:
+        for tick in run_in_process(scenario):
+            now = tick.outputs.stamp_ns * 1e-9
+            slip = tick.outputs.truth.slip_displacement
+            peak = max(peak, float(np.linalg.norm(tick.outputs.truth.slip_velocity[:3])))
+            record = tick.result.record
+            if tick.result.mode == Mode.FAULT:
+                outcome, reason = "fault", f"{now:.3f} s: {tick.result.reason}"
+                break
+            lost = [incident for incident in tick.incidents if incident.kind == "lost"]
+            if lost:
+                outcome, reason = "lost", str(lost[0])
+                break
+            if not record.ok:
+                continue
+            arrival.add(now, tick.result)
+            drift = max(drift, float(record.law.error_linear))
+            if not drift < LOST_ERROR_M:
+                outcome, reason = "lost", f"{now:.3f} s: the pad is {drift:.2f} m from its reference"
+                break
+    except DivergenceError as failure:
+        outcome, reason = "lost", str(failure)
+    length, angle = float(np.linalg.norm(slip[:3])), float(np.linalg.norm(slip[3:]))
+    return Drawn(outcome, reason, length, angle, peak, drift, arrival.since_s)
+
+
+def lottery(cases: int, seed: int, jobs: int) -> Iterator[tuple[Ticket, dict[str, Drawn]]]:
+    """Yield every feasible case of a lottery with what each law makes of it, in their order; `cases` are drawn."""
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        for ticket, results in pool.map(_drawn_and_played, range(cases), itertools.repeat(seed)):
+            if results:
+                yield ticket, results
+
+
+def _drawn_and_played(number: int, seed: int) -> tuple[Ticket, dict[str, Drawn]]:
+    ticket = draw(number, seed)
+    return ticket, {law.name: play(ticket, law) for law in LAWS} if ticket.feasible else {}
+
+
+class Score(NamedTuple):
+    """How a law compares with classical control over some cases.
+
+    lost: object lost or FAULT; lost_alone: where classical control keeps it; worse: slips more by WORSE_M or is lost
+    alone; ratio: median of classical slip over the law's where classical control slips more than SLIPPERY_M.
+    """
+
+    cases: int
+    lost: int
+    classical_lost: int
+    lost_alone: int
+    worse: int
+    ratio: float
+
+
+def score(results: Sequence[tuple[Ticket, Mapping[str, Drawn]]], law: str) -> Score:
+    """Return the score of a law."""
+    pairs = [(by_law[CLASSICAL.name], by_law[law]) for _, by_law in results]
+    ratios = [
+        (a.slip / max(b.slip, 1e-9)) if b.outcome == "ok" else 0.0
+        for a, b in pairs
+        if a.outcome != "ok" or a.slip > SLIPPERY_M
+    ]
+    return Score(
+        len(pairs),
+        sum(b.outcome != "ok" for _, b in pairs),
+        sum(a.outcome != "ok" for a, _ in pairs),
+        sum(a.outcome == "ok" and b.outcome != "ok" for a, b in pairs),
+        sum(a.outcome == "ok" and (b.outcome != "ok" or b.slip > a.slip + WORSE_M) for a, b in pairs),
+        median(ratios) if ratios else math.nan,
+    )
+
+
+def lottery_table(results: Sequence[tuple[Ticket, Mapping[str, Drawn]]]) -> Table:
+    """Return how the laws compare with classical control, per scenario and over all."""
+    table = Table(title="lottery: laws against classical control in equal worlds")
+    for name in ("scenario", "law", "cases", "lost", "classical lost", "lost alone", "worse", "median ratio"):
+        table.add_column(name, justify="left" if name in ("scenario", "law") else "right")
+    for scenario in (*scenario_names(), "all"):
+        chosen = [result for result in results if scenario in ("all", result[0].scenario)]
+        for law in LAWS[1:] if chosen else ():
+            found = score(chosen, law.name)
+            counts = (found.cases, found.lost, found.classical_lost, found.lost_alone, found.worse)
+            table.add_row(scenario, law.name, *map(str, counts), f"{found.ratio:.3g}")
+    return table
+
+
+def write_lottery(path: Path, results: Sequence[tuple[Ticket, Mapping[str, Drawn]]]) -> None:
+    """Write one row per case and law."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(("number", "scenario", "kind", "sensor", "seed", "trouble", "world", "law", *Drawn._fields))
+        for ticket, by_law in results:
+            case = (ticket.number, ticket.scenario, ticket.kind, ticket.sensor, ticket.seed, ticket.trouble)
+            for law, drawn in by_law.items():
+                rows.writerow((*case, " ".join(ticket.world), law, *drawn))

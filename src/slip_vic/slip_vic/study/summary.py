@@ -1,0 +1,114 @@
+"""Medians, confidence intervals and worst cases of a study, as a table and as a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+
+import matplotlib.pyplot as plt  # the backend must be chosen first: no display is needed
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from slip_vic.study.cases import ESTIMATORS, NO_MISMATCH
+from slip_vic.study.table import Row
+
+CONFIDENCE = 0.95
+RESAMPLES = 2000
+COLOURS = {"classical": "#c44e52", "measured": "#dd8452", "observer": "#1f6fb2", "governed": "#55a868"}
+SHOWN = (
+    ("slip_linear_m", 1e3, "slip displacement [mm]"),
+    ("tracking_rms_m", 1e3, "tracking error, rms [mm]"),
+    ("attitude_excursion_rad", 1.0, "attitude excursion [rad]"),
+)
+
+
+class Spread(NamedTuple):
+    """Median with its confidence interval, and the worst value."""
+
+    median: float
+    low: float
+    high: float
+    worst: float
+
+
+def spread(values: Sequence[float]) -> Spread:
+    """Return the spread of some values; the interval is a percentile bootstrap of the median, seeded."""
+    data = np.asarray(values, dtype=float)
+    if data.size == 0:
+        return Spread(np.nan, np.nan, np.nan, np.nan)
+    rng = np.random.default_rng(0)
+    medians = np.median(rng.choice(data, (RESAMPLES, data.size)), axis=1)
+    low, high = np.quantile(medians, (0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2))
+    return Spread(float(np.median(data)), float(low), float(high), float(data.max()))
+
+
+def numbers(rows: Sequence[Row], metric: str) -> list[float]:
+    """Return a metric of the rows that have it; runs that diverged are counted with what they had reached."""
+    return [value for row in rows if np.isfinite(value := float(row[metric]))]
+
+
+def summary_table(rows: Sequence[Row]) -> Table:
+    """Return medians [95 % interval] and worst cases per scenario, mismatch, sensor and estimator."""
+    table = Table(title="median [95 % interval], worst")
+    for name in ("scenario", "mismatch", "sensor", "estimator", "runs", "not ok"):
+        table.add_column(name)
+    for _, _, label in SHOWN:
+        table.add_column(escape(label), justify="right")
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(tuple(row[k] for k in ("scenario", "mismatch", "sensor", "estimator")), []).append(row)
+    for key, members in groups.items():
+        bad = sum(row["outcome"] != "ok" for row in members)
+        cells = []
+        for metric, scale, _ in SHOWN:
+            s = spread([scale * value for value in numbers(members, metric)])
+            cells.append(f"{s.median:.2f} [{s.low:.2f}, {s.high:.2f}], {s.worst:.2f}")
+        table.add_row(*key, str(len(members)), str(bad) if bad else "", *cells)
+    return table
+
+
+def write_picture(path: Path, rows: Sequence[Row]) -> None:
+    """Write slip, tracking and attitude per sensor and estimator: bars are medians, lines intervals, dots worst."""
+    sides = [("no mismatch", [row for row in rows if row["mismatch"] == NO_MISMATCH])]
+    wrong = [row for row in rows if row["mismatch"] != NO_MISMATCH]
+    if wrong:
+        sides.append(("every mismatch", wrong))
+    sensors = list(dict.fromkeys(row["sensor"] for row in rows))
+    estimators = [name for name in ESTIMATORS if any(row["estimator"] == name for row in rows)]
+    figure, axes = plt.subplots(
+        len(SHOWN), len(sides), figsize=(4.0 + 1.4 * len(sensors) * len(sides), 11.0), squeeze=False,
+        constrained_layout=True,
+    )  # fmt: skip
+    for column, (title, members) in enumerate(sides):
+        for line, (metric, scale, label) in enumerate(SHOWN):
+            axis = axes[line, column]
+            for k, estimator in enumerate(estimators):
+                spreads = [
+                    spread([scale * v for v in numbers(_of(members, sensor, estimator), metric)]) for sensor in sensors
+                ]
+                x = np.arange(len(sensors)) + 0.8 * (k - 0.5 * (len(estimators) - 1)) / len(estimators)
+                median = np.array([s.median for s in spreads])
+                reach = np.array([[s.median - s.low for s in spreads], [s.high - s.median for s in spreads]])
+                colour = COLOURS[estimator]
+                axis.bar(
+                    x, median, 0.75 / len(estimators), yerr=np.abs(reach), color=colour, label=estimator, capsize=3
+                )
+                axis.plot(x, [s.worst for s in spreads], ".", color="black", markersize=5)
+            axis.set_yscale("symlog", linthresh=0.1)
+            axis.set_ylabel(label)
+            axis.set_xticks(range(len(sensors)), sensors, rotation=15)
+            axis.grid(axis="y", alpha=0.3)
+        axes[0, column].set_title(f"{title} (dots: worst case)")
+    axes[0, 0].legend()
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def _of(rows: Sequence[Row], sensor: str, estimator: str) -> list[Row]:
+    return [row for row in rows if row["sensor"] == sensor and row["estimator"] == estimator]

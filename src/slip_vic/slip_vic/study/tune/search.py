@@ -1,0 +1,178 @@
+"""The search: Optuna proposes, an engine runs, and everything that is known stands in a folder.
+
+Every set of parameters is a study of its own in ``trials/``, so rows are kept, compared and continued as those of any
+study. The journal holds what was proposed and what it cost. A proposal depends on the seed, its number and the sets
+before its batch alone: neither workers nor interruptions change the result.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import optuna
+
+from slip_core.errors import InputError
+from slip_vic.study.cases import Asked, Case
+from slip_vic.study.contents import Contents, check_versions
+from slip_vic.study.engines import Died, Engine
+from slip_vic.study.prepare import prepare
+from slip_vic.study.run_case import CaseResult, failed, run_case
+from slip_vic.study.table import Row, Settings, StudyTable, key_of, locked
+from slip_vic.study.tune.space import Bounds, Range, Score, assignments, cost, score
+
+STARTUP = 10
+"""Sets that are drawn at random before the model of what is good counts."""
+
+Variant = tuple[tuple[str, ...], Case]
+Told = Callable[[int], None]
+"""Is told how many runs of what is under way are done."""
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """What is searched. asked: the cases of every set; batch: sets that are proposed before the next result counts."""
+
+    asked: Asked
+    space: tuple[Range, ...]
+    bounds: Bounds
+    seed: int
+    batch: int
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One set of parameters and what it gave. number: 0 is the default."""
+
+    number: int
+    values: Mapping[str, float]
+    score: Score
+    cost: float
+
+
+def run_variant(contents: Contents, variant: Variant) -> CaseResult:
+    """Run one case with its own overrides in this process.
+
+    Raises:
+        MixedVersions: this worker runs something else than where the search was started.
+    """
+    own, case = variant
+    check_versions(contents.versions)
+    prepare()
+    return run_case(case, (*contents.assignments, *own), contents.texts)
+
+
+def run_sets(
+    sets: Mapping[Path, Mapping[str, float]], asked: Asked, contents: Contents, engine: Engine, told: Told
+) -> dict[Path, list[Row]]:
+    """Run the cases of several sets of parameters, all at once, each set into a folder; return its rows in order.
+
+    Args:
+        sets: folder and parameters; what is in a folder already is not run again.
+        asked: the cases.
+        contents: what all share.
+        engine: where to.
+        told: called as runs end.
+    """
+    with contextlib.ExitStack() as stack:
+        tables: dict[tuple[str, ...], StudyTable] = {}
+        for folder, values in sets.items():
+            own = assignments(values)
+            settings = Settings((*contents.assignments, *own), contents.digests(), contents.versions, (asked,))
+            tables[own] = stack.enter_context(StudyTable(folder, settings))
+        done = {own: table.done() for own, table in tables.items()}
+        left = [(own, case) for own in tables for case in asked.cases() if case.key not in done[own]]
+        there = len(tables) * len(asked.cases()) - len(left)
+        for number, ((own, case), result) in enumerate(engine.run(run_variant, contents, left), 1):
+            row = failed(case, "crashed", result.reason) if isinstance(result, Died) else result
+            tables[own].append(row)
+            told(there + number)
+        found = {}
+        for folder, table in zip(sets, tables.values(), strict=True):
+            table.sort()
+            by_key = {key_of(row): row for row in table.rows()}
+            found[folder] = [by_key[case.key] for case in asked.cases()]
+        return found
+
+
+def run_search(
+    search: Search, trials: int, contents: Contents, out: Path, engine: Engine, told: Told
+) -> Iterator[Trial]:
+    """Yield every trial of a search in its order, the default first; goes on where the folder stopped.
+
+    Batches are run whole, so there may be more than `trials`.
+
+    Raises:
+        InputError: the folder is in use, or holds another search.
+    """
+    with locked(out):
+        study = _study(out / "journal.log", search)
+        default: tuple[list[Row], Score] | None = None
+        for numbers in _batches(trials, search.batch):
+            while (number := len(_proposed(study))) < numbers.stop:
+                _propose(study, search, number)
+            batch = study.trials[numbers.start : numbers.stop]
+            folders = {out / "trials" / f"{trial.number:04d}": trial.params for trial in batch}
+            rows = run_sets(folders, search.asked, contents, engine, told)
+            for trial, found in zip(batch, rows.values(), strict=True):
+                default = default or (found, score(found, found, search.bounds))
+                scored = score(found, default[0], search.bounds)
+                value = cost(scored, default[1])
+                if not trial.state.is_finished():
+                    study.tell(trial.number, value)
+                yield Trial(trial.number, trial.params, scored, value)
+
+
+def _batches(trials: int, size: int) -> Iterator[range]:
+    """Yield the numbers of the trials that are proposed together; the default is alone, others are compared with it."""
+    yield range(1)
+    for start in range(1, trials, size):
+        yield range(start, start + size)  # whole ones, so that a search that goes on proposes what a longer one does
+
+
+def _study(journal: Path, search: Search) -> optuna.Study:
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    storage = optuna.storages.JournalStorage(optuna.storages.journal.JournalFileBackend(str(journal)))
+    study = optuna.create_study(study_name="tune", storage=storage, load_if_exists=True)
+    wanted = json.loads(json.dumps(asdict(search)))
+    there = study.user_attrs.get("search", wanted)
+    other = [name for name in wanted if there.get(name) != wanted[name]]
+    if other:
+        raise InputError(
+            f"--out {journal.parent}", got=f"a search with {other[0]} {there.get(other[0])}",
+            expected=f"{wanted[other[0]]}", fix="give another folder",
+        )  # fmt: skip
+    if "search" not in study.user_attrs:
+        study.set_user_attr("search", wanted)
+    return study
+
+
+def _proposed(study: optuna.Study) -> list[Any]:
+    """Return the trials that have their parameters."""
+    return [trial for trial in study.trials if trial.state != optuna.trial.TrialState.WAITING]
+
+
+def _propose(study: optuna.Study, search: Search, number: int) -> None:
+    """Add a trial; the sampler is made anew for each, so that one who comes back proposes the same."""
+    if number == 0 and not study.trials:
+        study.enqueue_trial({one.name: one.default for one in search.space})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+        study.sampler = optuna.samplers.TPESampler(
+            seed=1_000_003 * search.seed + number, n_startup_trials=STARTUP, multivariate=True, constant_liar=True
+        )
+    study.ask({one.name: _distribution(one) for one in search.space})
+
+
+def _distribution(one: Range) -> Any:
+    return optuna.distributions.FloatDistribution(one.low, one.high, log=one.log)
+
+
+def best_of(trials: Sequence[Trial]) -> Trial:
+    """Return the cheapest trial within the bounds; the default is one."""
+    return min((trial for trial in trials if trial.score.excess == 0.0 or trial.number == 0), key=lambda t: t.cost)

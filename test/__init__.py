@@ -1,0 +1,1 @@
+"""Tests, referees and campaigns."""

@@ -1,0 +1,1 @@
+"""Fault campaigns, long runs and benchmarks: for developers, and part of no package."""

@@ -1,0 +1,42 @@
+"""``slip-vic bench``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from rich.console import Console
+
+
+@click.command()
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out"), show_default=True, help="output folder")
+@click.option("--quick", is_flag=True, help="about half a minute, for a first look; numbers are rough")
+@click.option("--rounds", type=click.IntRange(1), help="rounds of everything side by side")
+@click.option("--free-s", type=click.FloatRange(0.1), help="length of each real-time run [s]")
+@click.option(
+    "--compare",
+    "files",
+    nargs=2,
+    type=click.Path(path_type=Path),
+    help="measure nothing: say what changed between two bench.json beyond the noise",
+)
+def bench(out: Path, quick: bool, rounds: int | None, free_s: float | None, files: tuple[Path, Path] | None) -> None:
+    """Measure what a control cycle costs on this machine: table, bench.json, bench.png; about five minutes."""
+    if files is not None:
+        from test.campaigns.bench.compare import compare, comparison_table, read_metrics
+
+        Console().print(comparison_table(compare(*map(read_metrics, files))))
+        return
+    from dataclasses import replace
+
+    from test.campaigns.bench.measure import QUICK, Effort, run_bench
+    from test.campaigns.bench.report import print_results, write_results
+
+    effort = QUICK if quick else Effort()
+    effort = replace(effort, rounds=rounds or effort.rounds, free_s=free_s or effort.free_s)
+    with Console(stderr=True).status("measuring") as status:
+        result = run_bench(effort, status.update)
+    numbers, picture = write_results(out, result)
+    console = Console()
+    print_results(console, result)
+    console.print(f"numbers: {numbers}\npicture: {picture}", soft_wrap=True)

@@ -1,0 +1,71 @@
+"""What the numbers were measured on, and how quiet it was."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from typing import Any
+
+import numpy as np
+import psutil
+
+from slip_bags.provenance import cpu_model
+from slip_vic.recording import versions
+
+_LOOP = 20_000
+_STALL_S = 1e-4
+
+
+def machine() -> dict[str, Any]:
+    """Return processor, cores, kernel, and what real time is permitted."""
+    return {
+        "processor": cpu_model() or platform.processor() or platform.machine(),
+        "cores": len(os.sched_getaffinity(0)),
+        "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
+        "kernel": platform.release(),
+        "system": platform.system(),
+        "preemption": _preemption(),
+        "fifo_permitted": fifo_permitted(),
+        "load_average": [round(value, 2) for value in os.getloadavg()],
+        "versions": versions(),
+    }
+
+
+def fifo_permitted() -> bool:
+    """Return whether a child of this process may run under SCHED_FIFO."""
+    try:
+        policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+        os.sched_setscheduler(0, policy, parameters)
+    except OSError:
+        return False
+    return True
+
+
+def calibration_s() -> float:
+    """Return the time of a fixed piece of Python and numpy work [s]: how fast the machine is at this moment."""
+    matrix, total = np.eye(6), 0.0
+    start = time.perf_counter()
+    for k in range(_LOOP):
+        total += k * 1e-9
+        if k % 20 == 0:
+            matrix = matrix @ matrix
+    return time.perf_counter() - start
+
+
+def stalled_share(duration_s: float = 0.2) -> float:
+    """Return the share of time in which this process, though always ready, did not run for more than 0.1 ms at once."""
+    start = last = time.perf_counter()
+    stalled = 0.0
+    while last - start < duration_s:
+        now = time.perf_counter()
+        if now - last > _STALL_S:
+            stalled += now - last
+        last = now
+    return stalled / (last - start)
+
+
+def _preemption() -> str:
+    text = platform.version()
+    return next((kind for kind in ("PREEMPT_RT", "PREEMPT_DYNAMIC", "PREEMPT") if kind in text), "none")

@@ -1,0 +1,180 @@
+"""Many trials, in worker processes: counts, the bound that follows from them, and what a violation leaves behind."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import multiprocessing
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from test.campaigns.faults.plan import Plan, all_faults, make_plan
+
+IN_FLIGHT_PER_WORKER = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the campaign keeps of a trial."""
+
+    trial: int
+    faults: tuple[str, ...]
+    violations: tuple[str, ...]
+    recovery_s: float | None
+    commands: int
+    modes: dict[str, int]
+    objects_lost: int = 0
+    setting: str = ""
+
+
+@dataclass
+class Tally:
+    """Results so far."""
+
+    seed: int
+    over_dds: bool
+    two_arms: bool = False
+    verdicts: list[Verdict] = field(default_factory=list)
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def failed(self) -> list[Verdict]:
+        """Trials with a violation."""
+        return [verdict for verdict in self.verdicts if verdict.violations]
+
+    def summary(self) -> dict[str, Any]:
+        """Return what faults.json holds."""
+        trials, failed = len(self.verdicts), self.failed
+        names = sorted({name for verdict in self.verdicts for name in verdict.faults})
+        return {
+            "trials": trials,
+            "violations": len(failed),
+            "bound_95": upper_bound_95(trials, len(failed)),
+            "seed": self.seed,
+            "over_dds": self.over_dds,
+            "two_arms": self.two_arms,
+            "commands": sum(verdict.commands for verdict in self.verdicts),
+            "modes": _added(verdict.modes for verdict in self.verdicts),
+            "objects_lost": sum(verdict.objects_lost for verdict in self.verdicts),
+            "by_fault": {name: _by_fault([v for v in self.verdicts if name in v.faults]) for name in names},
+            "by_setting": {
+                name: {"trials": len(found), "violations": sum(bool(v.violations) for v in found)}
+                for name in sorted({verdict.setting for verdict in self.verdicts})
+                if (found := [verdict for verdict in self.verdicts if verdict.setting == name])
+            },
+            "failed": [asdict(verdict) for verdict in failed],
+            **self.notes,
+        }
+
+
+def _by_fault(verdicts: Sequence[Verdict]) -> dict[str, Any]:
+    alone = sorted(v.recovery_s for v in verdicts if len(v.faults) == 1 and v.recovery_s is not None)
+    return {
+        "trials": len(verdicts),
+        "violations": sum(bool(v.violations) for v in verdicts),
+        "recovered": sum(v.recovery_s is not None for v in verdicts),
+        # Of trials with this fault alone: time from its end until the law is at work.
+        "recovery_median_s": alone[len(alone) // 2] if alone else None,
+        "recovery_max_s": alone[-1] if alone else None,
+    }
+
+
+def _added(counts: Iterable[dict[str, int]]) -> dict[str, int]:
+    total: dict[str, int] = {}
+    for each in counts:
+        for name, count in each.items():
+            total[name] = total.get(name, 0) + count
+    return total
+
+
+def upper_bound_95(trials: int, failures: int) -> float:
+    """Return the share of failing trials that is exceeded with 5 % confidence only (Clopper and Pearson)."""
+    from scipy.special import betaincinv  # takes a third of a second to import
+
+    return 1.0 if failures >= trials else float(betaincinv(failures + 1, trials - failures, 0.95))
+
+
+def run_in_process(
+    seed: int, trials: Iterable[int], workers: int, on_done: Callable[[Verdict], None], *, two_arms: bool = False
+) -> Tally:
+    """Run trials in spawned workers; the results do not depend on their number or order."""
+    tally = Tally(seed, over_dds=False, two_arms=two_arms)
+    for verdict in _verdicts(seed, iter(trials), workers, judge_pair if two_arms else judge):
+        tally.verdicts.append(verdict)
+        on_done(verdict)
+    tally.verdicts.sort(key=lambda verdict: verdict.trial)
+    return tally
+
+
+def _verdicts(
+    seed: int, trials: Iterator[int], workers: int, judge_one: Callable[[int, int], Verdict]
+) -> Iterator[Verdict]:
+    if workers == 1:
+        yield from (judge_one(seed, trial) for trial in trials)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_quiet) as pool:
+        pending = {
+            pool.submit(judge_one, seed, trial) for trial in itertools.islice(trials, IN_FLIGHT_PER_WORKER * workers)
+        }
+        while pending:
+            done, pending = wait(pending, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield future.result()
+                trial = next(trials, None)
+                if trial is not None:
+                    pending.add(pool.submit(judge_one, seed, trial))
+
+
+def _quiet() -> None:
+    """Drop what the middleware's decoder prints about every damaged message; errors come back as exceptions."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+
+
+def plan_of(seed: int, trial: int) -> Plan:
+    """Return the plan of an in-process trial."""
+    from test.campaigns.faults.trial import LATEST_START_S, LONGEST_S
+
+    return make_plan(seed, trial, all_faults(), LATEST_START_S, LONGEST_S)
+
+
+def judge(seed: int, trial: int) -> Verdict:
+    """Run one trial in process."""
+    from test.campaigns.faults.trial import run_trial
+
+    outcome = run_trial(plan_of(seed, trial))
+    return Verdict(
+        trial,
+        tuple(fault.name for fault in outcome.plan.faults),
+        tuple(outcome.violations),
+        outcome.recovery_s,
+        outcome.commands,
+        dict(outcome.modes),
+        outcome.objects_lost,
+        outcome.plan.setting,
+    )
+
+
+def judge_pair(seed: int, trial: int) -> Verdict:
+    """Run one trial with two arms in process."""
+    from test.campaigns.faults.pair import PairTrial, make_plan
+
+    scenario, planned = make_plan(seed, trial)
+    run = PairTrial(scenario, planned, seed, trial)
+    violations = tuple(run.run())
+    commands = sum(monitor.commands for monitor in run.commands)
+    return Verdict(trial, tuple(fault.name for fault in planned), violations, None, commands, dict(run.modes))
+
+
+def write_results(out: Path, tally: Tally) -> Path:
+    """Write faults.json; return its path."""
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / "faults.json"
+    temporary = path.with_suffix(".tmp")
+    temporary.write_text(json.dumps(tally.summary(), indent=1) + "\n", encoding="utf-8")
+    os.replace(temporary, path)
+    return path

@@ -1,0 +1,138 @@
+"""``slip-vic faults``."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from slip_core.errors import InputError
+
+SHOWN_VIOLATIONS = 5
+
+
+@click.command()
+@click.option("--trials", type=click.IntRange(1), default=100, show_default=True)
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
+@click.option("--first", type=click.IntRange(0), default=0, show_default=True, help="number of the first trial")
+@click.option("--dds", is_flag=True, help="real DDS and node processes; default in process, in virtual time")
+@click.option("--two-arms", is_flag=True, help="two arms on one object, in process: do both stop together?")
+@click.option("--attacks", "attacking", is_flag=True, help="attack node processes instead, one way after the other")
+@click.option("--only", multiple=True, metavar="NAME", help="only attacks whose name contains this; repeatable")
+@click.option("--workers", type=click.IntRange(1), help="worker processes, in process; default one per core")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out/faults"), show_default=True)
+def faults(
+    *,
+    trials: int,
+    seed: int,
+    first: int,
+    dds: bool,
+    two_arms: bool,
+    attacking: bool,
+    only: tuple[str, ...],
+    workers: int | None,
+    out: Path,
+) -> None:
+    """Seeded fault campaign: is every effort finite, inside its limits, and does the arm come to a safe state?
+
+    Exit code 1 where a trial shows otherwise; it leaves a bag, and the command that runs it again.
+    """
+    from test.campaigns.faults import campaign, network
+
+    if attacking:
+        from test.campaigns.faults.attacks import SHM_MIB
+
+        network.enter(memory_mib=SHM_MIB)
+        _attack(only, out)
+        return
+    if dds and two_arms:
+        raise InputError("--two-arms", got="with --dds", expected="in process only")
+    if dds:
+        network.enter()
+    console = Console(stderr=True)
+    numbers = range(first, first + trials)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
+        task = progress.add_task("fault trials", total=trials)
+        failures = 0
+
+        def on_done(verdict: campaign.Verdict) -> None:
+            nonlocal failures
+            failures += bool(verdict.violations)
+            progress.update(task, advance=1, description=f"fault trials, {failures} with violations")
+
+        if dds:
+            from test.campaigns.faults.dds_campaign import run_over_dds
+
+            tally = run_over_dds(seed, numbers, out, on_done)
+        else:
+            jobs = workers or min(trials, os.cpu_count() or 1)
+            tally = campaign.run_in_process(seed, numbers, jobs, on_done, two_arms=two_arms)
+    path = campaign.write_results(out, tally)
+    _report(tally, out)
+    click.echo(f"results: {path}")
+    if tally.failed:
+        sys.exit(1)
+
+
+def _attack(only: tuple[str, ...], out: Path) -> None:
+    from test.campaigns.faults.attack_suite import Row, run_attacks
+    from test.campaigns.faults.attacks import ATTACKS
+
+    names = [name for name in ATTACKS if not only or any(words in name for words in only)]
+    if not names:
+        raise InputError("--only", got=", ".join(only), expected=f"a part of one of: {', '.join(ATTACKS)}")
+    table = Table("attack", "promise", "alive", "mode", "log lines/s", "memory [MiB]", "law again, s", "note")
+
+    def on_done(row: Row) -> None:
+        back = "never" if row.recovery_s is None else f"{row.recovery_s:.2f}{', helped' if row.helped else ''}"
+        table.add_row(
+            row.attack, "kept" if not row.violations else f"{len(row.violations)} violations",
+            "yes" if row.alive else "NO", row.worst_mode, f"{row.lines_per_s:.1f}", f"{row.grown_mib:+.1f}", back,
+            row.note,
+        )  # fmt: skip
+        click.echo(f"{row.attack}: {'kept' if row.kept else 'NOT KEPT'}", err=True)
+        for text in row.violations[:SHOWN_VIOLATIONS]:
+            click.echo(f"  {text}", err=True)
+
+    rows = run_attacks(names, out, on_done)
+    Console().print(table)
+    click.echo(f"results: {out / 'attacks.json'}")
+    if not all(row.kept for row in rows):
+        sys.exit(1)
+
+
+def _report(tally: object, out: Path) -> None:
+    from test.campaigns.faults.campaign import Tally
+
+    assert isinstance(tally, Tally)
+    summary = tally.summary()
+    table = Table("fault", "trials", "violations", "recovered", "recovery median / max, s")
+    for name, row in summary["by_fault"].items():
+        times = (row["recovery_median_s"], row["recovery_max_s"])
+        shown = " / ".join("-" if value is None else f"{value:.2f}" for value in times)
+        table.add_row(name, str(row["trials"]), str(row["violations"]), str(row["recovered"]), shown)
+    Console().print(table)
+    click.echo(
+        f"{summary['trials']} trials, {summary['commands']} commands, {summary['violations']} trials with violations; "
+        f"95 % bound on the share of bad trials: {100.0 * summary['bound_95']:.3g} %"
+    )
+    for verdict in tally.failed[:SHOWN_VIOLATIONS]:
+        click.echo(f"trial {verdict.trial} ({', '.join(verdict.faults)}): {verdict.violations[0]}")
+        flag = " --dds" if tally.over_dds else " --two-arms" if tally.two_arms else ""
+        click.echo(f"  again: slip-vic faults{flag} --seed {tally.seed} --first {verdict.trial} --trials 1")
+        if not tally.over_dds and not tally.two_arms:
+            from test.campaigns.faults.evidence import leave_bag
+
+            click.echo(f"  bag: {leave_bag(tally.seed, verdict.trial, out)}")

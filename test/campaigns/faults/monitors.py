@@ -1,0 +1,177 @@
+"""What must hold on every message, judged without the controller's own bookkeeping."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from test.campaigns.faults.plan import JOINT, WRENCH
+
+Numbers = NDArray[np.float64]
+NS = 1e-9
+ROUNDING = 1e-9  # [N m]: sums of a few numbers of some tens
+AT_REST = 0.1  # [rad/s]
+REST_AFTER_S = 1.0
+LOST_M = 0.05  # slip at which an object has left the pads: half of what the simulation's pads are long
+TWICE = 2  # a single stamp that is ahead is the sample's own fault
+REACTION_S = 0.02  # beyond the age limit: the watchdog's period and one cycle
+
+
+@dataclass(frozen=True, slots=True)
+class Promise:
+    """The limits: effort (n,) [N m]; rate [N m/s]; longest_step_s, restart_after_s, period_s as in the parameters."""
+
+    effort: Numbers
+    rate: float
+    longest_step_s: float
+    restart_after_s: float
+    period_s: float
+
+
+@dataclass
+class CommandMonitor:
+    """Every command: size, finite, effort limit, slope by the controller's clock, and a start without a step."""
+
+    promise: Promise
+    violations: list[str] = field(default_factory=list)
+    commands: int = 0
+    _last: tuple[int, Numbers] | None = None
+
+    def restarted(self) -> None:
+        """The controller has lost its memory, or the command before the next one was not seen."""
+        self._last = None
+
+    def inside(self, now_ns: int, effort: Numbers) -> bool:
+        """Judge a command by itself; return whether the slope to it can be judged too."""
+        now_s = NS * now_ns
+        if effort.shape != self.promise.effort.shape:
+            self.violations.append(f"{now_s:.3f} s: {len(effort)} efforts")
+            return False
+        if not np.isfinite(effort).all():
+            self.violations.append(f"{now_s:.3f} s: effort {effort.tolist()}")
+            return False
+        if (np.abs(effort) > self.promise.effort).any():
+            self.violations.append(f"{now_s:.3f} s: effort {effort.tolist()} above the limits")
+        return True
+
+    def take(self, now_ns: int, effort: Numbers, starts: Callable[[], Sequence[Numbers]]) -> None:
+        """Take a command.
+
+        now_ns: when it was given, of a steady clock; starts: gives the efforts from which a first command, or the first
+        after a pause, may begin: those measured, gravity compensation.
+        """
+        if len(effort) == 0:
+            self._last = None
+            return
+        self.commands += 1
+        promise = self.promise
+        if not self.inside(now_ns, effort):
+            return
+        passed_s = np.inf if self._last is None else NS * (now_ns - self._last[0])
+        known = None if self._last is None or passed_s > promise.restart_after_s else self._last[1]
+        passed_s = promise.period_s if known is None else passed_s
+        allowed = promise.rate * min(passed_s, promise.longest_step_s)
+        before = [known] if known is not None else [np.clip(e, -promise.effort, promise.effort) for e in starts()]
+        step = min((float(np.abs(effort - start).max()) for start in before), default=0.0)
+        if step > allowed + ROUNDING:
+            kind = "from what the joints feel" if known is None else f"in {1e3 * passed_s:.3f} ms"
+            self.violations.append(
+                f"{NS * now_ns:.3f} s: effort steps {kind} by {step:.6g} N m, allowed {allowed:.6g}: {effort.tolist()}"
+                f" after {[start.tolist() for start in before]}"
+            )
+        self._last = (now_ns, effort)
+
+
+@dataclass
+class JointMonitor:
+    """What the joints feel: no step above the drives' slope, whoever commands; and rest where nobody follows."""
+
+    largest_change: float
+    rest_after_s: float = REST_AFTER_S
+    violations: list[str] = field(default_factory=list)
+    largest_seen: float = 0.0
+    _last: Numbers | None = None
+    _resting_since: float | None = None
+
+    def restarted(self) -> None:
+        """The simulation has been made anew."""
+        self._last, self._resting_since = None, None
+
+    def begin_again(self) -> None:
+        """The time to come to rest begins anew: another one holds the arm, or what it carries is no longer the same."""
+        self._resting_since = None
+
+    def take(self, now_s: float, applied: Numbers, velocity: Numbers, follows: bool) -> None:
+        """Take applied efforts and velocities of a tick; `follows`: whether the law is at work."""
+        if self._last is not None:
+            step = float(np.abs(applied - self._last).max())
+            self.largest_seen = max(self.largest_seen, step)
+            if step > self.largest_change + ROUNDING:
+                self.violations.append(f"{now_s:.3f} s: joint effort steps by {step:.3f} N m")
+        self._last = applied
+        if follows:
+            self._resting_since = None
+        elif self._resting_since is None:
+            self._resting_since = now_s
+        elif now_s - self._resting_since > self.rest_after_s and np.abs(velocity).max() > AT_REST:
+            self.violations.append(f"{now_s:.3f} s: not at rest: {np.abs(velocity).max():.2f} rad/s")
+            self._resting_since = now_s
+
+
+@dataclass
+class SafeStateMonitor:
+    """Without an input the law must end within a stated time, by the clock that the joint states show.
+
+    How long the newest joint state was on its way nobody can tell from that one, because clocks need not agree: its age
+    counts from its arrival. The stamps of the wrench can tell, where two in a row are ahead of it by `future_s`: then
+    every age counts from when the sample was measured.
+
+    limits, unheeded: input -> time [s] after its newest good sample was measured until the law must have ended, and
+    until it must at least be degraded.
+    """
+
+    limits: dict[str, float]
+    future_s: float
+    unheeded: dict[str, float] = field(default_factory=dict)
+    violations: list[str] = field(default_factory=list)
+    _newest: dict[str, float] = field(default_factory=dict)
+    _told: dict[tuple[str, str], float | None] = field(default_factory=dict)
+    _ahead: int = 0
+    _late_s: float = 0.0
+
+    def good(self, name: str, measured_s: float, arrived_s: float) -> None:
+        """A sample has arrived as it was sent."""
+        newest = self._newest.get(name, -np.inf)
+        self._newest[name] = max(measured_s, newest)
+        if name == WRENCH:
+            self._ahead = self._ahead + 1 if measured_s > self._newest.get(JOINT, np.inf) + self.future_s else 0
+        elif name == JOINT and measured_s > newest:
+            told = self._ahead >= TWICE and self._newest[WRENCH] > measured_s + self.future_s
+            self._late_s = 0.0 if told else arrived_s - measured_s
+
+    def stood_still(self, seconds: float) -> None:
+        """The simulation, whose clock the stamps show, did not go on: what was measured before is no older for it."""
+        for name in self._newest.keys() - {JOINT}:  # the joint state's age is that of its arrival
+            self._newest[name] += seconds
+
+    def check(self, now_s: float, follows: bool, answered: bool = True, *, degraded: bool = True) -> None:
+        """Judge the mode of a moment at which the controller ran; answered: whether it gave a command.
+
+        Where no joint state comes no command is given, whatever else is missing: then the joint state's limit alone
+        counts.
+        """
+        if follows:
+            self._judge(now_s, answered, "law", self.limits)
+        if follows and not degraded:
+            self._judge(now_s, answered, "law with all it needs", self.unheeded)
+
+    def _judge(self, now_s: float, answered: bool, what: str, limits: dict[str, float]) -> None:
+        for name, limit in limits.items():
+            newest = self._newest.get(name) if answered or name == JOINT else None
+            passed_s = 0.0 if newest is None else now_s - self._late_s - newest
+            if passed_s > limit + REACTION_S and self._told.get((what, name)) != newest:
+                self.violations.append(f"{now_s:.3f} s: {what} at work {passed_s:.3f} s after the last good {name}")
+                self._told[what, name] = newest

@@ -1,0 +1,214 @@
+"""One trial with two arms in process: faults on the inputs of either arm; both must stop, together."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from dataclasses import dataclass, field
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+
+from slip_core.types import EffortCommand
+from slip_sim_bridge.pair.params import SIDES
+from slip_sim_bridge.pair.simulation import PairSimulation
+from slip_sim_bridge.plant import DivergenceError
+from slip_vic.pair.scenario import PairScenario, load_pair
+from slip_vic_controller.safety.modes import Request
+from slip_vic_controller.session import Controller
+from slip_vic_controller.team.crew import Results
+from slip_vic_controller.team.session import TeamSession
+from test.campaigns.faults.carriers import SampleCarrier
+from test.campaigns.faults.channel import Channel
+from test.campaigns.faults.monitors import NS, CommandMonitor, Promise, SafeStateMonitor
+from test.campaigns.faults.plan import EFFORT, JOINT, ON_TOPICS, SLIP, TOPICS, WRENCH, Fault
+from test.campaigns.faults.trial import starts_of
+from test.campaigns.faults.wire import Wire
+
+PERIOD_S = 0.004
+DURATION_S = 1.2
+LATEST_START_S, LONGEST_S = 0.6, 0.3
+STEADY_NS = 5_000_000_000
+SCENARIOS = ("pane_two_arms_flat", "pane_two_arms_upright")
+CASES = (
+    *((kind, f"{side}/{topic}") for kind in ON_TOPICS for side in SIDES for topic in TOPICS),
+    *(("wrong_names", f"{side}/{JOINT}") for side in SIDES),
+    *(("wrong_frame", f"{side}/{topic}") for side in SIDES for topic in (WRENCH, SLIP)),
+    *(("grip", side) for side in SIDES),
+    ("request", ""),
+)  # fmt: skip
+"""Every (kind, target) there is."""
+
+
+def make_plan(seed: int, trial: int) -> tuple[str, tuple[Fault, ...]]:
+    """Draw a trial: its scenario; one fault in turn, and up to two others at random, in order of their start."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial,)))
+    chosen = [CASES[trial % len(CASES)]]
+    chosen += [CASES[int(rng.integers(len(CASES)))] for _ in range(int(rng.integers(0, 3)))]
+    faults = [
+        Fault(
+            kind, target, float(rng.uniform(0.05, LATEST_START_S)),
+            float(np.exp(rng.uniform(np.log(0.002), np.log(LONGEST_S)))), float(rng.uniform()),
+        )
+        for kind, target in chosen
+    ]  # fmt: skip
+    return SCENARIOS[int(rng.integers(2))], tuple(sorted(faults, key=lambda fault: fault.start_s))
+
+
+@cache
+def prepared(name: str) -> tuple[PairScenario, tuple[Controller, ...]]:
+    """Return a scenario as the campaign runs it, and its controllers."""
+    scenario = load_pair(
+        name,
+        assignments=[
+            f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
+            "controller.gains.k_s=100.0", "controller.gains.kappa=0.4", "controller.trajectory.start_s=0.0",
+            f"controller.trajectory.duration_s={DURATION_S}", "controller.mode=realtime", "bridge.mode=realtime",
+        ],
+    )  # fmt: skip
+    controllers = [
+        Controller(params, urdf, lockstep=False)
+        for params, urdf in zip(scenario.controllers, scenario.believed, strict=True)
+    ]
+    return scenario, tuple(controllers)
+
+
+@dataclass
+class TogetherMonitor:
+    """The law works for both arms or for neither, whenever the controller has run."""
+
+    violations: list[str] = field(default_factory=list)
+    _apart_since: float | None = None
+
+    def check(self, now_s: float, follows: tuple[bool, ...]) -> None:
+        """Judge the modes of a moment; one cycle of difference is the law that could not be evaluated."""
+        if len(set(follows)) == 1:
+            self._apart_since = None
+        elif self._apart_since is None:
+            self._apart_since = now_s
+        elif now_s - self._apart_since > 1.5 * PERIOD_S:
+            pulls = SIDES[follows.index(True)]
+            self.violations.append(f"{now_s:.3f} s: the {pulls} arm follows the law while the other one holds")
+            self._apart_since = None
+
+
+class PairTrial:
+    """Runs one plan.
+
+    Args:
+        scenario: name.
+        faults: what happens; targets `left/wrench` and so on.
+        seed, trial: of the randomness of the channels.
+    """
+
+    def __init__(self, scenario: str, faults: tuple[Fault, ...], seed: int, trial: int) -> None:
+        self._faults = faults
+        self.scenario, self._controllers = prepared(scenario)
+        self._channels = {}
+        for i, name in enumerate(f"{side}/{topic}" for side in SIDES for topic in TOPICS):
+            controller = self.scenario.controllers[i // len(TOPICS)]
+            self._channels[name] = Channel(
+                SampleCarrier(Wire(name.partition("/")[2], controller.joint_names, controller.ee_frame)),
+                tuple(fault for fault in faults if fault.target == name),
+                np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial, 2 + i))),
+            )
+        safety = self.scenario.controllers[0].safety
+        limits, inputs = safety.limits, safety.inputs
+        self.commands = [
+            CommandMonitor(
+                Promise(
+                    c.robot.effort_limit, limits.effort_rate, limits.longest_step_s, limits.restart_after_s, PERIOD_S
+                )
+            )
+            for c in self._controllers
+        ]
+        age = {
+            JOINT: inputs.joint.age_s + PERIOD_S,
+            WRENCH: inputs.wrench.age_s + PERIOD_S,
+            SLIP: inputs.slip.age_s + safety.fallback.slow_down_s + PERIOD_S,
+        }
+        self.safe = [SafeStateMonitor(dict(age), inputs.future_s) for _ in SIDES]
+        self.together = TogetherMonitor()
+        self.modes: Counter[str] = Counter()
+        self.violations: list[str] = []
+        self.follows: tuple[bool, ...] = ()
+        self._happened: set[Fault] = set()
+
+    def run(self) -> list[str]:
+        """Run to the end; return the violations. What the code raises is one too."""
+        try:
+            self._run()
+        except DivergenceError as error:
+            self.violations.append(f"the state is not physical any more: {error}")
+        except Exception as error:  # whatever it is, it must not happen
+            self.violations.append(f"{type(error).__name__}: {error}")
+        found = self.violations + self.together.violations
+        found += [text for monitor in self.safe for text in monitor.violations]
+        return found + [text for monitor in self.commands for text in monitor.violations]
+
+    def _run(self) -> None:
+        simulation, team = self.scenario.simulation(), TeamSession(self._controllers)
+        newest: list[EffortCommand | None] = [None] * len(SIDES)
+        for tick in range(round(DURATION_S / PERIOD_S)):
+            t = tick * PERIOD_S
+            now_ns = STEADY_NS + round(1e9 * t)
+            self._happen(t, simulation, team)
+            outputs = simulation.observe()
+            for side, name in enumerate(SIDES):
+                sent: list[tuple[str, Any]] = [(JOINT, outputs.joints[side])]
+                sent += [(WRENCH, sample) for sample in outputs.wrenches[side]]
+                sent += [(SLIP, sample) for sample in outputs.slips[side]]
+                for topic, sample in sent:
+                    shown = dataclasses.replace(sample, stamp_ns=STEADY_NS + sample.stamp_ns)
+                    self._channels[f"{name}/{topic}"].send(shown, t, now_ns)
+            self._control(team, t, now_ns)
+            for side, name in enumerate(SIDES):
+                for delivery in self._channels[f"{name}/{EFFORT}"].arrivals(now_ns):
+                    newest[side] = EffortCommand(delivery.sample.stamp_ns - STEADY_NS, delivery.sample.effort)
+            simulation.advance(newest)
+
+    def _happen(self, t: float, simulation: PairSimulation, team: TeamSession) -> None:
+        for fault in self._faults:
+            if fault in self._happened or t < fault.start_s:
+                continue
+            if fault.kind == "grip":
+                self._happened.add(fault)
+                side = SIDES.index(fault.target)
+                simulation.set_grip_force(side, self.scenario.bridge.arms[side].grip.force * 2.0 * fault.size**3)
+            elif fault.kind == "request":
+                self._happened.add(fault)
+                team.request(Request(1 + int(3 * fault.size)))
+
+    def _control(self, team: TeamSession, t: float, now_ns: int) -> None:
+        """Let everything arrive, and answer each joint state as it comes, as the node does."""
+        answered = False
+        for side, name in enumerate(SIDES):
+            for topic, add in ((WRENCH, team.add_wrench), (SLIP, team.add_slip)):
+                for delivery in self._channels[f"{name}/{topic}"].arrivals(now_ns):
+                    add(side, delivery.sample, now_ns)
+                    self._note(side, topic, delivery, t)
+            for delivery in self._channels[f"{name}/{JOINT}"].arrivals(now_ns):
+                team.add_joint(side, delivery.sample, now_ns)
+                self._note(side, JOINT, delivery, t)
+                answered |= self._answer(team, team.cycle(now_ns), t, now_ns)
+        answered |= self._answer(team, team.watchdog(now_ns), t, now_ns)
+        self.follows = tuple(session.mode.follows for session in team.sessions)
+        for monitor in self.safe:  # each arm's inputs are reasons for both
+            monitor.check(t, any(self.follows), answered)
+        self.together.check(t, self.follows)
+
+    def _answer(self, team: TeamSession, results: Results, t: float, now_ns: int) -> bool:
+        """Judge and send what a cycle answers; return whether it answers anything."""
+        for side, result in enumerate(results):
+            if result is None:
+                continue
+            self.modes[result.mode.name] += 1
+            starts = partial(starts_of, team.sessions[side], result.joint)
+            self.commands[side].take(now_ns, result.command.effort, starts)
+            self._channels[f"{SIDES[side]}/{EFFORT}"].send(result.command, t, now_ns)
+        return any(result is not None for result in results)
+
+    def _note(self, side: int, topic: str, delivery: Any, t: float) -> None:
+        if delivery.clean:
+            self.safe[side].good(topic, NS * (delivery.measured_ns - STEADY_NS), t)

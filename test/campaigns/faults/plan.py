@@ -1,0 +1,130 @@
+"""What goes wrong in a trial, and when: drawn from one seed, so that a trial can be made again from its number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from slip_vic.presets.sensors import preset_names
+from slip_vic.scenario import ControllerKind, Scenario, load_scenario
+
+JOINT, WRENCH, SLIP, EFFORT = "joint_states", "wrench", "slip_velocity", "effort_command"
+TOPICS = (JOINT, WRENCH, SLIP, EFFORT)
+BRIDGE, CONTROLLER, RECORDER = "bridge", "controller", "recorder"
+ON_TOPICS = (
+    "drop", "duplicate", "delay", "reorder", "corrupt_values", "corrupt_bytes", "freeze_values", "freeze_message",
+)  # fmt: skip
+ON_NODES = ("kill", "stop")
+IDEAL = "ideal"
+PERIOD_S = 0.004
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One fault.
+
+    kind, target: what and where; start_s, duration_s: when, from the beginning of the motion; size in [0, 1): how bad,
+    with a meaning of its own for each kind.
+    """
+
+    kind: str
+    target: str
+    start_s: float
+    duration_s: float
+    size: float
+
+    @property
+    def name(self) -> str:
+        """Kind and target, as reports count them."""
+        return f"{self.kind} {self.target}".strip()
+
+    @property
+    def end_s(self) -> float:
+        """When it is over."""
+        return self.start_s + self.duration_s
+
+    def at(self, t: float) -> bool:
+        """Return whether it is at work at this time [s]."""
+        return self.start_s <= t < self.end_s
+
+
+def all_faults() -> tuple[tuple[str, str], ...]:
+    """Return every (kind, target) there is, in process."""
+    cases = [(kind, topic) for kind in ON_TOPICS for topic in TOPICS]
+    cases += [(kind, node) for kind in ON_NODES for node in (BRIDGE, CONTROLLER)]
+    cases += [("wrong_names", JOINT), ("wrong_frame", WRENCH), ("wrong_frame", SLIP), ("reset", BRIDGE)]
+    return (
+        *cases, ("clock_jump", BRIDGE), ("clock_stop", BRIDGE), ("grip", ""), ("gains", CONTROLLER),
+        ("request", CONTROLLER),
+    )  # fmt: skip
+
+
+def all_faults_over_dds() -> tuple[tuple[str, str], ...]:
+    """Return every (kind, target) there is over DDS: as in process, and those of processes, network and graph."""
+    return (
+        *all_faults(), ("kill", RECORDER), ("stop", RECORDER), ("disk_full", RECORDER), ("cut", BRIDGE),
+        ("bad_parameter", CONTROLLER), ("second_publisher", JOINT), ("second_publisher", EFFORT),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A trial: its number, what it runs, and its faults in order of their start."""
+
+    trial: int
+    seed: int
+    scenario: str
+    observer: bool
+    controller: ControllerKind
+    faults: tuple[Fault, ...]
+    sensor: str = IDEAL
+
+    @property
+    def setting(self) -> str:
+        """What runs, as reports count it."""
+        return f"{self.scenario} {self.controller}{' observer' if self.observer else ''} {self.sensor}"
+
+
+def make_plan(
+    seed: int, trial: int, cases: tuple[tuple[str, str], ...], latest_start_s: float, longest_s: float
+) -> Plan:
+    """Draw a trial: one fault in turn, so that every kind comes up equally often, and up to two others at random."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial,)))
+    chosen = [cases[trial % len(cases)]]
+    chosen += [cases[int(rng.integers(len(cases)))] for _ in range(int(rng.integers(0, 3)))]
+    faults = [
+        Fault(
+            kind,
+            target,
+            start_s=float(rng.uniform(0.05, latest_start_s)),
+            # Short ones are as likely as long ones: from one message to the longest.
+            duration_s=float(np.exp(rng.uniform(np.log(0.002), np.log(longest_s)))),
+            size=float(rng.uniform()),
+        )
+        for kind, target in chosen
+    ]
+    scenario = "vertical_plane" if rng.uniform() < 0.25 else "paper_planar"
+    observer = bool(rng.uniform() < 0.5)
+    scenario = "glass_transport" if rng.uniform() < 0.2 else scenario
+    u = rng.uniform()
+    controller: ControllerKind = "vic" if u < 0.5 else "governed" if u < 0.85 else "classical"
+    sensors = preset_names()
+    sensor = sensors[int(rng.integers(len(sensors)))]
+    in_order = tuple(sorted(faults, key=lambda fault: fault.start_s))
+    return Plan(trial, seed, scenario, observer, controller, in_order, sensor)
+
+
+def realtime_scenario(
+    name: str, observer: bool, controller: ControllerKind, sensor: str, assignments: Iterable[str]
+) -> Scenario:
+    """Return a scenario as campaigns run it, in real time without an end; the ideal sensor leaves the gains."""
+    usual = (
+        f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
+        "controller.gains.k_s=100.0", "bridge.stop_after_duration=false",
+    )  # fmt: skip
+    return load_scenario(
+        name, controller=controller, mode="realtime", assignments=(*usual, *assignments),
+        sensor="" if sensor == IDEAL else sensor, estimator="observer" if observer else "measured",
+    )  # fmt: skip

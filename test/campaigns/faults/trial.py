@@ -1,0 +1,336 @@
+"""One trial in process: bridge, controller and the topics between them in virtual real time."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_core.errors import InputError
+from slip_core.params import build, flatten
+from slip_core.types import EffortCommand, JointSample
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.plant import DivergenceError
+from slip_sim_bridge.session import BridgeSession
+from slip_vic.scenario import ControllerKind, Scenario
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.session import Controller, ControllerSession, CycleResult
+from test.campaigns.faults.carriers import SampleCarrier
+from test.campaigns.faults.channel import Channel, Delivery
+from test.campaigns.faults.monitors import (
+    LOST_M,
+    NS,
+    REST_AFTER_S,
+    CommandMonitor,
+    JointMonitor,
+    Promise,
+    SafeStateMonitor,
+)
+from test.campaigns.faults.plan import (
+    BRIDGE,
+    CONTROLLER,
+    EFFORT,
+    IDEAL,
+    JOINT,
+    PERIOD_S,
+    SLIP,
+    TOPICS,
+    WRENCH,
+    Fault,
+    Plan,
+    realtime_scenario,
+)
+from test.campaigns.faults.wire import Wire
+
+DURATION_S = 1.8
+LATEST_START_S, LONGEST_S = 0.6, 0.4
+START_NS = 1_000_000_000_000  # of the wall clock
+STEADY_NS = 5_000_000_000
+RESTART_S = 0.2  # time from the start of a node to its first message
+
+
+@dataclass
+class Outcome:
+    """What a trial showed: violations, seconds from the last fault's end to the law (None: not), modes and commands.
+
+    objects_lost: how often the object left the pads; the simulation is then started anew, as an operator would.
+    """
+
+    plan: Plan
+    violations: list[str]
+    recovery_s: float | None
+    modes: Counter[str]
+    commands: int
+    record: list[tuple[int, str, Any]] = field(default_factory=list)
+    objects_lost: int = 0
+
+
+@cache
+def prepared(name: str, observer: bool, kind: ControllerKind, sensor: str = IDEAL) -> tuple[Scenario, Controller]:
+    """Return a scenario as the campaign runs it, and its law; the ideal sensor leaves the gains what they are."""
+    assignments = [f"controller.trajectory.duration_s={0.75 * DURATION_S}"]
+    if name == "vertical_plane":
+        # What friction cannot carry is to be met: more than just enough grip at the start.
+        assignments += ["controller.trajectory.displacement=[0.0, 0.1, 0.05]"]
+    scenario = realtime_scenario(name, observer, kind, sensor, assignments)
+    return scenario, Controller(scenario.controller, scenario.urdf, lockstep=False)
+
+
+class Trial:
+    """Runs one plan.
+
+    Args:
+        plan: what happens.
+        keep: whether to keep every message, for a bag.
+    """
+
+    def __init__(self, plan: Plan, *, keep: bool = False) -> None:
+        self._plan, self._keep = plan, keep
+        self.scenario, self._law = prepared(plan.scenario, plan.observer, plan.controller, plan.sensor)
+        noise = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 1)))
+        self._bridge_params = self.scenario.bridge.model_copy(update={"seed": int(noise.integers(2**31))})
+        controller, safety = self.scenario.controller, self.scenario.controller.safety
+        self._channels = {
+            name: Channel(
+                SampleCarrier(Wire(name, controller.joint_names, controller.ee_frame)),
+                tuple(fault for fault in plan.faults if fault.target == name),
+                np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 2 + i))),
+            )
+            for i, name in enumerate(TOPICS)
+        }
+        limits, inputs = safety.limits, safety.inputs
+        self._commands = CommandMonitor(
+            Promise(
+                self._law.robot.effort_limit,
+                limits.effort_rate,
+                limits.longest_step_s,
+                limits.restart_after_s,
+                PERIOD_S,
+            )
+        )
+        self._joints = JointMonitor(self.scenario.bridge.effort_rate * PERIOD_S, REST_AFTER_S)
+        ages_s = {JOINT: inputs.joint.age_s + PERIOD_S, WRENCH: inputs.wrench.age_s + PERIOD_S}
+        # The same for every sensor: a slow one must be fast enough for it, its latency included.
+        slip_s = {} if plan.controller == "classical" else {SLIP: inputs.slip.age_s + PERIOD_S}  # it needs no slip
+        degraded_s = safety.fallback.slow_down_s + (safety.fallback.observer_s if plan.observer else 0.0)
+        ages_s |= {name: age_s + degraded_s for name, age_s in slip_s.items()}
+        self._safe = SafeStateMonitor(ages_s, inputs.future_s, slip_s)
+        self._stops = [fault for fault in plan.faults if fault.kind == "stop"]
+        self._clock_stops = [fault for fault in plan.faults if fault.kind == "clock_stop"]
+        self._modes: Counter[str] = Counter()
+        self._record: list[tuple[int, str, Any]] = []
+        self._done: set[Fault] = set()
+        self._controller_back = self._bridge_back = 0.0
+        self._held = True  # by the bridge
+        self._clock_offset_ns = 0
+        self._newest_command: EffortCommand | None = None
+        self._recovered: float | None = None
+        self._stand_still_ns: int | None = None
+        self._lost = 0
+
+    def run(self) -> Outcome:
+        """Run to the end; what the code raises is a violation too."""
+        try:
+            self._run()
+        except DivergenceError as error:
+            self._commands.violations.append(f"the arm's state is not physical any more: {error}")
+        except Exception as error:  # whatever it is, it must not happen
+            self._commands.violations.append(f"{type(error).__name__}: {error}")
+        violations = self._commands.violations + self._joints.violations + self._safe.violations
+        return Outcome(
+            self._plan, violations, self._recovered, self._modes, self._commands.commands, self._record, self._lost,
+        )  # fmt: skip
+
+    def _run(self) -> None:
+        self._bridge = self._new_bridge(self._bridge_params, START_NS)
+        self._controller: ControllerSession | None = ControllerSession(self._law)
+        last_end = max(fault.end_s for fault in self._plan.faults)
+        for tick in range(round(DURATION_S / PERIOD_S)):
+            t = tick * PERIOD_S
+            self._t, self._now_ns = t, STEADY_NS + round(t * 1e9)
+            self._nodes(t)
+            if self._stopped(BRIDGE, t):
+                self._safe.stood_still(PERIOD_S)
+            if self._bridge_runs(t):
+                self._observe(t)
+            if not self._controller_lives():
+                for name in (JOINT, WRENCH, SLIP):  # what is sent while nobody is there is gone
+                    self._channels[name].arrivals(self._now_ns)
+            elif not self._stopped(CONTROLLER, t):
+                self._control(t)
+            for delivery in self._channels[EFFORT].arrivals(self._now_ns):
+                self._newest_command = delivery.sample
+            if self._bridge_runs(t):
+                self._bridge.advance(self._shifted(self._newest_command))
+                if self._bridge.simulation.holding != self._held:
+                    self._held = not self._held
+                    self._joints.begin_again()  # another one holds the arm from now on, and begins from its motion
+                if self._slipped() > LOST_M:
+                    self._lost += 1
+                    self._restart_bridge(t + PERIOD_S + RESTART_S)
+            follows = self._controller is not None and self._controller.mode.follows
+            if t >= last_end and follows and self._recovered is None:
+                self._recovered = t - last_end
+            if not follows:
+                self._recovered = None if t < last_end else self._recovered
+
+    def _slipped(self) -> float:
+        """Return the largest coordinate of the object's slip displacement [m]."""
+        readings = self._bridge.simulation.observe()
+        return max(map(abs, readings.numbers[readings.layout.slip_displacement][:3].tolist()))
+
+    # -- nodes -------------------------------------------------------------------------------------
+
+    def _stopped(self, node: str, t: float) -> bool:
+        return bool(self._stops) and any(fault.target == node and fault.at(t) for fault in self._stops)
+
+    def _controller_lives(self) -> bool:
+        return self._controller is not None
+
+    def _bridge_runs(self, t: float) -> bool:
+        return t >= self._bridge_back and not self._stopped(BRIDGE, t)
+
+    def _nodes(self, t: float) -> None:
+        for fault in self._plan.faults:
+            if fault in self._done or t < fault.start_s:
+                continue
+            if fault.kind == "kill" and fault.target == CONTROLLER:
+                self._done.add(fault)
+                self._controller, self._controller_back = None, t + fault.duration_s + RESTART_S
+                self._commands.restarted()
+            elif fault.kind == "kill":
+                self._done.add(fault)
+                self._restart_bridge(t + fault.duration_s + RESTART_S)
+            elif fault.kind in ("reset", "clock_jump", "gains", "request", "grip"):
+                self._happen(fault)
+        if self._controller is None and t >= self._controller_back:
+            self._controller = ControllerSession(self._law)
+
+    def _happen(self, fault: Fault) -> None:
+        """What happens at one moment, or begins at it."""
+        self._done.add(fault)
+        if fault.kind == "reset":
+            self._bridge.request_reset()
+            self._joints.restarted()
+        elif fault.kind == "clock_jump":
+            sign = 1 if fault.size > 0.5 else -1
+            self._clock_offset_ns += sign * round(1e9 * 10.0 ** (4.0 * abs(2.0 * fault.size - 1.0) - 2.0))
+        elif fault.kind == "grip":
+            self._bridge.set_grip_force(self.scenario.bridge.grip.force * 2.0 * fault.size**3)
+        elif fault.kind == "request" and self._controller is not None:
+            self._controller.request(Request(1 + int(3 * fault.size)))
+        elif fault.kind == "gains" and self._controller is not None:
+            self._retune(self._controller, fault)
+
+    def _retune(self, controller: ControllerSession, fault: Fault) -> None:
+        factor = 10.0 ** (2.0 * fault.size - 1.0)
+        values = flatten(self.scenario.controller)
+        values["gains.stiffness"] = [factor * k for k in values["gains.stiffness"]]
+        values["gains.k_s"] = min(factor * values["gains.k_s"], 200.0)
+        values["object.mass"] = values["object.mass"] * factor
+        with suppress(InputError):  # gains may be refused; that is no violation
+            controller.retune(build(ControllerNodeParams, values, "trial"))
+
+    def _restart_bridge(self, back: float) -> None:
+        """Let the bridge be away until `back` [s] and then begin where the arm is, with the object in the grasp."""
+        self._bridge_back = back
+        posture = self._bridge.simulation.observe().joint.position
+        params = self._bridge_params.model_copy(update={"initial_position": tuple(posture.tolist())})
+        self._bridge = self._new_bridge(params, START_NS + round(back * 1e9))
+        self._newest_command = None
+        self._joints.restarted()
+
+    def _new_bridge(self, params: BridgeParams, stamp_ns: int) -> BridgeSession:
+        bridge = BridgeSession(params, self.scenario.urdf)
+        bridge.start_at(stamp_ns)
+        return bridge
+
+    # -- messages ----------------------------------------------------------------------------------
+
+    def _stamp(self, stamp_ns: int) -> int:
+        """Return what the bridge's clock showed where its simulation was at `stamp_ns`."""
+        for fault in self._clock_stops:
+            if fault.at(self._t):
+                if self._stand_still_ns is None:
+                    self._stand_still_ns = stamp_ns
+                # What was measured before keeps its own.
+                return min(stamp_ns, self._stand_still_ns) + self._clock_offset_ns
+        self._stand_still_ns = None
+        return stamp_ns + self._clock_offset_ns
+
+    def _observe(self, t: float) -> None:
+        outputs = self._bridge.observe()
+        sent: list[tuple[str, Any]] = [(JOINT, outputs.joint)]
+        sent += [(WRENCH, sample) for sample in outputs.wrenches[0]] + [(SLIP, sample) for sample in outputs.slips[0]]
+        for name, sample in sent:
+            stamp_ns = self._stamp(sample.stamp_ns)
+            shown = sample if stamp_ns == sample.stamp_ns else dataclasses.replace(sample, stamp_ns=stamp_ns)
+            self._channels[name].send(shown, t, self._now_ns, self._now_ns - (outputs.stamp_ns - sample.stamp_ns))
+        controller = self._controller
+        follows = controller is not None and controller.mode.follows and not self._stopped(CONTROLLER, t)
+        self._joints.take(t, outputs.joint.effort, outputs.joint.velocity, follows)
+        if self._keep:
+            self._record += [(self._now_ns, name, sample) for name, sample in sent]
+
+    def _shifted(self, command: EffortCommand | None) -> EffortCommand | None:
+        """Return a command with its stamp on the simulation's clock."""
+        if command is None or self._clock_offset_ns == 0:
+            return command
+        return EffortCommand(command.stamp_ns - self._clock_offset_ns, command.effort)
+
+    def _control(self, t: float) -> None:
+        """Let everything arrive, and answer."""
+        assert self._controller is not None
+        controller, now_ns = self._controller, self._now_ns
+        for name, add in ((WRENCH, controller.add_wrench), (SLIP, controller.add_slip)):
+            for delivery in self._channels[name].arrivals(now_ns):
+                add(0, delivery.sample, now_ns)
+                self._note(name, delivery)
+        commands = self._commands.commands
+        for delivery in self._channels[JOINT].arrivals(now_ns):
+            controller.add_joint(delivery.sample, now_ns)
+            self._note(JOINT, delivery)
+            self._answer(self._controller.cycle(now_ns), t)
+        self._answer(self._controller.watchdog(now_ns), t)
+        mode, answered = controller.mode, self._commands.commands > commands
+        self._safe.check(t, mode.follows, answered, degraded=mode is not Mode.ACTIVE)
+
+    def _note(self, name: str, delivery: Delivery) -> None:
+        if delivery.clean:
+            self._safe.good(name, NS * (delivery.measured_ns - STEADY_NS), self._t)
+
+    def _answer(self, result: CycleResult | None, t: float) -> None:
+        if result is None or self._controller is None:
+            return
+        self._modes[result.mode.name] += 1
+        self._commands.take(self._now_ns, result.command.effort, partial(starts_of, self._controller, result.joint))
+        self._channels[EFFORT].send(result.command, t, self._now_ns)
+        if self._keep:
+            self._record.append((self._now_ns, EFFORT, result.command))
+            self._record.append((self._now_ns, "controller/mode", f"{result.mode.name}: {result.reason}"))
+
+
+def starts_of(session: ControllerSession, joint: JointSample) -> list[NDArray[np.float64]]:
+    """Return from where the first command may begin that answers this joint state: what is felt, gravity; [N m]."""
+    starts = [joint.effort] if np.isfinite(joint.effort).all() else []
+    return [*starts, session.gravity] if session.begun else starts
+
+
+def run_trial(plan: Plan, *, keep: bool = False) -> Outcome:
+    """Run one plan in process."""
+    return Trial(plan, keep=keep).run()
+
+
+def follows_again(outcome: Outcome) -> bool:
+    """Return whether the law was at work again at the end of the faults."""
+    return outcome.recovery_s is not None
+
+
+__all__ = ["DURATION_S", "LATEST_START_S", "LONGEST_S", "Mode", "Outcome", "Trial", "follows_again", "run_trial"]

@@ -1,0 +1,244 @@
+"""Measurements of docs/bags.md: ``python test/system/bags/measure.py load|kill|play|writer``; nothing is asserted.
+
+load   topics at a fixed rate from one process into the recorder: losses and the recorder's CPU share
+kill   the same, killed at random moments and recovered: how many seconds were lost
+play   the player's timing errors, alone on this machine
+writer CPU time per message of a recorded run, written by our MCAP writer and by the mcap package's
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib
+import io
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+TYPES = (
+    "sensor_msgs/msg/JointState",
+    "geometry_msgs/msg/WrenchStamped",
+    "geometry_msgs/msg/TwistStamped",
+    "std_msgs/msg/Float64MultiArray",
+    "rosgraph_msgs/msg/Clock",
+)
+JOINTS = 7
+DEPTH = 1000
+FREE_DOMAINS = (60, 100)
+
+
+def topic_types(count: int) -> dict[str, str]:
+    return {f"/t{index}": TYPES[index % len(TYPES)] for index in range(count)}
+
+
+def publish(count: int, rate_hz: float, seconds: float) -> None:
+    """Publish `count` topics at `rate_hz` each, on an absolute schedule, as soon as all are subscribed."""
+    import rclpy
+    from rclpy.qos import QoSProfile
+    from rclpy.serialization import serialize_message
+
+    rclpy.init(args=[])
+    node = rclpy.create_node("source", start_parameter_services=False, enable_rosout=False)
+    publishers = []
+    for name, type_name in topic_types(count).items():
+        package, _, kind = type_name.split("/")
+        message = getattr(importlib.import_module(f"{package}.msg"), kind)()
+        if kind == "JointState":
+            message.name = [f"joint{index}" for index in range(JOINTS)]
+            message.position = message.velocity = message.effort = [0.1] * JOINTS
+        elif kind == "Float64MultiArray":
+            message.data = [0.1] * JOINTS
+        data = bytes(serialize_message(message))
+        publishers.append((node.create_publisher(type(message), name, QoSProfile(depth=DEPTH)), data))
+    while not all(publisher.get_subscription_count() for publisher, _ in publishers):
+        time.sleep(0.01)
+    sys.stdin.readline()  # the recorder is ready
+    start = time.monotonic()
+    rounds = 0
+    while (due := start + rounds / rate_hz) < start + seconds:
+        time.sleep(max(0.0, due - time.monotonic()))
+        for publisher, data in publishers:
+            publisher.publish(data)
+        rounds += 1
+    print(rounds, flush=True)
+    sys.stdin.readline()
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+@contextlib.contextmanager
+def running(bag: Path, count: int, rate_hz: float, seconds: float, compression: str) -> Iterator[tuple[Any, Any]]:
+    """Start source and recorder in a domain of their own; both are ended at the end of the block."""
+    environment = {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(random.randrange(*FREE_DOMAINS)),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "SLIP_VIC_EVENTS": "1",
+    }
+    command = ["-m", "slip_bags.cli", "record", "--output", str(bag), "--compression", compression]
+    for name, type_name in topic_types(count).items():
+        command += ["--typed", name, type_name]
+    pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "env": environment}
+    recorder = subprocess.Popen([sys.executable, *command], **pipes)
+    source_command = [__file__, "publish", "--topics", str(count), "--rate", str(rate_hz), "--seconds", str(seconds)]
+    source = subprocess.Popen([sys.executable, *source_command], **pipes)
+    try:
+        while json.loads(recorder.stdout.readline() or '{"event": "ready"}')["event"] != "ready":
+            pass  # the line that is read is all there is to do
+        source.stdin.write("go\n")
+        source.stdin.flush()
+        yield source, recorder
+    finally:
+        for process in (source, recorder):
+            process.kill()
+            process.wait()
+
+
+def load(count: int, rate_hz: float, seconds: float, compression: str) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Path(folder) / "bag"
+        with running(bag, count, rate_hz, seconds, compression) as (source, recorder):
+            rounds = int(source.stdout.readline())
+            time.sleep(1.0)
+            recorder.send_signal(signal.SIGINT)
+            lines = [json.loads(line) for line in recorder.stdout]
+            summary = lines[-1]["values"]
+        size = sum(path.stat().st_size for path in bag.iterdir())
+    missed = sum(topic["missed_at_start"] for topic in summary["topics"].values())
+    print(
+        f"{count} topics x {rate_hz:g} Hz x {seconds:g} s, {compression}: sent {rounds * count}, "
+        f"recorded {summary['messages']}, lost {summary['lost']}, missed at start {missed}, "
+        f"recorder CPU {100 * summary['cpu_share']:.1f} % of a core, {size / 2**20:.1f} MiB, "
+        f"queue peak {summary['largest_batch']}/{summary['queue_depth']}, longest poll {summary['longest_gap_ms']} ms"
+    )
+
+
+def kill(kills: int, count: int, rate_hz: float, compression: str) -> None:
+    from slip_bags.reader import Bag
+    from slip_bags.recover import recover
+
+    losses = []
+    for number in range(kills):
+        with tempfile.TemporaryDirectory() as folder:
+            bag = Path(folder) / "bag"
+            with running(bag, count, rate_hz, 60.0, compression) as (_, recorder):
+                time.sleep(random.Random(number).uniform(1.0, 5.0))
+                killed_ns = time.time_ns()
+                recorder.send_signal(signal.SIGKILL)
+                recorder.wait()
+            recover(bag, Path(folder) / "out")
+            with Bag(Path(folder) / "out") as recovered:
+                messages = list(recovered.raw())
+            gaps = 0
+            for name in recovered.topics:
+                sequences = [message.sequence for message in messages if message.topic == name]
+                gaps += sequences[-1] - sequences[0] + 1 - len(sequences)
+            losses.append((killed_ns - messages[-1].log_time_ns) * 1e-9)
+            print(f"kill {number + 1}: {len(messages)} messages saved, {gaps} gaps, lost the last {losses[-1]:.3f} s")
+    print(f"worst of {kills}: {max(losses):.3f} s")
+
+
+def play(count: int, rate_hz: float, seconds: float, repeat: int) -> None:
+    sys.path.insert(0, str(Path(__file__).parent))
+    from bag_maker import encode, random_message
+    from numpy.random import default_rng
+
+    from slip_bags.format import QosProfile, TopicInfo
+    from slip_bags.typedefs import find_definition
+    from slip_bags.writer import BagWriter, WriterOptions
+
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Path(folder) / "bag"
+        writer = BagWriter(bag, WriterOptions())
+        messages = {}
+        for name, type_name in topic_types(count).items():
+            definition = find_definition(type_name)
+            writer.add_topic(TopicInfo(name, type_name, (QosProfile(),), definition.type_hash), definition.text)
+            messages[name] = encode(random_message(type_name, default_rng(1), JOINTS))
+        for index in range(int(rate_hz * seconds)):
+            for name, data in messages.items():
+                time_ns = 10**18 + round(index * 1e9 / rate_hz)
+                writer.write(name, time_ns, time_ns, index + 1, data)
+        writer.close()
+        environment = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        for _ in range(repeat):
+            command = [sys.executable, "-m", "slip_vic.cli", "bag", "play", str(bag)]
+            done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+            print(f"{count} topics x {rate_hz:g} Hz: {done.stdout.strip()}")
+
+
+def writer(path: str, repeat: int) -> None:
+    from mcap.records import Metadata
+    from mcap.writer import CompressionType, Writer
+
+    from slip_bags.reader import Bag
+    from slip_bags.storage.mcap_writer import CHUNK_BYTES, McapWriter
+
+    with Bag(path) as bag:
+        messages = list(bag.raw())
+        schemas = {name: (info.type_name, bag.schema_text(name).encode()) for name, info in bag.topics.items()}
+
+    def ours(target: Path) -> float:
+        with io.FileIO(target, "xb+") as file:
+            made = McapWriter(file, "zstd")
+            made.start("ros2", "", {}, Metadata("", {}))
+            ids = {name: made.add_channel(name, "cdr", made.add_schema(*kind(name)), {}) for name in schemas}
+            start = time.process_time()
+            for m in messages:
+                made.add_message(ids[m.topic], m.log_time_ns, m.publish_time_ns, m.sequence, m.data)
+            made.finish(Metadata("", {}))
+            return time.process_time() - start
+
+    def package(target: Path) -> float:
+        made = Writer(str(target), chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=False)
+        made.start("ros2", "")
+        ids = {name: made.register_channel(name, "cdr", made.register_schema(*kind(name)), {}) for name in schemas}
+        start = time.process_time()
+        for m in messages:
+            made.add_message(ids[m.topic], m.log_time_ns, m.data, m.publish_time_ns, m.sequence)
+        made.finish()
+        return time.process_time() - start
+
+    def kind(name: str) -> tuple[str, str, bytes]:
+        return schemas[name][0], "ros2msg", schemas[name][1]
+
+    with tempfile.TemporaryDirectory() as folder:
+        for write in (ours, package):
+            times = [1e6 * write(Path(folder) / f"{write.__name__}{n}.mcap") / len(messages) for n in range(repeat)]
+            print(f"{write.__name__}: {min(times):.2f} us per message at best of {repeat}, at worst {max(times):.2f}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("load", "kill", "play", "writer", "publish"))
+    parser.add_argument("--topics", type=int, default=5)
+    parser.add_argument("--rate", type=float, default=1000.0)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--bag", default="bags/paper_planar_vic")
+    parser.add_argument("--compression", default="zstd")
+    given = parser.parse_args()
+    if given.what == "publish":
+        publish(given.topics, given.rate, given.seconds)
+    elif given.what == "load":
+        load(given.topics, given.rate, given.seconds, given.compression)
+    elif given.what == "writer":
+        writer(given.bag, given.repeat)
+    elif given.what == "kill":
+        kill(given.kills, given.topics, given.rate, given.compression)
+    else:
+        play(given.topics, given.rate, given.seconds, given.repeat)
+
+
+if __name__ == "__main__":
+    main()

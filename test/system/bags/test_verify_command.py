@@ -1,0 +1,78 @@
+"""`bag verify` as a command, which asks git for the revision; of runs over DDS; in a process that has no ROS."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from slip_bags.reader import Bag
+from slip_core.errors import InputError
+from slip_vic.cli import bag as bag_command
+from slip_vic.replay.run_data import read_run
+from slip_vic.replay.verify import other_software, verify_run
+from slip_vic.scenario import load_scenario
+from test.support.run_maker import record_run
+
+ROOT = Path(__file__).parents[3]
+BAGS = ROOT / "bags"
+CYCLES = 300
+SLIPPING_CYCLES = 600  # the object slips by then
+
+
+def scenario(cycles: int = CYCLES):
+    return load_scenario("paper_planar", assignments=(f"bridge.duration_s={cycles / 1000}",))
+
+
+def test_without_ros_installed(tmp_path):
+    """Every module of ROS is made impossible to import."""
+    record_run(tmp_path / "bag", scenario())
+    packages = ("rclpy", *(f"{name}_msgs" for name in ("std", "sensor", "geometry", "nav", "rosgraph", "trajectory")))
+    code = (
+        f"import sys; sys.modules.update(dict.fromkeys({packages!r}))\n"
+        "from slip_vic.cli import bag\nbag(['verify', sys.argv[1]])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "bag")],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+    )
+    assert done.returncode == 0, done.stderr
+    assert "identical" in done.stdout
+
+
+@pytest.mark.parametrize("name", ["noisy_run", "real_time_run"])
+def test_runs_over_dds_are_identical(name, request):
+    """Recorded by the launcher; in real time the order of arrival is known from the ledger alone."""
+    with Bag(request.getfixturevalue(name).bag) as bag:
+        found = verify_run(read_run(bag, {}))
+    assert found.identical, found.text()
+    assert found.cycles > 0
+
+
+def test_command_and_exit_codes(tmp_path):
+    recorded = tmp_path / "bag"
+    record_run(recorded, scenario(cycles=SLIPPING_CYCLES))
+    good = CliRunner().invoke(bag_command, ["verify", str(recorded)])
+    assert (good.exit_code, good.stdout.count("\n")) == (0, 1)
+    bad = CliRunner().invoke(bag_command, ["verify", str(recorded), "--set", "controller.gains.gamma_kp=99"])
+    assert bad.exit_code == 1
+    assert "effort_command, arm_joint" in bad.stdout
+
+
+def test_other_software_is_named():
+    assert other_software({"cpu": "abacus", "versions": '{"numpy": "0.1"}'})[0].startswith("recorded with cpu abacus")
+    assert any("numpy 0.1" in note for note in other_software({"versions": '{"numpy": "0.1"}'}))
+    assert other_software({"versions": "["}) == []
+
+
+def test_from_beyond_the_last_state_is_one_clear_line() -> None:
+    result = CliRunner().invoke(bag_command, ["verify", str(BAGS / "paper_planar_vic"), "--from", "100"])
+    assert isinstance(result.exception, InputError)
+    assert "a state to begin with" in str(result.exception)

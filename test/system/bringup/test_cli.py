@@ -1,0 +1,147 @@
+"""The command line: every mistake is one clear line and exit code 2, and nothing is left half-written."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from slip_vic.system import shared_memory
+from slip_vic.system.processes import child_environment
+from test.support.ros import wait_until
+
+DEADLINE_S = 150.0  # a hang: every command takes seconds
+
+
+def slip_vic(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    environment = child_environment(0)
+    del environment["ROS_DOMAIN_ID"], environment["SLIP_VIC_EVENTS"]
+    command = [sys.executable, "-m", "slip_vic.cli", *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, cwd=cwd, env=environment, timeout=DEADLINE_S, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--scenario", "paper_plane"], ["paper_plane", "did you mean paper_planar"]),
+        (["--urdf", "nowhere.urdf"], ["nowhere.urdf"]),
+        (["--record", "/proc/bag"], ["/proc"]),
+    ],
+    ids=["while reading", "while checking", "while starting"],
+)
+def test_a_mistake_ends_the_process_with_one_line(arguments: list[str], words: list[str], tmp_path: Path) -> None:
+    """All other mistakes: test/unit/bringup/test_cli_mistakes.py."""
+    done = slip_vic("run", *arguments, cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    lines = [line for line in done.stderr.splitlines() if line.strip()]
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith("error: ")
+    assert all(word in lines[0] for word in words), lines[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_demo_refuses_a_folder_it_cannot_write() -> None:
+    done = slip_vic("demo", "--out", "/proc/out")
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: output folder /proc/out")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_two_runs_need_not_know_of_each_other(tmp_path: Path) -> None:
+    environment = child_environment(0)
+    del environment["ROS_DOMAIN_ID"], environment["SLIP_VIC_EVENTS"]
+    command = [sys.executable, "-m", "slip_vic.cli", "run", "--set", "bridge.duration_s=0.2"]
+    runs = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    outputs = [run.communicate(timeout=DEADLINE_S)[0] for run in runs]
+    assert [run.returncode for run in runs] == [0, 0]
+    assert all(output.startswith("200 ticks") for output in outputs)
+
+
+def mapped(process: subprocess.Popen[str], library: str) -> bool:
+    return library in Path(f"/proc/{process.pid}/maps").read_text()
+
+
+def nodes_of(process: subprocess.Popen[str]) -> int:
+    return len(psutil.Process(process.pid).children())
+
+
+MOMENTS = {
+    "importing": lambda process: mapped(process, "pydantic_core"),
+    "checking": lambda process: mapped(process, "libpinocchio"),
+    "first process": lambda process: nodes_of(process) >= 1,
+    "all processes": lambda process: nodes_of(process) == 3,
+    "running": lambda process: nodes_of(process) == 3 and not time.sleep(3.0),
+}
+
+
+@pytest.mark.parametrize("moment", MOMENTS)
+@pytest.mark.parametrize("command", ["run", "demo"])
+def test_ctrl_c_at_any_moment_leaves_nothing(command: str, moment: str, tmp_path: Path) -> None:
+    before = shared_memory.segments()
+    environment = child_environment(0)
+    del environment["ROS_DOMAIN_ID"], environment["SLIP_VIC_EVENTS"]
+    marker = f"slip_ctrl_c_{os.getpid()}_{command}_{moment}"
+    environment["SLIP_TEST_MARKER"] = marker
+    option = ["--set", "bridge.duration_s=1000.0"]
+    option += ["--out", str(tmp_path / "out")] if command == "demo" else ["--record", str(tmp_path / "bag")]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "slip_vic.cli", command, *option],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        wait_until(lambda: MOMENTS[moment](process), moment, DEADLINE_S)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=DEADLINE_S)
+    finally:
+        process.kill()
+    assert process.returncode == 2, errors
+    assert [line for line in errors.splitlines() if line][-1].startswith("error: interrupted"), errors
+    assert "Traceback" not in errors
+    assert marked(marker) == []
+    # Other runs on this machine have files of their own that come and go.
+    wait_until(lambda: not shared_memory.orphans(shared_memory.segments() - before), "no shared memory left")
+    if command == "demo":
+        assert not (tmp_path / "out").exists() or list((tmp_path / "out").iterdir()) == []
+    elif (tmp_path / "bag").exists():
+        assert (tmp_path / "bag" / "metadata.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "exec('signal.raise_signal(signal.SIGINT)')",
+        "with contextlib.suppress(KeyboardInterrupt): signal.raise_signal(signal.SIGINT)\n    raise ImportError",
+    ],
+    ids=["within a text that is executed, as dataclasses are", "within a library that says something else of it"],
+)
+def test_ctrl_c_while_importing_ends_with_the_exit_code(body: str, tmp_path: Path) -> None:
+    (tmp_path / "made.py").write_text(
+        "import click, contextlib, signal, sys\n"
+        "from slip_bags.cli import run_command\n"
+        "@click.command()\n"
+        f"def made():\n    {body}\n"
+        "sys.exit(run_command(made, 'made'))\n"
+    )
+    done = subprocess.run([sys.executable, "-m", "made"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.strip()) == (2, "error: interrupted")
+
+
+def marked(marker: str) -> list[int]:
+    """Return the processes that carry the marker in their environment."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        try:
+            if entry.name.isdigit() and marker.encode() in (entry / "environ").read_bytes():
+                found.append(int(entry.name))
+        except OSError:
+            continue
+    return found

@@ -1,0 +1,135 @@
+"""Studies on Ray, with workers, a node and the client killed for real: a head and nodes as processes on this machine.
+
+Ray is the optional extra slip-vic[cluster]; without it these tests are skipped.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import psutil
+import pytest
+
+from slip_core.errors import InputError
+from slip_vic.study.engines import Died
+from slip_vic.study.engines.cluster import RayEngine
+from test.support.ray_cluster import busy_workers, kill_node, ray_cluster
+
+SUPPORT = Path(__file__).parents[2] / "support"
+WITHOUT_RAY = importlib.util.find_spec("ray") is None
+needs_ray = pytest.mark.skipif(WITHOUT_RAY, reason="Ray is not installed here: it is the extra slip-vic[cluster]")
+
+
+@pytest.fixture(scope="module")
+def tasks() -> Iterator[ModuleType]:
+    """A module that new processes can import too, the nodes' included."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(SUPPORT)
+        patch.setenv("PYTHONPATH", os.pathsep.join(filter(None, sys.path)))
+        yield importlib.import_module("study_tasks")
+
+
+@pytest.fixture(scope="module")
+def nodes(tasks: ModuleType) -> Iterator[Any]:
+    with ray_cluster(3) as cluster:
+        yield cluster
+
+
+@pytest.fixture
+def cluster(nodes: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.setenv("RAY_ADDRESS", nodes.address)
+    return nodes
+
+
+@pytest.mark.skipif(not WITHOUT_RAY, reason="Ray is installed here")
+def test_without_ray_one_line_says_so() -> None:
+    with pytest.raises(InputError, match=r"no package ray.*slip-vic\[cluster\]"):
+        RayEngine(1)
+
+
+@needs_ray
+def test_an_address_where_nobody_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RAY_ADDRESS", "127.0.0.1:1")
+    with pytest.raises(InputError, match="RAY_ADDRESS"):
+        RayEngine(1)
+
+
+@needs_ray
+def test_workers_and_a_node_die_another_joins_and_no_task_is_lost(
+    cluster: Any, tasks: ModuleType, tmp_path: Path
+) -> None:
+    results = {}
+    with RayEngine(1) as engine:
+        for number, result in engine.run(tasks.slow_square, str(tmp_path), range(60)):
+            results[number] = result
+            if len(results) in (5, 35, 50):  # so far apart that no task is hit three times
+                for worker in busy_workers("slow_square")[:1]:
+                    worker.kill()
+            if len(results) == 20:
+                kill_node(cluster)
+            if len(results) == 30:
+                cluster.add_node(num_cpus=1)
+        assert engine.deaths >= 1
+    assert results == {number: number * number for number in range(60)}
+
+
+@needs_ray
+def test_a_task_that_kills_its_workers_is_given_up(cluster: Any, tasks: ModuleType, tmp_path: Path) -> None:
+    with RayEngine(1) as engine:
+        results = dict(engine.run(tasks.deadly, str(tmp_path), range(8)))
+        with pytest.raises(ValueError, match=r"task \d of here"):
+            list(engine.run(tasks.wrong, "here", range(3)))
+    lost = results.pop(3)
+    assert isinstance(lost, Died)
+    assert results == {number: number * number for number in range(8) if number != 3}
+    assert len(list(tmp_path.glob("3.*"))) == 3
+
+
+CLIENT = """
+import sys
+from slip_vic.study.engines.cluster import RayEngine
+from study_tasks import slow_square
+with RayEngine(1) as engine:
+    for number, _ in engine.run(slow_square, sys.argv[1], range(100000)):
+        print(number, flush=True)
+"""
+
+
+@needs_ray
+@pytest.mark.parametrize(("process", "name"), [("raylet", "node on this machine"), ("gcs_server", "head")])
+def test_what_the_client_needs_dies_and_one_line_says_how_to_go_on(
+    process: str, name: str, tasks: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)  # the client starts a cluster of its own
+    with subprocess.Popen(
+        [sys.executable, "-c", CLIENT, tmp_path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as client:
+        assert client.stdout is not None
+        client.stdout.readline()
+        children = psutil.Process(client.pid).children(recursive=True)
+        next(child for child in children if process in child.name()).kill()
+        _, said = client.communicate()
+    assert client.returncode == 1
+    assert f"Ray's {name} has ended" in said.splitlines()[-1]
+    assert "--resume" in said.splitlines()[-1]
+
+
+@needs_ray
+def test_a_client_that_is_killed_leaves_the_cluster_free(cluster: Any, tasks: ModuleType, tmp_path: Path) -> None:
+    client = subprocess.Popen([sys.executable, "-c", CLIENT, tmp_path], stdout=subprocess.PIPE, text=True)
+    assert client.stdout is not None
+    client.stdout.readline()
+    client.kill()
+    client.wait()
+    while busy_workers("slow_square"):  # one that goes on is seen by the limit of the test
+        time.sleep(0.1)
+    with RayEngine(1) as engine:
+        assert dict(engine.run(tasks.note_and_square, str(tmp_path), range(3))) == {0: 0, 1: 1, 2: 4}

@@ -1,0 +1,172 @@
+"""The study's worker processes, killed for real: a death costs time and nothing else, and the command goes on."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import psutil
+import pytest
+from click.testing import CliRunner
+
+from slip_vic.cli import cli
+from slip_vic.study.cases import Case
+from slip_vic.study.contents import gather
+from slip_vic.study.engines import Died
+from slip_vic.study.engines.pool import PoolEngine
+from slip_vic.study.runner import run_cases
+
+SHORT = ("bridge.duration_s=0.05",)
+SUPPORT = Path(__file__).parents[2] / "support"
+
+SIX = ["--scenario", "paper_planar", "--sensors", "ideal,vision_25", "--estimators", "classical,measured,observer"]
+SIX += ["--seeds", "1"]
+
+
+@pytest.fixture
+def tasks(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """A module that new processes can import too: there `test` is Python's own."""
+    monkeypatch.syspath_prepend(SUPPORT)
+    return importlib.import_module("study_tasks")
+
+
+@pytest.fixture
+def pool() -> Iterator[PoolEngine]:
+    with PoolEngine(2) as engine:
+        yield engine
+
+
+def workers_that_ran(folder: Path) -> set[int]:
+    return {int(file.name.partition(".")[2]) for file in folder.iterdir()}
+
+
+def test_every_task_once_and_tasks_share_the_workers(pool: PoolEngine, tasks: ModuleType, tmp_path: Path) -> None:
+    results = dict(pool.run(tasks.note_and_square, str(tmp_path), range(20)))
+    assert results == {number: number * number for number in range(20)}
+    assert len(list(tmp_path.iterdir())) == 20
+    assert len(workers_that_ran(tmp_path)) <= 2
+
+
+def test_one_death_leaves_the_other_workers_alone_and_the_third_gives_a_task_up(
+    pool: PoolEngine, tasks: ModuleType, tmp_path: Path
+) -> None:
+    results = dict(pool.run(tasks.deadly, str(tmp_path), range(12)))
+    lost = results.pop(3)
+    assert isinstance(lost, Died)
+    assert "3 times" in lost.reason
+    assert results == {number: number * number for number in range(12) if number != 3}
+    assert len(list(tmp_path.glob("3.*"))) == 3
+    assert len(list(tmp_path.glob("5.*"))) == 2
+    assert pool.deaths == 4
+    # Four deaths, four processes more than the two of the beginning: no other was thrown away.
+    assert len(workers_that_ran(tmp_path)) <= 6
+
+
+def test_workers_killed_from_outside_lose_nothing(pool: PoolEngine, tasks: ModuleType, tmp_path: Path) -> None:
+    results, victims = {}, set()
+    for number, result in pool.run(tasks.slow_square, str(tmp_path), range(12)):
+        results[number] = result
+        if len(results) in (2, 5, 8):
+            busy = [child for child in psutil.Process().children() if child.pid in workers_that_ran(tmp_path) - victims]
+            victims.add(busy[0].pid)
+            busy[0].kill()
+    assert results == {number: number * number for number in range(12)}
+    assert pool.deaths == len(victims) == 3
+
+
+def test_what_a_task_raises_ends_the_run(pool: PoolEngine, tasks: ModuleType) -> None:
+    with pytest.raises(ValueError, match=r"task \d of here"):
+        list(pool.run(tasks.wrong, "here", range(3)))
+
+
+def test_a_case_that_kills_its_workers_is_a_row(pool: PoolEngine, tasks: ModuleType) -> None:
+    cases = [Case("paper_planar", "event_1000", "observer", "none", seed) for seed in range(4)]
+    contents = gather(["paper_planar"], ["event_1000"], ())
+    results = {r.case.seed: r for r in run_cases(cases, contents, pool, tasks.deadly_case)}
+    assert sorted(results) == [0, 1, 2, 3]
+    assert results[1].outcome == "crashed"
+    assert all(results[seed].outcome == "ok" for seed in (0, 2, 3))
+
+
+CLIENT = """
+import sys
+from slip_vic.study.engines.pool import PoolEngine
+from study_tasks import slow_square
+if __name__ == "__main__":
+    with PoolEngine(2) as engine:
+        for number, _ in engine.run(slow_square, sys.argv[1], range(1000)):
+            print(number, flush=True)
+"""
+
+
+def test_workers_end_with_a_client_that_is_killed(tmp_path: Path) -> None:
+    (tmp_path / "client.py").write_text(CLIENT)
+    notes = tmp_path / "notes"
+    notes.mkdir()
+    client = subprocess.Popen(
+        [sys.executable, tmp_path / "client.py", notes],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([*sys.path, str(SUPPORT)])},
+    )
+    assert client.stdout is not None
+    client.stdout.readline()
+    workers = workers_that_ran(notes)
+    client.send_signal(signal.SIGKILL)
+    client.wait()
+    while any(map(psutil.pid_exists, workers)):  # a worker that stays is seen by the limit of the test
+        time.sleep(0.05)
+
+
+def table_of(folder: Path) -> str:
+    return (folder / "study.csv").read_text()
+
+
+def test_rows_are_the_same_whatever_kills_orders_or_parts_a_study(tmp_path: Path) -> None:
+    arguments = ["study", *SIX, "--set", SHORT[0]]
+
+    def study(folder: str, *more: str) -> str:
+        ran = CliRunner().invoke(cli, [*arguments, "--out", str(tmp_path / folder), *more], catch_exceptions=False)
+        assert ran.exit_code == 0, ran.output
+        return ran.output
+
+    study("two", "--jobs", "2")
+    study("one", "--jobs", "1", "--shard", "1/2")
+    study("other", "--jobs", "2", "--shard", "2/2")
+    whole = ["merge", str(tmp_path / "one"), str(tmp_path / "other"), "--out", str(tmp_path / "whole")]
+    merged = CliRunner().invoke(cli, whole, catch_exceptions=False)
+    assert "6 rows, 0 of 6 cases are missing" in merged.output
+    assert table_of(tmp_path / "whole") == table_of(tmp_path / "two")
+    with (tmp_path / "two/study.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {(row["sensor"], row["estimator"]) for row in rows} == {
+        (sensor, estimator) for sensor in ("ideal", "vision_25") for estimator in ("classical", "measured", "observer")
+    }
+    assert (tmp_path / "two/study.png").stat().st_size > 10_000
+    assert "6 of 6 cases were there already" in study("two")
+
+
+def test_a_study_whose_client_is_killed_goes_on(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "slip_vic.cli", "study"]
+    asked = [*SIX, "--set", "bridge.duration_s=0.3"]
+    killed, whole = tmp_path / "killed", tmp_path / "whole"
+    client = subprocess.Popen([*command, *asked, "--jobs", "1", "--out", killed], stderr=subprocess.DEVNULL)
+    while not (killed / "study.csv").exists() or len(table_of(killed).splitlines()) < 3:
+        assert client.poll() is None, "it ended before it could be killed"
+        time.sleep(0.01)
+    os.kill(client.pid, signal.SIGKILL)
+    client.wait()
+    there = len(table_of(killed).splitlines()) - 1
+    again = CliRunner().invoke(cli, ["study", "--resume", "--jobs", "2", "--out", str(killed)], catch_exceptions=False)
+    assert again.exit_code == 0, again.output
+    assert f"{there} of 6 cases were there already" in again.output
+    CliRunner().invoke(cli, ["study", *asked, "--jobs", "2", "--out", str(whole)], catch_exceptions=False)
+    assert table_of(killed) == table_of(whole)

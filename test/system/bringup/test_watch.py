@@ -1,0 +1,91 @@
+"""`slip-vic watch` in a real browser, fed by a bag that is played in a namespace."""
+
+import re
+import signal
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser
+
+from slip_bags.reader import Bag
+from test.support.browser import chromium, open_page
+from test.support.browser import wait_until as wait_in_page
+from test.support.ros import Processes, wait_until
+
+BAG = Path(__file__).parents[3] / "bags" / "paper_planar_classical"
+NAMESPACE = "left"
+FRAMES = 10
+SLOWLY = 0.2  # 2 s last for 10 s
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as started:
+        yield started
+
+
+def start_watch(processes: Processes, *arguments: object) -> tuple[object, str]:
+    child = processes.python("watch", "-m", "slip_vic.cli", "watch", "--port", 0, *arguments)
+    wait_until(lambda: "http://" in child.tail() or child.exit_code is not None, "the address", seen=child.tail)
+    found = re.search(r"http://\S+", child.tail())
+    assert found is not None, child.tail()
+    return child, found[0]
+
+
+def start_player(processes: Processes, *how: object) -> None:
+    with Bag(BAG) as bag:
+        names = [name for name in bag.topics if name not in ("/clock", "/diagnostics")]
+    renamed = [part for name in names for part in ("--remap", f"{name}:=/{NAMESPACE}{name}")]
+    options = [*how, "--disable-keyboard-controls", "--topics"]
+    chosen = [part for name in names for part in ("--topics", name)][1:]
+    processes.python("player", "-m", "slip_bags.cli", "play", BAG, *options, *chosen, *renamed)
+
+
+def test_page_follows_what_runs(processes: Processes, browser: Browser) -> None:
+    child, address = start_watch(processes)
+    page, errors = open_page(browser, address, ready=False)
+    assert "Waiting for joint states" in page.inner_text("#problem")
+    start_player(processes, "--rate", SLOWLY)
+    wait_in_page(page, f"(window.slipPage?.plots.model.count ?? 0) > {FRAMES}")
+    assert not page.is_visible("#problem")
+    assert page.evaluate("slipPage.plots.model.runs[0].arms.map(arm => arm.name)") == [NAMESPACE]
+    assert page.evaluate("slipPage.player.end") > 0.0
+    with Bag(BAG) as bag:
+        states = bag.series("joint_states")["position"]
+    q = page.evaluate("Array.from(slipPage.plots.model.runs[0].arms[0].q.slice(0, 7))")
+    assert min(abs(states - q).max(axis=1)) < 1e-6, "not a posture of the bag"
+    assert errors == []
+    assert processes.stop(child, signal.SIGINT) == 0
+
+
+def test_page_begins_again_with_a_bag_that_is_looped(processes: Processes, browser: Browser) -> None:
+    _, address = start_watch(processes)
+    page, errors = open_page(browser, address, ready=False)
+    start_player(processes, "--loop")
+    wait_in_page(page, f"(window.slipPage?.plots.model.count ?? 0) > {FRAMES}")
+    page.evaluate("window.latest = 0")  # gone where the page is loaded anew
+    wait_in_page(page, "(latest = Math.max(latest, slipPage.player.end)) > slipPage.player.end")
+    wait_in_page(page, f"slipPage.plots.model.count > {FRAMES}")
+    page.evaluate("slipPage.player.pause()")
+    assert page.evaluate("slipPage.player.t <= slipPage.player.end")
+    times = page.evaluate("Array.from(slipPage.plots.model.time.slice(0, slipPage.plots.model.count))")
+    assert times == sorted(times)
+    assert page.inner_text(".run .mode") == "ACTIVE"
+    assert errors == []
+
+
+def test_address_is_local_and_serves_the_page_alone(processes: Processes) -> None:
+    child, address = start_watch(processes)
+    assert address.startswith("http://127.0.0.1:")
+    with urllib.request.urlopen(address) as answer:
+        assert b"slip-vic watch" in answer.read()
+    with pytest.raises(urllib.error.HTTPError, match="404"):
+        urllib.request.urlopen(f"{address}etc/passwd")
+    port = address.rstrip("/").rpartition(":")[2]
+    second = processes.python("second", "-m", "slip_vic.cli", "watch", "--port", port)
+    assert processes.wait_end(second) == 2
+    assert "choose another --port" in second.tail()
+    assert processes.stop(child, signal.SIGINT) == 0

@@ -1,0 +1,180 @@
+"""The managed controller over DDS: lifecycle, services, mode topic, and what it does when others fall silent."""
+
+from __future__ import annotations
+
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from slip_vic.scenario import NODES, load_scenario, ros_parameter_file
+from test.support.ros import Processes, call_service, wait_until
+
+ATTEMPTS, PATIENCE_S = 3, 8.0
+BRIDGE, CONTROLLER = "slip_sim_bridge.main", "slip_vic_controller.main"
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Watcher:
+    """Sees modes and commands, and calls services."""
+
+    def __init__(self, node: Any) -> None:
+        from sensor_msgs.msg import JointState
+        from std_msgs.msg import String
+
+        self.node = node
+        self.modes: list[str] = []
+        self.commands: list[Any] = []
+        node.create_subscription(String, "controller/mode", lambda m: self.modes.append(m.data), LATCHED)
+        node.create_subscription(JointState, "effort_command", self.commands.append, 100)
+
+    def spin(self, condition: Any, what: str) -> None:
+        from rclpy.executors import SingleThreadedExecutor
+
+        executor = SingleThreadedExecutor(context=self.node.context)
+        executor.add_node(self.node)
+        try:
+            wait_until(lambda: executor.spin_once(0.02) or condition(), what, seen=lambda: f"after {self.modes}")
+        finally:
+            executor.remove_node(self.node)
+
+    def wait_mode(self, *words: str) -> None:
+        count = len(self.modes)
+        self.spin(
+            lambda: any(all(word in mode for word in words) for mode in self.modes[max(count - 1, 0) :]), f"{words}"
+        )
+
+    def decided(self) -> str:
+        """Return the present mode where it is not one that passes."""
+        mode = self.modes[-1].partition(":")[0] if self.modes else ""
+        return mode if mode in ("ACTIVE", "FAULT") else ""
+
+    def wait_law(self) -> None:
+        """Wait until the law is at work.
+
+        On a machine too slow for it a fault or a lost object ends it now and then: its user ends the fault, and puts
+        the object back.
+        """
+        for _ in range(ATTEMPTS):
+            end = time.monotonic() + PATIENCE_S
+            self.spin(lambda end=end: self.decided() or time.monotonic() > end, "the law")
+            if self.decided() == "ACTIVE":
+                return
+            self.trigger("/slip_sim_bridge/reset")
+            self.trigger("reset_fault")
+            self.trigger("enable")
+        self.wait_mode("ACTIVE")
+
+    def call(self, kind: Any, name: str, request: Any) -> Any:
+        return call_service(self.node, kind, name, request, self.spin)
+
+    def trigger(self, name: str) -> Any:
+        from std_srvs.srv import Trigger
+
+        return self.call(Trigger, name if "/" in name else f"/slip_vic_controller/{name}", Trigger.Request())
+
+    def change(self, transition: int) -> bool:
+        from lifecycle_msgs.msg import Transition
+        from lifecycle_msgs.srv import ChangeState
+
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return bool(self.call(ChangeState, "/slip_vic_controller/change_state", request).success)
+
+
+@pytest.fixture
+def watcher(ros_node: Any) -> Watcher:
+    return Watcher(ros_node)
+
+
+@pytest.fixture
+def start(processes: Processes, tmp_path: Path):
+    """Start a node of paper_planar in real time, with assignments."""
+
+    def run(name: str, *assignments: str, script: Path | None = None) -> Any:
+        scenario = load_scenario("paper_planar", mode="realtime", assignments=assignments)
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(ros_parameter_file(getattr(scenario, name), NODES[name][0]))
+        node = [script] if script else ["-m", {"controller": CONTROLLER, "bridge": BRIDGE}[name]]
+        return processes.python(name, *node, "--ros-args", "--params-file", path)
+
+    return run
+
+
+# 250 Hz: a busy machine keeps up, and answers that come two ticks late are still in time. 100 Hz bears no delay at all.
+CONTROLLER_SLOW = ("controller.control_period_s=0.004", "controller.gains.k_s=50.0")
+BRIDGE_ENDLESS = ("bridge.stop_after_duration=false", "bridge.control_period_s=0.004")
+
+
+def test_services_move_the_mode(watcher: Watcher, start) -> None:
+    start("controller", *CONTROLLER_SLOW)
+    start("bridge", *BRIDGE_ENDLESS)
+    watcher.wait_law()
+    assert watcher.trigger("hold").success
+    watcher.wait_mode("HOLD", "asked")
+    assert watcher.trigger("enable").success
+    watcher.wait_law()
+    assert watcher.trigger("reset_fault").success
+
+
+def test_a_managed_node_waits_for_its_transitions(watcher: Watcher, start, processes: Processes) -> None:
+    from lifecycle_msgs.msg import Transition
+
+    controller = start("controller", "controller.auto_activate=false", *CONTROLLER_SLOW)
+    assert watcher.change(Transition.TRANSITION_CONFIGURE)
+    start("bridge", *BRIDGE_ENDLESS, "bridge.wait_for=[]")
+    watcher.wait_mode("WAITING_INPUT", "activation")
+    watcher.spin(lambda: len(watcher.commands) > 10, "commands")
+    assert all(len(command.effort) == 0 for command in watcher.commands)
+    assert not watcher.trigger("enable").success
+    assert watcher.change(Transition.TRANSITION_ACTIVATE)
+    watcher.wait_law()
+    watcher.spin(lambda: len(watcher.commands[-1].effort) == 7, "efforts")
+    assert watcher.change(Transition.TRANSITION_DEACTIVATE)
+    watcher.wait_mode("WAITING_INPUT", "activation")
+    assert watcher.change(Transition.TRANSITION_CLEANUP)
+    watcher.spin(lambda: watcher.node.count_publishers("/effort_command") == 0, "no publisher")
+    assert watcher.change(Transition.TRANSITION_CONFIGURE)
+    assert watcher.change(Transition.TRANSITION_ACTIVATE)
+    watcher.spin(lambda: len(watcher.commands[-1].effort) == 7, "efforts again")
+    assert watcher.change(Transition.TRANSITION_ACTIVE_SHUTDOWN)
+    assert processes.wait_end(controller) == 0, controller.tail()
+
+
+def test_watchdog_bites_when_the_clock_of_the_bridge_stops(watcher: Watcher, start) -> None:
+    start("controller", *CONTROLLER_SLOW)
+    bridge = start("bridge", *BRIDGE_ENDLESS)
+    watcher.wait_law()
+    bridge.send(signal.SIGSTOP)
+    watcher.wait_mode("HOLD", "joint state is silent")
+    bridge.send(signal.SIGCONT)
+    watcher.wait_law()
+
+
+def test_a_bridge_that_starts_again_is_taken_up(watcher: Watcher, start, processes: Processes) -> None:
+    start("controller", *CONTROLLER_SLOW)
+    bridge = start("bridge", *BRIDGE_ENDLESS)
+    watcher.wait_law()
+    processes.kill(bridge)
+    watcher.wait_mode("HOLD", "silent")
+    start("bridge", *BRIDGE_ENDLESS, "bridge.wait_for=[]")
+    watcher.wait_law()
+
+
+def test_somebody_else_on_the_command_topic_is_a_fault_that_latches(watcher: Watcher, start) -> None:
+    from sensor_msgs.msg import JointState
+
+    start("controller", *CONTROLLER_SLOW)
+    start("bridge", *BRIDGE_ENDLESS)
+    watcher.wait_law()
+    foreign = watcher.node.create_publisher(JointState, "effort_command", 1)
+    watcher.wait_mode("FAULT", "somebody else")
+    watcher.node.destroy_publisher(foreign)
+    assert not watcher.trigger("enable").success
+    wait_gone = lambda: len(watcher.node.get_publishers_info_by_topic("/effort_command")) == 1  # noqa: E731
+    watcher.spin(wait_gone, "the foreign publisher to go")
+    watcher.spin(lambda: watcher.trigger("reset_fault").success and "HOLD" in watcher.modes[-1], "HOLD after the reset")
+    assert watcher.trigger("enable").success
+    watcher.wait_law()

@@ -1,0 +1,141 @@
+"""The nodes as processes over DDS: start, run, stop, missing peers, wrong QoS, bad parameters, namespaces."""
+
+import signal
+from pathlib import Path
+
+import pytest
+
+from slip_msgs_py.events import Progress
+from slip_vic.scenario import NODES, load_scenario, ros_parameter_file
+from test.support.ros import Processes, wait_until
+
+BRIDGE, CONTROLLER = "slip_sim_bridge.main", "slip_vic_controller.main"
+
+
+@pytest.fixture
+def params(tmp_path: Path):
+    """Write the parameter files of paper_planar, with assignments, and return the ROS arguments of a node."""
+
+    def write(node: str, *assignments: str, mode: str = "lockstep") -> list[str]:
+        scenario = load_scenario("paper_planar", mode=mode, assignments=assignments)
+        path = tmp_path / f"{node}.yaml"
+        path.write_text(ros_parameter_file(getattr(scenario, node), NODES[node][0]))
+        return ["--ros-args", "--params-file", str(path)]
+
+    return write
+
+
+def test_a_run_in_lockstep_ends_by_itself(processes: Processes, params) -> None:
+    controller = processes.python("controller", "-m", CONTROLLER, *params("controller"))
+    bridge = processes.python("bridge", "-m", BRIDGE, *params("bridge", "bridge.duration_s=0.2"))
+    assert processes.wait_end(bridge) == 0, bridge.tail()
+    assert bridge.results["ticks"] == 200
+    assert processes.stop(controller, signal.SIGINT) == 0
+    assert controller.results["cycles"] == 200
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+def test_both_nodes_end_cleanly_on_a_signal_while_running(processes: Processes, params, number: int) -> None:
+    controller = processes.python("controller", "-m", CONTROLLER, *params("controller"))
+    bridge = processes.python("bridge", "-m", BRIDGE, *params("bridge", "bridge.duration_s=1000.0"))
+    processes.wait_event(bridge, Progress)
+    assert processes.stop(bridge, number) == 0, bridge.tail()
+    assert processes.stop(controller, number) == 0, controller.tail()
+
+
+@pytest.mark.parametrize(("module", "library"), [(BRIDGE, "libmujoco"), (CONTROLLER, "libpinocchio")])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+def test_a_node_ends_cleanly_on_a_signal_while_it_is_imported(
+    processes: Processes, module: str, library: str, number: int
+) -> None:
+    node = processes.python("node", "-m", module)
+    wait_until(lambda: library in Path(f"/proc/{node.pid}/maps").read_text(), library)
+    assert processes.stop(node, number) == 0, node.tail()
+    assert list(node.lines) == []
+
+
+@pytest.mark.parametrize("module", [BRIDGE, CONTROLLER])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+def test_a_node_without_peers_ends_cleanly_on_a_signal(processes: Processes, module: str, number: int) -> None:
+    node = processes.python("node", "-m", module, "--ros-args", "-r", "robot_description:=seen")
+    watch_for_publisher(processes, "/seen" if module == BRIDGE else "/effort_command")
+    assert processes.stop(node, number) == 0, node.tail()
+
+
+def test_the_bridge_names_the_missing_controller(processes: Processes, params) -> None:
+    bridge = processes.python("bridge", "-m", BRIDGE, *params("bridge", "bridge.peer_timeout_s=0.5"))
+    assert processes.wait_end(bridge) == 1
+    (line,) = [line for line in bridge.lines if line.startswith("error:")]
+    assert "controller is not ready" in line
+    assert "/effort_command has no publisher" in line
+
+
+def test_a_controller_that_dies_is_reported_with_the_tick_it_owes(processes: Processes, params) -> None:
+    controller = processes.python("controller", "-m", CONTROLLER, *params("controller"))
+    bridge = processes.python(
+        "bridge", "-m", BRIDGE, *params("bridge", "bridge.duration_s=1000.0", "bridge.lockstep_timeout_s=0.5")
+    )
+    processes.wait_event(bridge, Progress)
+    processes.kill(controller)
+    assert processes.wait_end(bridge) == 1
+    (line,) = [line for line in bridge.lines if line.startswith("error:")]
+    assert "no effort_command for tick" in line
+
+
+def test_a_publisher_with_the_wrong_qos_is_named(processes: Processes, params, ros_node) -> None:
+    from rclpy.qos import QoSProfile, ReliabilityPolicy
+    from sensor_msgs.msg import JointState
+
+    ros_node.create_publisher(
+        JointState, "effort_command", QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    )
+    bridge = processes.python("bridge", "-m", BRIDGE, *params("bridge", "bridge.peer_timeout_s=6.0"))
+    assert processes.wait_end(bridge) == 1
+    (line,) = [line for line in bridge.lines if line.startswith("error:")]
+    assert "QoS-compatible" in line
+    assert "Best effort publisher and reliable subscription" in line
+
+
+def test_namespaces_move_everything(processes: Processes, params) -> None:
+    namespace = ["-r", "__ns:=/left"]
+    controller = processes.python("controller", "-m", CONTROLLER, *params("controller"), *namespace)
+    bridge = processes.python("bridge", "-m", BRIDGE, *params("bridge", "bridge.duration_s=0.05"), *namespace)
+    assert processes.wait_end(bridge) == 0, bridge.tail()
+    assert processes.stop(controller, signal.SIGINT) == 0
+
+
+BAD = [
+    (CONTROLLER, "gains.ks:=5.0", ["gains.ks", "gains.k_s"]),
+    (CONTROLLER, "gains.k_s:=-5.0", ["gains.k_s", "greater than"]),
+    (CONTROLLER, "gains.stiffness:=[1.0, 2.0]", ["gains.stiffness"]),
+    (CONTROLLER, "ee_frame:=hand_of_god", ["hand_of_god"]),
+    (CONTROLLER, "robot_description_file:=nowhere.urdf", ["nowhere.urdf"]),
+    (BRIDGE, "friction.model:=glue", ["friction.model", "stribeck"]),
+    (BRIDGE, "joint_names:=[arm_joint2, arm_joint1]", ["initial_position"]),
+]
+
+
+def test_a_bad_parameter_is_one_line_and_exit_code_2(processes: Processes) -> None:
+    """All at once: each ends by itself, before it has a node."""
+    nodes = [processes.python(argument, "-m", module, "--ros-args", "-p", argument) for module, argument, _ in BAD]
+    for node, (_, _, words) in zip(nodes, BAD, strict=True):
+        assert processes.wait_end(node) == 2, node.tail()
+        lines = list(node.lines)
+        assert len(lines) == 1, node.tail()
+        assert lines[0].startswith("error: ")
+        assert all(word in lines[0] for word in words), lines[0]
+
+
+def watch_for_publisher(processes: Processes, topic: str) -> None:
+    """Wait until somebody publishes `topic` in the test's domain."""
+    import rclpy
+    from rclpy.node import Node
+
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, domain_id=int(processes.environment["ROS_DOMAIN_ID"]))
+    node = Node("watcher", context=context, start_parameter_services=False, enable_rosout=False)
+    try:
+        wait_until(lambda: node.count_publishers(topic) > 0, f"a publisher of {topic}")
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)

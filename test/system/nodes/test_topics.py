@@ -1,0 +1,147 @@
+"""What travels on the topics: names, frames, stamps, the effort array, a reference from outside, the grip."""
+
+import importlib.metadata
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slip_bags.reader import Bag
+from slip_core.stamps import stamp_to_ns
+from slip_vic.recording import recorded_topics
+from test.support.ros import Processes, wait_until
+from test.system.conftest import Recording
+
+CONFIG = Path(__file__).parents[3] / "config" / "paper_planar"
+JOINTS = [f"arm_joint{i}" for i in range(1, 8)]
+REACHED_M = 2e-4  # the impedance has 4 time constants to settle on a 2 mm step
+
+
+@pytest.fixture(scope="module")
+def run(noisy_run: Recording) -> dict[str, list[Any]]:
+    """Every decoded message of a short recorded run, by topic."""
+    with Bag(noisy_run.bag) as opened:
+        return {name: [message.value for message in opened.messages(name)] for name in opened.topics}
+
+
+def test_every_topic_of_the_table_is_in_the_bag(noisy_run: Recording) -> None:
+    listed = {f"/{name.lstrip('/')}" for name, _ in recorded_topics(noisy_run.scenario)}
+    assert listed | {"/tf"} == topics_of(noisy_run.bag)  # which the recorder itself writes
+
+
+def topics_of(bag: Path) -> set[str]:
+    with Bag(bag) as opened:
+        return set(opened.topics)
+
+
+def test_every_state_is_answered_under_its_own_stamp(run: dict[str, list[Any]]) -> None:
+    states = run["/joint_states"]
+    commands = run["/effort_command"]
+    assert [stamp_to_ns(m.header.stamp) for m in commands] == [stamp_to_ns(m.header.stamp) for m in states]
+    for state, command in zip(states, commands, strict=True):
+        assert list(state.name) == list(command.name) == JOINTS
+        assert list(command.position) == list(state.position)
+        assert list(command.velocity) == list(state.velocity)
+        assert np.isfinite(command.effort).all()
+
+
+def test_the_effort_array_is_the_command(run: dict[str, list[Any]]) -> None:
+    arrays = [list(m.data) for m in run["/effort_controller/commands"]]
+    efforts = [list(m.effort) for m in run["/effort_command"]]
+    first = next(k for k, effort in enumerate(efforts) if effort)  # no array while an input has never been seen
+    assert not any(efforts[:first])
+    assert arrays == efforts[first:]
+
+
+def test_frames_are_named(run: dict[str, list[Any]]) -> None:
+    assert {m.header.frame_id for m in run["/wrench"] + run["/slip_velocity"]} == {"ee"}
+    assert {m.header.frame_id for m in run["/object_state"]} == {"world"}
+    assert {m.child_frame_id for m in run["/object_state"]} == {"object"}
+    assert {m.header.frame_id for m in run["/controller/ee_pose"]} == {"world"}
+
+
+def test_time_is_simulation_time(run: dict[str, list[Any]]) -> None:
+    clock = [stamp_to_ns(m.clock) for m in run["/clock"]]
+    assert clock == [stamp_to_ns(m.header.stamp) for m in run["/joint_states"]]
+    assert set(np.diff(clock)) == {1_000_000}
+
+
+def test_scalars_carry_the_law_by_name(run: dict[str, list[Any]]) -> None:
+    for message in run["/controller/scalars"]:
+        values = dict(zip(message.name, message.position, strict=True))
+        assert {"gate", "V_e", "V_s", "K_x", "D_rz", "comp_y", "Lambda_x", "e_z", "a_C_x"} <= values.keys()
+        assert 0.0 <= values["gate"] <= 1.0
+
+
+def test_the_ledger_counts_cycles_and_names_the_stamps_used(run: dict[str, list[Any]]) -> None:
+    ledger = [list(m.data) for m in run["/controller/ledger"]]
+    assert [row[0] for row in ledger] == list(range(600))
+    stamps = [(m.header.stamp.sec, m.header.stamp.nanosec) for m in run["/joint_states"]]
+    assert [tuple(row[1:3]) for row in ledger] == stamps
+
+
+def test_a_reference_from_a_topic_is_followed(processes: Processes, ros_node: Any) -> None:
+    """Started alone, from the files in config/, in real time: the documented way onto a robot."""
+    from geometry_msgs.msg import PoseStamped, Quaternion, Transform, Vector3
+    from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
+
+    common = ["-p", "mode:=realtime"]
+    bridge_options = [*common, "-p", "stop_after_duration:=false", "-p", "control_period_s:=0.01"]
+    processes.python(
+        "bridge", "-m", "slip_sim_bridge.main", "--ros-args", "--params-file", CONFIG / "bridge.yaml", *bridge_options
+    )
+    controller_options = [
+        *common,
+        "-p",
+        "trajectory.kind:=topic",
+        "-p",
+        "gains.k_s:=50.0",
+        "-p",
+        "control_period_s:=0.01",
+    ]
+    controller = processes.python(
+        "controller",
+        "-m",
+        "slip_vic_controller.main",
+        "--ros-args",
+        "--params-file",
+        CONFIG / "controller_vic_realtime.yaml",
+        *controller_options,
+    )
+    poses: list[PoseStamped] = []
+    ros_node.create_subscription(PoseStamped, "controller/ee_pose", poses.append, 10)
+    publisher = ros_node.create_publisher(MultiDOFJointTrajectory, "reference", 10)
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+
+    executor = SingleThreadedExecutor(context=ros_node.context)
+    executor.add_node(ros_node)
+
+    def spun(condition: Any) -> bool:
+        executor.spin_once(timeout_sec=0.01)
+        return bool(condition())
+
+    wait_until(lambda: spun(lambda: poses), "the first pose", 60.0)
+    start = poses[0].pose
+    target = start.position.x + 0.002
+    pose = Transform(
+        translation=Vector3(x=target, y=start.position.y, z=start.position.z),
+        rotation=Quaternion(x=start.orientation.x, y=start.orientation.y, z=start.orientation.z, w=start.orientation.w),
+    )
+    message = MultiDOFJointTrajectory(points=[MultiDOFJointTrajectoryPoint(transforms=[pose])])
+
+    def arrived() -> bool:
+        publisher.publish(message)
+        return abs(poses[-1].pose.position.x - target) < REACHED_M
+
+    wait_until(lambda: spun(arrived), "the end-effector at the reference", 60.0)
+    executor.remove_node(ros_node)
+    assert rclpy.ok(context=ros_node.context)
+    assert processes.stop(controller, signal.SIGINT) == 0
+
+
+def test_node_executables_have_their_ros_names() -> None:
+    scripts = {entry.name for entry in importlib.metadata.entry_points(group="console_scripts")}
+    assert {"slip_vic_controller_node", "slip_sim_bridge_node", "slip_bag", "slip-vic"} <= scripts

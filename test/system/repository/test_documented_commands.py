@@ -1,0 +1,91 @@
+"""Every command in a block of a page runs, in the order shown; one that takes minutes is tried by a test of its own."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from slip_vic.system.processes import child_environment
+from test.support.pages import OURS, PAGES, commands_of
+
+DEADLINE_S = 300.0
+# The demo, the checks themselves and the long measurements have tests of their own; a recording ends with Ctrl-C.
+ELSEWHERE = ("test", "demo", "bench", "study", "pair-study", "merge", "tune", "faults", "soak", "bringup", "bag record")
+# These stand for something: a bag of the reader's, a module of his, an option without its value.
+EXAMPLES = ("ARM.urdf", "ur5_robot.urdf", "measured.yaml", "BAG", "DIR", "FOLDER", "...", "--speed")
+# Real time, files of the repository, an encoder that the lock file does not hold.
+NEEDS_MORE = ("--mode realtime", "--out docs", "--video")
+# What a page takes as given before its first command: runs, and the demo's bags.
+BAGS = Path(__file__).parents[3] / "bags"
+DEMO = {"seeing.md": {"out/classical": "paper_planar_classical", "out/vic": "paper_planar_vic"}}
+GIVEN = {
+    "bags.md": (
+        "run --record out/mine --set bridge.duration_s=0.4",
+        "run --controller vic --record out/vic --set bridge.duration_s=0.6",
+    )
+}
+# Commands whose page shows that they find a difference.
+DIFFERS = {"bag verify out/vic --set gains.gamma_kp=100.00000000000001": 1}
+
+
+def to_run(page: Path) -> list[str]:
+    """Return what is run of a page: commands of ours that are complete and not tried elsewhere, each once."""
+    found = [shlex.join(words[1:]) for words in commands_of(page, inline=False) if words[0] in OURS and len(words) > 2]
+    return [
+        command
+        for command in dict.fromkeys(found)
+        if not command.startswith(ELSEWHERE) and not any(word in command.split() for word in EXAMPLES)
+        and not any(part in command for part in NEEDS_MORE)
+    ]  # fmt: skip
+
+
+RUN = {page.name: to_run(page) for page in PAGES}
+
+
+def shortened(command: str) -> str:
+    """Return a command with less to do: that it runs is shown here, what it shows elsewhere."""
+    if command.startswith("run ") and "duration_s" not in command:
+        return f"{command} --set bridge.duration_s=0.5"
+    return f"{command} --laws governed" if command.startswith("pair ") and "--laws" not in command else command
+
+
+def slip_vic(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    environment = child_environment(0)
+    del environment["ROS_DOMAIN_ID"], environment["SLIP_VIC_EVENTS"]
+    return subprocess.run(
+        [sys.executable, "-m", "slip_vic.cli", *shlex.split(command)],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+        check=False,
+    )
+
+
+@pytest.mark.timeout(DEADLINE_S * 2)
+@pytest.mark.parametrize("page", [name for name, commands in RUN.items() if commands])
+def test_the_commands_of_a_page_run(page: str, tmp_path: Path) -> None:
+    """In the order shown, in one folder: later ones may use what earlier ones made."""
+    (tmp_path / "out").mkdir()
+    for command in GIVEN.get(page, ()):
+        assert slip_vic(command, tmp_path).returncode == 0
+    for name, bag in DEMO.get(page, {}).items():
+        shutil.copytree(BAGS / bag, tmp_path / name)
+    if page == "bags.md":
+        shutil.copytree(tmp_path / "out" / "mine", tmp_path / "out" / "killed")
+        (tmp_path / "out" / "killed" / "metadata.yaml").unlink()
+    for command in RUN[page]:
+        done = slip_vic(shortened(command), tmp_path)
+        assert done.returncode == DIFFERS.get(command, 0), f"{command}: {done.stdout}{done.stderr}"
+
+
+def test_there_is_something_to_run() -> None:
+    assert len(RUN["README.md"]) >= 5
+    assert len(RUN["bags.md"]) >= 5
+    assert RUN["sensors.md"]

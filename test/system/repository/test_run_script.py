@@ -1,0 +1,128 @@
+"""`./run` on a machine that lacks something: one clear line, exit code 2."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+FAST = "-q test/unit -n auto --dist loadfile"
+
+
+@pytest.fixture
+def bare(tmp_path: Path) -> Path:
+    """A copy of the entry script and what it reads, with a PATH that has no Python."""
+    copy = tmp_path / "copy"
+    copy.mkdir()
+    shutil.copy(ROOT / "run", copy / "run")
+    (copy / "requirements.lock").write_text("")
+    (copy / "src").mkdir()
+    tools = tmp_path / "bin"
+    tools.mkdir()
+    for name in ("bash", "dirname", "cat", "cksum", "env", "rm", "ln"):
+        found = shutil.which(name)
+        assert found, name
+        (tools / name).symlink_to(found)
+    return copy
+
+
+def run(copy: Path, **extra: str) -> subprocess.CompletedProcess[str]:
+    environment = {"PATH": str(copy.parent / "bin"), "HOME": os.environ.get("HOME", "/"), **extra}
+    return subprocess.run(
+        [str(copy / "run"), "demo"], env=environment, capture_output=True, text=True, timeout=150, check=False
+    )
+
+
+def fake_python(copy: Path, body: str) -> None:
+    path = copy.parent / "bin" / "python3"
+    path.write_text(f"#!/bin/sh\n{body}\n")
+    path.chmod(0o755)
+
+
+def test_without_python(bare: Path) -> None:
+    done = run(bare)
+    assert done.returncode == 2
+    assert "no Python 3.11, 3.12 or 3.13 found" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not (bare / ".venv").exists()
+
+
+def test_with_an_old_python_only(bare: Path) -> None:
+    fake_python(bare, "exit 1")  # answers "no" to the version question
+    done = run(bare)
+    assert done.returncode == 2
+    assert "no Python 3.11, 3.12 or 3.13 found" in done.stderr
+
+
+def test_without_venv(bare: Path) -> None:
+    fake_python(bare, 'case "$2" in *ensurepip*) exit 1;; *) exit 0;; esac')
+    done = run(bare)
+    assert done.returncode == 2
+    assert "no venv module" in done.stderr
+    assert "apt install python3-venv" in done.stderr
+    assert not (bare / ".venv").exists()
+
+
+ALONE = [f"test/system/bringup/test_{name}.py" for name in ("demo", "launcher", "page")]
+
+
+@pytest.fixture
+def called(tmp_path: Path) -> dict[str, str]:
+    """An environment in which every checker prints its name and arguments, and does nothing else."""
+    for name in ("ruff", "mypy", "python"):
+        (tmp_path / name).write_text(f'#!/bin/sh\necho "called {name} $*"\n')
+        (tmp_path / name).chmod(0o755)
+    return {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "calls"),
+    [
+        (
+            (),
+            [
+                "ruff format --check .",
+                "ruff check .",
+                "mypy ",
+                f"python -m pytest {FAST}",
+                f"python -m pytest test/system -n 2 --dist loadfile {' '.join(f'--ignore={path}' for path in ALONE)}",
+                f"python -m pytest {' '.join(ALONE)}",
+            ],
+        ),
+        (("-k", "law"), ["ruff format --check .", "ruff check .", "mypy ", "python -m pytest -k law"]),
+        (("--fast",), [f"python -m pytest {FAST}"]),
+        (("--fast", "-x"), [f"python -m pytest {FAST} -x"]),
+    ],
+)
+def test_the_checks_of_each_tier(called: dict[str, str], arguments: tuple[str, ...], calls: list[str]) -> None:
+    done = subprocess.run(
+        [ROOT / "tools" / "check", *arguments], env=called, capture_output=True, text=True, timeout=150, check=True
+    )
+    found = [line.removeprefix("called ") for line in done.stdout.splitlines() if line.startswith("called ")]
+    assert [line.strip() for line in found] == [line.strip() for line in calls]
+
+
+HANGING = """
+import time
+
+def test_hangs():
+    time.sleep(3600)
+
+def test_goes_on():
+    pass
+"""
+
+
+def test_a_test_that_hangs_fails_and_the_next_one_runs(tmp_path: Path) -> None:
+    """With the repository's own settings, except for the time."""
+    (tmp_path / "test_hanging.py").write_text(HANGING)
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-c", ROOT / "pyproject.toml", "--rootdir", tmp_path, "--timeout", "2",
+         tmp_path / "test_hanging.py"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=100, check=False,
+    )  # fmt: skip
+    assert "1 failed, 1 passed" in done.stdout, done.stdout + done.stderr
+    assert "Timeout (>2.0s)" in done.stdout

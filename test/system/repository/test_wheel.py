@@ -1,0 +1,117 @@
+"""The wheel: built from a copy, installed in an environment with nothing else, and run from an empty folder."""
+
+from __future__ import annotations
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.long
+
+ROOT = Path(__file__).parents[3]
+LIMIT_S = 1500.0
+DEADLINE_S = 600.0
+# Benchmarks, and two arms on one object: compiled where they are first made, in the parent of the processes.
+NOT_IN_A_RUN = ("test.campaigns.", "slip_vic_controller.team.", "slip_sim_bridge.plant.pair")
+
+
+def environment(venv: Path) -> dict[str, str]:
+    """Return an environment in which only the scratch one is found, as in a new shell of a user."""
+    kept = {name: value for name, value in os.environ.items() if name in ("HOME", "LANG", "SSL_CERT_FILE")}
+    kept |= {name: value for name, value in os.environ.items() if name.lower().startswith(("pip_", "http", "no_proxy"))}
+    return {**kept, "PATH": f"{venv / 'bin'}:/usr/bin:/bin", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+
+@pytest.fixture(scope="module")
+def venv(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Skips where pip can get neither what builds the wheel nor what it needs."""
+    folder = tmp_path_factory.mktemp("wheel")
+    source = folder / "source"
+    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    for name in tracked.splitlines():
+        if name.startswith("src/") or "/" not in name:
+            (source / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, source / name)
+    subprocess.run([sys.executable, "-m", "venv", folder / "venv"], check=True, timeout=DEADLINE_S)
+    pip = [folder / "venv" / "bin" / "python", "-m", "pip", "--disable-pip-version-check", "-q"]
+    for arguments in (["wheel", "--no-deps", "-w", folder, source], ["install", f"{source}[ros]"]):
+        if arguments[0] == "install":
+            (wheel,) = folder.glob("slip_vic-*.whl")
+            arguments[1] = f"{wheel}[ros]"
+        done = subprocess.run(
+            [*pip, *arguments],
+            env=environment(folder / "venv"),
+            capture_output=True,
+            text=True,
+            timeout=LIMIT_S,
+            check=False,
+        )
+        if done.returncode != 0 and "Could not find a version" in done.stderr:
+            pytest.skip(f"pip has no way to the packages: {done.stderr.splitlines()[-1]}")
+        assert done.returncode == 0, done.stderr
+    return folder / "venv"
+
+
+def slip_vic(venv: Path, folder: Path, *arguments: str) -> str:
+    done = subprocess.run(
+        [venv / "bin" / "slip-vic", *arguments],
+        cwd=folder, env=environment(venv), capture_output=True, text=True, timeout=DEADLINE_S, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def compiled() -> set[str]:
+    """Return the modules with compiled entries."""
+    found = set()
+    for path in (ROOT / "src").glob("*/*/**/*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef) and any("kernel" in ast.unparse(one) for one in node.decorator_list):
+                found.add(".".join(path.relative_to(ROOT / "src").with_suffix("").parts[1:]).removesuffix(".__init__"))
+    return found
+
+
+def kernels() -> set[str]:
+    """Return those that a run with one arm needs."""
+    return {name for name in compiled() if not name.startswith(NOT_IN_A_RUN)}
+
+
+def test_preparing_imports_every_module_that_is_compiled() -> None:
+    program = "import sys; from slip_vic.study.prepare import prepare; prepare(); print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=DEADLINE_S
+    )
+    assert len(kernels()) > 5
+    assert kernels() - set(done.stdout.split()) == set()
+
+
+def test_one_arm_waits_for_nothing_of_two() -> None:
+    imports = "import slip_vic.demo, slip_vic.launcher, slip_vic.replay.replay, slip_vic.web.page"
+    program = f"import sys; {imports}; import slip_vic_controller.node, slip_sim_bridge.node; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=DEADLINE_S
+    )
+    assert "slip_vic.pair.scenario" in done.stdout.split()
+    assert [name for name in done.stdout.split() if name.startswith(NOT_IN_A_RUN) and name in compiled()] == []
+
+
+@pytest.mark.timeout(2 * LIMIT_S)
+def test_the_wheel_runs_where_nothing_else_is(venv: Path, tmp_path: Path) -> None:
+    assert "slip-vic, version" in slip_vic(venv, tmp_path, "--version")
+    assert "holds" in slip_vic(venv, tmp_path, "check")
+    site = next((venv / "lib").glob("python*/site-packages"))
+    began = time.time()
+    assert "1000 ticks" in slip_vic(venv, tmp_path, "run", "--set", "bridge.duration_s=1.0", "--record", "bag")
+    assert (tmp_path / "bag" / "metadata.yaml").is_file()
+    # Into the folder of the user, and not beside the installed packages.
+    written = [
+        path for path in site.glob("slip_*/**/*") if path.stat().st_mtime > began and "__pycache__" not in str(path)
+    ]
+    assert [path for path in written if path.is_file()] == []
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]

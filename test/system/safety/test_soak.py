@@ -1,0 +1,145 @@
+"""The soak sees what grows, in processes that really do."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+import rclpy
+from click.testing import CliRunner
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from slip_msgs_py.messages import to_msgs
+from slip_msgs_py.qos import create_publisher
+from slip_vic.inprocess import run_in_process
+from slip_vic.system.domain import domain_id
+from slip_vic_controller.safety.modes import Mode
+from test.campaigns.faults.monitors import LOST_M
+from test.campaigns.soak.cli import soak
+from test.campaigns.soak.growth import Limits, Sample, growth_of, robust_slope
+from test.campaigns.soak.operator import STEPS, operator_of
+from test.campaigns.soak.run import sample_process, soak_scenario
+
+LEAK = """
+import os, sys, time
+kept = []
+while True:
+    kept.append(bytearray(os.urandom(4096) * 64))
+    kept.append(open(os.devnull))
+    time.sleep(0.01)
+"""
+
+
+def test_slope_of_a_line_with_jumps() -> None:
+    times = [float(t) for t in range(100)]
+    steps = [2.0 * t + (500.0 if t > 80 else 0.0) for t in times]
+    assert robust_slope(times, steps) == pytest.approx(2.0, rel=0.05)
+    assert robust_slope(times, [3.0] * 100) == 0.0
+    assert robust_slope([1.0], [3.0]) == 0.0
+
+
+def test_warm_up_does_not_count() -> None:
+    samples = [Sample(float(t), (50 + min(t, 10) * 10) << 20, 20, 8) for t in range(100)]
+    growth = growth_of(samples)
+    assert growth.memory_mib.per_hour == 0.0
+    assert growth.grows(Limits()) == []
+
+
+def test_a_process_that_leaks_is_seen() -> None:
+    with subprocess.Popen([sys.executable, "-c", LEAK]) as process:
+        watched, start = psutil.Process(process.pid), time.monotonic()
+        samples = []
+        while len(samples) < 30:
+            samples.append(sample_process(watched, time.monotonic() - start))
+            time.sleep(0.05)
+        process.kill()
+    growth = growth_of(samples)
+    assert growth.memory_mib.rise > 1.0
+    words = growth.grows(Limits())
+    assert [word.split(" by ")[0] for word in words] == ["memory", "open files"]
+
+
+def test_the_law_bears_the_scenario_of_a_soak() -> None:
+    """Without wall clocks: an hour of these rounds must not lose the object or latch a fault by itself."""
+    scenario = soak_scenario("paper_planar", 60.0, 250.0)
+    assert scenario.controller.trajectory.duration_s > 3600.0
+    modes = set()
+    for tick in run_in_process(scenario):
+        modes.add(tick.result.mode)
+        if tick.outputs.tick == 250 * 20:
+            break
+    assert modes == {Mode.ACTIVE}
+    assert np.abs(tick.outputs.truth.slip_displacement).max() < 1e-3
+
+
+def test_an_operator_ends_a_fault_that_lasts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
+    asked: list[str] = []
+
+    def answer(name: str, _request: Any, response: Any) -> Any:
+        asked.append(name)
+        response.success = True
+        return response
+
+    with domain_id() as domain, operator_of(domain) as operator:
+        node = rclpy.create_node("stand_in", context=operator.executor.context)
+        for owner, service in STEPS:
+            node.create_service(Trigger, f"{owner}/{service}", partial(answer, service))
+        mode = create_publisher(node, "controller/mode")
+        operator.executor.add_node(node)
+        for text in ("ACTIVE", "FAULT: a joint is too fast"):
+            mode.publish(to_msgs.string(text))
+            deadline = time.monotonic() + 20.0
+            while operator.mode != text.partition(":")[0] and time.monotonic() < deadline:
+                operator.attend(0.05)
+        while len(asked) < len(STEPS) and time.monotonic() < deadline:
+            operator.attend(0.05)
+        node.destroy_node()
+    assert asked == [service for _, service in STEPS]
+    assert operator.faults == ["a joint is too fast"]
+
+
+def test_an_operator_puts_a_lost_object_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
+    asked: list[str] = []
+
+    def answer(_request: Any, response: Any) -> Any:
+        asked.append("reset")
+        response.success = True
+        return response
+
+    with domain_id() as domain, operator_of(domain) as operator:
+        node = rclpy.create_node("stand_in", context=operator.executor.context)
+        node.create_service(Trigger, "/".join(STEPS[0]), answer)
+        truth = create_publisher(node, "slip_truth")
+        operator.executor.add_node(node)
+        for slip, lost in ((0.9 * LOST_M, 0), (1.1 * LOST_M, 1)):
+            deadline = time.monotonic() + (2.0 if lost == 0 else 20.0)
+            while len(asked) < max(lost, 1) and time.monotonic() < deadline:
+                truth.publish(JointState(position=[0.0, -slip, 0.0, 0.0, 0.0, 1.0]))
+                operator.attend(0.05)
+            assert operator.objects_lost == len(asked) == lost
+        node.destroy_node()
+
+
+def test_a_short_soak_runs_and_reports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
+    result = CliRunner().invoke(soak, ["--minutes", "0.1", "--rate", "250", "--out", str(tmp_path)])
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.output
+    content = json.loads((tmp_path / "soak.json").read_text())
+    assert set(content["growth"]) == {"bridge", "controller", "recorder", "soak"}
+    assert content["said"]["bridge"]["ticks"] > 300
+    assert 0.0 <= content["law_share"] <= 1.0  # how much of it is a matter of the machine's timing
+    for name, series in content["series"].items():
+        assert len(series) >= 5, name
+        assert all(rss > 1 << 20 and files > 3 for _, rss, files, _ in series)
+    assert "grows" in result.output

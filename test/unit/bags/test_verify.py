@@ -1,0 +1,121 @@
+"""`bag verify`: the same code gives the same bits, anything else is found."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slip_bags.reader import Bag
+from slip_core.errors import InputError
+from slip_core.params import flatten
+from slip_vic.replay.run_data import read_run
+from slip_vic.replay.verify import verify_run
+from slip_vic.scenario import load_scenario
+from test.support.every import every
+from test.support.run_maker import TOPICS, attachments, record_run
+
+SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
+CYCLES = 300
+SLIPPING_CYCLES = 600  # in paper_planar the object slips by then
+FLIPPED = 123
+OF_OTHER_RUNS = {"/parameter_events", "/controller/reference_used", "/slip_displacement", "/slip_flag"}
+# Parameters whose last bit reaches the efforts while the object slips.
+SENSITIVE = ("gains.gamma_kp", "gains.alpha", "object.mass", "nullspace.stiffness", "trajectory.duration_s")
+
+
+def scenario(name: str = "paper_planar", controller: str = "vic", cycles: int = CYCLES, mode: str = "lockstep"):
+    return load_scenario(name, controller=controller, mode=mode, assignments=(f"bridge.duration_s={cycles / 1000}",))
+
+
+def verdict(folder: Path, **overrides: object):
+    with Bag(folder) as bag:
+        run = read_run(bag, overrides)
+    return verify_run(run)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("verify") / "bag"
+    record_run(folder, scenario(cycles=SLIPPING_CYCLES))
+    return folder
+
+
+@pytest.mark.parametrize("controller", ["vic", "classical"])
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_lockstep_runs_are_identical(tmp_path, name, controller):
+    record_run(tmp_path / "bag", scenario(name, controller))
+    result = verdict(tmp_path / "bag")
+    assert result.text() == f"identical: {CYCLES} cycles, {7 * CYCLES} efforts, to the last bit"
+
+
+@every("kind", ["flag", "displacement"])
+def test_runs_with_other_slip_sensors_are_identical(tmp_path, kind):
+    loaded = load_scenario(
+        "paper_planar",
+        controller="governed",
+        assignments=(
+            f"slip_input={kind}", "bridge.friction.mu_s=0.2", "bridge.friction.mu_k=0.15", "bridge.duration_s=0.3",
+            "bridge.sensors.slip.latency_s=0.02", "bridge.sensors.slip.rate_hz=120.0", "controller.slip_delay_s=0.005",
+        ),
+    )  # fmt: skip
+    record_run(tmp_path / kind, loaded)
+    assert verdict(tmp_path / kind).text().startswith("identical: 300 cycles, ")
+
+
+@pytest.mark.parametrize("name", SENSITIVE)
+def test_last_bit_of_a_parameter_is_caught(recorded, name):
+    with Bag(recorded) as bag:
+        value = flatten(read_run(bag, {}).params)[name]
+    result = verdict(recorded, **{name: math.nextafter(value, math.inf)})
+    assert not result.identical
+    assert result.first.topic == "effort_command"
+
+
+def test_last_bit_of_one_recorded_effort_is_caught(tmp_path):
+    def flip(tick, effort):
+        if tick.result.cycle == FLIPPED:
+            effort[4] = np.nextafter(effort[4], math.inf)
+        return effort
+
+    record_run(tmp_path / "bag", scenario(), change=flip)
+    result = verdict(tmp_path / "bag")
+    first = result.first
+    assert (result.different, first.cycle, first.field, first.ulps) == (1, FLIPPED, "arm_joint5", 1)
+    assert first.recorded == math.nextafter(first.replayed, math.inf)
+    assert f"cycle {FLIPPED}" in result.text()
+
+
+def test_parameters_that_change_on_the_way(tmp_path):
+    """Two changes, each ramping; without knowing of them the replay would not agree."""
+    retune = {100: {"gains.gamma_kp": 50.0}, 200: {"object.mass": 0.55, "gains.alpha": 90.0}}
+    record_run(tmp_path / "bag", scenario(cycles=SLIPPING_CYCLES), retune=retune)
+    assert verdict(tmp_path / "bag").identical
+    with Bag(tmp_path / "bag") as bag:
+        unchanged = dataclasses.replace(read_run(bag, {}), changes=())
+    assert not verify_run(unchanged).identical
+
+
+@pytest.mark.parametrize("topic", sorted(set(TOPICS) - OF_OTHER_RUNS))
+def test_a_lost_message_is_named(tmp_path, topic):
+    record_run(tmp_path / "bag", scenario(), skip=[(topic, 50)])
+    with pytest.raises(InputError, match=r"1 messages lost, the first after number 49"):
+        verdict(tmp_path / "bag")
+
+
+def test_what_cannot_be_verified_says_why(tmp_path, recorded):
+    late, bare, foreign = tmp_path / "late", tmp_path / "bare", tmp_path / "foreign"
+    record_run(late, scenario(), first=10)
+    with pytest.raises(InputError, match="a beginning at cycle 10"):
+        verdict(late)
+    record_run(bare, scenario(), attached={})
+    with pytest.raises(InputError, match="slip-vic run --record"):
+        verdict(bare)
+    record_run(foreign, scenario(), attached={**attachments(scenario()), "controller.params.yaml": b"- 1"})
+    with pytest.raises(InputError, match="a ROS parameter file"):
+        verdict(foreign)
+    with pytest.raises(InputError, match="did you mean"):
+        verdict(recorded, **{"gains.gamma_k": 1.0})

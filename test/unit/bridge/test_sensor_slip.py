@@ -1,0 +1,134 @@
+"""What slip sensors make of the truth: digitising, chips, faults that come and go, and the presets."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slip_core.errors import InputError
+from slip_core.params import build
+from slip_core.types import JointSample, SlipSample, WrenchSample
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.sensors.slip import dead_band, lifted_chip_reading
+from slip_sim_bridge.sensors.suite import SensorSuite
+from slip_vic.presets.sensors import load_preset, preset_names
+from test.support.every import every
+
+MS = 1_000_000
+ROUNDING = 1e-12
+MOVING = np.array([0.03, -0.02, 0.0, 0.0, 0.0, 0.4])
+PHYSICS = {  # rate Hz, latency s, noise m/s, rad/s, quantum m/s, dead band m/s
+    "ideal": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    "optical_flow_120": (120.0, 0.010, 2.2e-4, 9e-3, 9.5e-4, 2e-3),
+    "force_tactile_500": (500.0, 0.005, 1e-3, 2e-2, 0.0, 1e-3),
+    "event_1000": (1000.0, 0.002, 1e-3, 2e-2, 0.0, 1e-3),
+    "vision_60": (60.0, 0.033, 3e-3, 6e-2, 0.0, 5e-3),
+    "vision_25": (25.0, 0.080, 3.3e-3, 6e-2, 0.0, 5e-3),
+}
+
+
+def params(**values: Any) -> BridgeParams:
+    return build(BridgeParams, {f"sensors.{name.replace('__', '.')}": value for name, value in values.items()}, "test")
+
+
+def readings(suite: SensorSuite, ticks: int, twist: np.ndarray = MOVING, start: int = 0) -> list[SlipSample]:
+    return [s for k in range(start, start + ticks) for s in suite.slip.update(SlipSample(k * MS, twist))]
+
+
+def one(**values: Any) -> np.ndarray:
+    return readings(SensorSuite(params(**values)), 1)[0].twist
+
+
+def test_presets_are_the_documented_sensors() -> None:
+    assert preset_names() == sorted(PHYSICS)
+    for name, numbers in PHYSICS.items():
+        slip = load_preset(name).slip
+        got = (
+            slip.rate_hz, slip.latency_s, slip.noise_linear, slip.noise_angular, slip.quantum_linear,
+            slip.dead_band_linear,
+        )  # fmt: skip
+        assert got == numbers, name
+
+
+def test_unknown_sensor_names_the_nearest() -> None:
+    with pytest.raises(InputError, match="vision_60"):
+        load_preset("vision_06")
+
+
+def test_quantum_saturation_and_dead_band() -> None:
+    np.testing.assert_allclose(one(slip__quantum_linear=0.008), [0.032, -0.016, 0.0, 0.0, 0.0, 0.4], atol=ROUNDING)
+    np.testing.assert_allclose(one(slip__saturation_linear=0.025)[:2], [0.025, -0.02], atol=ROUNDING)
+    assert not one(slip__dead_band_linear=0.037)[:3].any()
+    assert one(slip__dead_band_linear=0.035)[:2].all()
+    assert one(slip__dead_band_angular=0.5)[5] == 0.0
+
+
+def test_dead_band_is_on_the_speed_and_leaves_the_other_half() -> None:
+    assert dead_band(MOVING, 0.0, 0.0) is MOVING
+    got = dead_band(MOVING, math.hypot(0.03, 0.02) + 1e-6, 0.1)
+    assert got.tolist() == [0.0, 0.0, 0.0, 0.0, 0.0, 0.4]
+
+
+def test_all_chips_down_read_the_truth_and_all_lifted_read_zero() -> None:
+    np.testing.assert_allclose(lifted_chip_reading(MOVING, 0, 0.01), MOVING, atol=ROUNDING)
+    assert np.abs(lifted_chip_reading(MOVING, 3, 0.01)[[0, 1, 5]]).max() < ROUNDING
+
+
+def test_a_lifted_chip_takes_its_share_of_straight_motion() -> None:
+    straight = np.array([0.03, -0.02, 0.0, 0.0, 0.0, 0.0])
+    got = lifted_chip_reading(straight, 1, 0.01)
+    np.testing.assert_allclose(got[:2], straight[:2] * 2.0 / 3.0, atol=ROUNDING)
+    assert abs(got[5]) > 0.1, "the missing chip looks like turning"
+
+
+def test_gain_bias_and_invalid() -> None:
+    np.testing.assert_allclose(one(slip__faults__gain=0.8), 0.8 * MOVING, atol=ROUNDING)
+    bias = (1e-3, 0.0, 0.0, 0.0, 0.0, 0.02)
+    np.testing.assert_allclose(one(slip__faults__bias=bias), MOVING + bias, atol=ROUNDING)
+    sample = readings(SensorSuite(params(slip__faults__invalid=True)), 1)[0]
+    assert not sample.valid
+    assert np.isnan(sample.twist).all()
+
+
+@every("seed", [5])
+def test_dropouts_and_outliers_come_at_their_rate(seed: int) -> None:
+    ticks, share = 20_000, 0.1
+    spread = 5.0 * math.sqrt(share * (1.0 - share) / ticks)  # five standard deviations of a fair count
+    lost = SensorSuite(build(BridgeParams, {"seed": seed, "sensors.slip.faults.dropout_probability": share}, "test"))
+    assert abs(1.0 - len(readings(lost, ticks)) / ticks - share) < spread
+    wild = SensorSuite(build(BridgeParams, {"seed": seed, "sensors.slip.faults.outlier_probability": share}, "test"))
+    odd = sum((sample.twist != MOVING).any() for sample in readings(wild, ticks))
+    assert abs(odd / ticks - share) < spread
+
+
+def test_a_fault_comes_and_goes_and_leaves_the_noise_alone() -> None:
+    quiet, noisy = params(slip__noise_linear=1e-3), params(slip__noise_linear=1e-3, slip__faults__frozen=True)
+    plain, faulty = SensorSuite(quiet), SensorSuite(quiet)
+    before = readings(faulty, 10)
+    faulty.set_faults(noisy.sensors)
+    frozen = readings(faulty, 10, start=10)
+    faulty.set_faults(quiet.sensors)
+    after = readings(faulty, 10, start=20)
+    expected = readings(plain, 30)
+    assert all((a.twist == b.twist).all() for a, b in zip(before + after, expected[:10] + expected[20:], strict=True))
+    assert all((sample.twist == before[-1].twist).all() for sample in frozen)
+    assert [sample.stamp_ns for sample in frozen] == [k * MS for k in range(10, 20)]
+
+
+def test_a_silent_sensor_publishes_nothing_rather_than_zero() -> None:
+    assert readings(SensorSuite(params(slip__faults__silent=True)), 50) == []
+    suite = SensorSuite(params(wrench__silent=True))
+    assert suite.wrench.update(WrenchSample(0, np.ones(6))) == []
+
+
+def test_wrench_bias_and_hidden_joint_delay() -> None:
+    bias = (0.1, 0.0, -0.2, 0.0, 0.0, 0.01)
+    suite = SensorSuite(params(wrench__bias=bias, joint__latency_s=0.003))
+    assert np.allclose(suite.wrench.update(WrenchSample(0, np.ones(6)))[0].wrench, np.ones(6) + bias)
+    for k in range(10):
+        sample = suite.joint.update(JointSample(k * MS, np.full(7, float(k)), np.zeros(7), np.zeros(7)))
+        assert sample.stamp_ns == k * MS
+    assert sample.position[0] == 6.0

@@ -1,0 +1,206 @@
+"""`slip-vic arm`: what it finds in a URDF, what it writes, and what it says where it cannot."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slip_core.files.urdf import chain, is_physical, named, parse_urdf
+from slip_vic.arm import posture
+from slip_vic.arm.hand import find_hand
+from slip_vic.arm.posture import Start
+from slip_vic.arm.write import Arm, failing, write_arm
+from slip_vic.arm.write_urdf import PAD, possible_inertia
+from slip_vic.cli import main
+from slip_vic.inprocess import run_in_process
+from slip_vic.reach import REACHED, follow, pad_path
+from slip_vic.scenario import load_scenario
+from slip_vic_controller.robot import Robot
+from slip_vic_controller.safety.modes import Mode
+from test.support.odd_arm import JOINTS, odd_arm_urdf, with_joint, with_link
+
+ROUNDING = 1e-9
+URDF = odd_arm_urdf()
+
+
+@pytest.fixture(autouse=True)
+def few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(posture, "SAMPLES", 120)
+
+
+@pytest.fixture
+def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "odd.urdf").write_text(URDF)
+    return tmp_path / "odd.urdf"
+
+
+@functools.cache
+def planar() -> tuple[Arm, dict[str, Any], Start]:
+    """Return the arm, and its start in paper_planar."""
+    arm = Arm(URDF)
+    return arm, *arm.task("paper_planar", 1.0)
+
+
+def test_the_hand_is_found() -> None:
+    hand = find_hand(parse_urdf(URDF))
+    assert (hand.link, hand.joints, hand.approach, hand.normal) == ("tool0", JOINTS, "x", "z")
+    assert hand.fingers == ("left_finger_joint", "right_finger_joint")
+    assert len(hand.said) == 3
+
+
+def test_what_is_given_is_taken() -> None:
+    hand = find_hand(parse_urdf(URDF), "link_6", "y", "x")
+    assert (hand.link, hand.approach, hand.normal, hand.said) == ("link_6", "y", "x", ())
+    np.testing.assert_allclose(hand.rotation, [[0, 0, 1], [1, 0, 0], [0, 1, 0]], atol=ROUNDING)
+    assert find_hand(parse_urdf(URDF), "link_6").approach == "y"
+
+
+def test_a_hand_at_its_last_joint_reaches_away_from_the_joint_before() -> None:
+    behind = with_joint(URDF, "gripper", "0 0.05 0", "0 0 0")
+    forward, backward = (with_joint(behind, "joint_6", "0 0 0.1", text) for text in ("0 0.1 0.1", "0 -0.1 0.1"))
+    assert [find_hand(parse_urdf(text)).approach for text in (forward, backward)] == ["x", "-x"]
+
+
+def test_an_arm_without_a_gripper_closes_as_assumed() -> None:
+    bare = URDF.replace("prismatic", "fixed")
+    hand = find_hand(parse_urdf(bare))
+    assert (hand.normal, hand.fingers) == ("y", ())
+    assert "assumed" in hand.said[-1]
+
+
+def test_fingers_stand_where_the_gripper_width_puts_them() -> None:
+    for width, apart in ((None, 0.0), (0.06, 0.03)):
+        root = parse_urdf(Arm(URDF, width=width).urdf)
+        joints = named(root, "joint")
+        for name, sign in (("left_finger_joint", 1.0), ("right_finger_joint", -1.0)):
+            origin = joints[name].find("origin")
+            assert origin is not None
+            place = [float(word) for word in origin.get("xyz", "").split()]
+            np.testing.assert_allclose(place, [0.1, 0.0, sign * apart], atol=ROUNDING)
+            assert joints[name].get("type") == "fixed"
+
+
+def test_a_follower_stands_where_its_leader_puts_it() -> None:
+    root = parse_urdf(Arm(URDF, locked={"left_finger_joint": 0.02}).urdf)
+    origin = named(root, "joint")["right_finger_joint"].find("origin")
+    assert origin is not None
+    assert float(origin.get("xyz", "").split()[2]) == pytest.approx(-0.02)
+
+
+def test_the_pad_frame_is_where_the_hand_is() -> None:
+    arm = Arm(URDF, reach=0.15)
+    q = np.array([0.3, -0.4, 0.7, 0.2, -1.1, 0.5])
+    (at, turned, _), (hand, axes, _) = arm.robot.frame(q), Robot(arm.urdf, "tool0", JOINTS).frame(q)
+    np.testing.assert_allclose(at, hand + 0.15 * axes[:, 0], atol=ROUNDING)
+    np.testing.assert_allclose(turned, axes, atol=ROUNDING)
+    assert [joint.get("name") for joint in chain(parse_urdf(arm.urdf), PAD)][-1] == "slip_pad_joint"
+
+
+def test_an_inertia_that_no_body_has_becomes_the_nearest_possible() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(100):
+        axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        moments = rng.uniform(0.0, 1.0, 3)
+        given = axes @ np.diag(moments) @ axes.T
+        mended = possible_inertia(given)
+        assert is_physical(mended)
+        if is_physical(given) and np.sort(moments)[:2].sum() > 1.01 * moments.max():
+            np.testing.assert_allclose(mended, given, atol=1e-6)
+    arm = Arm(with_link(URDF, "link_2", 'izz="0.01"', 'izz="0.05"'))
+    assert any("link_2" in line and "principal moments" in line for line in arm.said)
+
+
+def test_the_folder_runs_from_anywhere(file: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    arm, content, start = planar()
+    assert failing(start, arm.robot, load_scenario("paper_planar").controller) == ""
+    written = write_arm(arm, {"paper_planar": content}, Path("made"), file)
+    assert [path.name for path in written] == [
+        "arm.urdf", "paper_planar.yaml", "paper_planar_controller_realtime.yaml",
+    ]  # fmt: skip
+    monkeypatch.chdir("/")
+    scenario = load_scenario(
+        str(tmp_path / "made" / "paper_planar.yaml"), controller="governed", assignments=["bridge.duration_s=0.1"]
+    )
+    scenario.check()
+    ticks = list(run_in_process(scenario))
+    assert {tick.result.mode for tick in ticks[5:]} == {Mode.ACTIVE}
+    assert max(np.linalg.norm(tick.outputs.truth.slip_displacement) for tick in ticks) < REACHED
+
+
+def test_the_start_has_the_hand_in_the_attitude_of_the_scenario() -> None:
+    arm, known = Arm(URDF), load_scenario("vertical_plane")
+    _, start = arm.task("vertical_plane", 0.5)
+    own = Robot(known.urdf, known.controller.ee_frame, known.controller.joint_names)
+    wanted = own.frame(np.array(known.bridge.initial_position))[1]
+    np.testing.assert_allclose(arm.robot.frame(start.posture)[1], wanted, atol=2 * REACHED)
+
+
+def test_the_way_follows_the_path() -> None:
+    (arm, _, start), known = planar(), load_scenario("paper_planar")
+    times, path = pad_path(known.controller.trajectory)
+    way = follow(arm.robot, start.posture, times, path, np.zeros(3))
+    origin = arm.robot.frame(start.posture)[0]
+    for q, point in zip(way.joints, path, strict=True):
+        np.testing.assert_allclose(arm.robot.frame(q)[0], origin + point[:3], atol=REACHED)
+    assert path[-1].tolist() == pytest.approx([0.4, 0.3, 0.0, 0.0, 0.0, 0.8])
+
+
+def test_a_smaller_path_has_equal_accelerations() -> None:
+    arm, content, _ = planar()
+    whole, half = (one["controller"]["trajectory"] for one in (content, arm.task("paper_planar", 0.5)[0]))
+    for key in ("displacement", "rotation"):
+        np.testing.assert_allclose(half[key], 0.5 * np.array(whole[key]), atol=ROUNDING)
+        acceleration = [np.array(one[key]) / one["duration_s"] ** 2 for one in (whole, half)]
+        np.testing.assert_allclose(*acceleration, rtol=1e-6)
+
+
+TWO = URDF.replace("</robot>", "") + "".join(
+    f'<link name="other_{i}"/><joint name="other_joint_{i}" type="revolute"><parent link="'
+    + ("world" if i == 1 else f"other_{i - 1}") + f'"/><child link="other_{i}"/></joint>' for i in range(1, 7)
+) + "</robot>"  # fmt: skip
+BAD = {
+    "no file": (["nowhere.urdf"], "", ["nowhere.urdf"]),
+    "unknown link": (["odd.urdf", "--ee", "tol0"], URDF, ["--ee tol0", "tool0"]),
+    "too few joints": (["odd.urdf", "--lock", "joint_3=0"], URDF, ["5 moving joints", "at least 6"]),
+    "two arms": (["odd.urdf"], TWO, ["2 arms", "other_6"]),
+    "no joint": (["odd.urdf"], '<robot name="x"><link name="a"/></robot>', ["no moving joint"]),
+    "one axis for two": (["odd.urdf", "--approach", "z", "--normal", "-z"], URDF, ["--normal"]),
+    "an axis that cannot be told": (
+        ["odd.urdf"], with_joint(URDF, "gripper", "1.5707963267948966", "0.8"), ["--approach", "axis"]
+    ),
+    "no sliding finger": (
+        ["odd.urdf", "--gripper-width", "0.05"], URDF.replace("prismatic", "fixed"), ["--gripper-width", "--lock"]
+    ),
+    "a lock without value": (["odd.urdf", "--lock", "joint_1"], URDF, ["--lock", "JOINT=VALUE"]),
+    "a lock of nothing": (["odd.urdf", "--lock", "elbow=1"], URDF, ["--lock elbow"]),
+    "a missing limit": (
+        ["odd.urdf"], with_joint(URDF, "joint_2", "<limit[^>]*>", ""), ["joint_2", "<limit", "--lock joint_2"]
+    ),
+    "no effort": (["odd.urdf"], URDF.replace('effort="150"', 'effort="0"', 1), ['effort="0"', "--lock joint_"]),
+    "two arms of five joints": (
+        ["odd.urdf", "--lock", "joint_3=0", "--lock", "other_joint_3=0"], TWO, ["5 moving joints", "--ee"]
+    ),
+    "an unknown scenario": (["odd.urdf", "--scenario", "paper"], URDF, ["paper_planar"]),
+    "a path out of reach": (["odd.urdf", "--scale", "3"], URDF, ["paper_planar", "is within reach"]),
+    "too weak": (["odd.urdf"], URDF.replace('effort="150"', 'effort="12"'), ["effort limit"]),
+}  # fmt: skip
+
+
+def test_what_cannot_be_used_is_said_in_one_line(
+    file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(posture, "SAMPLES", 100)
+    for case, (arguments, text, words) in BAD.items():
+        file.write_text(text)
+        monkeypatch.setattr("sys.argv", ["slip-vic", "arm", *arguments])
+        capsys.readouterr()
+        assert main() == 2, case
+        errors = [line for line in capsys.readouterr().err.splitlines() if line]
+        assert len(errors) == 1, (case, errors)
+        assert all(word in errors[0] for word in words), (case, errors)
+        assert [path.name for path in file.parent.iterdir()] == ["odd.urdf"], case

@@ -1,0 +1,94 @@
+"""Every mistake on the command line is one clear line and exit code 2, before anything is started or written."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from slip_description import urdf_text
+from slip_vic.cli import main
+from test.support.every import every
+
+URDF_WITHOUT_EE = urdf_text().replace('"ee"', '"tip"')
+
+MISTAKES = {
+    "unknown scenario": (["--scenario", "paper_plane"], ["paper_plane", "did you mean paper_planar"]),
+    "unknown parameter": (["--set", "controller.gains.ks=1"], ["controller.gains.ks", "controller.gains.k_s"]),
+    "unknown shared parameter": (["--set", "object.mas=1"], ["object.mas", "object.mass"]),
+    "no value": (["--set", "object.mass"], ["key=value"]),
+    "gain not positive": (["--set", "controller.gains.k_s=-1"], ["gains.k_s", "-1", "greater than"]),
+    "stiffness not positive": (["--set", "controller.gains.stiffness=[5,5,5,0,5,5]"], ["stiffness", "positive"]),
+    "wrong size": (["--set", "controller.gains.damping=[1,2]"], ["gains.damping"]),
+    "wrong type": (["--set", "object.mass=heavy"], ["object.mass", "heavy"]),
+    "not finite": (["--set", "object.mass=.nan"], ["object.mass", "nan"]),
+    "frame missing": (["--set", "ee_frame=tool"], ["tool", "ee"]),
+    "joint missing": (
+        ["--set", "joint_names=[arm_joint1, arm_joint2, arm_joint3, arm_joint4, arm_joint5, arm_joint6, elbow]"],
+        ["elbow"],
+    ),
+    "joints in another order": (
+        ["--set", "joint_names=[arm_joint2, arm_joint1, arm_joint3, arm_joint4, arm_joint5, arm_joint6, arm_joint7]"],
+        ["order"],
+    ),
+    "domain out of range": (["--domain-id", "500"], ["ROS_DOMAIN_ID", "500"]),
+    "controller unknown": (["--controller", "pid"], ["pid", "vic"]),
+    "urdf missing": (["--urdf", "nowhere.urdf"], ["nowhere.urdf"]),
+    "urdf without the frame": (["--urdf", "tip.urdf"], ["ee_frame", "link of the URDF", "tip"]),
+    "joint without limits": (["--urdf", "endless.urdf"], ["arm_joint1", "<limit"]),
+    "start beyond a limit": (
+        ["--set", "bridge.initial_position=[0, 0, 0, 1.0, 0, 1, 0]"],
+        ["arm_joint4", "limits", "slip-vic arm"],
+    ),
+    "start in a singular posture": (
+        ["--set", "controller.singularity.sigma_min=0.5"],
+        ["singular", "sigma_min"],
+    ),
+    "path out of reach": (["--set", "controller.trajectory.displacement=[0, 0, 2]"], ["trajectory", "% of its time"]),
+    "urdf is not xml": (["--urdf", "broken.urdf"], ["robot_description", "URDF"]),
+    "scenario file is not yaml": (["--scenario", "broken.yaml"], ["broken.yaml"]),
+    "scenario file with an unknown key": (["--scenario", "extra.yaml"], ["durration_s", "duration_s"]),
+    "parameter file missing": (["--params", "nowhere.yaml"], ["nowhere.yaml"]),
+    "parameter file of another node": (
+        ["--params", "bridge.yaml"],
+        ["bridge.yaml", "/**/slip_sim_bridge", "slip_vic_controller"],
+    ),
+    "parameter file for two arms": (
+        ["--scenario", "pane_two_arms_flat", "--params", "gains.yaml"],
+        ["--params", "two arms", "left.controller"],
+    ),
+    "bag folder exists": (["--record", "taken"], ["taken", "exists"]),
+    "bag folder cannot be written": (["--record", "/proc/bag"], ["/proc"]),
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "tip.urdf").write_text(URDF_WITHOUT_EE)
+    (tmp_path / "endless.urdf").write_text(re.sub(r'<limit[^>]*"-2.8973"[^>]*velocity="2.175"[^>]*>', "", urdf_text()))
+    (tmp_path / "broken.urdf").write_text("<robot")
+    (tmp_path / "broken.yaml").write_text("a: [1")
+    (tmp_path / "bridge.yaml").write_text("/**/slip_sim_bridge: {ros__parameters: {friction: {mu_s: 0.4}}}")
+    (tmp_path / "gains.yaml").write_text("gains: {k_s: 500.0}")
+    (tmp_path / "extra.yaml").write_text("name: a\ndescription: b\ndurration_s: 1\n")
+    (tmp_path / "taken").mkdir()
+    return tmp_path
+
+
+@every("name", MISTAKES)
+def test_a_mistake_is_one_line_and_exit_code_2(
+    name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments, words = MISTAKES[name]
+    before = sorted(folder.iterdir())
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr("sys.argv", ["slip-vic", "run", *arguments])
+    capsys.readouterr()
+    assert main() == 2
+    told = capsys.readouterr().err
+    lines = [line for line in told.splitlines() if line.strip()]
+    assert len(lines) == 1, told
+    assert lines[0].startswith("error: ")
+    assert all(word in lines[0] for word in words), lines[0]
+    assert sorted(folder.iterdir()) == before

@@ -1,0 +1,150 @@
+"""Goals by users: governed, blended, refused in one line, and replayed to the last bit."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from slip_bags.reader import Bag
+from slip_core.errors import InputError
+from slip_core.types import PoseGoal
+from slip_msgs_py.messages.from_msgs import pose_goal
+from slip_vic.inprocess import ClosedLoop
+from slip_vic.replay.run_data import read_run
+from slip_vic.replay.verify import verify_run
+from slip_vic.scenario import load_scenario
+from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.topics.goal import GoalInterface
+from test.support.run_maker import goal_message, record_run
+
+HELD_M = 1e-7
+PAPER = np.array([0.4, 0.3, 0.0]), np.array([0.0, 0.0, 0.8]), 2.0
+
+
+class Listener(GoalInterface):
+    """What the node would say of goals."""
+
+    def __init__(self, session) -> None:
+        self._session, self._last, self._last_refused = session, (0, 0), 0
+
+
+class Run:
+    """A closed loop whose goals are relative to where the pad began; `at` does something at a tick."""
+
+    def __init__(self, scenario: str, controller: str, seconds: float, at, *assignments: str) -> None:
+        loaded = load_scenario(
+            scenario, controller=controller,
+            assignments=("controller.trajectory.kind=goal", f"bridge.duration_s={seconds}", *assignments),
+        )  # fmt: skip
+        self.loop = loop = ClosedLoop(loaded)
+        listener, self.lines, self.references, self.slip_m, self.load = Listener(loop.controller), [], [], 0.0, 0.0
+        for tick in range(round(1000 * seconds)):
+            outputs = loop.observe()
+            if tick in at:
+                at[tick](self)
+            self.result = loop.control(outputs)
+            record = self.result.record
+            reference = record.reference
+            pose = np.array(reference.position), np.array(reference.rotation), np.array(reference.twist)
+            self.references.append(pose)
+            self.lines += listener.changes()
+            self.slip_m = max(self.slip_m, float(np.linalg.norm(outputs.truth.slip_displacement[:3])))
+            self.load = max(self.load, float(record.governor.load_ratio))
+            loop.bridge.advance(self.result.command)
+
+    def give(self, displacement, turn, duration_s: float) -> None:
+        x, R, _ = self.references[0]
+        self.goal = x + displacement, Rotation.from_rotvec(turn).as_matrix() @ R
+        self.loop.controller.set_goal(PoseGoal(*self.goal, duration_s))
+
+
+def test_a_goal_is_reached_without_slip_and_a_new_one_waits_until_the_pad_rests() -> None:
+    first, second = lambda run: run.give(*PAPER), lambda run: run.give([0.1, 0.3, 0.0], [0.0, 0.0, 0.4], 1.0)
+    run = Run("paper_planar", "governed", 5.0, {5: first, 900: second})
+    assert run.lines == [
+        "goal 1 is planned", "goal 1 moves", "goal 2 waits until the pad is at rest on the path that it is on",
+        "goal 2 is planned", "goal 2 moves", "goal 2 reached",
+    ]  # fmt: skip
+    assert run.slip_m < HELD_M
+    assert run.load <= 1.0 + 1e-9
+    x, R, twist = run.references[-1]
+    assert np.abs(x - run.goal[0]).max() < 1e-9
+    assert np.abs(R - run.goal[1]).max() < 1e-9
+    assert not twist.any()
+    assert run.result.scalars()["goal_progress"] == 1.0
+    assert run.result.record.law.error_linear < 1e-3
+
+
+def test_without_governor_a_new_goal_goes_on_with_the_motion_that_there_is() -> None:
+    first, second = lambda run: run.give(*PAPER), lambda run: run.give([0.1, 0.3, 0.0], [0.0, 0.0, 0.4], 3.0)
+    run = Run("paper_planar", "classical", 3.3, {5: first, 200: second})
+    twists = np.array([twist for _, _, twist in run.references])
+    positions = np.array([x for x, _, _ in run.references])
+    assert np.abs(np.diff(twists, n=2, axis=0)).max() < 1e-4, "acceleration jumps"
+    assert np.abs(np.diff(positions, axis=0) / 1e-3 - twists[:-1, :3]).max() < 5e-3, "twist is not that of the pose"
+    assert run.lines == ["goal 1 moves", "goal 2 moves", "goal 2 reached"]
+    assert np.abs(positions[-1] - run.goal[0]).max() < 1e-9
+
+
+def test_a_goal_that_cannot_be_is_refused_in_one_line_and_the_pad_stays() -> None:
+    heavy = Run(
+        "vertical_plane", "governed", 0.2, {5: lambda run: run.give([0.0, 0.3, 0.15], [0.4, 0.0, 0.0], 0.8)},
+        "controller.governor.margin=0.95",
+    )  # fmt: skip
+    assert heavy.lines[0] == "goal 1 is planned"
+    assert heavy.lines[1].startswith("goal 1 refused: friction cannot carry the object where its path is at 0.800 s: ")
+    assert len(heavy.lines) == 2
+    assert heavy.result.mode == Mode.ACTIVE
+    assert np.abs(heavy.references[-1][0] - heavy.references[0][0]).max() < 1e-9
+
+    fast = Run("paper_planar", "classical", 0.02, {5: lambda run: run.give([0.4, 0.0, 0.0], [0.0] * 3, 0.1)})
+    assert fast.lines == ["goal 1 refused: it asks for 7.50 m/s, the limit is 2.25: give it more time"]
+
+    def hold_then_give(run: Run) -> None:
+        run.loop.controller.request(Request.HOLD)
+
+    late = Run("paper_planar", "classical", 1.1, {5: hold_then_give, 1090: lambda run: run.give(*PAPER)})
+    assert late.lines == ["goal 1 refused: the law is not at work, see controller/mode"]
+
+
+def test_what_is_no_goal_is_refused_with_what_is_expected() -> None:
+    def message(points: int = 1, frame: str = "", quat: float = 1.0, after: float = 1.0, vx: float = 0.0):
+        xyz = SimpleNamespace(x=0.1, y=0.0, z=0.0)
+        pose = SimpleNamespace(translation=xyz, rotation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=quat))
+        zero = SimpleNamespace(x=vx, y=0.0, z=0.0)
+        point = SimpleNamespace(
+            transforms=[pose], velocities=[SimpleNamespace(linear=zero, angular=zero)], accelerations=[],
+            time_from_start=SimpleNamespace(sec=int(after), nanosec=round(1e9 * (after % 1.0))),
+        )  # fmt: skip
+        return SimpleNamespace(
+            points=[point] * points, header=SimpleNamespace(frame_id=frame, stamp=SimpleNamespace(sec=0, nanosec=0))
+        )
+
+    assert pose_goal(message(after=1.5, frame="world"), 2.0).duration_s == 1.5
+    assert pose_goal(message(after=0.0), 2.0).duration_s == 2.0
+    for bad, said in (
+        ({"points": 2}, "one, with pose and time_from_start"), ({"frame": "base"}, "frame_id"),
+        ({"quat": 0.0}, "quaternion"), ({"after": -1.0}, "more than 0"), ({"vx": 0.1}, "a goal is at rest"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=said):
+            pose_goal(message(**bad), 2.0)
+
+
+def test_a_run_with_goals_replays_to_the_last_bit(tmp_path) -> None:
+    for controller in ("governed", "vic"):
+        loaded = load_scenario(
+            "paper_planar", controller=controller,
+            assignments=("controller.trajectory.kind=goal", "bridge.duration_s=0.3", "bridge.friction.mu_s=0.2",
+                         "bridge.friction.mu_k=0.15"),
+        )  # fmt: skip
+        goals = {
+            5: goal_message((-0.1, 0.35, 0.5), (0, 0, 0.9, 0.4), 0.5),
+            200: goal_message((0, 0, 0.4), (0, 0, 1, 0), 0.4),
+        }
+        record_run(tmp_path / controller, loaded, goals=goals)
+        with Bag(tmp_path / controller) as bag:
+            verdict = verify_run(read_run(bag, {}))
+        assert verdict.text() == "identical: 300 cycles, 2100 efforts, to the last bit"

@@ -1,0 +1,98 @@
+"""What went wrong is said: FAULT, a lost object, a path that cannot be followed, saturation; in process."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from slip_core.incidents import KINDS, Incident
+from slip_vic.cli import cli
+from slip_vic.inprocess import run_in_process
+from slip_vic.launcher import RunResult
+from slip_vic.scenario import ControllerKind, load_scenario
+from slip_vic.study.cases import Case
+from slip_vic.study.run_case import run_case
+from slip_vic_controller.incidents import UNREACHABLE_S, IncidentWatch
+from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.safety.reasons import Cause
+
+
+def told(name: str, *assignments: str, kind: ControllerKind = "classical") -> list[Incident]:
+    scenario = load_scenario(name, controller=kind, assignments=assignments)
+    return [incident for tick in run_in_process(scenario) for incident in tick.incidents]
+
+
+def test_a_run_that_goes_well_tells_nothing() -> None:
+    assert told("paper_planar", "bridge.duration_s=1.2") == []
+
+
+def test_a_lost_object_is_told_once() -> None:
+    lost = told("vertical_plane", "bridge.grip.force=1.0", "bridge.duration_s=0.6")
+    assert [incident.kind for incident in lost].count("lost") == 1
+    (grip,) = (i for i in told("paper_planar", "bridge.grip.force=0.0", "bridge.duration_s=0.02") if i.kind == "lost")
+    assert grip.text == "the object is lost: the grip is zero"
+
+
+def test_a_fault_and_a_path_that_is_refused_are_told() -> None:
+    fault = told("glass_transport", "controller.gains.spin=follow", "bridge.duration_s=0.3", kind="vic")[0]
+    assert fault.kind == "fault"
+    assert 0.1 < fault.time_s < 0.3
+    (refused,) = told("vertical_plane", "controller.governor.margin=0.95", "bridge.duration_s=0.3", kind="governed")
+    assert refused.kind == "unreachable"
+    assert "where the path is at 0.800 s" in refused.text
+
+
+def seen(*rows: tuple[float, Mode, int]) -> list[tuple[str, float]]:
+    """Show a watch (time [s], mode, cause) and return kind and time of what it tells."""
+    watch, found = IncidentWatch(), []
+    for time_s, mode, cause in rows:
+        result: Any = SimpleNamespace(
+            mode=mode, reason_key=(int(cause), 0, 0), reason="why", joint=SimpleNamespace(stamp_ns=round(1e9 * time_s))
+        )
+        incident = watch.see(result)
+        found += [] if incident is None else [(incident.kind, incident.time_s)]
+    return found
+
+
+def test_each_kind_is_told_once_and_in_the_time_of_the_run() -> None:
+    active, careful = Mode.ACTIVE, Mode.DEGRADED
+    assert seen((5.0, active, 0), (6.0, careful, Cause.SATURATED), (7.0, careful, Cause.SATURATED)) == [
+        ("saturated", 1.0)
+    ]
+    assert seen((5.0, Mode.FAULT, Cause.ASKED), (6.0, active, 0), (7.0, Mode.FAULT, Cause.ASKED)) == [("fault", 0.0)]
+    assert seen((0.0, Mode.HOLD, Cause.ASKED), (1.0, careful, Cause.PREDICTED)) == []
+
+
+def test_a_path_that_waits_for_the_arm_is_unreachable_only_when_it_waits_long() -> None:
+    waits, late = (Mode.DEGRADED, Cause.PATH_WAITS), 1.01 * UNREACHABLE_S
+    assert seen((0.0, *waits), (late, *waits)) == [("unreachable", pytest.approx(late))]
+    assert seen((0.0, *waits), (1.0, Mode.ACTIVE, 0), (late, *waits), (1.9 * late, *waits)) == []
+
+
+def test_a_study_names_the_outcome() -> None:
+    case = Case("vertical_plane", "ideal", "classical", "none", 0)
+    result = run_case(case, ("bridge.grip.force=1.0", "bridge.duration_s=1.0"))
+    assert result.outcome in ("lost", "fault")
+    assert result.reason.startswith(KINDS[result.outcome])
+    well = run_case(Case("glass_transport", "ideal", "governed", "none", 0), ("bridge.duration_s=1.5",))
+    assert well.outcome == "ok"
+    assert well.metrics["slip_linear_peak_m"] < 1e-7
+    assert 0.7 < well.metrics["arrival_s"] < 1.0
+
+
+def test_run_says_it_and_ends_with_1_unless_it_is_an_experiment(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Launcher:
+        def __init__(self, *_: Any, **__: Any) -> None: ...
+
+        def run(self, _: Any) -> RunResult:
+            lost = Incident("lost", 1.25, "the object is lost: the grip is zero")
+            return RunResult(1, 1.0, 1.0, None, 0, 0, {}, {}, (), (lost,))
+
+    monkeypatch.setattr("slip_vic.launcher.Launcher", Launcher)
+    for words, code in ((["run"], 1), (["run", "--allow-fault"], 0)):
+        done = CliRunner().invoke(cli, words)
+        assert done.exit_code == code, done.output
+        assert "LOST at 1.250 s: the object is lost: the grip is zero\n" in done.output

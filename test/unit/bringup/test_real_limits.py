@@ -1,0 +1,43 @@
+"""Every shipped scenario runs inside the real limits of the arm with every controller; the printed law may not."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import pytest
+
+from slip_description import scenario_names
+from slip_vic.scenario import ControllerKind, load_scenario
+from test.support.limits import asked, shipped
+
+EFFORT_RATE = 1000.0
+"""[N m/s], of such arms."""
+CONTROLLERS = get_args(ControllerKind)
+
+
+def test_no_scenario_raises_a_limit() -> None:
+    for name in scenario_names():
+        for kind in CONTROLLERS:
+            for mode in ("lockstep", "realtime"):
+                loaded = load_scenario(name, controller=kind, mode=mode)
+                limits = loaded.controller.safety.limits
+                assert (limits.effort_rate, limits.velocity_scale) == (EFFORT_RATE, 1.0), (name, kind, mode)
+                assert loaded.bridge.effort_rate == EFFORT_RATE
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_nothing_is_asked_that_the_arm_does_not_have(name: str) -> None:
+    for kind in CONTROLLERS:
+        found = asked(shipped(name, kind))
+        assert found.slope < EFFORT_RATE, kind
+        assert found.velocity < load_scenario(name).controller.safety.limits.velocity_brake, kind
+        assert found.effort < 1.0, kind
+        assert not found.limited, kind
+        assert found.end == "ACTIVE", kind
+
+
+def test_the_printed_law_needs_more_than_the_arm_has_in_two_scenarios() -> None:
+    for name in ("vertical_plane", "glass_transport"):
+        found = asked(shipped(name, "vic", ("controller.gains.spin=follow",)))
+        assert found.limited, name
+        assert found.end.startswith("FAULT"), name

@@ -1,0 +1,46 @@
+"""Series of a run, as the report shows them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slip_bags.reader import Bag
+from slip_bags.writer import BagWriter, WriterOptions
+from slip_vic.report import write_report
+from slip_vic.series import read_series, rotation_angle_about
+
+RECORDED = Path(__file__).parents[3] / "bags" / "paper_planar_vic"
+
+
+def about_z(angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def test_an_angle_goes_on_beyond_a_turn_and_starts_at_zero() -> None:
+    angles = np.linspace(1.0, 9.0, 60)
+    seen = rotation_angle_about(np.array([about_z(angle) for angle in angles]), np.array([0.0, 0.0, 1.0]))
+    assert seen == pytest.approx(angles - 1.0, abs=1e-12)
+
+
+def test_messages_that_a_recorder_missed_leave_series_of_one_length(tmp_path: Path) -> None:
+    whole = read_series(RECORDED)
+    missed = {"/slip_truth": (700,), "/object_state": (300, 301), "/effort_command": (5,), "/controller/scalars": (9,)}
+    with Bag(RECORDED) as bag:
+        writer = BagWriter(tmp_path / "bag", WriterOptions())
+        for info in bag.topics.values():
+            writer.add_topic(info, bag.schema_text(info.name))
+        seen = dict.fromkeys(bag.topics, -1)
+        for message in bag.raw():
+            seen[message.topic] += 1
+            if seen[message.topic] not in missed.get(message.topic, ()):
+                writer.write(*message)
+        writer.close()
+    cut = read_series(tmp_path / "bag")
+    kept = np.setdiff1d(np.arange(len(whole.time)), (300, 301, 700))
+    assert np.array_equal(cut.time, whole.time[kept])
+    assert np.array_equal(cut.slip_displacement, whole.slip_displacement[kept])
+    assert np.array_equal(cut.grasp_position, whole.grasp_position[kept])
+    write_report(tmp_path / "report.png", "cut", {"vic": cut})
+    assert (tmp_path / "report.png").stat().st_size > 50_000

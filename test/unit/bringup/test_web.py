@@ -1,0 +1,162 @@
+"""What the page is made of: the data block, the scripts from other packages, the arm, the series of a recorded run."""
+
+import base64
+import gzip
+import importlib.util
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+from scipy.spatial.transform import Rotation
+
+from slip_core.errors import InputError
+from slip_description import urdf_text
+from slip_vic.metrics import summarise
+from slip_vic.series import read_series
+from slip_vic.web import scripts
+from slip_vic.web.packing import Packer, compressed, unpack
+from slip_vic.web.page import make_page, write_page
+from slip_vic.web.plots import plot_series
+from slip_vic.web.runs import grid, load_ratio, object_size, read_run, thinned
+from slip_vic.web.urdf import links_of
+from slip_vic.web.video import write_video
+from test.support.two_arms import two_arms
+
+BAGS = Path(__file__).parents[3] / "bags"
+FLOAT32 = 1e-6
+
+
+def test_a_block_gives_back_what_was_packed() -> None:
+    packer = Packer()
+    header = {"a": packer.add(np.eye(3)), "n": [1, packer.add(np.arange(5))], "x": packer.add(np.array([np.nan]))}
+    back = unpack(gzip.decompress(base64.b64decode(compressed(packer.pack(header)))))
+    np.testing.assert_array_equal(back["a"], np.eye(3).ravel())
+    assert back["n"][1].tolist() == [0, 1, 2, 3, 4]
+    assert np.isnan(back["x"][0])
+
+
+def test_scripts_are_found_with_their_licences() -> None:
+    three, (uplot, style) = scripts.three(), scripts.uplot()
+    assert "SPDX-License-Identifier: MIT" in three[:200]
+    assert three.count("\n") == 5, "the licence and one line: nothing of the page it comes from"
+    assert "WebGLRenderer" in three
+    assert "var uPlot" in uplot
+    assert ".u-over" in style
+
+
+def test_a_wheel_without_the_script_is_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(scripts, "_folder", lambda _: tmp_path)
+    with pytest.raises(InputError, match=r"script in package trimesh.*requirements\.lock"):
+        scripts.three()
+
+
+def test_links_are_where_pinocchio_has_them() -> None:
+    links, missing = links_of(urdf_text(), Packer())
+    assert missing == []
+    model = pinocchio.buildModelFromXML(urdf_text())
+    data = model.createData()
+    q = np.linspace(-0.8, 0.9, model.nq)
+    pinocchio.framesForwardKinematics(model, data, q)
+    placed: list[tuple[np.ndarray, Rotation]] = []
+    for link in links:
+        position, turn = np.array(link["position"]), Rotation.from_quat(link["quaternion"])
+        if link["joint"]:
+            angle = q[model.joints[model.getJointId(link["joint"])].idx_q]
+            turn = turn * Rotation.from_rotvec(angle * np.array(link["axis"]))
+        if link["parent"] >= 0:
+            base, rotation = placed[link["parent"]]
+            position, turn = base + rotation.apply(position), rotation * turn
+        placed.append((position, turn))
+        frame = data.oMf[model.getFrameId(link["name"])]
+        np.testing.assert_allclose(position, frame.translation, atol=1e-12)
+        np.testing.assert_allclose(turn.as_matrix(), frame.rotation, atol=1e-12)
+
+
+def test_a_mesh_that_is_not_there_is_named() -> None:
+    shape = '<visual><geometry><mesh filename="/no/such.stl"/></geometry></visual>'
+    text = f'<robot name="a"><link name="b">{shape}</link></robot>'
+    links, missing = links_of(text, Packer())
+    assert (links[0]["shapes"], missing) == ([], ["/no/such.stl"])
+
+
+def test_load_ratio_is_one_where_friction_gives_way() -> None:
+    parameters = {
+        "governor.friction_limit": 0.25,
+        "governor.torsional_radius": 0.03,
+        "contacts.slip_axes": [True, True, False, False, False, True],
+    }
+    loads = np.array([[0.15, 0.2, 9.0, 9.0, 9.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0075]])
+    np.testing.assert_allclose(load_ratio(loads, parameters), [1.0, 1.0])
+    assert np.isnan(load_ratio(loads, {})).all()
+
+
+def test_an_object_of_unknown_size_is_the_solid_box_of_its_inertia() -> None:
+    x, y, z, m = 0.1, 0.2, 0.03, 0.7
+    inertia = [m / 12 * (y * y + z * z), m / 12 * (x * x + z * z), m / 12 * (x * x + y * y), 0.0, 0.0, 0.0]
+    np.testing.assert_allclose(object_size({"object.mass": m, "object.inertia": inertia}), (x, y, z))
+    assert object_size({"display.object_size": [1.0, 2.0, 3.0]}) == (1.0, 2.0, 3.0)
+
+
+def test_a_thinned_path_keeps_its_ends() -> None:
+    path = np.stack([np.linspace(0.0, 1.0, 5001), np.zeros(5001), np.zeros(5001)], axis=1)
+    some = thinned(path)
+    assert len(some) < 600
+    assert some[0, 0] == 0.0
+    assert some[-1, 0] == 1.0
+
+
+def test_a_run_is_read_on_the_grid() -> None:
+    bag = BAGS / "paper_planar_vic"
+    series = read_series(bag)
+    times = grid(float(series.time[-1]))
+    run = read_run(bag, "vic", times)
+    (arm,) = run.arms
+    numbers = summarise(series)
+    assert arm.values["slip_mm"][-1] == pytest.approx(1e3 * numbers["slip_linear_m"], abs=1e-9)
+    assert np.nanmax(arm.values["slip_mm"]) <= 1e3 * numbers["slip_linear_peak_m"]
+    assert np.isfinite(arm.joints).all()
+    assert arm.tip == "ee"
+    assert arm.modes[0][1].startswith("ACTIVE")
+
+
+def test_two_arms_are_two_arms_of_one_run(tmp_path: Path) -> None:
+    two_arms(BAGS / "paper_planar_vic", tmp_path / "bag")
+    run = read_run(tmp_path / "bag", "pair", grid(1.0))
+    assert [arm.name for arm in run.arms] == ["left", "right"]
+    assert run.object_pose is not None
+    (_, (slip,)), *_ = plot_series([run])
+    assert [(number, place) for number, place, _ in slip.rows] == [(0, 0), (0, 1)]
+    assert np.isfinite(slip.rows[1][2]).all()
+    _, numbers = make_page({"pair": tmp_path / "bag"}, command="")
+    assert list(numbers) == ["pair left", "pair right"]
+
+
+def test_page_holds_everything_and_fetches_nothing() -> None:
+    text, numbers = make_page({"a <b>": BAGS / "paper_planar_vic"}, command="slip-vic report x", title="t & u")
+    assert "a &lt;b&gt;" in text
+    assert "t &amp; u" in text
+    assert list(numbers) == ["a <b>"]
+    own = text[: text.index("<script>")] + text[text.rindex("<script>") :]
+    assert re.findall(r'(?:src|href)="(?!data:)', own) == []
+    data = re.search(r'id="data">([^<]+)<', text)
+    assert data is not None
+    model = unpack(gzip.decompress(base64.b64decode(data[1])))
+    assert [plot["name"] for plot in model["plots"]][:2] == ["slip_mm", "slip_deg"]
+
+
+def test_video_without_ffmpeg_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(InputError, match=r"--video: got no ffmpeg.*imageio-ffmpeg"):
+        write_video(Path("x.mp4"), {"vic": BAGS / "paper_planar_vic"})
+
+
+@pytest.mark.parametrize(("bag", "words"), [("no_such_bag", "no_such_bag"), ("folder", "metadata.yaml")])
+def test_no_bag_is_one_line_and_no_page(tmp_path: Path, bag: str, words: str) -> None:
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(InputError, match=words):
+        write_page(tmp_path / "page.html", {"x": tmp_path / bag}, command="")
+    assert not (tmp_path / "page.html").exists()

@@ -1,0 +1,256 @@
+"""The friction solver against identities that hold for every input, and against a slow referee."""
+
+from __future__ import annotations
+
+import importlib
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import brentq
+
+from slip_core.errors import InputError
+from slip_core.params import build
+from slip_core.vectors import Vec
+from slip_sim_bridge.friction import law_names
+from slip_sim_bridge.friction.limit_surface import MOST_SUBSTEPS, projection
+from slip_sim_bridge.friction.params import FrictionParams
+from test.support.every import every
+from test.unit.bridge.contact import coulomb, stribeck, upper
+
+ROUNDING = 1e-9  # relative; conditioning of the drawn A up to 1e4 times double rounding, with room
+REFEREE = 1e-9  # relative; the referee's root is bracketed to 1e-14
+UNDERFLOW = 1e-150
+EXAMPLES = settings(max_examples=150, deadline=None, derandomize=True)
+
+
+def finite(low, high):
+    return st.floats(low, high, allow_nan=False, allow_infinity=False)
+
+
+@st.composite
+def compliances(draw):
+    """dt J M^-1 J^T of a free body seen at a point off its centre, plus compliance of whatever holds it."""
+    mass, inertia, dt = draw(finite(0.05, 5.0)), draw(finite(1e-4, 1e-2)), draw(finite(1e-4, 2e-3))
+    x, y = draw(finite(-0.1, 0.1)), draw(finite(-0.1, 0.1))
+    G = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-y, x, 1.0]])
+    return dt * G.T @ np.diag([1 / mass, 1 / mass, 1 / inertia]) @ G
+
+
+@st.composite
+def laws(draw):
+    mu_k = draw(finite(0.05, 1.0))
+    if draw(st.booleans()):
+        return coulomb(mu_k)
+    return stribeck(mu_k + draw(finite(0.0, 0.5)), mu_k, draw(finite(5e-3, 0.2)), draw(finite(0.0, 1.0)))
+
+
+velocities = st.tuples(finite(-0.5, 0.5), finite(-0.5, 0.5), finite(-5.0, 5.0)).map(np.array)
+loads = finite(0.01, 50.0)
+radii = finite(3e-3, 0.1)
+
+
+def scaled(vector, rho):
+    return vector * np.array([1.0, 1.0, rho])
+
+
+def solved(law, v_free, A, normal_force, rho):
+    return law.contact(v_free, A, normal_force, rho=rho)
+
+
+@EXAMPLES
+@given(laws(), velocities, compliances(), loads, radii)
+def test_the_force_explains_the_velocity(law, v_free, A, normal_force, rho):
+    out = solved(law, v_free, A, normal_force, rho)
+    gap = scaled(out.velocity - (v_free + A @ out.force), rho)
+    assert np.abs(gap).max() <= ROUNDING * max(np.linalg.norm(scaled(v_free, rho)), 1e-12)
+
+
+@EXAMPLES
+@given(laws(), velocities, compliances(), loads, radii)
+def test_the_force_is_on_the_limit_surface_in_slip_and_inside_in_stick(law, v_free, A, normal_force, rho):
+    out = solved(law, v_free, A, normal_force, rho)
+    size = np.linalg.norm(out.force / np.array([1.0, 1.0, rho]))
+    limit, _ = law.limit(float(np.linalg.norm(scaled(out.velocity, rho))), normal_force)
+    if out.stick:
+        assert size <= limit * (1.0 + ROUNDING)
+        assert (out.velocity == 0.0).all(), "stick is exact"
+    else:
+        assert size == pytest.approx(limit, rel=ROUNDING)
+
+
+@EXAMPLES
+@given(laws(), velocities, compliances(), loads, radii)
+def test_stick_exactly_where_the_static_limit_holds_the_load(law, v_free, A, normal_force, rho):
+    holding = np.linalg.norm(np.linalg.solve(A, v_free) / np.array([1.0, 1.0, rho]))
+    ratio = holding / law.limit(0.0, normal_force)[0]
+    if abs(ratio - 1.0) > ROUNDING:
+        assert solved(law, v_free, A, normal_force, rho).stick == (ratio < 1.0)
+
+
+@EXAMPLES
+@given(laws(), velocities, compliances(), loads, radii, st.integers(0, 2**32 - 1))
+def test_no_admissible_force_dissipates_more(law, v_free, A, normal_force, rho, seed):
+    out = solved(law, v_free, A, normal_force, rho)
+    speed = float(np.linalg.norm(scaled(out.velocity, rho)))
+    limit, _ = law.limit(speed, normal_force)
+    power = float(out.force @ out.velocity)
+    assert power == pytest.approx(-limit * speed, rel=ROUNDING, abs=1e-15)
+    directions = np.random.default_rng(seed).normal(size=(200, 3))
+    others = limit * directions / np.linalg.norm(directions, axis=1)[:, None] * np.array([1.0, 1.0, rho])
+    assert (others @ out.velocity).min() >= power - ROUNDING * (1.0 + abs(power))
+
+
+@EXAMPLES
+@given(laws(), velocities, compliances(), loads, radii)
+def test_friction_never_adds_kinetic_energy(law, v_free, A, normal_force, rho):
+    out = solved(law, v_free, A, normal_force, rho)
+    before, after = (float(v @ np.linalg.solve(A, v)) for v in (v_free, out.velocity))
+    assert after <= before * (1.0 + ROUNDING)
+
+
+@EXAMPLES
+@given(laws(), velocities, compliances(), loads, radii, finite(-np.pi, np.pi))
+def test_the_choice_of_pad_axes_does_not_matter(law, v_free, A, normal_force, rho, angle):
+    R = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    rotated = solved(law, R @ v_free, R @ A @ R.T, normal_force, rho)
+    straight = solved(law, v_free, A, normal_force, rho)
+    S = np.diag([1.0, 1.0, rho])
+    if law.steepest_fall(normal_force) * np.linalg.eigvalsh(S @ A @ S)[-1] > 0.9 or rotated.stick != straight.stick:
+        return  # several roots, or a load within rounding of the limit
+    size = np.linalg.norm(straight.force / np.array([1.0, 1.0, rho]))
+    # Squares of forces below UNDERFLOW are zero, and so is their norm.
+    assert np.abs((rotated.force - R @ straight.force) / np.array([1.0, 1.0, rho])).max() <= 1e-7 * size + UNDERFLOW
+
+
+def slow_roots(law, v_free, A, normal_force, rho, count=4000):
+    """All speeds that solve the slip equation, by scanning and explicit inverses."""
+    S = np.diag([1.0, 1.0, rho])
+    u_free, A_hat = S @ v_free, S @ A @ S
+
+    def residual(s):
+        F, _ = law.limit(s, normal_force)
+        return np.linalg.norm(np.linalg.inv(s * np.eye(3) + F * A_hat) @ u_free) - 1.0
+
+    top = float(np.linalg.norm(u_free))
+    grid = np.concatenate([np.geomspace(top * 1e-9, top * 1e-3, 60), np.linspace(top * 1e-3, top, count)])
+    values = [residual(s) for s in grid]
+    pairs = zip(itertools.pairwise(grid), itertools.pairwise(values), strict=True)
+    return [brentq(residual, a, b, xtol=1e-16, rtol=1e-14) for (a, b), (ra, rb) in pairs if ra > 0.0 >= rb]
+
+
+def random_slip(seed):
+    """Twist, compliance, normal force and torsional radius of a contact that slips."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(-0.05, 0.05, 2)
+    G = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-y, x, 1.0]])
+    A = 1e-3 * G.T @ np.diag([2.0, 2.0, 500.0]) @ G
+    return rng.normal(size=3) * np.array([0.3, 0.3, 3.0]), A, 10.0 ** rng.uniform(-1, 1), 0.03
+
+
+def test_against_a_slow_referee_that_finds_every_root():
+    law = stribeck(0.5, 0.4, 0.05, 0.05)
+    for seed in range(12):
+        v_free, A, normal_force, rho = random_slip(seed)
+        out = solved(law, v_free, A, normal_force, rho)
+        roots = slow_roots(law, v_free, A, normal_force, rho, count=400)
+        assert not out.stick
+        assert len(roots) == 1
+        assert np.linalg.norm(scaled(out.velocity, rho)) == pytest.approx(roots[0], rel=REFEREE)
+
+
+def test_newton_finds_the_root_in_a_few_evaluations():
+    """Bisection alone, or Newton where its gain is taken for too small, needs more than 30."""
+    calls = []
+
+    def limit(law, speed, normal_force):
+        calls.append(speed)
+        F = normal_force * (0.4 + 0.1 * math.exp(-((speed / 0.05) ** 2)))
+        return F, -normal_force * 0.1 * 2.0 * speed / 0.05**2 * math.exp(-((speed / 0.05) ** 2))
+
+    project = getattr(projection(limit), "py_func", projection(limit))
+    for seed in range(200):
+        v_free, A, normal_force, rho = random_slip(seed)
+        S = np.diag([1.0, 1.0, rho])
+        for scale in (1.0, 30.0, 3000.0):  # the gain is about 1 / |u_free|, far above 1 s/m and far below
+            calls.clear()
+            u_free = Vec(*(scale * S @ v_free).tolist())
+            project(None, u_free, upper(S @ A @ S), scale * normal_force)
+            assert len(calls) <= 9
+
+
+def test_sub_steps_restore_a_unique_root_where_a_whole_step_has_several():
+    law = stribeck(0.6, 0.3, 0.005)
+    A, normal_force, rho = 1e-3 * np.diag([20.0, 20.0, 2e4]), 10.0, 0.03  # a 50 g object in a firm, slippery grip
+    v_free = np.array([0.04, 0.0, 0.0])
+    pieces = law.substeps(A, normal_force, rho)
+    assert pieces > 1
+    fall, stiffness = law.steepest_fall(normal_force), max(20e-3, 20.0 * rho**2)
+    assert fall * stiffness > 1.0, "the whole step breaks the uniqueness condition"
+    assert fall * stiffness / pieces <= 0.5
+
+    def solutions(v_free, A):
+        holding = np.linalg.norm(np.linalg.solve(A, v_free) / np.array([1.0, 1.0, rho]))
+        sticks = holding <= law.limit(0.0, normal_force)[0]
+        return int(sticks) + len(slow_roots(law, v_free, A, normal_force, rho, count=400))
+
+    scales = np.linspace(0.2, 4.0, 20)
+    assert max(solutions(scale * v_free, A) for scale in scales) > 1
+    assert {solutions(scale * v_free, A / pieces) for scale in scales} == {1}
+
+
+def test_sub_steps_are_not_spent_where_the_curve_does_not_fall():
+    A = 1e-3 * np.diag([20.0, 20.0, 2e4])
+    assert coulomb(0.5).substeps(A, 100.0) == 1
+    assert stribeck(0.4, 0.4, 0.01).substeps(A, 100.0) == 1
+    assert stribeck(0.6, 0.3, 0.005).substeps(A, 0.0) == 1
+    assert stribeck(0.6, 0.3, 0.005).substeps(A, 1e6) == MOST_SUBSTEPS
+    assert stribeck(0.6, 0.3, 0.005).substeps(math.nan * A, 1.0) == MOST_SUBSTEPS
+
+
+def test_stribeck_slope_against_differences():
+    law, h, tolerance = stribeck(0.5, 0.4, 0.05, 0.05), 1e-6, 1e-6  # central difference error h^2 F''' / 6
+    for speed in (0.001, 0.02, 0.0353, 0.05, 0.2):
+        slope = (law.limit(speed + h, 2.0)[0] - law.limit(speed - h, 2.0)[0]) / (2 * h)
+        assert law.limit(speed, 2.0)[1] == pytest.approx(slope, abs=tolerance)
+
+
+def test_the_steepest_fall_is_the_minimum_of_the_slope():
+    law = stribeck(0.5, 0.4, 0.05, 0.05)
+    slopes = [law.limit(s, 2.0)[1] for s in np.linspace(0.0, 0.3, 30_001)]
+    assert law.steepest_fall(2.0) == pytest.approx(-min(slopes), rel=1e-7)  # the grid misses the extremum by 5e-6 m/s
+
+
+def test_nothing_moves_nothing_pushes():
+    out = stribeck().contact(np.zeros(3), 1e-3 * np.eye(3), 1.0)
+    assert out.stick
+    assert (out.force == 0.0).all()
+
+
+@every(
+    ("values", "word"),
+    [
+        ({"mu_s": 0.3, "mu_k": 0.4}, "mu_s"),
+        ({"stribeck_velocity": 0.0}, "stribeck_velocity"),
+        ({"torsional_radius": 0.0}, "torsional_radius"),
+        ({"lugre.stiffness": 0.0}, "lugre.stiffness"),
+        ({"lugre.damping": -1.0}, "lugre.damping"),
+        ({"lugre.breakaway_fraction": 1.0}, "lugre.breakaway_fraction"),
+        ({"model": "glue"}, "stribeck"),
+        *(({name: bad}, name) for name in ("mu_s", "mu_k", "viscous") for bad in (-0.1, math.nan, math.inf)),
+    ],
+)
+def test_impossible_laws_are_refused(values, word):
+    with pytest.raises(InputError, match=word):
+        build(FrictionParams, values, "test")
+
+
+def test_every_law_has_what_the_interface_asks_for():
+    for name in law_names():
+        law = importlib.import_module(f"slip_sim_bridge.friction.{name}")
+        assert law.LAYOUT.itemsize > 0
+        assert law.STATEFUL in (True, False)
+        assert all(callable(getattr(law, part)) for part in ("fill", "limit", "steepest_fall", "solve"))

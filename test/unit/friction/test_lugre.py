@@ -1,0 +1,183 @@
+"""Elasto-plastic LuGre bristles: spring below break-away, Stribeck curve in steady sliding, no drift, no blow-up."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from test.support.every import every
+from test.unit.bridge.contact import lugre, stribeck
+from test.unit.bridge.planar_block import PlanarBlock
+
+CURVE = stribeck(0.5, 0.4, 0.05, 0.05)
+# Stiff enough that a 0.5 kg block resonates far above 30 Hz and the bristles feel the load as it is.
+STIFFNESS, DAMPING, ELASTIC = 1e6, 1e3, 0.95
+LAW = lugre(STIFFNESS, DAMPING, ELASTIC)
+NORMAL_FORCE = 3.0
+LIMIT = 0.5 * NORMAL_FORCE
+FULL_STRETCH = LIMIT / STIFFNESS
+DRIFT_M = 1e-9  # 1e-6 mm in 2 s
+BREAK_AWAY = 0.005  # required; one load step is 0.1 %
+STRIBECK = 0.01  # required
+SAME_AS_RIGID = 0.02  # of the slip distance: the bristles' stretch and one first-order step
+ROUNDING = 1e-9  # relative
+
+DIRECTIONS = {"x": (1.0, 0.0, 0.0), "diagonal": (1.0, 1.0, 0.0), "x_and_spin": (1.0, 0.0, 1.0)}
+
+
+def unit(axis, rho=0.03):
+    d = np.array(DIRECTIONS[axis])
+    return d / np.linalg.norm(d) * np.array([1.0, 1.0, rho])
+
+
+def ramped(t, level, seconds=0.5):
+    return level * min(1.0, t / seconds)
+
+
+@every("axis", DIRECTIONS)
+def test_no_drift_at_90_percent_load_with_vibration(axis):
+    """Load up to 70 %, +-20 % at 30 Hz for 2 s: whole periods apart, the pad is where it was."""
+    block = PlanarBlock(LAW, normal_force=NORMAL_FORCE)
+    rest = 800
+    for k in range(rest + 2001):
+        shaking = 0.2 * math.sin(2 * math.pi * 30.0 * (k - rest) * block.dt) if k >= rest else 0.0
+        assert block.step((ramped(k * block.dt, 0.7) + shaking) * LIMIT * unit(axis)).stick
+        if k == rest + 500:  # 15 whole periods: the start of the vibration has died out
+            before = block.slip.copy()
+    scaled = (block.slip - before) * np.array([1.0, 1.0, block.rho])
+    assert np.abs(scaled).max() < DRIFT_M
+
+
+def test_without_an_elastic_range_the_same_load_drifts():
+    """The original LuGre model (no break-away) creeps under vibration; the drift test can see it."""
+    block = PlanarBlock(lugre(STIFFNESS, DAMPING, breakaway_fraction=0.0), normal_force=NORMAL_FORCE)
+    for k in range(2800):
+        shaking = 0.2 * math.sin(2 * math.pi * 30.0 * k * block.dt) if k >= 800 else 0.0
+        block.step((ramped(k * block.dt, 0.7) + shaking) * LIMIT * unit("x"))
+        if k == 1300:
+            before = block.slip[0]
+    assert block.slip[0] - before > 1000 * DRIFT_M
+
+
+@every("axis", DIRECTIONS)
+def test_break_away_at_mu_n(axis):
+    block = PlanarBlock(LAW, normal_force=NORMAL_FORCE)
+    peak = 0.0
+    for k in range(1200):
+        out = block.step(1e-3 * k * LIMIT * unit(axis))
+        peak = max(peak, float(np.linalg.norm(out.force / np.array([1.0, 1.0, block.rho]))))
+        if 1e-3 * k < ELASTIC - BREAK_AWAY:
+            assert out.stick
+    assert peak == pytest.approx(LIMIT, rel=BREAK_AWAY)
+    assert np.linalg.norm(block.slip) > 100 * FULL_STRETCH, "it did break loose"
+
+
+@every("speed", [0.002, 0.02, 0.05, 0.1, 0.3])
+def test_steady_sliding_follows_the_stribeck_curve(speed):
+    block = PlanarBlock(LAW, mass=1e6, inertia=1e6, normal_force=NORMAL_FORCE)
+    for _ in range(200):
+        out = block.step(pad_velocity=-speed * unit("x_and_spin") / np.array([1.0, 1.0, block.rho**2]))
+    force = np.linalg.norm(out.force / np.array([1.0, 1.0, block.rho]))
+    exact = NORMAL_FORCE * (0.4 + 0.1 * math.exp(-((speed / 0.05) ** 2))) + 0.05 * speed
+    assert force == pytest.approx(exact, rel=STRIBECK)
+
+
+def test_below_break_away_it_is_a_spring_that_comes_back():
+    block = PlanarBlock(LAW, normal_force=NORMAL_FORCE)
+    for k in range(2000):
+        block.step(ramped(k * block.dt, 0.8) * LIMIT * unit("x"))
+    assert block.slip[0] == pytest.approx(0.8 * FULL_STRETCH, rel=1e-6)
+    for k in range(2000):
+        block.step((0.8 - ramped(k * block.dt, 0.8)) * LIMIT * unit("x"))
+    assert abs(block.slip[0]) < DRIFT_M
+
+
+def test_slips_as_far_as_rigid_friction():
+    def pulled(law):
+        block = PlanarBlock(law, offset=(0.02, 0.01), normal_force=NORMAL_FORCE)
+        for k in range(400):
+            block.step((2.4 * math.sin(math.pi * k / 400), 0.3, 0.02))
+        for _ in range(1000):
+            block.step()
+        return block.slip * np.array([1.0, 1.0, block.rho])
+
+    rigid = pulled(CURVE)
+    assert np.linalg.norm(pulled(LAW) - rigid) < SAME_AS_RIGID * np.linalg.norm(rigid)
+
+
+vectors = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-5.0, 5.0)).map(np.array)
+stretches = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(vectors, stretches, st.floats(0.01, 20.0), st.floats(1e-5, 1e-1), st.floats(1e3, 1e6), st.floats(0.0, 500.0))
+def test_every_step_is_consistent_and_bounded(v_free, stretch, normal_force, dt, stiffness, damping):
+    law, rho = lugre(stiffness, damping, 0.9), 0.03
+    full = 0.5 * normal_force / stiffness
+    z = tuple(full * c for c in stretch)
+    A = dt * np.array([[2.0, 0.0, -0.5], [0.0, 2.2, 0.9], [-0.5, 0.9, 500.0]])
+    out = law.contact(v_free, A, normal_force, dt, z, rho)
+    S = np.array([1.0, 1.0, rho])
+
+    gap = (out.velocity - (v_free + A @ out.force)) * S
+    assert np.abs(gap).max() <= ROUNDING * (np.linalg.norm(v_free * S) + np.linalg.norm(A @ out.force * S) + 1e-12)
+    turn = dt * out.velocity[2]
+    unturned = np.array(out.state) - turn * np.array([-z[1], z[0], 0.0])
+    assert np.linalg.norm(unturned) <= full * (1.0 + ROUNDING), "the bristles never stretch beyond the static limit"
+    u, z_next = out.velocity * S, unturned
+    start = np.array(z) * min(1.0, full / max(np.linalg.norm(z), 1e-300))
+    plastic = u - (z_next - start) / dt
+    assert plastic @ z_next >= -ROUNDING * (np.linalg.norm(u) + full / dt) * full, "flow only relaxes the bristle"
+    if out.stick:
+        np.testing.assert_allclose(plastic, 0.0, atol=ROUNDING * (np.linalg.norm(u) + full / dt))
+
+
+@every("dt", [1e-4, 1e-3, 1e-2])
+@every("stiffness", [1e3, 1e5, 1e7])
+def test_stable_at_any_stiffness_and_step(stiffness, dt):
+    """A sliding block comes to rest and its bristle energy only decays, with the stiffest bristles and long steps."""
+    block = PlanarBlock(lugre(stiffness, 2 * math.sqrt(stiffness * 0.5)), normal_force=NORMAL_FORCE, dt=dt)
+    block.contact_twist = (0.05, 0.02, 1.0)
+    energies = []
+    for _ in range(max(200, round(0.4 / dt))):
+        out = block.step()
+        stretch = np.array(out.state)
+        energies.append(0.5 * block.twist @ block.M @ block.twist + 0.5 * stiffness * stretch @ stretch)
+    assert all(b <= a * (1.0 + ROUNDING) for a, b in itertools.pairwise(energies))
+    assert energies[-1] < 1e-3 * energies[0]
+
+
+def test_a_loosened_grip_lets_the_bristles_go():
+    strained = (0.9 * FULL_STRETCH, 0.0, 0.0)
+    out = LAW.contact(np.zeros(3), 1e-9 * np.eye(3), NORMAL_FORCE / 2, 1e-3, strained)
+    assert np.linalg.norm(out.state) <= FULL_STRETCH / 2 * (1.0 + ROUNDING)
+
+
+@every(
+    "law",
+    [CURVE, LAW, stribeck(0.0, 0.0), lugre(1e6, 1e3, mu_s=0.0, mu_k=0.0, viscous=0.1)],
+)
+@every("v", [(0.1, 0.0, 2.0), (1e-200, 0.0, 0.0), (1e30, 0.0, 0.0), (math.nan, 0.0, 0.0)])
+def test_no_input_raises_in_the_hot_path(law, v):
+    """No friction at all, underflow, overflow, not a number: the answer is a solution, finite for finite input."""
+    out = law.contact(np.array(v), 1e-3 * np.diag([2.0, 2.0, 500.0]), 1.0)
+    assert np.isfinite(out.force).all() == np.isfinite(v).all()
+
+
+def test_bristles_turn_with_the_object():
+    """A strained bristle keeps its length and its place on the object when the object turns under it."""
+    block = PlanarBlock(lugre(1e3, 0.0), normal_force=NORMAL_FORCE, dt=1e-4)
+    block.state = (0.5e-3, 0.0, 0.0)
+    angle = 0.0
+    for _ in range(1000):
+        out = block.law.contact(np.array([0.0, 0.0, 1.0]), 1e-9 * np.eye(3), NORMAL_FORCE, block.dt, block.state)
+        block.state = (*out.state[:2], 0.0)
+        angle += block.dt
+    np.testing.assert_allclose(
+        block.state[:2], 0.5e-3 * np.array([math.cos(angle), math.sin(angle)]), rtol=1e-3
+    )  # explicit Euler of the turn: dt * angle / 2

@@ -1,0 +1,155 @@
+"""What drivers give in other forms is the same to the controller: wrench, gravity, joints, slip."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
+
+from slip_core.errors import InputError
+from slip_core.records import new, place
+from slip_core.types import DisplacementSample, EffortCommand, WrenchSample
+from slip_msgs_py.messages.from_msgs import JointOrder, joint_samples, slip_flag
+from slip_msgs_py.messages.to_msgs import joint_state
+from slip_sim_bridge.sensors.slip_kinds import pose_of
+from slip_vic.inprocess import ClosedLoop
+from slip_vic.scenario import Scenario, load_scenario
+from slip_vic_controller.cycle import INPUTS
+from slip_vic_controller.law.arm import ARM as ARM_LAYOUT
+from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.session import Controller
+from slip_vic_controller.slip_displacement import SlipFromDisplacement
+from test.support.made_up import LOAD, MadeUp
+
+TICKS = 40
+ROUNDING = 1e-9
+"""Efforts of some 10 N m, one more rotation of the wrench on their way [N m]."""
+ARM, _ROTATION = new(INPUTS)[place(INPUTS, "arm")], place(ARM_LAYOUT, "rotation")
+PLACE, RPY = (0.01, -0.02, 0.05), (0.3, -0.2, 0.5)
+TOOL, COM = 0.12, (0.0, 0.01, 0.04)
+
+
+def scenario(*assignments: str, ticks: int = TICKS, name: str = "vertical_plane") -> Scenario:
+    return load_scenario(name, assignments=(f"bridge.duration_s={ticks / 1000}", *assignments))
+
+
+def efforts(loaded: Scenario, wrench=lambda sample, R: sample, command=lambda loop, result: result.command):
+    """Run a scenario; `wrench` stands for another sensor, `command` for other drives."""
+    loop, found = ClosedLoop(loaded), []
+    while not loop.bridge.finished:
+        outputs = loop.observe()
+        loop.controller.controller.robot.terms(outputs.joint.position, outputs.joint.velocity, ARM)
+        R = ARM[_ROTATION].reshape(3, 3)
+        wrenches = tuple(wrench(sample, R) for sample in outputs.wrenches[0])
+        result = loop.control(outputs._replace(wrenches=(wrenches,)))
+        answer = command(loop, result)
+        found.append(np.array(answer.effort))
+        loop.bridge.advance(answer)
+    return np.array(found)
+
+
+def test_a_wrench_sensor_elsewhere_with_the_other_sign_other_units_and_a_tool_gives_the_same_efforts() -> None:
+    R_s = Rotation.from_euler("xyz", RPY).as_matrix()
+
+    def elsewhere(sample: WrenchSample, R_ee: np.ndarray) -> WrenchSample:
+        """What such a sensor measures: contact and tool, at its own origin, on its own axes, in g and kg cm."""
+        force, torque = sample.wrench[:3], sample.wrench[3:]
+        weight = TOOL * (R_ee.T @ [0.0, 0.0, -9.81])
+        force, torque = force + weight, torque + np.cross(COM, weight)
+        torque = torque - np.cross(PLACE, force)
+        six = np.concatenate((R_s.T @ force / 9.80665e-3, R_s.T @ torque / 9.80665e-2))
+        return WrenchSample(sample.stamp_ns, -six)
+
+    there = scenario(
+        f"controller.wrench.position={list(PLACE)}", f"controller.wrench.rpy={list(RPY)}", "controller.wrench.sign=-1",
+        "controller.wrench.force_scale=9.80665e-3", "controller.wrench.torque_scale=9.80665e-2",
+        f"controller.wrench.tool_mass={TOOL}", f"controller.wrench.tool_com={list(COM)}",
+    )  # fmt: skip
+    assert np.abs(efforts(there, elsewhere) - efforts(scenario())).max() < ROUNDING
+
+
+def test_a_link_of_the_urdf_says_where_the_sensor_is_and_nothing_else_may() -> None:
+    urdf = scenario().urdf.replace(
+        "</robot>",
+        '<link name="netft_link"/><joint name="netft_mount" type="fixed"><parent link="ee"/><child link="netft_link"/>'
+        '<origin xyz="0.01 -0.02 0.05" rpy="0.3 -0.2 0.5"/></joint></robot>',
+    )
+    by_link = scenario("controller.wrench.frame=netft_link").controller
+    by_numbers = scenario(f"controller.wrench.position={list(PLACE)}", f"controller.wrench.rpy={list(RPY)}").controller
+    of_link, of_numbers = (Controller(p, urdf, lockstep=True).config for p in (by_link, by_numbers))
+    assert np.abs(of_link - of_numbers)[np.isfinite(of_link)].max() < 1e-12
+    twice = scenario("controller.wrench.frame=netft_link", f"controller.wrench.position={list(PLACE)}").controller
+    with pytest.raises(InputError, match="netft_link is a link of the URDF"):
+        Controller(twice, urdf, lockstep=True)
+    with pytest.raises(InputError, match="a link that is fixed to ee"):
+        Controller(scenario("controller.wrench.frame=arm_link3").controller, urdf, lockstep=True)
+
+
+def test_a_wrench_that_stays_exactly_zero_is_not_no_load() -> None:
+    made = MadeUp(wrench__zero_after=5)
+    made.noise = np.zeros  # to the last bit
+    assert made.cycle().mode == Mode.ACTIVE
+    modes = [made.cycle(wrench=_ZERO).mode for _ in range(8)]
+    assert modes[:4] == [Mode.ACTIVE] * 4
+    assert modes[4:] == [Mode.HOLD] * 4
+    assert made.session.reason == "wrench is invalid"
+    assert MadeUp(wrench__zero_after=0).cycle(wrench=_ZERO).mode == Mode.ACTIVE
+    assert made.cycle(wrench=LOAD).mode == Mode.HOLD, "it must be good for a while first"
+    assert "wrench is invalid" in made.session.reason
+
+
+def test_an_arm_that_carries_its_own_weight_moves_as_one_that_does_not() -> None:
+    def with_gravity(loop: ClosedLoop, result) -> EffortCommand:
+        g = loop.controller.controller.robot.gravity(result.joint.position)
+        return EffortCommand(result.command.stamp_ns, result.command.effort + g)
+
+    own = scenario("controller.effort.gravity=robot_compensates")
+    assert np.abs(efforts(own, command=with_gravity) - efforts(scenario())).max() < ROUNDING
+
+
+def test_joints_that_nobody_asked_for_are_ignored() -> None:
+    order = JointOrder(("a", "b"))
+    message = joint_state(0, ("finger", "b", "a", "wheel"), (9.0, 2.0, 1.0, 9.0), (9.0, 0.2, 0.1, 9.0), ())
+    sample = joint_samples(message, order)(7, *map(np.array, (message.position, message.velocity, message.effort)))
+    assert sample.position.tolist() == [1.0, 2.0]
+    assert sample.velocity.tolist() == [0.1, 0.2]
+    assert sample.effort.tolist() == [0.0, 0.0]
+
+
+def test_unknown_is_not_no_slip() -> None:
+    for flags, twist, valid in (
+        ([0.0], 0.0, True), ([1.0], 1.0, True), ([0.0, np.nan, 1.0], 1.0, True), ([np.nan, 0.0], 0.0, True),
+        ([np.nan, np.nan], 0.0, False), ([], 0.0, False),
+    ):  # fmt: skip
+        sample = slip_flag(3, np.array(flags))
+        assert (sample.valid, set(sample.twist.tolist())) == (valid, {twist}), flags
+
+
+def test_a_flag_and_an_observer_do_not_go_together() -> None:
+    with pytest.raises(InputError, match="slip_estimator observer needs slip velocities"):
+        scenario("slip_input=flag", "controller.slip_estimator=observer")
+
+
+def test_displacements_give_the_slip_velocity_that_they_are_the_integral_of() -> None:
+    """A screw motion of the pad on the object: constant slip velocity on pad axes."""
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        v, w, dt = rng.normal(size=3), rng.normal(size=3), 1e-3
+        made, screw = SlipFromDisplacement(), np.zeros((4, 4))
+        screw[:3, :3], screw[:3, 3] = np.cross(np.eye(3), w), v
+        for tick in range(4):
+            moved = expm(screw * dt * tick)
+            turned = Rotation.from_matrix(moved[:3, :3]).as_rotvec()
+            slip = made(DisplacementSample(round(1e9 * dt * tick), pose_of(np.concatenate((moved[:3, 3], turned)))))
+            if tick == 0:
+                assert slip is None
+            else:
+                assert slip.stamp_ns == round(1e9 * dt * (tick - 0.5))
+                assert np.abs(slip.twist - [*v, *w]).max() < 1e-6  # of second order in dt
+    invalid = made(DisplacementSample(10, np.full(7, np.nan), valid=False))
+    assert not invalid.valid
+    assert made(DisplacementSample(20, pose_of(np.zeros(6)))) is None, "no velocity over a gap"
+
+
+_ZERO = np.zeros(6)

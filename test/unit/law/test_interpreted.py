@@ -1,0 +1,64 @@
+"""The law interpreted and compiled: what is read is what runs, to the last bit."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).parents[3]
+CODE = "from test.unit.law.test_interpreted import digests; print(*digests())"
+
+
+def digests() -> list[str]:
+    """Return what the bytes of each result come to: law and symbols, observer's motion, slip, ramp, references."""
+    from slip_core.params import build
+    from slip_core.records import record
+    from slip_vic_controller.law.bounds import held_sample_limit
+    from slip_vic_controller.law.gains import RAMP, make_law_gains, make_ramp
+    from slip_vic_controller.params import ControllerParams, TrajectoryParams
+    from slip_vic_controller.reference.paths import make_path
+    from test.support import law_kernels as run
+    from test.support.law_cases import PI, random_case
+
+    found = {name: hashlib.sha256() for name in ("law", "symbols", "motion", "slips", "ramp", "reference", "limit")}
+    for seed in range(24):
+        case = random_case(
+            seed, joints=3 + seed % 5, contacts=1 + seed % 3, attitude=seed % 2, angle=(None, PI - 0.1, 0.0)[seed % 3],
+            observed=seed % 4 == 0, spin_limit=(np.inf, 1.0)[seed % 2], length=(1.0, 0.03)[seed % 2],
+        )  # fmt: skip
+        case.move_slips(0.001)
+        found["slips"].update(case.buffers[4].tobytes())
+        found["law"].update(case.evaluate().tobytes())
+        found["symbols"].update(np.array(list(case.symbols().values())).tobytes())
+        found["motion"].update(case.motion(case.v_s)[1].tobytes())
+    stiff = {"gains.stiffness": (20.0,) * 6, "gains.damping": (5.0,) * 6, "object.mass": 0.8}
+    start, target = (make_law_gains(build(ControllerParams, values, "test"), 900.0) for values in ({}, stiff))
+    ramp = make_ramp(start, target, 0, 0.2)
+    for share in (0.0, 0.1, 0.37, 0.9, 1.0):
+        found["ramp"].update(run.gains_now(ramp, round(share * record(ramp, RAMP).duration_ns)).tobytes())
+    for values in (
+        {"kind": "hold"},
+        {"kind": "quintic", "displacement": (0.4, 0.3, -0.1), "rotation": (0.2, -0.5, 0.8)},
+        {"kind": "waypoints", "waypoints": (0.1, 0.0, 0.05, 0.0, 0.2, 0.0, 0.2, -0.1, 0.0, 0.3, 0.2, -0.4)},
+        {"kind": "circle", "duration_s": 6.0, "rotation": (0.0, 0.1, 0.4)},
+        {"kind": "lemniscate", "duration_s": 6.0, "plane": "zx"},
+    ):
+        path = make_path(build(TrajectoryParams, values, "test"))
+        for t in np.linspace(-0.1, 6.1, 23):
+            found["reference"].update(run.reference_at(path, t, np.array([0.5, -0.2, 0.3]), np.eye(3)).tobytes())
+    limits = [held_sample_limit(held, delay) for held in (1, 2, 9, 17) for delay in range(12)]
+    found["limit"].update(np.array(limits).tobytes())
+    return [f"{name}:{digest.hexdigest()[:16]}" for name, digest in found.items()]
+
+
+def test_interpreted_and_compiled_give_equal_bits() -> None:
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
+    code = "import sys, types; package = types.ModuleType('test'); package.__path__ = [%r]; " % str(ROOT / "test")  # noqa: UP031
+    code += "sys.modules['test'] = package; " + CODE  # the standard library has a package of this name too
+    run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, cwd=ROOT)
+    assert run.stdout.split() == digests(), run.stderr

@@ -1,0 +1,140 @@
+"""The controller after a failure of its own, and with the stamps at the ends of what a message can hold."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slip_core.types import JointSample, SlipSample, WrenchSample
+from slip_msgs_py.last_resort import LOUD_VARIABLE, LastResort
+from slip_vic.scenario import load_scenario
+from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.session import Controller, ControllerSession
+
+MS = 1_000_000
+LARGEST_NS, SMALLEST_NS = (2**31 - 1) * 1_000_000_000 + 999_999_999, -(2**31) * 1_000_000_000
+
+
+@pytest.fixture(scope="module")
+def controller() -> Controller:
+    scenario = load_scenario("paper_planar", mode="realtime")
+    return Controller(scenario.controller, scenario.urdf, lockstep=False)
+
+
+HOME = np.array(load_scenario("paper_planar").bridge.initial_position)
+
+
+def feed(session: ControllerSession, stamp_ns: int, now_ns: int) -> Any:
+    """Give one set of inputs of a resting arm; return the answer."""
+    rest = np.zeros(7)
+    session.add_wrench(0, WrenchSample(stamp_ns, np.array([1e-3 * (stamp_ns % 7), 0.0, 4.9, 0.0, 0.0, 0.0])), now_ns)
+    session.add_slip(0, SlipSample(stamp_ns, np.zeros(6), valid=True), now_ns)
+    session.add_joint(JointSample(stamp_ns, HOME, rest, rest), now_ns)
+    return session.cycle(now_ns)
+
+
+def test_a_failure_is_a_fault_whose_efforts_go_on_until_somebody_resets_it(controller: Controller) -> None:
+    session = ControllerSession(controller)
+    for k in range(1, 50):
+        before = feed(session, k * MS, k * MS)
+    assert session.mode == Mode.ACTIVE
+    result = session.failed(50 * MS)
+    assert result is not None
+    assert result.mode == Mode.FAULT
+    assert "the controller itself failed" in result.reason
+    assert result.decision[4] == Request.FAILED  # in the ledger, so that a replay does the same
+    step = controller.params.safety.limits.effort_rate * 1e-3
+    assert np.abs(result.command.effort - before.command.effort).max() <= step + 1e-12
+    after = feed(session, 51 * MS, 51 * MS)
+    assert after.mode == Mode.FAULT
+    assert len(after.command.effort) == 7
+    session.request(Request.RESET_FAULT)
+    assert feed(session, 52 * MS, 52 * MS).mode == Mode.HOLD
+    session.request(Request.ENABLE)
+    assert feed(session, 53 * MS, 53 * MS).mode.follows
+
+
+def test_a_failure_before_the_law_gives_no_effort_and_the_next_cycle_is_a_fault(controller: Controller) -> None:
+    session = ControllerSession(controller)
+    assert session.failed(MS) is None
+    assert feed(session, 2 * MS, 2 * MS).mode == Mode.FAULT
+
+
+def test_stamps_at_the_ends_of_their_range_leave_the_efforts_finite(controller: Controller) -> None:
+    """In real time and in lockstep, where every jump of the clock is taken at once."""
+    stamps = (LARGEST_NS - 2 * MS, LARGEST_NS, SMALLEST_NS, SMALLEST_NS + 1, 0, LARGEST_NS, -1, 1, LARGEST_NS - 1)
+    lockstep = Controller(controller.params, load_scenario("paper_planar").urdf, lockstep=True)
+    for of in (controller, lockstep):
+        session, now_ns = ControllerSession(of), 0
+        for stamp_ns in stamps * 3:
+            for k in range(7):  # more than `accept_after`
+                now_ns += MS
+                session.add_manifest(_Any())  # type: ignore[arg-type]
+                result = feed(session, min(stamp_ns + k, LARGEST_NS), now_ns)
+                assert result is None or np.isfinite(result.command.effort).all()
+
+
+class _Any:
+    """A manifest that every set of samples fits."""
+
+    def __getattr__(self, _name: str) -> Any:
+        return _Equal()
+
+
+class _Equal:
+    __hash__ = None  # type: ignore[assignment]
+
+    def __eq__(self, _other: object) -> bool:
+        return True
+
+
+class Rclpy:
+    """Stands for rclpy's node: hands back the callbacks."""
+
+    def create_subscription(self, _type: Any, _topic: str, callback: Any, *_rest: Any, **_options: Any) -> Any:
+        return callback
+
+    def create_timer(self, _period: float, callback: Any, *_rest: Any, **_options: Any) -> Any:
+        self.timers = [callback]
+        return callback
+
+    def create_service(self, _type: Any, _name: str, callback: Any, *_rest: Any, **_options: Any) -> Any:
+        return callback
+
+
+class Node(LastResort, Rclpy):
+    def __init__(self) -> None:
+        self.failures: list[str] = []
+
+    def on_failure(self, what: str, error: Exception) -> None:
+        self.failures.append(f"{what}: {error!r}")
+
+
+def fails(*_arguments: Any) -> None:
+    raise ZeroDivisionError
+
+
+def test_no_exception_leaves_a_callback_unless_tests_want_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    node = Node()
+    take, tick = node.create_subscription(None, "t", fails), node.create_timer(1.0, fails)
+    answer = node.create_service(None, "s", fails)
+    monkeypatch.setenv(LOUD_VARIABLE, "0")
+    take("message")
+    tick()
+    assert answer("request", "response") == "response"
+    assert node.failures == [f"{what}: ZeroDivisionError()" for what in ("topic t", "a timer", "service s")]
+    monkeypatch.setenv(LOUD_VARIABLE, "1")
+    for call in (lambda: take("message"), tick, lambda: answer("request", "response")):
+        with pytest.raises(ZeroDivisionError):
+            call()
+
+
+def test_a_timer_that_was_due_when_it_was_destroyed_is_not_run() -> None:
+    node, calls = Node(), []
+    tick = node.create_timer(1.0, lambda: calls.append(1))
+    tick()
+    node.timers.clear()
+    tick()
+    assert calls == [1]

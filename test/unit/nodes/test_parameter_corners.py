@@ -1,0 +1,119 @@
+"""Every number a parameter may have leaves the loop finite; what it may not have is refused in one line."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slip_core.errors import InputError
+from slip_core.params import RANGES, ParameterInfo, build, flatten, parameter_infos
+from slip_sim_bridge.session import BridgeSession
+from slip_vic.scenario import load_scenario
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.session import Controller, ControllerSession, Manifest
+
+CYCLES, DRAWS = 50, 200
+HOSTILE = (5e-324, 1e-300, 1e300, -1e300)
+NUMBERS = [info for info in parameter_infos(ControllerNodeParams) if "float" in str(info.kind)]
+SET_UPS = {
+    "observer, circle": {"slip_estimator": "observer", "trajectory.kind": "circle"},
+    "measured, quintic": {
+        "attitude": "rpy",
+        "trajectory.kind": "quintic",
+        "trajectory.displacement": [0.05, 0.0, 0.02],
+    },
+}
+
+
+def corners(info: ParameterInfo) -> Iterator[float]:
+    """Yield the ends of a parameter's range, and what is far out of it."""
+    bounds, (smallest, largest) = info.bounds, RANGES[info.unit]
+    yield bounds["ge"] if "ge" in bounds else math.nextafter(bounds["gt"], math.inf) if "gt" in bounds else smallest
+    yield bounds["le"] if "le" in bounds else math.nextafter(bounds["lt"], -math.inf) if "lt" in bounds else largest
+    yield 0.0
+    yield from HOSTILE
+
+
+def with_value(info: ParameterInfo, value: float) -> Any:
+    """Return the parameter with every number of it replaced."""
+    if info.kind is float:
+        return value
+    return [value] * (len(info.default) or 7)
+
+
+@pytest.fixture(scope="module")
+def bridge() -> tuple[Any, BridgeSession]:
+    scenario = load_scenario("paper_planar")
+    return scenario, BridgeSession(scenario.bridge, scenario.urdf)
+
+
+def run_loop(bridge: BridgeSession, controller: Controller) -> None:
+    """Close the loop from the start on, and look at every effort."""
+    session = ControllerSession(controller)
+    bridge.request_reset()
+    counts = np.zeros(2, np.int64)
+    for _ in range(CYCLES):
+        tick = bridge.observe()
+        for wrench in tick.wrenches[0]:
+            session.add_wrench(0, wrench)
+        for slip in tick.slips[0]:
+            session.add_slip(0, slip)
+        session.add_joint(tick.joint)
+        counts += len(tick.wrenches[0]), len(tick.slips[0])
+        session.add_manifest(Manifest(tick.tick, tick.stamp_ns, (int(counts[0]),), (int(counts[1]),)))
+        result = session.cycle()
+        assert result is not None
+        effort = result.command.effort
+        assert np.isfinite(effort).all()
+        assert (np.abs(effort) <= controller.robot.effort_limit[: len(effort)]).all()
+        bridge.advance(result.command)
+
+
+def outcome(values: dict[str, Any], scenario: Any, bridge: BridgeSession) -> str:
+    """Return "refused", "ran", or what went wrong."""
+    try:
+        controller = Controller(build(ControllerNodeParams, values, "test"), scenario.urdf, lockstep=True)
+    except InputError as error:  # not always of the parameter itself: some must fit to others
+        return "refused" if "\n" not in str(error) and ", expected " in str(error) else f"unclear: {error}"
+    except Exception as error:
+        return repr(error)
+    try:
+        run_loop(bridge, controller)
+    except Exception as error:
+        return repr(error)
+    return "ran"
+
+
+@pytest.mark.parametrize("name", SET_UPS)
+def test_a_corner_is_refused_in_one_line_or_the_loop_stays_finite(name: str, bridge: tuple[Any, BridgeSession]) -> None:
+    scenario, session = bridge
+    base = {**flatten(scenario.controller), **SET_UPS[name]}
+    outcomes = {
+        (info.name, value): outcome({**base, info.name: with_value(info, value)}, scenario, session)
+        for info in NUMBERS
+        for value in corners(info)
+    }
+    assert not {key: text for key, text in outcomes.items() if text not in ("ran", "refused")}
+    counts = Counter(outcomes.values())
+    assert counts["ran"] > len(NUMBERS)
+    assert counts["refused"] > 2 * len(NUMBERS)
+
+
+def test_many_corners_at_once_leave_the_loop_finite(bridge: tuple[Any, BridgeSession]) -> None:
+    """Each number at an end of its range now and then; products of extremes."""
+    scenario, session = bridge
+    rng, found = random.Random(16), Counter[str]()
+    for k in range(DRAWS):
+        values = {**flatten(scenario.controller), **list(SET_UPS.values())[k % 2], "safety.auto_enable": True}
+        for info in NUMBERS:
+            if rng.random() < 0.02:
+                values[info.name] = with_value(info, rng.choice(list(corners(info))[:2]))
+        found[outcome(values, scenario, session)] += 1
+    assert set(found) <= {"ran", "refused"}, found
+    assert found["ran"] > 0

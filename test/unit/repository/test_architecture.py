@@ -1,0 +1,163 @@
+"""The import arrows between packages, held on the source text: whatever is not listed is forbidden."""
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+from test.support.every import every
+
+SRC = Path(__file__).parents[3] / "src"
+ROS = {"rclpy", "rcl_interfaces", "std_srvs", "lifecycle_msgs"} | {
+    f"{m}_msgs" for m in ("std", "geometry", "sensor", "nav", "diagnostic", "rosgraph", "trajectory")
+} | {"builtin_interfaces"}  # fmt: skip
+NUMERIC = {"numpy", "yaml", "pydantic"}
+BAG_LIBRARIES = {"numpy", "yaml", "click", "rich", "mcap", "mcap_ros2", "zstandard", "lz4", "pandas"}
+SHELLS = {"slip_core", "slip_msgs_py"} | NUMERIC | ROS
+ROOMS = {"slip_core", "slip_msgs_py", "slip_description", "slip_vic_controller", "slip_sim_bridge", "slip_bags"}
+TOOLS = {"click", "rich", "matplotlib", "psutil", "scipy"}
+
+# Longest prefix wins. Each value: what a module may import besides the standard library and its own package.
+# Every key is a module that exists, and every module is below a key of its own package.
+ALLOWED = {
+    "slip_core": NUMERIC,
+    "slip_core.compiled": {"numba"},  # with the next three the only files that know the compiler
+    "slip_core.part_compiler": {"numba"},
+    "slip_core.records": {"numpy", "numba"},
+    "slip_core.vectors": {"numba"},
+    "slip_msgs_py": {"numpy", "slip_core"} | ROS,
+    "slip_description": set(),
+    "slip_vic_controller": SHELLS,
+    "slip_vic_controller.arrival": {"numpy", "slip_core"},
+    "slip_vic_controller.config": {"numpy", "slip_core"},
+    "slip_vic_controller.cycle": {"numpy", "slip_core"},
+    "slip_vic_controller.governing": {"slip_core"},
+    "slip_vic_controller.interfaces": {"numpy", "scipy", "slip_core"},
+    "slip_vic_controller.law": {"numpy", "slip_core"},
+    "slip_vic_controller.observer": {"numpy", "scipy", "slip_core"},
+    "slip_vic_controller.reference": {"numpy", "scipy", "slip_core"},
+    "slip_vic_controller.robot": {"numpy", "pinocchio", "slip_core"},
+    "slip_vic_controller.safety": {"numpy", "slip_core"},
+    "slip_vic_controller.session": {"numpy", "slip_core"},
+    "slip_vic_controller.slip_displacement": {"numpy", "slip_core"},
+    "slip_vic_controller.snapshot": {"numpy", "slip_core"},
+    "slip_vic_controller.team": {"numpy", "slip_core"},
+    "slip_vic_controller.team.main": {"slip_msgs_py"},
+    "slip_vic_controller.team.node": SHELLS,
+    "slip_sim_bridge": SHELLS,
+    "slip_sim_bridge.friction": {"numpy", "pydantic", "slip_core"},
+    "slip_sim_bridge.plant": {"numpy", "mujoco", "slip_core"},  # no other file knows MuJoCo
+    "slip_sim_bridge.sensors": {"numpy", "pydantic", "slip_core"},
+    "slip_bags": {"slip_core", "slip_msgs_py"} | BAG_LIBRARIES | ROS,
+    "slip_vic": ROOMS | NUMERIC | TOOLS | ROS,
+    "slip_vic.web": ROOMS | NUMERIC | {"click", "scipy", "trimesh", "websockets"} | ROS,
+    "slip_vic.study.tune.search": ROOMS | NUMERIC | {"optuna"},
+}
+SHARED = {"slip_vic_controller.sizes", "slip_vic_controller.params"}
+CYCLE = {
+    f"slip_vic_controller.{part}" for part in ("law", "observer", "reference", "safety", "parameters.safety_params")
+} | SHARED
+OWN = {  # layers inside a package: what of the own package a part may import
+    "slip_core.compiled": {"slip_core.errors", "slip_core.part_compiler"},
+    "slip_core.part_compiler": set(),
+    "slip_core.records": {"slip_core.arrays"},
+    "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},
+    "slip_vic_controller.arrival": CYCLE | {"slip_vic_controller.cycle"},
+    "slip_vic_controller.config": CYCLE
+    | {f"slip_vic_controller.{part}" for part in ("cycle", "parameters.interface_params", "interfaces", "robot")},
+    "slip_vic_controller.cycle": CYCLE | {"slip_vic_controller.governing", "slip_vic_controller.interfaces"},
+    "slip_vic_controller.governing": {
+        f"slip_vic_controller.{part}" for part in ("reference", "law.contact", "law.internal")
+    },
+    "slip_vic_controller.interfaces": {"slip_vic_controller.robot", *SHARED},
+    "slip_vic_controller.law": {"slip_vic_controller.law", *SHARED},
+    "slip_vic_controller.observer": {"slip_vic_controller.observer", *SHARED},
+    "slip_vic_controller.reference": {"slip_vic_controller.reference", "slip_vic_controller.law.rotation", *SHARED},
+    "slip_vic_controller.robot": {"slip_vic_controller.law.arm", *SHARED},
+    "slip_vic_controller.safety": {"slip_vic_controller.safety", "slip_vic_controller.reference.path_scaling", *SHARED},
+    "slip_vic_controller.session": CYCLE
+    | {
+        f"slip_vic_controller.{part}"
+        for part in ("arrival", "config", "cycle", "governing", "robot", "slip_displacement")
+    },
+    "slip_vic_controller.slip_displacement": {"slip_vic_controller.law.rotation"},
+    "slip_vic_controller.snapshot": {"slip_vic_controller.cycle", "slip_vic_controller.observer"},
+    "slip_vic_controller.team": CYCLE
+    | {f"slip_vic_controller.{part}" for part in ("arrival", "cycle", "session", "team")},
+    "slip_vic_controller.team.main": {"slip_vic_controller.team.node"},
+    "slip_vic_controller.team.node": {"slip_vic_controller"},
+    "slip_sim_bridge.friction": {"slip_sim_bridge.friction"},
+    "slip_sim_bridge.plant": {f"slip_sim_bridge.{part}" for part in ("plant", "friction", "params", "pair.params")},
+    "slip_sim_bridge.sensors": {"slip_sim_bridge.sensors", "slip_sim_bridge.params"},
+}
+
+
+def imports(tree: ast.AST) -> set[str]:
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "relative imports hide the arrows"
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return found
+
+
+def rule_of(module: str) -> str:
+    """Return the longest key of ALLOWED that covers a module, "" where there is none."""
+    return max((key for key in ALLOWED if f"{module}.".startswith(f"{key}.")), key=len, default="")
+
+
+def violations(module: str, text: str) -> list[str]:
+    rule = rule_of(module)
+    allowed = ALLOWED[rule] | OWN.get(rule, {module.partition(".")[0]})
+    return [
+        name
+        for name in sorted(imports(ast.parse(text)))
+        if name.partition(".")[0] not in sys.stdlib_module_names
+        and not any(f"{name}.".startswith(f"{one}.") for one in allowed)
+    ]
+
+
+def modules() -> list[tuple[str, Path]]:
+    result = []
+    for path in sorted(SRC.glob("*/*/**/*.py")):
+        package, *parts = path.relative_to(SRC).with_suffix("").parts
+        if package != parts[0]:
+            continue  # launch files: read by ros2 launch, imported by nobody
+        result.append((".".join(parts[:-1] if parts[-1] == "__init__" else parts), path))
+    return result
+
+
+def test_every_listed_module_exists() -> None:
+    known = {module for module, _ in modules()}
+    listed = set(ALLOWED) | set(OWN).union(*OWN.values())
+    assert listed - known == set()
+
+
+def test_every_module_is_covered() -> None:
+    assert [module for module, _ in modules() if not rule_of(module)] == []
+
+
+@every("module, path", modules())
+def test_module_imports_only_what_its_layer_may(module: str, path: Path) -> None:
+    assert violations(module, path.read_text()) == []
+
+
+@pytest.mark.parametrize(
+    ("module", "text"),
+    [
+        ("slip_vic_controller.law.law", "import rclpy"),
+        ("slip_vic_controller.cycle", "import pinocchio"),
+        ("slip_vic_controller.node", "from slip_sim_bridge import friction"),
+        ("slip_sim_bridge.node", "import slip_vic_controller"),
+        ("slip_sim_bridge.friction.lugre", "from slip_msgs_py import qos"),
+        ("slip_sim_bridge.friction.lugre", "from slip_sim_bridge.plant import Plant"),
+        ("slip_sim_bridge.simulation", "import mujoco"),
+        ("slip_description", "import numpy"),
+        ("slip_core.types", "from geometry_msgs.msg import Twist"),
+    ],
+)
+def test_the_rule_sees_a_forbidden_import(module: str, text: str) -> None:
+    assert violations(module, text) != []

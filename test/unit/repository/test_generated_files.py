@@ -1,0 +1,53 @@
+"""config/ and the reference pages are what the declarations say."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from slip_core.params import build, flat_names, flatten
+from slip_description import scenario_names
+from slip_vic.reference import config_files, parameter_page, topic_page
+from slip_vic.scenario import NODES, load_scenario
+
+ROOT = Path(__file__).parents[3]
+FILES = {**{f"config/{name}": text for name, text in config_files().items()}}
+FILES |= {"docs/parameters.md": parameter_page(), "docs/topics.md": topic_page()}
+
+
+def test_files_are_up_to_date() -> None:
+    fix = "run ./run params and ./run params --reference --out docs"
+    assert [name for name, text in FILES.items() if (ROOT / name).read_text() != text] == [], fix
+
+
+def test_config_has_nothing_else() -> None:
+    found = {str(path.relative_to(ROOT)) for path in (ROOT / "config").rglob("*.yaml")}
+    assert found == {name for name in FILES if name.startswith("config/")}
+
+
+@pytest.mark.parametrize("complete", [False, True], ids=["what differs", "everything"])
+def test_a_file_gives_a_node_the_parameters_of_its_scenario(complete: bool) -> None:
+    """Also the short files: what they leave out is the default."""
+    files = config_files(complete=complete)
+    for scenario in scenario_names():
+        loaded = load_scenario(scenario)
+        wanted = {
+            "bridge": loaded.bridge,
+            "controller_vic": loaded.controller,
+            "controller_classical": load_scenario(scenario, controller="classical").controller,
+            "controller_vic_realtime": load_scenario(scenario, mode="realtime").controller,
+        }
+        for name, params in wanted.items():
+            node, model = NODES[name.split("_")[0]]
+            (content,) = yaml.safe_load(files[f"{scenario}/{name}.yaml"]).items()
+            assert content[0] == f"/**/{node}"
+            assert build(model, content[1]["ros__parameters"], name) == params
+
+
+def test_the_files_hold_what_a_scenario_sets_and_no_default() -> None:
+    for path in (ROOT / "config").rglob("*.yaml"):
+        ((node, content),) = yaml.safe_load(path.read_text()).items()
+        defaults = flatten(next(model for name, model in NODES.values() if node.endswith(name))())
+        given = flat_names(content["ros__parameters"])
+        assert given
+        assert [name for name, value in given.items() if value == defaults[name]] == [], path

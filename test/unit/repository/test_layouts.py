@@ -1,0 +1,134 @@
+"""Every topic and field in the viewer layouts is in a recorded run."""
+
+import json
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+
+import pytest
+
+from slip_bags.reader import Bag
+from slip_bags.series import Series
+from slip_core.topics import TOPICS
+from slip_vic.pair.scenario import load_pair
+from slip_vic.recording import recorded_topics
+from slip_vic_controller.governing import GOVERNED
+from slip_vic_controller.law.symbols import published
+
+ROOT = Path(__file__).parents[3]
+LAYOUTS = ROOT / "config" / "layouts"
+TWO_ARMS = dict(recorded_topics(load_pair("pane_two_arms_upright")))
+GOVERNOR_S = frozenset(GOVERNED.names or ())
+"""Numbers that a run without the governor does not have: `test_named_numbers_of_the_controller_are_there`."""
+
+
+@pytest.fixture(scope="module")
+def bag() -> Iterator[Bag]:
+    with Bag(ROOT / "bags" / "paper_planar_vic") as opened:
+        yield opened
+
+
+@lru_cache
+def series_of(bag: Bag, topic: str) -> Series:
+    return bag.series(topic)
+
+
+def topic_of(bag: Bag, path: str) -> str:
+    """Return the longest topic of the bag that a path begins with, "" where there is none."""
+    return max((name for name in bag.topics if re.match(rf"{re.escape(name)}[/.\[]", path)), key=len, default="")
+
+
+def plotjuggler_has(bag: Bag, curve: str) -> bool:
+    """Whether the bag has `/topic/field/field`, or `/topic/joint/field` of a joint state."""
+    topic = topic_of(bag, curve)
+    if not topic:
+        return False
+    rest, series = curve[len(topic) + 1 :], series_of(bag, topic)
+    name, _, field = rest.partition("/")
+    return rest.replace("/", ".") in series or ("name" in series and name in series["name"][0] and field in series)
+
+
+def foxglove_has(bag: Bag, path: str) -> bool:
+    """Whether the bag has `/topic.field.field`, with `[number]` behind an array."""
+    topic = topic_of(bag, path)
+    field, _, number = path[len(topic) + 1 :].rstrip("]").partition("[")
+    if not topic or field not in series_of(bag, topic):
+        return False
+    return not number or int(number) < series_of(bag, topic)[field].shape[1]
+
+
+def test_plotjuggler_layout_names_what_is_recorded(bag: Bag) -> None:
+    curves = [str(node.get("name")) for node in ET.parse(LAYOUTS / "plotjuggler.xml").iter("curve")]
+    assert len(curves) > 20
+    assert [curve for curve in curves if not (plotjuggler_has(bag, curve) or curve.split("/")[-2] in GOVERNOR_S)] == []
+
+
+def test_foxglove_layout_names_what_is_recorded(bag: Bag) -> None:
+    panels = json.loads((LAYOUTS / "foxglove.json").read_text())["configById"].values()
+    paths = [path for panel in panels for path in panel.get("paths", [])]
+    assert len(paths) > 10
+    assert [p for p in paths if not (foxglove_has(bag, p["value"]) or p.get("label") in GOVERNOR_S)] == []
+    topics = [name for panel in panels for name in panel.get("topics", {})]
+    topics += [layer["topic"] for panel in panels for layer in panel.get("layers", {}).values() if "topic" in layer]
+    assert "/object_description" in topics
+    assert [name for name in topics if name.removeprefix("/") not in TOPICS] == []
+
+
+def test_named_numbers_of_the_controller_are_there() -> None:
+    """PlotJuggler knows them by name, Foxglove by their place, which is that of an arm with seven joints."""
+    names = [*published(7)[0], *(GOVERNED.names or ()), "mode", "path_speed"]
+    curves = [str(node.get("name")) for node in ET.parse(LAYOUTS / "plotjuggler.xml").iter("curve")]
+    scalars = [curve.split("/")[3] for curve in curves if curve.startswith("/controller/scalars/")]
+    assert "load_ratio" in scalars
+    assert set(scalars) <= set(names)
+    layout = json.loads((LAYOUTS / "foxglove.json").read_text())
+    paths = [path for panel in layout["configById"].values() for path in panel.get("paths", [])]
+    found = [path for path in paths if path["value"].startswith("/controller/scalars")]
+    assert len(found) > 5
+    for path in found:
+        place = int(path["value"].partition("[")[2].rstrip("]"))
+        assert names[place] == path["label"]
+
+
+def as_of_one_arm(path: str) -> str:
+    """Return what a path of two arms is with one: the topic of an arm, or another wrench. The bags of this repository
+    are all of one arm; what two arms publish is what their recorder asks for."""
+    topic = max((name for name in TWO_ARMS if re.match(rf"/{re.escape(name)}[/.\[]", path)), key=len, default="")
+    assert topic, path
+    rest = path[len(topic) + 1 :]
+    if topic.startswith(("left/", "right/")):
+        return f"/{topic.partition('/')[2]}{rest}"
+    return f"/wrench{rest}" if TOPICS[topic].two_arms else path
+
+
+def test_layouts_of_two_arms_name_what_is_recorded(bag: Bag) -> None:
+    curves = [str(node.get("name")) for node in ET.parse(LAYOUTS / "plotjuggler_two_arms.xml").iter("curve")]
+    assert len(curves) > 30
+    absent = [c for c in curves if not (plotjuggler_has(bag, as_of_one_arm(c)) or c.split("/")[-2] in GOVERNOR_S)]
+    assert absent == []
+    panels = json.loads((LAYOUTS / "foxglove_two_arms.json").read_text())["configById"].values()
+    paths = [path for panel in panels for path in panel.get("paths", [])]
+    assert len(paths) > 20
+    names = [*published(7)[0], *(GOVERNED.names or ())]
+    for path in paths:
+        value = as_of_one_arm(path["value"])
+        if "label" in path:
+            assert value == f"/controller/scalars.position[{names.index(path['label'])}]"
+        else:
+            assert foxglove_has(bag, value), path
+    topics = [name for panel in panels for name in panel.get("topics", {})]
+    topics += [layer["topic"] for panel in panels for layer in panel.get("layers", {}).values() if "topic" in layer]
+    assert [name for name in topics if name.removeprefix("/") not in TWO_ARMS] == []
+
+
+def test_the_check_sees_what_is_not_there(bag: Bag) -> None:
+    assert not plotjuggler_has(bag, "/controller/stiffnes/wrench/force/x")
+    assert not plotjuggler_has(bag, "/effort_command/arm_joint8/effort")
+    assert not foxglove_has(bag, "/slip_truth.position[6]")
+    assert not foxglove_has(bag, "/slip_truth.positions[0]")
+    assert not plotjuggler_has(bag, as_of_one_arm("/object/internal_wrench_left/wrench/force/w"))
+    assert not foxglove_has(bag, as_of_one_arm("/left/slip_truth.position[6]"))
+    with pytest.raises(AssertionError):
+        as_of_one_arm("/middle/slip_truth.position[0]")

@@ -1,0 +1,185 @@
+"""Each package is a valid ROS package and declares exactly what it imports."""
+
+import ast
+import runpy
+import sys
+import tomllib
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+import setuptools
+
+import slip_vic
+from slip_core.topics import TOPICS
+from test.support.every import every
+
+SRC = Path(__file__).parents[3] / "src"
+PACKAGES = sorted(path.name for path in SRC.iterdir() if (path / "setup.py").exists())
+
+# Import name: distribution on PyPI, key of rosdep (None: rosdep has none, it comes from PyPI alone).
+LIBRARIES = {
+    "click": ("click", "python3-click"),
+    "lz4": ("lz4", "python3-lz4"),
+    "matplotlib": ("matplotlib", "python3-matplotlib"),
+    "mcap": ("mcap", None),
+    "mcap_ros2": ("mcap-ros2-support", None),
+    "mujoco": ("mujoco", None),
+    "numba": ("numba", "python3-numba"),
+    "numpy": ("numpy", "python3-numpy"),
+    "optuna": ("optuna", None),
+    "pandas": ("pandas", "python3-pandas"),
+    "pinocchio": ("pin", "pinocchio"),
+    "psutil": ("psutil", "python3-psutil"),
+    "pyarrow": ("pyarrow", None),
+    "pydantic": ("pydantic", "python3-pydantic"),
+    "rich": ("rich", "python3-rich"),
+    "scipy": ("scipy", "python3-scipy"),
+    "trimesh": ("trimesh", None),
+    "uplot": ("uplot-python", None),
+    "websockets": ("websockets", "python3-websockets"),
+    "yaml": ("pyyaml", "python3-yaml"),
+    "zstandard": ("zstandard", None),
+}
+# What a package loads without an import statement: message classes by name, the Parquet engine of pandas, the script
+# inside of a wheel.
+UNSEEN = {
+    "slip_msgs_py": {row.type.partition("/")[0] for row in TOPICS.values()},
+    "slip_bags": {"pyarrow"},
+    "slip_vic": {"uplot"},
+}
+
+
+def imported(text: str) -> set[str]:
+    """Return the top-level names that a source text imports, without the standard library."""
+    found = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add(str(node.module).partition(".")[0])
+    return found - set(sys.stdlib_module_names)
+
+
+def needed(name: str) -> set[str]:
+    texts = [path.read_text() for path in (SRC / name / name).rglob("*.py")]
+    texts += [path.read_text() for path in (SRC / name / "launch").glob("*.launch.py")]
+    return set().union(UNSEEN.get(name, set()), *map(imported, texts)) - {name}
+
+
+def wheels(imports: set[str]) -> set[str]:
+    """Return what pip must know: libraries and sisters; ROS itself is declared in package.xml alone."""
+    return {LIBRARIES[one][0] for one in imports & set(LIBRARIES)} | (imports & set(PACKAGES))
+
+
+def ros_keys(imports: set[str]) -> set[str]:
+    """Return what rosdep and colcon must know."""
+    return {LIBRARIES[one][1] for one in imports & set(LIBRARIES)} - {None} | (imports - set(LIBRARIES))
+
+
+def setup_arguments(name: str, monkeypatch: pytest.MonkeyPatch) -> dict:
+    arguments: dict = {}
+    monkeypatch.setattr(setuptools, "setup", arguments.update)
+    monkeypatch.chdir(SRC / name)
+    runpy.run_path("setup.py")
+    return arguments
+
+
+def package_xml(name: str) -> ET.Element:
+    return ET.parse(SRC / name / "package.xml").getroot()
+
+
+def test_all_packages_are_there() -> None:
+    listed = "slip_bags slip_core slip_description slip_msgs_py slip_sim_bridge slip_vic"
+    assert [*listed.split(), "slip_vic_controller"] == PACKAGES
+
+
+def test_the_run_script_installs_every_package_after_what_it_needs() -> None:
+    text = (SRC.parent / "run").read_text()
+    order = text.partition("PACKAGES=(")[2].partition(")")[0].split()
+    assert sorted(order) == PACKAGES
+    for position, name in enumerate(order):
+        assert needed(name) & set(PACKAGES) <= set(order[:position]), name
+
+
+@every("name", PACKAGES)
+def test_setup_declares_what_is_imported(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    declared = set(setup_arguments(name, monkeypatch)["install_requires"])
+    assert declared == {"setuptools"} | wheels(needed(name))
+
+
+@every("name", PACKAGES)
+def test_package_xml_declares_what_is_imported(name: str) -> None:
+    assert {node.text for node in package_xml(name).findall("exec_depend")} == ros_keys(needed(name))
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_every_console_script_leads_to_a_function(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for line in setup_arguments(name, monkeypatch)["entry_points"]["console_scripts"]:
+        module, _, function = line.partition("=")[2].strip().partition(":")
+        text = (SRC / name / Path(*module.split("."))).with_suffix(".py").read_text()
+        assert f"def {function}(" in text, line
+
+
+def test_imports_are_found_wherever_they_stand() -> None:
+    text = "import numpy.linalg as la\nimport os\ndef f():\n    from mcap.reader import x\n    from slip_core import y"
+    assert imported(text) == {"numpy", "mcap", "slip_core"}
+    assert wheels({"numpy", "rclpy", "slip_core"}) == {"numpy", "slip_core"}
+    assert ros_keys({"numpy", "mcap", "rclpy", "slip_core"}) == {"python3-numpy", "rclpy", "slip_core"}
+
+
+@every("name", PACKAGES)
+def test_package_xml_is_a_format_3_ament_python_package(name: str) -> None:
+    root = package_xml(name)
+    assert root.tag == "package"
+    assert root.get("format") == "3"
+    for tag in ("name", "version", "description", "maintainer", "license"):
+        assert (root.findtext(tag) or "").strip(), tag
+    assert root.findtext("name") == name
+    assert root.find("maintainer").get("email")
+    assert root.findtext("export/build_type") == "ament_python"
+
+
+@every("name", PACKAGES)
+def test_package_has_what_ament_needs(name: str) -> None:
+    folder = SRC / name
+    assert (folder / "resource" / name).is_file()
+    assert (folder / name / "py.typed").is_file()
+    assert f"$base/lib/{name}" in (folder / "setup.cfg").read_text()
+    assert 'extras_require={"test": ["pytest"]' in (folder / "setup.py").read_text()
+
+
+def project() -> dict:
+    """Return the [project] and the setuptools part of the root's pyproject.toml: what pip makes one wheel of."""
+    return tomllib.loads((SRC.parent / "pyproject.toml").read_text())
+
+
+def test_the_wheel_has_all_packages_with_their_data(monkeypatch: pytest.MonkeyPatch) -> None:
+    built = project()["tool"]["setuptools"]
+    assert sorted(built["packages"]["find"]["where"]) == [f"src/{name}" for name in PACKAGES]
+    shared = built["package-data"]["*"]
+    for name in PACKAGES:
+        own = setup_arguments(name, monkeypatch)["package_data"][name]
+        assert sorted(own) == sorted([*shared, *built["package-data"].get(name, [])]), name
+
+
+def test_the_wheel_declares_what_its_packages_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    built = project()["project"]
+    arguments = [setup_arguments(name, monkeypatch) for name in PACKAGES]
+    declared = set().union(*(one["install_requires"] for one in arguments))
+    assert set(built["dependencies"]) == declared - {"setuptools"} - set(PACKAGES)
+    scripts = {f"{name} = {where}" for name, where in built["scripts"].items()}
+    assert scripts == {line for one in arguments for line in one["entry_points"]["console_scripts"]}
+    ros = [line for line in (SRC.parent / "requirements.in").read_text().splitlines() if line.startswith("ros-")]
+    assert built["optional-dependencies"]["ros"] == ros
+    for extra, packages in built["optional-dependencies"].items():
+        if extra not in ("ros", "docs"):
+            assert any(one["extras_require"].get(extra) == packages for one in arguments), extra
+
+
+def test_versions_agree() -> None:
+    versions = {package_xml(name).findtext("version") for name in PACKAGES}
+    assert versions == {project()["project"]["version"], slip_vic.__version__}
+    assert len(versions) == 1
+    (version,) = versions
+    assert all(f'version="{version}"' in (SRC / name / "setup.py").read_text() for name in PACKAGES)

@@ -1,0 +1,404 @@
+"""The fault campaign in process: it holds, it is repeatable, and its monitors can fail."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Int64MultiArray
+
+from slip_bags.reader import Bag
+from slip_core.records import record
+from slip_core.types import EffortCommand, JointSample
+from slip_vic.presets.sensors import load_preset, preset_names
+from slip_vic.scenario import ControllerKind
+from slip_vic_controller.cycle import CONFIG
+from slip_vic_controller.robot import Robot
+from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.session import Controller, ControllerSession
+from test.campaigns.faults import trial as trials
+from test.campaigns.faults.campaign import Tally, Verdict, judge, plan_of, upper_bound_95
+from test.campaigns.faults.cli import faults
+from test.campaigns.faults.dds_campaign import campaign_scenario
+from test.campaigns.faults.dds_session import SILENT_S, START_S, StartUp
+from test.campaigns.faults.dds_watch import Watch
+from test.campaigns.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
+from test.campaigns.faults.plan import BRIDGE, CONTROLLER, EFFORT, JOINT, SLIP, TOPICS, WRENCH, Fault, Plan, all_faults
+from test.campaigns.faults.trial import run_trial
+from test.campaigns.faults.wire import Wire
+from test.support.every import every
+
+SEED = 7
+PROMISE = Promise(np.array([87.0, 12.0]), 1000.0, 0.005, 0.05, 0.004)
+MS = 1_000_000
+ZERO = np.zeros(2)
+
+
+def test_promise_holds() -> None:
+    """A part of every kind of fault; the campaign itself runs thousands."""
+    faults = len(all_faults())
+    for trial in range(0, faults, 5):
+        verdict = judge(SEED, trial)
+        assert verdict.violations == (), trial
+        assert verdict.commands > 100, trial
+
+
+def test_a_trial_can_be_run_again() -> None:
+    assert judge(SEED, 5) == judge(SEED, 5)
+
+
+def break_controller(monkeypatch: pytest.MonkeyPatch, change: Callable[[Any], None]) -> None:
+    """Let the campaign run a controller with a changed configuration, unlike its promise."""
+    real = trials.prepared
+
+    def broken(*setting: Any) -> Any:
+        scenario, _ = real(*setting)
+        other = Controller(scenario.controller, scenario.urdf, lockstep=False)
+        config = other.config.copy()
+        change(record(config, CONFIG))
+        other.config = config
+        return scenario, other
+
+    monkeypatch.setattr(trials, "prepared", broken)
+
+
+def test_a_limiter_without_rate_limit_is_caught_and_leaves_its_bag(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def without_rate_limit(config: Any) -> None:
+        config.motion.drive.rate = 1e9
+
+    break_controller(monkeypatch, without_rate_limit)
+    trial = 466  # joint states with wrong numbers, in motion
+    words = ["--trials", "1", "--first", str(trial), "--seed", str(SEED), "--workers", "1", "--out", str(tmp_path)]
+    result = CliRunner().invoke(faults, words)
+    assert result.exit_code == 1, result.output
+    assert f"--seed {SEED} --first {trial} --trials 1" in result.output
+    summary = json.loads((tmp_path / "faults.json").read_text())
+    assert (summary["trials"], summary["violations"]) == (1, 1)
+    assert "effort steps" in summary["failed"][0]["violations"][0]
+    with Bag(tmp_path / f"trial_{SEED}_{trial}") as bag:
+        assert bag.topics["/effort_command"].message_count > 100
+        assert bag.custom_data["violations"]
+
+
+def test_a_controller_that_lets_bad_numbers_through_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Broken(ControllerSession):
+        """One number of one command is bad."""
+
+        def cycle(self, now_ns: int | None = None) -> Any:
+            result = super().cycle(now_ns)
+            if result is not None and result.cycle == 100:
+                effort = np.array(result.command.effort)
+                effort[3] = np.nan
+                result.command = EffortCommand(result.command.stamp_ns, effort)
+            return result
+
+    monkeypatch.setattr(trials, "ControllerSession", Broken)
+    assert any("nan" in text for text in run_trial(plan_of(SEED, 0)).violations)
+
+
+@every(
+    "commands, what",
+    [
+        ([(0, [0.0, 0.0]), (4, [4.1, 0.0])], "steps in 4.000 ms"),
+        ([(0, [0.0, 0.0]), (40, [5.1, 0.0])], "steps in 40.000 ms"),  # no more than the longest step
+        ([(0, [0.0, 0.0]), (60, [4.1, 0.0])], "from what the joints feel"),
+        ([(0, [4.1, 0.0])], "from what the joints feel"),
+        ([(0, [0.0, np.inf])], "inf"),
+        ([(0, [0.0])], "1 efforts"),
+        ([(t, [min(4.0 * t / 4, 90.0), 0.0]) for t in range(0, 100, 4)], "above the limits"),
+    ],
+)
+def test_command_monitor_sees(commands: list[tuple[int, list[float]]], what: str) -> None:
+    monitor = CommandMonitor(PROMISE)
+    for t, effort in commands:
+        monitor.take(t * MS, np.array(effort), lambda: (ZERO,))
+    assert len(monitor.violations) >= 1
+    assert what in monitor.violations[0]
+
+
+def test_command_monitor_lets_the_fastest_allowed_pass() -> None:
+    monitor = CommandMonitor(PROMISE)
+    for t in range(0, 80, 4):
+        monitor.take(t * MS, np.array([4.0 + t, 0.0]), lambda: (ZERO,))
+    monitor.take(0, np.zeros(0), tuple)
+    monitor.take(90 * MS, np.array([20.0, 1.0]), lambda: (np.array([19.0, 0.0]), ZERO))
+    assert monitor.violations == []
+
+
+def test_joint_monitor_sees_steps_and_unrest() -> None:
+    monitor = JointMonitor(4.0)
+    monitor.take(0.0, ZERO, ZERO, False)
+    monitor.take(0.004, np.array([4.1, 0.0]), ZERO, False)
+    assert "joint effort steps by 4.100" in monitor.violations[0]
+    for t in range(1, 300):
+        monitor.take(0.004 * t, np.array([4.1, 0.0]), np.array([0.0, 0.2]), False)
+    assert "not at rest" in monitor.violations[1]
+
+
+def watch_of_the_campaign() -> tuple[Watch, dict[str, Wire]]:
+    params = campaign_scenario().controller
+    wires = {name: Wire(name, params.joint_names, params.ee_frame) for name in TOPICS}
+    robot = Robot(campaign_scenario().urdf, params.ee_frame, params.joint_names, params.gravity)
+    return Watch(wires, params, robot, 0.004, 1000.0, 0.03), wires
+
+
+def test_the_arm_need_not_rest_where_bridge_and_controller_hold_it_in_turn() -> None:
+    """The bridge takes no command that answers an old state; each of them begins from the motion that it finds."""
+    moving, nothing = np.full(7, 0.2), np.zeros(7)
+    for late_ticks, complaints in ((1, 1), (10, 0)):
+        watch, wires = watch_of_the_campaign()
+        for tick in range(10, 400):
+            answered = tick - (late_ticks if tick // 20 % 2 else 1)
+            command = EffortCommand(answered * 4 * MS, nothing)
+            watch.forwarded(EFFORT, serialize_message(wires[EFFORT].message(command)), 0, True)
+            state = JointSample(tick * 4 * MS, nothing, moving, nothing)
+            watch.bridge_state(serialize_message(wires[JOINT].message(state)), tick * 0.004)
+        assert ["not at rest" in text for text in watch.violations()] == [True] * complaints, late_ticks
+
+
+def test_commands_that_answer_the_same_joint_state_are_judged_where_none_of_them_is_lost() -> None:
+    """Without joint states several of them have the same stamp, and belong to their ledgers by their order alone."""
+    sent = [(4, 1000, 0.0), (8, 1004, 4.0), (8, 1004.1, 4.1), (8, 1009, 9.0), (12, 1014, 9.0), (16, 1018, 9.0)]
+    steeper = [*sent[:3], (8, 1009, 9.2), *sent[4:]]
+    for commands, lost, complaints in ((sent, None, 0), (sent, 2, 0), (steeper, None, 1)):
+        watch, wires = watch_of_the_campaign()
+        for cycle, (stamp_ms, clock_ms, effort) in enumerate(commands):
+            command = EffortCommand(stamp_ms * MS, np.full(7, effort))
+            if cycle != lost:
+                watch.command(serialize_message(wires[EFFORT].message(command)))
+            clock = divmod(round(clock_ms * MS), 1_000_000_000)
+            ledger = [cycle, 0, stamp_ms * MS, *clock, int(Mode.HOLD), 0, 0]
+            watch.ledger(serialize_message(Int64MultiArray(data=ledger)))
+        assert len(watch.violations()) == complaints, (commands, lost)
+        assert watch.commands.commands >= len(commands) - 1 - 3 * (lost is not None)
+        assert watch.mode == Mode.HOLD
+
+
+def test_safe_state_monitor_sees_a_law_without_input() -> None:
+    monitor = SafeStateMonitor({"wrench": 0.1}, 0.05)
+    monitor.good("wrench", 1.0, 1.0)
+    monitor.check(1.1, True)
+    monitor.check(5.0, False)
+    assert monitor.violations == []
+    monitor.check(1.2, True)
+    assert "after the last good wrench" in monitor.violations[0]
+
+
+def test_safe_state_monitor_sees_a_law_that_goes_on_with_all_it_needs() -> None:
+    monitor = SafeStateMonitor({"slip": 0.5}, 0.05, {"slip": 0.1})
+    monitor.good("slip", 0.9, 1.0)  # its age counts from when it was measured
+    for now_s, degraded, complaints in ((1.01, False, 0), (1.1, True, 0), (1.1, False, 1), (1.6, True, 2)):
+        monitor.check(now_s, True, degraded=degraded)
+        assert len(monitor.violations) == complaints, now_s
+    assert "law with all it needs at work 0.200 s after the last good slip" in monitor.violations[0]
+
+
+def test_every_sensor_has_its_turn_with_every_controller() -> None:
+    """And changes no fault that a seed has drawn before there were sensors."""
+    plans = [plan_of(SEED, trial) for trial in range(300)]
+    turns = {(plan.sensor, plan.controller, plan.observer) for plan in plans}
+    assert len(turns) == len(preset_names()) * 3 * 2
+    assert {plan.setting.split()[-1] for plan in plans} == set(preset_names())
+    first = Fault("freeze_message", JOINT, 0.06850165840927014, 0.2407900680298737, 0.12216958020121715)
+    assert plans[5].faults[0] == first
+
+
+def test_a_sensor_is_the_preset_in_bridge_and_controller() -> None:
+    for name in preset_names():
+        scenario, _ = trials.prepared("paper_planar", True, "vic", name)
+        sensor = load_preset(name).slip
+        assert scenario.bridge.sensors.slip == sensor
+        told = scenario.controller.slip_sensor
+        assert (told.rate_hz, told.latency_s) == (sensor.rate_hz, sensor.latency_s)
+        assert scenario.controller.slip_estimator == "observer"
+
+
+def test_a_law_that_goes_on_after_a_slow_sensor_has_fallen_silent_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    silence = Fault("drop", SLIP, start_s=0.3, duration_s=2.0, size=0.9)
+    controllers: tuple[ControllerKind, ...] = ("governed", "classical")
+    plans = [Plan(0, 1, "paper_planar", False, controller, (silence,), "vision_25") for controller in controllers]
+    assert [run_trial(plan).violations for plan in plans] == [[], []]  # classical control needs no slip velocity
+    latency_s = load_preset("vision_25").slip.latency_s
+
+    def from_arrival(config: Any) -> None:
+        config.slip.age_ns += round(1e9 * latency_s)
+
+    break_controller(monkeypatch, from_arrival)
+    found = run_trial(plans[0]).violations
+    for what in ("law with all it needs at work", "law at work"):
+        assert any(what in text and "after the last good slip_velocity" in text for text in found), found
+
+
+def test_a_message_that_is_repeated_is_as_old_as_it_is() -> None:
+    """Also for a controller that starts meanwhile and takes it for its first one."""
+    freeze = Fault("freeze_message", WRENCH, 0.44, 0.2, 0.8)
+    kill = Fault("kill", CONTROLLER, 0.2, 0.042, 0.3)
+    for planned in ((kill, freeze), (freeze,)):
+        outcome = run_trial(Plan(0, 1, "paper_planar", False, "vic", planned))
+        assert outcome.violations == []
+        assert outcome.modes["HOLD"] > 10
+
+
+def test_without_joint_states_no_command_is_given_and_no_other_age_counts() -> None:
+    for answered in (True, False):
+        monitor = SafeStateMonitor({"joint_states": 0.05, "wrench": 0.05}, 0.05)
+        for name, measured_s in (("wrench", 1.0), ("joint_states", 1.03)):
+            monitor.good(name, measured_s, measured_s)
+        monitor.check(1.08, True, answered)
+        assert bool(monitor.violations) == answered
+        monitor.check(1.12, True, answered)
+        assert "after the last good joint_states" in monitor.violations[-1 if not answered else 1]
+
+
+def test_a_late_joint_state_is_as_old_as_the_controller_can_know() -> None:
+    """One that was 30 ms on its way alone counts from its arrival, unless the wrench shows how late it is."""
+    for wrenches_s, passed_s in (((0.99, 1.0, 1.004), 0.0), ((1.0, 1.052, 1.056), 0.11)):
+        monitor = SafeStateMonitor({"joint_states": 0.05, "wrench": 0.05}, 0.05)
+        monitor.good("joint_states", 0.996, 0.996)
+        for measured_s in wrenches_s:
+            monitor.good("wrench", measured_s, measured_s)
+        monitor.good("joint_states", 1.0, 1.06)
+        monitor.check(1.11, True)
+        assert len(monitor.violations) == (passed_s > 0.0)
+        assert all(f"{passed_s:.3f} s after the last good joint_states" in text for text in monitor.violations)
+        monitor.check(1.2, True)
+        assert any("after the last good joint_states" in text for text in monitor.violations)
+
+
+def test_a_joint_state_that_was_long_on_its_way_is_no_violation() -> None:
+    """28 ms on its way and the last one for a while: the law ends within its age limit after it came."""
+    delay = Fault("delay", JOINT, start_s=0.2984643550630685, duration_s=0.18714334235441415, size=0.753418709648738)
+    before = Fault("corrupt_values", JOINT, 0.2258337255598965, 0.003757569182741698, 0.06857998992159309)
+    plan = Plan(953, 21, "paper_planar", False, "vic", (before, delay))
+    assert run_trial(plan).violations == []
+
+
+def test_an_arm_that_bad_commands_have_thrown_rests_in_time_after_the_controller_has_it_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its joints turn at 20 rad/s, the bridge holds it while commands are lost, and the controller after that."""
+    bad = Fault("corrupt_values", EFFORT, 0.41380490251640956, 0.08457941546591131, 0.5539483726001245)
+    lost = Fault("drop", EFFORT, 0.42543410724844954, 0.2808509989055661, 0.9037178607898289)
+    ask = Fault("request", CONTROLLER, 0.15134483207648047, 0.011957284900918975, 0.169571585205049)
+    plan = Plan(7649, 19, "glass_transport", True, "governed", (ask, bad, lost), "optical_flow_120")
+    outcome = run_trial(plan)
+    assert outcome.modes["FAULT"] > 300
+    assert outcome.violations == []
+    monkeypatch.setattr(trials, "REST_AFTER_S", 0.1)
+    assert any("not at rest" in text for text in run_trial(plan).violations)
+
+
+def test_an_arm_rests_after_a_wrong_wrench_has_told_of_metres_of_slip() -> None:
+    freeze = Fault("freeze_message", EFFORT, 0.07306038693865524, 0.04623121152885657, 0.10842027324283043)
+    lost = Fault("drop", EFFORT, 0.3218716126095561, 0.20827982070044623, 0.729341082522023)
+    wrong = Fault("corrupt_values", WRENCH, 0.46413919116770935, 0.25021834496065487, 0.6692857445673752)
+    outcome = run_trial(Plan(11402, 19, "glass_transport", True, "governed", (freeze, lost, wrong), "vision_60"))
+    assert outcome.modes["FAULT"] > 200
+    assert outcome.violations == []
+
+
+def test_a_joint_that_bad_joint_states_have_thrown_is_braked_and_not_thrown_to_the_other_side() -> None:
+    """It turned at 11 rad/s for ever: the brake asked for the full effort, which the rate limit made come too late."""
+    frozen = Fault("freeze_message", EFFORT, 0.13885944429128222, 0.28330723720808043, 0.07145980155955556)
+    wrong = Fault("corrupt_values", JOINT, 0.44264457509307953, 0.09691312164022722, 0.7649576362879444)
+    still = Fault("freeze_values", SLIP, 0.4866929437000143, 0.08486397226297236, 0.16280252576743337)
+    first = Fault("corrupt_values", JOINT, 0.2961735175185298, 0.03486323083433841, 0.3284165175051872)
+    second = Fault("corrupt_values", JOINT, 0.4035277054318592, 0.08496196028815647, 0.9818354589158573)
+    for plan in (
+        Plan(38281, 29, "vertical_plane", False, "governed", (frozen, wrong, still), "vision_25"),
+        Plan(41866, 29, "vertical_plane", True, "vic", (first, second), "vision_60"),
+    ):
+        outcome = run_trial(plan)
+        assert outcome.modes["FAULT"] > 200
+        assert outcome.violations == []
+
+
+def test_a_thrown_arm_rests_within_half_a_second_and_does_not_return_at_its_speed_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Joints 1 and 3 turn against each other at 12 rad/s; in the second trial they are 1.5 rad away by then."""
+    grip = Fault("grip", "", 0.33637720691652273, 0.05182403682161728, 0.9893720044679576)
+    wrong = Fault("corrupt_values", EFFORT, 0.3865768174947519, 0.11532647041781036, 0.7195938567636941)
+    twice = Fault("duplicate", SLIP, 0.21247867397997006, 0.06366094836785162, 0.5531869168154236)
+    late = Fault("delay", JOINT, 0.4058798240213023, 0.3303402498518253, 0.5013868972666004)
+    frozen = Fault("freeze_values", EFFORT, 0.4724600269954895, 0.008508264735326463, 0.856078911671774)
+    monkeypatch.setattr(trials, "REST_AFTER_S", 0.5)
+    for plan in (
+        Plan(39552, 37, "glass_transport", True, "governed", (grip, wrong)),
+        Plan(276, 43, "glass_transport", False, "vic", (twice, late, frozen), "optical_flow_120"),
+    ):
+        outcome = run_trial(plan)
+        assert outcome.modes["FAULT"] > 200
+        assert outcome.violations == []
+
+
+def test_a_bad_joint_state_is_not_bridged_where_the_law_has_to_end() -> None:
+    """The wrench had stayed away for 92 ms when a joint state came that could not be used."""
+    frame = Fault("wrong_frame", WRENCH, 0.21635828438030497, 0.15395570360245683, 0.5726648249489459)
+    wrong = Fault("corrupt_bytes", JOINT, 0.25281868096423404, 0.2675266431238336, 0.3725847800446135)
+    later = Fault("corrupt_bytes", WRENCH, 0.594076825719274, 0.014073844595156013, 0.44764923849515237)
+    outcome = run_trial(Plan(61220, 29, "paper_planar", True, "classical", (frame, wrong, later), "event_1000"))
+    assert outcome.violations == []
+
+
+def test_where_the_simulation_stood_still_nothing_has_aged() -> None:
+    stop = Fault("stop", BRIDGE, 0.1824685103156638, 0.045375090056341806, 0.8239836050619626)
+    frame = Fault("wrong_frame", SLIP, 0.22211506490320043, 0.1158226774888418, 0.7799515160739481)
+    wrong = Fault("corrupt_values", JOINT, 0.222932560909884, 0.007280500333756684, 0.9133325203935808)
+    assert run_trial(Plan(33181, 29, "paper_planar", True, "vic", (stop, frame, wrong), "vision_25")).violations == []
+    monitor = SafeStateMonitor({JOINT: 0.1, WRENCH: 0.1}, 0.05)
+    for name in (JOINT, WRENCH):
+        monitor.good(name, 1.0, 1.0)
+    monitor.stood_still(0.1)
+    monitor.check(1.2, True)
+    assert [text.split()[-1] for text in monitor.violations] == [JOINT]
+
+
+def test_a_message_without_numbers_can_be_damaged() -> None:
+    """As a command is that gives no effort: a controller that still waits for a slow sensor gives such ones."""
+    wire, stamps = Wire(EFFORT, ("a", "b"), "ee"), set()
+    for seed in range(30):
+        message = wire.message(EffortCommand(7, np.zeros(0)))
+        damaged = wire.receive(wire.damaged(message, "corrupt_values", np.random.default_rng(seed)))
+        assert len(damaged.effort) == 0
+        stamps.add(damaged.stamp_ns)
+    assert len(stamps) > 1
+
+
+def test_bound_is_that_of_clopper_and_pearson() -> None:
+    for count, failures in ((300, 0), (3000, 0), (300, 1), (3000, 7)):
+        p = upper_bound_95(count, failures)
+        so_few = sum(math.comb(count, k) * p**k * (1.0 - p) ** (count - k) for k in range(failures + 1))
+        assert so_few == pytest.approx(0.05, rel=1e-9)
+    assert upper_bound_95(0, 0) == upper_bound_95(3, 3) == 1.0
+
+
+def test_summary_says_how_long_recovery_took() -> None:
+    verdicts = [Verdict(i, ("drop wrench",), (), r, 10, {"ACTIVE": 5}) for i, r in enumerate((0.1, 0.3, 0.2, None))]
+    both = Verdict(4, ("drop wrench", "grip"), ("step",), 9.0, 10, {"HOLD": 5})
+    row = Tally(1, False, verdicts=[*verdicts, both]).summary()["by_fault"]["drop wrench"]
+    assert (row["trials"], row["violations"], row["recovered"]) == (5, 1, 4)
+    assert (row["recovery_median_s"], row["recovery_max_s"]) == (0.2, 0.3)
+
+
+def test_a_node_that_starts_slowly_is_not_taken_for_a_deaf_one() -> None:
+    """Or each new start would be ended before it is over, for ever."""
+    start, never = StartUp(), -math.inf
+    start.begin(100.0)
+    assert not start.deaf(100.0 + 0.9 * START_S, up=False, heard_s=never)  # longer than a deaf one may be silent
+    up_s = start.last_s
+    assert up_s == 100.0 + 0.9 * START_S
+    assert not start.deaf(up_s + 0.9 * SILENT_S, up=True, heard_s=never)
+    assert not start.deaf(up_s + 1.9 * SILENT_S, up=True, heard_s=up_s + SILENT_S)
+    assert start.deaf(up_s + 1.1 * SILENT_S, up=True, heard_s=never)
+    start.begin(300.0)
+    assert start.deaf(300.0 + 1.1 * START_S, up=False, heard_s=never)

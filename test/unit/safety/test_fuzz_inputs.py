@@ -1,0 +1,248 @@
+"""Whatever arrives on a topic: the node's own decoding refuses it in one line or takes it, and the promise holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from rclpy.serialization import deserialize_message, serialize_message
+
+from slip_core.errors import InputError
+from slip_core.topics import topic
+from slip_core.types import JointSample, SlipSample, WrenchSample
+from slip_msgs_py.fast_io import Receiver
+from slip_msgs_py.messages import from_msgs, to_msgs
+from slip_msgs_py.qos import message_class
+from slip_sim_bridge.session import BridgeSession
+from slip_vic_controller.safety.modes import Request
+from slip_vic_controller.session import Controller, ControllerSession, Manifest
+from test.campaigns.faults.monitors import CommandMonitor, Promise
+from test.campaigns.faults.plan import EFFORT, JOINT, SLIP, TOPICS, WRENCH
+from test.campaigns.faults.trial import PERIOD_S, prepared, starts_of
+from test.campaigns.faults.wire import Wire
+
+JOINTS = tuple(f"arm_joint{i}" for i in range(1, 8))
+FRAME = "ee"
+NS = 1_000_000_000
+SETTINGS = settings(max_examples=80)
+ODD = (0.0, -0.0, math.nan, math.inf, -math.inf, 1e308, -1e308, 5e-324, 1e-310, 1.0, -1e3)
+number = st.one_of(st.floats(width=64), st.sampled_from(ODD))
+names = st.one_of(
+    st.just(list(JOINTS)), st.permutations(JOINTS).map(list), st.lists(st.sampled_from((*JOINTS, "", "ä")), max_size=9)
+)
+stamps = st.tuples(st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1))
+
+
+def numbers(most: int = 9) -> st.SearchStrategy[list[float]]:
+    return st.one_of(st.lists(number, min_size=7, max_size=7), st.lists(number, max_size=most))
+
+
+WIRES = tuple(Wire(name, JOINTS, FRAME) for name in TOPICS)
+wires = st.sampled_from(WIRES)
+
+
+def good_bytes(name: str) -> bytes:
+    """Return an ordinary message of a topic."""
+    seven, six = np.linspace(-1.0, 1.0, 7), np.linspace(-1.0, 1.0, 6)
+    message: Any
+    if name in (JOINT, EFFORT):
+        message = to_msgs.joint_state(NS, JOINTS, seven, seven, seven)
+    elif name == WRENCH:
+        message = to_msgs.wrench_stamped(NS, six, FRAME)
+    else:
+        message = to_msgs.twist_stamped(NS, six, FRAME)
+    data: bytes = serialize_message(message)
+    return data
+
+
+def sound(sample: Any) -> None:
+    """What is delivered has the sizes that everything behind it relies on."""
+    if isinstance(sample, JointSample):
+        assert sample.position.shape == sample.velocity.shape == sample.effort.shape == (len(JOINTS),)
+    elif isinstance(sample, WrenchSample):
+        assert sample.wrench.shape == (6,)
+    elif isinstance(sample, SlipSample):
+        assert sample.twist.shape == (6,)
+        assert sample.valid == np.isfinite(sample.twist).all()
+    else:
+        assert sample.effort.shape in ((0,), (len(JOINTS),))
+
+
+@given(wire=wires, data=st.binary(max_size=400))
+@SETTINGS
+def test_raw_bytes(wire: Wire, data: bytes) -> None:
+    sample = wire.receive(data)
+    if sample is not None:
+        sound(sample)
+
+
+@given(
+    wire=wires, cuts=st.lists(st.tuples(st.floats(0.0, 0.999), st.binary(max_size=9), st.integers(0, 9)), max_size=5)
+)
+@SETTINGS
+def test_damaged_bytes(wire: Wire, cuts: list[tuple[float, bytes, int]]) -> None:
+    """Bytes that are nearly a message get far into the decoder, and into its fast path."""
+    data = bytearray(good_bytes(wire.name))
+    assert wire.receive(bytes(data)) is not None
+    for place, new, removed in cuts:
+        at = int(place * len(data))
+        data[at : at + removed] = new
+    sample = wire.receive(bytes(data))
+    if sample is not None:
+        sound(sample)
+
+
+@given(names=names, position=numbers(), velocity=numbers(), effort=numbers(), stamp=stamps)
+@SETTINGS
+def test_typed_joint_states(
+    names: list[str], position: list[float], velocity: list[float], effort: list[float], stamp: tuple[int, int]
+) -> None:
+    message = message_class(topic(JOINT).type)(name=names, position=position, velocity=velocity, effort=effort)
+    message.header.stamp.sec, message.header.stamp.nanosec = stamp
+    for name in (JOINT, EFFORT):
+        sample = Wire(name, JOINTS, FRAME).receive(serialize_message(message))
+        if sample is None:
+            continue
+        sound(sample)
+        assert sample.stamp_ns == stamp[0] * NS + stamp[1]
+        if name == JOINT:
+            expected = [position[names.index(joint)] for joint in JOINTS]
+            np.testing.assert_array_equal(sample.position, expected)
+
+
+@given(values=st.lists(number, min_size=6, max_size=6), frame=st.text(max_size=6), stamp=stamps)
+@SETTINGS
+def test_typed_wrench_and_slip(values: list[float], frame: str, stamp: tuple[int, int]) -> None:
+    frame = frame.replace("\0", "").encode(errors="ignore").decode()
+    wrench = to_msgs.wrench_stamped(0, np.array(values), frame)
+    slip = to_msgs.twist_stamped(0, np.array(values), frame)
+    for name, message in ((WRENCH, wrench), (SLIP, slip)):
+        message.header.stamp.sec, message.header.stamp.nanosec = stamp
+        sample = Wire(name, JOINTS, FRAME).receive(serialize_message(message))
+        assert (sample is not None) == (frame in ("", FRAME) and stamp[1] < NS)
+        if sample is not None:
+            sound(sample)
+            np.testing.assert_array_equal(sample.wrench if name == WRENCH else sample.twist, values)
+
+
+def refused_or_taken(action: Callable[[], Any]) -> Any | None:
+    """Return what an action returns, None where it refuses in one line; any other exception is a crash."""
+    line = ""
+    try:
+        return action()
+    except InputError as error:
+        line = str(error)
+    assert "\n" not in line
+    return None
+
+
+@given(data=st.one_of(st.binary(max_size=300), st.lists(st.integers(-(2**63), 2**63 - 1), max_size=9)))
+@SETTINGS
+def test_lockstep_tick(data: bytes | list[int]) -> None:
+    """Raw bytes, and typed lists of any length."""
+    row = topic("lockstep_tick")
+    receiver: Receiver[Manifest] = Receiver(
+        row.type, ("data",), lambda _: lambda _stamp, values: Manifest.decode(values.tolist()), stamp=""
+    )
+    if not isinstance(data, bytes):
+        data = serialize_message(message_class(row.type)(data=data))
+    refused_or_taken(partial(receiver, data))
+
+
+@given(
+    values=st.lists(number, min_size=19, max_size=19),
+    parts=st.tuples(st.booleans(), st.booleans(), st.booleans(), st.booleans()),
+)
+@SETTINGS
+def test_reference(values: list[float], parts: tuple[bool, bool, bool, bool]) -> None:
+    from geometry_msgs.msg import Transform, Twist
+    from trajectory_msgs.msg import MultiDOFJointTrajectoryPoint
+
+    message = message_class(topic("reference").type)()
+    if parts[0]:
+        point = MultiDOFJointTrajectoryPoint()
+        if parts[1]:
+            pose = Transform()
+            pose.translation.x, pose.translation.y, pose.translation.z = values[:3]
+            pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w = values[3:7]
+            point.transforms = [pose]
+        for wanted, field, offset in ((parts[2], "velocities", 7), (parts[3], "accelerations", 13)):
+            if wanted:
+                twist = Twist()
+                twist.linear.x, twist.linear.y, twist.linear.z = values[offset : offset + 3]
+                setattr(point, field, [twist])
+        message.points = [point]
+    message = deserialize_message(serialize_message(message), type(message))
+    reference = refused_or_taken(lambda: from_msgs.cartesian_reference(message))
+    if reference is not None:
+        assert reference.rotation.shape == (3, 3)
+        assert reference.twist.shape == (6,)
+
+
+# -- the session behind the topics ----------------------------------------------------------------
+
+wild = arrays(float, 7, elements=number)
+small = st.one_of(st.none(), wild)
+steps = st.lists(
+    st.tuples(
+        st.sampled_from(("good", "joint", "wrench", "slip", "pause", "request", "watchdog", "reference")),
+        st.one_of(st.just(None), wild),
+        st.integers(-3 * 10**9, 3 * 10**9),
+    ),
+    min_size=1,
+    max_size=25,
+)
+
+
+@given(first_bad=st.booleans(), sequence=steps)
+@settings(max_examples=60)
+def test_session_never_raises_and_keeps_the_promise(first_bad: bool, sequence: list[tuple[str, Any, int]]) -> None:
+    """From the very first sample on, which may be bad as well."""
+    scenario, law = prepared("paper_planar", True, "vic")
+    limits = law.params.safety.limits
+    promise = Promise(
+        law.robot.effort_limit, limits.effort_rate, limits.longest_step_s, limits.restart_after_s, PERIOD_S
+    )
+    _run(scenario, law, CommandMonitor(promise), first_bad, sequence)
+
+
+def _run(
+    scenario: Any, law: Controller, monitor: CommandMonitor, first_bad: bool, sequence: list[tuple[str, Any, int]]
+) -> None:
+    bridge = BridgeSession(scenario.bridge, scenario.urdf)
+    bridge.start_at(1000 * NS)
+    session = ControllerSession(law)
+    now_ns = 5 * NS
+    bad_first = [("joint", np.full(7, np.nan), 0)] if first_bad else []
+    for kind, values, passed in [*bad_first, *sequence, ("good", None, 0), ("good", None, 0)]:
+        now_ns += round(1e9 * PERIOD_S) + (max(passed, 0) if kind == "pause" else 0)
+        outputs = bridge.observe()
+        joint = outputs.joint
+        wild7 = np.zeros(7) if values is None else values
+        stamp_ns = joint.stamp_ns + (0 if values is None else passed)
+        if kind == "joint":
+            joint = JointSample(stamp_ns, wild7, joint.velocity if passed % 2 else wild7[::-1].copy(), wild7)
+        elif kind == "wrench":
+            session.add_wrench(0, WrenchSample(stamp_ns, wild7[:6]), now_ns)
+        elif kind == "slip":
+            session.add_slip(0, from_msgs.slip_sample(stamp_ns, wild7[:6]), now_ns)
+        elif kind == "request":
+            session.request(Request(abs(passed) % 4))
+        for wrench in outputs.wrenches[0]:
+            session.add_wrench(0, wrench, now_ns)
+        for slip in outputs.slips[0]:
+            session.add_slip(0, slip, now_ns)
+        session.add_joint(joint, now_ns)
+        results = [session.cycle(now_ns)] if kind != "watchdog" else []
+        results.append(session.watchdog(now_ns))
+        for result in results:
+            if result is not None:
+                monitor.take(now_ns, result.command.effort, partial(starts_of, session, joint))
+        bridge.advance(None)
+    assert monitor.violations == []

@@ -1,0 +1,346 @@
+"""HOLD against plain numpy, its load, and the delay that it bears: in closed form and in simulated loops."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+import pytest
+
+from slip_core.records import new, record
+from slip_core.vectors import Vec
+from slip_sim_bridge.session import TickOutputs
+from slip_vic.scenario import load_scenario
+from slip_vic_controller.cycle import CONFIG
+from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.parameters.safety_params import SafetyParams
+from slip_vic_controller.safety.hold import EXCESS, HOLD, HOLD_CONFIG, LOAD_LEVER, SLOWEST, believable_arm
+from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.safety.validation import JOINT_SAMPLE
+from slip_vic_controller.session import Controller
+from test.campaigns.faults.trial import STEADY_NS
+from test.referees import hold_referee
+from test.referees.hold_referee import held_inertia
+from test.referees.law_referee import exponential
+from test.support.delivery import answered_outputs, begun_bridge, realtime
+from test.support.every import every
+from test.support.made_up import LOAD, POSITION, MadeUp, N, law_at_work
+from test.support.safety_kernels import (
+    delay_margin,
+    gains_for_delay,
+    run_hold,
+    run_hold_load,
+    run_load_error,
+)
+
+SAFETY = SafetyParams()
+BORNE_S = 0.020  # docs/safety.md
+REST_RAD_S = 0.1  # what the campaign calls rest, a second after the law
+MS = 1_000_000
+CLOSE = 1e-9  # relative to the largest: products of matrices of size 1 to 100
+RATE_250_HZ = tuple(f"{node}.control_period_s=0.004" for node in ("bridge", "controller"))
+SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
+
+
+class Random:
+    """A random arm in HOLD with a random object."""
+
+    def __init__(self, seed: int, n: int) -> None:
+        rng = self.rng = np.random.default_rng(seed)
+        self.n, self.buffers = n, [new(layout) for layout in (HOLD_CONFIG, HOLD, ARM)]
+        self.config, self.hold, self.arm = (
+            record(buffer, layout) for buffer, layout in zip(self.buffers, (HOLD_CONFIG, HOLD, ARM), strict=True)
+        )
+        root, inertia_root = rng.standard_normal((n, n)), 0.3 * rng.standard_normal((3, 3))
+        self.config.stiffness, self.config.damping, self.config.load_s = 225.0, 30.0, 0.05
+        self.config.mass, self.config.inertia[:] = 0.7, inertia_root @ inertia_root.T
+        self.config.weight[:] = self.config.mass * rng.standard_normal(3) * 9.81
+        self.hold.posture[:n], self.hold.load_error[:] = rng.standard_normal(n), rng.standard_normal(6)
+        self.arm.M[:n, :n], self.arm.J[:, :n] = root @ root.T, rng.standard_normal((6, n))
+        self.arm.rotation[:], self.arm.gravity[:n] = exponential(rng.standard_normal(3)), rng.standard_normal(n)
+        self.pad, self.r_pad = exponential(rng.standard_normal(3)), 0.3 * rng.standard_normal(3)
+        self.sample_buffer = new(JOINT_SAMPLE)
+        sample = record(self.sample_buffer, JOINT_SAMPLE)
+        self.q, self.qd = sample.position[:n], sample.velocity[:n]
+        self.q[:], self.qd[:] = rng.standard_normal((2, n))
+        self.config.joints = n
+
+    def torque(self, late_s: float, carries: bool) -> np.ndarray:
+        out, (config, hold, arm) = np.empty(self.n), self.buffers
+        run_hold(config, hold, arm, self.sample_buffer, self.pad.ravel(), self.r_pad, late_s, carries, out)
+        return out
+
+    def referee(self, late_s: float, carries: bool) -> np.ndarray:
+        n, a, c = self.n, self.arm, self.config
+        arm = type("Arm", (), {"rotation": a.rotation, "gravity": a.gravity[:n], "J": a.J[:, :n], "M": a.M[:n, :n]})
+        gains = hold_referee.gains_for_delay(c.stiffness, c.damping, late_s)
+        return hold_referee.hold_torque(
+            arm, self.pad, self.q, self.qd, self.hold.posture[:n], self.r_pad, gains, c.mass, c.inertia, c.weight,
+            self.hold.load_error, carries=carries,
+        )  # fmt: skip
+
+
+def test_the_effort_is_the_referee_s() -> None:
+    for seed in range(24):
+        case = Random(seed, 3 + seed % 8)
+        for late_s in (0.0, 0.01, 0.025, 0.05, 1.0):
+            for carries in (True, False):
+                expected = case.referee(late_s, carries)
+                np.testing.assert_allclose(
+                    case.torque(late_s, carries), expected, rtol=0.0, atol=CLOSE * np.abs(expected).max()
+                )
+
+
+def test_at_rest_in_its_posture_it_is_gravity_and_load() -> None:
+    case = Random(0, 7)
+    case.q[:], case.qd[:] = case.hold.posture[:7], 0.0
+    np.testing.assert_array_equal(case.torque(0.0, False), case.arm.gravity[:7])
+    R, r = case.arm.rotation, case.arm.rotation @ case.r_pad
+    load = hold_referee.object_load(R, r, case.config.weight) + case.hold.load_error
+    world = np.concatenate((R @ load[:3], R @ load[3:]))
+    np.testing.assert_allclose(case.torque(0.0, True), case.arm.gravity[:7] - case.arm.J[:, :7].T @ world, atol=CLOSE)
+
+
+def test_a_joint_that_was_thrown_rests_where_it_becomes_slow_again() -> None:
+    """The others go back to the posture in which HOLD began."""
+    made_up = law_at_work()
+    assert made_up.past_validation(wrench=np.full(6, np.nan)).mode is Mode.HOLD
+    before = np.array(made_up.state.hold.posture[:N])
+    limit = record(made_up.controller.config, CONFIG).motion.velocity[:N]
+    velocity = limit * np.array([1.01, -1.01, 0.99, -0.99, 0.0, 1.0, 1.4])
+    away = made_up.joint(POSITION + np.linspace(0.1, 0.2, N), velocity)
+    assert made_up.past_validation(away, passed_ns=0).mode is Mode.HOLD
+    thrown = np.abs(velocity) > limit
+    np.testing.assert_array_equal(made_up.state.hold.posture[:N], np.where(thrown, away.position, before))
+    assert thrown.tolist() == [True, True, False, False, False, False, True]
+
+
+def test_what_the_wrench_has_told_of_the_load_stays_over_a_silence_and_ends_with_the_law() -> None:
+    """Without it an arm at rest sags when its controller has not run for a moment, though nothing else has changed."""
+    made_up = law_at_work()
+    assert made_up.past_validation(wrench=np.full(6, np.nan)).mode is Mode.HOLD
+    heavier = LOAD + np.array([0.0, 0.0, -0.5, 0.0, 0.0, 0.0])
+    assert made_up.run(80, wrench=heavier).mode is Mode.HOLD
+    before = np.array(made_up.state.hold.load_error)
+    assert np.linalg.norm(before) > 0.2
+    made_up.pass_time(200 * MS)
+    assert made_up.session.watchdog(made_up.now_ns).reason == "joint state is silent"
+    assert made_up.run(1, wrench=heavier).mode is Mode.HOLD
+    np.testing.assert_allclose(made_up.state.hold.load_error, before, atol=0.1 * np.linalg.norm(before))
+    assert made_up.run(300).mode.follows
+    np.testing.assert_array_equal(made_up.state.hold.load_error, 0.0)
+
+
+def test_a_controller_that_waits_for_inputs_knows_nothing_of_the_load() -> None:
+    made_up = MadeUp()
+    made_up.state.hold.load_error[:] = 3.0
+    assert made_up.cycle(wrench=None, slip=None).mode == Mode.WAITING_INPUT
+    assert not made_up.state.hold.load_error.any()
+
+
+def test_the_load_error_is_the_referee_s() -> None:
+    for seed in range(60):
+        case, measured = Random(seed, 4), 10.0 ** (seed % 3) * np.random.default_rng(seed + 1).standard_normal(6)
+        before, R = np.array(case.hold.load_error), case.arm.rotation
+        model = hold_referee.object_load(R, R @ case.r_pad, case.config.weight)
+        config, hold, arm = case.buffers
+        run_hold_load(config, hold, arm, case.r_pad, measured, 0.004)
+        expected = hold_referee.load_error(before, model, measured, 0.004, 0.05)
+        np.testing.assert_allclose(case.hold.load_error, expected, rtol=CLOSE, atol=CLOSE)
+
+
+def test_the_referee_s_inertia_is_that_of_the_arm_and_half_of_a_rigid_object() -> None:
+    """By the kinetic energy of both bodies."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        root, inertia_root = rng.standard_normal((7, 7)), 0.1 * rng.standard_normal((3, 3))
+        M, J, r, qd = root @ root.T, rng.standard_normal((6, 7)), rng.standard_normal(3), rng.standard_normal(7)
+        inertia, mass = inertia_root @ inertia_root.T, 0.7
+        v, w = (J @ qd)[:3], (J @ qd)[3:]
+        at_object = v - np.cross(w, r)
+        energy = 0.5 * (mass * at_object @ at_object + w @ inertia @ w)
+        found = 0.5 * qd @ held_inertia(M, J, r, mass, inertia) @ qd
+        assert found == pytest.approx(0.5 * qd @ M @ qd + 0.5 * energy, rel=1e-12)
+
+
+def test_a_real_grasp_is_within_the_assumed_excess() -> None:
+    for name in SCENARIOS:
+        scenario = load_scenario(name)
+        controller = Controller(scenario.controller, scenario.urdf, lockstep=False)
+        config, buffer = record(controller.config, CONFIG), new(ARM)
+        n, contact, model = 7, config.law.contact[0], config.gains.object
+        controller.robot.terms(np.array(scenario.bridge.initial_position), np.zeros(n), buffer)
+        arm = record(buffer, ARM)
+        R_o, M = arm.rotation @ contact.rotation.T, arm.M[:n, :n]
+        inertia = R_o @ model.inertia @ R_o.T
+        H = held_inertia(M, arm.J[:, :n], R_o @ config.gains.contact_position, model.mass, inertia)
+        assert np.linalg.eigvals(np.linalg.solve(M, H)).real.max() < EXCESS
+        share = len(scenario.controller.contacts.position) // 3
+        assert config.hold.mass == pytest.approx(model.mass / share)
+        np.testing.assert_allclose(config.hold.inertia, model.inertia / share)
+        np.testing.assert_allclose(config.hold.weight, model.gravity * model.mass / share)
+
+
+def test_the_wrench_corrects_the_load_slowly_and_by_no_more_than_the_weight() -> None:
+    model, error = np.array([0.0, 0.0, -4.0, 0.1, 0.0, 0.0]), np.zeros(6)
+    measured = model + np.array([0.5, 0.0, 0.3, 0.0, 0.05, 0.0])
+    for _ in range(100):
+        run_load_error(error, model, measured, 0.004, 0.1)
+    np.testing.assert_allclose(error, (1.0 - math.exp(-4.0)) * (measured - model), atol=1e-12)
+    wild = 1e6 * np.ones(6)
+    for _ in range(1000):
+        run_load_error(error, model, wild, 0.004, 0.1)
+    assert np.linalg.norm(error[:3]) == pytest.approx(4.0)
+    assert np.linalg.norm(error[3:]) == pytest.approx(4.0 * LOAD_LEVER)
+
+
+# -- the delay that it bears --------------------------------------------------------------------------
+
+
+def response(k: float, d: float, excess: float, delay_s: float) -> float:
+    """Return how much a mass under k, d with a delay swings after 40 time constants, of 1 at the start."""
+    dt, steps = 1e-4, round(40.0 / math.sqrt(excess * k) / 1e-4)
+    x, v, late = 1.0, 0.0, deque([(1.0, 0.0)] * round(delay_s / dt))
+    largest = 0.0
+    for step in range(steps):
+        late.append((x, v))
+        x_old, v_old = late.popleft()
+        v += dt * -excess * (k * x_old + d * v_old)
+        x += dt * v
+        if step > 0.9 * steps:
+            largest = max(largest, abs(x))
+    return largest
+
+
+@every("k, d, excess", [(225.0, 30.0, 1.0), (225.0, 30.0, 1.5), (400.0, 40.0, 2.0)])
+def test_delay_margin_is_where_a_simulated_joint_begins_to_swing(k: float, d: float, excess: float) -> None:
+    margin = delay_margin(k, d, excess)
+    assert margin == pytest.approx(hold_referee.delay_margin(k, d, excess), rel=1e-9)
+    assert response(k, d, excess, 0.93 * margin) < 0.2
+    assert response(k, d, excess, 1.07 * margin) > 5.0
+
+
+def test_without_gains_nothing_swings() -> None:
+    assert delay_margin(0.0, 0.0, EXCESS) == math.inf
+
+
+def test_the_page_promises_what_the_gains_bear() -> None:
+    at_100_hz = BORNE_S + 0.005  # half a period more: a command is held for one
+    assert delay_margin(SAFETY.hold_stiffness, SAFETY.hold_damping, EXCESS) > at_100_hz
+
+
+@every("delay_s", [0.0, 0.01, 0.03, 0.05])
+def test_gains_for_a_delay_keep_their_margin(delay_s: float) -> None:
+    k, d = gains_for_delay(SAFETY.hold_stiffness, SAFETY.hold_damping, delay_s)
+    assert delay_margin(k, d, EXCESS) > 1.3 * delay_s
+    if delay_s <= 0.01:
+        assert (k, d) == (SAFETY.hold_stiffness, SAFETY.hold_damping)
+
+
+def test_gains_for_a_delay_are_never_too_soft_to_rest() -> None:
+    k, d = gains_for_delay(SAFETY.hold_stiffness, SAFETY.hold_damping, 1e9)
+    assert (k, d) == pytest.approx((SLOWEST**2 * SAFETY.hold_stiffness, SLOWEST * SAFETY.hold_damping))
+
+
+# -- in the simulation --------------------------------------------------------------------------------
+
+
+def hold_in_motion(name: str, rate_hz: float, delay_s: float, behind_s: float = 0.0) -> tuple[float, float]:
+    """Let a foreign command stop the law in full motion while joint states get late; return what comes of it.
+
+    `behind_s`: how much the simulation falls behind the controller's clock at that moment; nothing is delayed by it.
+    Fastest joint from 1 s after that on [rad/s], and largest slip [m].
+    """
+    period = 1.0 / rate_hz
+    changes = [f"{node}.control_period_s={period}" for node in ("bridge", "controller")]
+    changes += [
+        "controller.gains.k_s=20.0",
+        "controller.trajectory.duration_s=1.35",
+        "bridge.stop_after_duration=false",
+    ]
+    scenario = load_scenario(name, mode="realtime", assignments=tuple(changes))
+    bridge, controller = begun_bridge(scenario), realtime(scenario)
+    way, delay = deque[TickOutputs](), round(delay_s * rate_hz)
+    stopped, rested, end = (round(t * rate_hz) for t in (0.4, 1.4, 1.8))
+    fastest = slip = 0.0
+    command = None
+    for tick in range(end):
+        now_ns = STEADY_NS + round((tick * period + (behind_s if tick >= stopped else 0.0)) * 1e9)
+        outputs = bridge.observe()
+        way.append(outputs)
+        if tick == stopped:
+            assert controller.mode.follows
+            controller.set_publishers({}, 2)
+        if tick >= rested:
+            fastest = max(fastest, float(np.abs(outputs.joint.velocity).max()))
+        slip = max(slip, float(np.abs(outputs.truth.slip_displacement[:3]).max()))
+        while len(way) > (delay if tick >= stopped else 0):
+            command = answered_outputs(controller, way.popleft(), now_ns).command
+        bridge.advance(command)
+    assert controller.mode == Mode.FAULT
+    assert controller.reason == "effort command is published by somebody else too"
+    return fastest, slip
+
+
+def test_the_arm_rests_though_joint_states_are_late() -> None:
+    for name in SCENARIOS:
+        for rate_hz, delay_s in ((100.0, 0.0), (100.0, BORNE_S), (250.0, BORNE_S)):
+            fastest, slip = hold_in_motion(name, rate_hz, delay_s)
+            assert fastest < REST_RAD_S, (name, rate_hz, delay_s)
+            assert slip < 0.07, (name, rate_hz, delay_s)  # nothing is thrown away
+
+
+def test_no_load_is_believed_to_be_metres_from_where_it_was_told_to_be() -> None:
+    told = Vec(0.1, -0.2, 0.3)
+    for slid in (Vec(0.0, 0.0, 0.0), Vec(0.06, -0.07, 0.0)):
+        assert believable_arm(told, told + slid) == told + slid  # to the last bit
+    far = believable_arm(told, told + Vec(2.02, -1.33, 0.0)) - told
+    assert far.norm() == pytest.approx(LOAD_LEVER, rel=CLOSE)
+    assert far.cross(Vec(2.02, -1.33, 0.0)).norm() < CLOSE
+
+
+def test_the_arm_rests_though_the_object_seems_to_have_slid_metres_away() -> None:
+    """An observer that a wrong wrench has misled for a quarter of a second; with such a lever HOLD would swing."""
+    for name in SCENARIOS:
+        scenario = load_scenario(name, mode="realtime", assignments=RATE_250_HZ)
+        bridge, controller = begun_bridge(scenario), realtime(scenario)
+        for tick in range(350):
+            outputs = bridge.observe()
+            if tick == 60:
+                controller.state.law.slips[0].position[:] = 2.02, -1.33, 0.0
+                controller.set_publishers({"wrench": 2}, 1)
+            bridge.advance(answered_outputs(controller, outputs, STEADY_NS + tick * 4 * MS).command)
+        assert controller.mode == Mode.HOLD, name
+        assert np.abs(outputs.joint.velocity).max() < REST_RAD_S, name
+
+
+def test_later_joint_states_get_softer_gains() -> None:
+    for name in SCENARIOS[1:]:
+        assert hold_in_motion(name, 250.0, 2.0 * BORNE_S)[0] < REST_RAD_S, name
+
+
+def test_the_arm_rests_though_the_simulation_is_behind_the_clock() -> None:
+    """Old stamps without a delay in the loop: the gains must not go to zero with them."""
+    for name, behind_s in zip(SCENARIOS, (0.2, 2.0, 0.2), strict=True):
+        fastest, slip = hold_in_motion(name, 250.0, 0.0, behind_s)
+        assert fastest < REST_RAD_S, name
+        assert slip < 0.05, name  # the campaigns call more than that lost
+
+
+def test_late_joint_states_end_the_law_where_that_is_asked_for() -> None:
+    """And the law comes back with them; without the parameter it stays at work."""
+    for late_s, expected in ((0.012, Mode.HOLD), (0.0, Mode.ACTIVE)):
+        changes = [f"{node}.control_period_s=0.004" for node in ("bridge", "controller")]
+        changes += ["controller.gains.k_s=20.0", f"controller.safety.inputs.joint.late_s={late_s}"]
+        scenario = load_scenario("paper_planar", mode="realtime", assignments=tuple(changes))
+        bridge, controller = begun_bridge(scenario), realtime(scenario)
+        results = []
+        for tick in range(120):
+            behind_ns = 20 * MS if 50 <= tick < 70 else 0
+            results.append(answered_outputs(controller, bridge.observe(), STEADY_NS + tick * 4 * MS + behind_ns))
+            bridge.advance(results[-1].command)
+        assert results[49].mode == Mode.ACTIVE
+        assert results[60].mode == expected
+        assert ("joint state is late" in results[60].reason) == (late_s > 0.0)
+        assert results[-1].mode.follows

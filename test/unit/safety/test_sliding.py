@@ -1,0 +1,121 @@
+"""The law does not begin onto an object that slides fast; and real time does not follow its spin."""
+
+from __future__ import annotations
+
+import dataclasses
+from itertools import islice
+
+import numpy as np
+
+from slip_vic.inprocess import run_in_process
+from slip_vic.scenario import ControllerKind, load_scenario
+from slip_vic_controller.parameters.safety_params import SafetyParams
+from slip_vic_controller.safety.faults import Fault, Input, describe_fault
+from slip_vic_controller.safety.modes import Mode, Request
+from test.campaigns.faults.trial import PERIOD_S, STEADY_NS
+from test.support.delivery import answered_outputs, begun_bridge, realtime
+from test.support.every import every
+from test.support.made_up import MadeUp
+
+SAFETY = SafetyParams()
+RESUME_TICKS = round(SAFETY.resume_after_s / PERIOD_S)
+SLIDES = "the object slides: it comes to rest first"
+
+
+class Loop:
+    """Bridge and controller without topics, with whatever slip velocity a sensor may say."""
+
+    def __init__(self, kind: ControllerKind = "vic") -> None:
+        changes = [f"{node}.control_period_s={PERIOD_S}" for node in ("bridge", "controller")]
+        scenario = load_scenario(
+            "paper_planar", controller=kind, mode="realtime", assignments=(*changes, "controller.gains.k_s=100.0")
+        )
+        self.bridge, self.controller, self.now_ns = begun_bridge(scenario), realtime(scenario), STEADY_NS
+
+    def run(self, ticks: int, linear: float = 0.0, angular: float = 0.0, *, valid: bool = True) -> str:
+        """Run with this slip velocity measured; return mode and reason."""
+        for tick in range(ticks):
+            outputs = self.bridge.observe()
+            # No sensor says the same to the last bit, but where there is no slip.
+            twist = np.array([0.0, -linear, 0.0, 0.0, 0.0, angular]) * (1.0 + 1e-6 * tick)
+            slips = [dataclasses.replace(slip, twist=twist, valid=valid) for slip in outputs.slips[0]]
+            result = answered_outputs(self.controller, outputs._replace(slips=(slips,)), self.now_ns)
+            self.bridge.advance(result.command)
+            self.now_ns += round(1e9 * PERIOD_S)
+        return f"{result.mode.name} {result.reason}".strip()
+
+
+@every("linear, angular", [(1.01, 0.0), (0.0, 1.01)])
+def test_it_begins_when_the_object_has_come_to_rest(linear: float, angular: float) -> None:
+    fast = linear * SAFETY.resume_slip_linear, angular * SAFETY.resume_slip_angular
+    loop = Loop()
+    assert loop.run(3 * RESUME_TICKS, *fast) == f"HOLD {SLIDES}"
+    assert loop.run(RESUME_TICKS) == f"HOLD resumes after: {SLIDES}"
+    assert loop.run(1).startswith(("ACTIVE", "DEGRADED the path waits"))
+    # A user does not enable it earlier; and while it works, slip is its business.
+    loop.controller.request(Request.HOLD)
+    loop.run(round(3 * SAFETY.fallback.slow_down_s / PERIOD_S))
+    loop.controller.request(Request.ENABLE)
+    assert loop.run(5, *fast) == f"HOLD {SLIDES}"
+    loop.controller.request(Request.ENABLE)
+    assert loop.run(1).startswith(("ACTIVE", "DEGRADED"))
+    loop.run(1, *fast)
+    assert loop.controller.mode.follows
+
+
+@every("limit", [0.5, 2.0])
+def test_how_fast_it_may_turn_is_a_parameter(limit: float) -> None:
+    for share, begins in ((0.99, True), (1.01, False)):
+        made_up = MadeUp(safety__resume_slip_angular=limit)
+        made_up.run(2, slip=np.array([0.0, 0.0, 0.0, 0.0, 0.0, share * limit]))
+        assert made_up.session.mode.follows is begins
+
+
+def test_it_does_not_begin_without_a_slip_sensor_either() -> None:
+    """The levels are for a law that is at work."""
+    loop = Loop()
+    assert loop.run(1) == "ACTIVE"
+    loop.controller.set_publishers({"wrench": 2}, 1)
+    loop.run(RESUME_TICKS)
+    loop.controller.set_publishers({}, 1)
+    words = describe_fault(Input.SLIP, Fault.INVALID)
+    assert loop.run(3 * RESUME_TICKS, valid=False) == f"HOLD {words}"
+    assert loop.run(RESUME_TICKS) == f"HOLD resumes after: {words}"
+    assert loop.run(1).startswith(("ACTIVE", "DEGRADED"))
+    assert loop.run(1, valid=False).startswith(f"DEGRADED {words}")
+
+
+def test_slow_slip_and_the_classical_law_begin_at_once() -> None:
+    assert Loop().run(1, 0.9 * SAFETY.resume_slip_linear, 0.9 * SAFETY.resume_slip_angular) == "ACTIVE"
+    assert Loop("classical").run(1, 10 * SAFETY.resume_slip_linear) == "ACTIVE"
+
+
+def slip_with_late_commands(name: str, spin: str, late_ticks: int) -> float:
+    """Run most of a scenario; return the largest slip [m], infinity where the law gave up."""
+    scenario = load_scenario(name, assignments=(f"controller.gains.spin={spin}",))
+    ticks = round(0.6 * scenario.bridge.duration_s / scenario.bridge.control_period_s)
+    largest = 0.0
+    for tick in islice(run_in_process(scenario, late_ticks), ticks):
+        largest = max(largest, float(np.abs(tick.outputs.truth.slip_displacement[:3]).max()))
+        if tick.result.mode != Mode.ACTIVE:
+            return np.inf
+    return largest
+
+
+def test_a_bounded_spin_bears_late_commands_and_the_printed_law_does_not() -> None:
+    bounded = [slip_with_late_commands("paper_planar", "bounded", late) for late in (0, 2)]
+    assert bounded[1] < 1.05 * bounded[0]
+    assert slip_with_late_commands("paper_planar", "follow", 1) > 5.0 * bounded[0]
+
+
+def test_so_in_other_scenarios() -> None:
+    for name in ("vertical_plane", "glass_transport"):
+        prompt = slip_with_late_commands(name, "bounded", 0)
+        assert slip_with_late_commands(name, "bounded", 2) < 1.1 * prompt, name
+
+
+def test_real_time_is_bounded_unless_a_user_says_otherwise() -> None:
+    assert load_scenario("paper_planar").controller.gains.spin == "follow"
+    assert load_scenario("paper_planar", mode="realtime").controller.gains.spin == "bounded"
+    printed = load_scenario("paper_planar", mode="realtime", assignments=("controller.gains.spin=follow",))
+    assert printed.controller.gains.spin == "follow"

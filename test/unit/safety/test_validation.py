@@ -1,0 +1,420 @@
+"""Input validation: what is wrong with a sample and with an input, against plain watches and case by case."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slip_core.records import record
+from slip_core.types import JointSample, SlipSample
+from slip_sim_bridge.sensors.slip import SlipMeasurement
+from slip_vic.presets.sensors import load_preset, preset_names
+from slip_vic_controller.arrival import is_silent, receive_joint_state, receive_slip, receive_wrench
+from slip_vic_controller.cycle import STATE, STATE_SIZE
+from slip_vic_controller.parameters.safety_params import SafetyParams
+from slip_vic_controller.safety.faults import WORDS, Fault, Input, describe_fault
+from slip_vic_controller.sizes import MAX_FRESH
+from test.referees.validation_referee import GOOD, JointReferee, VectorReferee
+from test.support.every import every
+from test.support.made_up import MS, NOW_NS, POSITION, STAMP_NS, MadeUp, N, controller_of
+from test.support.safety_kernels import run_validity
+
+INPUTS = SafetyParams().inputs
+WRENCH, SLIP = INPUTS.wrench, INPUTS.slip
+ODD = (0.0, -0.0, 1.0, -3.0, 1e-310, -1e-320, 50.0, 1e150, 1e200, np.nan, np.inf, -np.inf)
+AGE_NS = round(SLIP.age_s * 1e9)
+PERIOD_NS = 4 * MS
+SLIP_AXES = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+QUIET = np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.0])
+ACCEPT = INPUTS.accept_after
+
+
+class Validation:
+    """What runs, and the referees beside it."""
+
+    def __init__(self, lockstep: bool = False, quantum: float = 0.0) -> None:
+        controller = controller_of(lockstep, slip_sensor__quantum_linear=quantum)
+        self.config, self.buffer, self.lockstep = controller.config, controller.new_state(), lockstep
+        self.state = record(self.buffer[:STATE_SIZE], STATE)
+        self.joints = JointReferee(controller.robot, INPUTS, lockstep=lockstep)
+        self.vectors = {
+            False: VectorReferee(WRENCH, (WRENCH.force, WRENCH.torque), INPUTS.future_s, zero_is_normal=False),
+            True: VectorReferee(SLIP, (SLIP.linear, SLIP.angular), INPUTS.future_s, zero_is_normal=True),
+        }
+        if quantum > 0.0:
+            self.vectors[True].frozen_ns *= 5
+
+    def joint(self, stamp_ns: int, q, qd, now_ns: int, refused: bool = False) -> Fault:
+        q, qd = np.array(q, dtype=float), np.array(qd, dtype=float)
+        effort = np.zeros(N)
+        args = (stamp_ns, q, qd, effort, refused, now_ns, self.lockstep)
+        found = Fault(receive_joint_state(self.config, self.buffer, *args))
+        sample = JointSample(stamp_ns, q[:3] if refused else q, qd, effort)
+        expected = self.joints.receive(sample, now_ns)
+        if found == Fault.RESTARTED:
+            for referee in self.vectors.values():
+                referee.rebase(stamp_ns)
+        assert found == expected
+        self.compare(now_ns)
+        return found
+
+    def vector(
+        self, is_slip: bool, stamp_ns: int, values, now_ns: int, valid: bool = True, refused: bool = False
+    ) -> Fault:
+        values = np.array(values, dtype=float)
+        if is_slip:
+            found = receive_slip(self.config, self.buffer, 0, stamp_ns, values, valid, refused, now_ns)
+        else:
+            found = receive_wrench(self.config, self.buffer, 0, stamp_ns, values, refused, now_ns)
+        last = self.joints.last
+        given = values[:3] if refused else values
+        args = (stamp_ns, given, valid or not is_slip, now_ns, None if last is None else last[0].stamp_ns)
+        assert self.vectors[is_slip].receive(*args) == found
+        return Fault(found)
+
+    def validity(self, is_slip: bool, now_ns: int, joint_stamp_ns: int, arm_moves: bool = False) -> Fault:
+        found = run_validity(self.config, self.buffer, is_slip, now_ns, joint_stamp_ns, arm_moves)
+        assert found == self.vectors[is_slip].validity(now_ns, joint_stamp_ns, arm_moves)
+        return Fault(found)
+
+    def compare(self, now_ns: int) -> None:
+        """The state is the referee's."""
+        joint, plain = self.state.joint, self.joints
+        assert bool(joint.known) == (plain.last is not None)
+        assert bool(is_silent(self.config, self.buffer, now_ns)) == plain.silent(now_ns)
+        if plain.last is not None:
+            sample, arrival_ns = plain.last
+            np.testing.assert_array_equal(joint.last.position[:N], sample.position)
+            np.testing.assert_array_equal(joint.last.velocity[:N], sample.velocity)
+            assert (joint.last.stamp_ns, joint.arrival_ns) == (sample.stamp_ns, arrival_ns)
+            assert bool(joint.moves) == plain.moves
+            assert joint.equal_since_ns == plain.equal_since_ns
+        for fault in Fault:
+            assert joint.counts[fault] == plain.counts[fault]
+
+
+def test_random_joint_states_are_judged_as_by_the_plain_watch() -> None:
+    seen: set[Fault] = set()
+    for seed in range(36):
+        rng, v = np.random.default_rng(seed), Validation(lockstep=seed % 3 == 0)
+        stamp, now, q, qd = STAMP_NS, NOW_NS, POSITION.copy(), np.zeros(N)
+        for _ in range(60):
+            passed = int(rng.choice((1, 4, 60), p=(0.2, 0.7, 0.1))) * MS
+            now, before = now + passed, stamp
+            stamp += int(rng.choice((passed, 0, -MS, 10**9, -(10**9)), p=(0.86, 0.04, 0.04, 0.03, 0.03)))
+            kind = rng.choice(
+                ("moves", "stays", "jumps", "odd", "far", "denormal"), p=(0.6, 0.14, 0.1, 0.1, 0.04, 0.02)
+            )
+            given_q, given_qd = q, qd
+            if kind == "moves":
+                qd = 0.3 * rng.normal(size=N)
+                q = np.clip(q + 0.01 * qd, -2.5, 2.5)
+                given_q, given_qd = q, qd
+            elif kind == "jumps":
+                q = np.clip(q + rng.choice((0.04, 0.2), N) * rng.normal(size=N), -2.5, 2.5)
+                given_q = q
+            elif kind == "odd":
+                given_q, given_qd = rng.choice(ODD[: rng.integers(1, len(ODD) + 1)], (2, N))
+            elif kind == "far":
+                given_q = q + 6.0 * (np.arange(N) == rng.integers(N))
+            elif kind == "denormal":
+                given_qd = np.where(np.arange(N) == 2, 1e-310, qd)
+            fault = v.joint(stamp, given_q, given_qd, now, refused=rng.uniform() < 0.02)
+            seen.add(fault)
+            if fault in (Fault.OUT_OF_ORDER, Fault.DUPLICATE) or rng.uniform() < 0.5:
+                stamp = max(stamp, before) if fault != Fault.CLOCK_JUMP else stamp
+    assert seen == {
+        Fault.NONE, Fault.REFUSED, Fault.NOT_FINITE, Fault.ABSURD, Fault.DENORMAL, Fault.OUT_OF_ORDER, Fault.DUPLICATE,
+        Fault.CLOCK_JUMP, Fault.JUMP, Fault.RESTARTED,
+    }  # fmt: skip
+
+
+def test_random_wrenches_and_slips_are_judged_as_by_the_plain_watch() -> None:
+    seen: set[Fault] = set()
+    for seed in range(40):
+        rng, v, is_slip = np.random.default_rng(seed), Validation(), seed % 2 == 0
+        stamp, now, joint_stamp, values = STAMP_NS, NOW_NS, STAMP_NS, np.ones(6)
+        for k in range(60):
+            passed = int(rng.choice((1, 4, 30, 120), p=(0.3, 0.6, 0.07, 0.03))) * MS
+            now, stamp, joint_stamp = now + passed, stamp + passed, joint_stamp + passed
+            if rng.uniform() < 0.8:
+                v.joint(joint_stamp, POSITION + 1e-6 * k, np.full(N, 0.1 * (k % 3)), now)
+            kind = rng.choice(("new", "same", "odd", "big", "away"), p=(0.5, 0.25, 0.1, 0.05, 0.1))
+            if kind == "new":
+                values = rng.normal(size=6) * (0.0 if rng.uniform() < 0.1 else 1.0)
+            given = values if kind != "odd" else rng.choice(ODD[: rng.integers(1, len(ODD) + 1)], 6)
+            given = given * (1e4 if kind == "big" else 1.0)
+            shift = int(rng.choice((0, -200 * MS, 60 * MS, 200 * MS, -passed), p=(0.9, 0.02, 0.02, 0.03, 0.03)))
+            if kind != "away":
+                seen.add(
+                    v.vector(is_slip, stamp + shift, given, now, rng.uniform() < 0.95, refused=rng.uniform() < 0.02)
+                )
+            for late_ns in (0, 20 * MS, 100 * MS):
+                seen.add(v.validity(is_slip, now + late_ns, joint_stamp + late_ns, bool(k % 3)))
+            state = (v.state.slip_inputs if is_slip else v.state.wrench_inputs)[0]
+            assert {f: int(state.counts[f]) for f in Fault if state.counts[f]} == dict(+v.vectors[is_slip].counts)
+    assert seen >= {
+        Fault.NONE, Fault.REFUSED, Fault.NOT_FINITE, Fault.ABSURD, Fault.DENORMAL, Fault.OUT_OF_ORDER, Fault.DUPLICATE,
+        Fault.FUTURE, Fault.INVALID, Fault.NEVER_SEEN, Fault.SILENT, Fault.STALE, Fault.FROZEN,
+    }  # fmt: skip
+
+
+# -- joint states -------------------------------------------------------------------------------------
+
+
+def begun() -> Validation:
+    v = Validation()
+    for k in range(5):
+        assert v.joint(STAMP_NS + k * PERIOD_NS, POSITION + 1e-6 * k, np.zeros(N), NOW_NS + k * PERIOD_NS) == Fault.NONE
+    return v
+
+
+def at(k: int) -> tuple[int, int]:
+    return STAMP_NS + k * PERIOD_NS, NOW_NS + k * PERIOD_NS
+
+
+def test_samples_that_agree_after_a_jump_are_a_restart() -> None:
+    """Only the last of them, and only of those that follow each other; then the next jump begins anew."""
+    v, jumped = begun(), POSITION + 0.3
+    for k in range(5, 5 + ACCEPT - 1):
+        assert v.joint(at(k)[0], jumped + 1e-6 * k, np.zeros(N), at(k)[1]) == Fault.JUMP
+    k += 1
+    assert v.joint(at(k)[0], jumped - 0.6, np.zeros(N), at(k)[1]) == Fault.JUMP  # does not agree: the first of others
+    for k in range(5 + ACCEPT, 3 + 2 * ACCEPT):
+        assert v.joint(at(k)[0], jumped - 0.6 + 1e-6 * k, np.zeros(N), at(k)[1]) == Fault.JUMP
+    k += 1
+    assert v.joint(at(k)[0], jumped - 0.6, np.zeros(N), at(k)[1]) == Fault.RESTARTED
+    assert v.joint(at(k + 1)[0], jumped - 0.6 + 1e-6, np.zeros(N), at(k + 1)[1]) == Fault.NONE
+    # After a restart nothing of the jump before is left.
+    for k in range(5 + 2 * ACCEPT, 4 + 3 * ACCEPT):
+        assert v.joint(at(k)[0], POSITION + 1e-6 * k, np.zeros(N), at(k)[1]) == Fault.JUMP
+    assert v.joint(at(k + 1)[0], POSITION, np.zeros(N), at(k + 1)[1]) == Fault.RESTARTED
+
+
+def test_a_good_sample_between_jumps_makes_them_forgotten() -> None:
+    v, jumped = begun(), POSITION + 0.3
+    for k in range(5, 30):
+        good = k % (ACCEPT - 1) == 0
+        position = (POSITION if good else jumped) + 1e-6 * k
+        assert v.joint(at(k)[0], position, np.zeros(N), at(k)[1]) == (Fault.NONE if good else Fault.JUMP)
+
+
+def test_in_lockstep_a_jump_is_a_restart_at_once() -> None:
+    v = Validation(lockstep=True)
+    assert v.joint(*(STAMP_NS, POSITION, np.zeros(N)), NOW_NS) == Fault.NONE
+    assert v.joint(STAMP_NS + MS, POSITION + 0.3, np.zeros(N), NOW_NS + MS) == Fault.RESTARTED
+
+
+def test_speed_explains_a_change_of_position_for_a_tenth_of_a_second() -> None:
+    jump = INPUTS.joint.jump
+    for passed_s, speed, step, expected in (
+        (0.004, 0.0, 0.9 * jump, Fault.NONE),
+        (0.004, 0.0, 1.1 * jump, Fault.JUMP),
+        (0.02, 2.0, jump + 0.9 * 2.0 * 0.04, Fault.NONE),
+        (0.02, 2.0, jump + 1.1 * 2.0 * 0.04, Fault.JUMP),
+        (0.5, 2.0, jump + 0.9 * 2.0 * 0.2, Fault.NONE),
+        (0.5, 2.0, jump + 1.1 * 2.0 * 0.2, Fault.JUMP),
+    ):
+        for sign in (1.0, -1.0):
+            v, passed = begun(), round(passed_s * 1e9)
+            moved = POSITION + sign * step * (np.arange(N) == 1)
+            stamp, now = at(4)[0] + passed, at(4)[1] + passed
+            assert v.joint(stamp, moved, np.full(N, sign * speed), now) == expected, (passed_s, speed, step)
+
+
+def test_what_is_dropped_in_real_time_is_answered_in_lockstep() -> None:
+    for lockstep in (False, True):
+        for stamp, fault in ((STAMP_NS, Fault.DUPLICATE), (STAMP_NS - MS, Fault.OUT_OF_ORDER)):
+            v = Validation(lockstep)
+            v.joint(STAMP_NS, POSITION, np.zeros(N), NOW_NS)
+            v.state.joint.pending = 0
+            assert v.joint(stamp, POSITION, np.zeros(N), NOW_NS + MS) == fault
+            assert v.state.joint.pending == lockstep
+
+
+def test_the_newest_joint_state_wins_and_a_restart_is_not_forgotten() -> None:
+    v = Validation(lockstep=True)
+    v.joint(STAMP_NS, POSITION, np.zeros(N), NOW_NS)
+    v.joint(STAMP_NS + MS, POSITION + 0.3, np.zeros(N), NOW_NS + MS)
+    v.joint(STAMP_NS + 2 * MS, POSITION + 0.31, np.zeros(N), NOW_NS + 2 * MS)
+    joint = v.state.joint
+    assert (joint.skipped, joint.pending_fault, joint.answers.stamp_ns) == (2, Fault.RESTARTED, STAMP_NS + 2 * MS)
+    v.joint(STAMP_NS + 3 * MS, np.full(N, np.nan), np.zeros(N), NOW_NS + 3 * MS)
+    assert v.state.joint.pending_fault == Fault.NOT_FINITE
+
+
+def test_a_restart_of_the_clock_forgets_what_is_ahead_of_it_and_not_that_it_was_seen() -> None:
+    v = Validation(lockstep=True)
+    v.joint(STAMP_NS, POSITION, np.zeros(N), NOW_NS)
+    for is_slip in (False, True):
+        v.vector(is_slip, STAMP_NS, np.ones(6), NOW_NS)
+    back = STAMP_NS - 10**10
+    assert v.joint(back, POSITION, np.zeros(N), NOW_NS + MS) == Fault.RESTARTED
+    for is_slip, inputs in ((False, v.state.wrench_inputs), (True, v.state.slip_inputs)):
+        assert v.validity(is_slip, NOW_NS + MS, back) == Fault.NEVER_SEEN
+        assert inputs[0].seen == 1
+        assert v.vector(is_slip, back, np.ones(6), NOW_NS + MS) == Fault.NONE
+        assert v.validity(is_slip, NOW_NS + MS, back) == Fault.NONE
+
+
+# -- wrench and slip velocity -------------------------------------------------------------------------
+
+
+def heard_once() -> Validation:
+    v = Validation()
+    assert v.vector(True, STAMP_NS, QUIET, NOW_NS) == Fault.NONE
+    return v
+
+
+def said_while(bad: np.ndarray, heard: bool) -> Fault:
+    """Return why a slip velocity does not count that was good once, and then bad, or not heard, for long."""
+    v, validities = heard_once(), []
+    for passed in range(PERIOD_NS, 2 * AGE_NS, PERIOD_NS):
+        if heard:
+            v.vector(True, STAMP_NS + passed, bad, NOW_NS + passed)
+        validities.append(v.validity(True, NOW_NS + passed, STAMP_NS + passed))
+    assert validities[0] == Fault.NONE  # one bad sample is dropped, and the last good one used
+    return validities[-1]
+
+
+@every("bad, fault", [(np.full(6, 2.0 * SLIP.linear), Fault.ABSURD), (np.full(6, np.inf), Fault.NOT_FINITE)])
+def test_an_input_whose_numbers_are_bad_is_not_called_silent(bad: np.ndarray, fault: Fault) -> None:
+    assert said_while(bad, heard=True) == fault
+    assert said_while(bad, heard=False) == Fault.SILENT
+
+
+def test_bad_numbers_of_long_ago_are_no_excuse_for_silence() -> None:
+    v = heard_once()
+    v.vector(True, STAMP_NS + PERIOD_NS, np.full(6, np.inf), NOW_NS + PERIOD_NS)
+    assert v.validity(True, NOW_NS + 2 * AGE_NS, STAMP_NS + 2 * AGE_NS) == Fault.SILENT
+
+
+def test_good_numbers_after_bad_ones_count_at_once() -> None:
+    v, late = heard_once(), 2 * AGE_NS
+    v.vector(True, STAMP_NS + late, np.full(6, np.inf), NOW_NS + late)
+    assert v.validity(True, NOW_NS + late, STAMP_NS + late) == Fault.NOT_FINITE
+    v.vector(True, STAMP_NS + late + PERIOD_NS, 2.0 * QUIET, NOW_NS + late + PERIOD_NS)
+    assert v.validity(True, NOW_NS + late + PERIOD_NS, STAMP_NS + late + PERIOD_NS) == Fault.NONE
+
+
+def test_one_sample_ahead_is_its_own_fault_and_two_are_not() -> None:
+    v = Validation()
+    v.joint(STAMP_NS, POSITION, np.zeros(N), NOW_NS)
+    v.vector(False, STAMP_NS, np.ones(6), NOW_NS)
+    ahead = STAMP_NS + 10**9
+    for expected in (Fault.NONE, Fault.FUTURE):
+        assert v.vector(False, ahead, np.ones(6), NOW_NS) == Fault.FUTURE
+        assert v.validity(False, NOW_NS, STAMP_NS) == expected
+    v.vector(False, STAMP_NS + 1, np.ones(6), NOW_NS)
+    assert v.validity(False, NOW_NS, STAMP_NS) == Fault.NONE
+
+
+def test_a_wrench_of_zeros_counts_as_invalid_from_the_one_in_a_row_on_that_is_told() -> None:
+    controller = controller_of(False, wrench__zero_after=3)
+    state = controller.new_state()
+
+    def take(k: int, value: float) -> Fault:
+        later = k * PERIOD_NS
+        args = (0, STAMP_NS + later, np.full(6, value), False, NOW_NS + later)
+        return Fault(receive_wrench(controller.config, state, *args))
+
+    zeros = [take(k, 0.0) for k in range(5)]
+    assert zeros == [Fault.NONE, Fault.NONE, Fault.INVALID, Fault.INVALID, Fault.INVALID]
+    assert [take(5, 1.0), take(6, 0.0)] == [Fault.NONE, Fault.NONE]
+
+
+def test_only_values_that_should_change_are_frozen() -> None:
+    """A wrench where the arm moves; a slip velocity that is not zero."""
+    frozen_ns = round(WRENCH.frozen_s * 1e9) + 2 * PERIOD_NS
+    for is_slip, values, moves, expected in (
+        (False, np.ones(6), True, Fault.FROZEN),
+        (False, np.ones(6), False, Fault.NONE),
+        (True, np.ones(6), False, Fault.FROZEN),
+        (True, np.zeros(6), True, Fault.NONE),
+    ):
+        v = Validation()
+        for passed in range(0, frozen_ns, PERIOD_NS):
+            v.vector(is_slip, STAMP_NS + passed, values, NOW_NS + passed)
+        assert v.validity(is_slip, NOW_NS + passed, STAMP_NS + passed, moves) == expected
+    v = Validation()
+    for passed in range(0, frozen_ns, PERIOD_NS):  # a changed sign of zero is a change
+        v.vector(
+            False, STAMP_NS + passed, np.array([1.0, 0.0 if passed % (2 * PERIOD_NS) else -0.0, 0, 0, 0, 0]), NOW_NS
+        )
+    assert v.validity(False, NOW_NS, STAMP_NS + passed, True) == Fault.NONE
+
+
+def test_no_sensor_that_works_is_frozen_and_one_that_does_not_work_is() -> None:
+    """A slip of constant speed, read by every preset: one with a quantum repeats its readings, and may."""
+    for name in preset_names():
+        params = load_preset(name).slip
+        period_ns = round(1e9 / params.rate_hz) if params.rate_hz else MS
+        for seed in range(3):
+            for speed in (0.00285, 0.02):
+                rng = np.random.default_rng(seed)
+                sensor = SlipMeasurement(params, SLIP_AXES, lambda rng=rng: rng)
+                v = Validation(quantum=params.quantum_linear)
+                for stamp_ns in range(STAMP_NS, STAMP_NS + 300 * MS, period_ns):
+                    truth = speed * SLIP_AXES * (1.0 + 1e-6 * rng.random())
+                    v.vector(True, stamp_ns, sensor(SlipSample(stamp_ns, truth), rng).twist, stamp_ns)
+                    assert v.validity(True, stamp_ns, stamp_ns) == Fault.NONE, (name, seed, speed)
+        for stamp_ns in range(STAMP_NS + 10**9, STAMP_NS + 10**9 + 700 * MS, period_ns):
+            v.vector(True, stamp_ns, QUIET, stamp_ns)
+        assert v.validity(True, stamp_ns, stamp_ns) == Fault.FROZEN, name
+
+
+def test_of_too_many_slip_samples_between_two_cycles_the_oldest_go() -> None:
+    v = Validation()
+    for k in range(MAX_FRESH + 3):
+        v.vector(True, STAMP_NS + k, QUIET * (1 + k), NOW_NS)
+    queue = v.state.queue
+    assert queue.count == MAX_FRESH
+    assert [int(s.stamp_ns) - STAMP_NS for s in queue.samples] == list(range(3, MAX_FRESH + 3))
+    np.testing.assert_allclose([s.twist[0] for s in queue.samples], 0.01 * np.arange(4, MAX_FRESH + 4))
+
+
+# -- what a session says of it ------------------------------------------------------------------------
+
+
+def test_rates_and_counts_of_the_inputs() -> None:
+    made_up = MadeUp()
+    made_up.cycle()
+    assert made_up.session.rates() == {}
+    for _ in range(300):
+        made_up.cycle(passed_ns=2 * MS)
+    rates = made_up.session.rates()
+    assert set(rates) == {"joint_states", "wrench", "slip_velocity"}
+    for period, jitter in rates.values():
+        assert period == pytest.approx(0.002)
+        assert jitter == pytest.approx(0.0, abs=1e-9)
+    for k in range(300):
+        made_up.cycle(passed_ns=(1 + 2 * (k % 2)) * MS)
+    assert made_up.session.rates()["wrench"] == pytest.approx((0.002, 0.001), rel=0.1)
+    made_up.pass_time()
+    made_up.deliver(np.full(6, np.nan), None)
+    made_up.deliver(np.full(6, np.nan), None)
+    made_up.session.set_publishers({"wrench": 2, "slip_velocity": 1}, 1)
+    made_up.session.set_publishers({"wrench": 2}, 1)
+    made_up.session.set_publishers({}, 2)
+    assert made_up.session.counts() == {
+        "wrench not_finite": 2, "wrench second_publisher": 1, "effort command foreign_command": 1,
+    }  # fmt: skip
+
+
+def test_wrong_sizes_are_refused() -> None:
+    made_up = MadeUp()
+    made_up.cycle()
+    made_up.deliver(np.zeros(5), np.zeros(7))
+    before = made_up.state.joint.last.stamp_ns
+    made_up.pass_time()
+    made_up.session.add_joint(JointSample(made_up.stamp_ns, np.zeros(6), np.zeros(7), np.zeros(7)), made_up.now_ns)
+    assert made_up.session.counts() == {"joint state refused": 1, "wrench refused": 1, "slip refused": 1}
+    assert made_up.state.joint.last.stamp_ns == before
+
+
+def test_every_fault_has_words() -> None:
+    """A finding without words would be none."""
+    assert set(WORDS) == set(Fault) - {Fault.NONE}
+    assert all(describe_fault(of, fault) for fault in WORDS for of in Input)
+    assert describe_fault(Input.ANY, Fault.NONE) == ""
+    assert Fault.DENORMAL in GOOD

@@ -1,0 +1,283 @@
+"""Files made by somebody who means harm: refused in one line, with little memory, and nothing else is touched."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import re
+import resource
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import lz4.frame
+import numpy as np
+import pytest
+import yaml
+import zstandard
+from mcap.records import Chunk
+
+from slip_bags.format import parse_metadata, parse_qos
+from slip_bags.layout import Schema
+from slip_bags.reader import Bag
+from slip_bags.storage.mcap_file import MAX_RATIO
+from slip_bags.storage.scan import DamagedError, chunk_content, partial_chunk
+from slip_core.compiled import check_private
+from slip_core.errors import InputError, ProtocolError
+from slip_core.files.plain_yaml import DEEPEST, read_yaml
+from slip_core.files.urdf import parse_urdf
+from slip_core.params import load_yaml, parse_assignment
+from slip_sim_bridge.plant.model import arm_spec
+from slip_vic.scenario import load_scenario
+from slip_vic.system.domain import domain_id
+from slip_vic_controller import snapshot
+from slip_vic_controller.robot import Robot
+from test.support.bag_maker import make_bag
+from test.support.every import every
+
+SRC = Path(__file__).parents[3] / "src"
+ROOM = 32 << 20  # bytes of address space beyond what is there: a bomb needs more
+LAUGHS = "\n".join(["a0: &a0 [x, x]", *(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 12))])
+
+
+@contextmanager
+def little_memory() -> Iterator[None]:
+    """Let nothing in the block take much memory."""
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (used + ROOM, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+# -- YAML -------------------------------------------------------------------------------------------------------------
+
+
+@every(
+    "text, what",
+    [
+        ("[" * 200_000, "nested"),
+        ("{a: " * 200_000, "nested"),
+        ("- " * 200_000, "nested"),
+        (LAUGHS, "aliases"),
+        ("&a [*a]", "contains itself"),
+        ("!!python/object/apply:os.system [true]", "python/object"),
+    ],
+)
+def test_yaml_that_is_more_than_it_looks_is_refused(text: str, what: str) -> None:
+    with little_memory(), pytest.raises(yaml.YAMLError, match=what):
+        read_yaml(text)
+    with little_memory(), pytest.raises(InputError):
+        parse_metadata(text, "metadata.yaml")
+    with pytest.raises(InputError):
+        parse_qos(text)
+    with pytest.raises(InputError):
+        parse_assignment(f"controller.gains.k_s={text}")
+
+
+def test_there_is_one_reader_of_yaml() -> None:
+    reading = re.compile(r"yaml\.(safe_load|load|full_load|unsafe_load)\w*\(")
+    found = {path.name for path in SRC.rglob("*.py") if reading.search(path.read_text(encoding="utf-8"))}
+    assert found == {"plain_yaml.py"}
+
+
+def test_ordinary_yaml_with_anchors_is_read(tmp_path: Path) -> None:
+    nested: object = 1
+    for _ in range(DEEPEST):
+        nested = [nested]
+    text = "a: [1, 2]\nb: {c: d}\ne: &e [1, 2]\nf: *e\n"
+    assert read_yaml(text) == yaml.safe_load(text)
+    assert read_yaml("[" * DEEPEST + "]" * DEEPEST) is not None
+    assert read_yaml("") is None
+    with pytest.raises(yaml.YAMLError, match="nested"):
+        read_yaml(yaml.safe_dump(nested, default_flow_style=True).replace("1", "[1]"))
+
+
+def test_a_scenario_or_parameter_file_with_a_bomb_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.yaml"
+    path.write_text(LAUGHS)
+    for read in (load_yaml, lambda path: load_scenario(str(path))):
+        with little_memory(), pytest.raises(InputError, match="aliases") as found:
+            read(path)
+        assert "\n" not in str(found.value)
+
+
+# -- URDF -------------------------------------------------------------------------------------------------------------
+
+ENTITIES = (
+    '<!DOCTYPE robot [<!ENTITY a "x">' + "".join(f'<!ENTITY b{k} "&a;&a;">' for k in range(3)) + "]><robot>&a;</robot>"
+)
+
+
+@every(
+    "text, what",
+    [
+        (ENTITIES, "document type"),
+        ('<!doctype robot SYSTEM "file:///etc/passwd"><robot/>', "document type"),
+        ('<mujoco><include file="/etc/passwd"/></mujoco>', "<mujoco>"),
+        ("<robot", "a URDF"),
+        ("", "a URDF"),
+        ("<robot>" + " " * (17 << 20) + "</robot>", "characters"),
+    ],
+)
+def test_what_is_no_plain_urdf_reaches_no_parser_of_a_physics_library(text: str, what: str) -> None:
+    scenario = load_scenario("paper_planar")
+    for read in (
+        parse_urdf,
+        lambda text: Robot(text, "ee", scenario.controller.joint_names),
+        lambda text: arm_spec(scenario.bridge, text),
+    ):
+        with pytest.raises(InputError, match=what) as found:
+            read(text)
+        assert len(str(found.value)) < 1000
+
+
+# -- bags -------------------------------------------------------------------------------------------------------------
+
+
+@every("name", ["../secret.mcap", "/etc/passwd", "a/../../secret.mcap"])
+def test_a_bag_names_no_file_outside_of_its_folder(name: str, tmp_path: Path) -> None:
+    folder = tmp_path / f"bag_{len(name)}"
+    make_bag(folder, count=2)
+    (inside,) = folder.glob("*.mcap")
+    secret = tmp_path / "secret.mcap"
+    secret.write_bytes(inside.read_bytes())
+    metadata = folder / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace(inside.name, name))
+    with pytest.raises(InputError, match="own folder"):
+        Bag(folder)
+
+
+def chunk(compression: str, data: bytes, size: int) -> Chunk:
+    return Chunk(compression, data, 0, 0, 0, size)
+
+
+def bombs() -> dict[str, bytes]:
+    """64 MiB of zeros, without saying so."""
+    zeros = bytes(1 << 26)
+    packer = zstandard.ZstdCompressor(write_content_size=False).compressobj()
+    return {"zstd": packer.compress(zeros) + packer.flush(), "lz4": lz4.frame.compress(zeros, store_size=False)}
+
+
+def test_a_chunk_gives_no_more_than_it_says() -> None:
+    for compression, packed in bombs().items():
+        with little_memory():
+            with pytest.raises(DamagedError, match="holds more"):
+                chunk_content(chunk(compression, packed, 1000))
+            with pytest.raises(DamagedError, match="chunk of"):
+                chunk_content(chunk(compression, packed, 1 << 40))
+
+
+def test_the_beginning_of_a_cut_chunk_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("slip_bags.storage.scan.MAX_CHUNK_BYTES", 1 << 20)
+    for compression, packed in bombs().items():
+        body = struct.pack("<QQQI", 0, 0, 1 << 60, 0) + struct.pack("<I", len(compression)) + compression.encode()
+        assert 1 << 20 <= len(partial_chunk(body + struct.pack("<Q", len(packed)) + packed)) < 1 << 21
+
+
+def test_a_chunk_is_what_was_compressed() -> None:
+    data = os.urandom(5000) + bytes(100_000)
+    for compression, packed in (
+        ("zstd", zstandard.compress(data)),
+        ("lz4", lz4.frame.compress(data)),
+        ("", data),
+    ):
+        good = Chunk(compression, packed, 0, 0, zlib.crc32(data), len(data))
+        assert chunk_content(good) == data
+        good.uncompressed_crc += 1
+        with pytest.raises(DamagedError, match="CRC"):
+            chunk_content(good)
+        with pytest.raises(DamagedError, match="holds"):
+            chunk_content(chunk(compression, packed, len(data) + 1))
+
+
+def test_a_file_that_unpacks_to_a_hundred_times_its_size_is_not_opened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "bag"
+    make_bag(folder, count=2)
+    monkeypatch.setattr("slip_bags.storage.mcap_file.MAX_UNPACKED", 1)
+    Bag(folder).close()
+    monkeypatch.setattr("slip_bags.storage.mcap_file.MAX_RATIO", 1 / MAX_RATIO)
+    with pytest.raises(InputError, match="damaged"):
+        Bag(folder)
+
+
+def test_a_schema_that_grows_like_a_power_ends_with_its_message() -> None:
+    """Thirty types, each twice the one after it: 2^30 numbers, in a message of four."""
+    rule = "=" * 80
+    blocks = [f"p/T{k + 1} a\np/T{k + 1} b\n" for k in range(30)] + ["uint8 x\n"]
+    text = blocks[0] + "".join(f"{rule}\nMSG: p/T{k}\n{block}" for k, block in enumerate(blocks) if k)
+    with pytest.raises(InputError, match="cut"):
+        Schema("p/msg/T0", text).layout(b"\x00\x01\x00\x00" + bytes(4))
+
+
+def test_a_recorded_state_gives_no_more_than_a_state_can_hold() -> None:
+    text = snapshot.to_text(np.zeros(snapshot.LARGEST // 8))
+    assert len(snapshot.from_text(text)) == snapshot.LARGEST // 8
+    bomb = base64.b64encode(zlib.compress(bytes(snapshot.LARGEST + 8))).decode()
+    cut = base64.b64encode(zlib.compress(bytes(800))[:-5]).decode()
+    for packed in (bomb, cut):
+        with pytest.raises(InputError, match="controller state"):
+            snapshot.from_text(json.dumps({"layout": snapshot.LAYOUT, "cycle": 1, "state": packed}))
+
+
+# -- folders ----------------------------------------------------------------------------------------------------------
+
+
+def test_machine_code_is_loaded_from_a_folder_of_this_user_alone(tmp_path: Path) -> None:
+    folder, me = tmp_path / "compiled", os.geteuid()
+    folder.mkdir(mode=0o700)
+    check_private(folder, {me})
+    with pytest.raises(InputError, match="this user's alone"):
+        check_private(folder, {me + 1})
+    for mode in (0o770, 0o707, 0o755):
+        folder.chmod(mode)
+        with pytest.raises(InputError, match="remove it"):
+            check_private(folder, {me})
+    folder.chmod(0o700)
+    link = tmp_path / "link"
+    link.symlink_to(folder)
+    with pytest.raises(InputError, match="remove it"):
+        check_private(link, {me})
+
+
+def test_the_compiler_looks_at_the_folder_before_it_loads(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from slip_core import compiled
+
+    package = tmp_path / "made_up"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    compiled._folder.cache_clear()
+    folder = compiled._folder(package)
+    assert folder.stat().st_mode & 0o777 == 0o700
+    compiled._folder.cache_clear()
+    folder.chmod(0o777)
+    with pytest.raises(InputError, match="machine code"):
+        compiled._folder(package)
+
+
+def test_a_lock_of_a_domain_follows_no_link_and_no_strangers_folder(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
+    precious = tmp_path / "precious"
+    precious.write_text("keep")
+    with domain_id() as domain:
+        folder = tmp_path / f"slip_vic_domains.{os.getuid()}"
+        assert folder.stat().st_mode & 0o777 == 0o700
+    for lock in range(1, 102):
+        (folder / str(lock)).unlink(missing_ok=True)
+        (folder / str(lock)).symlink_to(precious)
+    with pytest.raises(OSError, match="symbolic"), domain_id():
+        pass
+    assert precious.read_text() == "keep"
+    assert domain > 0
+    monkeypatch.setattr("os.geteuid", lambda: os.getuid() + 1)
+    with pytest.raises(ProtocolError, match="somebody else"), domain_id():
+        pass

@@ -1,0 +1,49 @@
+"""Campaign with two arms: every fault has its turn, and the monitor sees an arm that goes on alone."""
+
+from __future__ import annotations
+
+import pytest
+
+from test.campaigns.faults.campaign import judge_pair
+from test.campaigns.faults.pair import CASES, PERIOD_S, SCENARIOS, PairTrial, TogetherMonitor, make_plan
+from test.campaigns.faults.plan import JOINT, SLIP, WRENCH, Fault
+
+
+def test_every_fault_on_either_arm_has_its_turn() -> None:
+    plans = [make_plan(1, trial) for trial in range(len(CASES))]
+    assert plans == [make_plan(1, trial) for trial in range(len(CASES))]
+    assert {name for name, _ in plans} == set(SCENARIOS)
+    drawn = {(fault.kind, fault.target) for _, faults in plans for fault in faults}
+    assert drawn == set(CASES)
+
+
+def test_the_monitor_sees_one_arm_that_goes_on() -> None:
+    monitor = TogetherMonitor()
+    for k, follows in enumerate(((True, True), (True, False), (False, False), (False, True), (True, True))):
+        monitor.check(k * PERIOD_S, follows)
+    assert monitor.violations == []
+    for k in range(3):
+        monitor.check(1.0 + k * PERIOD_S, (False, True))
+    assert len(monitor.violations) == 1
+    assert "right arm follows" in monitor.violations[0]
+
+
+@pytest.mark.parametrize("topic", [JOINT, WRENCH, SLIP])
+def test_an_input_of_one_arm_that_falls_silent_stops_both(topic: str) -> None:
+    trial = PairTrial(SCENARIOS[1], (Fault("drop", f"right/{topic}", 0.2, 0.7, 0.9),), 1, 0)
+    assert trial.run() == []
+    assert trial.modes["HOLD"] > 20
+
+
+def test_some_trials_keep_the_promises() -> None:
+    # The last one: the law of one arm cannot be evaluated while its joint states are late, and the other went on.
+    for seed, number in ((7, 0), (7, 9), (7, 21), (1, 43)):
+        assert judge_pair(seed, number).violations == ()
+
+
+def test_both_go_on_together_after_a_stop_though_each_joint_state_is_answered_as_it_comes() -> None:
+    for topic in (JOINT, WRENCH):
+        trial = PairTrial(SCENARIOS[1], (Fault("drop", f"left/{topic}", 0.2, 0.1, 0.9),), 1, 0)
+        assert trial.run() == []
+        assert trial.modes["HOLD"] > 20, topic
+        assert trial.follows == (True, True)
