@@ -29,6 +29,7 @@ ALLOWED = {
     "slip_msgs_py": {"numpy", "slip_core"} | ROS,
     "slip_description": set(),
     "slip_vic_controller": SHELLS,
+    "slip_vic_controller.arm": {"numpy", "scipy", "slip_core"},
     "slip_vic_controller.arrival": {"numpy", "slip_core"},
     "slip_vic_controller.config": {"numpy", "slip_core"},
     "slip_vic_controller.cycle": {"numpy", "slip_core"},
@@ -56,13 +57,14 @@ ALLOWED = {
 }
 SHARED = {"slip_vic_controller.sizes", "slip_vic_controller.params"}
 CYCLE = {
-    f"slip_vic_controller.{part}" for part in ("law", "observer", "reference", "safety", "parameters.safety_params")
+    f"slip_vic_controller.{part}" for part in ("arm", "law", "observer", "reference", "safety", "parameters.safety_params")
 } | SHARED
 OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.compiled": {"slip_core.errors", "slip_core.part_compiler"},
     "slip_core.part_compiler": set(),
     "slip_core.records": {"slip_core.arrays"},
     "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},
+    "slip_vic_controller.arm": {"slip_vic_controller.arm", *SHARED},
     "slip_vic_controller.arrival": CYCLE | {"slip_vic_controller.cycle"},
     "slip_vic_controller.config": CYCLE
     | {f"slip_vic_controller.{part}" for part in ("cycle", "parameters.interface_params", "interfaces", "robot")},

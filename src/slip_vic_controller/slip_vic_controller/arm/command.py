@@ -1,0 +1,178 @@
+"""The last step towards drives that take joint velocities or positions: from joint acceleration to a smooth command.
+
+What law and HOLD want is a joint acceleration. It is integrated to a velocity, and that to a position, inside the
+limits of velocity, acceleration and jerk, so that the drive can follow. By induction: a command that can come to rest
+inside its limits stays one that can.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum, unique
+from typing import Annotated, Final
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.cholesky import LARGEST, back_substitute, cholesky, forward_substitute
+from slip_core.compiled import part
+from slip_core.records import Real, Record, Whole, WholeArray, dtype_of
+from slip_vic_controller.sizes import MAX_JOINTS
+
+STOP_SHARE: Final = 0.5
+"""Share of the acceleration limit with which a command brakes ahead of the end of a joint's range."""
+
+
+@unique
+class Interface(IntEnum):
+    """What the drives of an arm take."""
+
+    EFFORT = 0
+    VELOCITY = 1
+    POSITION = 2
+
+
+class CommandConfig(Record):
+    """Limits of the command."""
+
+    interface: Whole  # Interface
+    joints: Whole
+    period: Real  # s
+    velocity: Annotated[Array, MAX_JOINTS]  # rad/s
+    acceleration: Annotated[Array, MAX_JOINTS]  # rad/s^2
+    jerk: Annotated[Array, MAX_JOINTS]  # rad/s^3
+    lower: Annotated[Array, MAX_JOINTS]  # rad, where a command is at rest
+    upper: Annotated[Array, MAX_JOINTS]  # rad
+    lead: Real  # rad/s, most by which a command may differ from the measured velocity
+
+
+class MotionCommand(Record):
+    """The command that left last."""
+
+    started: Whole
+    position: Annotated[Array, MAX_JOINTS]  # rad
+    velocity: Annotated[Array, MAX_JOINTS]  # rad/s
+    acceleration: Annotated[Array, MAX_JOINTS]  # rad/s^2
+
+
+COMMAND_CONFIG, MOTION_COMMAND = dtype_of(CommandConfig), dtype_of(MotionCommand)
+
+
+@part
+def start_motion(config: CommandConfig, state: MotionCommand, q: Array, qd: Array) -> None:
+    """Begin at the joint state; (n,) [rad], [rad/s]. A velocity beyond the limit begins at the limit."""
+    for j in range(config.joints):
+        most = config.velocity[j]
+        state.position[j], state.acceleration[j] = q[j], 0.0
+        state.velocity[j] = min(max(qd[j], -most), most)
+    state.started = 1
+
+
+@part
+def joint_acceleration(n: int, M: Array, bias: Array, J: Array, h: Array, tau: Array, qdd: Array) -> bool:
+    """Write the joint acceleration that an effort gives the modelled arm; False where there is none.
+
+    qdd = M^-1 (tau + J^T h - bias). The wrench h is the one that went into tau, so its noise cancels.
+
+    Args:
+        n: number of joints.
+        M: inertia (n, n) [kg m^2]; bias: C qd + g (n,) [N m]; J: Jacobian (6, n) {w}.
+        h: wrench of the object on the robot (6,) [N, N m] {w}.
+        tau: effort (n,) [N m].
+        qdd: result (n,) [rad/s^2].
+
+    Implements: Eq. (1), solved for the acceleration.
+    """
+    L = np.empty((n, n))
+    if not cholesky(M[:n, :n], L):
+        return False
+    for j in range(n):
+        total = tau[j] - bias[j]
+        for i in range(6):
+            total += J[i, j] * h[i]
+        qdd[j] = total
+    forward_substitute(L, qdd[:n], qdd[:n])
+    back_substitute(L, qdd[:n], qdd[:n])
+    return True
+
+
+@part
+def stopping_speed(distance: float, acceleration: float, jerk: float) -> float:
+    """Return the largest speed that comes to rest within a distance; [rad] -> [rad/s].
+
+    v^2 / (2 a) + v a / (2 j) = d: the time until the brake has built up counts with the speed held.
+    """
+    if distance <= 0.0:
+        return 0.0
+    lag = 0.5 * acceleration * acceleration / jerk
+    return math.sqrt(lag * lag + 2.0 * acceleration * distance) - lag
+
+
+@part
+def largest_acceleration(room: float, jerk: float, period: float) -> float:
+    """Return the largest acceleration now with which the speed grows by at most `room` until jerk has taken it back.
+
+    a T + (a - j T) T + ... <= a T + a^2 / (2 j) = room. Negative room asks for a deceleration: all of it.
+    """
+    if room <= 0.0:
+        return room / period
+    lag = jerk * period
+    return math.sqrt(lag * lag + 2.0 * jerk * room) - lag
+
+
+@part
+def advance_motion(config: CommandConfig, state: MotionCommand, qdd: Array, qd: Array, limited: WholeArray) -> bool:
+    """Integrate a joint acceleration for one period inside all limits; the result is `state`.
+
+    Args:
+        config, state: limits and last command.
+        qdd: wanted (n,) [rad/s^2]; where one is not finite all joints come to rest instead.
+        qd: measured or estimated (n,) [rad/s].
+        limited: result; which joints were limited (n,), 0 or 1.
+
+    Returns:
+        Whether `qdd` was finite.
+    """
+    finite, T = True, config.period
+    for j in range(config.joints):
+        finite = finite and abs(qdd[j]) <= LARGEST
+    for j in range(config.joints):
+        v, a, jerk = state.velocity[j], state.acceleration[j], config.jerk[j]
+        most = config.acceleration[j]
+        wanted = qdd[j] if finite else rest_acceleration(v, jerk, T)
+        brake = STOP_SHARE * most
+        up = min(config.velocity[j], stopping_speed(config.upper[j] - state.position[j], brake, jerk))
+        down = min(config.velocity[j], stopping_speed(state.position[j] - config.lower[j], brake, jerk))
+        up, down = min(up, max(qd[j] + config.lead, 0.0)), min(down, max(config.lead - qd[j], 0.0))
+        highest = min(most, largest_acceleration(up - v, jerk, T))
+        lowest = max(-most, -largest_acceleration(v + down, jerk, T))
+        inside = min(max(wanted, lowest), highest)
+        # Jerk counts last but for the acceleration limit itself: a jump of the limits is no reason to jump.
+        new = min(max(inside, a - jerk * T), a + jerk * T)
+        new = min(max(new, -most), most)
+        limited[j] = 1 if new != wanted else 0
+        state.position[j] += (v + 0.5 * new * T) * T
+        state.velocity[j] = v + new * T
+        state.acceleration[j] = new
+    return finite
+
+
+@part
+def rest_acceleration(velocity: float, jerk: float, period: float) -> float:
+    """Return the acceleration that brings a velocity to rest as fast as jerk allows; [rad/s^2]."""
+    slow = largest_acceleration(abs(velocity), jerk, period)
+    return -min(slow, abs(velocity) / period) if velocity > 0.0 else min(slow, abs(velocity) / period)
+
+
+@part
+def stop_motion(config: CommandConfig, state: MotionCommand, limited: WholeArray) -> bool:
+    """Bring the command to rest inside its limits; return whether it is at rest."""
+    qdd, moves = np.empty(MAX_JOINTS), False
+    for j in range(config.joints):
+        qdd[j] = rest_acceleration(state.velocity[j], config.jerk[j], config.period)
+        moves = moves or state.velocity[j] != 0.0
+    advance_motion(config, state, qdd, state.velocity.copy(), limited)
+    for j in range(config.joints):
+        if abs(state.velocity[j]) <= config.jerk[j] * config.period * config.period:
+            state.velocity[j], state.acceleration[j] = 0.0, 0.0
+    return not moves

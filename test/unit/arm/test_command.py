@@ -1,0 +1,129 @@
+"""Commands for drives that take velocities or positions: limits, rest, and the acceleration behind an effort."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slip_core.arrays import Array
+from slip_core.records import new, record
+from slip_vic_controller.arm.command import (
+    COMMAND_CONFIG,
+    MOTION_COMMAND,
+    CommandConfig,
+    MotionCommand,
+    advance_motion,
+    joint_acceleration,
+    largest_acceleration,
+    start_motion,
+    stop_motion,
+    stopping_speed,
+)
+from slip_vic_controller.sizes import MAX_JOINTS
+
+N = 3
+ROUNDING = 1e-9
+VELOCITY, ACCELERATION, JERK = np.array([2.0, 1.0, 3.0]), np.array([15.0, 10.0, 20.0]), np.array([5e3, 1e3, 7.5e3])
+
+
+def limits(period: float = 1e-3, lead: float = 1e3, reach: float = 2.8) -> CommandConfig:
+    config: CommandConfig = record(new(COMMAND_CONFIG), COMMAND_CONFIG)
+    config.joints, config.period, config.lead = N, period, lead
+    config.velocity[:N], config.acceleration[:N], config.jerk[:N] = VELOCITY, ACCELERATION, JERK
+    config.lower[:N], config.upper[:N] = -reach, reach
+    return config
+
+
+def begun(config: CommandConfig, q: Array, qd: Array) -> MotionCommand:
+    state: MotionCommand = record(new(MOTION_COMMAND), MOTION_COMMAND)
+    start_motion(config, state, q, qd)
+    return state
+
+
+def full(values: Array) -> Array:
+    return np.concatenate((values, np.zeros(MAX_JOINTS - len(values))))
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("period", [1e-3, 2e-3, 8e-3])
+def test_whatever_is_wanted_every_limit_holds_and_the_joint_stays_in_its_range(seed: int, period: float) -> None:
+    rng, reach = np.random.default_rng(seed), 0.4
+    config = limits(period, reach=reach)
+    state, limited = begun(config, np.zeros(N), np.zeros(N)), np.zeros(MAX_JOINTS, np.int64)
+    wanted = np.zeros(N)
+    for k in range(1500):
+        if k % 40 == 0:
+            wanted = rng.choice([-1.0, 1.0], N) * 10.0 ** rng.uniform(-1, 4, N)
+        if rng.uniform() < 0.02:
+            wanted = np.array([np.nan, np.inf, -np.inf])[rng.permutation(3)]
+        before = state.velocity[:N].copy(), state.acceleration[:N].copy()
+        finite = advance_motion(config, state, full(wanted), full(before[0]), limited)
+        assert finite == bool(np.isfinite(wanted).all())
+        assert (np.abs(state.velocity[:N]) <= VELOCITY + ROUNDING).all()
+        assert (np.abs(state.acceleration[:N]) <= ACCELERATION + ROUNDING).all()
+        assert (np.abs(state.acceleration[:N] - before[1]) <= JERK * period + ROUNDING).all()
+        np.testing.assert_allclose(state.velocity[:N] - before[0], period * state.acceleration[:N], atol=ROUNDING)
+        assert (np.abs(state.position[:N]) <= reach + 0.02).all()
+
+
+def test_what_is_inside_the_limits_is_integrated_to_the_last_bit() -> None:
+    config = limits()
+    state, limited = begun(config, np.full(N, 0.1), np.zeros(N)), np.zeros(MAX_JOINTS, np.int64)
+    q, v = np.full(N, 0.1), np.zeros(N)
+    for k in range(400):
+        a = 0.5 * np.sin(0.01 * k) * np.ones(N)
+        assert advance_motion(config, state, full(a), full(v), limited)
+        q, v = q + (v + 0.5 * a * 1e-3) * 1e-3, v + a * 1e-3
+        assert not limited.any()
+        assert state.position[:N].tolist() == q.tolist()
+        assert state.velocity[:N].tolist() == v.tolist()
+
+
+def test_a_stop_comes_to_rest_without_turning_round_and_inside_the_limits() -> None:
+    config = limits()
+    state, limited = begun(config, np.zeros(N), np.array([1.5, -0.9, 2.9])), np.zeros(MAX_JOINTS, np.int64)
+    sign, before = np.sign(state.velocity[:N]), state.acceleration[:N].copy()
+    for _ in range(2000):
+        if stop_motion(config, state, limited):
+            break
+        assert (sign * state.velocity[:N] >= -ROUNDING).all()
+        assert (np.abs(state.acceleration[:N] - before) <= ACCELERATION).all()
+        before = state.acceleration[:N].copy()
+    else:
+        pytest.fail("it never came to rest")
+    assert not state.velocity[:N].any()
+
+
+def test_an_arm_that_does_not_follow_does_not_let_the_command_run_away() -> None:
+    config = limits(lead=0.2)
+    state, limited = begun(config, np.zeros(N), np.zeros(N)), np.zeros(MAX_JOINTS, np.int64)
+    for _ in range(3000):
+        advance_motion(config, state, full(np.array([5.0, -5.0, 5.0])), np.zeros(MAX_JOINTS), limited)
+    assert (np.abs(state.velocity[:N]) <= 0.2 + ROUNDING).all()
+
+
+@pytest.mark.parametrize("distance", [1e-3, 0.1, 1.0])
+def test_stopping_speed_is_the_inverse_of_the_stopping_distance(distance: float) -> None:
+    a, j = 10.0, 1e3
+    v = stopping_speed(distance, a, j)
+    assert v * v / (2.0 * a) + v * a / (2.0 * j) == pytest.approx(distance, rel=1e-12)
+    assert stopping_speed(-distance, a, j) == 0.0
+
+
+def test_largest_acceleration_uses_the_room_and_no_more() -> None:
+    jerk, period, room = 1e3, 1e-3, 0.3
+    a, grown = largest_acceleration(room, jerk, period), 0.0
+    while a > 0.0:
+        grown += a * period
+        a -= jerk * period
+    assert 0.95 * room <= grown <= room
+
+
+def test_the_acceleration_of_an_effort_is_that_of_the_equation_of_motion() -> None:
+    rng = np.random.default_rng(5)
+    A, J, h = rng.normal(size=(N, N)), rng.normal(size=(6, N)), rng.normal(size=6)
+    M, bias, qdd = A @ A.T + np.eye(N), rng.normal(size=N), rng.normal(size=N)
+    tau, found = M @ qdd + bias - J.T @ h, np.zeros(MAX_JOINTS)
+    assert joint_acceleration(N, M, bias, J, h, tau, found)
+    np.testing.assert_allclose(found[:N], qdd, rtol=1e-10, atol=1e-12)
+    assert not joint_acceleration(N, -M, bias, J, h, tau, found)
