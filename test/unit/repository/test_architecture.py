@@ -57,7 +57,8 @@ ALLOWED = {
 }
 SHARED = {"slip_vic_controller.sizes", "slip_vic_controller.params"}
 CYCLE = {
-    f"slip_vic_controller.{part}" for part in ("arm", "law", "observer", "reference", "safety", "parameters.safety_params")
+    f"slip_vic_controller.{part}"
+    for part in ("arm", "law", "observer", "reference", "safety", "parameters.safety_params")
 } | SHARED
 OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.compiled": {"slip_core.errors", "slip_core.part_compiler"},
