@@ -14,8 +14,8 @@ mpl.use("svg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import Circle, Ellipse, FancyArrowPatch, Polygon, Rectangle
 
-from slip_vic.inprocess import run_in_process
-from slip_vic.scenario import ControllerKind, load_scenario
+from slip_vic.run.in_process import run_in_process
+from slip_vic.scenarios.scenario import ControllerKind, load_scenario
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 SCENARIO, DURATION = "paper_planar", "bridge.duration_s=3.0"

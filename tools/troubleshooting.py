@@ -97,6 +97,10 @@ def raised(tree: ast.AST, *, declares: bool) -> Iterator[tuple[str, str, str]]:
         if node.func.id in ERRORS and node.args:
             named = {keyword.arg: keyword.value for keyword in node.keywords}
             yield rendered(node.args[0]), rendered(named.get("expected")), rendered(named.get("fix"))
+        elif node.func.id == "UnknownName":
+            where = {keyword.arg: rendered(keyword.value) for keyword in node.keywords}
+            place = f"{where['where']}: " if where.get("where") else ""
+            yield f"{place}unknown {rendered(node.args[0])} '…'", "a name that the message offers", where.get("fix", "")
         elif node.func.id == "ValueError" and node.args and declares:
             yield "parameter …", rendered(node.args[0]), ""
 
@@ -119,7 +123,7 @@ def error_tables() -> str:
 
 def bringup_table() -> str:
     """Return the table of what `slip-vic bringup` says where a step does not hold."""
-    rules = ROOT / "src/slip_vic/slip_vic/bringup/verdicts.py"
+    rules = ROOT / "src/slip_vic/slip_vic/setup/bringup/verdicts.py"
     lines = ["| judged | what it says to do |", "|---|---|"]
     for function in ast.parse(rules.read_text(encoding="utf-8")).body:
         if isinstance(function, ast.FunctionDef):

@@ -18,12 +18,12 @@ from slip_core.arrays import Array
 from slip_core.params import build, flatten
 from slip_core.types import EffortCommand, PoseGoal
 from slip_sim_bridge.params import BridgeParams
-from slip_vic.bringup.hands import simulated_hand
-from slip_vic.bringup.system import Endpoint, Heard, Track
-from slip_vic.bringup.verdicts import Verdict
-from slip_vic.bringup.walk import Walk
-from slip_vic.inprocess import ClosedLoop
-from slip_vic.scenario import load_scenario
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.setup.bringup.hands import simulated_hand
+from slip_vic.setup.bringup.system import Endpoint, Heard, Track
+from slip_vic.setup.bringup.verdicts import Verdict
+from slip_vic.setup.bringup.walk import Walk
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.topics.goal import GoalInterface

@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 from typing import Any
 
-from slip_description import scenario_names
-from slip_vic.scenario import ControllerKind, Scenario
+from slip_vic.scenarios import scenario_names
+from slip_vic.scenarios.scenario import ControllerKind, Scenario
 from slip_vic_controller.session import Controller
 from test.campaigns.faults import trial as trials
 from test.campaigns.faults.channel import Channel
@@ -41,7 +41,7 @@ def main() -> None:
     """Print a row for each setting."""
     print("|".join(("", " setting ", *(f" {lag_ms} ms " for lag_ms in LAGS_MS), "")))
     print("|---" * (1 + len(LAGS_MS)) + "|")
-    for name, (kind, sensor) in itertools.product(scenario_names(), SETTINGS):
+    for name, (kind, sensor) in itertools.product(scenario_names(1), SETTINGS):
         cells = []
         for lag_ms in LAGS_MS:
             late = Fault("late", EFFORT, FROM_S, LASTS_S, 1e-3 * lag_ms)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slip_vic.inprocess import run_in_process
-from slip_vic.scenario import ControllerKind, Scenario, load_scenario
+from slip_vic.run.in_process import run_in_process
+from slip_vic.scenarios.scenario import ControllerKind, Scenario, load_scenario
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
 

@@ -17,9 +17,9 @@ from typing import Any
 
 import pytest
 
-from slip_vic.system import shared_memory
-from slip_vic.system.domain import domain_id
-from slip_vic.system.processes import Child, ProcessGroup, Told, child_environment
+from slip_vic.run import shared_memory
+from slip_vic.run.domain import domain_id
+from slip_vic.run.processes import Child, ProcessGroup, Told, child_environment
 
 DEADLINE_S = 90.0  # for things that take well under a second on an idle machine
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from slip_vic.launcher import Launcher, RunResult
-from slip_vic.scenario import Scenario, load_scenario
-from slip_vic.system.processes import child_environment
+from slip_vic.run.launcher import Launcher, RunResult
+from slip_vic.run.processes import child_environment
+from slip_vic.scenarios.scenario import Scenario, load_scenario
 
 DEMO_DEADLINE_S = 600.0
 REAL_TIME_S = 2.0

@@ -31,6 +31,35 @@ class InputError(SlipVicError):
         super().__init__(" ".join(f"{line}; {fix}".split()) if fix else " ".join(line.split()))
 
 
+class UnknownName(InputError):
+    """A name that is none of those that are known; the nearest are offered.
+
+    Args:
+        kind: what it is the name of, e.g. ``scenario``.
+        name: what was given.
+        known: the names that are valid.
+        where: where it was given, e.g. ``scenario file a.yaml``; may be empty.
+        fix: what else can be done; may be empty.
+        renamed: old name -> the name of today.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        name: str,
+        known: Iterable[str],
+        *,
+        where: str = "",
+        fix: str = "",
+        renamed: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
+        expected = nearest(name, known, renamed=renamed)
+        super().__init__(f"{kind} {name}", got="an unknown name", expected=expected, fix=fix)
+        place = f"{where}: " if where else ""
+        line = f"{place}unknown {kind} '{_short(name)}'; {expected}"
+        self.args = (" ".join(f"{line} {fix}".split()),)
+
+
 class ProtocolError(SlipVicError):
     """A peer did not do its part: a missing process, a message that never came, an incompatible QoS."""
 

@@ -19,7 +19,7 @@ from typing import Any, ClassVar, Final, Self, TypeVar
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from slip_core.errors import InputError, nearest
+from slip_core.errors import InputError, UnknownName
 from slip_core.files.plain_yaml import read_yaml
 
 Model = TypeVar("Model", bound="ParameterModel")
@@ -250,11 +250,7 @@ def build(model: type[Model], values: Mapping[str, Any], origin: str, warn: Warn
     known = _names(model)
     for name in flat:
         if name not in known:
-            raise InputError(
-                f"{origin}: parameter {name}",
-                got="an unknown name",
-                expected=nearest(name, known, renamed=old_names(model)),
-            )
+            raise UnknownName("parameter", name, known, where=origin, renamed=old_names(model))
     return validate(model, nested_names(flat), origin)
 
 
@@ -271,9 +267,7 @@ def validate(model: type[Model], nested: Mapping[str, Any], origin: str) -> Mode
         name = ".".join(str(part) for part in first["loc"]) or "(all together)"
         message = first["msg"].removeprefix("Value error, ")
         if first["type"] == "extra_forbidden":
-            raise InputError(
-                f"{origin}: {name}", got="an unknown name", expected=nearest(name, model.model_fields)
-            ) from None
+            raise UnknownName("name", name, model.model_fields, where=origin) from None
         if first["type"] == "value_error":
             raise InputError(f"{origin}: parameter {name}", got=message, expected="consistent values") from None
         raise InputError(f"{origin}: parameter {name}", got=first["input"], expected=_expected(message)) from None

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
-from slip_core.errors import InputError, nearest
+from slip_core.errors import UnknownName
 
 Owner = Literal["bridge", "controller", "recorder", "user"]
 
@@ -88,7 +88,7 @@ def topic(name: str) -> Topic:
     try:
         return TOPICS[name]
     except KeyError:
-        raise InputError(f"topic {name}", got="an unknown name", expected=nearest(name, TOPICS)) from None
+        raise UnknownName("topic", name, TOPICS) from None
 
 
 def contact_topic(name: str, contact: int) -> str:

@@ -30,7 +30,7 @@ from launch.events.process import SignalProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from slip_vic.system.node_command import launch_plan
+from slip_vic.run.node_command import launch_plan
 
 ARGUMENTS = (
     DeclareLaunchArgument("scenario", default_value="paper_planar", description="name, or path of a .yaml file"),

@@ -11,17 +11,17 @@ from rich.console import Console
 
 from slip_bags.cli import bag, run_command
 from slip_vic import __version__
-from slip_vic.arm.cli import arm
-from slip_vic.bringup.cli import bringup
 from slip_vic.exit_code import ALLOW_FAULT, end_with
 from slip_vic.options import ASSIGNMENTS, CONTROLLER, PARAMS, SCENARIO, URDF
+from slip_vic.page.cli import report, watch
 from slip_vic.pair.cli import pair, pair_study
 from slip_vic.replay.cli import references, verify
+from slip_vic.setup.arm.cli import arm
+from slip_vic.setup.bringup.cli import bringup
 from slip_vic.study.cli import check, merge, study, tune
-from slip_vic.web.cli import report, watch
 
 if TYPE_CHECKING:
-    from slip_vic.scenario import ControllerKind, Mode
+    from slip_vic.scenarios.scenario import ControllerKind, Mode
 
 CONSOLE = Console(stderr=True)
 
@@ -73,10 +73,10 @@ def run(
     Exit code 1 where the controller gave up, the object was lost, the path could not be followed or the arm saturated.
     """
     from slip_msgs_py.realtime import ProcessOptions, parse_cores
-    from slip_vic.launcher import Launcher
     from slip_vic.pair.any_scenario import load_any
-    from slip_vic.progress import run_progress
-    from slip_vic.scenario import read_parameters
+    from slip_vic.run.launcher import Launcher
+    from slip_vic.run.progress import run_progress
+    from slip_vic.scenarios.scenario import read_parameters
 
     loaded = load_any(
         scenario,
@@ -132,8 +132,8 @@ def demo(
     allow_fault: bool,
 ) -> None:
     """Compare classical, variable and governed impedance on one scenario: table, report.html, summary.json, bags."""
-    from slip_vic.demo import run_demo
-    from slip_vic.scenario import read_parameters, urdf_assignment
+    from slip_vic.run.demo import run_demo
+    from slip_vic.scenarios.scenario import read_parameters, urdf_assignment
 
     given = (*urdf_assignment(urdf), *assignments)
     summary = run_demo(scenario, out, seed, given, domain_id, CONSOLE, read_parameters(params))
@@ -148,7 +148,7 @@ def demo(
 @click.option("--reference", is_flag=True, help="write docs/parameters.md and docs/topics.md instead, below --out")
 def params(scenarios: tuple[str, ...], out: Path, complete: bool, reference: bool) -> None:
     """Write the ROS parameter files of the scenarios, for nodes that are started alone."""
-    from slip_vic.reference import config_files, parameter_page, topic_page, write_files
+    from slip_vic.scenarios.parameter_files import config_files, parameter_page, topic_page, write_files
 
     pages = {"parameters.md": parameter_page(), "topics.md": topic_page()} if reference else {}
     files = pages or config_files(list(scenarios), complete=complete)

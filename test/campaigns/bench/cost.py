@@ -15,8 +15,8 @@ from slip_core.arrays import Array
 from slip_core.records import new
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.session import BridgeSession
-from slip_vic.inprocess import ClosedLoop, run_in_process
-from slip_vic.scenario import Scenario, load_scenario
+from slip_vic.run.in_process import ClosedLoop, run_in_process
+from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.cycle import STATE_SIZE
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params import ContactParams, ControllerParams

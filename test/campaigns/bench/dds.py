@@ -13,10 +13,10 @@ from pathlib import Path
 
 from slip_core.errors import ProtocolError
 from slip_msgs_py.realtime import ProcessOptions
-from slip_vic.launcher import Launcher, RunResult
-from slip_vic.scenario import Scenario, load_scenario
-from slip_vic.system.domain import domain_id
-from slip_vic.system.processes import child_environment, python_module
+from slip_vic.run.domain import domain_id
+from slip_vic.run.launcher import Launcher, RunResult
+from slip_vic.run.processes import child_environment, python_module
+from slip_vic.scenarios.scenario import Scenario, load_scenario
 
 WARM_UP = 100
 TIMEOUT_S = 120.0

@@ -11,7 +11,7 @@ import numpy as np
 import psutil
 
 from slip_bags.provenance import cpu_model
-from slip_vic.recording import versions
+from slip_vic.run.recording import versions
 
 _LOOP = 20_000
 _STALL_S = 1e-4

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from slip_msgs_py.realtime import ProcessOptions
-from slip_vic.scenario import load_scenario
+from slip_vic.scenarios.scenario import load_scenario
 from test.campaigns.bench import cfloor, cost, dds
 from test.campaigns.bench.machine import calibration_s, fifo_permitted, machine, stalled_share
 from test.campaigns.bench.samples import Metric, Rounds, relative_spread, rotated

@@ -12,7 +12,7 @@ from typing import Any
 
 import psutil
 
-from slip_vic.system.processes import Child
+from slip_vic.run.processes import Child
 from slip_vic_controller.safety.modes import Mode
 from test.campaigns.faults.attacks import ATTACKS, CHANGES, TWO_SOURCES
 from test.campaigns.faults.dds_campaign import DdsCampaign, campaign_of

@@ -30,8 +30,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from slip_vic.system.node_command import node_command
-from slip_vic.system.processes import python_module
+from slip_vic.run.node_command import node_command
+from slip_vic.run.processes import python_module
 from test.campaigns.faults import network
 from test.campaigns.faults.flood import FOREIGN, message
 from test.campaigns.faults.plan import BRIDGE, CONTROLLER, Fault

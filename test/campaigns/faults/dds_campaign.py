@@ -23,10 +23,10 @@ from rclpy.signals import SignalHandlerOptions
 from slip_core.topics import topic
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.qos import create_subscription, message_class
-from slip_vic.scenario import Scenario, load_scenario
-from slip_vic.study.prepare import prepare
-from slip_vic.system.domain import domain_id
-from slip_vic.system.processes import ProcessGroup, child_environment
+from slip_vic.run.domain import domain_id
+from slip_vic.run.prepare import prepare
+from slip_vic.run.processes import ProcessGroup, child_environment
+from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
 from test.campaigns.faults import network

@@ -18,9 +18,9 @@ from std_srvs.srv import Trigger
 from slip_bags.reader import Bag
 from slip_core.errors import InputError
 from slip_msgs_py.events import Event, Failed, Ready, Started, Status
-from slip_vic.scenario import Scenario
-from slip_vic.system.node_command import node_command
-from slip_vic.system.processes import Child, ProcessGroup, python_module
+from slip_vic.run.node_command import node_command
+from slip_vic.run.processes import Child, ProcessGroup, python_module
+from slip_vic.scenarios.scenario import Scenario
 from test.campaigns.faults.network import Cable
 from test.campaigns.faults.plan import BRIDGE, CONTROLLER, RECORDER
 from test.campaigns.faults.proxy import remappings

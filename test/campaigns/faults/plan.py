@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slip_vic.presets.sensors import preset_names
-from slip_vic.scenario import ControllerKind, Scenario, load_scenario
+from slip_vic.presets import preset_names
+from slip_vic.scenarios.scenario import ControllerKind, Scenario, load_scenario
 
 JOINT, WRENCH, SLIP, EFFORT = "joint_states", "wrench", "slip_velocity", "effort_command"
 TOPICS = (JOINT, WRENCH, SLIP, EFFORT)
@@ -110,7 +110,7 @@ def make_plan(
     scenario = "glass_transport" if rng.uniform() < 0.2 else scenario
     u = rng.uniform()
     controller: ControllerKind = "vic" if u < 0.5 else "governed" if u < 0.85 else "classical"
-    sensors = preset_names()
+    sensors = preset_names("sensors")
     sensor = sensors[int(rng.integers(len(sensors)))]
     in_order = tuple(sorted(faults, key=lambda fault: fault.start_s))
     return Plan(trial, seed, scenario, observer, controller, in_order, sensor)

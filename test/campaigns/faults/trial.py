@@ -18,7 +18,7 @@ from slip_core.types import EffortCommand, JointSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
-from slip_vic.scenario import ControllerKind, Scenario
+from slip_vic.scenarios.scenario import ControllerKind, Scenario
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import Controller, ControllerSession, CycleResult

@@ -22,7 +22,7 @@ def soak(minutes: float, rate: float, scenario: str, out: Path) -> None:
 
     Exit code 1 where something grows: the slope is the median over all pairs of samples after the warm-up.
     """
-    from slip_vic.progress import run_progress
+    from slip_vic.run.progress import run_progress
     from test.campaigns.soak.growth import Limits
     from test.campaigns.soak.run import run_soak, soak_scenario, write_result
 

@@ -17,12 +17,12 @@ import psutil
 
 from slip_core.errors import ProtocolError
 from slip_msgs_py.events import Event, Started, Warned
-from slip_vic.recording import recorder_command
-from slip_vic.scenario import Scenario, load_scenario
-from slip_vic.system import shared_memory
-from slip_vic.system.domain import domain_id
-from slip_vic.system.node_command import node_command
-from slip_vic.system.processes import Child, ProcessGroup, child_environment
+from slip_vic.run import shared_memory
+from slip_vic.run.domain import domain_id
+from slip_vic.run.node_command import node_command
+from slip_vic.run.processes import Child, ProcessGroup, child_environment
+from slip_vic.run.recording import recorder_command
+from slip_vic.scenarios.scenario import Scenario, load_scenario
 from test.campaigns.soak.growth import Limits, ProcessGrowth, Sample, growth_of
 from test.campaigns.soak.operator import Operator, operator_of
 

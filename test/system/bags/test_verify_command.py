@@ -15,7 +15,7 @@ from slip_core.errors import InputError
 from slip_vic.cli import bag as bag_command
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import other_software, verify_run
-from slip_vic.scenario import load_scenario
+from slip_vic.scenarios.scenario import load_scenario
 from test.support.run_maker import record_run
 
 ROOT = Path(__file__).parents[3]

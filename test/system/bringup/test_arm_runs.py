@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slip_vic.arm import posture
-from slip_vic.arm.write import Arm, write_arm
-from slip_vic.inprocess import run_in_process
-from slip_vic.scenario import ControllerKind, load_scenario
+from slip_vic.run.in_process import run_in_process
+from slip_vic.scenarios.scenario import ControllerKind, load_scenario
+from slip_vic.setup.arm import posture
+from slip_vic.setup.arm.write import Arm, write_arm
 from test.support.odd_arm import odd_arm_urdf
 
 pytestmark = pytest.mark.long

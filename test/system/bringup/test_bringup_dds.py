@@ -6,9 +6,9 @@ import signal
 from pathlib import Path
 from typing import Any
 
-from slip_vic.bringup.hands import simulated_hand
-from slip_vic.bringup.walk import Walk
-from slip_vic.scenario import load_scenario, read_parameters
+from slip_vic.scenarios.scenario import load_scenario, read_parameters
+from slip_vic.setup.bringup.hands import simulated_hand
+from slip_vic.setup.bringup.walk import Walk
 from test.support.bringup_arm import BRINGUP
 from test.support.ros import Processes, wait_until
 
@@ -27,7 +27,7 @@ def run_bringup(processes: Processes, out: Path) -> tuple[int, str]:
 def test_a_healthy_system_is_led_to_its_first_motion_and_an_error_is_found(
     processes: Processes, ros_node: Any, tmp_path: Path
 ) -> None:
-    from slip_vic.bringup.ros_system import RosSystem
+    from slip_vic.setup.bringup.ros_system import RosSystem
 
     words = [word for assignment in (*BRINGUP, *SLOWER, *SENSOR) for word in ("--set", assignment)]
     running = processes.python("run", "-m", "slip_vic.cli", "run", "--namespace", ARM, *words)

@@ -10,8 +10,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from slip_vic.system import shared_memory
-from slip_vic.system.processes import child_environment
+from slip_vic.run import shared_memory
+from slip_vic.run.processes import child_environment
 from test.support.ros import wait_until
 
 DEADLINE_S = 150.0  # a hang: every command takes seconds

@@ -13,9 +13,9 @@ import pytest
 from slip_bags.reader import Bag
 from slip_core.errors import ProtocolError
 from slip_core.stamps import stamp_to_ns
-from slip_vic.launcher import Interrupted, Launcher
-from slip_vic.scenario import load_scenario
-from slip_vic.system import shared_memory
+from slip_vic.run import shared_memory
+from slip_vic.run.launcher import Interrupted, Launcher
+from slip_vic.scenarios.scenario import load_scenario
 from test.support.ros import wait_until
 
 DEADLINE_S = 90.0

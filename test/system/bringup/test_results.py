@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from slip_vic.inprocess import run_in_process
-from slip_vic.scenario import load_scenario
+from slip_vic.run.in_process import run_in_process
+from slip_vic.scenarios.scenario import load_scenario
 
 # The independent planar reference simulation of the same task (exact feedback linearisation, no arm).
 REFERENCE_SLIP_M, REFERENCE_SLIP_RAD = 40.9e-3, np.radians(71.0)

@@ -15,7 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 from slip_msgs_py.messages import forms
-from slip_vic.scenario import NODES, load_scenario, ros_parameter_file
+from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
 from slip_vic_controller.node import SlipVicController
 
 NAMES = tuple(f"arm_joint{i}" for i in range(1, 8))

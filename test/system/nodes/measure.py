@@ -24,15 +24,15 @@ import numpy as np
 from slip_msgs_py.cpu_latency import LATENCY_FILE, CpuLatency
 from slip_msgs_py.events import Started
 from slip_msgs_py.realtime import ProcessOptions, set_up_interpreter
-from slip_vic.inprocess import run_in_process
-from slip_vic.launcher import Launcher
-from slip_vic.metrics import summarise
-from slip_vic.scenario import BOUNDED, Scenario, load_scenario
-from slip_vic.series import read_series
-from slip_vic.system import shared_memory
-from slip_vic.system.domain import domain_id
-from slip_vic.system.node_command import node_command
-from slip_vic.system.processes import ProcessGroup, child_environment
+from slip_vic.run import shared_memory
+from slip_vic.run.domain import domain_id
+from slip_vic.run.in_process import run_in_process
+from slip_vic.run.launcher import Launcher
+from slip_vic.run.metrics import summarise
+from slip_vic.run.node_command import node_command
+from slip_vic.run.processes import ProcessGroup, child_environment
+from slip_vic.run.series import read_series
+from slip_vic.scenarios.scenario import BOUNDED, Scenario, load_scenario
 from slip_vic_controller.safety.modes import Mode
 from test.campaigns.bench.machine import fifo_permitted
 from test.campaigns.faults.monitors import LOST_M

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from slip_bags.reader import Bag
-from slip_vic.inprocess import run_in_process
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
-from slip_vic.scenario import load_scenario
+from slip_vic.run.in_process import run_in_process
+from slip_vic.scenarios.scenario import load_scenario
 from test.support.ros import Processes, wait_until
 from test.system.conftest import record
 

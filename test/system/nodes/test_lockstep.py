@@ -8,7 +8,7 @@ import pytest
 
 from slip_bags.reader import Bag
 from slip_core.stamps import stamp_to_ns
-from slip_vic.inprocess import run_in_process
+from slip_vic.run.in_process import run_in_process
 from test.system.conftest import Recording, noisy_scenario, record
 
 SEVERAL = ("/tf", "/diagnostics")

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from slip_vic.scenario import NODES, load_scenario, ros_parameter_file
+from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
 from test.support.ros import Processes, call_service, wait_until
 
 ATTEMPTS, PATIENCE_S = 3, 8.0

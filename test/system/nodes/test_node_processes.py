@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from slip_msgs_py.events import Progress
-from slip_vic.scenario import NODES, load_scenario, ros_parameter_file
+from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
 from test.support.ros import Processes, wait_until
 
 BRIDGE, CONTROLLER = "slip_sim_bridge.main", "slip_vic_controller.main"

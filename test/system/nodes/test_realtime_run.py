@@ -12,8 +12,8 @@ from slip_core.errors import InputError
 from slip_core.stamps import stamp_to_ns
 from slip_msgs_py.realtime import ProcessOptions
 from slip_sim_bridge import pacing
-from slip_vic.launcher import Launcher
-from slip_vic.scenario import load_scenario
+from slip_vic.run.launcher import Launcher
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller import timing
 
 DURATION_S = 0.5

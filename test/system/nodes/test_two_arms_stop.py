@@ -18,12 +18,12 @@ from slip_sim_bridge.pair.params import SIDES
 from slip_vic.pair.measures import Judged
 from slip_vic.pair.recorded import judge_bag
 from slip_vic.pair.scenario import PairScenario, load_pair
-from slip_vic.recording import recorder_command
 from slip_vic.replay.run_data import read_team
 from slip_vic.replay.verify import verify_run
-from slip_vic.study.prepare import prepare
-from slip_vic.system.node_command import parameter_arguments, run_parameters
-from slip_vic.system.processes import Child
+from slip_vic.run.node_command import parameter_arguments, run_parameters
+from slip_vic.run.prepare import prepare
+from slip_vic.run.processes import Child
+from slip_vic.run.recording import recorder_command
 from slip_vic_controller.safety.modes import Mode
 from test.support.ros import Processes, call_service, wait_until
 from test.system.nodes.test_modes import LATCHED

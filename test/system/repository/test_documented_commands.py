@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from slip_vic.system.processes import child_environment
+from slip_vic.run.processes import child_environment
 from test.support.pages import OURS, PAGES, commands_of
 
 DEADLINE_S = 300.0

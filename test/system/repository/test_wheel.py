@@ -83,7 +83,7 @@ def kernels() -> set[str]:
 
 
 def test_preparing_imports_every_module_that_is_compiled() -> None:
-    program = "import sys; from slip_vic.study.prepare import prepare; prepare(); print(*sys.modules)"
+    program = "import sys; from slip_vic.run.prepare import prepare; prepare(); print(*sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=DEADLINE_S
     )
@@ -92,7 +92,7 @@ def test_preparing_imports_every_module_that_is_compiled() -> None:
 
 
 def test_one_arm_waits_for_nothing_of_two() -> None:
-    imports = "import slip_vic.demo, slip_vic.launcher, slip_vic.replay.replay, slip_vic.web.page"
+    imports = "import slip_vic.run.demo, slip_vic.run.launcher, slip_vic.replay.replay, slip_vic.page.page"
     program = f"import sys; {imports}; import slip_vic_controller.node, slip_sim_bridge.node; print(*sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=DEADLINE_S

@@ -20,8 +20,8 @@ from std_srvs.srv import Trigger
 
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.qos import create_publisher
-from slip_vic.inprocess import run_in_process
-from slip_vic.system.domain import domain_id
+from slip_vic.run.domain import domain_id
+from slip_vic.run.in_process import run_in_process
 from slip_vic_controller.safety.modes import Mode
 from test.campaigns.faults.monitors import LOST_M
 from test.campaigns.soak.cli import soak

@@ -18,11 +18,11 @@ from slip_core.params import build, flatten
 from slip_core.records import place
 from slip_core.types import EffortCommand
 from slip_sim_bridge.session import TickOutputs
-from slip_vic.inprocess import ClosedLoop
 from slip_vic.replay.references import reference_names
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
-from slip_vic.scenario import load_scenario
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.cycle import STATE, STATE_SIZE
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.session import Controller, ControllerSession, Manifest

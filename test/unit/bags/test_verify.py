@@ -14,7 +14,7 @@ from slip_core.errors import InputError
 from slip_core.params import flatten
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
-from slip_vic.scenario import load_scenario
+from slip_vic.scenarios.scenario import load_scenario
 from test.support.every import every
 from test.support.run_maker import TOPICS, attachments, record_run
 

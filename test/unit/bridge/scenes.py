@@ -7,9 +7,10 @@ import numpy as np
 import yaml
 
 from slip_core.params import build
-from slip_description import scenario_text, urdf_text
+from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.simulation import GraspSimulation
+from slip_vic.scenarios import scenario_text
 
 
 def scenario_params(name: str = "paper_planar", **values) -> BridgeParams:

@@ -9,7 +9,7 @@ import pytest
 
 from slip_core.errors import InputError
 from slip_sim_bridge.plant.native import NativePlant
-from slip_vic.scenario import load_scenario
+from slip_vic.scenarios.scenario import load_scenario
 from test.support.every import every
 
 from .grasp_cases import G0, MU_S, POSTURE, RHO, friction_used, grasp, planar, shaken_hold, slip, slip_speed

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import matrix_from_quat_xyzw
-from slip_vic.inprocess import run_in_process
-from slip_vic.scenario import load_scenario
+from slip_vic.run.in_process import run_in_process
+from slip_vic.scenarios.scenario import load_scenario
 from test.referees.planar_reference import carried_object
 
 from .scenes import scenario_params

@@ -14,7 +14,8 @@ from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.slip import dead_band, lifted_chip_reading
 from slip_sim_bridge.sensors.suite import SensorSuite
-from slip_vic.presets.sensors import load_preset, preset_names
+from slip_vic.presets import preset_names
+from slip_vic.presets.sensors import load_sensor
 from test.support.every import every
 
 MS = 1_000_000
@@ -43,9 +44,9 @@ def one(**values: Any) -> np.ndarray:
 
 
 def test_presets_are_the_documented_sensors() -> None:
-    assert preset_names() == sorted(PHYSICS)
+    assert preset_names("sensors") == sorted(PHYSICS)
     for name, numbers in PHYSICS.items():
-        slip = load_preset(name).slip
+        slip = load_sensor(name).slip
         got = (
             slip.rate_hz, slip.latency_s, slip.noise_linear, slip.noise_angular, slip.quantum_linear,
             slip.dead_band_linear,
@@ -55,7 +56,7 @@ def test_presets_are_the_documented_sensors() -> None:
 
 def test_unknown_sensor_names_the_nearest() -> None:
     with pytest.raises(InputError, match="vision_60"):
-        load_preset("vision_06")
+        load_sensor("vision_06")
 
 
 def test_quantum_saturation_and_dead_band() -> None:

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from slip_core.files.urdf import chain, is_physical, named, parse_urdf
-from slip_vic.arm import posture
-from slip_vic.arm.hand import find_hand
-from slip_vic.arm.posture import Start
-from slip_vic.arm.write import Arm, failing, write_arm
-from slip_vic.arm.write_urdf import PAD, possible_inertia
 from slip_vic.cli import main
-from slip_vic.inprocess import run_in_process
-from slip_vic.reach import REACHED, follow, pad_path
-from slip_vic.scenario import load_scenario
+from slip_vic.run.in_process import run_in_process
+from slip_vic.scenarios.reach import REACHED, follow, pad_path
+from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.setup.arm import posture
+from slip_vic.setup.arm.hand import find_hand
+from slip_vic.setup.arm.posture import Start
+from slip_vic.setup.arm.write import Arm, failing, write_arm
+from slip_vic.setup.arm.write_urdf import PAD, possible_inertia
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
 from test.support.odd_arm import JOINTS, odd_arm_urdf, with_joint, with_link

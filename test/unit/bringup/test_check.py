@@ -7,7 +7,7 @@ import math
 from click.testing import CliRunner
 
 from slip_vic.cli import cli
-from slip_vic.scenario import load_scenario
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.study.check import Question
 from slip_vic.study.path_load import path_load
 

@@ -12,10 +12,10 @@ from slip_bags.reader import Bag
 from slip_core.errors import InputError
 from slip_core.types import PoseGoal
 from slip_msgs_py.messages.from_msgs import pose_goal
-from slip_vic.inprocess import ClosedLoop
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
-from slip_vic.scenario import load_scenario
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.topics.goal import GoalInterface
 from test.support.run_maker import goal_message, record_run

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slip_vic.inprocess import run_in_process
-from slip_vic.scenario import load_scenario
+from slip_vic.run.in_process import run_in_process
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.modes import Mode
 
 HELD_M = 1e-7

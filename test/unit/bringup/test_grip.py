@@ -10,8 +10,8 @@ import pytest
 from slip_core.errors import InputError
 from slip_sim_bridge.gripper import Gripper
 from slip_sim_bridge.params import GripParams
-from slip_vic.inprocess import ClosedLoop
-from slip_vic.scenario import load_scenario
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.modes import Mode
 
 LAG_S = 0.1

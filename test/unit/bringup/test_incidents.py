@@ -10,9 +10,9 @@ from click.testing import CliRunner
 
 from slip_core.incidents import KINDS, Incident
 from slip_vic.cli import cli
-from slip_vic.inprocess import run_in_process
-from slip_vic.launcher import RunResult
-from slip_vic.scenario import ControllerKind, load_scenario
+from slip_vic.run.in_process import run_in_process
+from slip_vic.run.launcher import RunResult
+from slip_vic.scenarios.scenario import ControllerKind, load_scenario
 from slip_vic.study.cases import Case
 from slip_vic.study.run_case import run_case
 from slip_vic_controller.incidents import UNREACHABLE_S, IncidentWatch
@@ -91,7 +91,7 @@ def test_run_says_it_and_ends_with_1_unless_it_is_an_experiment(monkeypatch: pyt
             lost = Incident("lost", 1.25, "the object is lost: the grip is zero")
             return RunResult(1, 1.0, 1.0, None, 0, 0, {}, {}, (), (lost,))
 
-    monkeypatch.setattr("slip_vic.launcher.Launcher", Launcher)
+    monkeypatch.setattr("slip_vic.run.launcher.Launcher", Launcher)
     for words, code in ((["run"], 1), (["run", "--allow-fault"], 0)):
         done = CliRunner().invoke(cli, words)
         assert done.exit_code == code, done.output

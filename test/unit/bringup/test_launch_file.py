@@ -18,11 +18,11 @@ import yaml
 from slip_core.errors import InputError
 from slip_core.params import ParameterModel, build, flatten
 from slip_sim_bridge.pair.params import PairParams
-from slip_vic.launcher import Launcher
 from slip_vic.pair.scenario import load_pair
-from slip_vic.recording import recorder_command
-from slip_vic.scenario import NODES, load_scenario
-from slip_vic.system.node_command import LaunchPlan, launch_plan, run_parameters
+from slip_vic.run.launcher import Launcher
+from slip_vic.run.node_command import LaunchPlan, launch_plan, run_parameters
+from slip_vic.run.recording import recorder_command
+from slip_vic.scenarios.scenario import NODES, load_scenario
 from slip_vic_controller.parameters.team_params import TeamParams
 
 SRC = Path(__file__).parents[3] / "src"
@@ -115,7 +115,7 @@ def test_everything_it_names_exists() -> None:
         ('else "slip_sim_bridge_node"', 'else "slip_bridge"', "executable slip_bridge of slip_sim_bridge"),
         ('"slip_sim_bridge_two_arms_node"', '"slip_bridges"', "executable slip_bridges of slip_sim_bridge"),
         ('package="slip_sim_bridge"', 'package="slip_bridge"', "package slip_bridge"),
-        ("import launch_plan", "import launch_plans", "import slip_vic.system.node_command.launch_plans"),
+        ("import launch_plan", "import launch_plans", "import slip_vic.run.node_command.launch_plans"),
         ("import matches_action", "import matches_node", "import launch.events.matches_node"),
         ('value("prefix")', 'value("prefixes")', "argument prefixes"),
         ("        with_bridge=", "        bridge=", "parameter with_bridge of launch_plan"),

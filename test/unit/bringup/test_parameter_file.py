@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from slip_core.params import flatten
-from slip_vic.demo import all_kinds
 from slip_vic.pair.any_scenario import load_any
-from slip_vic.scenario import load_scenario, read_parameters, ros_parameter_file
+from slip_vic.run.demo import all_kinds
+from slip_vic.scenarios.scenario import load_scenario, read_parameters, ros_parameter_file
 
 MEASURED = """
 /**/slip_sim_bridge:

@@ -6,8 +6,8 @@ from typing import get_args
 
 import pytest
 
-from slip_description import scenario_names
-from slip_vic.scenario import ControllerKind, load_scenario
+from slip_vic.scenarios import scenario_names
+from slip_vic.scenarios.scenario import ControllerKind, load_scenario
 from test.support.limits import asked, shipped
 
 EFFORT_RATE = 1000.0
@@ -16,7 +16,7 @@ CONTROLLERS = get_args(ControllerKind)
 
 
 def test_no_scenario_raises_a_limit() -> None:
-    for name in scenario_names():
+    for name in scenario_names(1):
         for kind in CONTROLLERS:
             for mode in ("lockstep", "realtime"):
                 loaded = load_scenario(name, controller=kind, mode=mode)
@@ -25,7 +25,7 @@ def test_no_scenario_raises_a_limit() -> None:
                 assert loaded.bridge.effort_rate == EFFORT_RATE
 
 
-@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.parametrize("name", scenario_names(1))
 def test_nothing_is_asked_that_the_arm_does_not_have(name: str) -> None:
     for kind in CONTROLLERS:
         found = asked(shipped(name, kind))

@@ -7,8 +7,8 @@ import pytest
 
 from slip_bags.reader import Bag
 from slip_bags.writer import BagWriter, WriterOptions
-from slip_vic.report import write_report
-from slip_vic.series import read_series, rotation_angle_about
+from slip_vic.run.picture import write_report
+from slip_vic.run.series import read_series, rotation_angle_about
 
 RECORDED = Path(__file__).parents[3] / "bags" / "paper_planar_vic"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from slip_vic.system import shared_memory
+from slip_vic.run import shared_memory
 
 
 @pytest.fixture

@@ -14,11 +14,13 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from slip_core.errors import InputError
-from slip_description import scenario_text, urdf_text
+from slip_description import urdf_text
 from slip_vic.cli import cli, main
-from slip_vic.presets.sensors import preset_text
+from slip_vic.presets import preset_text
+from slip_vic.run.versions import versions
+from slip_vic.scenarios import scenario_text
 from slip_vic.study.cases import MISMATCHES, Asked, Case, all_cases
-from slip_vic.study.contents import MixedVersions, check_versions, gather, versions
+from slip_vic.study.contents import MixedVersions, check_versions, gather
 from slip_vic.study.progress import progress
 from slip_vic.study.run_case import METRICS, CaseResult, run_case
 from slip_vic.study.summary import spread, write_picture
@@ -185,7 +187,9 @@ def test_merge_refuses_what_does_not_fit(tmp_path: Path) -> None:
 def test_a_case_runs_from_texts_alone(tmp_path: Path) -> None:
     """Files of one's own, gone before the case is loaded."""
     files = tmp_path / "task.yaml", tmp_path / "mine.yaml", tmp_path / "arm.urdf"
-    for file, text in zip(files, (scenario_text("paper_planar"), preset_text("event_1000"), urdf_text()), strict=True):
+    for file, text in zip(
+        files, (scenario_text("paper_planar"), preset_text("sensors", "event_1000"), urdf_text()), strict=True
+    ):
         file.write_text(text)
     own = Case(str(files[0]), str(files[1]), "observer", "mass+", 3)
     arm = (f"bridge.robot_description_file={files[2]}",)

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from slip_core.errors import InputError
 from slip_vic.cli import cli
-from slip_vic.scenario import Texts
+from slip_vic.scenarios.scenario import Texts
 from slip_vic.study.cases import Asked, Case
 from slip_vic.study.contents import Contents
 from slip_vic.study.run_case import METRICS, CaseResult, failed

@@ -14,15 +14,15 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.errors import InputError
 from slip_description import urdf_text
-from slip_vic.metrics import summarise
-from slip_vic.series import read_series
-from slip_vic.web import scripts
-from slip_vic.web.packing import Packer, compressed, unpack
-from slip_vic.web.page import make_page, write_page
-from slip_vic.web.plots import plot_series
-from slip_vic.web.runs import grid, load_ratio, object_size, read_run, thinned
-from slip_vic.web.urdf import links_of
-from slip_vic.web.video import write_video
+from slip_vic.page import scripts
+from slip_vic.page.packing import Packer, compressed, unpack
+from slip_vic.page.page import make_page, write_page
+from slip_vic.page.plots import plot_series
+from slip_vic.page.runs import grid, load_ratio, object_size, read_run, thinned
+from slip_vic.page.urdf import links_of
+from slip_vic.page.video import write_video
+from slip_vic.run.metrics import summarise
+from slip_vic.run.series import read_series
 from test.support.two_arms import two_arms
 
 BAGS = Path(__file__).parents[3] / "bags"

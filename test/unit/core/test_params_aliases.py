@@ -21,9 +21,9 @@ from slip_core.params import (
     parameter,
     parameter_infos,
 )
-from slip_description import scenario_text
-from slip_vic.reference import config_files, parameter_page
-from slip_vic.scenario import NODES, load_scenario
+from slip_vic.scenarios import scenario_text
+from slip_vic.scenarios.parameter_files import config_files, parameter_page
+from slip_vic.scenarios.scenario import NODES, load_scenario
 from slip_vic.study.check import Question
 from slip_vic_controller.params import ControllerParams
 

@@ -9,9 +9,10 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from slip_core.params import build
-from slip_description import scenario_names, scenario_text, urdf_text
+from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.simulation import GraspSimulation
+from slip_vic.scenarios import scenario_names, scenario_text
 from slip_vic_controller.params import ControllerParams
 
 NAMES = ["glass_transport", "paper_planar", "vertical_plane"]
@@ -38,7 +39,7 @@ def bridge_params(name):
 
 
 def test_names_and_unknown_name():
-    assert scenario_names() == NAMES
+    assert scenario_names(1) == NAMES
     with pytest.raises(KeyError, match="paper_planer"):
         scenario_text("paper_planer")
     with pytest.raises(KeyError):

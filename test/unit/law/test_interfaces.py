@@ -13,8 +13,8 @@ from slip_core.types import DisplacementSample, EffortCommand, WrenchSample
 from slip_msgs_py.messages.from_msgs import JointOrder, joint_samples, slip_flag
 from slip_msgs_py.messages.to_msgs import joint_state
 from slip_sim_bridge.sensors.slip_kinds import pose_of
-from slip_vic.inprocess import ClosedLoop
-from slip_vic.scenario import Scenario, load_scenario
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.cycle import INPUTS
 from slip_vic_controller.law.arm import ARM as ARM_LAYOUT
 from slip_vic_controller.safety.modes import Mode

@@ -11,8 +11,8 @@ from slip_bags.recording.listeners import Listener
 from slip_core.incidents import Incident
 from slip_msgs_py import events
 from slip_msgs_py.events import Done, Failed, Progress, Ready, Started, Status, Warned, decode, emit, encode, warn
-from slip_vic.launcher import Launcher
-from slip_vic.scenario import load_scenario
+from slip_vic.run.launcher import Launcher
+from slip_vic.scenarios.scenario import load_scenario
 
 SRC = Path(__file__).parents[3] / "src"
 EVENTS = (

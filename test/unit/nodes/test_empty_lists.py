@@ -9,7 +9,7 @@ import yaml
 
 from slip_msgs_py.ros_params import declare
 from slip_sim_bridge.params import BridgeParams
-from slip_vic.scenario import load_scenario, ros_parameter_file
+from slip_vic.scenarios.scenario import load_scenario, ros_parameter_file
 
 
 class ReadFile:

@@ -9,7 +9,7 @@ import pytest
 
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_msgs_py.last_resort import LOUD_VARIABLE, LastResort
-from slip_vic.scenario import load_scenario
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import Controller, ControllerSession
 

@@ -14,7 +14,7 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import RANGES, ParameterInfo, build, flatten, parameter_infos
 from slip_sim_bridge.session import BridgeSession
-from slip_vic.scenario import load_scenario
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.session import Controller, ControllerSession, Manifest
 

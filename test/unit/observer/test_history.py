@@ -7,7 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from slip_vic.presets.sensors import load_preset, preset_names
+from slip_vic.presets import preset_names
+from slip_vic.presets.sensors import load_sensor
 from slip_vic_controller.observer.config import SPARE_ROWS, capacity
 from slip_vic_controller.observer.layouts import ROW, SAMPLE_ROW, TICK_ROW
 from slip_vic_controller.observer.slip import LASTING, contradicted_since
@@ -102,8 +103,8 @@ def test_a_long_slip_keeps_what_is_younger_than_the_memory() -> None:
 
 
 def test_the_history_has_room_for_every_sensor_preset() -> None:
-    for name in preset_names():
-        slip = load_preset(name).slip
+    for name in preset_names("sensors"):
+        slip = load_sensor(name).slip
         observer, start_ns = sliding_observer(slip_sensor__rate_hz=slip.rate_hz, slip_sensor__latency_s=slip.latency_s)
         period_ns, latency_ns = round(1e9 / (slip.rate_hz or 1000.0)), round(1e9 * slip.latency_s)
         measured_ns = start_ns

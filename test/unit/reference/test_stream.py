@@ -14,10 +14,10 @@ from slip_core.records import new, record
 from slip_core.types import CartesianReference
 from slip_core.vectors import mat, spatial, vec
 from slip_msgs_py.messages.from_msgs import streamed_reference
-from slip_vic.inprocess import ClosedLoop
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
-from slip_vic.scenario import load_scenario
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.reference.paths import REFERENCE, Reference, put_reference
 from slip_vic_controller.reference.stream import STREAM, at, drop_passed
 from slip_vic_controller.safety.modes import Mode

@@ -6,9 +6,9 @@ import pytest
 import yaml
 
 from slip_core.params import build, flat_names, flatten
-from slip_description import scenario_names
-from slip_vic.reference import config_files, parameter_page, topic_page
-from slip_vic.scenario import NODES, load_scenario
+from slip_vic.scenarios import scenario_names
+from slip_vic.scenarios.parameter_files import config_files, parameter_page, topic_page
+from slip_vic.scenarios.scenario import NODES, load_scenario
 
 ROOT = Path(__file__).parents[3]
 FILES = {**{f"config/{name}": text for name, text in config_files().items()}}
@@ -29,7 +29,7 @@ def test_config_has_nothing_else() -> None:
 def test_a_file_gives_a_node_the_parameters_of_its_scenario(complete: bool) -> None:
     """Also the short files: what they leave out is the default."""
     files = config_files(complete=complete)
-    for scenario in scenario_names():
+    for scenario in scenario_names(1):
         loaded = load_scenario(scenario)
         wanted = {
             "bridge": loaded.bridge,

@@ -13,7 +13,7 @@ from slip_bags.reader import Bag
 from slip_bags.series import Series
 from slip_core.topics import TOPICS
 from slip_vic.pair.scenario import load_pair
-from slip_vic.recording import recorded_topics
+from slip_vic.run.recording import recorded_topics
 from slip_vic_controller.governing import GOVERNED
 from slip_vic_controller.law.symbols import published
 

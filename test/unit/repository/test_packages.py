@@ -42,11 +42,11 @@ LIBRARIES = {
     "zstandard": ("zstandard", None),
 }
 # What a package loads without an import statement: message classes by name, the Parquet engine of pandas, the script
-# inside of a wheel.
+# inside of a wheel, the URDF that scenarios name by package://.
 UNSEEN = {
     "slip_msgs_py": {row.type.partition("/")[0] for row in TOPICS.values()},
     "slip_bags": {"pyarrow"},
-    "slip_vic": {"uplot"},
+    "slip_vic": {"uplot", "slip_description"},
 }
 
 

@@ -20,7 +20,7 @@ PROCESSES = {
     "multiprocessing",
     "pty",
     "concurrent.futures.process",
-    "slip_vic.system.processes",
+    "slip_vic.run.processes",
     "test.support.ros",
 }
 DDS = {"rclpy"}

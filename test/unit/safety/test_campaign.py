@@ -17,8 +17,9 @@ from std_msgs.msg import Int64MultiArray
 from slip_bags.reader import Bag
 from slip_core.records import record
 from slip_core.types import EffortCommand, JointSample
-from slip_vic.presets.sensors import load_preset, preset_names
-from slip_vic.scenario import ControllerKind
+from slip_vic.presets import preset_names
+from slip_vic.presets.sensors import load_sensor
+from slip_vic.scenarios.scenario import ControllerKind
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
@@ -206,16 +207,16 @@ def test_every_sensor_has_its_turn_with_every_controller() -> None:
     """And changes no fault that a seed has drawn before there were sensors."""
     plans = [plan_of(SEED, trial) for trial in range(300)]
     turns = {(plan.sensor, plan.controller, plan.observer) for plan in plans}
-    assert len(turns) == len(preset_names()) * 3 * 2
-    assert {plan.setting.split()[-1] for plan in plans} == set(preset_names())
+    assert len(turns) == len(preset_names("sensors")) * 3 * 2
+    assert {plan.setting.split()[-1] for plan in plans} == set(preset_names("sensors"))
     first = Fault("freeze_message", JOINT, 0.06850165840927014, 0.2407900680298737, 0.12216958020121715)
     assert plans[5].faults[0] == first
 
 
 def test_a_sensor_is_the_preset_in_bridge_and_controller() -> None:
-    for name in preset_names():
+    for name in preset_names("sensors"):
         scenario, _ = trials.prepared("paper_planar", True, "vic", name)
-        sensor = load_preset(name).slip
+        sensor = load_sensor(name).slip
         assert scenario.bridge.sensors.slip == sensor
         told = scenario.controller.slip_sensor
         assert (told.rate_hz, told.latency_s) == (sensor.rate_hz, sensor.latency_s)
@@ -227,7 +228,7 @@ def test_a_law_that_goes_on_after_a_slow_sensor_has_fallen_silent_is_caught(monk
     controllers: tuple[ControllerKind, ...] = ("governed", "classical")
     plans = [Plan(0, 1, "paper_planar", False, controller, (silence,), "vision_25") for controller in controllers]
     assert [run_trial(plan).violations for plan in plans] == [[], []]  # classical control needs no slip velocity
-    latency_s = load_preset("vision_25").slip.latency_s
+    latency_s = load_sensor("vision_25").slip.latency_s
 
     def from_arrival(config: Any) -> None:
         config.slip.age_ns += round(1e9 * latency_s)

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 from slip_core.errors import InputError, SlipVicError
 from slip_core.params import ParameterModel, build, flat_names, flatten, parameter_infos, parse_assignment
-from slip_description import scenario_names, scenario_text
 from slip_sim_bridge.simulation import GraspSimulation
-from slip_vic.scenario import NODES, Scenario, load_scenario
+from slip_vic.scenarios import scenario_names, scenario_text
+from slip_vic.scenarios.scenario import NODES, Scenario, load_scenario
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.session import Controller
 
@@ -148,7 +148,7 @@ def mutated_text(text: str, seed: int, count: int) -> str:
     return text
 
 
-@given(name=st.sampled_from(scenario_names()), seed=st.integers(0, 10**6), count=st.integers(1, 4))
+@given(name=st.sampled_from(scenario_names(1)), seed=st.integers(0, 10**6), count=st.integers(1, 4))
 @MANY
 def test_scenario_files(name: str, seed: int, count: int) -> None:
     with tempfile.TemporaryDirectory() as folder:

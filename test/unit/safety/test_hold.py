@@ -11,7 +11,7 @@ import pytest
 from slip_core.records import new, record
 from slip_core.vectors import Vec
 from slip_sim_bridge.session import TickOutputs
-from slip_vic.scenario import load_scenario
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.parameters.safety_params import SafetyParams

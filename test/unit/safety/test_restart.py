@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slip_core.types import EffortCommand, JointSample
-from slip_vic.scenario import load_scenario
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.session import Controller, ControllerSession

@@ -7,8 +7,8 @@ from itertools import islice
 
 import numpy as np
 
-from slip_vic.inprocess import run_in_process
-from slip_vic.scenario import ControllerKind, load_scenario
+from slip_vic.run.in_process import run_in_process
+from slip_vic.scenarios.scenario import ControllerKind, load_scenario
 from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.safety.modes import Mode, Request

@@ -8,7 +8,8 @@ import pytest
 from slip_core.records import record
 from slip_core.types import JointSample, SlipSample
 from slip_sim_bridge.sensors.slip import SlipMeasurement
-from slip_vic.presets.sensors import load_preset, preset_names
+from slip_vic.presets import preset_names
+from slip_vic.presets.sensors import load_sensor
 from slip_vic_controller.arrival import is_silent, receive_joint_state, receive_slip, receive_wrench
 from slip_vic_controller.cycle import STATE, STATE_SIZE
 from slip_vic_controller.parameters.safety_params import SafetyParams
@@ -346,8 +347,8 @@ def test_only_values_that_should_change_are_frozen() -> None:
 
 def test_no_sensor_that_works_is_frozen_and_one_that_does_not_work_is() -> None:
     """A slip of constant speed, read by every preset: one with a quantum repeats its readings, and may."""
-    for name in preset_names():
-        params = load_preset(name).slip
+    for name in preset_names("sensors"):
+        params = load_sensor(name).slip
         period_ns = round(1e9 / params.rate_hz) if params.rate_hz else MS
         for seed in range(3):
             for speed in (0.00285, 0.02):

@@ -31,8 +31,8 @@ from slip_core.files.plain_yaml import DEEPEST, read_yaml
 from slip_core.files.urdf import parse_urdf
 from slip_core.params import load_yaml, parse_assignment
 from slip_sim_bridge.plant.model import arm_spec
-from slip_vic.scenario import load_scenario
-from slip_vic.system.domain import domain_id
+from slip_vic.run.domain import domain_id
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller import snapshot
 from slip_vic_controller.robot import Robot
 from test.support.bag_maker import make_bag

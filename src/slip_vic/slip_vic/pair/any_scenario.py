@@ -9,7 +9,7 @@ from typing import Any
 
 from slip_core.errors import InputError
 from slip_vic.pair.scenario import BY_CONTROLLER, PairScenario, is_pair, load_pair
-from slip_vic.scenario import ControllerKind, Mode, Scenario, load_scenario, urdf_assignment
+from slip_vic.scenarios.scenario import ControllerKind, Mode, Scenario, load_scenario, urdf_assignment
 
 
 def load_any(

@@ -1,4 +1,4 @@
-"""Bridge and controller of two arms in one process, as `slip_vic.both_nodes`."""
+"""Bridge and controller of two arms in one process, as `slip_vic.run.both_nodes`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import sys
 
 from slip_msgs_py.node_main import run_node
 from slip_sim_bridge.pair.node import PairBridge
-from slip_vic.both_nodes import BothNodes
+from slip_vic.run.both_nodes import BothNodes
 from slip_vic_controller.team.node import TeamController
 
 

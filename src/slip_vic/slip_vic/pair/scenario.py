@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
-from slip_core.errors import InputError, nearest
+from slip_core.errors import UnknownName
 from slip_core.files.placed_urdf import placed_urdf
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.resources import read_text
@@ -23,15 +23,16 @@ from slip_core.params import (
     is_name,
     load_yaml,
     parameter,
+    parameter_infos,
     parse_assignment,
     validate,
 )
-from slip_description import pair_names, pair_text
 from slip_sim_bridge.pair.params import SIDES, PadParams, PairParams
 from slip_sim_bridge.pair.simulation import PairSimulation
 from slip_sim_bridge.params import BridgeParams
-from slip_vic.presets.sensors import load_preset
-from slip_vic.scenario import BOUNDED, ControllerKind, Mode, apply_sensor
+from slip_vic.presets.sensors import load_sensor
+from slip_vic.scenarios import find_scenario, scenario_names, scenario_text
+from slip_vic.scenarios.scenario import BOUNDED, ControllerKind, Mode, apply_sensor
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.parameters.team_params import TeamParams
 from slip_vic_controller.session import Controller
@@ -184,7 +185,7 @@ def load_pair(
         InputError: unknown scenario or parameter, bad value, unreadable URDF.
     """
     if law not in LAWS:
-        raise InputError(f"law {law}", got="an unknown name", expected=nearest(law, list(LAWS)))
+        raise UnknownName("law", law, LAWS)
     text, origin = _read(name_or_path)
     outer = validate(PairFile, read_yaml(text), origin)
     sides = {"left": outer.left, "right": outer.right}
@@ -202,7 +203,7 @@ def load_pair(
         if law == "governed":
             node["controller"] |= {"governor.mode": "slow_down"} | BOUNDED
         if sensor:
-            apply_sensor(node, load_preset(sensor))
+            apply_sensor(node, load_sensor(sensor))
     for assignment in assignments:
         _assign(values, pad, mismatch, *parse_assignment(assignment))
     wrong = build(Mismatch, mismatch, f"{origin}: mismatch")
@@ -242,23 +243,18 @@ def load_pair(
 
 def is_pair(name_or_path: str) -> bool:
     """Whether a scenario, given by name or path, is one with two arms."""
-    if name_or_path in pair_names():
+    if name_or_path in scenario_names(2):
         return True
     path = Path(name_or_path)
     return path.suffix in (".yaml", ".yml") and path.is_file() and {"left", "right"} <= load_yaml(path).keys()
 
 
 def _read(name_or_path: str) -> tuple[str, str]:
-    if name_or_path in pair_names():
-        return pair_text(name_or_path), f"scenario {name_or_path}"
-    path = Path(name_or_path)
-    if path.suffix in (".yaml", ".yml"):
-        load_yaml(path)  # for its clear error
-        return path.read_text(encoding="utf-8"), f"scenario {path}"
-    raise InputError(
-        f"scenario {name_or_path}", got="an unknown name", expected=nearest(name_or_path, pair_names()),
-        fix="or give a .yaml file",
-    )  # fmt: skip
+    path = find_scenario(name_or_path)
+    if path is None:
+        return scenario_text(name_or_path), f"scenario {name_or_path}"
+    load_yaml(path)  # for its clear error
+    return path.read_text(encoding="utf-8"), f"scenario {path}"
 
 
 def _values(outer: PairFile, sides: dict[str, SideFile], side: str, origin: str) -> dict[str, dict[str, Any]]:
@@ -300,9 +296,7 @@ def _assign(
     if first in ("pad", "mismatch"):
         model, target = (PadParams, pad) if first == "pad" else (Mismatch, wrong)
         if rest not in model.model_fields:
-            raise InputError(
-                f"--set {key}", got="an unknown parameter", expected=nearest(rest, list(model.model_fields))
-            )
+            raise UnknownName("parameter", key, [f"{first}.{name}" for name in model.model_fields], where="--set")
         target[rest] = value
         return
     sides = [first] if first in SIDES else list(SIDES)
@@ -313,9 +307,8 @@ def _assign(
         [node] if node in models and is_name(models[node], inner) else [m for m in models if is_name(models[m], name)]
     )
     if not owners:
-        raise InputError(
-            f"--set {key}", got="an unknown parameter", expected="controller.…, bridge.…, pad.…, mismatch.…"
-        )
+        known = {f"{node}.{info.name}" for node, model in models.items() for info in parameter_infos(model)}
+        raise UnknownName("parameter", key, known, where="--set")
     inner = inner if node in models and is_name(models[node], inner) else name
     for side in sides:
         for owner in owners:

@@ -10,13 +10,13 @@ from typing import Final
 
 from slip_bags.reader import Bag
 from slip_core.errors import ProtocolError
-from slip_description import scenario_names
-from slip_vic.launcher import Launcher
-from slip_vic.metrics import summarise
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
-from slip_vic.scenario import ControllerKind, load_scenario
-from slip_vic.series import read_series
+from slip_vic.run.launcher import Launcher
+from slip_vic.run.metrics import summarise
+from slip_vic.run.series import read_series
+from slip_vic.scenarios import scenario_names
+from slip_vic.scenarios.scenario import ControllerKind, load_scenario
 
 DURATION_S: Final = 2.0
 SEED: Final = 0
@@ -38,7 +38,7 @@ BEYOND_THE_ARM: Final = (
 
 def reference_names() -> Iterator[tuple[str, ControllerKind, str]]:
     """Yield (scenario, controller, folder name) of every reference bag."""
-    for scenario in scenario_names():
+    for scenario in scenario_names(1):
         for controller in CONTROLLERS:
             yield scenario, controller, f"{scenario}_{controller}"
 

@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from slip_bags.provenance import provenance
-from slip_vic.recording import versions
 from slip_vic.replay.replay import Divergence, first_index, replay, replay_team, team_begins
 from slip_vic.replay.run_data import RecordedRun, TeamRun
+from slip_vic.run.recording import versions
 
 
 @dataclass(frozen=True, slots=True)

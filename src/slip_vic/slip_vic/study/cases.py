@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
-from slip_core.errors import InputError, nearest
-from slip_vic.scenario import NO_TEXTS, ControllerKind, Estimator, Scenario, Texts, load_scenario
+from slip_core.errors import UnknownName
+from slip_vic.scenarios.scenario import NO_TEXTS, ControllerKind, Estimator, Scenario, Texts, load_scenario
 
 CLASSICAL, MEASURED, OBSERVER, GOVERNED = "classical", "measured", "observer", "governed"
 ESTIMATORS = (CLASSICAL, MEASURED, OBSERVER, GOVERNED)
@@ -69,7 +69,7 @@ def check_names(what: str, given: Iterable[str], known: Sequence[str]) -> None:
     """
     for name in given:
         if name not in known:
-            raise InputError(f"{what} {name}", got="an unknown name", expected=nearest(name, known))
+            raise UnknownName(what, name, known)
 
 
 def all_cases(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from rich.markup import escape
 from rich.table import Table
 
-from slip_vic.scenario import ControllerKind, Estimator, Scenario, load_scenario, read_parameters
+from slip_vic.scenarios.scenario import ControllerKind, Estimator, Scenario, load_scenario, read_parameters
 from slip_vic.study.cases import NO_MISMATCH, mismatch_assignments
 from slip_vic.study.path_load import PathLoad, path_load
 from slip_vic.study.run_case import run_scenario

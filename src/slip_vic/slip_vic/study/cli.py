@@ -17,7 +17,7 @@ from slip_vic.exit_code import ALLOW_FAULT, end_with
 from slip_vic.options import ASSIGNMENTS, CONTROLLER, PARAMS, SCENARIO, URDF
 
 if TYPE_CHECKING:
-    from slip_vic.scenario import ControllerKind, Estimator
+    from slip_vic.scenarios.scenario import ControllerKind, Estimator
     from slip_vic.study.engines import EngineName
 
 
@@ -87,9 +87,9 @@ def study(
     if drawn:
         _lottery(drawn, seed, out, jobs)
         return
-    from slip_description import scenario_names
-    from slip_vic.presets.sensors import preset_names
-    from slip_vic.scenario import urdf_assignment
+    from slip_vic.presets import preset_names
+    from slip_vic.scenarios import scenario_names
+    from slip_vic.scenarios.scenario import urdf_assignment
     from slip_vic.study.cases import MISMATCHES, Asked
     from slip_vic.study.command import resume, run_study
 
@@ -99,8 +99,8 @@ def study(
         end_with(done.bad, allow_fault)
         return
     wrong = MISMATCHES if mismatches == "all" else names(mismatches)
-    wanted = names(sensors) or tuple(preset_names())
-    asked = Asked(names(scenarios) or tuple(scenario_names()), wanted, names(estimators), wrong, seeds, shard)
+    wanted = names(sensors) or tuple(preset_names("sensors"))
+    asked = Asked(names(scenarios) or tuple(scenario_names(1)), wanted, names(estimators), wrong, seeds, shard)
     done = run_study([asked], (*urdf_assignment(urdf), *assignments), out, engine, jobs)
     click.echo(done.line)
     end_with(done.bad, allow_fault)
@@ -159,7 +159,7 @@ def check(
     path takes of the friction, where, and how long the motion lasts; then simulations in this process. Exit code 2
     where gains or path are refused, 1 where a simulated world does not hold.
     """
-    from slip_vic.scenario import urdf_assignment
+    from slip_vic.scenarios.scenario import urdf_assignment
     from slip_vic.study.cases import MISMATCHES, check_names
     from slip_vic.study.check import Question, corner_table, gain_table, path_lines, refusal
 

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from rich.console import Console
 
+from slip_vic.run.prepare import prepare
 from slip_vic.study.cases import Asked
 from slip_vic.study.contents import gather
 from slip_vic.study.engines import EngineName, open_engine
-from slip_vic.study.prepare import prepare
 from slip_vic.study.progress import progress
 from slip_vic.study.runner import run_cases
 from slip_vic.study.summary import summary_table, write_picture

@@ -2,33 +2,15 @@
 
 from __future__ import annotations
 
-import functools
-import hashlib
-import importlib.metadata
-import importlib.util
 import platform
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from slip_core.errors import SlipVicError
 from slip_core.files.resources import read_text
-from slip_vic.presets.sensors import preset_text
-from slip_vic.scenario import Texts, load_scenario, read_scenario
-
-LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "pin", "mujoco", "pydantic")
-"""Distributions on which the numbers of a row can depend."""
-
-SOURCES = (
-    "slip_core",
-    "slip_vic_controller",
-    "slip_sim_bridge",
-    "slip_vic/inprocess.py",
-    "slip_vic/scenario.py",
-    "slip_vic/study/cases.py",
-    "slip_vic/study/run_case.py",
-)
-"""Our own packages and files on which they depend; scenario, sensor and URDF are compared as texts."""
+from slip_vic.presets import preset_text
+from slip_vic.run.versions import digest, versions
+from slip_vic.scenarios.scenario import Texts, load_scenario, read_scenario
 
 
 class MixedVersions(SlipVicError):
@@ -69,28 +51,10 @@ def gather(scenarios: Iterable[str], sensors: Iterable[str], assignments: Sequen
     }  # fmt: skip
     texts = Texts(
         scenarios={name: read_scenario(name)[0] for name in scenarios},
-        sensors={name: preset_text(name) for name in sensors},
+        sensors={name: preset_text("sensors", name) for name in sensors},
         urdfs={file: read_text(file, "parameter robot_description_file") for file in sorted(files)},
     )
     return Contents(texts, tuple(assignments), versions())
-
-
-@functools.cache
-def versions() -> Mapping[str, str]:
-    """Return what runs here: Python, libraries by version, our own packages by a digest of their sources."""
-    found = {"python": platform.python_version()}
-    found |= {name: importlib.metadata.version(name) for name in LIBRARIES}
-    for source in SOURCES:
-        package, _, inner = source.partition("/")
-        spec = importlib.util.find_spec(package)
-        assert spec is not None
-        assert spec.origin is not None
-        path = Path(spec.origin).parent / inner
-        files = sorted(path.rglob("*.py")) if path.is_dir() else [path]
-        found[source] = digest(
-            part for file in files for part in (file.relative_to(path.parent).as_posix().encode(), file.read_bytes())
-        )
-    return found
 
 
 def check_versions(wanted: Mapping[str, str]) -> None:
@@ -110,11 +74,3 @@ def check_versions(wanted: Mapping[str, str]) -> None:
 def difference(one: Mapping[str, object], other: Mapping[str, object]) -> list[str]:
     """Return the names that stand in both with different values."""
     return [name for name in one if name in other and one[name] != other[name]]
-
-
-def digest(parts: Iterable[bytes]) -> str:
-    """Return a short name of some bytes."""
-    sha = hashlib.sha256()
-    for part in parts:
-        sha.update(len(part).to_bytes(8, "big") + part)
-    return sha.hexdigest()[:16]

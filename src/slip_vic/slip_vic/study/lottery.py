@@ -21,12 +21,12 @@ import numpy as np
 from rich.table import Table
 
 from slip_core.errors import SlipVicError
-from slip_description import scenario_names
 from slip_sim_bridge.plant import DivergenceError
-from slip_vic.arrival import Arrival
-from slip_vic.inprocess import run_in_process
-from slip_vic.presets.sensors import preset_names
-from slip_vic.scenario import ControllerKind, Estimator, Scenario, load_scenario
+from slip_vic.presets import preset_names
+from slip_vic.run.arrival import Arrival
+from slip_vic.run.in_process import run_in_process
+from slip_vic.scenarios import scenario_names
+from slip_vic.scenarios.scenario import ControllerKind, Estimator, Scenario, load_scenario
 from slip_vic_controller.safety.modes import Mode
 
 SPREAD = 0.3
@@ -116,8 +116,8 @@ REFUSED = Drawn("refused", "", math.nan, math.nan, math.nan, math.nan, math.nan)
 def draw(number: int, seed: int) -> Ticket:
     """Return case `number` of the lottery with this seed: the same one whatever else is drawn."""
     rng = np.random.default_rng((seed, number))
-    scenario = str(rng.choice(scenario_names()))
-    sensor, kind = str(rng.choice(preset_names())), str(rng.choice(KINDS))
+    scenario = str(rng.choice(scenario_names(1)))
+    sensor, kind = str(rng.choice(preset_names("sensors"))), str(rng.choice(KINDS))
     known = load_scenario(scenario, sensor=sensor)
     wrong = {
         what: float(rng.uniform(-SPREAD, SPREAD)) if rng.random() < WRONG else 0.0
@@ -290,7 +290,7 @@ def lottery_table(results: Sequence[tuple[Ticket, Mapping[str, Drawn]]]) -> Tabl
     table = Table(title="lottery: laws against classical control in equal worlds")
     for name in ("scenario", "law", "cases", "lost", "classical lost", "lost alone", "worse", "median ratio"):
         table.add_column(name, justify="left" if name in ("scenario", "law") else "right")
-    for scenario in (*scenario_names(), "all"):
+    for scenario in (*scenario_names(1), "all"):
         chosen = [result for result in results if scenario in ("all", result[0].scenario)]
         for law in LAWS[1:] if chosen else ():
             found = score(chosen, law.name)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 from typing import NamedTuple
 
-from slip_vic.inprocess import ClosedLoop
-from slip_vic.scenario import Scenario
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import Scenario
 
 FIRM = 1e4
 """Factor on the grip and on the friction that is told: nothing slips, and nothing is slowed down."""

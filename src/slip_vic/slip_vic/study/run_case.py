@@ -11,9 +11,9 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.errors import SlipVicError
 from slip_sim_bridge.plant import DivergenceError
-from slip_vic.arrival import Arrival
-from slip_vic.inprocess import run_in_process
-from slip_vic.scenario import NO_TEXTS, Scenario, Texts
+from slip_vic.run.arrival import Arrival
+from slip_vic.run.in_process import run_in_process
+from slip_vic.scenarios.scenario import NO_TEXTS, Scenario, Texts
 from slip_vic.study.cases import Case
 
 LOST_ERROR_M = 1.0

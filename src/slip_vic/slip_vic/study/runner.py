@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
+from slip_vic.run.prepare import prepare
 from slip_vic.study.cases import Case
 from slip_vic.study.contents import Contents, check_versions
 from slip_vic.study.engines import Died, Engine
-from slip_vic.study.prepare import prepare
 from slip_vic.study.run_case import CaseResult, failed, run_case
 
 RunCase = Callable[[Contents, Case], CaseResult]

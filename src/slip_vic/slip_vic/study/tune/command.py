@@ -9,12 +9,12 @@ from pathlib import Path
 from rich.console import Console
 
 from slip_core.errors import InputError, SlipVicError
-from slip_vic.scenario import NODES, Scenario, ros_parameter_file
+from slip_vic.run.prepare import prepare
+from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
 from slip_vic.study.cases import SLIP_FROM, Asked
 from slip_vic.study.check import Question, gain_table
 from slip_vic.study.contents import gather
 from slip_vic.study.engines import EngineName, open_engine
-from slip_vic.study.prepare import prepare
 from slip_vic.study.progress import Report, progress
 from slip_vic.study.tune.page import Found, page, worst_mm
 from slip_vic.study.tune.search import Search, Told, Trial, best_of, run_search, run_sets

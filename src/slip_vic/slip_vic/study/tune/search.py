@@ -18,10 +18,10 @@ from typing import Any
 import optuna
 
 from slip_core.errors import InputError
+from slip_vic.run.prepare import prepare
 from slip_vic.study.cases import Asked, Case
 from slip_vic.study.contents import Contents, check_versions
 from slip_vic.study.engines import Died, Engine
-from slip_vic.study.prepare import prepare
 from slip_vic.study.run_case import CaseResult, failed, run_case
 from slip_vic.study.table import Row, Settings, StudyTable, key_of, locked
 from slip_vic.study.tune.space import Bounds, Range, Score, assignments, cost, score

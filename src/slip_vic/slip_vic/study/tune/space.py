@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from slip_core.params import flatten
-from slip_vic.scenario import Scenario
+from slip_vic.scenarios.scenario import Scenario
 from slip_vic.study.cases import GOVERNED, MEASURED
 from slip_vic.study.table import Row
 from slip_vic_controller.law.gains import gain_report

@@ -1,0 +1,99 @@
+"""The browsers that watch a run: a server of the page, and a thread for each that sends it the model, then numbers."""
+
+from __future__ import annotations
+
+import contextlib
+import http
+import queue
+import socket
+import threading
+from typing import Final
+
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+from websockets.sync.server import Server, ServerConnection, serve
+
+from slip_core.errors import InputError
+from slip_vic.page.page import assemble
+
+QUEUED: Final = 50
+"""Frames that may wait for a slow browser; then it gets the next newest ones."""
+MODEL: Final = "model"
+"""Tells a browser that the next message is a model, not a frame."""
+
+
+class Audience:
+    """The browsers: serves the page, sends each the model and then frames."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._page = assemble(
+            live=True, title="slip-vic watch", table="", words="", facts="", notes="", data="", description=""
+        ).encode()
+        self._model = b""
+        self._queues: dict[queue.Queue[bytes], ServerConnection] = {}
+        self._lock = threading.Lock()
+        self._over = False
+        try:
+            self._server: Server = serve(self._attend, host, port, process_request=self._answer, compression=None)
+        except OSError as error:
+            got = error.strerror or str(error)
+            raise InputError(
+                f"address {host}:{port}", got=got, expected="a free port", fix="choose another --port"
+            ) from None
+        self.port = int(self._server.socket.getsockname()[1])
+        threading.Thread(target=self._server.serve_forever, name="watch-server", daemon=True).start()
+
+    @property
+    def present(self) -> bool:
+        """Whether anybody watches."""
+        return bool(self._queues)
+
+    def begin(self, model: bytes) -> None:
+        """Take another model and send it."""
+        with self._lock:
+            self._model = model
+            for waiting in self._queues:
+                waiting.put(model)
+
+    def send(self, data: bytes) -> None:
+        """Send a frame to everybody; who is slow misses some."""
+        with self._lock:
+            for waiting in self._queues:
+                if waiting.qsize() < QUEUED:
+                    waiting.put(data)
+
+    def close(self) -> None:
+        """Let go of every browser at once, one that is slow would be waited for, and stop serving."""
+        with self._lock:
+            self._over = True
+            for waiting, connection in self._queues.items():
+                waiting.put(b"")
+                with contextlib.suppress(OSError):
+                    connection.socket.shutdown(socket.SHUT_RDWR)
+        self._server.shutdown()
+
+    def _answer(self, _: ServerConnection, request: Request) -> Response | None:
+        if request.path == "/live":
+            return None
+        status, text = (http.HTTPStatus.OK, self._page) if request.path == "/" else (http.HTTPStatus.NOT_FOUND, b"")
+        kind = {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(text)), "Connection": "close"}
+        return Response(status.value, status.phrase, Headers(kind), text)
+
+    def _attend(self, connection: ServerConnection) -> None:
+        waiting: queue.Queue[bytes] = queue.Queue()
+        with self._lock:
+            if self._over:
+                return
+            if self._model:
+                waiting.put(self._model)
+            self._queues[waiting] = connection
+        try:
+            with contextlib.suppress(ConnectionClosed):
+                while data := waiting.get():
+                    if data is self._model:
+                        connection.send(MODEL)
+                    connection.send(data)
+        finally:
+            with self._lock:
+                del self._queues[waiting]

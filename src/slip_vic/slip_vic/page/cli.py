@@ -1,0 +1,65 @@
+"""``slip-vic report`` and ``slip-vic watch``."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+
+import click
+
+from slip_core.errors import InputError
+
+
+@click.command()
+@click.argument("bags", metavar="BAG [BAG...]", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("report.html"), show_default=True)
+@click.option("--title", default="", help="default: the scenario")
+@click.option("--video", type=click.Path(path_type=Path), help="write an MP4 file too; needs ffmpeg and OpenGL")
+def report(bags: tuple[Path, ...], output: Path, title: str, video: Path | None) -> None:
+    """Write one self-contained web page of recorded runs: 3D replay, linked plots, table."""
+    from slip_vic.page.page import write_page
+
+    labels = [path.name if path.is_dir() else path.stem for path in bags]
+    if len(set(labels)) != len(labels):
+        labels = [str(path) for path in bags]
+    if len(set(labels)) != len(labels):
+        raise InputError("report", got="the same bag twice", expected="different bags")
+    command = shlex.join(["slip-vic", *sys.argv[1:]])
+    write_page(output, dict(zip(labels, bags, strict=True)), command=command, title=title)
+    click.echo(f"{output}: {output.stat().st_size / 1e6:.2f} MB")
+    if video is not None:
+        from slip_vic.page.video import write_video
+
+        click.echo(f"{video}: {write_video(video, dict(zip(labels, bags, strict=True)))} frames")
+
+
+@click.command()
+@click.option("--namespace", default="", help="of the arm; default: every namespace with joint states")
+@click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID")
+@click.option(
+    "--host", default="127.0.0.1", show_default=True, help="address to listen on; others may watch if it is not local"
+)
+@click.option("--port", type=click.IntRange(0, 65535), default=8765, show_default=True, help="0: a free one")
+@click.option("--rate", type=click.FloatRange(1.0, 60.0), default=10.0, show_default=True, help="frames a second")
+@click.option("--duration", type=click.FloatRange(0.0), default=0.0, help="end after so many seconds")
+def watch(namespace: str, domain_id: int | None, host: str, port: int, rate: float, duration: float) -> None:
+    """Show in the browser what runs now: the same picture and plots, from the topics."""
+    import os
+    import time
+
+    if domain_id is not None:
+        os.environ["ROS_DOMAIN_ID"] = str(domain_id)
+    from slip_bags.ros_node import ros_node
+    from slip_msgs_py.stop_flag import StopFlag
+    from slip_vic.page.audience import Audience
+    from slip_vic.page.live import watch as run_watch
+
+    audience = Audience(host, port)
+    click.echo(f"http://{host}:{audience.port}/  (Ctrl-C ends)")
+    end = time.monotonic() + duration if duration else float("inf")
+    try:
+        with StopFlag() as stop, ros_node("slip_vic_watch", "/") as node:
+            run_watch(node, audience, namespace, rate, lambda: stop() or time.monotonic() >= end)
+    finally:
+        audience.close()

@@ -1,0 +1,325 @@
+"""`slip-vic watch`: the page of a run while it runs, fed from the topics.
+
+One loop takes the newest message of each topic some times a second; what came between is dropped by the middleware, so
+the cost does not grow with the work of the page.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from rcl_interfaces.srv import GetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
+from scipy.spatial.transform import Rotation
+
+from slip_bags.layout import Layout, Schema
+from slip_bags.recording.raw_subscription import RawSubscription, recording_qos
+from slip_bags.typedefs import find_definition
+from slip_core.arrays import Array
+from slip_core.topics import TOPICS
+from slip_msgs_py.qos import message_class
+from slip_sim_bridge.params import BridgeParams
+from slip_vic.page.audience import Audience
+from slip_vic.page.packing import Packer
+from slip_vic.page.plots import describe_plots, plot_series
+from slip_vic.page.runs import (
+    Arm,
+    Run,
+    describe,
+    effort_limits_of,
+    law_values,
+    load_ratio,
+    slip_values,
+    speed_values,
+)
+from slip_vic.page.urdf import box_of
+
+NEWEST: Final = ("joint_states", "slip_truth", "controller/scalars", "object_state")
+LATCHED: Final = ("robot_description", "object_description", "controller/mode")
+ASKED: Final = ("ee_frame", "governor.friction_limit", "governor.torsional_radius", "contacts.slip_axes")
+NODE: Final = "slip_vic_controller"
+DISCOVERY_S: Final = 1.0
+ASK_S: Final = 2.0
+SETTLE_S: Final = 1.0
+_HEAD: Final = 12  # encapsulation and stamp: texts and numbers come behind
+
+
+class Message:
+    """The numbers of one message by path, found by a layout; `names` is its text array of that name."""
+
+    def __init__(self, layout: Layout, names: tuple[str, ...], data: bytes) -> None:
+        self._leaves, self._data, self.names = {leaf.path: leaf for leaf in layout.leaves}, data, names
+
+    def __getitem__(self, path: str) -> Array:
+        """Return the numbers of one field as a row; (1, k)."""
+        leaf = self._leaves[path]
+        return np.frombuffer(self._data, leaf.dtype, leaf.count or 1, leaf.offset).reshape(1, -1)
+
+    def text(self) -> str:
+        """Return the text of a std_msgs/String."""
+        length = int.from_bytes(self._data[4:8], "little")
+        return self._data[8 : 7 + length].decode("utf-8", "replace")
+
+    @property
+    def stamp_ns(self) -> int:
+        """The header's stamp."""
+        return int(self["header.stamp.sec"][0, 0]) * 10**9 + int(self["header.stamp.nanosec"][0, 0])
+
+
+class Topic:
+    """The newest message of one topic; where everything lies in it is looked for once, as long as its texts stay."""
+
+    def __init__(self, node: Node, full: str, name: str) -> None:
+        kind, latched = TOPICS[name].type, name in LATCHED
+        self._schema = Schema(kind, find_definition(kind).text)
+        self._length = 0
+        qos = recording_qos(1, reliable=latched, transient_local=latched)
+        self._subscription = RawSubscription(node, message_class(kind), full, qos)
+        self.newest: Message | None = None
+        self._layout: Layout | None = None
+        self._names: tuple[str, ...] = ()
+        self._texts = b""
+
+    def take(self) -> bool:
+        """Take what is there; return whether there is something new."""
+        last = deque(self._subscription.drain(), maxlen=1)
+        if last:
+            self.newest = self._read(last[0].data)
+        return bool(last)
+
+    def _read(self, data: bytes) -> Message:
+        end = self._layout.texts[-1].places[-1][0] if self._layout and self._names else 0
+        if self._layout is None or not self._names or len(data) != self._length or data[_HEAD:end] != self._texts:
+            self._layout, self._length = self._schema.layout(data), len(data)
+            texts = {
+                text.path: [data[at : at + size].decode() for at, size in text.places] for text in self._layout.texts
+            }
+            self._names = tuple(texts.get("name", ()))
+            self._texts = data[_HEAD : self._layout.texts[-1].places[-1][0]] if self._names else b""
+        return Message(self._layout, self._names, data)
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._subscription.close()
+
+
+@dataclass(slots=True)
+class WatchedArm:
+    """The topics of one namespace, and what was asked of its controller."""
+
+    name: str
+    topics: dict[str, Topic]
+    parameters: dict[str, Any] = field(default_factory=dict)
+
+    def text(self, name: str) -> str | None:
+        """Return the text of a latched topic."""
+        newest = self.topics[name].newest
+        return None if newest is None else newest.text()
+
+    @property
+    def complete(self) -> bool:
+        """Whether there is enough to draw the arm."""
+        return self.topics["joint_states"].newest is not None and self.text("robot_description") is not None
+
+
+class Watcher:
+    """Follows the arms of a ROS domain and turns their newest messages into a model and frames.
+
+    Args:
+        node: in no executor.
+        namespace: of the arm; "" takes every namespace in which there are joint states.
+    """
+
+    def __init__(self, node: Node, namespace: str) -> None:
+        self._node, self._wanted = node, namespace.strip("/")
+        self.arms: list[WatchedArm] = []
+        self._next_discovery = 0.0
+        self._start_ns = 0
+        self._described: tuple[object, ...] = ()
+        self._ready_since = 0.0
+        self.last_ns = -1
+        self.model: bytes | None = None
+
+    def poll(self, now: float) -> bytes | None:
+        """Return the next frame, None where nothing new has come; `model` is set before the first."""
+        if now >= self._next_discovery:
+            self._next_discovery = now + DISCOVERY_S
+            self._discover()
+        fresh = [arm.topics["joint_states"].take() for arm in self.arms]
+        if not any(fresh):
+            return None
+        for arm in self.arms:
+            for name, topic in arm.topics.items():
+                if name != "joint_states":
+                    topic.take()
+        ready = [arm for arm in self.arms if arm.complete]
+        if not ready:
+            return None
+        self._ready_since = self._ready_since or now
+        if self.model is None and now < self._ready_since + SETTLE_S:
+            return None  # the other topics of a run that has just begun
+        stamp_ns = max(_stamp(arm) for arm in ready)
+        if stamp_ns == self.last_ns:
+            return None
+        run = self._run(ready)
+        described = description(run)
+        if self.model is None or described != self._described:
+            self._begin(run)
+            self._described, self._start_ns = described, stamp_ns
+        elif stamp_ns < self.last_ns:
+            self._start_ns = stamp_ns  # a bag that is looped, a run that begins anew: the page sees the time go back
+        self.last_ns = stamp_ns
+        return frame((stamp_ns - self._start_ns) * 1e-9, run)
+
+    def forget(self) -> None:
+        """Make the model anew with the next frame."""
+        self.model = None
+
+    def close(self) -> None:
+        """Unsubscribe from everything."""
+        for arm in self.arms:
+            for topic in arm.topics.values():
+                topic.close()
+
+    def _discover(self) -> None:
+        known = {arm.name for arm in self.arms}
+        for full, _ in self._node.get_topic_names_and_types():
+            prefix, _, last = full.rpartition("/")
+            name = prefix.strip("/")
+            wanted = not self._wanted or name == self._wanted
+            if last != "joint_states" or name in known or not wanted or not self._node.count_publishers(full):
+                continue
+            topics = {one: Topic(self._node, f"{prefix}/{one}", one) for one in (*NEWEST, *LATCHED)}
+            self.arms.append(WatchedArm(name, topics, ask_parameters(self._node, f"{prefix}/{NODE}")))
+            self.forget()
+
+    def _begin(self, run: Run) -> None:
+        """Make the model that says what stands in a frame; topics that appear later lead to another one."""
+        packer = Packer()
+        described, _ = describe(run, np.zeros(1), packer)
+        plots = describe_plots([run], packer, empty=True)
+        self.model = packer.pack({"time": packer.add(np.zeros(1)), "runs": [described], "plots": plots})
+
+    def _run(self, arms: Sequence[WatchedArm]) -> Run:
+        pose, size = None, BridgeParams().display.object_size
+        for arm in arms:
+            newest, text = arm.topics["object_state"].newest, arm.text("object_description")
+            if newest is not None:
+                parts = (("position", "xyz"), ("orientation", "xyzw"))
+                pose = np.hstack([newest[f"pose.pose.{part}.{axis}"] for part, axes in parts for axis in axes])
+                size = box_of(text) if text is not None else size
+                break
+        label = self._wanted or "live"
+        return Run(label, tuple(map(arm_now, arms)), pose, size, {})
+
+
+def arm_now(watched: WatchedArm) -> Arm:
+    """Return what the page shows of an arm, for one instant."""
+    newest = {name: topic.newest for name, topic in watched.topics.items()}
+    states, truth, scalars = newest["joint_states"], newest["slip_truth"], newest["controller/scalars"]
+    assert states is not None
+    urdf, mode = watched.text("robot_description") or "", watched.text("controller/mode")
+    names = states.names
+    none = np.full((1, 6), np.nan)
+    slip = none if truth is None else truth["velocity"]
+    values = slip_values(none if truth is None else truth["position"]) | speed_values(slip)
+    efforts = np.full((1, len(names)), np.nan)
+    symbols: dict[str, float] = {}
+    if scalars is not None:
+        values |= law_values(scalars.names, scalars["position"])
+        symbols = dict(zip(scalars.names, scalars["position"][0].tolist(), strict=True))
+        found = [symbols.get(f"effort_{joint + 1}", np.nan) for joint in range(len(names))]
+        efforts = np.array([found])
+    values["load"] = _load(symbols, watched.parameters)
+    return Arm(
+        name=watched.name,
+        urdf=urdf,
+        tip=str(watched.parameters.get("ee_frame", "ee")),
+        joint_names=names,
+        joints=states["position"],
+        slip_velocity=slip,
+        planned=np.empty((0, 3)),
+        values=values,
+        efforts=efforts,
+        effort_limits=effort_limits_of(urdf, names),
+        modes=() if mode is None else ((0.0, mode),),
+    )
+
+
+def _load(symbols: Mapping[str, float], parameters: Mapping[str, Any]) -> Array:
+    """Return the load ratio (1,) from the wrench on the object, which the law has on world axes."""
+    axes = ("x", "y", "z", "rx", "ry", "rz")
+    wrench = np.array([symbols.get(f"h_ee_{axis}", np.nan) for axis in axes])
+    turn = np.array([symbols.get(f"position_{axis}", np.nan) for axis in axes[3:]])
+    if not np.isfinite(turn).all():
+        return np.full(1, np.nan)
+    inverse = Rotation.from_rotvec(turn).inv()
+    return load_ratio(np.hstack([inverse.apply(wrench[:3]), inverse.apply(wrench[3:])])[None], parameters)
+
+
+def description(run: Run) -> tuple[object, ...]:
+    """Return what a model is made of: one with the same describes the frames of another run too."""
+    arms = ((arm.name, arm.urdf, arm.tip, arm.joint_names, tuple(arm.values)) for arm in run.arms)
+    return (run.object_pose is not None, run.object_size, *arms)
+
+
+def frame(time_s: float, run: Run) -> bytes:
+    """Return one instant as float32: time, per arm joints and slip velocity, the object's pose, every series."""
+    parts = [np.array([time_s])]
+    for arm in run.arms:
+        parts += [arm.joints.ravel(), arm.slip_velocity.ravel()]
+    parts += [] if run.object_pose is None else [run.object_pose.ravel()]
+    parts += [values for _, variants in plot_series([run]) for variant in variants for _, _, values in variant.rows]
+    return np.concatenate(parts).astype("<f4").tobytes()
+
+
+def ask_parameters(node: Node, name: str) -> dict[str, Any]:
+    """Return what a controller says of itself; empty where there is none.
+
+    A node of its own asks: the other one is in no executor, so that nothing but `Topic.take` takes its messages.
+    """
+    asker = Node("slip_vic_watch_ask", context=node.context, start_parameter_services=False, enable_rosout=False)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(asker)
+    try:
+        client = asker.create_client(GetParameters, f"{name}/get_parameters")
+        if not client.wait_for_service(ASK_S):
+            return {}
+        future = client.call_async(GetParameters.Request(names=list(ASKED)))
+        executor.spin_until_future_complete(future, timeout_sec=ASK_S)
+        answer = future.result()
+        values = [] if answer is None else answer.values
+        return {key: parameter_value_to_python(v) for key, v in zip(ASKED, values, strict=False) if v.type}
+    finally:
+        executor.shutdown()
+        asker.destroy_node()
+
+
+def _stamp(arm: WatchedArm) -> int:
+    newest = arm.topics["joint_states"].newest
+    assert newest is not None
+    return newest.stamp_ns
+
+
+def watch(node: Node, audience: Audience, namespace: str, rate_hz: float, stop: Callable[[], bool]) -> None:
+    """Feed the browsers until told to stop; without any the topics are read once a second only."""
+    watcher = Watcher(node, namespace)
+    model: bytes | None = None
+    try:
+        while not stop():
+            data = watcher.poll(time.monotonic())
+            if watcher.model is not None and watcher.model is not model:
+                model = watcher.model
+                audience.begin(model)
+            if data is not None:
+                audience.send(data)
+            time.sleep(1.0 / rate_hz if audience.present or model is None else min(1.0, DISCOVERY_S))
+    finally:
+        watcher.close()

@@ -1,0 +1,153 @@
+"""Bags in, one HTML file out: text, style, scripts and numbers in it, nothing fetched."""
+
+from __future__ import annotations
+
+import html
+import importlib.resources
+import json
+import os
+import string
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from slip_core.errors import InputError
+from slip_vic.page.packing import Packer, compressed
+from slip_vic.page.plots import describe_plots
+from slip_vic.page.runs import describe, duration_s, grid, read_run
+from slip_vic.page.scripts import three, uplot
+from slip_vic.run.metrics import summarise, summary_rows
+from slip_vic.run.series import read_series
+
+STATIC: Final = importlib.resources.files(__package__) / "static"
+MODULES: Final = (
+    "data.js",
+    "colours.js",
+    "robot.js",
+    "scene.js",
+    "views.js",
+    "plots.js",
+    "player.js",
+    "live.js",
+    "main.js",
+)
+"""In the order in which the page runs them: each uses what stands before it."""
+
+
+def write_page(
+    path: Path, bags: Mapping[str, Path], *, command: str, title: str = "", description: str = ""
+) -> dict[str, dict[str, Any]]:
+    """Write the page of some recorded runs, given by label, and return the numbers of its table.
+
+    Raises:
+        InputError: a bag that cannot be read or is no run of this suite, or a file that cannot be written.
+    """
+    if not bags:
+        raise InputError("report", got="no bags", expected="recorded runs")
+    text, numbers = make_page(bags, command=command, title=title, description=description)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+    except OSError as error:
+        got = error.strerror or str(error)
+        raise InputError(f"output {path}", got=got, expected="a file that can be written") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+    return numbers
+
+
+def make_page(
+    bags: Mapping[str, Path], *, command: str, title: str = "", description: str = ""
+) -> tuple[str, dict[str, dict[str, Any]]]:
+    """Return the page as text, and the numbers of its table by label."""
+    times = grid(duration_s(list(bags.values())))
+    runs = [read_run(path, label, times) for label, path in bags.items()]
+    numbers = {
+        f"{run.label} {arm.name}" if len(run.arms) > 1 else run.label: summarise(read_series(path, arm.name))
+        for run, path in zip(runs, bags.values(), strict=True)
+        for arm in run.arms
+        if run.object_pose is not None and "slip_mm" in arm.values and "error_mm" in arm.values
+    }
+    packer = Packer()
+    described, missing = [], []
+    for run in runs:
+        made, lacking = describe(run, times, packer)
+        described.append(made)
+        missing += lacking
+    scenario = next((run.facts["scenario"] for run in runs if "scenario" in run.facts), "")
+    header = {"time": packer.add(times), "runs": described, "plots": describe_plots(runs, packer)}
+    facts = {
+        "command": command,
+        **{name: ", ".join(dict.fromkeys(run.facts[name] for run in runs if name in run.facts)) for name in _FACTS},
+        **dict(sorted((k, str(v)) for run in runs for k, v in run.versions.items())),
+    }
+    page = assemble(
+        title=title or scenario or "recorded runs",
+        description=description,
+        table=_table(numbers),
+        words=_words(numbers),
+        facts=_facts({_FACTS.get(name, name): value for name, value in facts.items() if value}),
+        notes="".join(f"<p>not drawn: {html.escape(name)}</p>" for name in dict.fromkeys(missing)),
+        data=compressed(packer.pack(header)),
+        live=False,
+    )
+    return page, numbers
+
+
+_FACTS: Final = {"scenario": "scenario", "seed": "seed", "git_revision": "revision"}
+
+
+def assemble(*, live: bool, title: str, data: str, **parts: str) -> str:
+    """Return the page with its parts in place; title and description are plain text, the other parts HTML."""
+    script, style = uplot()
+    values = {
+        "title": html.escape(title),
+        "description": html.escape(parts.pop("description", "")),
+        "style": style + _read("style.css"),
+        "libraries": _script(three()) + _script(script),
+        "program": _script(f'(() => {{\n"use strict";\n{"".join(_read(name) for name in MODULES)}\n}})();'),
+        "data": data,
+        "live": json.dumps(live),
+        **parts,
+    }
+    return string.Template(_read("page.html")).substitute(values)
+
+
+def _read(name: str) -> str:
+    return (STATIC / name).read_text(encoding="utf-8")
+
+
+def _script(text: str) -> str:
+    return "<script>" + text.replace("</script", "<\\/script") + "</script>\n"
+
+
+def _table(numbers: Mapping[str, Mapping[str, Any]]) -> str:
+    if not numbers:
+        return "<p>These bags hold no ground truth of the object, so there are no numbers of its slip.</p>"
+    labels = "".join(f'<th scope="col">{html.escape(label)}</th>' for label in numbers)
+    rows = "".join(
+        f'<tr><th scope="row">{html.escape(row.label)}</th>'
+        + "".join(f"<td>{html.escape(text)}</td>" for text in row.texts)
+        + "</tr>"
+        for row in summary_rows(list(numbers.values()))
+    )
+    return f'<table id="summary"><thead><tr><td></td>{labels}</tr></thead><tbody>{rows}</tbody></table>'
+
+
+def _words(numbers: Mapping[str, Mapping[str, Any]]) -> str:
+    """The table's content in sentences."""
+    sentences = []
+    for label, rows in ((label, summary_rows([run])) for label, run in numbers.items()):
+        text = {row.key: row.texts[0] for row in rows}
+        sentences.append(
+            f"<b>{html.escape(label)}</b>: the object has slipped {text['slip_linear_m']} mm and turned "
+            f"{text['slip_angular_rad']}° in the grasp at the end; the tracking error was {text['tracking_mm']} mm rms."
+        )
+    return " ".join(sentences)
+
+
+def _facts(facts: Mapping[str, str]) -> str:
+    rows: Sequence[str] = [f"<dt>{html.escape(k)}</dt><dd>{html.escape(v)}</dd>" for k, v in facts.items()]
+    return f"<dl>{''.join(rows)}</dl>"

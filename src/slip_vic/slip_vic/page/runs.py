@@ -1,0 +1,376 @@
+"""What the page shows of recorded runs: poses, paths and series, all on one grid of times."""
+
+from __future__ import annotations
+
+import functools
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from slip_bags.reader import Bag
+from slip_bags.series import Series
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_core.files.plain_yaml import read_yaml
+from slip_core.params import flat_names
+from slip_vic.page.packing import Packer
+from slip_vic.page.urdf import links_of
+
+STEP_S: Final = 0.004
+MOST_FRAMES: Final = 4000
+"""A longer run gets a coarser grid; numbers of the table never come from the grid."""
+MODES: Final = ("WAITING_INPUT", "HOLD", "ACTIVE", "DEGRADED", "FAULT")
+PAD_RADIUS: Final = 0.011
+"""[m]; half the width of the fingers of our gripper."""
+PAD_THICKNESS: Final = 0.003
+"""[m]"""
+SMALLEST_SIDE: Final = 0.004
+"""[m]; of a box that is drawn for an object of unknown size."""
+_XYZ, _XYZW = ("x", "y", "z"), ("x", "y", "z", "w")
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """One arm of a run; (N, ...) on the grid.
+
+    name: namespace, "" where there is none. joints (N, n) [rad, m]. tip: link at the pad centre. slip_velocity (N, 6)
+    pad axes. values: series by name, (N,). planned (P, 3) [m] {w}. modes: (from when on [s], text).
+    """
+
+    name: str
+    urdf: str
+    tip: str
+    joint_names: tuple[str, ...]
+    joints: Array
+    slip_velocity: Array
+    planned: Array
+    values: Mapping[str, Array]
+    efforts: Array
+    effort_limits: tuple[float, ...]
+    modes: tuple[tuple[float, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One bag: its arms, the object's pose (N, 7) (position, quaternion xyzw; None where unknown) and size [m]."""
+
+    label: str
+    arms: tuple[Arm, ...]
+    object_pose: Array | None
+    object_size: tuple[float, float, float]
+    versions: Mapping[str, str]
+    facts: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Topics:
+    """The topics of one arm: full names by relative name."""
+
+    name: str
+    names: Mapping[str, str]
+
+
+def duration_s(paths: Sequence[Path]) -> float:
+    """Return how long the longest of some runs is, by the stamps of its joint states [s]."""
+    longest = 0.0
+    for path in paths:
+        with Bag(path) as bag:
+            for arm in arms_of(bag):
+                stamps = _stamps(bag, arm.names["joint_states"])
+                longest = max(longest, float(stamps[-1] - stamps[0]) * 1e-9)
+    return longest
+
+
+def grid(duration: float) -> Array:
+    """Return the times of all runs; (N,) [s]."""
+    return np.linspace(0.0, duration, min(MOST_FRAMES, max(1, round(duration / STEP_S))) + 1)
+
+
+def arms_of(bag: Bag) -> list[Topics]:
+    """Return the arms of a bag: every namespace in which joint states were recorded.
+
+    Raises:
+        InputError: there is none.
+    """
+    ends = "joint_states"
+    prefixes = sorted(
+        name.removesuffix(ends) for name, info in bag.topics.items() if name.endswith(f"/{ends}") and info.message_count
+    )
+    if not prefixes:
+        raise InputError(f"bag {bag.path}", got=f"no message on {ends}", expected="a recorded run of this suite")
+    found = []
+    for prefix in prefixes:
+        names = {
+            name.removeprefix(prefix): name
+            for name, info in bag.topics.items()
+            if name.startswith(prefix) and info.message_count
+        }
+        found.append(Topics(prefix.strip("/"), names))
+    return found
+
+
+def read_run(path: Path, label: str, times: Array) -> Run:
+    """Read what the page shows of one bag.
+
+    Raises:
+        InputError: no bag, a damaged one, or one without joint states or the arm's description.
+    """
+    with Bag(path) as bag:
+        topics = arms_of(bag)
+        start_ns = int(min(_stamps(bag, arm.names["joint_states"])[0] for arm in topics))
+        pose_topic = next((name for name, info in bag.topics.items() if _is_object(name) and info.message_count), None)
+        parameters = _parameters(bag, "bridge.params.yaml", topics[0].name)
+        pose = None
+        if pose_topic is not None:
+            pose = _held(bag, pose_topic, start_ns, times, _pose_of("pose.pose"))
+        return Run(
+            label=label,
+            arms=tuple(_read_arm(bag, arm, start_ns, times) for arm in topics),
+            object_pose=pose,
+            object_size=object_size(parameters),
+            versions=_versions(bag),
+            facts={
+                name: bag.custom_data[name] for name in ("scenario", "seed", "git_revision") if name in bag.custom_data
+            },
+        )
+
+
+def _is_object(topic: str) -> bool:
+    return topic.rpartition("/")[2] == "object_state" or topic.endswith("object/state")
+
+
+def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array) -> Arm:
+    states = bag.series(arm.names["joint_states"])
+    names = tuple(str(name) for name in states["name"][0])
+    parameters = _parameters(bag, "controller.params.yaml", arm.name)
+    urdf = _urdf(bag, arm)
+    values: dict[str, Array] = {}
+    slip_velocity = np.full((len(times), 6), np.nan)
+    if (topic := arm.names.get("slip_truth")) is not None:
+        truth = bag.series(topic)
+        values |= slip_values(_on_grid(truth, truth["position"], start_ns, times))
+        slip_velocity = _on_grid(truth, truth["velocity"], start_ns, times)
+    elif (topic := arm.names.get("slip_velocity")) is not None:
+        slip_velocity = _held(bag, topic, start_ns, times, _six_of("twist.linear", "twist.angular"))
+    values |= speed_values(slip_velocity)
+    planned = np.empty((0, 3))
+    if (topic := arm.names.get("controller/scalars")) is not None:
+        scalars = bag.series(topic)
+        symbols = [str(name) for name in scalars["name"][0]]
+        values |= law_values(symbols, _on_grid(scalars, scalars["position"], start_ns, times))
+        desired = scalars["position"][:, [symbols.index(f"desired_{axis}") for axis in _XYZ]]
+        planned = desired[np.isfinite(desired).all(axis=1)]
+    if (topic := arm.names.get("wrench")) is not None:
+        wrench = _held(bag, topic, start_ns, times, _six_of("wrench.force", "wrench.torque"))
+        values["load"] = load_ratio(wrench, parameters)
+    values |= _internal(bag, arm, start_ns, times)
+    efforts = np.full((len(times), len(names)), np.nan)
+    if (topic := arm.names.get("effort_command")) is not None:
+        commands = bag.series(topic)
+        if commands["effort"].ndim == 2:
+            efforts = _on_grid(commands, commands["effort"], start_ns, times)
+    return Arm(
+        name=arm.name,
+        urdf=urdf,
+        tip=str(parameters.get("ee_frame", "ee")),
+        joint_names=names,
+        joints=_on_grid(states, states["position"], start_ns, times),
+        slip_velocity=slip_velocity,
+        planned=planned,
+        values=values,
+        efforts=efforts,
+        effort_limits=effort_limits_of(urdf, names),
+        modes=_modes(bag, arm, states, start_ns),
+    )
+
+
+def _internal(bag: Bag, arm: Topics, start_ns: int, times: Array) -> dict[str, Array]:
+    """Return the series of what several arms do to each other: force in the slip plane, moment about the normal."""
+    topic = next((name for name in bag.topics if name.endswith(f"/object/internal_wrench_{arm.name}")), None)
+    if topic is None or not bag.topics[topic].message_count:
+        return {}
+    wrench = _held(bag, topic, start_ns, times, _six_of("wrench.force", "wrench.torque"))
+    return {"internal_n": np.linalg.norm(wrench[:, :2], axis=1), "internal_nm": np.abs(wrench[:, 5])}
+
+
+def slip_values(displacement: Array) -> dict[str, Array]:
+    """Return the series of the slip displacement; (N, 6) [m, rad] {p}."""
+    return {
+        "slip_mm": 1e3 * np.linalg.norm(displacement[:, :3], axis=1),
+        "slip_deg": np.degrees(np.linalg.norm(displacement[:, 3:], axis=1)),
+    }
+
+
+def speed_values(velocity: Array) -> dict[str, Array]:
+    """Return the series of the slip velocity; (N, 6) [m/s, rad/s]."""
+    return {"slip_speed": 1e3 * np.linalg.norm(velocity[:, :3], axis=1)}
+
+
+def law_values(names: Sequence[str], symbols: Array) -> dict[str, Array]:
+    """Return the series of the law's symbols; names of the columns, (N, k)."""
+
+    def six(name: str) -> Array:
+        return symbols[:, [names.index(f"{name}_{axis}") for axis in ("x", "y", "z", "rx", "ry", "rz")]]
+
+    error, stiffness = six("e"), six("K")
+    mode = {"mode": symbols[:, names.index("mode")]} if "mode" in names else {}
+    return mode | {
+        "error_mm": 1e3 * np.linalg.norm(error[:, :3], axis=1),
+        "error_deg": np.degrees(np.linalg.norm(error[:, 3:], axis=1)),
+        "stiffness": stiffness[:, :3].min(axis=1),
+        "stiffness_turning": stiffness[:, 3:].min(axis=1),
+        "gate": symbols[:, names.index("gate")],
+    }
+
+
+def load_ratio(wrench: Array, parameters: Mapping[str, Any]) -> Array:
+    """Return how much of the friction the measured load takes; (N, 6) [N, N m] pad axes -> (N,).
+
+    Force and torque over the torsional radius on the axes on which the pad slips, over the friction limit, as the
+    controller was told of it; NaN where it was told nothing.
+    """
+    limit, radius = parameters.get("governor.friction_limit", 0.0), parameters.get("governor.torsional_radius", 0.0)
+    if not limit or not radius:
+        return np.full(len(wrench), np.nan)
+    slips = np.array(parameters.get("contacts.slip_axes", [True] * 6)[:6], dtype=float)
+    weights = slips * np.array([1.0, 1.0, 1.0, 1.0 / radius, 1.0 / radius, 1.0 / radius])
+    return np.linalg.norm(wrench * weights, axis=1) / limit
+
+
+def object_size(parameters: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Return the edges of the box that stands for the object [m].
+
+    The scenario's display size; where a bag has none, the solid box with the object's mass and inertia.
+    """
+    if "display.object_size" in parameters:
+        x, y, z = parameters["display.object_size"]
+        return float(x), float(y), float(z)
+    mass = float(parameters.get("object.mass", 0.5))
+    x2, y2, z2 = (float(value) for value in parameters.get("object.inertia", (2e-3,) * 3)[:3])
+    squares = (y2 + z2 - x2, x2 + z2 - y2, x2 + y2 - z2)
+    x, y, z = (max(SMALLEST_SIDE, float(np.sqrt(max(0.0, 6.0 * square / mass)))) for square in squares)
+    return x, y, z
+
+
+def _urdf(bag: Bag, arm: Topics) -> str:
+    topic = arm.names.get("robot_description") or bag.topics.get("/robot_description")
+    if isinstance(topic, str):
+        return str(next(iter(bag.messages(topic))).value.data)
+    for name in (f"{arm.name}.urdf", "arm.urdf"):
+        if name in bag.attachments:
+            return bag.attachments[name].decode("utf-8")
+    raise InputError(f"bag {bag.path}", got="no robot_description", expected="the arm's URDF, as topic or attachment")
+
+
+def _versions(bag: Bag) -> dict[str, Any]:
+    try:
+        return dict(read_yaml(bag.custom_data.get("versions", "{}")))
+    except (yaml.YAMLError, TypeError, ValueError) as error:
+        raise InputError(f"versions of {bag.path}", got=str(error), expected="names and versions") from None
+
+
+def _parameters(bag: Bag, name: str, arm: str = "") -> dict[str, Any]:
+    for candidate in (f"{arm}.{name}", name):
+        if candidate in bag.attachments:
+            try:
+                tree = read_yaml(bag.attachments[candidate].decode("utf-8"))
+                values = {k: v for node in tree.values() for k, v in flat_names(node["ros__parameters"]).items()}
+                own = {k.removeprefix(f"{arm}."): v for k, v in values.items() if arm and k.startswith(f"{arm}.")}
+                return own or values
+            except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
+                got = f"{type(error).__name__} {error}"
+                raise InputError(f"{candidate} of {bag.path}", got=got, expected="a ROS parameter file") from None
+    return {}
+
+
+@functools.lru_cache
+def effort_limits_of(urdf: str, names: tuple[str, ...]) -> tuple[float, ...]:
+    """Return the efforts of a URDF's joint limits, 0 where there is none [N m]."""
+    limits = {joint.get("name"): joint.find("limit") for joint in ET.fromstring(urdf).findall("joint")}
+    found = (limits.get(name) for name in names)
+    return tuple(float(limit.get("effort", 0.0)) if limit is not None else 0.0 for limit in found)
+
+
+def _modes(bag: Bag, arm: Topics, states: Series, start_ns: int) -> tuple[tuple[float, str], ...]:
+    """Texts of the mode, at the stamp of the joint state received last before each."""
+    topic = arm.names.get("controller/mode")
+    if topic is None or states.stamp_ns is None:
+        return ()
+    found = []
+    for message in bag.messages(topic):
+        place = max(0, int(np.searchsorted(states.log_time_ns, message.log_time_ns, side="right")) - 1)
+        found.append((float(states.stamp_ns[place] - start_ns) * 1e-9, str(message.value.data)))
+    return tuple(found)
+
+
+def _stamps(bag: Bag, topic: str) -> NDArray[np.int64]:
+    stamps = bag.series(topic).stamp_ns
+    if stamps is None:
+        raise InputError(f"topic {topic} of {bag.path}", got="messages without a header", expected="stamped messages")
+    return stamps
+
+
+def _six_of(linear: str, angular: str) -> list[str]:
+    return [f"{part}.{axis}" for part in (linear, angular) for axis in _XYZ]
+
+
+def _pose_of(path: str) -> list[str]:
+    return [f"{path}.position.{axis}" for axis in _XYZ] + [f"{path}.orientation.{axis}" for axis in _XYZW]
+
+
+def _held(bag: Bag, topic: str, start_ns: int, times: Array, fields: Sequence[str]) -> Array:
+    series = bag.series(topic)
+    return _on_grid(series, np.stack([series[name] for name in fields], axis=1), start_ns, times)
+
+
+def _on_grid(series: Series, values: NDArray[Any], start_ns: int, times: Array) -> Array:
+    """Return the newest row at each time; NaN before the first and from one grid step after the last on."""
+    if series.stamp_ns is None:
+        raise InputError("a topic of the bag", got="messages without a header", expected="stamped messages")
+    rows = np.asarray(values, dtype=np.float64)
+    own = (series.stamp_ns - start_ns) * 1e-9
+    places = np.searchsorted(own, times + 1e-9, side="right") - 1
+    found = rows[np.clip(places, 0, None)].copy()
+    longest = max(float(np.diff(own).max(initial=0.0)), float(times[1] - times[0]) if len(times) > 1 else 0.0)
+    found[(places < 0) | (times > own[-1] + longest + 1e-9)] = np.nan
+    return found
+
+
+def describe(run: Run, times: Array, packer: Packer) -> tuple[dict[str, Any], list[str]]:
+    """Return a run as the page's script reads it, and what could not be drawn."""
+    missing: list[str] = []
+    arms = []
+    for arm in run.arms:
+        links, lacking = links_of(arm.urdf, packer)
+        missing += lacking
+        arms.append(
+            {
+                "name": arm.name,
+                "links": links,
+                "tip": arm.tip,
+                "joints": list(arm.joint_names),
+                "q": packer.add(arm.joints),
+                "slip": packer.add(arm.slip_velocity),
+                "planned": packer.add(thinned(arm.planned)),
+                "modes": [list(change) for change in arm.modes],
+            }
+        )
+    thing = None
+    if run.object_pose is not None:
+        thing = {"size": list(run.object_size), "pose": packer.add(run.object_pose)}
+    return {"label": run.label, "arms": arms, "object": thing, "pad": [PAD_RADIUS, PAD_THICKNESS]}, missing
+
+
+def thinned(points: Array, distance: float = 2e-3) -> Array:
+    """Return a path with its points at least `distance` [m] apart, first and last kept; (P, 3) -> (Q, 3)."""
+    if len(points) < 2:
+        return points
+    walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    keep = np.unique(np.searchsorted(walked, np.arange(0.0, walked[-1], distance)))
+    return points[np.unique(np.append(keep, len(points) - 1))]

@@ -1,0 +1,119 @@
+"""The arm of a URDF as the page draws it: links from base to tip, each with its joint and its shapes."""
+
+from __future__ import annotations
+
+import functools
+import importlib.resources
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from typing import Any, Final
+
+import numpy as np
+import trimesh
+
+from slip_core.errors import InputError
+from slip_core.files.link_tree import numbers_of, origin_of, read_links
+from slip_vic.page.packing import Packer
+
+_GREY: Final = (0.7, 0.7, 0.72, 1.0)
+
+
+def links_of(urdf: str, packer: Packer) -> tuple[list[dict[str, Any]], list[str]]:
+    """Return the links, parents first, and what could not be drawn.
+
+    A link: name, parent (number in the list, -1 for the base), joint (name, "" where fixed), kind, axis, position and
+    quaternion xyzw of the joint on the parent, shapes. A shape: kind, size (box: edges; cylinder: radius, length;
+    sphere: radius; mesh: scale), position, quaternion, colour, and for a mesh its points and faces.
+
+    Raises:
+        InputError: where the text is no URDF with one base.
+    """
+    tree = read_links(urdf)
+    robot = ET.fromstring(urdf)
+    colours = {
+        m.get("name"): _colour(m) for m in robot.findall("material") if m.get("name") and m.find("color") is not None
+    }
+    missing: list[str] = []
+    links = [
+        {
+            "name": link.name,
+            "parent": link.parent,
+            "joint": link.joint,
+            "kind": link.kind,
+            "axis": link.axis,
+            "position": link.position,
+            "quaternion": link.quaternion,
+            "shapes": list(_shapes(link.element, colours, packer, missing)),
+        }
+        for link in tree
+    ]
+    return links, missing
+
+
+def _shapes(
+    link: ET.Element, colours: dict[str | None, list[float]], packer: Packer, missing: list[str]
+) -> Iterator[dict[str, Any]]:
+    for visual in link.findall("visual"):
+        geometry = visual.find("geometry")
+        shape = None if geometry is None else next(iter(geometry), None)
+        if shape is None:
+            continue
+        material = visual.find("material")
+        colour = list(_GREY)
+        if material is not None:
+            own = material.find("color") is not None
+            colour = _colour(material) if own else colours.get(material.get("name"), colour)
+        made = _shape(shape, packer, missing)
+        if made is not None:
+            position, quaternion = origin_of(visual)
+            yield {**made, "colour": colour, "position": position, "quaternion": quaternion}
+
+
+def _shape(shape: ET.Element, packer: Packer, missing: list[str]) -> dict[str, Any] | None:
+    if shape.tag == "box":
+        return {"kind": "box", "size": numbers_of(shape, "size", (0.1, 0.1, 0.1))}
+    if shape.tag == "cylinder":
+        return {"kind": "cylinder", "size": [float(shape.get("radius", 0.05)), float(shape.get("length", 0.1))]}
+    if shape.tag == "sphere":
+        return {"kind": "sphere", "size": [float(shape.get("radius", 0.05))]}
+    if shape.tag == "mesh":
+        file = shape.get("filename", "")
+        try:
+            mesh = trimesh.load_mesh(_path(file))
+            points, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+        except Exception:  # a reader of many foreign formats: anything may happen, and a shape is only decoration
+            missing.append(file)
+            return None
+        scale = numbers_of(shape, "scale", (1.0, 1.0, 1.0))
+        return {
+            "kind": "mesh",
+            "size": scale,
+            "points": packer.add(points),
+            "faces": packer.add(faces.astype(np.uint32)),
+        }
+    return None
+
+
+def _path(file: str) -> str:
+    if not file.startswith("package://"):
+        return file.removeprefix("file://")
+    package, _, inner = file.removeprefix("package://").partition("/")
+    return str(importlib.resources.files(package).joinpath(inner))
+
+
+def _colour(material: ET.Element) -> list[float]:
+    return numbers_of(material.find("color"), "rgba", _GREY)
+
+
+@functools.lru_cache
+def box_of(urdf: str) -> tuple[float, float, float]:
+    """Return the edges of the first box in a URDF [m], as `object_description` has one.
+
+    Raises:
+        InputError: there is none.
+    """
+    for link in read_links(urdf):
+        for box in link.element.iter("box"):
+            x, y, z = numbers_of(box, "size", (0.1, 0.1, 0.1))
+            return x, y, z
+    raise InputError("object_description", got="no box", expected="a URDF with one box")

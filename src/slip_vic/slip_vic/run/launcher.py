@@ -1,0 +1,263 @@
+"""Start bridge, controller and recorder as processes on DDS, watch them, end them; nothing is left behind."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from slip_core.errors import InputError, ProtocolError
+from slip_core.incidents import Incident
+from slip_msgs_py.events import Event, Progress, Started, Warned
+from slip_msgs_py.realtime import ProcessOptions
+from slip_msgs_py.stop_flag import StopFlag
+from slip_vic.run.domain import check_domain, domain_from_environment, domain_id
+from slip_vic.run.node_command import parameter_arguments, run_parameters
+from slip_vic.run.prepare import prepare
+from slip_vic.run.processes import Child, ProcessGroup, child_environment, python_module
+from slip_vic.run.recording import AnyScenario, recorder_command
+
+READY_TIMEOUT_S = 60.0
+NO_OPTIONS = ProcessOptions()
+POLL_S = 0.02
+TIMING = ("fresh", "overruns", "missed", "latency")
+
+
+class Interrupted(InputError):
+    """The user ended the run before its end; everything was closed in order."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__("interrupted", got=detail, expected="the run's full duration")
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """What a finished run reports: ticks, simulated and wall time, recorder's counts, where the bag is.
+
+    timing: in real time the share of fresh ticks, overruns, states missed by the controller and state-to-command
+    latencies [s]; else empty. memory_mib: the most that each process had resident.
+    warnings: what the system refused, one line each.
+    incidents: what went wrong although no process failed, in the order of its time.
+    """
+
+    ticks: int
+    sim_time_s: float
+    wall_time_s: float
+    bag: Path | None
+    messages: int
+    lost: int
+    timing: Mapping[str, float]
+    memory_mib: Mapping[str, float]
+    warnings: tuple[str, ...]
+    incidents: tuple[Incident, ...] = ()
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated over wall time."""
+        return self.sim_time_s / self.wall_time_s if self.wall_time_s > 0.0 else 0.0
+
+
+class Launcher:
+    """One run of a scenario.
+
+    Args:
+        scenario: parameters of both nodes.
+        bag: folder to record into, None records nothing; it must not exist yet.
+        wanted_domain: ROS domain id, None takes ROS_DOMAIN_ID or a free one.
+        namespace: ROS namespace of all nodes.
+        process: cores, priority and memory of bridge and controller: one core for both, or the bridge's and the
+            controller's; without cores, in real time the last two. They are kept awake unless it says no.
+        one_process: bridge and controller in one process, lockstep only; their topics stay real.
+
+    Raises:
+        InputError: parameters and URDF that do not fit, a bag folder that is taken, a domain out of range.
+    """
+
+    def __init__(
+        self,
+        scenario: AnyScenario,
+        *,
+        bag: Path | None = None,
+        wanted_domain: int | None = None,
+        namespace: str = "",
+        process: ProcessOptions = NO_OPTIONS,
+        one_process: bool = False,
+    ) -> None:
+        self._scenario = scenario
+        self._bag = bag
+        self._on_progress: Callable[[float], None] = lambda _: None
+        self._wanted_domain = domain_from_environment() if wanted_domain is None else check_domain(wanted_domain)
+        self._namespace = f"/{namespace.strip('/')}" if namespace else ""
+        self._process = _with_cores(process, scenario.bridge.mode)
+        self._one_process = one_process
+        self.warnings: list[str] = []
+        self._incidents: list[Incident] = []
+        self._stop = StopFlag()
+        check_ros()
+        scenario.check()
+        if one_process and scenario.bridge.mode == "realtime":
+            raise InputError(
+                "--one-process", got="mode realtime", expected="mode lockstep: real time needs both processes"
+            )
+        if bag is not None:
+            _check_new_folder(bag)
+
+    def run(self, on_progress: Callable[[float], None] = lambda _: None) -> RunResult:
+        """Run to the end; `on_progress` is called with the simulated time [s], from a reader thread.
+
+        Raises:
+            ProtocolError: the first child that failed, with its exit code and last lines, or a missed deadline.
+            Interrupted: SIGINT, SIGTERM or SIGHUP came first.
+        """
+        self._on_progress = on_progress
+        prepare()  # children that compile would miss the deadline by which they have to be ready
+        with (
+            self._stop,
+            domain_id(self._wanted_domain) as domain,
+            tempfile.TemporaryDirectory(prefix="slip_vic_") as folder,
+            ProcessGroup() as group,
+        ):
+            return self._supervise(group, domain, Path(folder))
+
+    def _supervise(self, group: ProcessGroup, domain: int, folder: Path) -> RunResult:
+        environment = child_environment(domain)
+        recording = self._bag is not None
+        scenario = self._scenario
+        controller, bridge = run_parameters(scenario, recording)
+        # The bridge starts last: it needs the others, and its first output is the run's first tick.
+        order: list[tuple[str, list[str]]] = []
+        if self._bag is not None:
+            recorder = recorder_command(scenario, self._bag, folder, self._namespace)
+            order.append(("recorder", self._on_other_cores(recorder)))
+        arguments = {
+            "controller": parameter_arguments("controller", controller, folder),
+            "bridge": parameter_arguments("bridge", bridge, folder),
+        }
+        if self._one_process:
+            order.append(("bridge", self._command(scenario.modules["both"], *arguments.values())))
+        else:
+            modules = scenario.modules
+            order += [(name, self._command(modules[name], words, node=name)) for name, words in arguments.items()]
+        children = {name: group.start(name, argv, environment, self.note) for name, argv in order}
+        self._wait(
+            group, lambda: children["bridge"].last(Started) is not None, READY_TIMEOUT_S, "the processes to get ready"
+        )
+        self._wait(group, lambda: children["bridge"].exit_code is not None, None, "")
+        if not self._one_process:
+            group.stop([children["controller"]])
+        if recording:
+            group.stop([children["recorder"]])
+        group.check()
+        result = self._result(children)
+        self._on_progress(result.sim_time_s)
+        return result
+
+    def _command(self, module: str, *arguments: list[str], node: str = "") -> list[str]:
+        """Return the command of a process with nodes; scheduling is set before its module is imported."""
+        words = ["--ros-args", *(word for part in arguments for word in part)]
+        if self._namespace:
+            words += ["-r", f"__ns:={self._namespace}"]
+        cores = self._process.cpus
+        process = replace(self._process, cpus=cores[-1:] if node == "controller" else cores[:1])
+        if not process.arguments():
+            return python_module(module, *words)
+        return python_module("slip_msgs_py.realtime", *process.arguments(), module, *words)
+
+    def _on_other_cores(self, command: list[str]) -> list[str]:
+        """Keep a helper process off the cores of bridge and controller, where there are others."""
+        others = tuple(sorted(os.sched_getaffinity(0) - set(self._process.cpus)))
+        if not self._process.cpus or not others:
+            return command
+        return python_module("slip_msgs_py.realtime", *ProcessOptions(others, awake=False).arguments(), *command[2:])
+
+    def note(self, name: str, event: Event) -> None:
+        """Take one event of a child; called from its reader thread."""
+        if isinstance(event, Warned):
+            self.warnings.append(f"{name}: {event.text}")
+        elif isinstance(event, Progress):
+            self._on_progress(event.sim_time_s)
+        elif isinstance(event, Incident):
+            self._incidents.append(event)
+
+    def _wait(self, group: ProcessGroup, done: Callable[[], bool], timeout_s: float | None, what: str) -> None:
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        while not done():
+            time.sleep(POLL_S)
+            if self._stop():
+                group.stop([child for child in group.children if child.name != "recorder"])
+                group.stop(group.children)
+                raise Interrupted(f"a signal{self._progress_text(group)}")
+            group.check()
+            if deadline is not None and time.monotonic() > deadline:
+                states = "\n".join(f"  {child.name}:\n{child.tail()}" for child in group.children)
+                raise ProtocolError(f"waited {timeout_s:g} s for {what}; last lines:\n{states}")
+
+    def _progress_text(self, group: ProcessGroup) -> str:
+        done = next((child.results for child in group.children if child.name == "bridge"), {})
+        kept = f"; bag kept in {self._bag}" if self._bag is not None and self._bag.exists() else ""
+        return (f" after {done['sim_time_s']:.3f} s" if done else " before the start") + kept
+
+    def _result(self, children: dict[str, Child]) -> RunResult:
+        done = children["bridge"].results
+        recorded = children["recorder"].results if self._bag else {}
+        if not done:
+            raise ProtocolError(f"bridge ended without a result; last lines:\n{children['bridge'].tail()}")
+        return RunResult(
+            ticks=int(done["ticks"]),
+            sim_time_s=float(done["sim_time_s"]),
+            wall_time_s=float(done["wall_time_s"]),
+            bag=self._bag,
+            messages=int(recorded.get("messages", 0)),
+            lost=int(recorded.get("lost", 0)),
+            timing=self._timing(children),
+            memory_mib={
+                name: float(child.results["memory_mib"])
+                for name, child in children.items()
+                if "memory_mib" in child.results
+            },
+            warnings=tuple(self.warnings),
+            incidents=tuple(sorted(self._incidents, key=lambda incident: incident.time_s)),
+        )
+
+    def _timing(self, children: dict[str, Child]) -> dict[str, float]:
+        """Collect what bridge and controller said of a real-time run."""
+        if self._scenario.bridge.mode != "realtime":
+            return {}
+        said = {**children["bridge"].results, **children["controller"].results}
+        return {key: float(value) for key, value in said.items() if key.startswith(TIMING)}
+
+
+def check_ros() -> None:
+    """Look for ROS.
+
+    Raises:
+        InputError: this Python has none.
+    """
+    if importlib.util.find_spec("rclpy") is None:
+        raise InputError(
+            "ROS 2", got="no rclpy in this Python", expected="ROS 2 Jazzy",
+            fix="pip install 'slip-vic[ros]', or source /opt/ros/jazzy/setup.bash before the start",
+        )  # fmt: skip
+
+
+def _with_cores(options: ProcessOptions, mode: str) -> ProcessOptions:
+    """Choose the cores where none are chosen: in real time one each, bridge and controller may be busy all the time."""
+    cores = tuple(sorted(os.sched_getaffinity(0)))
+    if mode != "realtime" or options.cpus or len(cores) < 2:
+        return options
+    return replace(options, cpus=cores[-2:])
+
+
+def _check_new_folder(bag: Path) -> None:
+    if bag.exists():
+        raise InputError(
+            f"bag folder {bag}", got="it exists", expected="a new folder", fix="remove it or choose another"
+        )
+    parent = next(folder for folder in bag.absolute().parents if folder.exists())
+    # The kernel's own file systems say they can be written, and cannot.
+    if not os.access(parent, os.W_OK) or parent.is_relative_to("/proc") or parent.is_relative_to("/sys"):
+        raise InputError(f"bag folder {bag}", got=f"{parent} cannot be written", expected="a place that can be written")

@@ -1,0 +1,92 @@
+"""Numbers that sum up a run; the same definitions for demo, bench and study."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from slip_vic.run.series import RunSeries
+
+ARRIVED = 1e-3, float(np.radians(0.5))
+"""[m], [rad]"""
+
+
+def summarise(series: RunSeries) -> dict[str, Any]:
+    """Return slip, tracking and effort of one run.
+
+    slip_*: norm of the displacement of the pad on the object, at the end and at its peak, and peak sliding
+    speed. tracking_rms, final_error: pose error e of the law (x, y, z, rx, ry, rz) [m, rad]. arrival_s: from when on
+    the pad stays within 1 mm and 0.5 degrees of the end of its path; NaN where it does not.
+    """
+    linear = np.linalg.norm(series.slip_displacement[:, :3], axis=1)
+    angular = np.linalg.norm(series.slip_displacement[:, 3:], axis=1)
+    error = series.law_six("e")
+    evaluated = error[np.isfinite(error).all(axis=1)]
+    return {
+        "slip_linear_m": float(linear[-1]),
+        "slip_angular_rad": float(angular[-1]),
+        "slip_linear_peak_m": float(linear.max()),
+        "slip_angular_peak_rad": float(angular.max()),
+        "slip_speed_peak_m_s": float(np.linalg.norm(series.slip_velocity[:, :3], axis=1).max()),
+        "tracking_rms": np.sqrt(np.mean(evaluated**2, axis=0)).tolist(),
+        "final_error": evaluated[-1].tolist(),
+        "arrival_s": arrival_s(series),
+        "attitude_excursion_rad": float(np.linalg.norm(evaluated[:, 3:], axis=1).max()),
+        "effort_peak_nm": float(np.abs(series.effort).max()),
+    }
+
+
+def arrival_s(series: RunSeries) -> float:
+    """Return from when on the pad stays within ARRIVED of the last desired pose [s]; NaN where it does not."""
+    away = series.law_six("position") - series.law_six("desired")[-1]
+    near = (np.linalg.norm(away[:, :3], axis=1) < ARRIVED[0]) & (np.linalg.norm(away[:, 3:], axis=1) < ARRIVED[1])
+    if not near[-1]:
+        return math.nan
+    first = 0 if near.all() else int(np.flatnonzero(~near)[-1]) + 1
+    return float(series.law_time[first])
+
+
+@dataclass(frozen=True, slots=True)
+class SummaryRow:
+    """One row of a table that compares runs: its numbers in the unit of its label, and as they are shown."""
+
+    key: str
+    label: str
+    values: tuple[float, ...]
+    texts: tuple[str, ...]
+
+
+def summary_rows(runs: Sequence[Mapping[str, Any]]) -> list[SummaryRow]:
+    """Return what tables show of some runs, each as `summarise` returns it."""
+    return [
+        SummaryRow(key, label, values, tuple(pattern.format(value) for value in values))
+        for key, label, number, pattern in _ROWS
+        for values in [tuple(number(run) for run in runs)]
+    ]
+
+
+def _number(key: str, scale: float = 1.0) -> Callable[[Mapping[str, Any]], float]:
+    return lambda run: scale * float(run[key])
+
+
+def _size(key: str, part: slice, scale: float) -> Callable[[Mapping[str, Any]], float]:
+    return lambda run: scale * float(np.linalg.norm(run[key][part]))
+
+
+_DEG = 180.0 / math.pi
+_ROWS: tuple[tuple[str, str, Callable[[Mapping[str, Any]], float], str], ...] = (
+    ("slip_linear_m", "slip at the end [mm]", _number("slip_linear_m", 1e3), "{:.2f}"),
+    ("slip_angular_rad", "slip at the end [deg]", _number("slip_angular_rad", _DEG), "{:.2f}"),
+    ("slip_linear_peak_m", "peak slip [mm]", _number("slip_linear_peak_m", 1e3), "{:.2f}"),
+    ("slip_speed_peak_m_s", "peak slip speed [mm/s]", _number("slip_speed_peak_m_s", 1e3), "{:.1f}"),
+    ("tracking_mm", "tracking rms [mm]", _size("tracking_rms", slice(0, 3), 1e3), "{:.2f}"),
+    ("tracking_deg", "tracking rms [deg]", _size("tracking_rms", slice(3, 6), _DEG), "{:.2f}"),
+    ("final_mm", "final error [mm]", _size("final_error", slice(0, 3), 1e3), "{:.3f}"),
+    ("final_deg", "final error [deg]", _size("final_error", slice(3, 6), _DEG), "{:.3f}"),
+    ("arrival_s", "arrives after [s]", _number("arrival_s"), "{:.2f}"),
+    ("effort_peak_nm", "peak effort [N m]", _number("effort_peak_nm"), "{:.1f}"),
+)

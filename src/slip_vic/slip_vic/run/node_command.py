@@ -1,0 +1,90 @@
+"""How bridge, controller and recorder are started as processes: parameter files and commands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from slip_core.params import ParameterModel
+from slip_vic.pair.any_scenario import load_any
+from slip_vic.pair.scenario import PairScenario
+from slip_vic.run.processes import python_module
+from slip_vic.run.recording import AnyScenario, recorder_command
+from slip_vic.scenarios.scenario import NODES, ControllerKind, Mode, ros_parameter_file
+
+
+def node_module(name: str) -> str:
+    """Return the module that runs a node; name: a key of `NODES`."""
+    return f"{NODES[name][0]}.main"
+
+
+def parameter_arguments(name: str, params: ParameterModel, folder: Path) -> list[str]:
+    """Write a node's parameter file into `folder`; return the ROS arguments that name it."""
+    return ["--params-file", str(_parameter_file(name, params, folder))]
+
+
+def node_command(name: str, params: ParameterModel, folder: Path, *words: str) -> list[str]:
+    """Return the command of a node whose parameter file is written into `folder`; words: further ROS arguments."""
+    return python_module(node_module(name), "--ros-args", *parameter_arguments(name, params, folder), *words)
+
+
+def run_parameters(scenario: AnyScenario, recording: bool) -> tuple[ParameterModel, ParameterModel]:
+    """Return the parameters of controller and bridge, each of which waits for the others of the run."""
+    return scenario.run_parameters(("controller", "recorder") if recording else ("controller",))
+
+
+@dataclass(frozen=True, slots=True)
+class LaunchPlan:
+    """What a launch file starts: parameter files of the nodes, and the recorder's command.
+
+    bridge: None where a real arm takes its place. recorder: empty where nothing is recorded. two_arms: whether these
+    are the nodes of two arms.
+    """
+
+    controller: Path
+    bridge: Path | None
+    recorder: list[str]
+    two_arms: bool
+
+
+def launch_plan(
+    folder: Path,
+    *,
+    scenario: str,
+    controller: ControllerKind,
+    mode: Mode,
+    seed: int,
+    assignments: Sequence[str],
+    urdf: str,
+    namespace: str,
+    bag: str,
+    with_bridge: bool,
+) -> LaunchPlan:
+    """Write the files of one run into `folder`; the arguments are those of ``slip_vic.launch.py``.
+
+    Raises:
+        InputError: as `load_any`, or parameters and URDF that do not fit.
+    """
+    loaded = load_any(
+        scenario,
+        controller=controller,
+        mode=mode,
+        seed=seed,
+        assignments=assignments,
+        urdf_file=Path(urdf) if urdf else None,
+    )
+    loaded.check()
+    controller_params, bridge_params = run_parameters(loaded, recording=bool(bag))
+    return LaunchPlan(
+        controller=_parameter_file("controller", controller_params, folder),
+        bridge=_parameter_file("bridge", bridge_params, folder) if with_bridge else None,
+        recorder=recorder_command(loaded, Path(bag), folder, namespace) if bag else [],
+        two_arms=isinstance(loaded, PairScenario),
+    )
+
+
+def _parameter_file(name: str, params: ParameterModel, folder: Path) -> Path:
+    path = folder / f"{name}.yaml"
+    path.write_text(ros_parameter_file(params, NODES[name][0]), encoding="utf-8")
+    return path

@@ -1,0 +1,88 @@
+"""What the launcher records: every topic of the table, the parameters, the URDF and the scenario."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from slip_bags.provenance import PACKAGES
+from slip_bags.provenance import versions as installed_versions
+from slip_core.topics import TOPICS
+from slip_vic.pair.scenario import PairScenario
+from slip_vic.run.processes import python_module
+from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
+
+SLIP_TOPICS = {"slip_velocity": "twist", "slip_displacement": "displacement", "slip_flag": "flag"}
+VERSIONED = (
+    "numpy",
+    "scipy",
+    "numba",
+    "pin",
+    "mujoco",
+    *PACKAGES,
+    "slip-vic",
+    "slip-vic-controller",
+    "slip-sim-bridge",
+)
+
+
+AnyScenario = Scenario | PairScenario
+
+
+def recorded_topics(scenario: AnyScenario) -> list[tuple[str, str]]:
+    """Return (name, type) of every topic that this scenario's processes publish."""
+    rows = [row for row in TOPICS.values() if row.recorded and row.publisher != "user"]
+    if isinstance(scenario, Scenario):
+        rows = [row for row in rows if not row.two_arms]
+    found = []
+    for row in rows:
+        for prefix, controller in scenario.arms[:1] if row.common else scenario.arms:
+            if row.name not in _absent(controller):
+                found.append((row.name if row.common else prefix + row.name, row.type))
+    return found
+
+
+def _absent(controller: ControllerNodeParams) -> set[str]:
+    """Return the topics that a controller with these parameters, and its bridge, do not have."""
+    absent = {"controller/timing", "bridge/timing"} if controller.mode == "lockstep" else {"lockstep_tick"}
+    absent |= SLIP_TOPICS.keys() - {name for name, kind in SLIP_TOPICS.items() if kind == controller.slip_input}
+    if controller.trajectory.kind != "goal":
+        absent.add("controller/goal")
+    if controller.trajectory.kind not in ("goal", "topic"):
+        absent.add("controller/reference_used")
+    if controller.grip.control != "follow":
+        absent.add("grip_command")
+    if not controller.publish_effort_array:
+        absent.add("effort_controller/commands")
+    return absent
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that a result depends on."""
+    return installed_versions(VERSIONED)
+
+
+def recorder_command(scenario: AnyScenario, bag: Path, folder: Path, namespace: str) -> list[str]:
+    """Return the command of the recorder process; attachments are written into `folder` first."""
+    attachments = {**scenario.descriptions, "scenario.yaml": scenario.text}
+    for key, params in (("controller", scenario.controller), ("bridge", scenario.bridge)):
+        attachments[f"{key}.params.yaml"] = ros_parameter_file(params, NODES[key][0])
+    arguments = ["record", "--tf", "--output", str(bag)]
+    for name, kind in recorded_topics(scenario):
+        arguments += ["--typed", name, kind]
+    for name, text in attachments.items():
+        path = folder / f"attachment.{name}"
+        path.write_text(text, encoding="utf-8")
+        arguments += ["--attach", f"{name}={path}"]
+    custom = {
+        "scenario": scenario.name,
+        "controller": scenario.arms[0][1].controller,
+        "seed": str(scenario.bridge.seed),
+        "versions": json.dumps(versions()),
+    }
+    for key, value in custom.items():
+        arguments += ["--custom-data", f"{key}={value}"]
+    if namespace:
+        arguments += ["--namespace", namespace]
+    return python_module("slip_bags.cli", *arguments)

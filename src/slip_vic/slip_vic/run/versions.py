@@ -1,0 +1,51 @@
+"""What runs on this machine: versions of the libraries and digests of our own sources, on which numbers depend."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib.metadata
+import importlib.util
+import platform
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "pin", "mujoco", "pydantic")
+"""Distributions on which the numbers of a row can depend."""
+
+SOURCES = (
+    "slip_core",
+    "slip_vic_controller",
+    "slip_sim_bridge",
+    "slip_vic/run/in_process.py",
+    "slip_vic/scenarios/scenario.py",
+    "slip_vic/study/cases.py",
+    "slip_vic/study/run_case.py",
+)
+"""Our own packages and files on which they depend; scenario, sensor and URDF are compared as texts."""
+
+
+@functools.cache
+def versions() -> Mapping[str, str]:
+    """Return what runs here: Python, libraries by version, our own packages by a digest of their sources."""
+    found = {"python": platform.python_version()}
+    found |= {name: importlib.metadata.version(name) for name in LIBRARIES}
+    for source in SOURCES:
+        package, _, inner = source.partition("/")
+        spec = importlib.util.find_spec(package)
+        assert spec is not None
+        assert spec.origin is not None
+        path = Path(spec.origin).parent / inner
+        files = sorted(path.rglob("*.py")) if path.is_dir() else [path]
+        found[source] = digest(
+            part for file in files for part in (file.relative_to(path.parent).as_posix().encode(), file.read_bytes())
+        )
+    return found
+
+
+def digest(parts: Iterable[bytes]) -> str:
+    """Return a short name of some bytes."""
+    sha = hashlib.sha256()
+    for part in parts:
+        sha.update(len(part).to_bytes(8, "big") + part)
+    return sha.hexdigest()[:16]

@@ -1,0 +1,129 @@
+"""Parameter files and reference pages, made from the declarations so that they cannot drift."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import get_args
+
+from slip_core.errors import InputError
+from slip_core.params import OLD_NAMES_END, ParameterInfo, ParameterModel, old_names, parameter_infos
+from slip_core.topics import markdown_table
+from slip_sim_bridge.pair.params import PairParams
+from slip_vic.scenarios import scenario_names
+from slip_vic.scenarios.scenario import NODES, ControllerKind, load_scenario, ros_parameter_file
+from slip_vic_controller.parameters.team_params import TeamParams
+
+TWO_ARMS: dict[str, type[ParameterModel]] = {"slip_vic_controller": TeamParams, "slip_sim_bridge": PairParams}
+
+
+def config_files(scenarios: list[str] | None = None, *, complete: bool = False) -> dict[str, str]:
+    """Return every file of ``config/``: relative path -> text, for bridge and both controllers of each scenario.
+
+    The variable impedance controller has a second one for real time, which is the one for a real arm.
+
+    Args:
+        scenarios: their names; None: all that come with the suite.
+        complete: whether parameters that have their defaults are written too.
+    """
+    files = {}
+    for name in scenarios or scenario_names(1):
+        made = {
+            f"controller_{kind}": load_scenario(name, controller=kind).controller for kind in get_args(ControllerKind)
+        }
+        made["controller_vic_realtime"] = load_scenario(name, mode="realtime").controller
+        for file, params in {**made, "bridge": load_scenario(name).bridge}.items():
+            node = NODES["bridge" if file == "bridge" else "controller"][0]
+            files[f"{name}/{file}.yaml"] = _head(name, complete) + ros_parameter_file(params, node, complete=complete)
+    return files
+
+
+def _head(name: str, complete: bool) -> str:
+    head = f"# {name}: made by `slip-vic params`; edit the scenario, or your own copy.\n"
+    if complete:
+        return head
+    return (
+        f"{head}# What differs from the defaults, which docs/parameters.md lists. A file with every parameter:\n"
+        f"#     slip-vic params --all --scenario {name} --out FOLDER\n"
+    )
+
+
+def write_files(folder: Path, files: dict[str, str]) -> None:
+    """Write files below `folder`.
+
+    Raises:
+        InputError: where the folder cannot be written.
+    """
+    try:
+        for name, text in files.items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            f"output folder {folder}", got=error.strerror or str(error), expected="a folder that can be written"
+        ) from None
+
+
+def parameter_page() -> str:
+    """Return docs/parameters.md."""
+    parts = [
+        "# Parameters\n\nMade by `slip-vic params --reference` from the declarations in the code; a test holds it true."
+        "\nA parameter marked *live* can be changed while the node runs; the others are read at start."
+    ]
+    for node_name, model in NODES.values():
+        parts.append(f"## {node_name}\n\n{_table(model)}")
+    parts.append(
+        "## Two arms\n\nTheir nodes (`slip_vic_controller_two_arms_node`, `slip_sim_bridge_two_arms_node`) have the\n"
+        "parameters above twice, below `left.` and `right.`, and these. Two arms follow built-in paths, with a\n"
+        "constant grip."
+    )
+    parts += [f"### {name}\n\n{_table(model, skip=('left.', 'right.'))}" for name, model in TWO_ARMS.items()]
+    parts.append(
+        f"## Old names\n\nThese go on working until version {OLD_NAMES_END}, in files, in `--set` and as ROS\n"
+        f"parameter overrides, with one line of warning.\n\n{_old_names()}"
+    )
+    return "\n\n".join(parts) + "\n"
+
+
+def topic_page() -> str:
+    """Return docs/topics.md."""
+    return (
+        "# Topics\n\nMade by `slip-vic params --reference` from `slip_core.topics`; a test holds it true.\n"
+        "Names are relative: a namespace moves the whole system. Two arms on one object (docs/two_arms.md) have\n"
+        "each of these below `left/` and below `right/`, but for those marked *one*, which are there once for both.\n"
+        "Contact 1 and further ones of a multi-contact grasp use `contact_1/wrench`, `contact_1/slip_velocity` and so\n"
+        "on. The controller subscribes best effort in real time, so that a sensor driver's best-effort topics match,\n"
+        "and reliable in lockstep.\n\n"
+        f"{markdown_table()}\n"
+    )
+
+
+def _table(model: type[ParameterModel], skip: tuple[str, ...] = ()) -> str:
+    lines = ["| parameter | default | unit | range | live | meaning |", "|---|---|---|---|---|---|"]
+    for info in parameter_infos(model):
+        if skip and info.name.startswith(skip):
+            continue
+        default = _shown(info.default)
+        cells = (f"`{info.name}`", default, info.unit, _range(info), "live" if info.runtime else "", info.description)
+        lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+    return "\n".join(lines)
+
+
+def _old_names() -> str:
+    lines = ["| node | old name | name |", "|---|---|---|"]
+    for node_name, model in NODES.values():
+        lines += [f"| {node_name} | `{old}` | `{new}` |" for old, new in old_names(model).items()]
+    return "\n".join(lines)
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, tuple):
+        return f"`{list(value)}`"
+    return f"`{value}`" if value != "" else "(empty)"
+
+
+def _range(info: ParameterInfo) -> str:
+    if "one_of" in info.bounds:
+        return ", ".join(str(choice) for choice in info.bounds["one_of"])
+    words = {"gt": ">", "ge": ">=", "lt": "<", "le": "<=", "min_length": "length >=", "max_length": "length <="}
+    return ", ".join(f"{words[name]} {value:g}" for name, value in info.bounds.items() if name in words)

@@ -1,0 +1,215 @@
+"""Where the hand of a URDF is: the link at its end, the joints that carry it, and which way it reaches."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError, UnknownName
+from slip_core.files.urdf import chain, end_of, moving, named
+
+LEAST_JOINTS = 6
+"""The law commands all six directions of the pad."""
+
+AXES = {f"{sign}{name}": (-1.0 if sign else 1.0) * axis for name, axis in zip("xyz", np.eye(3), strict=True)
+        for sign in ("", "-")}  # fmt: skip
+
+_FINGER = re.compile(r"finger|gripper|knuckle|jaw|thumb|hand_(index|little|middle|mrl|ring)", re.IGNORECASE)
+_TIP_NAMES = ("grasp", "tcp", "tool0", "eef", "end_effector", "ee_link", "tool", "flange", "hand", "ee")
+"""How links at the end of an arm are called, the surest first."""
+_ALONG = 0.9
+"""Cosine above which a direction counts as along an axis."""
+_LEVER = 1e-3
+"""[m] Distance below which two points count as one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hand:
+    """The end of an arm. Directions are axes of `link`: "x", "-z" and so on.
+
+    joints: those that carry it, from base to tip; fingers: moving joints behind it; approach: out of the hand;
+    normal: the closing direction of the jaws; said: what was found rather than given, one line each.
+    """
+
+    link: str
+    joints: tuple[str, ...]
+    fingers: tuple[str, ...]
+    approach: str
+    normal: str
+    said: tuple[str, ...]
+
+    @property
+    def rotation(self) -> Array:
+        """Axes of the pad frame, x approach and z normal, on those of the link; (3, 3)."""
+        x, z = AXES[self.approach], AXES[self.normal]
+        return np.stack((x, np.cross(z, x), z), axis=1)
+
+
+def find_hand(
+    root: Element, link: str = "", approach: str = "", normal: str = "", locked: tuple[str, ...] = ()
+) -> Hand:
+    """Find the end of an arm, or take what is given of it.
+
+    Args:
+        root: <robot>.
+        link: its last link; empty finds it.
+        approach: axis of the link out of the hand; empty: the axis that the last joint turns about, outwards.
+        normal: axis of the link along which the jaws close; empty: that of sliding fingers, else y.
+        locked: joints that stay where they are.
+
+    Raises:
+        InputError: an unknown link, two arms, fewer than six joints, an axis that cannot be told.
+    """
+    links = named(root, "link")
+    said = []
+    if link and link not in links:
+        raise UnknownName("link", link, links, where="--ee")
+    if not link:
+        link = _last_link(root, locked)
+        said.append(f"the hand is at link {link} (--ee LINK takes another)")
+    carrying = chain(root, link)
+    joints = tuple(name for name in moving(carrying) if name not in locked)
+    if len(joints) < LEAST_JOINTS:
+        raise InputError(
+            f"arm to link {link}",
+            got=f"{len(joints)} moving joints ({', '.join(joints)})",
+            expected=f"at least {LEAST_JOINTS}: the law commands all six directions of the pad",
+            fix="--ee names the hand's link where another one is meant",
+        )
+    if not approach:
+        approach = _approach(carrying, joints)
+        said.append(f"it reaches along {approach} of that link (--approach takes another axis)")
+    if not normal:
+        normal, why = _normal(root, link, joints, approach)
+        said.append(f"its jaws close along {normal} of that link, {why} (--normal takes another axis)")
+    if abs(float(AXES[approach] @ AXES[normal])) > 0.0:
+        raise InputError(f"--normal {normal}", got=f"along --approach {approach}", expected="another axis of the link")
+    behind = tuple(name for name in moving(list(named(root, "joint").values())) if _is_behind(root, name, joints[-1]))
+    return Hand(link, joints, behind, approach, normal, tuple(said))
+
+
+def _last_link(root: Element, locked: tuple[str, ...]) -> str:
+    """Return the link at the end of the longest chain of joints that are no fingers; by its name, where several are."""
+    joints = named(root, "joint")
+    fingers = {name for name, joint in joints.items() if _is_finger(joint)}
+    fingers |= {str(follows.get("joint")) for joint in joints.values() if (follows := joint.find("mimic")) is not None}
+    counts: dict[str, int] = {}
+    for link in named(root, "link"):
+        names = moving(chain(root, link))
+        if not fingers & set(names):
+            counts[link] = len([name for name in names if name not in locked])
+    most = max((1, *counts.values()))
+    ends = [link for link, count in counts.items() if count == most]
+    arms = {moving(chain(root, link))[-1] for link in ends if moving(chain(root, link))}
+    if len(arms) > 1 and most >= LEAST_JOINTS:
+        raise InputError("--ee", got=f"{len(arms)} arms that are equally long", expected=f"one of {', '.join(ends)}")
+    if not ends:
+        raise InputError("robot_description", got="no moving joint", expected="an arm")
+    for name in _TIP_NAMES:
+        if found := [link for link in ends if name in link.lower() and not _FINGER.search(link)]:
+            return found[0]
+    return ends[0]
+
+
+def _is_finger(joint: Element) -> bool:
+    words = f"{joint.get('name')} {end_of(joint, 'child')}"
+    return joint.find("mimic") is not None or (joint.get("type") != "fixed" and bool(_FINGER.search(words)))
+
+
+def _is_behind(root: Element, name: str, last: str) -> bool:
+    """Whether a joint is moved by the arm's last joint."""
+    return name != last and last in moving(chain(root, end_of(named(root, "joint")[name], "child")))
+
+
+def pose_of(joint: Element) -> tuple[Array, Array]:
+    """Return the origin of a joint on its parent's axes: position (3,) [m], rotation (3, 3)."""
+    origin = joint.find("origin")
+    xyz, rpy = ("0 0 0", "0 0 0") if origin is None else (origin.get("xyz", "0 0 0"), origin.get("rpy", "0 0 0"))
+    return np.array([float(v) for v in xyz.split()]), Rotation.from_euler("xyz", _numbers(rpy)).as_matrix()
+
+
+def _numbers(text: str) -> Array:
+    return np.array([float(word) for word in text.split()])
+
+
+def axis_of(joint: Element) -> Array:
+    """Return the unit axis of a joint; (3,)."""
+    axis = joint.find("axis")
+    found = np.array([1.0, 0.0, 0.0]) if axis is None else _numbers(axis.get("xyz", "1 0 0"))
+    return np.array(found / np.linalg.norm(found))
+
+
+def _approach(carrying: list[Element], joints: tuple[str, ...]) -> str:
+    """Return the axis of the last link that is nearest to the last joint's, away from the arm."""
+    names = [str(joint.get("name")) for joint in carrying]
+    last = names.index(joints[-1])
+    R, p = np.eye(3), np.zeros(3)  # the hand on the last joint's axes
+    for joint in reversed(carrying[last + 1 :]):
+        d, turn = pose_of(joint)
+        R, p = turn @ R, d + turn @ p
+    axis = R.T @ axis_of(carrying[last])
+    # The side on which the hand is, seen from the last joint; where it is at it, from the joints before.
+    side = float(p @ axis_of(carrying[last]))
+    turned = np.eye(3)
+    for joint in reversed(carrying[: last + 1]):
+        if abs(side) > _LEVER:
+            break
+        d, turn = pose_of(joint)
+        turned = turn @ turned
+        side += float(turned.T @ d @ axis_of(carrying[last]))
+    direction = axis * math.copysign(1.0, side)
+    name = max(AXES, key=lambda one: float(AXES[one] @ direction))
+    if float(AXES[name] @ direction) < _ALONG:
+        raise InputError(
+            "--approach", got="nothing, and the last joint turns about none of the hand's axes",
+            expected="the axis of the hand's link that points out of it: x, -x, y, -y, z or -z",
+        )  # fmt: skip
+    return name
+
+
+def _normal(root: Element, link: str, joints: tuple[str, ...], approach: str) -> tuple[str, str]:
+    """Return along which axis of the link the jaws close, and how that was found."""
+    for name, joint in named(root, "joint").items():
+        if joint.get("type") != "prismatic" or not _is_behind(root, name, joints[-1]):
+            continue
+        here, there = (_pose_in_body(root, one, joints[-1]) for one in (link, end_of(joint, "child")))
+        direction = here.T @ there @ axis_of(joint)
+        found = max("xyz", key=lambda one: abs(float(AXES[one] @ direction)))
+        if abs(float(AXES[found] @ direction)) > _ALONG and found != approach[-1]:
+            return found, f"as finger {name} does"
+    return next(name for name in "yz" if name != approach[-1]), "as assumed: no sliding finger shows it"
+
+
+def _pose_in_body(root: Element, link: str, last: str) -> Array:
+    """Return the axes of a link on those of the body behind the joint `last`; (3, 3)."""
+    R = np.eye(3)
+    for joint in reversed(chain(root, link)):
+        if joint.get("name") == last:
+            break
+        R = pose_of(joint)[1] @ R
+    return R
+
+
+def finger_positions(root: Element, fingers: tuple[str, ...], width: float | None) -> Mapping[str, float]:
+    """Return where sliding fingers are for an opening of `width` [m] in all; others stay at 0.
+
+    Raises:
+        InputError: no sliding finger.
+    """
+    if width is None:
+        return {}
+    joints = named(root, "joint")
+    sliding = [name for name in fingers if joints[name].get("type") == "prismatic"]
+    if not sliding:
+        raise InputError(
+            "--gripper-width", got=f"{width:g}, and no sliding finger", expected="a gripper with prismatic joints",
+            fix="give the angle of a turning finger: --lock JOINT=ANGLE",
+        )  # fmt: skip
+    return dict.fromkeys(sliding, width / len(sliding))

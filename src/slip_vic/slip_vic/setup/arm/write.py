@@ -1,0 +1,201 @@
+"""From a URDF to a folder that runs: the arm, one scenario file per task, parameters for the real arm; and a report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from rich.table import Table
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_core.files.plain_yaml import read_yaml
+from slip_core.files.urdf import NO_LIMIT, parse_urdf
+from slip_vic.scenarios.parameter_files import write_files
+from slip_vic.scenarios.reach import pad_path
+from slip_vic.scenarios.scenario import NODES, load_scenario, read_scenario, ros_parameter_file
+from slip_vic.setup.arm.hand import LEAST_JOINTS, Hand, find_hand, finger_positions
+from slip_vic.setup.arm.posture import Start, best_start, postures
+from slip_vic.setup.arm.write_urdf import PAD, arm_urdf
+from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.robot import Robot
+
+URDF_NAME = "arm.urdf"
+_ROUNDED = 9
+_SMALLER = (0.7, 0.5, 0.35, 0.25)
+_LENGTHS = {"displacement", "rotation", "waypoints", "radius"}
+_TIMES = {"start_s", "duration_s", "waypoint_times_s", "period_s", "ramp_s"}
+
+
+class Arm:
+    """An arm that was read from a file.
+
+    Args:
+        text: the URDF as it is distributed.
+        link, approach, normal: of the hand; empty ones are found.
+        reach: from the link's origin to the pad centre [m].
+        width: opening of the gripper [m]; None: closed.
+        locked: joints that stay somewhere: name -> position [rad, m].
+
+    Raises:
+        InputError: what keeps it from being used, with the name of the joint or link.
+    """
+
+    def __init__(
+        self,
+        text: str,
+        *,
+        link: str = "",
+        approach: str = "",
+        normal: str = "",
+        reach: float = 0.0,
+        width: float | None = None,
+        locked: dict[str, float] | None = None,
+    ) -> None:
+        root = parse_urdf(text)
+        stays = locked or {}
+        self.hand: Hand = find_hand(root, link, approach, normal, tuple(stays))
+        self.urdf, said = arm_urdf(
+            root, self.hand, reach, {**finger_positions(root, self.hand.fingers, width), **stays}
+        )
+        self.said = [*self.hand.said, *said]
+        self.robot = Robot(self.urdf, PAD, self.hand.joints)
+
+    def task(self, base: str, scale: float) -> tuple[dict[str, Any], Start]:
+        """Return the content of a scenario file for this arm, and the start that was found for it.
+
+        Args:
+            base: a scenario; its arm's hand starts in the attitude that this one's starts in.
+            scale: of the path's size; its time has the root of it, so that accelerations stay.
+
+        Raises:
+            InputError: where no start has the whole path within reach, speed and effort.
+        """
+        known = load_scenario(base)
+        controller = known.controller
+        rotation = Robot(known.urdf, controller.ee_frame, controller.joint_names).frame(
+            np.array(known.bridge.initial_position)
+        )[1]
+        times, path = pad_path(controller.trajectory)
+        weight = controller.object.mass * np.array(controller.gravity)
+        robot = Robot(self.urdf, PAD, self.hand.joints, controller.gravity)
+        known_postures = postures(robot, rotation)
+
+        def at(size: float) -> Start | None:
+            return best_start(robot, known_postures, math.sqrt(size) * times, size * path, weight)
+
+        start = at(scale)
+        reason = failing(start, robot, controller)
+        if start is None or reason:
+            smaller = (scale * part for part in _SMALLER)
+            fits = next((size for size in smaller if not failing(at(size), robot, controller)), None)
+            fix = f"--scale {fits:.2g} is within reach" if fits else "try another --scenario, --approach or --normal"
+            if len(self.hand.joints) > LEAST_JOINTS:
+                fix += ", or keep a joint that is too slow where it is: --lock JOINT=VALUE"
+            raise InputError(
+                f"scenario {known.name} with this arm",
+                got=reason,
+                expected="a start from which its path can be followed",
+                fix=fix,
+            )
+        return self._content(base, start, scale), start
+
+    def _content(self, base: str, start: Start, scale: float) -> dict[str, Any]:
+        text, _ = read_scenario(base)
+        content: dict[str, Any] = read_yaml(text)
+        shared, controller, bridge = (content.setdefault(key, {}) for key in ("shared", "controller", "bridge"))
+        shared |= {
+            "robot_description_file": URDF_NAME, "joint_names": list(self.hand.joints), "ee_frame": PAD,
+        }  # fmt: skip
+        for part in (controller, bridge):
+            part.pop("robot_description_file", None)
+        if scale != 1.0:
+            _scale(controller["trajectory"], scale)
+        way = start.way
+        bridge["initial_position"] = [round(float(value), _ROUNDED) for value in start.posture]
+        sources = content.get("sources", [])
+        sources = [sources] if isinstance(sources, str) else sources
+        content["sources"] = [
+            *(line for line in sources if not line.startswith("initial_position")),
+            f"initial_position: by `slip-vic arm`; on the whole path every joint stays {way.margin.min():.2f} away "
+            f"from its limits and the smallest singular value of the Jacobian above {way.sigma:.2f}",
+        ]
+        return content
+
+
+def _scale(trajectory: dict[str, Any], scale: float) -> None:
+    """Make a trajectory of a scenario file larger or smaller, at equal accelerations."""
+    for keys, factor in ((_LENGTHS, scale), (_TIMES, math.sqrt(scale))):
+        for key in keys & trajectory.keys():
+            value = trajectory[key]
+            many = [round(factor * one, _ROUNDED) for one in (value if isinstance(value, list) else [value])]
+            trajectory[key] = many if isinstance(value, list) else many[0]
+
+
+def failing(start: Start | None, robot: Robot, params: ControllerParams) -> str:
+    """Return why a start will not do; empty where it will."""
+    if start is None:
+        return "no posture with the hand in the attitude of the start"
+    way, least = start.way, params.singularity.sigma_min
+    if way.blocked:
+        return f"a path that ends after {100.0 * way.share:.0f} % of its time: {way.blocked}"
+    share, limit = max((way.speed, "velocity"), (way.load, "effort"), key=lambda one: float(one[0].max()))
+    worst = int(share.argmax())
+    if share[worst] >= 1.0:
+        return f"{robot.joint_names[worst]} at {100.0 * share[worst]:.0f} % of its {limit} limit on the path"
+    if way.sigma < least:
+        return f"a path through a singular posture (least singular value {way.sigma:.2g}, sigma_min is {least:g})"
+    return ""
+
+
+def read_arm(file: Path) -> str:
+    """Return the text of a URDF file.
+
+    Raises:
+        InputError: where it cannot be read.
+    """
+    try:
+        return file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"URDF {file}", got=str(error), expected="a readable URDF file") from None
+
+
+def write_arm(arm: Arm, tasks: dict[str, dict[str, Any]], folder: Path, source: Path) -> list[Path]:
+    """Write the arm, its scenarios and the parameter files for the real one; return their paths.
+
+    Raises:
+        InputError: where the folder cannot be written.
+    """
+    head = f"# Made by `slip-vic arm {source.name}`; edit it as you like.\n"
+    files = {URDF_NAME: arm.urdf}
+    for name, content in tasks.items():
+        text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
+        files[f"{name}.yaml"] = head + text
+    write_files(folder, files)
+    real = {}
+    for name in tasks:
+        params = load_scenario(str(folder.absolute() / f"{name}.yaml"), mode="realtime").controller
+        real[f"{name}_controller_realtime.yaml"] = head + ros_parameter_file(
+            params, NODES["controller"][0], complete=False
+        )
+    write_files(folder, real)
+    return [folder / name for name in (*files, *real)]
+
+
+def way_table(arm: Arm, name: str, start: Start) -> Table:
+    """Return the table of one start: a row per joint."""
+    way, robot = start.way, arm.robot
+    table = Table(title=f"{name}: start, and the path from it (least singular value {way.sigma:.2f})")
+    columns = ("joint", "start", "lower", "upper", "least distance to a limit", "speed [%]", "holding effort [%]")
+    for column in columns:
+        table.add_column(column, justify="left" if column == "joint" else "right")
+    rows: Sequence[Array] = (start.posture, robot.position_lower, robot.position_upper, way.margin)
+    for j, joint in enumerate(robot.joint_names):
+        shares = (100.0 * way.speed[j], 100.0 * way.load[j])
+        numbers = ("none" if abs(row[j]) > 0.5 * NO_LIMIT else f"{row[j]:.3g}" for row in rows)
+        table.add_row(joint, *numbers, *(f"{share:.0f}" for share in shares))
+    return table

@@ -1,0 +1,158 @@
+"""The URDF that both nodes can use as it is: other joints locked, inertias possible, a pad frame, simple shapes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError, UnknownName
+from slip_core.files.urdf import carried_links, end_of, fix, inertial, is_physical, named, usable_urdf
+from slip_vic.setup.arm.hand import Hand, axis_of, pose_of
+
+PAD = "slip_pad"
+_SLACK = 1e-6
+"""Part of the largest principal moment that the smallest two are given beyond what is just possible."""
+_GIMBAL = 1e-9
+_SHAPE_RADIUS, _SHORTEST = 0.035, 0.02
+"""[m] Cylinders that are drawn in the place of meshes, and the shortest lever that gets one."""
+
+
+def arm_urdf(root: Element, hand: Hand, reach: float, positions: Mapping[str, float]) -> tuple[str, list[str]]:
+    """Return the URDF of an arm, ready for both nodes, and one line for each thing that had to be changed.
+
+    Args:
+        root: <robot>, which is changed.
+        hand: where its hand is.
+        reach: from the link's origin to the pad centre, along the approach [m].
+        positions: where locked joints stay [rad, m]; 0, or the nearest limit, where there is none.
+
+    Raises:
+        InputError: an unknown joint, or one without what a controller must know.
+    """
+    said: list[str] = []
+    _lock(root, hand, positions, said)
+    _mend_inertias(root, hand, said)
+    text = usable_urdf(ElementTree.tostring(root, encoding="unicode"), hand.link, hand.joints)
+    ready = ElementTree.fromstring(text)
+    _add_pad(ready, hand, reach)
+    _add_shapes(ready, hand)
+    ElementTree.indent(ready)
+    return ElementTree.tostring(ready, encoding="unicode", xml_declaration=True) + "\n", said
+
+
+def _lock(root: Element, hand: Hand, positions: Mapping[str, float], said: list[str]) -> None:
+    """Lock every joint that does not carry the hand, followers where their leaders are."""
+    joints = named(root, "joint")
+    for name in positions:
+        if name not in joints:
+            raise UnknownName("joint", name, joints, where="--lock")
+    where = dict(positions)
+    for name, joint in joints.items():
+        if name not in hand.joints and joint.get("type") != "fixed" and joint.find("mimic") is None:
+            where.setdefault(name, _rest(joint))
+    for name, joint in joints.items():
+        follows = joint.find("mimic")
+        if follows is not None and name not in hand.joints:
+            leader = where.get(str(follows.get("joint")), 0.0)
+            value = leader * float(follows.get("multiplier", "1")) + float(follows.get("offset", "0"))
+            where.setdefault(name, value)
+    for value in sorted(set(where.values())):
+        names = [name for name in where if where[name] == value]
+        said.append(f"locked at {value:g}: {', '.join(names)}")
+    for name, value in where.items():
+        joint = joints[name]
+        position, rotation = pose_of(joint)
+        if value and joint.get("type") == "prismatic":
+            position = position + rotation @ (value * axis_of(joint))
+        elif value:
+            rotation = rotation @ Rotation.from_rotvec(value * axis_of(joint)).as_matrix()
+        fix(joint)
+        if value:
+            _place(joint, position, rotation)
+
+
+def _rest(joint: Element) -> float:
+    limit = joint.find("limit")
+    if limit is None or joint.get("type") == "continuous":
+        return 0.0
+    return min(max(0.0, float(limit.get("lower", "0"))), float(limit.get("upper", "0")))
+
+
+def _place(element: Element, position: Array, rotation: Array) -> None:
+    """Give a joint or a shape its origin; (3,) [m], (3, 3)."""
+    origin = element.find("origin")
+    if origin is None:
+        origin = SubElement(element, "origin")
+    origin.set("xyz", " ".join(f"{v:.12g}" for v in position))
+    origin.set("rpy", " ".join(f"{v:.12g}" for v in _rpy(rotation)))
+
+
+def _rpy(R: Array) -> tuple[float, float, float]:
+    """Return roll, pitch, yaw of a rotation (3, 3), roll 0 where only their sum or difference counts."""
+    level = math.hypot(R[0, 0], R[1, 0])
+    pitch = math.atan2(-R[2, 0], level)
+    if level < _GIMBAL:
+        return 0.0, pitch, math.atan2(-R[0, 1], R[1, 1])
+    return math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])
+
+
+def _mend_inertias(root: Element, hand: Hand, said: list[str]) -> None:
+    """Replace an inertia that no body has by the nearest that one has."""
+    links = named(root, "link")
+    for name in [link for group in carried_links(root, hand.joints).values() for link in group]:
+        found = inertial(links[name])
+        if found is None or is_physical(found[1]):
+            continue
+        mended = possible_inertia(found[1])
+        tensor = links[name].find("inertial/inertia")
+        assert tensor is not None
+        for key, (i, j) in zip(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"),
+                               ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)), strict=True):  # fmt: skip
+            tensor.set(key, f"{mended[i, j]:.12g}")
+        before, after = (", ".join(f"{v:.3g}" for v in np.linalg.eigvalsh(one)) for one in (found[1], mended))
+        said.append(f"link {name}: no body has the principal moments {before}; the nearest possible are {after}")
+
+
+def possible_inertia(inertia: Array) -> Array:
+    """Return the nearest inertia that a body can have; (3, 3) [kg m2].
+
+    What a body cannot have is a negative spread of mass along an axis, an eigenvalue of tr(I)/2 - I: those are set to
+    zero.
+    """
+    spread, axes = np.linalg.eigh(0.5 * np.trace(inertia) * np.eye(3) - inertia)
+    spread = np.maximum(spread, _SLACK * np.abs(spread).max())
+    return np.array(axes @ np.diag(spread.sum() - spread) @ axes.T)
+
+
+def _add_pad(root: Element, hand: Hand, reach: float) -> None:
+    if PAD in named(root, "link"):
+        raise InputError(
+            f"URDF link {PAD}", got="a link of that name", expected="a URDF that `slip-vic arm` did not write"
+        )
+    SubElement(root, "link", name=PAD)
+    joint = SubElement(root, "joint", name=f"{PAD}_joint", type="fixed")
+    SubElement(joint, "parent", link=hand.link)
+    SubElement(joint, "child", link=PAD)
+    _place(joint, reach * hand.rotation[:, 0], hand.rotation)
+
+
+def _add_shapes(root: Element, hand: Hand) -> None:
+    """Draw a cylinder from each moving link without shapes to the joints on it, for those who look at the arm."""
+    links = named(root, "link")
+    carried = [link for group in carried_links(root, hand.joints).values() for link in group]
+    for joint in named(root, "joint").values():
+        link = links[end_of(joint, "parent")]
+        lever = pose_of(joint)[0]
+        length = float(np.linalg.norm(lever))
+        drawn = any(visual.get("name") is None for visual in link.findall("visual"))
+        if end_of(joint, "parent") not in carried or link.find("inertial") is None or length < _SHORTEST or drawn:
+            continue
+        visual = SubElement(link, "visual", name=f"to_{joint.get('name')}")
+        _place(visual, 0.5 * lever, Rotation.align_vectors(lever[None] / length, [[0.0, 0.0, 1.0]])[0].as_matrix())
+        SubElement(SubElement(visual, "geometry"), "cylinder", radius=f"{_SHAPE_RADIUS:g}", length=f"{length:.6g}")

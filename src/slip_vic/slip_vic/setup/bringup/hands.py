@@ -1,0 +1,166 @@
+"""Whose hand pushes: a person's, asked for it, or that of the simulated arm."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Final, Protocol
+
+import click
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_vic.setup.bringup.system import Heard, System
+
+SETTLED_S: Final = 0.3
+LOOKED_S: Final = 0.2
+BY_HAND_S: Final = 4.0
+PUSH_N: Final = 3.0
+TURN: Final = 0.03  # [rad, m]
+FIRM_N: Final = 40.0
+CARRIES: Final = 4.0  # times the weight: slip then points within 15 degrees of the pull
+STEPS: Final = 20
+GROWTH: Final = 1.12
+STEP_S: Final = 0.06
+SEEN_S: Final = 0.14  # until a slow sensor has told of it
+
+
+class Hands(Protocol):
+    """Somebody who pushes, pulls, and takes the object anew.
+
+    size: of a push [N], None where it is not known.
+    """
+
+    size: float | None
+
+    def ready(self, words: str) -> None:
+        """Wait until the arm may do what is said."""
+        ...
+
+    def turn(self, joint: int, inertia: Array) -> Heard:
+        """Turn one joint in its positive sense; inertia: (n, n), of the arm as it stands."""
+        ...
+
+    def push(self, words: str, direction: Array) -> Heard:
+        """Push the object; direction (3,) {w}."""
+        ...
+
+    def pull(self, words: str, direction: Array, weight: float, slips: Callable[[Heard], bool]) -> list[Heard]:
+        """Pull the object through the pads until it slips; direction (3,) {w}; weight: along the pads [N]."""
+        ...
+
+    def grip(self, firmly: bool) -> None:
+        """Let the gripper hold the object firmly, or as it will in use, with the object where it belongs."""
+        ...
+
+
+class Person:
+    """Asks the person beside the arm."""
+
+    size: float | None = None
+
+    def __init__(self, system: System, names: tuple[str, ...]) -> None:
+        self._system, self._names = system, names
+
+    def ready(self, words: str) -> None:
+        """Ask for leave."""
+        click.prompt(f"  {words}: switch in the hand, then Enter", default="", show_default=False)
+
+    def turn(self, joint: int, inertia: Array) -> Heard:
+        """Ask for a few degrees of one joint."""
+        return self._during(f"turn {self._names[joint]} by a few degrees in its positive sense, and keep it there")
+
+    def push(self, words: str, direction: Array) -> Heard:
+        """Ask for a push."""
+        return self._during(f"push the object steadily along {words} of the arm's base")
+
+    def pull(self, words: str, direction: Array, weight: float, slips: Callable[[Heard], bool]) -> list[Heard]:
+        """Ask for a pull."""
+        return [self._during(f"pull the object through the pads, some millimetres along {words} of ee_frame", 0.0)]
+
+    def grip(self, firmly: bool) -> None:
+        """Ask for the grip."""
+        how = "firmly" if firmly else "with the force that it will have in use, where contacts.position says"
+        click.prompt(f"  let the gripper hold the object {how}, then Enter", default="", show_default=False)
+
+    def _during(self, words: str, settle_s: float = 1.0) -> Heard:
+        click.prompt(f"  {words}: Enter, then {settle_s + BY_HAND_S:.0f} s", default="", show_default=False)
+        time.sleep(settle_s)
+        return self._system.listen(BY_HAND_S)
+
+
+class Simulated:
+    """The hand of the simulated arm: its parameters `push.wrench`, `push.effort` and `grip.force`.
+
+    Args:
+        system: with a simulated arm.
+        stiffness: with which that arm holds itself, over the joint inertia [1/s2].
+        friction: over the grip force, as the controller is told.
+        grip: force in use [N].
+    """
+
+    size: float | None = PUSH_N
+
+    def __init__(self, system: System, stiffness: float, friction: float, grip: float) -> None:
+        self._system, self._stiffness, self._friction, self._grip = system, stiffness, friction, grip
+
+    def ready(self, words: str) -> None:
+        """Go on: nobody is beside a simulated arm."""
+
+    def turn(self, joint: int, inertia: Array) -> Heard:
+        """Lean on all joints such that one of them moves alone."""
+        effort = self._stiffness * TURN * inertia[:, joint]
+        with self._leaning({"push.effort": effort.tolist()}, {"push.effort": [0.0] * len(effort)}):
+            self._system.listen(SETTLED_S)
+            return self._system.listen(LOOKED_S)
+
+    def push(self, words: str, direction: Array) -> Heard:
+        """Push with `PUSH_N`."""
+        with self._pushing(PUSH_N * direction):
+            self._system.listen(SETTLED_S)
+            return self._system.listen(LOOKED_S)
+
+    def pull(self, words: str, direction: Array, weight: float, slips: Callable[[Heard], bool]) -> list[Heard]:
+        """Jerk harder each time, until it slips; the grip carries so much that the weight hardly turns the slip."""
+        carried = max(CARRIES * weight, self._friction * self._grip)
+        self._system.tune_bridge({"grip.force": carried / self._friction})
+        heard: list[Heard] = []
+        for step in range(STEPS):
+            with self._pushing(0.6 * GROWTH**step * carried * direction):
+                heard.append(self._system.listen(STEP_S))
+            heard.append(self._system.listen(SEEN_S))
+            if slips(heard[-2]) or slips(heard[-1]):
+                break
+        return heard
+
+    def grip(self, firmly: bool) -> None:
+        """Put the object back where it belongs, then grip: the simulated arm begins with a grip of its own."""
+        self._system.reset_bridge()
+        self._system.listen(SETTLED_S)
+        self._system.tune_bridge({"grip.force": FIRM_N if firmly else self._grip})
+        self._system.listen(SETTLED_S)
+
+    def _pushing(self, force: Array) -> Any:
+        still: list[float] = [0.0] * 6
+        return self._leaning({"push.wrench": [*force.tolist(), 0.0, 0.0, 0.0]}, {"push.wrench": still})
+
+    @contextmanager
+    def _leaning(self, on: dict[str, list[float]], off: dict[str, list[float]]) -> Iterator[None]:
+        self._system.tune_bridge(on)
+        try:
+            yield
+        finally:
+            self._system.tune_bridge(off)
+
+
+def simulated_hand(system: System, bridge: Mapping[str, Any]) -> Simulated:
+    """Return the hand of a simulated arm, of which `hold.stiffness` and `grip.force` are known."""
+    known = system.params
+    friction = known.governor.friction_limit / known.grip.told_force
+    return Simulated(system, bridge["hold.stiffness"], friction, bridge["grip.force"])
+
+
+def unit(axis: int) -> Array:
+    """Return a unit vector; (3,)."""
+    return np.eye(3)[axis]

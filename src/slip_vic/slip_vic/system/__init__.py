@@ -1,1 +1,0 @@
-"""The system that a command starts: processes, domains, shared memory."""
