@@ -11,27 +11,28 @@ Topics may be given without the leading slash.
 
 from __future__ import annotations
 
-import bisect
 import functools
+import heapq
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
-from operator import itemgetter
+from operator import attrgetter
 from pathlib import Path, PurePath
 from types import MappingProxyType, TracebackType
 from typing import Any, NamedTuple
 
-from mcap.records import ChunkIndex
+from mcap.records import Message
 from mcap.records import Schema as McapSchema
 from mcap_ros2.decoder import DecoderFactory
 
 from slip_bags.format import BagMetadata, FileInfo, TopicInfo, parse_metadata, parse_qos
 from slip_bags.layout import Schema
 from slip_bags.series import Series
-from slip_bags.storage.mcap_file import Entry, McapFile
+from slip_bags.storage.mcap_file import McapFile
 from slip_core.errors import InputError, nearest
 
-_TIME = itemgetter(0)
+_TIME = attrgetter("log_time_ns")
 _ALWAYS_NS = (-(2**63), 2**63 - 1)
+_AT_ONCE = 1_000_000  # messages: some 350 MB of memory; a minute of one arm at 1 kHz has 640,000
 
 
 class RawMessage(NamedTuple):
@@ -149,9 +150,24 @@ class Bag:
         wanted = set(self.topics) if topics is None else {self.topic(name).name for name in topics}
         first = _ALWAYS_NS[0] if start_ns is None else start_ns
         last = _ALWAYS_NS[1] if end_ns is None else end_ns
-        for file, entry in self._merged(wanted, first, last):
-            topic = file.channels[entry.channel_id].topic
-            yield RawMessage(topic, entry.log_time_ns, entry.publish_time_ns, entry.sequence, entry.data)
+        if (first, last) == _ALWAYS_NS and len(wanted) == 1 and self.message_count <= _AT_ONCE:
+            yield from self._by_topic[next(iter(wanted))]
+            return
+        found = [file.messages(wanted, first, last) for file in self._files]
+        merged = heapq.merge(*found, key=_log_time) if len(found) > 1 else found[0]
+        for topic, message in merged:
+            yield _raw(topic, message)
+
+    @functools.cached_property
+    def _by_topic(self) -> dict[str, list[RawMessage]]:
+        """All messages of a short bag: a chunk is unpacked with all its topics, so topic after topic costs one pass."""
+        found: dict[str, list[RawMessage]] = {name: [] for name in self.topics}
+        for file in self._files:
+            for topic, message in file.messages(self.topics, *_ALWAYS_NS, sort=False):
+                found[topic].append(_raw(topic, message))
+        for messages in found.values():
+            messages.sort(key=_TIME)  # stable: what has the same time keeps the order of the file
+        return found
 
     def messages(
         self, topic: str, *, start_ns: int | None = None, end_ns: int | None = None
@@ -231,23 +247,13 @@ class Bag:
                 )
         return dict(sorted(found.items()))
 
-    def _merged(self, topics: Collection[str], first: int, last: int) -> Iterator[tuple[McapFile, Entry]]:
-        """Merge the chunks of all files by log time; a chunk is opened when its first message may be due."""
-        batches: list[tuple[int, int, McapFile, Collection[int], ChunkIndex | list[Entry]]] = []
-        for file in self._files:
-            channels = {key for key, channel in file.channels.items() if channel.topic in topics}
-            for start, batch in file.batches(channels, first, last):
-                batches.append((start, len(batches), file, channels, batch))
-        batches.sort(key=itemgetter(0, 1))
-        waiting: list[tuple[int, McapFile, Entry]] = []
-        for start, _, file, wanted, batch in batches:
-            due = bisect.bisect_left(waiting, start, key=_TIME)
-            for _, origin, entry in waiting[:due]:
-                yield origin, entry
-            waiting = waiting[due:] + [(entry[0], file, entry) for entry in file.entries(batch, wanted, first, last)]
-            waiting.sort(key=_TIME)  # stable: what has the same time keeps the order of the file
-        for _, origin, entry in waiting:
-            yield origin, entry
+
+def _raw(topic: str, message: Message) -> RawMessage:
+    return RawMessage(topic, message.log_time, message.publish_time, message.sequence, message.data)
+
+
+def _log_time(item: tuple[str, Message]) -> int:
+    return item[1].log_time
 
 
 def read_series(path: Path | str, topic: str) -> Series:

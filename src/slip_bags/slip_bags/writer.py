@@ -7,22 +7,24 @@ reaches the disk by `fsync` in a thread of its own, because a slow disk must not
 from __future__ import annotations
 
 import contextlib
-import io
 import os
 import threading
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
-from mcap.records import Metadata
+from mcap.writer import CompressionType, Writer
 
 from slip_bags.format import INFINITE_NS, BagMetadata, FileInfo, TopicInfo, metadata_text, qos_text
-from slip_bags.storage.mcap_writer import COMPRESSIONS, Contents, McapWriter
+from slip_bags.storage.closing import Contents, close_in_place
 from slip_core.errors import InputError, SlipVicError
 
 LIBRARY: Final = "slip-vic bag"
+CHUNK_BYTES: Final = 786432  # rosbag2's chunk size
+COMPRESSIONS: Final = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}
+_BUFFER_BYTES: Final = 1 << 20
 _METADATA_ROOM: Final = 16384  # blocks that metadata.yaml, its temporary copy and their folder entries take
 
 
@@ -60,7 +62,6 @@ class BagWriter:
         self.folder = folder
         self.custom_data = dict(options.custom_data)
         self._options = options
-        self._attachments = {name: (media_type(name), data) for name, data in options.attachments.items()}
         self._topics: dict[str, tuple[TopicInfo, str]] = {}
         self._channels: dict[str, int] = {}
         self._finished: list[tuple[str, Contents]] = []
@@ -82,7 +83,7 @@ class BagWriter:
         """Announce a topic; its QoS and hash are frozen here, in channel and ``metadata.yaml`` alike."""
         self._topics[topic.name] = (topic, schema_text)
         with self._guarded() as file:
-            self._register(file.writer, topic, schema_text)
+            self._register(file, topic, schema_text)
 
     def write(self, topic: str, log_time_ns: int, publish_time_ns: int, sequence: int, data: bytes) -> None:
         """Append one CDR message.
@@ -98,9 +99,17 @@ class BagWriter:
         if file is None:
             raise self._already_closed()
         try:
-            file.writer.add_message(self._channels[topic], log_time_ns, publish_time_ns, sequence, data)
+            file.writer.add_message(self._channels[topic], log_time_ns, data, publish_time_ns, sequence & 0xFFFFFFFF)
         except OSError as error:
             raise self._failed(error) from None
+        contents = file.contents
+        if not contents.counts:
+            contents.start_ns = contents.end_ns = log_time_ns
+        elif log_time_ns > contents.end_ns:
+            contents.end_ns = log_time_ns
+        elif log_time_ns < contents.start_ns:
+            contents.start_ns = log_time_ns
+        contents.counts[topic] += 1
 
     def split(self) -> None:
         """Go on in the next file.
@@ -158,28 +167,33 @@ class BagWriter:
 
     def _all_files(self) -> list[tuple[str, Contents]]:
         current = self._current
-        return [*self._finished, *([(current.path.name, current.writer.contents)] if current else [])]
+        return [*self._finished, *([(current.path.name, current.contents)] if current else [])]
 
     def _open_next(self) -> None:
         path = self.folder / f"{self.folder.resolve().name}_{len(self._finished)}.mcap"
         self._channels, self._file_start_ns = {}, None
         try:
             file = self._current = _OpenFile(path, self._options.compression)
-            file.writer.start("ros2", LIBRARY, self._attachments, self._metadata_record())
+            file.writer.start("ros2", LIBRARY)
+            file.writer.add_metadata("rosbag2", self._serialized_metadata())
+            for name, data in self._options.attachments.items():
+                file.writer.add_attachment(0, 0, name, media_type(name), data)
             for topic, schema_text in self._topics.values():
-                self._register(file.writer, topic, schema_text)
+                self._register(file, topic, schema_text)
+            file.writer.flush()
         except OSError as error:
             raise self._failed(error) from None
 
-    def _register(self, writer: McapWriter, topic: TopicInfo, schema_text: str) -> None:
-        schema_id = writer.schema_id(topic.type_name)
+    def _register(self, file: _OpenFile, topic: TopicInfo, schema_text: str) -> None:
+        schema_id = file.schemas.get(topic.type_name)
         if schema_id is None:
-            schema_id = writer.add_schema(topic.type_name, "ros2msg", schema_text.encode("utf-8"))
+            schema_id = file.writer.register_schema(topic.type_name, "ros2msg", schema_text.encode("utf-8"))
+            file.schemas[topic.type_name] = schema_id
         metadata = {"offered_qos_profiles": qos_text(topic.qos), "topic_type_hash": topic.type_hash}
-        self._channels[topic.name] = writer.add_channel(topic.name, topic.encoding, schema_id, metadata)
+        self._channels[topic.name] = file.writer.register_channel(topic.name, topic.encoding, schema_id, metadata)
 
-    def _metadata_record(self) -> Metadata:
-        return Metadata("rosbag2", {"serialized_metadata": metadata_text(self.metadata(), root=False)})
+    def _serialized_metadata(self) -> dict[str, str]:
+        return {"serialized_metadata": metadata_text(self.metadata(), root=False)}
 
     def _must_split(self, log_time_ns: int) -> bool:
         if self._file_start_ns is None:
@@ -187,13 +201,14 @@ class BagWriter:
         size, duration = self._options.split_bytes, self._options.split_duration_ns
         if duration and log_time_ns - self._file_start_ns > duration:
             return True
-        return bool(size and self._current is not None and self._current.writer.size >= size)
+        return bool(size and self._current is not None and self._current.size >= size)
 
     def _finish(self, file: _OpenFile) -> None:
         file.writer.flush()
-        file.writer.finish(self._metadata_record())
-        file.close(sync=True)
-        self._finished.append((file.path.name, file.writer.contents))
+        file.writer.add_metadata("rosbag2", self._serialized_metadata())
+        file.writer.finish()
+        file.close()
+        self._finished.append((file.path.name, file.contents))
         self._current = None
 
     @contextlib.contextmanager
@@ -225,13 +240,12 @@ class BagWriter:
         return f"closed with the {self.message_count} messages before, readable"
 
     def _rescue_file(self, file: _OpenFile, spare: int) -> None:
+        file.abandon()
         try:
-            contents = file.writer.finish_in_place(spare)
+            contents = close_in_place(file.path, spare)
         except ValueError:
-            file.close(sync=False)
             file.path.unlink()
             return
-        file.close(sync=True)
         self._finished.append((file.path.name, contents))
 
 
@@ -240,16 +254,28 @@ class _OpenFile:
 
     def __init__(self, path: Path, compression: str) -> None:
         self.path = path
-        self._file = io.FileIO(path, "xb+")
-        self.writer = McapWriter(self._file, compression)
+        self.contents = Contents()
+        self.schemas: dict[str, int] = {}
+        self._file = open(path, "xb", buffering=_BUFFER_BYTES)  # noqa: SIM115 - closed by `close`
+        self.writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=COMPRESSIONS[compression])
         self.syncer = _Syncer(self._file)
 
-    def close(self, *, sync: bool) -> None:
+    @property
+    def size(self) -> int:
+        """Bytes in the file, without the running chunk."""
+        return self._file.tell()
+
+    def close(self) -> None:
+        """Bring everything to the disk."""
         self.syncer.stop()
-        try:
-            if sync:
-                os.fsync(self._file.fileno())
-        finally:
+        with self._file:
+            self._file.flush()
+            os.fsync(self._file.fileno())
+
+    def abandon(self) -> None:
+        """Release a file that cannot be written any further."""
+        self.syncer.stop()
+        with contextlib.suppress(OSError):
             self._file.close()
 
 
@@ -287,7 +313,7 @@ def _make_folder(folder: Path) -> None:
 class _Syncer:
     """Runs `os.fsync` on request, at most one at a time, off the recording thread."""
 
-    def __init__(self, file: io.FileIO) -> None:
+    def __init__(self, file: IO[bytes]) -> None:
         self._file = file
         self._wanted = threading.Event()
         self._stopping = False

@@ -1,9 +1,9 @@
-"""Measurements of docs/bags.md: ``python test/system/bags/measure.py load|kill|play|writer``; nothing is asserted.
+"""Measurements of docs/bags.md: ``python test/system/bags/measure.py load|kill|play|storage``; nothing is asserted.
 
 load   topics at a fixed rate from one process into the recorder: losses and the recorder's CPU share
 kill   the same, killed at random moments and recovered: how many seconds were lost
 play   the player's timing errors, alone on this machine
-writer CPU time per message of a recorded run, written by our MCAP writer and by the mcap package's
+storage CPU time per message of a recorded run, written and read, and to open it
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib
-import io
 import json
 import os
 import random
@@ -20,7 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -176,50 +175,47 @@ def play(count: int, rate_hz: float, seconds: float, repeat: int) -> None:
             print(f"{count} topics x {rate_hz:g} Hz: {done.stdout.strip()}")
 
 
-def writer(path: str, repeat: int) -> None:
-    from mcap.records import Metadata
-    from mcap.writer import CompressionType, Writer
-
+def storage(path: str, repeat: int) -> None:
     from slip_bags.reader import Bag
-    from slip_bags.storage.mcap_writer import CHUNK_BYTES, McapWriter
+    from slip_bags.writer import BagWriter, WriterOptions
 
     with Bag(path) as bag:
         messages = list(bag.raw())
-        schemas = {name: (info.type_name, bag.schema_text(name).encode()) for name, info in bag.topics.items()}
+        topics = {name: (info, bag.schema_text(name)) for name, info in bag.topics.items()}
 
-    def ours(target: Path) -> float:
-        with io.FileIO(target, "xb+") as file:
-            made = McapWriter(file, "zstd")
-            made.start("ros2", "", {}, Metadata("", {}))
-            ids = {name: made.add_channel(name, "cdr", made.add_schema(*kind(name)), {}) for name in schemas}
+    def timed(work: Callable[[int], object]) -> float:
+        times = []
+        for number in range(repeat):
             start = time.process_time()
-            for m in messages:
-                made.add_message(ids[m.topic], m.log_time_ns, m.publish_time_ns, m.sequence, m.data)
-            made.finish(Metadata("", {}))
-            return time.process_time() - start
+            work(number)
+            times.append(time.process_time() - start)
+        return min(times)
 
-    def package(target: Path) -> float:
-        made = Writer(str(target), chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=False)
-        made.start("ros2", "")
-        ids = {name: made.register_channel(name, "cdr", made.register_schema(*kind(name)), {}) for name in schemas}
-        start = time.process_time()
-        for m in messages:
-            made.add_message(ids[m.topic], m.log_time_ns, m.data, m.publish_time_ns, m.sequence)
-        made.finish()
-        return time.process_time() - start
-
-    def kind(name: str) -> tuple[str, str, bytes]:
-        return schemas[name][0], "ros2msg", schemas[name][1]
+    def columns(bag: Bag) -> None:
+        for name in bag.topics:
+            bag.series(name)
 
     with tempfile.TemporaryDirectory() as folder:
-        for write in (ours, package):
-            times = [1e6 * write(Path(folder) / f"{write.__name__}{n}.mcap") / len(messages) for n in range(repeat)]
-            print(f"{write.__name__}: {min(times):.2f} us per message at best of {repeat}, at worst {max(times):.2f}")
+
+        def write(number: int) -> None:
+            made = BagWriter(Path(folder) / str(number), WriterOptions())
+            for info, text in topics.values():
+                made.add_topic(info, text)
+            for m in messages:
+                made.write(m.topic, m.log_time_ns, m.publish_time_ns, m.sequence, m.data)
+            made.close()
+
+        reads = {"raw": lambda bag: sum(1 for _ in bag.raw()), "series of every topic": columns}
+        print(f"write: {1e6 * timed(write) / len(messages):.2f} us per message of {len(messages)}, best of {repeat}")
+        print(f"open: {1e3 * timed(lambda _: Bag(path).close()):.2f} ms")
+        for name, read in reads.items():
+            seconds = timed(lambda _, read=read: read(Bag(path)))
+            print(f"{name}: {1e6 * seconds / len(messages):.2f} us per message")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("load", "kill", "play", "writer", "publish"))
+    parser.add_argument("what", choices=("load", "kill", "play", "storage", "publish"))
     parser.add_argument("--topics", type=int, default=5)
     parser.add_argument("--rate", type=float, default=1000.0)
     parser.add_argument("--seconds", type=float, default=10.0)
@@ -232,8 +228,8 @@ def main() -> None:
         publish(given.topics, given.rate, given.seconds)
     elif given.what == "load":
         load(given.topics, given.rate, given.seconds, given.compression)
-    elif given.what == "writer":
-        writer(given.bag, given.repeat)
+    elif given.what == "storage":
+        storage(given.bag, given.repeat)
     elif given.what == "kill":
         kill(given.kills, given.topics, given.rate, given.compression)
     else:

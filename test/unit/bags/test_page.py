@@ -10,7 +10,7 @@ from slip_bags.format import VERSION
 from slip_bags.recording import QUEUE_DEPTH
 from slip_bags.recording.record import MIN_FREE_BYTES, READY_TOPIC
 from slip_bags.recording.recorder import POLL_S
-from slip_bags.storage.mcap_writer import CHUNK_BYTES
+from slip_bags.writer import CHUNK_BYTES
 from slip_vic.replay.cli import references, verify
 
 PAGE = (Path(__file__).parents[3] / "docs" / "bags.md").read_text(encoding="utf-8")

@@ -14,19 +14,20 @@ import tempfile
 import threading
 import zlib
 from pathlib import Path
+from typing import IO
 
 import lz4.frame
 import pytest
 import yaml
 import zstandard
 from mcap.reader import make_reader
-from mcap.records import Metadata
+from mcap.writer import CompressionType, Writer
 from rosbags.highlevel import AnyReader
 
 from slip_bags.format import TopicInfo
 from slip_bags.reader import Bag, RawMessage
 from slip_bags.recover import recover
-from slip_bags.storage.mcap_writer import McapWriter
+from slip_bags.storage.closing import close_in_place
 from slip_bags.storage.salvage import Salvage, salvage
 from slip_bags.storage.scan import partial_chunk
 from slip_bags.writer import BagWriter, StorageError, WriterOptions, _Syncer
@@ -194,18 +195,19 @@ def test_recovery_refuses_an_existing_output(original, tmp_path):
 
 def test_a_file_that_cannot_grow_ends_where_its_last_chunks_were_and_keeps_the_others(tmp_path):
     path = tmp_path / "x.mcap"
-    writer = McapWriter(io.FileIO(path, "xb+"), "none")
-    writer.start("ros2", "test", {}, Metadata("about", {}))
-    channel = writer.add_channel("/a", "cdr", writer.add_schema("std_msgs/msg/String", "ros2msg", b"string data"), {})
-    for k in range(40):
-        writer.add_message(channel, k, k, k, bytes(100))
-        writer.flush()
+    with path.open("xb") as file:
+        writer = string_writer(file)
+        for k in range(40):
+            writer.add_message(1, k, bytes(100), k, k)
+            writer.flush()
     size = path.stat().st_size
-    contents = writer.finish_in_place(spare_bytes=500)
+    contents = close_in_place(path, spare_bytes=500)
     assert path.stat().st_size <= size - 500
     kept = contents.counts["/a"]
     assert 0 < kept < 40
     assert contents.end_ns == kept - 1
+    with path.open("rb") as file:
+        assert make_reader(file).get_summary().statistics.message_count == kept
     with Bag(path) as bag:
         assert [message.log_time_ns for message in bag.raw()] == list(range(kept))
 
@@ -218,7 +220,7 @@ def test_a_disk_that_refuses_leaves_a_bag_with_its_metadata(tmp_path, monkeypatc
         writer.flush()
     file = tmp_path / "bag" / "bag_0.mcap"
     before = file.stat().st_size
-    monkeypatch.setattr(McapWriter, "add_message", refuse)
+    monkeypatch.setattr(Writer, "add_message", refuse)
     with pytest.raises(StorageError, match="No space left on device") as caught:
         writer.write("/a", 100, 100, 100, DATA)
     kept = messages(tmp_path / "bag")
@@ -226,6 +228,33 @@ def test_a_disk_that_refuses_leaves_a_bag_with_its_metadata(tmp_path, monkeypatc
     assert [row.log_time_ns for row in kept] == list(range(len(kept)))
     assert 0 < len(kept) < 100  # the end of the file needs room
     assert file.stat().st_size + (tmp_path / "bag" / "metadata.yaml").stat().st_size + BLOCKS <= before
+
+
+def string_writer(file: IO[bytes]) -> Writer:
+    """Return a writer without compression whose channel 1 is /a."""
+    writer = Writer(file, compression=CompressionType.NONE)
+    writer.start("ros2", "test")
+    writer.register_channel("/a", "cdr", writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data"))
+    return writer
+
+
+@pytest.mark.parametrize("lost", [1, 10, 40, 400])
+def test_a_chunk_whose_end_is_missing_is_not_kept(tmp_path, lost):
+    """Neither half a chunk nor a chunk without its index: statistics and messages agree."""
+    path = tmp_path / "x.mcap"
+    with path.open("xb") as file:
+        writer = string_writer(file)
+        second = writer.register_channel("/b", "cdr", 1)
+        for k in range(20):
+            writer.add_message((1, second)[k % 2], k, bytes(100), k, k)
+            if k % 2:
+                writer.flush()
+    path.write_bytes(path.read_bytes()[:-lost])
+    contents = close_in_place(path, spare_bytes=0)
+    with path.open("rb") as file:
+        kept = list(make_reader(file, validate_crcs=True).iter_messages())
+    assert 0 < len(kept) == contents.counts.total() < 20
+    assert [message.log_time for _, _, message in kept] == list(range(len(kept)))
 
 
 def refuse(*_: object) -> None:
@@ -261,17 +290,13 @@ def test_a_bag_that_cannot_be_read_holds_no_file_open(original, tmp_path):
 def test_what_is_outside_of_the_wanted_time_is_not_read(tmp_path):
     """Of a long bag the damaged part costs itself only."""
     path = tmp_path / "x.mcap"
-    with io.FileIO(path, "xb+") as file:
-        writer = McapWriter(file, "none")
-        writer.start("ros2", "test", {}, Metadata("about", {}))
-        channel = writer.add_channel(
-            "/a", "cdr", writer.add_schema("std_msgs/msg/String", "ros2msg", b"string data"), {}
-        )
+    with path.open("xb") as file:
+        writer = string_writer(file)
         for k in range(6):
-            writer.add_message(channel, k, k, k, bytes([0xA0 + k] * 100))
+            writer.add_message(1, k, bytes([0xA0 + k] * 100), k, k)
             if k % 2:
                 writer.flush()
-        writer.finish(Metadata("about", {}))
+        writer.finish()
     data = path.read_bytes()
     for k in (0, 4):
         path.write_bytes(data.replace(bytes([0xA0 + k] * 100), bytes([0xB0] * 100), 1))
