@@ -73,7 +73,7 @@ def runs() -> None:
     figure, (slip, load) = plt.subplots(2, 1, figsize=(6.0, 4.4), sharex=True)
     kinds: tuple[ControllerKind, ...] = ("classical", "vic", "governed")
     for kind in kinds:
-        scenario = load_scenario(SCENARIO, controller=kind, assignments=[DURATION])
+        scenario = load_scenario(SCENARIO, law=kind, assignments=[DURATION])
         times, slips, loads = [], [], []
         friction = scenario.bridge.friction
         for tick in run_in_process(scenario):

@@ -70,7 +70,7 @@ class Loop:
     ) -> None:
         self._error = error or Error()
         loaded = load_scenario(
-            scenario, controller="governed", sensor=sensor, seed=seed, assignments=(*BRINGUP, *self._error.assignments)
+            scenario, law="governed", sensor=sensor, seed=seed, assignments=(*BRINGUP, *self._error.assignments)
         )
         self.params, self.urdf, self.bridge_params = loaded.controller, loaded.urdf, loaded.bridge
         self.loop = ClosedLoop(loaded)

@@ -6,7 +6,7 @@ import itertools
 from typing import Any
 
 from slip_vic.scenarios import scenario_names
-from slip_vic.scenarios.scenario import ControllerKind, Scenario
+from slip_vic.scenarios.scenario import Law, Scenario
 from slip_vic_controller.session import Controller
 from test.campaigns.faults import trial as trials
 from test.campaigns.faults.channel import Channel
@@ -15,7 +15,7 @@ from test.campaigns.faults.plan import EFFORT, IDEAL, Fault, Plan
 
 FROM_S, LASTS_S = 0.8, 6.0
 LAGS_MS = (8, 12, 16, 20, 24)
-SETTINGS: tuple[tuple[ControllerKind, str], ...] = (
+SETTINGS: tuple[tuple[Law, str], ...] = (
     ("vic", IDEAL), ("vic", "optical_flow_120"), ("governed", IDEAL), ("governed", "vision_60"), ("classical", IDEAL),
 )  # fmt: skip
 

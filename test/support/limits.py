@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slip_vic.run.in_process import run_in_process
-from slip_vic.scenarios.scenario import ControllerKind, Scenario, load_scenario
+from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
 
@@ -59,8 +59,8 @@ def asked(scenario: Scenario) -> Asked:
     return found
 
 
-def shipped(name: str, kind: ControllerKind, assignments: Iterable[str] = ()) -> Scenario:
-    return load_scenario(name, controller=kind, assignments=(LONG_ENOUGH, *assignments))
+def shipped(name: str, kind: Law, assignments: Iterable[str] = ()) -> Scenario:
+    return load_scenario(name, law=kind, assignments=(LONG_ENOUGH, *assignments))
 
 
 def table() -> None:

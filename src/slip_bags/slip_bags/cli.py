@@ -293,6 +293,9 @@ def run_command(group: click.Group, name: str) -> int:
         return code if isinstance(code, int) else 0
     except click.exceptions.Exit as end:
         return end.exit_code
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message())
+        return 0
     except click.ClickException as error:
         command = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else name
         click.echo(f"error: {error.format_message()} (see {command} --help)", err=True)

@@ -35,7 +35,7 @@ from slip_vic.run.node_command import launch_plan
 ARGUMENTS = (
     DeclareLaunchArgument("scenario", default_value="paper_planar", description="name, or path of a .yaml file"),
     DeclareLaunchArgument(
-        "controller", default_value="governed", choices=["vic", "classical", "governed"], description="control law"
+        "law", default_value="governed", choices=["vic", "classical", "governed"], description="control law"
     ),
     DeclareLaunchArgument("mode", default_value="lockstep", choices=["lockstep", "realtime"], description="pacing"),
     DeclareLaunchArgument("seed", default_value="0", description="seed of the sensor noise"),
@@ -65,7 +65,7 @@ def system(context: LaunchContext) -> list:
     plan = launch_plan(
         folder,
         scenario=value("scenario"),
-        controller=value("controller"),
+        law=value("law"),
         mode=value("mode"),
         seed=int(value("seed")),
         assignments=shlex.split(value("set")),

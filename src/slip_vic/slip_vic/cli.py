@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from rich.console import Console
 
 from slip_bags.cli import bag, run_command
 from slip_vic import __version__
 from slip_vic.exit_code import ALLOW_FAULT, end_with
-from slip_vic.options import ASSIGNMENTS, CONTROLLER, PARAMS, SCENARIO, URDF
+from slip_vic.options import ASSIGNMENTS, ESTIMATOR, LAW, PARAMS, SCENARIO, SCENARIOS, SEED, SENSOR, URDF, out_option
 from slip_vic.page.cli import report, watch
 from slip_vic.pair.cli import pair, pair_study
 from slip_vic.replay.cli import references, verify
@@ -21,9 +20,7 @@ from slip_vic.setup.bringup.cli import bringup
 from slip_vic.study.cli import check, merge, study, tune
 
 if TYPE_CHECKING:
-    from slip_vic.scenarios.scenario import ControllerKind, Mode
-
-CONSOLE = Console(stderr=True)
+    from slip_vic.scenarios.scenario import Estimator, Law, Mode
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -34,9 +31,11 @@ def cli() -> None:
 
 @cli.command()
 @SCENARIO
-@CONTROLLER
+@LAW
 @click.option("--mode", type=click.Choice(["lockstep", "realtime"]), default="lockstep", show_default=True)
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="seed of the sensor noise")
+@SEED
+@SENSOR
+@ESTIMATOR
 @PARAMS
 @click.option("--record", type=click.Path(path_type=Path), help="record a bag into this new folder")
 @ASSIGNMENTS
@@ -52,9 +51,11 @@ def cli() -> None:
 def run(
     *,
     scenario: str,
-    controller: ControllerKind,
+    law: Law,
     mode: Mode,
     seed: int,
+    sensor: str,
+    estimator: Estimator | None,
     params: Path | None,
     record: Path | None,
     assignments: tuple[str, ...],
@@ -72,27 +73,33 @@ def run(
 
     Exit code 1 where the controller gave up, the object was lost, the path could not be followed or the arm saturated.
     """
-    from slip_msgs_py.realtime import ProcessOptions, parse_cores
     from slip_vic.pair.any_scenario import load_any
-    from slip_vic.run.launcher import Launcher
-    from slip_vic.run.progress import run_progress
     from slip_vic.scenarios.scenario import read_parameters
 
     loaded = load_any(
         scenario,
-        controller=controller,
+        law=law,
         mode=mode,
         seed=seed,
+        sensor=sensor,
+        estimator=estimator,
         assignments=assignments,
         urdf_file=urdf,
         parameters=read_parameters(params),
     )
+
+    from rich.console import Console
+
+    from slip_msgs_py.realtime import ProcessOptions, parse_cores
+    from slip_vic.run.launcher import Launcher
+    from slip_vic.run.progress import run_progress
+
     process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory, awake)
     launcher = Launcher(
         loaded, bag=record, wanted_domain=domain_id, namespace=namespace, process=process, one_process=one_process
     )
-    with run_progress(CONSOLE) as progress:
-        result = launcher.run(progress.add_run(f"{loaded.name} {controller}", loaded.bridge.duration_s))
+    with run_progress(Console(stderr=True)) as progress:
+        result = launcher.run(progress.add_run(f"{loaded.name} {law}", loaded.bridge.duration_s))
     click.echo(
         f"{result.ticks} ticks, {result.sim_time_s:.3f} s simulated in {result.wall_time_s:.2f} s "
         f"({result.real_time_factor:.2f} x real time)"
@@ -114,8 +121,8 @@ def run(
 
 @cli.command()
 @SCENARIO
-@click.option("--out", type=click.Path(path_type=Path), default=Path("out"), show_default=True, help="output folder")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="seed of the sensor noise")
+@out_option("out", "output folder")
+@SEED
 @PARAMS
 @ASSIGNMENTS
 @URDF
@@ -132,18 +139,20 @@ def demo(
     allow_fault: bool,
 ) -> None:
     """Compare classical, variable and governed impedance on one scenario: table, report.html, summary.json, bags."""
+    from rich.console import Console
+
     from slip_vic.run.demo import run_demo
     from slip_vic.scenarios.scenario import read_parameters, urdf_assignment
 
     given = (*urdf_assignment(urdf), *assignments)
-    summary = run_demo(scenario, out, seed, given, domain_id, CONSOLE, read_parameters(params))
+    summary = run_demo(scenario, out, seed, given, domain_id, Console(stderr=True), read_parameters(params))
     lines = (f"{kind}: {incident}" for kind, run in summary["runs"].items() for incident in run["incidents"])
     end_with(lines, allow_fault)
 
 
 @cli.command()
-@click.option("--scenario", "scenarios", multiple=True, help="only these; default all that come with the suite")
-@click.option("--out", type=click.Path(path_type=Path), default=Path("config"), show_default=True)
+@SCENARIOS
+@out_option("config", "folder")
 @click.option("--all", "complete", is_flag=True, help="with the parameters that have their defaults too")
 @click.option("--reference", is_flag=True, help="write docs/parameters.md and docs/topics.md instead, below --out")
 def params(scenarios: tuple[str, ...], out: Path, complete: bool, reference: bool) -> None:

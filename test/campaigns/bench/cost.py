@@ -204,7 +204,7 @@ def observer_scenario() -> Scenario:
 
 def governed_scenario() -> Scenario:
     """Return the scenario below the reference governor."""
-    return load_scenario(SCENARIO, controller="governed")
+    return load_scenario(SCENARIO, law="governed")
 
 
 def slipping_scenario() -> Scenario:

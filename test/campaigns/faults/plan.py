@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slip_vic.presets import preset_names
-from slip_vic.scenarios.scenario import ControllerKind, Scenario, load_scenario
+from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
 
 JOINT, WRENCH, SLIP, EFFORT = "joint_states", "wrench", "slip_velocity", "effort_command"
 TOPICS = (JOINT, WRENCH, SLIP, EFFORT)
@@ -77,7 +77,7 @@ class Plan:
     seed: int
     scenario: str
     observer: bool
-    controller: ControllerKind
+    controller: Law
     faults: tuple[Fault, ...]
     sensor: str = IDEAL
 
@@ -109,22 +109,20 @@ def make_plan(
     observer = bool(rng.uniform() < 0.5)
     scenario = "glass_transport" if rng.uniform() < 0.2 else scenario
     u = rng.uniform()
-    controller: ControllerKind = "vic" if u < 0.5 else "governed" if u < 0.85 else "classical"
+    controller: Law = "vic" if u < 0.5 else "governed" if u < 0.85 else "classical"
     sensors = preset_names("sensors")
     sensor = sensors[int(rng.integers(len(sensors)))]
     in_order = tuple(sorted(faults, key=lambda fault: fault.start_s))
     return Plan(trial, seed, scenario, observer, controller, in_order, sensor)
 
 
-def realtime_scenario(
-    name: str, observer: bool, controller: ControllerKind, sensor: str, assignments: Iterable[str]
-) -> Scenario:
+def realtime_scenario(name: str, observer: bool, controller: Law, sensor: str, assignments: Iterable[str]) -> Scenario:
     """Return a scenario as campaigns run it, in real time without an end; the ideal sensor leaves the gains."""
     usual = (
         f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
         "controller.gains.k_s=100.0", "bridge.stop_after_duration=false",
     )  # fmt: skip
     return load_scenario(
-        name, controller=controller, mode="realtime", assignments=(*usual, *assignments),
+        name, law=controller, mode="realtime", assignments=(*usual, *assignments),
         sensor="" if sensor == IDEAL else sensor, estimator="observer" if observer else "measured",
     )  # fmt: skip

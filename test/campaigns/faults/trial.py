@@ -18,7 +18,7 @@ from slip_core.types import EffortCommand, JointSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
-from slip_vic.scenarios.scenario import ControllerKind, Scenario
+from slip_vic.scenarios.scenario import Law, Scenario
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import Controller, ControllerSession, CycleResult
@@ -73,7 +73,7 @@ class Outcome:
 
 
 @cache
-def prepared(name: str, observer: bool, kind: ControllerKind, sensor: str = IDEAL) -> tuple[Scenario, Controller]:
+def prepared(name: str, observer: bool, kind: Law, sensor: str = IDEAL) -> tuple[Scenario, Controller]:
     """Return a scenario as the campaign runs it, and its law; the ideal sensor leaves the gains what they are."""
     assignments = [f"controller.trajectory.duration_s={0.75 * DURATION_S}"]
     if name == "vertical_plane":

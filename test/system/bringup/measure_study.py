@@ -80,7 +80,7 @@ def rows_of(folder: Path) -> int:
 def kills(folder: Path) -> None:
     """Kill workers, a node and the client of a study on a head and three nodes; compare with a study on the pool."""
     study = [sys.executable, "-m", "slip_vic.cli", "study"]
-    asked = ["--sensors", "ideal,vision_25,event_1000", "--estimators", "observer,classical", "--seeds", "6"]
+    asked = ["--sensor", "ideal,vision_25,event_1000", "--estimators", "observer,classical", "--seeds", "6"]
     short = ["--set", "bridge.duration_s=0.5"]
     on_ray = [*study, "--engine", "ray", "--out", str(folder / "ray")]
     killed: list[str] = []
@@ -121,7 +121,7 @@ def kills(folder: Path) -> None:
 def beside(folder: Path) -> None:
     """Kill the Ray node that the command is attached to, go on on another cluster, compare with the pool."""
     study = [sys.executable, "-m", "slip_vic.cli", "study"]
-    asked = ["--sensors", "ideal,vision_25", "--estimators", "observer", "--scenario", "paper_planar", "--seeds", "6"]
+    asked = ["--sensor", "ideal,vision_25", "--estimators", "observer", "--scenario", "paper_planar", "--seeds", "6"]
     short = ["--set", "bridge.duration_s=0.5"]
     on_ray = [*study, "--engine", "ray", "--out", str(folder / "ray")]
     with rays.ray_cluster(2) as cluster:

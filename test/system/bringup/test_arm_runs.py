@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slip_vic.run.in_process import run_in_process
-from slip_vic.scenarios.scenario import ControllerKind, load_scenario
+from slip_vic.scenarios.scenario import Law, load_scenario
 from slip_vic.setup.arm import posture
 from slip_vic.setup.arm.write import Arm, write_arm
 from test.support.odd_arm import odd_arm_urdf
@@ -20,8 +20,8 @@ SLIPS_M = 0.01
 AFTER_THE_MOTION = "bridge.duration_s=3.0"
 
 
-def final_slip(scenario: str, controller: ControllerKind) -> np.ndarray:
-    ticks = run_in_process(load_scenario(scenario, controller=controller, assignments=[AFTER_THE_MOTION]))
+def final_slip(scenario: str, controller: Law) -> np.ndarray:
+    ticks = run_in_process(load_scenario(scenario, law=controller, assignments=[AFTER_THE_MOTION]))
     last = np.zeros(6)
     for tick in ticks:
         last = tick.outputs.truth.slip_displacement

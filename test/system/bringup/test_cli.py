@@ -145,3 +145,46 @@ def marked(marker: str) -> list[int]:
         except OSError:
             continue
     return found
+
+
+HEAVY = ("numba", "mujoco", "pinocchio", "scipy", "matplotlib", "rclpy", "pandas")
+ASK = """
+import sys
+from slip_vic.cli import main
+sys.argv = ["slip-vic", *sys.argv[1:]]
+code = main()
+print("loaded:", *[name for name in {heavy} if name in sys.modules])
+sys.exit(code)
+"""
+TYPOS = {
+    "scenario": (
+        ["run", "--scenario", "glas_transport"], "unknown scenario 'glas_transport'; did you mean glass_transport?"
+    ),
+    "two-arm scenario": (["demo", "--scenario", "pane_two_arms_flt"], "did you mean pane_two_arms_flat"),
+    "sensor": (["check", "--sensor", "vison_60"], "unknown sensor 'vison_60'; did you mean vision_60"),
+    "scenario of a study": (["study", "--scenario", "paper_plana"], "unknown scenario 'paper_plana'"),
+    "parameter": (["run", "--set", "controller.gains.ks=1"], "--set: unknown parameter 'controller.gains.ks'"),
+    "parameter of two arms": (
+        ["run", "--scenario", "pane_two_arms_flat", "--set", "controller.gains.ks=1"], "unknown parameter"
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", TYPOS)
+def test_a_mistyped_name_is_answered_before_anything_heavy_is_loaded(kind: str) -> None:
+    words, answer = TYPOS[kind]
+    done = subprocess.run(
+        [sys.executable, "-c", ASK.format(heavy=HEAVY), *words], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ")
+    assert answer in done.stderr
+    assert done.stdout.splitlines()[-1] == "loaded:"
+
+
+def test_without_a_command_there_is_help_and_no_error() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "slip_vic.cli"], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "Commands:" in done.stdout

@@ -11,7 +11,7 @@ from test.system.bringup.test_cli import slip_vic
 
 NO_GRIP = ("--set", "bridge.grip.force=0.0", "--set", "bridge.duration_s=0.1")
 LOST = "LOST at 0.000 s: the object is lost: the grip is zero"
-PRINTED = ("--scenario", "glass_transport", "--controller", "vic", "--set", "controller.gains.spin=follow")
+PRINTED = ("--scenario", "glass_transport", "--law", "vic", "--set", "controller.gains.spin=follow")
 REFUSED = ("--scenario", "vertical_plane", "--set", "controller.governor.margin=0.95")
 
 
@@ -55,7 +55,7 @@ def test_the_demo_says_it_of_each_run_and_keeps_everything(tmp_path: Path) -> No
 
 
 def test_the_study_says_it_of_each_case(tmp_path: Path) -> None:
-    words = ("study", "--scenario", "glass_transport", "--sensors", "ideal", "--estimators", "classical")
+    words = ("study", "--scenario", "glass_transport", "--sensor", "ideal", "--estimators", "classical")
     end = (*NO_GRIP, "--seeds", "1", "--jobs", "1", "--out", tmp_path / "study")
     done = slip_vic(*words, *end)
     assert done.returncode == 1

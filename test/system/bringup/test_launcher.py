@@ -47,7 +47,7 @@ def kill_when_running(module: str, number: int) -> threading.Thread:
 
 def test_a_recorder_that_sleeps_for_a_while_loses_nothing(tmp_path: Path) -> None:
     """A machine with other work does that to it; its queues and those of the publishers hold what comes meanwhile."""
-    scenario = load_scenario("paper_planar", controller="vic", assignments=["bridge.duration_s=6.0"])
+    scenario = load_scenario("paper_planar", law="vic", assignments=["bridge.duration_s=6.0"])
     waking: list[threading.Timer] = []
 
     def sleep(sim_time_s: float) -> None:
@@ -122,7 +122,7 @@ def test_a_namespace_moves_the_whole_run(tmp_path: Path) -> None:
 def test_a_gripper_that_opens_lets_the_object_go(demo: tuple[Path, str], tmp_path: Path) -> None:
     """Parameters reach the processes: with a hundredth of the demo's grip the object slips much more."""
     assignments = ["bridge.duration_s=0.6", "bridge.grip.force=0.005"]
-    Launcher(load_scenario("paper_planar", controller="classical", assignments=assignments), bag=tmp_path / "bag").run()
+    Launcher(load_scenario("paper_planar", law="classical", assignments=assignments), bag=tmp_path / "bag").run()
     assert slip_after(tmp_path / "bag", 600) > 1.5 * slip_after(demo[0] / "classical", 600)
 
 

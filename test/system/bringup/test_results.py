@@ -26,7 +26,7 @@ class Outcome:
 
 def run(scenario: str, controller: str) -> Outcome:
     errors, reasons = [], set()
-    for tick in run_in_process(load_scenario(scenario, controller=controller)):
+    for tick in run_in_process(load_scenario(scenario, law=controller)):
         reasons.add(tick.result.reason)
         errors.append(tick.result.record.law.e.copy())
     slip = tick.outputs.truth.slip_displacement

@@ -27,7 +27,7 @@ from slip_vic.study.runner import run_cases
 SHORT = ("bridge.duration_s=0.05",)
 SUPPORT = Path(__file__).parents[2] / "support"
 
-SIX = ["--scenario", "paper_planar", "--sensors", "ideal,vision_25", "--estimators", "classical,measured,observer"]
+SIX = ["--scenario", "paper_planar", "--sensor", "ideal,vision_25", "--estimators", "classical,measured,observer"]
 SIX += ["--seeds", "1"]
 
 

@@ -29,7 +29,7 @@ RUNS = {
 
 @pytest.mark.parametrize("kind", RUNS)
 def test_a_run_over_dds_is_the_one_in_process_and_verifies(tmp_path: Path, kind: str) -> None:
-    loaded = load_scenario("paper_planar", controller="governed", assignments=(*RUNS[kind], "bridge.duration_s=0.3"))
+    loaded = load_scenario("paper_planar", law="governed", assignments=(*RUNS[kind], "bridge.duration_s=0.3"))
     recording = record(tmp_path, loaded)
     with Bag(recording.bag) as bag:
         commands = [m.value for m in bag.messages("/effort_command")]

@@ -26,7 +26,7 @@ DEMO = {"seeing.md": {"out/classical": "paper_planar_classical", "out/vic": "pap
 GIVEN = {
     "bags.md": (
         "run --record out/mine --set bridge.duration_s=0.4",
-        "run --controller vic --record out/vic --set bridge.duration_s=0.6",
+        "run --law vic --record out/vic --set bridge.duration_s=0.6",
     )
 }
 # Commands whose page shows that they find a difference.

@@ -28,7 +28,7 @@ def test_reference_bag(scenario: str, controller: str, name: str) -> None:
     assert verdict.identical, verdict.text()
     assert run.params.controller == controller
     row = next(line for line in (BAGS / "README.md").read_text().splitlines() if line.startswith(f"| `{name}`"))
-    assert f"slip-vic run --scenario {scenario} --controller {controller} --seed {SEED}" in row
+    assert f"slip-vic run --scenario {scenario} --law {controller} --seed {SEED}" in row
 
 
 def test_a_gain_changed_in_its_last_bit_is_noticed() -> None:

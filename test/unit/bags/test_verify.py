@@ -28,7 +28,7 @@ SENSITIVE = ("gains.gamma_kp", "gains.alpha", "object.mass", "nullspace.stiffnes
 
 
 def scenario(name: str = "paper_planar", controller: str = "vic", cycles: int = CYCLES, mode: str = "lockstep"):
-    return load_scenario(name, controller=controller, mode=mode, assignments=(f"bridge.duration_s={cycles / 1000}",))
+    return load_scenario(name, law=controller, mode=mode, assignments=(f"bridge.duration_s={cycles / 1000}",))
 
 
 def verdict(folder: Path, **overrides: object):
@@ -56,7 +56,7 @@ def test_lockstep_runs_are_identical(tmp_path, name, controller):
 def test_runs_with_other_slip_sensors_are_identical(tmp_path, kind):
     loaded = load_scenario(
         "paper_planar",
-        controller="governed",
+        law="governed",
         assignments=(
             f"slip_input={kind}", "bridge.friction.mu_s=0.2", "bridge.friction.mu_k=0.15", "bridge.duration_s=0.3",
             "bridge.sensors.slip.latency_s=0.02", "bridge.sensors.slip.rate_hz=120.0", "controller.slip_delay_s=0.005",

@@ -25,7 +25,7 @@ TICKS = 3000  # the motion takes 2 s, the object spins on until 2.8 s
 
 def classical_slip(*assignments):
     """Distance [m], |angle| [rad], peak speed and |v_x| [m/s], world axes, of paper_planar under classical control."""
-    scenario = load_scenario("paper_planar", controller="classical", assignments=assignments)
+    scenario = load_scenario("paper_planar", law="classical", assignments=assignments)
     o_R_p = matrix_from_quat_xyzw(scenario.bridge.contacts.orientation_xyzw[:4])
     peak, peak_x = 0.0, 0.0
     for tick in itertools.islice(run_in_process(scenario), TICKS + 1):

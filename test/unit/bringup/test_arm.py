@@ -124,7 +124,7 @@ def test_the_folder_runs_from_anywhere(file: Path, monkeypatch: pytest.MonkeyPat
     ]  # fmt: skip
     monkeypatch.chdir("/")
     scenario = load_scenario(
-        str(tmp_path / "made" / "paper_planar.yaml"), controller="governed", assignments=["bridge.duration_s=0.1"]
+        str(tmp_path / "made" / "paper_planar.yaml"), law="governed", assignments=["bridge.duration_s=0.1"]
     )
     scenario.check()
     ticks = list(run_in_process(scenario))

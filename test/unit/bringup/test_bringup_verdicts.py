@@ -14,7 +14,7 @@ from slip_vic.setup.bringup.system import Endpoint, Track
 BRINGUP = (
     "controller.trajectory.kind=goal", "controller.safety.auto_enable=false", "controller.governor.friction=unknown",
 )  # fmt: skip
-PARAMS = load_scenario("paper_planar", controller="governed", assignments=BRINGUP).controller
+PARAMS = load_scenario("paper_planar", law="governed", assignments=BRINGUP).controller
 WEIGHT = np.array([0.0, 0.0, -4.905])
 X, Z = np.eye(3)[0], np.eye(3)[2]
 

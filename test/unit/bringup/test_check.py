@@ -20,7 +20,7 @@ def check(*words: str) -> tuple[int, str]:
 def test_what_a_path_takes_of_the_friction_and_where() -> None:
     """A quintic's largest acceleration is 5.7735 d / T^2, at 0.2113 T; at rest in a level plane nothing is asked."""
     scenario = load_scenario(
-        "paper_planar", controller="governed", assignments=("controller.trajectory.rotation=[0.0, 0.0, 0.0]",)
+        "paper_planar", law="governed", assignments=("controller.trajectory.rotation=[0.0, 0.0, 0.0]",)
     )
     found, params = path_load(scenario), scenario.controller
     peak = 10.0 / math.sqrt(3.0) * math.hypot(*params.trajectory.displacement) / params.trajectory.duration_s**2
@@ -34,7 +34,7 @@ def test_what_a_path_takes_of_the_friction_and_where() -> None:
 
 
 def test_the_weight_is_heaviest_at_the_goal_of_vertical_plane() -> None:
-    scenario = load_scenario("vertical_plane", controller="governed")
+    scenario = load_scenario("vertical_plane", law="governed")
     found, path = path_load(scenario), scenario.controller.trajectory
     assert 0.95 < found.resting.load / found.limit < 0.97
     assert abs(found.resting.time_s - path.duration_s) < 1e-9

@@ -33,7 +33,7 @@ MISTAKES = {
         ["order"],
     ),
     "domain out of range": (["--domain-id", "500"], ["ROS_DOMAIN_ID", "500"]),
-    "controller unknown": (["--controller", "pid"], ["pid", "vic"]),
+    "controller unknown": (["--law", "pid"], ["pid", "vic"]),
     "urdf missing": (["--urdf", "nowhere.urdf"], ["nowhere.urdf"]),
     "urdf without the frame": (["--urdf", "tip.urdf"], ["ee_frame", "link of the URDF", "tip"]),
     "joint without limits": (["--urdf", "endless.urdf"], ["arm_joint1", "<limit"]),

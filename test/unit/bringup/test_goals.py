@@ -36,7 +36,7 @@ class Run:
 
     def __init__(self, scenario: str, controller: str, seconds: float, at, *assignments: str) -> None:
         loaded = load_scenario(
-            scenario, controller=controller,
+            scenario, law=controller,
             assignments=("controller.trajectory.kind=goal", f"bridge.duration_s={seconds}", *assignments),
         )  # fmt: skip
         self.loop = loop = ClosedLoop(loaded)
@@ -136,7 +136,7 @@ def test_what_is_no_goal_is_refused_with_what_is_expected() -> None:
 def test_a_run_with_goals_replays_to_the_last_bit(tmp_path) -> None:
     for controller in ("governed", "vic"):
         loaded = load_scenario(
-            "paper_planar", controller=controller,
+            "paper_planar", law=controller,
             assignments=("controller.trajectory.kind=goal", "bridge.duration_s=0.3", "bridge.friction.mu_s=0.2",
                          "bridge.friction.mu_k=0.15"),
         )  # fmt: skip

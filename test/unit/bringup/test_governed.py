@@ -28,7 +28,7 @@ class Run:
 def run(scenario: str, *assignments: str, sensor: str = "", seconds: float = 3.0) -> Run:
     """Run a scenario governed; the observer works where there is a sensor."""
     loaded = load_scenario(
-        scenario, controller="governed", sensor=sensor, estimator="observer" if sensor else None,
+        scenario, law="governed", sensor=sensor, estimator="observer" if sensor else None,
         assignments=(*assignments, f"bridge.duration_s={seconds}"),
     )  # fmt: skip
     slip = load = 0.0
@@ -132,7 +132,7 @@ def test_a_wrong_model_does_not_lose_what_classical_control_keeps() -> None:
 def test_an_object_lighter_than_told_does_not_fall() -> None:
     """Classical control holds it; what the wrench says of its acceleration is wrong by the mass."""
     loaded = load_scenario(
-        "vertical_plane", controller="classical", sensor="vision_25",
+        "vertical_plane", law="classical", sensor="vision_25",
         assignments=("bridge.object.mass=0.16", "bridge.duration_s=1.5"),
     )  # fmt: skip
     for tick in run_in_process(loaded):
@@ -153,7 +153,7 @@ def test_a_path_that_friction_cannot_carry_is_refused_with_its_place() -> None:
 
 def test_off_is_the_printed_law_to_the_last_bit() -> None:
     printed, off = (
-        load_scenario("paper_planar", controller=kind, assignments=("bridge.duration_s=0.3", *extra))
+        load_scenario("paper_planar", law=kind, assignments=("bridge.duration_s=0.3", *extra))
         for kind, extra in (("vic", ()), ("governed", ("controller.governor.mode=off", "controller.gains.spin=follow")))
     )  # fmt: skip
     pairs = zip(run_in_process(printed), run_in_process(off), strict=True)

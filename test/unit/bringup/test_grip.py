@@ -22,7 +22,7 @@ SLIP_M = 4e-4
 def run(scenario: str, *assignments: str, seconds: float):
     """Return the largest slip [m], the last result, grips (commanded, taken, true) [N] and loads over friction."""
     loaded = load_scenario(
-        scenario, controller="governed", assignments=(*FOLLOW, *assignments, f"bridge.duration_s={seconds}")
+        scenario, law="governed", assignments=(*FOLLOW, *assignments, f"bridge.duration_s={seconds}")
     )
     loop, slip, grips, loads = ClosedLoop(loaded), 0.0, [], []
     while not loop.bridge.finished:
@@ -71,4 +71,4 @@ def test_a_grip_that_follows_needs_a_path_that_is_looked_ahead_on() -> None:
     with pytest.raises(InputError, match=r"grip\.control follow needs a path"):
         load_scenario("paper_planar", assignments=("controller.grip.control=follow",))
     with pytest.raises(InputError, match="force_limit"):
-        load_scenario("paper_planar", controller="governed", assignments=(*FOLLOW, "controller.grip.force_limit=0.1"))
+        load_scenario("paper_planar", law="governed", assignments=(*FOLLOW, "controller.grip.force_limit=0.1"))

@@ -12,7 +12,7 @@ from slip_core.incidents import KINDS, Incident
 from slip_vic.cli import cli
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.launcher import RunResult
-from slip_vic.scenarios.scenario import ControllerKind, load_scenario
+from slip_vic.scenarios.scenario import Law, load_scenario
 from slip_vic.study.cases import Case
 from slip_vic.study.run_case import run_case
 from slip_vic_controller.incidents import UNREACHABLE_S, IncidentWatch
@@ -20,8 +20,8 @@ from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety.reasons import Cause
 
 
-def told(name: str, *assignments: str, kind: ControllerKind = "classical") -> list[Incident]:
-    scenario = load_scenario(name, controller=kind, assignments=assignments)
+def told(name: str, *assignments: str, kind: Law = "classical") -> list[Incident]:
+    scenario = load_scenario(name, law=kind, assignments=assignments)
     return [incident for tick in run_in_process(scenario) for incident in tick.incidents]
 
 

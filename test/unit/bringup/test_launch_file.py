@@ -135,7 +135,7 @@ def test_defaults_and_choices_are_those_of_the_scenario() -> None:
     assert all(ast.literal_eval(given["description"]) for given in arguments.values())
     for controller in ast.literal_eval(arguments["controller"]["choices"]):
         for mode in ast.literal_eval(arguments["mode"]["choices"]):
-            load_scenario(defaults["scenario"], controller=controller, mode=mode, seed=int(defaults["seed"]))
+            load_scenario(defaults["scenario"], law=controller, mode=mode, seed=int(defaults["seed"]))
 
 
 def plan(folder: Path, **changes: object) -> LaunchPlan:
@@ -154,7 +154,7 @@ def read(path: Path, name: str, models: Mapping[str, type[ParameterModel]] = ONE
 
 def test_the_plan_is_that_of_slip_vic_run(tmp_path: Path) -> None:
     made = plan(tmp_path)
-    scenario = load_scenario("glass_transport", controller="classical", seed=3, assignments=["object.mass=0.2"])
+    scenario = load_scenario("glass_transport", law="classical", seed=3, assignments=["object.mass=0.2"])
     controller, bridge = run_parameters(scenario, recording=True)
     assert made.bridge is not None
     assert read(made.controller, "controller") == flatten(controller)

@@ -28,14 +28,12 @@ def file(tmp_path: Path) -> Path:
 
 def test_what_was_measured_reaches_the_run_and_the_command_has_the_last_word(file: Path) -> None:
     found = read_parameters(file)
-    run = load_any("paper_planar", controller="governed", parameters=found).controller
+    run = load_any("paper_planar", law="governed", parameters=found).controller
     assert (run.slip_sensor.rate_hz, run.governor.friction_limit, run.governor.mode) == (30.0, 0.2, "slow_down")
     assert run.mode == "lockstep"
     named = load_scenario("paper_planar", sensor="vision_25", parameters=found).controller
     assert named.slip_sensor.rate_hz == 25.0
-    told = load_any(
-        "paper_planar", controller="vic", parameters=found, assignments=("controller.slip_sensor.rate_hz=50.0",)
-    )
+    told = load_any("paper_planar", law="vic", parameters=found, assignments=("controller.slip_sensor.rate_hz=50.0",))
     assert told.controller.slip_sensor.rate_hz == 50.0
 
 
@@ -58,7 +56,7 @@ def test_the_controllers_of_a_demo_stay_what_they_are(file: Path) -> None:
 
 def test_the_file_of_a_whole_controller_gives_that_controller(tmp_path: Path) -> None:
     path = tmp_path / "controller.yaml"
-    scenario = load_scenario("vertical_plane", controller="governed", assignments=("controller.gains.k_s=321.0",))
+    scenario = load_scenario("vertical_plane", law="governed", assignments=("controller.gains.k_s=321.0",))
     path.write_text(ros_parameter_file(scenario.controller, "slip_vic_controller", complete=False))
-    again = load_scenario("vertical_plane", controller="governed", parameters=read_parameters(path))
+    again = load_scenario("vertical_plane", law="governed", parameters=read_parameters(path))
     assert again.controller == scenario.controller

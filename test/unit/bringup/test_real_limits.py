@@ -7,19 +7,19 @@ from typing import get_args
 import pytest
 
 from slip_vic.scenarios import scenario_names
-from slip_vic.scenarios.scenario import ControllerKind, load_scenario
+from slip_vic.scenarios.scenario import Law, load_scenario
 from test.support.limits import asked, shipped
 
 EFFORT_RATE = 1000.0
 """[N m/s], of such arms."""
-CONTROLLERS = get_args(ControllerKind)
+CONTROLLERS = get_args(Law)
 
 
 def test_no_scenario_raises_a_limit() -> None:
     for name in scenario_names(1):
         for kind in CONTROLLERS:
             for mode in ("lockstep", "realtime"):
-                loaded = load_scenario(name, controller=kind, mode=mode)
+                loaded = load_scenario(name, law=kind, mode=mode)
                 limits = loaded.controller.safety.limits
                 assert (limits.effort_rate, limits.velocity_scale) == (EFFORT_RATE, 1.0), (name, kind, mode)
                 assert loaded.bridge.effort_rate == EFFORT_RATE

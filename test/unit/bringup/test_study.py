@@ -258,7 +258,7 @@ def test_check_gives_the_bound_and_the_exit_code() -> None:
         (["study", "--resume", "--out", "nothing"], "nothing/study.json"),
         (["study", "--shard", "4/3"], "4/3 is not i/n"),
         (["study", "--estimators", "guess"], "estimator guess"),
-        (["study", "--sensors", "vision_26"], "vision_25"),
+        (["study", "--sensor", "vision_26"], "vision_25"),
         (["merge", "nowhere", "--out", "all"], "nowhere"),
     ],
 )

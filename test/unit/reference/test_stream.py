@@ -43,7 +43,7 @@ class Streamed:
         self, seconds: float, *assignments: str, period: int, until: int = 10**6, stamped: bool = True
     ) -> None:
         loaded = load_scenario(
-            "paper_planar", controller="governed", assignments=(TOPIC, f"bridge.duration_s={seconds}", *assignments)
+            "paper_planar", law="governed", assignments=(TOPIC, f"bridge.duration_s={seconds}", *assignments)
         )
         loop, start = ClosedLoop(loaded), None
         self.poses, self.twists, self.waits, self.guards, self.modes = [], [], [], [], set()
@@ -161,7 +161,7 @@ def test_what_does_not_say_how_it_moves_is_refused() -> None:
 
 def test_runs_with_references_by_topic_replay_to_the_last_bit(tmp_path) -> None:
     for controller in ("governed", "vic"):
-        loaded = load_scenario("paper_planar", controller=controller, assignments=(TOPIC, "bridge.duration_s=0.2"))
+        loaded = load_scenario("paper_planar", law=controller, assignments=(TOPIC, "bridge.duration_s=0.2"))
         given = {}
         for tick in (*range(5, 60, 5), 62, *range(120, 180, 20)):
             twist = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])

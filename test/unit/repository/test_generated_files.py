@@ -34,7 +34,7 @@ def test_a_file_gives_a_node_the_parameters_of_its_scenario(complete: bool) -> N
         wanted = {
             "bridge": loaded.bridge,
             "controller_vic": loaded.controller,
-            "controller_classical": load_scenario(scenario, controller="classical").controller,
+            "controller_classical": load_scenario(scenario, law="classical").controller,
             "controller_vic_realtime": load_scenario(scenario, mode="realtime").controller,
         }
         for name, params in wanted.items():

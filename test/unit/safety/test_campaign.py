@@ -19,7 +19,7 @@ from slip_core.records import record
 from slip_core.types import EffortCommand, JointSample
 from slip_vic.presets import preset_names
 from slip_vic.presets.sensors import load_sensor
-from slip_vic.scenarios.scenario import ControllerKind
+from slip_vic.scenarios.scenario import Law
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
@@ -225,7 +225,7 @@ def test_a_sensor_is_the_preset_in_bridge_and_controller() -> None:
 
 def test_a_law_that_goes_on_after_a_slow_sensor_has_fallen_silent_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     silence = Fault("drop", SLIP, start_s=0.3, duration_s=2.0, size=0.9)
-    controllers: tuple[ControllerKind, ...] = ("governed", "classical")
+    controllers: tuple[Law, ...] = ("governed", "classical")
     plans = [Plan(0, 1, "paper_planar", False, controller, (silence,), "vision_25") for controller in controllers]
     assert [run_trial(plan).violations for plan in plans] == [[], []]  # classical control needs no slip velocity
     latency_s = load_sensor("vision_25").slip.latency_s

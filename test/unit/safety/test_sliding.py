@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 
 from slip_vic.run.in_process import run_in_process
-from slip_vic.scenarios.scenario import ControllerKind, load_scenario
+from slip_vic.scenarios.scenario import Law, load_scenario
 from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.safety.modes import Mode, Request
@@ -25,10 +25,10 @@ SLIDES = "the object slides: it comes to rest first"
 class Loop:
     """Bridge and controller without topics, with whatever slip velocity a sensor may say."""
 
-    def __init__(self, kind: ControllerKind = "vic") -> None:
+    def __init__(self, kind: Law = "vic") -> None:
         changes = [f"{node}.control_period_s={PERIOD_S}" for node in ("bridge", "controller")]
         scenario = load_scenario(
-            "paper_planar", controller=kind, mode="realtime", assignments=(*changes, "controller.gains.k_s=100.0")
+            "paper_planar", law=kind, mode="realtime", assignments=(*changes, "controller.gains.k_s=100.0")
         )
         self.bridge, self.controller, self.now_ns = begun_bridge(scenario), realtime(scenario), STEADY_NS
 

@@ -10,16 +10,16 @@ from __future__ import annotations
 import functools
 import importlib
 import typing
-from typing import Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
-import numpy as np
-
-from slip_core.arrays import Array
-from slip_core.compiled import IN1, REAL, kernel
-from slip_core.records import new, record
-from slip_core.symmetric import Sym
-from slip_core.vectors import Vec
 from slip_sim_bridge.friction.params import FrictionParams
+
+if TYPE_CHECKING:  # the parameters are read, and a bad one is answered, before the compiler is loaded
+    import numpy as np
+
+    from slip_core.arrays import Array
+    from slip_core.symmetric import Sym
+    from slip_core.vectors import Vec
 
 
 class FrictionLaw(Protocol):
@@ -61,6 +61,8 @@ def law_names() -> tuple[str, ...]:
 
 def friction_law(params: FrictionParams) -> tuple[FrictionLaw, Array]:
     """Return the law that `params.model` names, and its parameters laid out by its `LAYOUT`."""
+    from slip_core.records import new, record
+
     law = cast(FrictionLaw, importlib.import_module(f"{__name__}.{params.model}"))
     parameters = new(law.LAYOUT)
     law.fill(record(parameters, law.LAYOUT), params)
@@ -70,6 +72,9 @@ def friction_law(params: FrictionParams) -> tuple[FrictionLaw, Array]:
 @functools.cache
 def sliding_friction(law: FrictionLaw) -> Any:
     """Compile F(parameters, speed [m/s], normal force [N]) [N] of steady sliding for a law."""
+    from slip_core.compiled import IN1, REAL, kernel
+    from slip_core.records import record
+
     layout = law.LAYOUT
 
     @kernel(REAL(IN1, REAL, REAL))

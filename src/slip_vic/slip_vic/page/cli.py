@@ -9,14 +9,15 @@ from pathlib import Path
 import click
 
 from slip_core.errors import InputError
+from slip_vic.options import out_option
 
 
 @click.command()
 @click.argument("bags", metavar="BAG [BAG...]", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("report.html"), show_default=True)
+@out_option("report.html", "the page")
 @click.option("--title", default="", help="default: the scenario")
 @click.option("--video", type=click.Path(path_type=Path), help="write an MP4 file too; needs ffmpeg and OpenGL")
-def report(bags: tuple[Path, ...], output: Path, title: str, video: Path | None) -> None:
+def report(bags: tuple[Path, ...], out: Path, title: str, video: Path | None) -> None:
     """Write one self-contained web page of recorded runs: 3D replay, linked plots, table."""
     from slip_vic.page.page import write_page
 
@@ -26,8 +27,8 @@ def report(bags: tuple[Path, ...], output: Path, title: str, video: Path | None)
     if len(set(labels)) != len(labels):
         raise InputError("report", got="the same bag twice", expected="different bags")
     command = shlex.join(["slip-vic", *sys.argv[1:]])
-    write_page(output, dict(zip(labels, bags, strict=True)), command=command, title=title)
-    click.echo(f"{output}: {output.stat().st_size / 1e6:.2f} MB")
+    write_page(out, dict(zip(labels, bags, strict=True)), command=command, title=title)
+    click.echo(f"{out}: {out.stat().st_size / 1e6:.2f} MB")
     if video is not None:
         from slip_vic.page.video import write_video
 

@@ -8,16 +8,18 @@ from types import MappingProxyType
 from typing import Any
 
 from slip_core.errors import InputError
-from slip_vic.pair.scenario import BY_CONTROLLER, PairScenario, is_pair, load_pair
-from slip_vic.scenarios.scenario import ControllerKind, Mode, Scenario, load_scenario, urdf_assignment
+from slip_vic.pair.scenario import BY_LAW, PairScenario, is_pair, load_pair
+from slip_vic.scenarios.scenario import Estimator, Law, Mode, Scenario, load_scenario, urdf_assignment
 
 
 def load_any(
     name_or_path: str,
     *,
-    controller: ControllerKind,
+    law: Law,
     mode: Mode = "lockstep",
     seed: int = 0,
+    sensor: str = "",
+    estimator: Estimator | None = None,
     assignments: Iterable[str] = (),
     urdf_file: Path | None = None,
     parameters: Mapping[str, Any] = MappingProxyType({}),
@@ -34,12 +36,14 @@ def load_any(
                 fix="--set left.controller.NAME=VALUE, and the same for right",
             )  # fmt: skip
         given = (*urdf_assignment(urdf_file), *assignments)
-        return load_pair(name_or_path, law=BY_CONTROLLER[controller], mode=mode, seed=seed, assignments=given)
+        return load_pair(name_or_path, law=BY_LAW[law], mode=mode, seed=seed, sensor=sensor, assignments=given)
     return load_scenario(
         name_or_path,
-        controller=controller,
+        law=law,
         mode=mode,
         seed=seed,
+        sensor=sensor,
+        estimator=estimator,
         assignments=assignments,
         urdf_file=urdf_file,
         parameters=parameters,

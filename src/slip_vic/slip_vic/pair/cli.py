@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 
 from slip_vic.options import ASSIGNMENTS
 
@@ -26,6 +25,8 @@ def _laws(text: str) -> list[Any]:
 @ASSIGNMENTS
 def pair(scenario: str, laws: str, late: int, out: Path | None, assignments: tuple[str, ...]) -> None:
     """Two arms carry one object, in this process: slip, internal force and path error of every law."""
+    from rich.console import Console
+
     from slip_vic.pair.measures import judge, verdicts
     from slip_vic.pair.picture import write_series
     from slip_vic.pair.scenario import load_pair
@@ -53,6 +54,8 @@ def pair_study(
     scenarios: str, laws: str, draws: int, seed: int, jobs: int | None, out: Path, assignments: tuple[str, ...]
 ) -> None:
     """Two arms in random worlds that their controllers do not know: panes lost, slip; pair_study.csv."""
+    from rich.console import Console
+
     from slip_vic.pair.scenario import load_pair
     from slip_vic.pair.study import run_draws, summary, write_results
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.spatial.transform import Rotation
 
 from slip_core.errors import UnknownName
-from slip_core.files.placed_urdf import placed_urdf
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.resources import read_text
 from slip_core.grasp_params import BaseParams, Three
@@ -28,15 +26,17 @@ from slip_core.params import (
     validate,
 )
 from slip_sim_bridge.pair.params import SIDES, PadParams, PairParams
-from slip_sim_bridge.pair.simulation import PairSimulation
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.presets.sensors import load_sensor
 from slip_vic.scenarios import find_scenario, scenario_names, scenario_text
-from slip_vic.scenarios.scenario import BOUNDED, ControllerKind, Mode, apply_sensor
+from slip_vic.scenarios.scenario import BOUNDED, Mode, apply_sensor
+from slip_vic.scenarios.scenario import Law as OneArmLaw
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.parameters.team_params import TeamParams
-from slip_vic_controller.session import Controller
-from slip_vic_controller.team.session import TeamSession
+
+if TYPE_CHECKING:
+    from slip_sim_bridge.pair.simulation import PairSimulation
+    from slip_vic_controller.team.session import TeamSession
 
 Law = Literal["classical", "leader_follower", "classical_internal", "printed", "shared", "internal", "governed"]
 """Two classical controllers; the same where the right pad follows the left one instead of the path; the first with
@@ -49,8 +49,8 @@ OWN_WRENCH = ("classical", "leader_follower", "printed")
 """Laws in which each arm knows its own contact only."""
 
 
-BY_CONTROLLER: dict[ControllerKind, Law] = {"classical": "classical", "vic": "internal", "governed": "governed"}
-"""What `--controller` means with two arms."""
+BY_LAW: dict[OneArmLaw, Law] = {"classical": "classical", "vic": "internal", "governed": "governed"}
+"""What `--law` means with two arms."""
 
 
 class Mismatch(ParameterModel):
@@ -113,6 +113,7 @@ class PairScenario:
     """Where the controllers believe the bases to be."""
     leader: bool = False
     """Whether the right pad is led by the left one; in one process only."""
+    law: str = "internal"
     modules: ClassVar[dict[str, str]] = {
         "controller": "slip_vic_controller.team.main",
         "bridge": "slip_sim_bridge.pair.main",
@@ -158,10 +159,15 @@ class PairScenario:
 
     def simulation(self) -> PairSimulation:
         """Return the simulated world."""
+        from slip_sim_bridge.pair.simulation import PairSimulation
+
         return PairSimulation(self.bridge, self.urdfs)
 
     def team(self) -> TeamSession:
         """Return the controller of both arms, in lockstep."""
+        from slip_vic_controller.session import Controller
+        from slip_vic_controller.team.session import TeamSession
+
         return TeamSession(
             [Controller(p, urdf, lockstep=True) for p, urdf in zip(self.controllers, self.believed, strict=True)]
         )
@@ -235,9 +241,11 @@ def load_pair(
         arm.robot_description or read_text(arm.robot_description_file, "parameter robot_description_file")
         for arm in arms
     )
+    from slip_core.files.placed_urdf import placed_urdf
+
     believed = tuple(placed_urdf(urdf, base.position, base.rotation) for urdf, base in zip(urdfs, bases, strict=True))
     return PairScenario(
-        outer.name, outer.description, text, controllers, bridge, believed, urdfs, bases, law == "leader_follower"
+        outer.name, outer.description, text, controllers, bridge, believed, urdfs, bases, law == "leader_follower", law
     )
 
 
@@ -317,6 +325,8 @@ def _assign(
 
 def _moved(base: BaseParams, wrong: Mismatch) -> BaseParams:
     """Return where a base really stands."""
+    from scipy.spatial.transform import Rotation
+
     rotation = (Rotation.from_rotvec(wrong.base_rotation) * Rotation.from_rotvec(base.rotation)).as_rotvec()
     position = np.array(base.position) + np.array(wrong.base_position)
     return BaseParams(position=tuple(position.tolist()), rotation=tuple(rotation.tolist()))

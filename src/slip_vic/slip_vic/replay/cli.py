@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from rich.console import Console
-from rich.progress import Progress
+
+from slip_vic.options import out_option
 
 
 @click.command()
@@ -18,6 +18,9 @@ def verify(bag_path: Path, assignments: tuple[str, ...], from_s: float) -> None:
 
     Exit code 0: identical. 1: not, with the first difference. 2: this bag cannot be verified.
     """
+    from rich.console import Console
+    from rich.progress import Progress
+
     from slip_bags.reader import Bag
     from slip_core.params import parse_assignment
     from slip_vic.replay.run_data import TeamRun, is_team, read_run, read_team
@@ -40,16 +43,9 @@ def verify(bag_path: Path, assignments: tuple[str, ...], from_s: float) -> None:
 
 
 @click.command()
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path),
-    default=Path("bags"),
-    show_default=True,
-    help="folder of the bags",
-)
-def references(output: Path) -> None:
+@out_option("bags", "folder of the bags")
+def references(out: Path) -> None:
     """Record the repository's reference bags anew; they replace the old ones when all are verified."""
     from slip_vic.replay.references import make_references
 
-    make_references(output, click.echo)
+    make_references(out, click.echo)

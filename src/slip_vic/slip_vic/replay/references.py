@@ -16,7 +16,7 @@ from slip_vic.run.launcher import Launcher
 from slip_vic.run.metrics import summarise
 from slip_vic.run.series import read_series
 from slip_vic.scenarios import scenario_names
-from slip_vic.scenarios.scenario import ControllerKind, load_scenario
+from slip_vic.scenarios.scenario import Law, load_scenario
 
 DURATION_S: Final = 2.0
 SEED: Final = 0
@@ -24,7 +24,7 @@ COMMAND: Final = "slip-vic bag references"
 EVERY_TICK: Final = ("/clock", "/joint_states", "/effort_command", "/controller/ledger", "/object_state", "/slip_truth")
 LARGEST_BYTES: Final = 2_000_000
 SHORT: Final = f"--set bridge.duration_s={DURATION_S}"
-CONTROLLERS: Final[dict[ControllerKind, str]] = {
+CONTROLLERS: Final[dict[Law, str]] = {
     "classical": "Classical impedance control: the arm keeps its path, and the object slips.",
     "vic": "Variable impedance control: stiffness fades with slip and compensation drives it to zero.",
 }
@@ -36,18 +36,18 @@ BEYOND_THE_ARM: Final = (
 """What the printed law needs in the scenarios in which the real limits of the arm are too narrow for it."""
 
 
-def reference_names() -> Iterator[tuple[str, ControllerKind, str]]:
+def reference_names() -> Iterator[tuple[str, Law, str]]:
     """Yield (scenario, controller, folder name) of every reference bag."""
     for scenario in scenario_names(1):
         for controller in CONTROLLERS:
             yield scenario, controller, f"{scenario}_{controller}"
 
 
-def settings(scenario: str, controller: ControllerKind) -> tuple[str, ...]:
+def settings(scenario: str, controller: Law) -> tuple[str, ...]:
     """Return the assignments of a reference bag: with vic it holds the printed law, to the last bit."""
     if controller != "vic":
         return ()
-    bounded = load_scenario(scenario, controller=controller).controller.gains.spin == "bounded"
+    bounded = load_scenario(scenario, law=controller).controller.gains.spin == "bounded"
     return (*PRINTED, *BEYOND_THE_ARM) if bounded else ()
 
 
@@ -65,7 +65,7 @@ def make_references(folder: Path, tell: Callable[[str], None]) -> None:
         for scenario, controller, name in reference_names():
             own = settings(scenario, controller)
             loaded = load_scenario(
-                scenario, controller=controller, seed=SEED, assignments=(f"bridge.duration_s={DURATION_S}", *own)
+                scenario, law=controller, seed=SEED, assignments=(f"bridge.duration_s={DURATION_S}", *own)
             )
             result = Launcher(loaded, bag=staging / name).run()
             with Bag(staging / name) as bag:
@@ -81,9 +81,7 @@ def make_references(folder: Path, tell: Callable[[str], None]) -> None:
             slip = f"{1e3 * numbers['slip_linear_m']:.2f} mm, {math.degrees(numbers['slip_angular_rad']):.2f} deg"
             what = f"{' '.join(loaded.description.split())} {CONTROLLERS[controller]}"
             chosen = " ".join((SHORT, *(f"--set {assignment}" for assignment in own)))
-            command = (
-                f"slip-vic run --scenario {scenario} --controller {controller} --seed {SEED} {chosen} --record {name}"
-            )
+            command = f"slip-vic run --scenario {scenario} --law {controller} --seed {SEED} {chosen} --record {name}"
             rows.append(f"| `{name}` | {size / 2**20:.2f} MiB | {result.messages} | {slip} | {what} | `{command}` |")
         (staging / "README.md").write_text(_readme(rows), encoding="utf-8")
         for item in sorted(staging.iterdir()):

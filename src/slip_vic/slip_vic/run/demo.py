@@ -30,9 +30,9 @@ from slip_vic.run.picture import write_report
 from slip_vic.run.progress import run_progress
 from slip_vic.run.recording import versions
 from slip_vic.run.series import RunSeries, read_series
-from slip_vic.scenarios.scenario import GOVERNED, ControllerKind, Scenario
+from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario
 
-ORDER: tuple[ControllerKind, ...] = ("classical", "vic", "governed")
+ORDER: tuple[Law, ...] = ("classical", "vic", "governed")
 
 
 def run_demo(
@@ -51,13 +51,13 @@ def run_demo(
     Raises:
         InputError: bad scenario or parameter, or an output folder that cannot be written.
     """
-    assert set(ORDER) == set(get_args(ControllerKind))
+    assert set(ORDER) == set(get_args(Law))
     loaded = all_kinds(scenario, seed, assignments, parameters)
     for made in loaded.values():
         made.check()
     staging = _staging_folder(out)
     runs: dict[str, dict[str, Any]] = {}
-    results: dict[ControllerKind, RunResult] = {}
+    results: dict[Law, RunResult] = {}
     try:
         with run_progress(console) as progress:
             bars = {kind: progress.add_run(f"{scenario} {kind}", loaded[kind].bridge.duration_s) for kind in ORDER}
@@ -103,19 +103,16 @@ def run_demo(
 
 def all_kinds(
     scenario: str, seed: int, assignments: tuple[str, ...], parameters: Mapping[str, Any]
-) -> dict[ControllerKind, Scenario | PairScenario]:
+) -> dict[Law, Scenario | PairScenario]:
     """Return the scenario with each controller; all get the same `parameters`, without those in which they differ."""
     common = {name: value for name, value in parameters.items() if name not in ("controller", *GOVERNED)}
-    return {
-        kind: load_any(scenario, controller=kind, seed=seed, assignments=assignments, parameters=common)
-        for kind in ORDER
-    }
+    return {kind: load_any(scenario, law=kind, seed=seed, assignments=assignments, parameters=common) for kind in ORDER}
 
 
 def _sum_up_pair(
     folder: Path,
-    loaded: Mapping[ControllerKind, Any],
-    results: Mapping[ControllerKind, RunResult],
+    loaded: Mapping[Law, Any],
+    results: Mapping[Law, RunResult],
     runs: dict[str, Any],
 ) -> Table:
     """Write the picture of runs with two arms and put their numbers into `runs`; return the table."""

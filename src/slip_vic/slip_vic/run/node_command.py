@@ -11,7 +11,7 @@ from slip_vic.pair.any_scenario import load_any
 from slip_vic.pair.scenario import PairScenario
 from slip_vic.run.processes import python_module
 from slip_vic.run.recording import AnyScenario, recorder_command
-from slip_vic.scenarios.scenario import NODES, ControllerKind, Mode, ros_parameter_file
+from slip_vic.scenarios.scenario import NODES, Law, Mode, ros_parameter_file
 
 
 def node_module(name: str) -> str:
@@ -52,7 +52,7 @@ def launch_plan(
     folder: Path,
     *,
     scenario: str,
-    controller: ControllerKind,
+    law: Law,
     mode: Mode,
     seed: int,
     assignments: Sequence[str],
@@ -68,7 +68,7 @@ def launch_plan(
     """
     loaded = load_any(
         scenario,
-        controller=controller,
+        law=law,
         mode=mode,
         seed=seed,
         assignments=assignments,

@@ -77,7 +77,7 @@ def recorder_command(scenario: AnyScenario, bag: Path, folder: Path, namespace: 
         arguments += ["--attach", f"{name}={path}"]
     custom = {
         "scenario": scenario.name,
-        "controller": scenario.arms[0][1].controller,
+        "law": scenario.law,
         "seed": str(scenario.bridge.seed),
         "versions": json.dumps(versions()),
     }

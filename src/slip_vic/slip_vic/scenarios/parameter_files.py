@@ -10,7 +10,7 @@ from slip_core.params import OLD_NAMES_END, ParameterInfo, ParameterModel, old_n
 from slip_core.topics import markdown_table
 from slip_sim_bridge.pair.params import PairParams
 from slip_vic.scenarios import scenario_names
-from slip_vic.scenarios.scenario import NODES, ControllerKind, load_scenario, ros_parameter_file
+from slip_vic.scenarios.scenario import NODES, Law, load_scenario, ros_parameter_file
 from slip_vic_controller.parameters.team_params import TeamParams
 
 TWO_ARMS: dict[str, type[ParameterModel]] = {"slip_vic_controller": TeamParams, "slip_sim_bridge": PairParams}
@@ -27,9 +27,7 @@ def config_files(scenarios: list[str] | None = None, *, complete: bool = False) 
     """
     files = {}
     for name in scenarios or scenario_names(1):
-        made = {
-            f"controller_{kind}": load_scenario(name, controller=kind).controller for kind in get_args(ControllerKind)
-        }
+        made = {f"controller_{kind}": load_scenario(name, law=kind).controller for kind in get_args(Law)}
         made["controller_vic_realtime"] = load_scenario(name, mode="realtime").controller
         for file, params in {**made, "bridge": load_scenario(name).bridge}.items():
             node = NODES["bridge" if file == "bridge" else "controller"][0]

@@ -30,15 +30,11 @@ from slip_core.params import (
     validate,
 )
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.simulation import GraspSimulation
 from slip_vic.presets.sensors import SensorPreset, load_sensor
 from slip_vic.scenarios import find_scenario, scenario_text
-from slip_vic.scenarios.reach import check_start
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
-from slip_vic_controller.robot import Robot
-from slip_vic_controller.session import Controller
 
-ControllerKind = Literal["vic", "classical", "governed"]
+Law = Literal["vic", "classical", "governed"]
 """The paper's law, classical impedance control, and the paper's law below the reference governor."""
 Estimator = Literal["measured", "observer"]
 Mode = Literal["lockstep", "realtime"]
@@ -77,6 +73,7 @@ class Scenario:
     controller: ControllerNodeParams
     bridge: BridgeParams
     urdf: str
+    law: Law = "vic"
     modules: ClassVar[dict[str, str]] = {
         "controller": "slip_vic_controller.main", "bridge": "slip_sim_bridge.main", "both": "slip_vic.run.both_nodes"
     }  # fmt: skip
@@ -106,6 +103,9 @@ class Scenario:
             InputError: e.g. a URDF without the frame, joints missing or in another order, a path out of reach;
                 more contacts than the bridge simulates.
         """
+        from slip_sim_bridge.simulation import GraspSimulation
+        from slip_vic_controller.session import Controller
+
         contacts = len(self.controller.contacts.position) // 3
         if contacts != 1:
             raise InputError(
@@ -124,6 +124,9 @@ class Scenario:
         Raises:
             InputError: it cannot; or a URDF that does not fit.
         """
+        from slip_vic.scenarios.reach import check_start
+        from slip_vic_controller.robot import Robot
+
         known = self.controller
         check_start(Robot(self.urdf, known.ee_frame, known.joint_names, known.gravity), known, self.bridge)
 
@@ -146,7 +149,7 @@ NO_TEXTS = Texts()
 def load_scenario(
     name_or_path: str,
     *,
-    controller: ControllerKind = "vic",
+    law: Law = "vic",
     mode: Mode = "lockstep",
     seed: int = 0,
     assignments: Iterable[str] = (),
@@ -172,8 +175,8 @@ def load_scenario(
     values = _values(outer, origin)
     _find_arm(values, name_or_path)
     values["bridge"]["duration_s"] = outer.duration_s
-    values["controller"]["controller"] = "vic" if controller == "governed" else controller
-    if controller == "governed":
+    values["controller"]["controller"] = "vic" if law == "governed" else law
+    if law == "governed":
         values["controller"] |= GOVERNED
     for node in values.values():
         node["mode"] = mode
@@ -200,7 +203,7 @@ def load_scenario(
     urdf = (
         bridge_params.robot_description or texts.urdfs.get(file) or read_text(file, "parameter robot_description_file")
     )
-    return Scenario(outer.name, outer.description, text, controller_params, bridge_params, urdf)
+    return Scenario(outer.name, outer.description, text, controller_params, bridge_params, urdf, law)
 
 
 def read_parameters(file: Path | None) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from slip_core.errors import UnknownName
-from slip_vic.scenarios.scenario import NO_TEXTS, ControllerKind, Estimator, Scenario, Texts, load_scenario
+from slip_vic.scenarios.scenario import NO_TEXTS, Estimator, Law, Scenario, Texts, load_scenario
 
 CLASSICAL, MEASURED, OBSERVER, GOVERNED = "classical", "measured", "observer", "governed"
 ESTIMATORS = (CLASSICAL, MEASURED, OBSERVER, GOVERNED)
@@ -36,7 +36,7 @@ class Case:
     seed: int
 
     @property
-    def controller(self) -> ControllerKind:
+    def controller(self) -> Law:
         """Which control law."""
         if self.estimator == CLASSICAL:
             return "classical"
@@ -52,7 +52,7 @@ class Case:
         known = load_scenario(self.scenario, sensor=self.sensor, seed=self.seed, assignments=assignments, texts=texts)
         return load_scenario(
             self.scenario,
-            controller=self.controller,
+            law=self.controller,
             sensor=self.sensor,
             seed=self.seed,
             estimator=SLIP_FROM[self.estimator],

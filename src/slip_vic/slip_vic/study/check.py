@@ -11,7 +11,7 @@ from typing import NamedTuple
 from rich.markup import escape
 from rich.table import Table
 
-from slip_vic.scenarios.scenario import ControllerKind, Estimator, Scenario, load_scenario, read_parameters
+from slip_vic.scenarios.scenario import Estimator, Law, Scenario, load_scenario, read_parameters
 from slip_vic.study.cases import NO_MISMATCH, mismatch_assignments
 from slip_vic.study.path_load import PathLoad, path_load
 from slip_vic.study.run_case import run_scenario
@@ -43,7 +43,7 @@ class Question:
     """
 
     scenario: str
-    controller: ControllerKind
+    controller: Law
     sensor: str = ""
     estimator: Estimator | None = None
     file: Path | None = None
@@ -53,7 +53,7 @@ class Question:
         """Return the scenario, with assignments of the simulated world."""
         return load_scenario(
             self.scenario,
-            controller=self.controller,
+            law=self.controller,
             sensor=self.sensor,
             estimator=self.estimator,
             parameters=read_parameters(self.file),

@@ -10,20 +10,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from rich.console import Console
-from rich.progress import Progress
 
 from slip_vic.exit_code import ALLOW_FAULT, end_with
-from slip_vic.options import ASSIGNMENTS, CONTROLLER, PARAMS, SCENARIO, URDF
+from slip_vic.options import (
+    ASSIGNMENTS,
+    ESTIMATOR,
+    LAW,
+    PARAMS,
+    SCENARIO,
+    SCENARIOS,
+    SENSOR,
+    SENSORS,
+    URDF,
+    names,
+    out_option,
+)
 
 if TYPE_CHECKING:
-    from slip_vic.scenarios.scenario import ControllerKind, Estimator
+    from slip_vic.scenarios.scenario import Estimator, Law
     from slip_vic.study.engines import EngineName
-
-
-def names(text: str) -> tuple[str, ...]:
-    """Return the names of a comma separated list."""
-    return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def _shard(context: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:
@@ -46,12 +51,12 @@ def workers(command: click.decorators.FC) -> click.decorators.FC:
 
 
 @click.command()
-@click.option("--scenario", "scenarios", default="", help="names, comma separated; default all")
-@click.option("--sensors", default="", help="names or .yaml files, comma separated; default all")
+@SCENARIOS
+@SENSORS
 @click.option("--estimators", default="classical,observer,governed", show_default=True)
 @click.option("--mismatch", "mismatches", default="none", show_default=True, help="names, comma separated, or all")
 @click.option("--seeds", type=click.IntRange(1), default=5, show_default=True, help="how many seeds, from 0")
-@click.option("--out", type=click.Path(path_type=Path), default=Path("study"), show_default=True, help="folder")
+@out_option("study", "folder")
 @workers
 @click.option("--shard", default="1/1", callback=_shard, metavar="I/N", help="every N-th case from the I-th on")
 @click.option("--resume", "go_on", is_flag=True, help="go on with all that --out was asked for")
@@ -64,8 +69,8 @@ def workers(command: click.decorators.FC) -> click.decorators.FC:
 @ALLOW_FAULT
 def study(
     *,
-    scenarios: str,
-    sensors: str,
+    scenarios: tuple[str, ...],
+    sensors: tuple[str, ...],
     estimators: str,
     mismatches: str,
     seeds: int,
@@ -99,8 +104,8 @@ def study(
         end_with(done.bad, allow_fault)
         return
     wrong = MISMATCHES if mismatches == "all" else names(mismatches)
-    wanted = names(sensors) or tuple(preset_names("sensors"))
-    asked = Asked(names(scenarios) or tuple(scenario_names(1)), wanted, names(estimators), wrong, seeds, shard)
+    wanted = sensors or tuple(preset_names("sensors"))
+    asked = Asked(scenarios or tuple(scenario_names(1)), wanted, names(estimators), wrong, seeds, shard)
     done = run_study([asked], (*urdf_assignment(urdf), *assignments), out, engine, jobs)
     click.echo(done.line)
     end_with(done.bad, allow_fault)
@@ -108,7 +113,7 @@ def study(
 
 @click.command()
 @click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="folder")
+@out_option(None, "folder", required=True)
 def merge(folders: tuple[Path, ...], out: Path) -> None:
     """Put studies that were made in parts (--shard) into one folder; parts that do not fit are refused."""
     from slip_vic.study.command import merge_studies
@@ -118,6 +123,9 @@ def merge(folders: tuple[Path, ...], out: Path) -> None:
 
 def _lottery(cases: int, seed: int, out: Path, jobs: int) -> None:
     """Draw cases, run each with every law, and say how the laws compare."""
+    from rich.console import Console
+    from rich.progress import Progress
+
     from slip_vic.study.lottery import lottery, lottery_table, write_lottery
 
     out.mkdir(parents=True, exist_ok=True)
@@ -136,9 +144,9 @@ def _lottery(cases: int, seed: int, out: Path, jobs: int) -> None:
 @click.command()
 @SCENARIO
 @PARAMS
-@click.option("--sensor", default="", help="name or .yaml file; default the scenario's own")
-@click.option("--estimator", type=click.Choice(["measured", "observer"]), help="default the sensor's")
-@CONTROLLER
+@SENSOR
+@ESTIMATOR
+@LAW
 @click.option("--mismatch", "mismatches", default="all", show_default=True, help="worlds to simulate: names, or all")
 @ASSIGNMENTS
 @URDF
@@ -148,7 +156,7 @@ def check(
     params: Path | None,
     sensor: str,
     estimator: Estimator | None,
-    controller: ControllerKind,
+    law: Law,
     mismatches: str,
     assignments: tuple[str, ...],
     urdf: Path | None,
@@ -159,13 +167,15 @@ def check(
     path takes of the friction, where, and how long the motion lasts; then simulations in this process. Exit code 2
     where gains or path are refused, 1 where a simulated world does not hold.
     """
+    from rich.console import Console
+
     from slip_vic.scenarios.scenario import urdf_assignment
     from slip_vic.study.cases import MISMATCHES, check_names
     from slip_vic.study.check import Question, corner_table, gain_table, path_lines, refusal
 
     wanted = MISMATCHES if mismatches == "all" else names(mismatches)
     check_names("mismatch", wanted, MISMATCHES)
-    asked = Question(scenario, controller, sensor, estimator, params, (*urdf_assignment(urdf), *assignments))
+    asked = Question(scenario, law, sensor, estimator, params, (*urdf_assignment(urdf), *assignments))
     loaded, report = asked.load(), asked.gains()
     loaded.check_arm()
     console = Console(width=150)
@@ -190,7 +200,7 @@ def check(
 
 @click.command()
 @SCENARIO
-@click.option("--sensor", required=True, help="name or .yaml file")
+@SENSOR
 @click.option(
     "--estimator", type=click.Choice(["measured", "observer", "governed"]), default="observer", show_default=True
 )
@@ -207,7 +217,7 @@ def check(
     help="largest effort rate, as a factor on the default's in the same world",
 )  # fmt: skip
 @click.option("--later", type=click.FloatRange(0.0), default=0.3, show_default=True, help="latest arrival after it [s]")
-@click.option("--out", type=click.Path(path_type=Path), default=Path("tune"), show_default=True, help="folder")
+@out_option("tune", "folder")
 @workers
 @ASSIGNMENTS
 def tune(

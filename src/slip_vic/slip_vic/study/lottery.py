@@ -26,7 +26,7 @@ from slip_vic.presets import preset_names
 from slip_vic.run.arrival import Arrival
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios import scenario_names
-from slip_vic.scenarios.scenario import ControllerKind, Estimator, Scenario, load_scenario
+from slip_vic.scenarios.scenario import Estimator, Law, Scenario, load_scenario
 from slip_vic_controller.safety.modes import Mode
 
 SPREAD = 0.3
@@ -67,11 +67,11 @@ class Ticket:
     trouble: str
     feasible: bool
 
-    def load(self, law: Law) -> Scenario:
+    def load(self, law: Entry) -> Scenario:
         """Return the scenario of this case with a configuration."""
         return load_scenario(
             self.scenario,
-            controller=law.controller,
+            law=law.law,
             sensor=self.sensor,
             seed=self.seed,
             estimator=law.estimator,
@@ -80,18 +80,18 @@ class Ticket:
 
 
 @dataclass(frozen=True, slots=True)
-class Law:
+class Entry:
     """A configuration that takes part."""
 
     name: str
-    controller: ControllerKind = "vic"
+    law: Law = "vic"
     estimator: Estimator | None = "observer"
     assignments: tuple[str, ...] = ()
 
 
-CLASSICAL = Law("classical", "classical", None)
-OBSERVER = Law("law + observer")
-GOVERNED = Law("governed + observer", "governed")
+CLASSICAL = Entry("classical", "classical", None)
+OBSERVER = Entry("law + observer")
+GOVERNED = Entry("governed + observer", "governed")
 LAWS = (CLASSICAL, OBSERVER, GOVERNED)
 
 
@@ -201,7 +201,7 @@ def carries_weight(known: Scenario, wrong: Mapping[str, float]) -> bool:
     return math.hypot(float(np.linalg.norm(force)), torque / bridge.friction.torsional_radius) < limit
 
 
-def play(ticket: Ticket, law: Law) -> Drawn:
+def play(ticket: Ticket, law: Entry) -> Drawn:
     """Run one case with one law; parameters that are refused and a simulation that diverges are outcomes."""
     try:
         return _play(ticket.load(law))

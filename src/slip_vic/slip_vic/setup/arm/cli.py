@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from rich.console import Console
+
+from slip_vic.options import out_option
 
 AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 
@@ -20,7 +21,7 @@ AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 @click.option("--lock", "locks", multiple=True, metavar="JOINT=VALUE", help="keep a joint there; repeatable")
 @click.option("--scenario", "scenarios", multiple=True, default=("paper_planar",), show_default=True, help="repeatable")
 @click.option("--scale", type=click.FloatRange(0.01, 10.0), default=1.0, show_default=True, help="size of the path")
-@click.option("--out", type=click.Path(path_type=Path), help="folder; default: named like the file, here")
+@out_option(None, "folder; default: named like the file, here")
 def arm(
     *,
     urdf: Path,
@@ -35,6 +36,8 @@ def arm(
     out: Path | None,
 ) -> None:
     """Make a folder that runs from the URDF of an arm: arm.urdf, scenarios, parameters for the real arm."""
+    from rich.console import Console
+
     from slip_vic.setup.arm.write import Arm, read_arm, way_table, write_arm
 
     made = Arm(
