@@ -12,8 +12,9 @@ from slip_core.arrays import Array
 from slip_core.records import new, place, record
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.attitude import LOG, RPY
+from slip_vic_controller.law.config import LAW_CONFIG
 from slip_vic_controller.law.gains import LAW_GAINS
-from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG
+from slip_vic_controller.law.law import EVALUATION
 from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, published
 from slip_vic_controller.observer.layouts import MOTION
 from slip_vic_controller.reference.paths import REFERENCE

@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.compiled import IN1, IN2, INT, OUT1, OUT2, REAL, VOID, kernel
+from slip_core.compiled import IN1, IN2, INT, OUT1, OUT2, REAL, VOID, WHOLE1, kernel
 from slip_core.records import layout, new, record
 from slip_core.vectors import mat, put, put_mat, put_spatial, spatial, vec
 from slip_vic_controller.law import attitude, contact, impedance, rotation, torque
 from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.law.config import LAW_CONFIG
 from slip_vic_controller.law.contact import CONTACT, CONTACT_SAMPLE, SLIP
 from slip_vic_controller.law.gains import GAINS, LAW_GAINS, sample_gains
 from slip_vic_controller.law.giving_up import GIVEN_UP, GIVING_UP, judge_compensation
-from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG, evaluate, predict_motion, scale_acceleration
+from slip_vic_controller.law.law import EVALUATION, evaluate, predict_motion, scale_acceleration
 from slip_vic_controller.law.object import object_motion
 from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, no_symbols, symbols
 from slip_vic_controller.observer.layouts import MOTION
@@ -68,9 +69,9 @@ def run_symbols(config, gains, arm, slips, reference, evaluation, estimate, out)
     )  # fmt: skip
 
 
-@kernel(VOID(IN1, IN1, INT, OUT1))
-def run_no_symbols(effort, saturated, joints, out) -> None:
-    no_symbols(effort, saturated, joints, record(out, SYMBOLS))
+@kernel(VOID(IN1, WHOLE1, OUT1))
+def run_no_symbols(effort, saturated, out) -> None:
+    no_symbols(effort, saturated, out)
 
 
 @kernel(VOID(IN1, IN1, IN1, REAL, OUT1))

@@ -14,8 +14,8 @@ from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import INTERNAL_BOUND, ROUNDING, internal_gain_limit
+from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
 from slip_vic_controller.law.gains import gain_report, make_law_gains
-from slip_vic_controller.law.law import LAW_CONFIG, make_law_config
 from slip_vic_controller.observer.config import observer_config, witnesses
 from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
 from slip_vic_controller.parameters.interface_params import GripParams

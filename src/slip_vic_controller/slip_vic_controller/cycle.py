@@ -35,6 +35,7 @@ from slip_vic_controller.governing import (
 from slip_vic_controller.interfaces import WRENCH_SENSOR, wrench_at_pad
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.bounds import held_sample_limit, internal_gain_limit
+from slip_vic_controller.law.config import LAW_CONFIG
 from slip_vic_controller.law.contact import (
     CONTACT_SAMPLE,
     SLIP,
@@ -47,7 +48,7 @@ from slip_vic_controller.law.contact import (
 from slip_vic_controller.law.gains import LAW_GAINS, RAMP, gains_at
 from slip_vic_controller.law.giving_up import GIVEN_UP, GIVING_UP, judge_compensation, start_giving_up
 from slip_vic_controller.law.internal import mean_arm
-from slip_vic_controller.law.law import EVALUATION, LAW_CONFIG, evaluate, predict_motion, scale_acceleration
+from slip_vic_controller.law.law import EVALUATION, evaluate, predict_motion, scale_acceleration
 from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, no_symbols, symbols
 from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE
 from slip_vic_controller.observer.observer import observe, reset
@@ -745,7 +746,7 @@ def describe(config_buffer: Array, inputs_buffer: Array, outputs_buffer: Array, 
     """
     c, out = record(config_buffer, CONFIG), record(symbols_buffer, SYMBOLS)
     i, o = record(inputs_buffer, INPUTS), record(outputs_buffer, OUTPUTS)
-    no_symbols(o.effort, o.saturated, c.law.joints, out)
+    no_symbols(o.effort, o.saturated, symbols_buffer)
     if o.ok != 0:
         symbols(c.law, o.gains, i.arm, o.slips, o.reference, o.law, o.estimate, out)
         for j in range(c.law.joints):

@@ -1,8 +1,6 @@
-"""From what a driver says to what the law reads: the wrench at the pad."""
+"""From what a driver publishes to what the law reads: the wrench at the pad."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -10,27 +8,36 @@ from scipy.spatial.transform import Rotation
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.errors import InputError
-from slip_core.records import REAL, WHOLE, layout
+from slip_core.records import Mat3, Real, Record, Vec3, Whole, dtype_of
 from slip_core.vectors import Mat, Spatial, mat, spatial, vec
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.robot import Robot
 
-WRENCH_SENSOR = layout(
-    as_is=WHOLE, force=REAL, torque=REAL, position=(REAL, (3,)), rotation=(REAL, (3, 3)), tool_mass=REAL,
-    tool_com=(REAL, (3,)), gravity=(REAL, (3,)),
-)  # fmt: skip
-"""as_is: the samples are the wrench at the pad, to the last bit; force, torque: signed factors; position [m], rotation:
-of the sensor's frame in {ee}; tool_mass [kg], tool_com [m] {ee}: what hangs between sensor and pad; gravity {w}."""
+
+class WrenchSensor(Record):
+    """Where the wrench is measured, and in which units."""
+
+    as_is: Whole  # the samples are the wrench at the pad, to the last bit
+    force: Real  # signed factor
+    torque: Real  # signed factor
+    position: Vec3  # m {ee}; of the sensor's frame
+    rotation: Mat3  # sensor to {ee}
+    tool_mass: Real  # kg; what hangs between sensor and pad
+    tool_com: Vec3  # m {ee}
+    gravity: Vec3  # m/s^2 {w}
+
+
+WRENCH_SENSOR = dtype_of(WrenchSensor)
 
 
 @part
-def wrench_at_pad(sensor: Any, measured: Array, R_ee: Mat) -> Spatial:
+def wrench_at_pad(sensor: WrenchSensor, measured: Array, R_ee: Mat) -> Spatial:
     """Return the wrench of the object on the robot at the pad centre [N, N m] {ee}.
 
     The tool's weight is that of the arm's attitude now; its inertia is left in.
 
     Args:
-        sensor: WRENCH_SENSOR.
+        sensor: where it is measured.
         measured: what the driver gave; (6,).
         R_ee: {ee} to {w}.
     """
@@ -43,8 +50,8 @@ def wrench_at_pad(sensor: Any, measured: Array, R_ee: Mat) -> Spatial:
     return Spatial(force - weight, torque + p.cross(force) - vec(sensor.tool_com).cross(weight))
 
 
-def fill_wrench_sensor(sensor: Any, params: ControllerParams, robot: Robot) -> None:
-    """Write a WRENCH_SENSOR.
+def fill_wrench_sensor(sensor: WrenchSensor, params: ControllerParams, robot: Robot) -> None:
+    """Write where the wrench is measured.
 
     Raises:
         InputError: the frame's place is given twice, or the frame moves against the pad.

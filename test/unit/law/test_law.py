@@ -12,7 +12,7 @@ from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.records import record
 from slip_vic_controller.law.attitude import LOG, LOG_REPORT, RPY
-from slip_vic_controller.law.law import LAW_CONFIG, make_law_config
+from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
 from slip_vic_controller.params import ControllerParams
 from test.referees.law_referee import about, referee_law
 from test.support.law_cases import PI, Case, random_case

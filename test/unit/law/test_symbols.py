@@ -66,7 +66,7 @@ def test_poses_and_flags_are_those_of_the_tick() -> None:
 
 def test_what_was_not_evaluated_is_no_number() -> None:
     out = new(SYMBOLS)
-    run.run_no_symbols(np.arange(7.0), np.zeros(7), 7, out)
+    run.run_no_symbols(np.arange(7.0), np.zeros(7, np.int64), out)
     names, places = published(7)
     numbers = dict(zip(names, out[places].tolist(), strict=True))
     assert [numbers.pop(name) for name in FLAGS] == [1.0, 0.0, 0.0]

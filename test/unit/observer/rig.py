@@ -8,8 +8,9 @@ from slip_core.arrays import Array
 from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, OUT2, VOID, kernel
 from slip_core.params import build
 from slip_core.records import new, record, records
+from slip_vic_controller.law.contact import SLIP_SAMPLE
 from slip_vic_controller.observer.config import capacity, observer_config
-from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE, SLIP_SAMPLE
+from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE
 from slip_vic_controller.observer.observer import observe, reset
 from slip_vic_controller.params import ControllerParams
 

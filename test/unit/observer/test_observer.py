@@ -6,7 +6,7 @@ import random
 
 import numpy as np
 
-from slip_vic_controller.observer.layouts import SLIP_SAMPLE
+from slip_vic_controller.law.contact import SLIP_SAMPLE
 from test.unit.observer.bench import Bench
 from test.unit.observer.ride import SENSOR, SLIDE, Ride
 from test.unit.observer.rig import MS, Observer, make_motion, make_params, six

@@ -2,27 +2,39 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, IN2_F, OUT1, VOID, kernel
-from slip_core.records import REAL, layout, record
+from slip_core.records import Mat3, Record, Vec3, Vec6, dtype_of, record
 from slip_core.vectors import Vec, mat, put, put_mat, vec
-from slip_vic_controller.sizes import MAX_JOINTS
+from slip_vic_controller.sizes import MAX_JOINTS, Joints
 
-ARM = layout(
-    position=(REAL, (3,)),
-    rotation=(REAL, (3, 3)),
-    twist=(REAL, (6,)),
-    jdot_qd=(REAL, (6,)),
-    bias=(REAL, (MAX_JOINTS,)),
-    gravity=(REAL, (MAX_JOINTS,)),
-    J=(REAL, (6, MAX_JOINTS)),
-    M=(REAL, (MAX_JOINTS, MAX_JOINTS)),
-)
-"""All {w}, origin at {ee}: pose x_ee [m] and R_ee, twist v_ee [m/s, rad/s], Jdot qd [m/s^2, rad/s^2], bias C qd + g
-[N m], g [N m], Jacobian J, inertia B(q) [kg m2]. Joints beyond those in use are zero."""
 
-PLACEMENT = layout(position=(REAL, (3,)), rotation=(REAL, (3, 3)))
-"""Pose of {ee} on the last joint's axes [m]."""
+class Arm(Record):
+    """The arm at one joint state: all {w}, origin at {ee}. Joints beyond those in use are zero."""
+
+    position: Vec3  # m; x_ee
+    rotation: Mat3  # R_ee
+    twist: Vec6  # m/s, rad/s; v_ee
+    jdot_qd: Vec6  # m/s^2, rad/s^2; Jdot qd
+    bias: Joints  # N m; C qd + g
+    gravity: Joints  # N m; g
+    J: Annotated[Array, (6, MAX_JOINTS)]  # Jacobian
+    M: Annotated[Array, (MAX_JOINTS, MAX_JOINTS)]  # kg m2; inertia B(q)
+
+
+ARM = dtype_of(Arm)
+
+
+class Placement(Record):
+    """Pose of {ee} on the last joint's axes."""
+
+    position: Vec3  # m
+    rotation: Mat3
+
+
+PLACEMENT = dtype_of(Placement)
 
 
 @kernel(VOID(IN1, IN1, IN2_F, IN1, IN1, IN1, IN1, IN1, IN2_F, IN1, IN1, IN2_F, OUT1))
@@ -44,7 +56,8 @@ def gather(
 
     Implements: Eq. (1), (7), (8); Jdot qd is the classical acceleration of {ee} at zero joint acceleration.
     """
-    out, ee = record(arm, ARM), record(placement, PLACEMENT)
+    out: Arm = record(arm, ARM)
+    ee: Placement = record(placement, PLACEMENT)
     R, lever, w_joint, dw_joint = mat(R_joint), vec(ee.position), vec(w), vec(dw)
     x = vec(p_joint) + R @ lever
     put(out.position, x)

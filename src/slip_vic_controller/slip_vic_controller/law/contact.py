@@ -6,33 +6,79 @@ since moved by the slip displacement (s_l, R_s) on {p} axes. G = [[I, 0], [S(r),
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
-from slip_core.arrays import matrix_from_quat_xyzw
+from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.compiled import part
 from slip_core.errors import InputError
-from slip_core.records import REAL, layout
+from slip_core.records import Mat3, Record, Records, Vec3, Vec6, Whole, dtype_of
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put, put_mat, spatial, vec
 from slip_vic_controller.law.rotation import exponential, left_jacobian
 from slip_vic_controller.params import ContactParams
 from slip_vic_controller.sizes import MAX_CONTACTS
 
-CONTACT = layout(position=(REAL, (3,)), rotation=(REAL, (3, 3)), slip_axes=(REAL, (6,)))
-"""One contact on the object: o_x_p [m] {o}; o_R_p; the directions on pad axes in which it can slip, 0 or 1 each.
 
-The position of contact 0, the own one, is LAW_GAINS.contact_position: it moves with the payload.
-"""
+class Contact(Record):
+    """One contact on the object.
 
-SLIP = layout(position=(REAL, (3,)), rotation=(REAL, (3, 3)))
-"""Pose of a pad relative to {p}: s_l [m] on {p}; R_s, {c} to {p}."""
+    The position of contact 0, the own one, is LawGains.contact_position: it moves with the payload.
+    """
 
-CONTACT_SAMPLE = layout(wrench=(REAL, (6,)), slip_twist=(REAL, (6,)))
-"""What is known at one contact, on the axes of its pad: h_ee [N, N m] and v_s [m/s, rad/s]."""
+    position: Vec3  # m {o}; o_x_p
+    rotation: Mat3  # o_R_p
+    slip_axes: Vec6  # directions on pad axes in which it can slip, 0 or 1 each
 
 
-def fill_contacts(params: ContactParams, contacts: Any) -> int:
+CONTACT = dtype_of(Contact)
+
+
+class Slip(Record):
+    """Pose of a pad relative to {p}."""
+
+    position: Vec3  # m {p}; s_l
+    rotation: Mat3  # {c} to {p}; R_s
+
+
+SLIP = dtype_of(Slip)
+
+
+class ContactSample(Record):
+    """What is known at one contact, on the axes of its pad."""
+
+    wrench: Vec6  # N, N m; h_ee
+    slip_twist: Vec6  # m/s, rad/s; v_s
+
+
+CONTACT_SAMPLE = dtype_of(ContactSample)
+
+
+class StampedSlip(Record):
+    """A slip sample of one contact, with the time at which it was measured."""
+
+    stamp_ns: Whole
+    twist: Vec6  # m/s, rad/s {ee}
+
+
+SLIP_SAMPLE = dtype_of(StampedSlip)
+
+
+class Grasp(Protocol):
+    """What is read of a LawConfig here."""
+
+    contacts: int
+
+    contact: Records[Contact]
+
+
+class ContactPosition(Protocol):
+    """What is read of LawGains here."""
+
+    contact_position: Array
+
+
+def fill_contacts(params: ContactParams, contacts: Records[Contact]) -> int:
     """Write the contacts of the parameters to an array of CONTACT; the first is the own arm's; return how many.
 
     Raises:
@@ -49,14 +95,14 @@ def fill_contacts(params: ContactParams, contacts: Any) -> int:
 
 
 @part
-def slip_velocity(contact: Any, sample: Any) -> Spatial:
-    """Return v_s of a CONTACT_SAMPLE, zero on axes on which the CONTACT cannot slip; [m/s, rad/s] {c}."""
+def slip_velocity(contact: Contact, sample: ContactSample) -> Spatial:
+    """Return v_s of a contact, zero on axes on which it cannot slip; [m/s, rad/s] {c}."""
     return spatial(contact.slip_axes) * spatial(sample.slip_twist)
 
 
 @part
-def integrate_slip(slip: Any, v_s: Spatial, dt: float, out: Any) -> None:
-    """Move the pad on the object for `dt` [s] at a slip velocity constant on pad axes [m/s, rad/s] {c}; SLIP, SLIP.
+def integrate_slip(slip: Slip, v_s: Spatial, dt: float, out: Slip) -> None:
+    """Move the pad on the object for `dt` [s] at a slip velocity constant on pad axes [m/s, rad/s] {c}.
 
     Exact for a constant twist (exponential of SE(3)), so spin does not shrink or grow with the step.
 
@@ -69,11 +115,10 @@ def integrate_slip(slip: Any, v_s: Spatial, dt: float, out: Any) -> None:
 
 
 @part
-def integrate_slips(config: Any, samples: Any, slips: Any, dt: float, slips_out: Any) -> None:
-    """Move the slip displacement of every contact for `dt` [s].
-
-    config: LAW_CONFIG; samples: CONTACT_SAMPLE each; slips and slips_out: SLIP each, and may be the same.
-    """
+def integrate_slips(
+    config: Grasp, samples: Records[ContactSample], slips: Records[Slip], dt: float, slips_out: Records[Slip],
+) -> None:  # fmt: skip
+    """Move the slip displacement of every contact for `dt` [s]; `slips` and `slips_out` may be the same."""
     for i in range(config.contacts):
         integrate_slip(slips[i], slip_velocity(config.contact[i], samples[i]), dt, slips_out[i])
 
@@ -88,20 +133,20 @@ def beyond_dead_band(v_s: Spatial, linear: float, angular: float) -> Spatial:
 
 
 @part
-def contact_position(config: Any, gains: Any, i: int) -> Vec:
-    """Return o_x_p of contact i [m] {o}: that of the own one comes with the payload; LAW_CONFIG, LAW_GAINS."""
+def contact_position(config: Grasp, gains: ContactPosition, i: int) -> Vec:
+    """Return o_x_p of contact i [m] {o}: that of the own one comes with the payload."""
     return vec(gains.contact_position) if i == 0 else vec(config.contact[i].position)
 
 
 @part
-def pad_rotation(contact: Any, slip: Any) -> Mat:
-    """Return o_R_c = o_R_p R_s, {c} to {o}; CONTACT, SLIP."""
+def pad_rotation(contact: Contact, slip: Slip) -> Mat:
+    """Return o_R_c = o_R_p R_s, {c} to {o}."""
     return mat(contact.rotation) @ mat(slip.rotation)
 
 
 @part
-def contact_arm(o_R_c: Mat, o_x_p: Vec, contact: Any, slip: Any) -> Vec:
-    """Return r = x_c - x_o on the axes of the pad whose attitude is o_R_c [m] {ee}; CONTACT and SLIP are of contact c.
+def contact_arm(o_R_c: Mat, o_x_p: Vec, contact: Contact, slip: Slip) -> Vec:
+    """Return r = x_c - x_o on the axes of the pad whose attitude is o_R_c [m] {ee}; contact and slip are of contact c.
 
     Implements: Eq. (11).
     """

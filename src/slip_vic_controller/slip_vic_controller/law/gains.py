@@ -10,44 +10,70 @@ positive value at any time.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from slip_core.arrays import Array, inertia_from_six, vector
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
-from slip_core.records import REAL, WHOLE, layout, new, record
+from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
 from slip_vic_controller.law.bounds import GainReport, check_gains, judge_gains
 from slip_vic_controller.params import ControllerParams, GainParams
 
-GAINS = layout(
-    K_D=(REAL, (6,)),
-    gamma_k=(REAL, (6,)),
-    D_D=(REAL, (6,)),
-    gamma_d=(REAL, (6,)),
-    M_D=(REAL, (6,)),
-    alpha=REAL,
-    k_s=REAL,
-    characteristic_length=REAL,
-    spin_limit=REAL,
-    kappa=REAL,
-)
-"""Gains of the law, diagonals as vectors, linear part first.
 
-K_D [N/m, N m/rad]; D_D [N s/m, N m s/rad]; M_D [kg, kg m2]; gamma_k, gamma_d [s/m, s/rad]; alpha [s/m]; k_s [1/s].
-characteristic_length [m]: what makes turning a slip speed in the slip activation; spin_limit [rad/s^2]: most that the
-compensation may turn; printed: 1 and infinite; kappa: share of the
-internal wrench that the pad gives way to, printed: 0. Classical impedance control has alpha = 0 and gamma = 0.
-"""
+class Gains(Record):
+    """Gains of the law, diagonals as vectors, linear part first.
 
-OBJECT = layout(mass=REAL, inertia=(REAL, (3, 3)), gravity=(REAL, (3,)))
-"""What is known of the object: mass [kg]; inertia [kg m2] {o} about the centre of mass; gravity [m/s^2] {w}."""
+    Classical impedance control has alpha = 0 and gamma = 0.
+    """
 
-LAW_GAINS = layout(gains=GAINS, object=OBJECT, contact_position=(REAL, (3,)))
-"""What may change at run time: gains, payload, and o_x_p of contact 0 [m] {o}, which moves with the payload."""
+    K_D: Vec6  # N/m, N m/rad
+    gamma_k: Vec6  # s/m, s/rad; fading of K
+    D_D: Vec6  # N s/m, N m s/rad
+    gamma_d: Vec6  # s/m, s/rad; fading of D
+    M_D: Vec6  # kg, kg m2
+    alpha: Real  # s/m
+    k_s: Real  # 1/s
+    characteristic_length: Real  # m; makes turning a slip speed in the slip activation, printed: 1
+    spin_limit: Real  # rad/s^2; most that the compensation may turn, printed: infinite
+    kappa: Real  # share of the internal wrench that the pad gives way to, printed: 0
 
-RAMP = layout(start=LAW_GAINS, target=LAW_GAINS, begin_ns=WHOLE, duration_ns=WHOLE, active=WHOLE)
-"""The way from one set of gains to another, in the time of the joint states; not active: `target` is in effect."""
+
+GAINS = dtype_of(Gains)
+
+
+class ObjectModel(Record):
+    """The object as configured."""
+
+    mass: Real  # kg
+    inertia: Mat3  # kg m2 {o}; about the centre of mass
+    gravity: Vec3  # m/s^2 {w}
+
+
+OBJECT = dtype_of(ObjectModel)
+
+
+class LawGains(Record):
+    """What may change at run time."""
+
+    gains: Gains
+    object: ObjectModel
+    contact_position: Vec3  # m {o}; o_x_p of contact 0, which moves with the payload
+
+
+LAW_GAINS = dtype_of(LawGains)
+
+
+class Ramp(Record):
+    """The way from one set of gains to another, in the time of the joint states."""
+
+    start: LawGains
+    target: LawGains
+    begin_ns: Whole
+    duration_ns: Whole
+    active: Whole  # 0: `target` is in effect
+
+
+RAMP = dtype_of(Ramp)
 
 
 def make_law_gains(params: ControllerParams, k_s: float) -> Array:
@@ -57,7 +83,7 @@ def make_law_gains(params: ControllerParams, k_s: float) -> Array:
         InputError: an inertia that no body can have.
     """
     buffer = new(LAW_GAINS)
-    out = record(buffer, LAW_GAINS)
+    out: LawGains = record(buffer, LAW_GAINS)
     axes = np.array(params.contacts.slip_axes[:6], dtype=float)
     fill_gains(params.gains, axes, k_s, out.gains, classical=params.controller == "classical")
     out.object.mass = params.object.mass
@@ -67,8 +93,8 @@ def make_law_gains(params: ControllerParams, k_s: float) -> Array:
     return buffer
 
 
-def fill_gains(params: GainParams, slip_axes: Array, k_s: float, gains: Any, *, classical: bool) -> None:
-    """Write GAINS; classical impedance control has slip activation and fading off.
+def fill_gains(params: GainParams, slip_axes: Array, k_s: float, gains: Gains, *, classical: bool) -> None:
+    """Write the gains; classical impedance control has slip activation and fading off.
 
     With spin bounded, the angular stiffness does not fade, and the compensation turns no faster than the stiffness of
     the softest axis that can slip takes back at `spin_excursion`; slip_axes (6,) 0 or 1 on pad axes.
@@ -109,7 +135,8 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
 def steady(gains: Array) -> Array:
     """Return the RAMP that stays at a LAW_GAINS."""
     buffer = new(RAMP)
-    ramp, given = record(buffer, RAMP), record(gains, LAW_GAINS)
+    ramp: Ramp = record(buffer, RAMP)
+    given: LawGains = record(gains, LAW_GAINS)
     ramp.start, ramp.target = given, given
     return buffer
 
@@ -117,7 +144,7 @@ def steady(gains: Array) -> Array:
 def make_ramp(start: Array, target: Array, begin_ns: int, least_s: float) -> Array:
     """Return the RAMP between two LAW_GAINS, as long as stability asks, and never shorter than `least_s` [s]."""
     buffer = new(RAMP)
-    ramp = record(buffer, RAMP)
+    ramp: Ramp = record(buffer, RAMP)
     ramp.start, ramp.target = record(start, LAW_GAINS), record(target, LAW_GAINS)
     ramp.begin_ns, ramp.active = begin_ns, 1
     ramp.duration_ns = round(1e9 * max(least_s, ramp_time(start, target)))
@@ -126,7 +153,8 @@ def make_ramp(start: Array, target: Array, begin_ns: int, least_s: float) -> Arr
 
 def ramp_time(start: Array, target: Array) -> float:
     """Return the shortest time [s] in which one LAW_GAINS may change into another under the module's argument."""
-    a, b = record(start, LAW_GAINS).gains, record(target, LAW_GAINS).gains
+    a: Gains = record(start, LAW_GAINS).gains
+    b: Gains = record(target, LAW_GAINS).gains
     k = np.stack((a.K_D / a.M_D, b.K_D / b.M_D))
     d = np.stack((a.D_D / a.M_D, b.D_D / b.M_D))
     rise_k = np.maximum(np.log(k[1] / k[0]), 0.0)
@@ -136,8 +164,8 @@ def ramp_time(start: Array, target: Array) -> float:
 
 
 @part
-def gains_at(ramp: Any, stamp_ns: int, out: Any) -> None:
-    """Write the gains in effect at a time: at both ends exactly the given ones; RAMP, [ns], LAW_GAINS.
+def gains_at(ramp: Ramp, stamp_ns: int, out: LawGains) -> None:
+    """Write the gains in effect at a time [ns]: at both ends exactly the given ones.
 
     Gains and mass change geometrically, what may be zero or signed linearly, gravity at once.
     """
@@ -147,24 +175,25 @@ def gains_at(ramp: Any, stamp_ns: int, out: Any) -> None:
         copy_gains(ramp.start, out)
     else:
         share = (stamp_ns - ramp.begin_ns) / ramp.duration_ns
-        a, b, g = ramp.start.gains, ramp.target.gains, out.gains
+        start, target, gains = ramp.start.gains, ramp.target.gains, out.gains
         for j in range(6):
-            g.K_D[j] = _geometric(a.K_D[j], b.K_D[j], share)
-            g.D_D[j] = _geometric(a.D_D[j], b.D_D[j], share)
-            g.M_D[j] = _geometric(a.M_D[j], b.M_D[j], share)
-            g.gamma_k[j] = _linear(a.gamma_k[j], b.gamma_k[j], share)
-            g.gamma_d[j] = _linear(a.gamma_d[j], b.gamma_d[j], share)
-        g.alpha, g.k_s = _linear(a.alpha, b.alpha, share), _linear(a.k_s, b.k_s, share)
-        g.kappa = _linear(a.kappa, b.kappa, share)
-        g.characteristic_length = _linear(a.characteristic_length, b.characteristic_length, share)
-        bounded = math.isfinite(a.spin_limit) and math.isfinite(b.spin_limit)
-        g.spin_limit = _linear(a.spin_limit, b.spin_limit, share) if bounded else b.spin_limit
+            gains.K_D[j] = _geometric(start.K_D[j], target.K_D[j], share)
+            gains.D_D[j] = _geometric(start.D_D[j], target.D_D[j], share)
+            gains.M_D[j] = _geometric(start.M_D[j], target.M_D[j], share)
+            gains.gamma_k[j] = _linear(start.gamma_k[j], target.gamma_k[j], share)
+            gains.gamma_d[j] = _linear(start.gamma_d[j], target.gamma_d[j], share)
+        gains.alpha = _linear(start.alpha, target.alpha, share)
+        gains.k_s = _linear(start.k_s, target.k_s, share)
+        gains.kappa = _linear(start.kappa, target.kappa, share)
+        gains.characteristic_length = _linear(start.characteristic_length, target.characteristic_length, share)
+        bounded = math.isfinite(start.spin_limit) and math.isfinite(target.spin_limit)
+        gains.spin_limit = _linear(start.spin_limit, target.spin_limit, share) if bounded else target.spin_limit
+        out.object = ramp.target.object
         out.object.mass = ramp.start.object.mass ** (1.0 - share) * ramp.target.object.mass**share
         for i in range(3):
             for j in range(3):
-                start, target = ramp.start.object.inertia[i, j], ramp.target.object.inertia[i, j]
-                out.object.inertia[i, j] = _linear(start, target, share)
-            out.object.gravity[i] = ramp.target.object.gravity[i]
+                a, b = ramp.start.object.inertia[i, j], ramp.target.object.inertia[i, j]
+                out.object.inertia[i, j] = _linear(a, b, share)
             out.contact_position[i] = _linear(ramp.start.contact_position[i], ramp.target.contact_position[i], share)
 
 
@@ -179,20 +208,10 @@ def _linear(a: float, b: float, share: float) -> float:
 
 
 @part
-def copy_gains(given: Any, out: Any) -> None:
-    """Write one LAW_GAINS to another."""
-    a, b = given.gains, out.gains
-    for j in range(6):
-        b.K_D[j], b.D_D[j], b.M_D[j] = a.K_D[j], a.D_D[j], a.M_D[j]
-        b.gamma_k[j], b.gamma_d[j] = a.gamma_k[j], a.gamma_d[j]
-    b.alpha, b.k_s, b.spin_limit, b.kappa = a.alpha, a.k_s, a.spin_limit, a.kappa
-    b.characteristic_length = a.characteristic_length
-    out.object.mass = given.object.mass
-    for i in range(3):
-        for j in range(3):
-            out.object.inertia[i, j] = given.object.inertia[i, j]
-        out.object.gravity[i] = given.object.gravity[i]
-        out.contact_position[i] = given.contact_position[i]
+def copy_gains(given: LawGains, out: LawGains) -> None:
+    """Write one LawGains to another."""
+    out.gains, out.object = given.gains, given.object
+    out.contact_position[:] = given.contact_position
 
 
 @kernel(VOID(IN1, INT, OUT1))

@@ -12,40 +12,60 @@ compensation is at work only while the slip sensor's own samples tell of slip.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 from slip_core.compiled import part
-from slip_core.records import REAL, WHOLE, layout
+from slip_core.records import Real, Record, Whole, dtype_of
 from slip_core.vectors import Spatial
+from slip_vic_controller.law.gains import Gains
 from slip_vic_controller.law.impedance import slip_activation
 
 OPEN: Final = 0.1
 """Slip activation from which the compensation counts as at work."""
 
-GIVING_UP = layout(on=WHOLE, witness=WHOLE, longest_s=REAL, error=REAL, fall=REAL)
-"""on: 0 = the compensation is never given up, as printed; witness: 1 = it needs the slip sensor's own word; longest_s:
-that it may be at work [s]; error: by which the arm may give way, and fall: speed down at which it may, meanwhile [m],
-[m/s]."""
-GIVEN_UP = layout(given_up=WHOLE, times=WHOLE, open_s=REAL, error=REAL)
-"""given_up: 1 while the impedance works alone; times: how often; open_s: how long the slip activation has been open,
-less how long it has been shut since [s]; error: when it opened [m]."""
+
+class GivingUpConfig(Record):
+    """When the compensation is given up."""
+
+    on: Whole  # 0 = never, as printed
+    witness: Whole  # 1 = the compensation needs evidence from the slip sensor itself
+    longest_s: Real  # s; that it may be at work
+    error: Real  # m; by which the arm may give way in that time
+    fall: Real  # m/s; speed down at which it may
+
+
+GIVING_UP = dtype_of(GivingUpConfig)
+
+
+class CompensationState(Record):
+    """Whether the compensation is at work, and for how long."""
+
+    given_up: Whole  # 1 while the impedance works alone
+    times: Whole  # how often
+    open_s: Real  # s; how long the slip activation has been open, less how long it has been shut since
+    error: Real  # m; when it opened
+
+
+GIVEN_UP = dtype_of(CompensationState)
 
 
 @part
-def start_giving_up(state: Any) -> None:
+def start_giving_up(state: CompensationState) -> None:
     """Begin: the compensation is at work."""
     state.given_up, state.times, state.open_s, state.error = 0, 0, 0.0, 0.0
 
 
 @part
 def judge_compensation(
-    config: Any, state: Any, gains: Any, v_s: Spatial, seen: int, error: float, fall: float, dt: float
-) -> None:
+    config: GivingUpConfig, state: CompensationState, gains: Gains, v_s: Spatial, seen: int, error: float,
+    fall: float, dt: float,
+) -> None:  # fmt: skip
     """Give the compensation up, or take it up again, and switch it off in the gains where it is given up.
 
     Args:
-        config, state: GIVING_UP, GIVEN_UP.
-        gains: GAINS of this cycle; changed.
+        config: when it is given up.
+        state: changed.
+        gains: of this cycle; changed.
         v_s: slip velocity that the law shall use [m/s, rad/s].
         seen: whether the slip sensor's own samples tell of slip, 0 or 1.
         error: distance of the pad from its reference [m].

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.vectors import Spatial, Vec, spatial
+from slip_vic_controller.law.gains import Gains
 
 
 @part
@@ -34,8 +34,8 @@ def faded(full: Array, gamma: Array, v_s: Spatial) -> Spatial:
 
 
 @part
-def slip_activation(gains: Any, v_s: Spatial) -> float:
-    """Return tanh(alpha |v_s|) in [0, 1], |.| the norm of the 6-vector [m/s, rad/s], any axes; GAINS.
+def slip_activation(gains: Gains, v_s: Spatial) -> float:
+    """Return tanh(alpha |v_s|) in [0, 1], |.| the norm of the 6-vector [m/s, rad/s], any axes.
 
     Turning counts by its characteristic length: |v_s|^2 = |v_sl|^2 + l^2 |v_sa|^2; l = 1 m as printed.
 
@@ -60,8 +60,8 @@ def limit_spin(limit: float, motion: Spatial) -> Spatial:
 
 
 @part
-def V_e(gains: Any, e: Array, e_dot: Array) -> float:
-    """Return 1/2 edot' M_D edot + 1/2 e' K_D e [J]; GAINS, (6,), (6,).
+def V_e(gains: Gains, e: Array, e_dot: Array) -> float:
+    """Return 1/2 edot' M_D edot + 1/2 e' K_D e [J]; (6,), (6,).
 
     Implements: Eq. (24).
     """

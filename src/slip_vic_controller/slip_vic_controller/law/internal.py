@@ -16,22 +16,25 @@ as of n masses on massless bars: the shares are the least that hold the object.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from slip_core.compiled import part
+from slip_core.records import Records
 from slip_core.vectors import NOTHING, ZERO, Mat, Spatial, Vec, spatial
-from slip_vic_controller.law.contact import contact_arm, contact_position, pad_rotation
+from slip_vic_controller.law.config import LawConfig
+from slip_vic_controller.law.contact import ContactSample, Slip, contact_arm, contact_position, pad_rotation
+from slip_vic_controller.law.gains import LawGains
 from slip_vic_controller.law.object import ObjectMotion, solve_symmetric
 
 
 @part
-def arm_of(config: Any, gains: Any, slips: Any, o_R_c: Mat, i: int) -> Vec:
+def arm_of(config: LawConfig, gains: LawGains, slips: Records[Slip], o_R_c: Mat, i: int) -> Vec:
     """Return r_i = x_c,i - x_o on the axes of the own pad [m]; o_R_c: its attitude on the object."""
     return contact_arm(o_R_c, contact_position(config, gains, i), config.contact[i], slips[i])
 
 
 @part
-def mean_arm(config: Any, gains: Any, slips: Any) -> Vec:
+def mean_arm(config: LawConfig, gains: LawGains, slips: Records[Slip]) -> Vec:
     """Return the mean of all r_j on the axes of the own pad [m]; of one contact its own r."""
     o_R_c, total = pad_rotation(config.contact[0], slips[0]), ZERO
     for j in range(config.contacts):
@@ -54,8 +57,8 @@ class Sharing(NamedTuple):
 
 
 @part
-def sharing(config: Any, gains: Any, slips: Any) -> Sharing:
-    """Return how the contacts of a LAW_CONFIG share a wrench; LAW_GAINS, SLIP of each."""
+def sharing(config: LawConfig, gains: LawGains, slips: Records[Slip]) -> Sharing:
+    """Return how the contacts share a wrench; `slips` of each."""
     o_R_c, n = pad_rotation(config.contact[0], slips[0]), config.contacts
     middle, square, longest = mean_arm(config, gains, slips), config.radius * config.radius, 0.0
     xx, xy, xz, yy, yz, zz = n * square, 0.0, 0.0, n * square, 0.0, n * square
@@ -88,7 +91,9 @@ def share_of(shared: Sharing, radius: float, h_o: Spatial) -> Spatial:
 
 
 @part
-def internal_wrench(config: Any, gains: Any, samples: Any, slips: Any, o: ObjectMotion) -> Spatial:
+def internal_wrench(
+    config: LawConfig, gains: LawGains, samples: Records[ContactSample], slips: Records[Slip], o: ObjectMotion,
+) -> Spatial:  # fmt: skip
     """Return h_int of the own contact [N, N m] {ee}; zero where there is one contact only.
 
     Args:

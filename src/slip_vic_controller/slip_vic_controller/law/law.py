@@ -1,6 +1,6 @@
 """The control law, Eq. (28), (29), and one evaluation of it: from motion, wrench and slip velocity to joint effort.
 
-A cycle calls, in this order (all arguments are records by name, `samples` and `slips` arrays of them, one per contact):
+A cycle calls, in this order (all arguments are records, `samples` and `slips` arrays of them, one per contact):
 
     gains_at(ramp, stamp_ns, gains)                                                   # gains.py
     predict_motion(config, gains, arm, samples, slips, slip_twist, motion)            # only with an observer
@@ -8,141 +8,135 @@ A cycle calls, in this order (all arguments are records by name, `samples` and `
     evaluate(config, arm, sample, memory, given)
 
 with `given` a record that holds `gains`, `samples`, `slips` of this cycle, `reference`, `follow_error` (6,) {ee}, which
-an observer adds to G^T a_o (zeros without), and `law`, the EVALUATION to fill; `samples[0].slip_twist` is the slip
+an observer adds to G^T a_o (zeros without), and `law`, the Evaluation to fill; `samples[0].slip_twist` is the slip
 velocity that the law shall use, measured or estimated. Nothing here knows of sensors, time or modes.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Protocol
 
 from slip_core.arrays import Array
 from slip_core.cholesky import LARGEST
 from slip_core.compiled import part
-from slip_core.records import REAL, WHOLE, layout, new, record
+from slip_core.records import Real, Record, Records, Vec3, Vec6, Whole, dtype_of
 from slip_core.vectors import ZERO, Spatial, mat, put, put_mat, put_spatial, spatial, vec
-from slip_vic_controller.law.attitude import LOG, RPY, T_e, attitude_error, on_error_axes
-from slip_vic_controller.law.contact import CONTACT, G_T, Phi2, fill_contacts, slip_velocity
+from slip_vic_controller.law.arm import Arm
+from slip_vic_controller.law.attitude import T_e, attitude_error, on_error_axes
+from slip_vic_controller.law.config import LawConfig
+from slip_vic_controller.law.contact import G_T, ContactSample, Phi2, Slip, slip_velocity
+from slip_vic_controller.law.gains import LawGains
 from slip_vic_controller.law.impedance import faded, limit_spin, slip_activation
 from slip_vic_controller.law.internal import internal_wrench
-from slip_vic_controller.law.object import ObjectMotion, object_motion
-from slip_vic_controller.law.torque import TORQUE, joint_torque
-from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS
-
-LAW_CONFIG = layout(
-    joints=WHOLE,
-    contacts=WHOLE,
-    attitude=WHOLE,
-    feed_forward=WHOLE,
-    nullspace_stiffness=REAL,
-    nullspace_damping=REAL,
-    sigma_min=REAL,
-    most_damping=REAL,
-    radius=REAL,
-    effort_limit=(REAL, (MAX_JOINTS,)),
-    contact=(CONTACT, MAX_CONTACTS),
-)
-"""What does not change: joints and contacts in use; attitude: LOG or RPY; feed_forward 0 or 1; null space [N m/rad],
-[N m s/rad]; singularity policy: sigma_min of J and the largest damping [kg^-1/2]; torsional radius of the pads [m];
-effort_limit [N m]; contacts."""
-
-EVALUATION = layout(
-    ok=WHOLE,
-    near_singular_arm=WHOLE,
-    near_singular_attitude=WHOLE,
-    saturated_joints=WHOLE,
-    gate=REAL,
-    damping_squared=REAL,
-    error_linear=REAL,
-    error_angular=REAL,
-    slip_speed=REAL,
-    carried=(REAL, (3,)),
-    v_s=(REAL, (6,)),
-    w_o=(REAL, (3,)),
-    r=(REAL, (3,)),
-    h_o=(REAL, (6,)),
-    a_o=(REAL, (6,)),
-    follow=(REAL, (6,)),
-    comp=(REAL, (6,)),
-    gated=(REAL, (6,)),
-    h_int=(REAL, (6,)),
-    e=(REAL, (6,)),
-    e_dot=(REAL, (6,)),
-    K=(REAL, (6,)),
-    D=(REAL, (6,)),
-    Theta=(REAL, (6,)),
-    Z=(REAL, (6,)),
-    a_d=(REAL, (6,)),
-    a_C=(REAL, (6,)),
-    torque=TORQUE,
-    effort=(REAL, (MAX_JOINTS,)),
-    saturated=(WHOLE, (MAX_JOINTS,)),
-)
-"""Everything of one evaluation.
-
-ok: every number is finite and every factor exists, else nothing here may be used; near_singular_*: which fallback was
-at work; damping_squared: what was added to J B^-1 J^T; error_linear [m], error_angular [rad], slip_speed (linear)
-[m/s]; carried: G^T a_o + Phi2, linear part [m/s^2] {w}. On pad axes {ee}: v_s to h_int,
-see `Law` (w_o, r, h_o, a_o of its ObjectMotion). On {w}: e to a_C; e, e_dot, K, D in the coordinates of the error.
-torque: before the limits, with its parts; effort: inside them [N m]; saturated: which joints are beyond.
-"""
+from slip_vic_controller.law.object import object_motion
+from slip_vic_controller.law.torque import Torque, joint_torque
+from slip_vic_controller.sizes import Joints, WholeJoints
 
 
-class Law(NamedTuple):
-    """Every symbol of the law; linear and angular part of each.
+class Evaluation(Record):
+    """Every symbol of one evaluation of the law; e, e_dot, K, D are in the coordinates of the orientation error."""
 
-    On pad axes {ee}: v_s [m/s, rad/s]; object; follow = G^T a_o + Phi2, and comp and gated (gate times comp, spin
-    limited) [m/s^2, rad/s^2]; h_int, the internal wrench of several contacts [N, N m]. On {w}: Theta,
-    Z = T_e M_D^-1 (-K e - D e_dot), a_d, a_C. In the coordinates of the error: e [m, rad], e_dot, and the diagonals
-    K, D. gate in [0, 1].
-    """
+    ok: Whole  # every number is finite and every factor exists, else nothing here may be used
+    near_singular_arm: Whole  # which fallback was at work
+    near_singular_attitude: Whole
+    saturated_joints: Whole  # how many
+    gate: Real  # slip activation, in [0, 1]
+    damping_squared: Real  # 1/kg; what was added to J B^-1 J^T
+    error_linear: Real  # m; |e|, linear part
+    error_angular: Real  # rad
+    slip_speed: Real  # m/s; |v_s|, linear part
+    carried: Vec3  # m/s^2 {w}; G^T a_o + Phi2, linear part
+    v_s: Vec6  # m/s, rad/s {ee}; slip velocity
+    w_o: Vec3  # rad/s {ee}; turning of the object
+    r: Vec3  # m {ee}; x_c - x_o
+    h_o: Vec6  # N, N m {ee}; sum G_i h_ee,i
+    a_o: Vec6  # m/s^2, rad/s^2 {ee}; acceleration of the object
+    follow: Vec6  # m/s^2, rad/s^2 {ee}; G^T a_o + Phi2
+    comp: Vec6  # m/s^2, rad/s^2 {ee}; compensation
+    gated: Vec6  # m/s^2, rad/s^2 {ee}; gate times comp, spin limited
+    h_int: Vec6  # N, N m {ee}; internal wrench of several contacts
+    e: Vec6  # m, rad {w}
+    e_dot: Vec6  # m/s, rad/s {w}
+    K: Vec6  # N/m, N m/rad; diagonal
+    D: Vec6  # N s/m, N m s/rad; diagonal
+    Theta: Vec6  # m/s^2, rad/s^2 {w}
+    Z: Vec6  # m/s^2, rad/s^2 {w}; T_e M_D^-1 (-K e - D e_dot)
+    a_d: Vec6  # m/s^2, rad/s^2 {w}
+    a_C: Vec6  # m/s^2, rad/s^2 {w}; control acceleration  # noqa: N815
+    torque: Torque  # before the limits, with its parts
+    effort: Joints  # N m; inside the limits
+    saturated: WholeJoints  # which joints are beyond
 
-    v_s: Spatial
-    object: ObjectMotion
-    follow: Spatial
-    comp: Spatial
-    gated: Spatial
-    h_int: Spatial
-    gate: float
-    e: Spatial
-    e_dot: Spatial
-    K: Spatial
-    D: Spatial
-    Theta: Spatial
-    Z: Spatial
-    a_d: Spatial
-    a_C: Spatial  # noqa: N815
-    near_singular: bool
+
+EVALUATION = dtype_of(Evaluation)
+
+
+class DesiredMotion(Protocol):
+    """A reference: position [m], rotation, twist [m/s, rad/s] and acceleration [m/s^2, rad/s^2]; {w}."""
+
+    position: Array
+    rotation: Array
+    twist: Array
+    acceleration: Array
+
+
+class JointMotion(Protocol):
+    """Position [rad] and velocity [rad/s] of the joints."""
+
+    position: Array
+    velocity: Array
+
+
+class Memory(Protocol):
+    """Posture of the null space [rad], and the orientation error one cycle earlier, zeros at first [rad]."""
+
+    posture: Array
+    e_previous: Array
+
+
+class Given(Protocol):
+    """What an evaluation is made of, and `law`, where it goes; follow_error: see the module [m/s^2, rad/s^2] {ee}."""
+
+    follow_error: Array
+
+    gains: LawGains
+    samples: Records[ContactSample]
+    slips: Records[Slip]
+
+    @property
+    def reference(self) -> DesiredMotion:
+        """Return the reference of this cycle."""
+        ...
+
+    law: Evaluation
+
+
+class MotionTold(Protocol):
+    """What an observer takes of the object's motion, see its record."""
+
+    rotation: Array
+    v_ee: Array
+    follow: Array
+    force: Array
+    drag: Array
+    w_o: Array
 
 
 @part
-def control_law(
-    config: Any,
-    gains: Any,
-    arm: Any,
-    samples: Any,
-    follow_error: Array,
-    e_previous: Array,
-    slips: Any,
-    reference: Any,
-) -> Law:
-    """Return a_C = a_d + T_e M_D^-1 [-K(v_s) e - D(v_s) edot] + Theta + gate comp, and all that it is made of.
+def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) -> Spatial:
+    """Return a_C = a_d + T_e M_D^-1 [-K(v_s) e - D(v_s) edot] + Theta + gate comp; its parts go to `given.law`.
 
     Args:
-        config: LAW_CONFIG.
-        gains: LAW_GAINS.
-        arm: ARM.
-        samples: CONTACT_SAMPLE of each contact.
-        follow_error: what an observer adds to G^T a_o; (6,) [m/s^2, rad/s^2] {ee}.
+        config: what does not change.
+        arm: at this joint state.
         e_previous: orientation error one cycle earlier; (3,) [rad].
-        slips: SLIP of each contact.
-        reference: REFERENCE.
+        given: gains, samples, slips, reference, follow_error; and the evaluation.
 
     With several contacts the pad gives way to its internal wrench, which the torque would cancel: ours.
 
     Implements: Eq. (23), (28), (29), with a_d of Eq. (23) outside of the gate.
     """
+    gains, samples, slips, reference, out = given.gains, given.samples, given.slips, given.reference, given.law
     R_ee, v_ee = mat(arm.rotation), spatial(arm.twist)
     R_d, v_d = mat(reference.rotation), spatial(reference.twist)
     a_d = config.feed_forward * spatial(reference.acceleration)
@@ -151,56 +145,78 @@ def control_law(
     # the object, on pad axes
     v_s = slip_velocity(config.contact[0], samples[0])
     o = object_motion(config, gains, samples, slips, R_ee, v_ee.angular, v_s.angular)
-    follow = G_T(o.r, o.a_o) + Phi2(o.w_o, o.r) + spatial(follow_error)
+    follow = G_T(o.r, o.a_o) + Phi2(o.w_o, o.r) + spatial(given.follow_error)
+    out.slip_speed = v_s.linear.norm()
+    put_spatial(out.v_s, v_s)
+    put(out.w_o, o.w_o)
+    put(out.r, o.r)
+    put_spatial(out.h_o, o.h_o)
+    put_spatial(out.a_o, o.a_o)
+    put_spatial(out.follow, follow)
+    put(out.carried, R_ee @ follow.linear)
 
     # errors, on world axes
     attitude = attitude_error(config.attitude, R_ee, R_d, v_ee.angular, v_d.angular, a_d.angular, vec(e_previous))
     e = Spatial(vec(arm.position) - vec(reference.position), attitude.error)
     e_dot = Spatial(v_ee.linear - v_d.linear, attitude.rate)
     Theta = Spatial(ZERO, attitude.Theta)
+    out.near_singular_attitude = attitude.near_singular
+    out.error_linear, out.error_angular = e.linear.norm(), e.angular.norm()
+    put_spatial(out.e, e)
+    put_spatial(out.e_dot, e_dot)
+    put_spatial(out.Theta, Theta)
 
-    # impedance with fading gains, compensation
+    # impedance with fading gains
     v = on_error_axes(attitude, R_ee @ v_s)
     K, D = faded(gains.gains.K_D, gains.gains.gamma_k, v), faded(gains.gains.D_D, gains.gains.gamma_d, v)
     Z = T_e(attitude, -(K * e + D * e_dot) / M_D)
-    gate = slip_activation(gains.gains, v_s)
+    put_spatial(out.K, K)
+    put_spatial(out.D, D)
+    put_spatial(out.Z, Z)
+
+    # compensation
+    out.gate = slip_activation(gains.gains, v_s)
     comp = slip_axes * (follow - k_s * v_s - R_ee.T() @ Theta)
-    gated = limit_spin(gains.gains.spin_limit, gate * comp)
+    gated = limit_spin(gains.gains.spin_limit, out.gate * comp)
     a_C = a_d + Z + Theta + R_ee @ gated
     h_int = internal_wrench(config, gains, samples, slips, o)
     if gains.gains.kappa != 0.0:
         a_C = a_C + gains.gains.kappa * (R_ee @ h_int) / M_D
-    return Law(v_s, o, follow, comp, gated, h_int, gate, e, e_dot, K, D, Theta, Z, a_d, a_C, attitude.near_singular)
+    put_spatial(out.comp, comp)
+    put_spatial(out.gated, gated)
+    put_spatial(out.h_int, h_int)
+    put_spatial(out.a_d, a_d)
+    put_spatial(out.a_C, a_C)
+    return a_C
 
 
 @part
-def evaluate(config: Any, arm: Any, sample: Any, memory: Any, given: Any) -> None:
-    """Fill an EVALUATION: the law, the joint torque, and the effort inside its limits.
+def evaluate(config: LawConfig, arm: Arm, sample: JointMotion, memory: Memory, given: Given) -> None:
+    """Fill `given.law`: the law, the joint torque, and the effort inside its limits.
 
     Args:
-        config, arm: LAW_CONFIG, ARM.
-        sample: position and velocity of the joints; [rad], [rad/s].
-        memory: posture of the null space [rad], and e_previous, for the branch of the orientation error: its value one
-            cycle earlier, `evaluation.e[3:]` (zeros at first) [rad].
-        given: gains, samples, follow_error, slips, reference, as of `control_law`, and law: the EVALUATION.
+        config: what does not change.
+        arm: at this joint state.
+        sample: position and velocity of the joints.
+        memory: posture of the null space, and e_previous, for the branch of the orientation error.
+        given: as of `control_law`.
 
     Implements: Eq. (21), (28), (29), the whole law.
     """
-    evaluation, samples, slips = given.law, given.samples, given.slips
-    law = control_law(config, given.gains, arm, samples, given.follow_error, memory.e_previous, slips, given.reference)
+    evaluation = given.law
+    a_C = control_law(config, arm, memory.e_previous, given)
     q, qd = sample.position, sample.velocity
-    solved, damping_squared = joint_torque(config, arm, law.a_C, samples, q, qd, memory.posture, evaluation.torque)
-    finite = clip_effort(config, evaluation) and finite_memory(config, law, slips)
+    solved, damping_squared = joint_torque(config, arm, a_C, given.samples, q, qd, memory.posture, evaluation.torque)
+    finite = clip_effort(config, evaluation) and finite_memory(config, evaluation, given.slips)
     evaluation.ok = solved and finite
     evaluation.near_singular_arm, evaluation.damping_squared = damping_squared > 0.0, damping_squared
-    put_law(evaluation, law)
-    R_ee = mat(arm.rotation)
-    put(evaluation.carried, R_ee @ law.follow.linear)
 
 
 @part
-def scale_acceleration(config: Any, arm: Any, sample: Any, memory: Any, factor: float, given: Any) -> None:
-    """Command `factor` a_C instead of the a_C of an EVALUATION: torque and effort follow.
+def scale_acceleration(
+    config: LawConfig, arm: Arm, sample: JointMotion, memory: Memory, factor: float, given: Given
+) -> None:
+    """Command `factor` a_C instead of the a_C of an evaluation: torque and effort follow.
 
     Args:
         config, arm, sample, memory, given: as of `evaluate`.
@@ -214,32 +230,7 @@ def scale_acceleration(config: Any, arm: Any, sample: Any, memory: Any, factor: 
 
 
 @part
-def put_law(out: Any, law: Law) -> None:
-    """Write the symbols of the law to an EVALUATION."""
-    out.near_singular_attitude, out.gate = law.near_singular, law.gate
-    out.error_linear, out.error_angular = law.e.linear.norm(), law.e.angular.norm()
-    out.slip_speed = law.v_s.linear.norm()
-    put_spatial(out.v_s, law.v_s)
-    put(out.w_o, law.object.w_o)
-    put(out.r, law.object.r)
-    put_spatial(out.h_o, law.object.h_o)
-    put_spatial(out.a_o, law.object.a_o)
-    put_spatial(out.follow, law.follow)
-    put_spatial(out.comp, law.comp)
-    put_spatial(out.gated, law.gated)
-    put_spatial(out.h_int, law.h_int)
-    put_spatial(out.e, law.e)
-    put_spatial(out.e_dot, law.e_dot)
-    put_spatial(out.K, law.K)
-    put_spatial(out.D, law.D)
-    put_spatial(out.Theta, law.Theta)
-    put_spatial(out.Z, law.Z)
-    put_spatial(out.a_d, law.a_d)
-    put_spatial(out.a_C, law.a_C)
-
-
-@part
-def clip_effort(config: Any, out: Any) -> bool:
+def clip_effort(config: LawConfig, out: Evaluation) -> bool:
     """Write the effort inside the limits, and which joints are beyond; return whether every torque is finite."""
     out.saturated_joints = 0
     finite = True
@@ -253,9 +244,9 @@ def clip_effort(config: Any, out: Any) -> bool:
 
 
 @part
-def finite_memory(config: Any, law: Law, slips: Any) -> bool:
+def finite_memory(config: LawConfig, law: Evaluation, slips: Records[Slip]) -> bool:
     """Return whether what the next cycle needs is finite: the orientation error and the slip displacements."""
-    finite = is_finite(law.e.angular.x) and is_finite(law.e.angular.y) and is_finite(law.e.angular.z)
+    finite = is_finite(law.e[3]) and is_finite(law.e[4]) and is_finite(law.e[5])
     for i in range(config.contacts):
         for j in range(3):
             finite = finite and is_finite(slips[i].position[j])
@@ -271,18 +262,21 @@ def is_finite(number: float) -> bool:
 
 
 @part
-def predict_motion(config: Any, gains: Any, arm: Any, samples: Any, slips: Any, slip_twist: Array, motion: Any) -> bool:
-    """Write what an observer is told of the object's motion; return whether every sample is finite.
+def predict_motion(
+    config: LawConfig, gains: LawGains, arm: Arm, samples: Records[ContactSample], slips: Records[Slip],
+    slip_twist: Array, motion: MotionTold,
+) -> bool:  # fmt: skip
+    """Write what an observer takes of the object's motion; return whether every sample is finite.
 
     Args:
-        config: LAW_CONFIG.
-        gains: LAW_GAINS.
-        arm: ARM.
-        samples: CONTACT_SAMPLE of each contact.
-        slips: SLIP of each contact, before the slip of this cycle is known.
-        slip_twist: v_s that the observer knows; (6,) [m/s, rad/s] {ee}.
-        motion: rotation R_ee; v_ee; follow = G^T a_o + Phi2 and force = G^T a_o - gravity (6,); drag = -f_ee / m and
-            w_o (3,); all {w}.
+        config: what does not change.
+        gains: in effect.
+        arm: at this joint state.
+        samples: of each contact.
+        slips: of each contact, before the slip of this cycle is known.
+        slip_twist: v_s of the observer's last tick; (6,) [m/s, rad/s] {ee}.
+        motion: result, all {w}: rotation R_ee; v_ee; follow = G^T a_o + Phi2 and force = G^T a_o - gravity (6,);
+            drag = -f_ee / m and w_o (3,).
 
     Implements: Eq. (10), (14), (17), G^T a_o + Phi2.
     """
@@ -300,18 +294,3 @@ def predict_motion(config: Any, gains: Any, arm: Any, samples: Any, slips: Any, 
         for j in range(6):
             finite = finite and is_finite(samples[i].wrench[j]) and is_finite(samples[i].slip_twist[j])
     return finite
-
-
-def make_law_config(params: ControllerParams, effort_limit: Array) -> Array:
-    """Return the LAW_CONFIG of the parameters; effort_limit (n,) [N m]."""
-    buffer = new(LAW_CONFIG)
-    config = record(buffer, LAW_CONFIG)
-    config.joints = len(effort_limit)
-    config.contacts = fill_contacts(params.contacts, config.contact)
-    config.attitude = RPY if params.attitude == "rpy" else LOG
-    config.feed_forward = params.feed_forward
-    config.nullspace_stiffness, config.nullspace_damping = params.nullspace.stiffness, params.nullspace.damping
-    config.radius = params.governor.torsional_radius
-    config.sigma_min, config.most_damping = params.singularity.sigma_min, params.singularity.damping
-    config.effort_limit[: len(effort_limit)] = effort_limit
-    return buffer

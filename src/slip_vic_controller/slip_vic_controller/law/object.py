@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from slip_core.compiled import part
+from slip_core.records import Records
 from slip_core.vectors import Mat, Spatial, Vec, mat, spatial, vec
-from slip_vic_controller.law.contact import G, contact_arm, contact_position, pad_rotation
+from slip_vic_controller.law.config import LawConfig
+from slip_vic_controller.law.contact import ContactSample, G, Slip, contact_arm, contact_position, pad_rotation
+from slip_vic_controller.law.gains import LawGains
 
 
 class ObjectMotion(NamedTuple):
@@ -23,18 +26,18 @@ class ObjectMotion(NamedTuple):
 
 @part
 def object_motion(
-    config: Any, gains: Any, samples: Any, slips: Any, R_ee: Mat, w_ee: Vec, slip_angular: Vec
-) -> ObjectMotion:
+    config: LawConfig, gains: LawGains, samples: Records[ContactSample], slips: Records[Slip], R_ee: Mat, w_ee: Vec,
+    slip_angular: Vec,
+) -> ObjectMotion:  # fmt: skip
     """Return what the object does under the wrenches of all contacts.
 
     Its attitude is not measured, it follows from the own pad: R_ee = R_o o_R_c. Worked out on pad axes, where wrench
     and slip are measured and slip axes are a mask.
 
     Args:
-        config: LAW_CONFIG.
-        gains: LAW_GAINS.
-        samples: CONTACT_SAMPLE of each contact.
-        slips: SLIP of each contact.
+        config: what does not change.
+        gains: in effect.
+        samples, slips: of each contact.
         R_ee: attitude of the own pad.
         w_ee: its turning [rad/s] {w}.
         slip_angular: v_sa of the own contact [rad/s] {ee}.

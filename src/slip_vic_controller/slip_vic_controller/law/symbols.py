@@ -4,72 +4,85 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Any
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_core.records import REAL, layout
+from slip_core.records import Real, Record, Records, Vec6, WholeArray, dtype_of, record
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, put_spatial, spatial, vec
+from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.attitude import T_e_inverse
-from slip_vic_controller.law.contact import G_T_inverse, Phi2
+from slip_vic_controller.law.config import LawConfig
+from slip_vic_controller.law.contact import G_T_inverse, Phi2, Slip
+from slip_vic_controller.law.gains import LawGains
 from slip_vic_controller.law.impedance import V_e, V_s
+from slip_vic_controller.law.law import DesiredMotion, Evaluation
 from slip_vic_controller.law.rotation import logarithm
 from slip_vic_controller.law.torque import null_torque, smallest_singular_value, task_torque
-from slip_vic_controller.sizes import MAX_JOINTS
+from slip_vic_controller.sizes import Joints
 
-_SIX, _JOINTS = (REAL, (6,)), (REAL, (MAX_JOINTS,))
 
-SLIP_ESTIMATE = layout(sliding=REAL, significance=REAL, deviation=_SIX, error=_SIX)
-"""What an observer publishes: whether it slides, how significantly; standard deviation of the slip velocity and the
-error of the object's acceleration that it has found [m/s, rad/s], [m/s^2, rad/s^2]; zeros without an observer."""
+class SlipEstimate(Record):
+    """What an observer publishes; zeros without one."""
 
-SYMBOLS = layout(
-    safe=REAL,
-    near_singular_arm=REAL,
-    near_singular_attitude=REAL,
-    effort=_JOINTS,
-    saturated=_JOINTS,
-    gate=REAL,
-    V_e=REAL,
-    V_s=REAL,
-    sigma_min=REAL,
-    damping_squared=REAL,
-    k_s=REAL,
-    sliding=REAL,
-    slip_significance=REAL,
-    position=_SIX,
-    desired=_SIX,
-    s=_SIX,
-    twist=_SIX,
-    h_ee=_SIX,
-    v_s=_SIX,
-    e=_SIX,
-    e_dot=_SIX,
-    K=_SIX,
-    D=_SIX,
-    comp=_SIX,
-    Lambda=_SIX,
-    Theta=_SIX,
-    Z=_SIX,
-    a_d=_SIX,
-    a_C=_SIX,
-    h_o=_SIX,
-    v_o=_SIX,
-    a_o=_SIX,
-    Phi2=_SIX,
-    slip_deviation=_SIX,
-    slip_error=_SIX,
-    tau_task=_JOINTS,
-    tau_null=_JOINTS,
-    tau_bias=_JOINTS,
-)
-"""Flags, effort and saturation of each joint; then what the law has made, NaN where it was not evaluated.
+    sliding: Real  # 1 while it slides
+    significance: Real  # normalised innovation squared
+    deviation: Vec6  # m/s, rad/s {ee}; standard deviation of the slip velocity
+    error: Vec6  # m/s^2, rad/s^2 {ee}; error of the object's acceleration that it has found
 
-position, desired and s are poses: position and rotation vector. Vectors are on {w}; e, e_dot, K, D in the coordinates
-of the error. Joints beyond those in use are not published.
-"""
+
+SLIP_ESTIMATE = dtype_of(SlipEstimate)
+
+
+class Symbols(Record):
+    """The published numbers, NaN where the law was not evaluated; the name on the topic is the field's.
+
+    Poses are position [m] and rotation vector [rad]. Vectors are on {w}; e, e_dot, K, D in the coordinates of the
+    error. Joints beyond those in use are not published. Units: see `Evaluation`.
+    """
+
+    safe: Real  # 1 where the law was not evaluated
+    near_singular_arm: Real
+    near_singular_attitude: Real
+    effort: Joints  # N m
+    saturated: Joints  # 0 or 1
+    gate: Real
+    V_e: Real  # J
+    V_s: Real  # m^2/s^2
+    sigma_min: Real  # smallest singular value of J
+    damping_squared: Real  # 1/kg
+    k_s: Real  # 1/s
+    sliding: Real
+    slip_significance: Real
+    position: Vec6  # pose of the pad
+    desired: Vec6  # pose of the reference
+    s: Vec6  # pose of the pad on the object
+    twist: Vec6
+    h_ee: Vec6
+    v_s: Vec6
+    e: Vec6
+    e_dot: Vec6
+    K: Vec6
+    D: Vec6
+    comp: Vec6
+    Lambda: Vec6
+    Theta: Vec6
+    Z: Vec6
+    a_d: Vec6
+    a_C: Vec6  # noqa: N815
+    h_o: Vec6
+    v_o: Vec6
+    a_o: Vec6
+    Phi2: Vec6
+    slip_deviation: Vec6
+    slip_error: Vec6
+    tau_task: Joints  # N m
+    tau_null: Joints  # N m
+    tau_bias: Joints  # N m
+
+
+SYMBOLS = dtype_of(Symbols)
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -91,15 +104,16 @@ def published(joints: int) -> tuple[tuple[str, ...], Array]:
 
 @part
 def symbols(
-    config: Any, gains: Any, arm: Any, slips: Any, reference: Any, evaluation: Any, estimate: Any, out: Any
-) -> None:
-    """Fill the SYMBOLS of a law that was evaluated; its flag `safe` is 0.
+    config: LawConfig, gains: LawGains, arm: Arm, slips: Records[Slip], reference: DesiredMotion,
+    evaluation: Evaluation, estimate: SlipEstimate, out: Symbols,
+) -> None:  # fmt: skip
+    """Fill the symbols of a law that was evaluated; their flag `safe` is 0.
 
     Args:
-        config, gains, arm, slips, reference: what `evaluate` was given.
-        evaluation: EVALUATION that it has filled.
-        estimate: SLIP_ESTIMATE, or any record with these names.
-        out: SYMBOLS.
+        config, gains, arm, slips, reference: of the evaluation.
+        evaluation: filled by `evaluate`.
+        estimate: of the observer, zeros without one.
+        out: result.
 
     Implements: Eq. (24), (28), (30), with Lambda = M_D T_e^-1 gate comp.
     """
@@ -122,15 +136,14 @@ def symbols(
     put_spatial(out.v_o, R_ee @ G_T_inverse(r, R_ee.T() @ v_ee - v_s))
     put_spatial(out.a_o, R_ee @ spatial(v.a_o))
     put_spatial(out.Phi2, Spatial(R_ee @ Phi2(w_o, r).linear, ZERO))
-    for i in range(6):
-        out.twist[i], out.h_ee[i] = arm.twist[i], v.torque.h_ee[i]
-        out.e[i], out.e_dot[i], out.K[i], out.D[i] = v.e[i], v.e_dot[i], v.K[i], v.D[i]
-        out.Theta[i], out.Z[i], out.a_d[i], out.a_C[i] = v.Theta[i], v.Z[i], v.a_d[i], v.a_C[i]
-        out.slip_deviation[i], out.slip_error[i] = estimate.deviation[i], estimate.error[i]
+    out.twist[:], out.h_ee[:] = arm.twist, v.torque.h_ee
+    out.e[:], out.e_dot[:], out.K[:], out.D[:] = v.e, v.e_dot, v.K, v.D
+    out.Theta[:], out.Z[:], out.a_d[:], out.a_C[:] = v.Theta, v.Z, v.a_d, v.a_C
+    out.slip_deviation[:], out.slip_error[:] = estimate.deviation, estimate.error
+    out.tau_bias[:] = arm.bias
     for j in range(n):
         out.effort[j], out.saturated[j] = v.effort[j], v.saturated[j]
         out.tau_task[j], out.tau_null[j] = task_torque(arm, v.torque, j), null_torque(arm, v.torque, j)
-        out.tau_bias[j] = arm.bias[j]
 
 
 @part
@@ -140,24 +153,15 @@ def put_pose(out: Array, position: Vec, rotation: Mat) -> None:
 
 
 @part
-def no_symbols(effort: Array, saturated: Array, joints: int, out: Any) -> None:
-    """Fill the SYMBOLS of a tick without the law: flag `safe`, the command, and NaN for the rest.
+def no_symbols(effort: Array, saturated: WholeArray, symbols_buffer: Array) -> None:
+    """Fill the symbols of a tick without the law: flag `safe`, the command, and NaN for the rest.
 
     Args:
         effort, saturated: the command, and which joints were clipped; [N m], 0 or 1.
-        joints: how many.
-        out: SYMBOLS.
+        symbols_buffer: Symbols; result.
     """
-    nan = math.nan
+    symbols_buffer[:] = math.nan
+    out: Symbols = record(symbols_buffer, SYMBOLS)
     out.safe, out.near_singular_arm, out.near_singular_attitude = 1.0, 0.0, 0.0
-    out.gate = out.V_e = out.V_s = out.sigma_min = out.damping_squared = nan
-    out.k_s = out.sliding = out.slip_significance = nan
-    for i in range(6):
-        out.position[i] = out.desired[i] = out.s[i] = out.twist[i] = out.h_ee[i] = out.v_s[i] = nan
-        out.e[i] = out.e_dot[i] = out.K[i] = out.D[i] = out.comp[i] = out.Lambda[i] = nan
-        out.Theta[i] = out.Z[i] = out.a_d[i] = out.a_C[i] = nan
-        out.h_o[i] = out.v_o[i] = out.a_o[i] = out.Phi2[i] = nan
-        out.slip_deviation[i] = out.slip_error[i] = nan
-    for j in range(joints):
+    for j in range(effort.shape[0]):
         out.effort[j], out.saturated[j] = effort[j], saturated[j]
-        out.tau_task[j] = out.tau_null[j] = out.tau_bias[j] = nan

@@ -6,43 +6,50 @@ B_x = (J B^-1 J^T)^-1 and the dynamically consistent N are never formed: two Cho
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.cholesky import back_substitute, cholesky, forward_substitute
 from slip_core.compiled import part
-from slip_core.records import REAL, layout
+from slip_core.records import Record, Records, Vec6, dtype_of
 from slip_core.vectors import Spatial, mat, put_spatial, spatial
-from slip_vic_controller.sizes import MAX_JOINTS
+from slip_vic_controller.law.arm import Arm
+from slip_vic_controller.law.config import LawConfig
+from slip_vic_controller.law.contact import ContactSample
+from slip_vic_controller.sizes import Joints
 
-TORQUE = layout(
-    h_ee=(REAL, (6,)),
-    tau_0=(REAL, (MAX_JOINTS,)),
-    task=(REAL, (6,)),
-    null=(REAL, (6,)),
-    tau=(REAL, (MAX_JOINTS,)),
-)
-"""The parts of Eq. (21): h_ee {w} [N, N m]; posture torque tau_0 [N m]; task = B_x (a_C - Jdot qd) and null, what the
-task would feel of tau_0 [N, N m] {w}; tau before the limits [N m]."""
+
+class Torque(Record):
+    """The parts of Eq. (21), before the limits."""
+
+    h_ee: Vec6  # N, N m {w}
+    tau_0: Joints  # N m; posture torque
+    task: Vec6  # N, N m {w}; B_x (a_C - Jdot qd)
+    null: Vec6  # N, N m {w}; what the task would feel of tau_0
+    tau: Joints  # N m; the whole
+
+
+TORQUE = dtype_of(Torque)
 
 
 @part
 def joint_torque(
-    config: Any, arm: Any, a_C: Spatial, samples: Any, q: Array, qd: Array, posture: Array, out: Any
-) -> tuple[bool, float]:
+    config: LawConfig, arm: Arm, a_C: Spatial, samples: Records[ContactSample], q: Array, qd: Array, posture: Array,
+    out: Torque,
+) -> tuple[bool, float]:  # fmt: skip
     """Write tau = J^T [B_x (a_C - Jdot qd) - h_ee] + C qd + g + N^T tau_0 and its parts.
 
     Returns whether all factors exist, and what was added to the diagonal of J B^-1 J^T near a singularity [1/kg].
 
     Args:
-        config: LAW_CONFIG.
-        arm: ARM.
+        config: null space and singularity policy.
+        arm: at this joint state.
         a_C: control acceleration [m/s^2, rad/s^2] {w}.
-        samples: CONTACT_SAMPLE of each contact, of which the own wrench counts.
+        samples: of each contact, of which the own wrench counts.
         q, qd, posture: joint state and posture of the null space; [rad], [rad/s], [rad].
-        out: TORQUE.
+        out: result.
 
     Implements: Eq. (9), (21), with tau_0 = -k (q - q_0) - d qd.
     """
@@ -85,8 +92,8 @@ def joint_torque(
 
 
 @part
-def task_torque(arm: Any, torque: Any, j: int) -> float:
-    """Return J^T [B_x (a_C - Jdot qd) - h_ee] of joint j [N m]; ARM, TORQUE."""
+def task_torque(arm: Arm, torque: Torque, j: int) -> float:
+    """Return J^T [B_x (a_C - Jdot qd) - h_ee] of joint j [N m]."""
     total = 0.0
     for i in range(6):
         total += arm.J[i, j] * (torque.task[i] - torque.h_ee[i])
@@ -94,8 +101,8 @@ def task_torque(arm: Any, torque: Any, j: int) -> float:
 
 
 @part
-def null_torque(arm: Any, torque: Any, j: int) -> float:
-    """Return N^T tau_0 of joint j [N m]; ARM, TORQUE."""
+def null_torque(arm: Arm, torque: Torque, j: int) -> float:
+    """Return N^T tau_0 of joint j [N m]."""
     total = torque.tau_0[j]
     for i in range(6):
         total -= arm.J[i, j] * torque.null[i]

@@ -14,13 +14,27 @@ On pad axes; v in m/s (linear) or rad/s (angular), b in m/s^2 or rad/s^2, c with
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from slip_core.compiled import part
-from slip_core.records import REAL, layout
+from slip_core.records import Real, Record, dtype_of
 
-AXIS = layout(v=REAL, b=REAL, c=REAL, P_vv=REAL, P_vb=REAL, P_vc=REAL, P_bb=REAL, P_bc=REAL, P_cc=REAL)
-"""Estimate and covariance of one axis, as a record."""
+
+class AxisRecord(Record):
+    """An `Axis` in a buffer: estimate and covariance of one axis."""
+
+    v: Real  # m/s or rad/s; slip velocity
+    b: Real  # m/s^2 or rad/s^2; constant error of the predicted acceleration
+    c: Real  # its error in proportion to the specific force
+    P_vv: Real
+    P_vb: Real
+    P_vc: Real
+    P_bb: Real
+    P_bc: Real
+    P_cc: Real
+
+
+AXIS = dtype_of(AxisRecord)
 
 RARE = 1e-6
 """Probability of the dead band below which only its near edge matters."""
@@ -29,7 +43,7 @@ _INVERSE_SQRT_TWO_PI = 1.0 / math.sqrt(2.0 * math.pi)
 
 
 class Axis(NamedTuple):
-    """Estimate (v, b, c) of one axis and its covariance P; the numbers of an `AXIS` record."""
+    """Estimate (v, b, c) of one axis and its covariance P; the numbers of an `AxisRecord`."""
 
     v: float
     b: float
@@ -43,14 +57,14 @@ class Axis(NamedTuple):
 
 
 @part
-def read_axis(a: Any) -> Axis:
-    """Return the numbers of an AXIS record."""
+def read_axis(a: AxisRecord) -> Axis:
+    """Return the numbers of a record."""
     return Axis(a.v, a.b, a.c, a.P_vv, a.P_vb, a.P_vc, a.P_bb, a.P_bc, a.P_cc)
 
 
 @part
-def put_axis(a: Any, x: Axis) -> None:
-    """Write the numbers to an AXIS record."""
+def put_axis(a: AxisRecord, x: Axis) -> None:
+    """Write the numbers to a record."""
     a.v, a.b, a.c = x.v, x.b, x.c
     a.P_vv, a.P_vb, a.P_vc = x.P_vv, x.P_vb, x.P_vc
     a.P_bb, a.P_bc, a.P_cc = x.P_bb, x.P_bc, x.P_cc

@@ -10,7 +10,7 @@ from scipy.special import chdtri  # scipy.stats has the same under a clearer nam
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import new, record
-from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
+from slip_vic_controller.observer.layouts import OBSERVER_CONFIG, ObserverConfig
 from slip_vic_controller.params import ControllerParams
 
 SPARE_ROWS = 64
@@ -73,9 +73,10 @@ def observer_config(params: ControllerParams) -> Array:
     }
 
     buffer = new(OBSERVER_CONFIG)
-    config = record(buffer, OBSERVER_CONFIG)
+    config: ObserverConfig = record(buffer, OBSERVER_CONFIG)
     for name, (linear, angular) in deviations.items():
-        config[name][:3], config[name][3:] = linear**2, angular**2
+        of_axes = getattr(config, name)
+        of_axes[:3], of_axes[3:] = linear**2, angular**2
     config.axes[:] = params.contacts.slip_axes
     config.onset_gain[:3], config.onset_gain[3:] = lever * onset, onset
     config.dead_band[:3], config.dead_band[3:] = sensor.dead_band_linear, sensor.dead_band_angular

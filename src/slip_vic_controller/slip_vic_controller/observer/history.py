@@ -2,37 +2,46 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_vic_controller.observer.layouts import AXES, ROW, SAMPLE_ROW, TICK_ROW
+from slip_core.records import Records
+from slip_vic_controller.law.contact import StampedSlip
+from slip_vic_controller.observer.layouts import (
+    AXES,
+    ROW,
+    SAMPLE_ROW,
+    TICK_ROW,
+    Observer,
+    ObserverConfig,
+    Row,
+)
 
 _HEAD = ROW.fields["axes"][1] // 8  # type: ignore[index]
 """Numbers of a row before its estimate."""
 
 
 @part
-def slot(state: Any, capacity: int, i: int) -> int:
+def slot(state: Observer, capacity: int, i: int) -> int:
     """Return where row number i, from the oldest, lies in the ring."""
     j = state.first + i
     return j if j < capacity else j - capacity
 
 
 @part
-def row_at(state: Any, rows: Any, i: int) -> Any:
+def row_at(state: Observer, rows: Records[Row], i: int) -> Row:
     """Return row number i, from the oldest."""
-    return rows[slot(state, rows.shape[0], i)]
+    return rows[slot(state, len(rows), i)]
 
 
 @part
-def drop_oldest(state: Any, rows: Any) -> None:
+def drop_oldest(state: Observer, rows: Records[Row]) -> None:
     """Forget the oldest row."""
-    state.first = slot(state, rows.shape[0], 1)
+    state.first = slot(state, len(rows), 1)
     state.rows -= 1
 
 
 @part
-def clear(state: Any, history: Any, i: int) -> None:
+def clear(state: Observer, history: Array, i: int) -> None:
     """Forget what was in the place of row number i before, so that equal states have equal bytes."""
     place = slot(state, history.shape[0], i)
     for j in range(history.shape[1]):
@@ -40,9 +49,9 @@ def clear(state: Any, history: Any, i: int) -> None:
 
 
 @part
-def append(state: Any, history: Any, rows: Any) -> Any:
+def append(state: Observer, history: Array, rows: Records[Row]) -> Row:
     """Return a new last row; where there is no room the oldest one goes."""
-    if state.rows == rows.shape[0]:
+    if state.rows == len(rows):
         drop_oldest(state, rows)
     state.rows += 1
     clear(state, history, state.rows - 1)
@@ -50,7 +59,7 @@ def append(state: Any, history: Any, rows: Any) -> Any:
 
 
 @part
-def newest_tick(state: Any, rows: Any) -> int:
+def newest_tick(state: Observer, rows: Records[Row]) -> int:
     """Return the number of the last row that is a tick."""
     i = state.rows - 1
     while row_at(state, rows, i).kind != TICK_ROW:
@@ -59,10 +68,10 @@ def newest_tick(state: Any, rows: Any) -> int:
 
 
 @part
-def before(config: Any, a: Any, b: Any) -> bool:
+def before(config: ObserverConfig, a: StampedSlip, b: StampedSlip) -> bool:
     """Return whether sample a counts before sample b: by stamp, then by value, whatever the order of arrival."""
     if a.stamp_ns != b.stamp_ns:
-        return bool(a.stamp_ns < b.stamp_ns)
+        return a.stamp_ns < b.stamp_ns
     for i in range(AXES):
         if config.axes[i] and a.twist[i] != b.twist[i]:
             return bool(a.twist[i] < b.twist[i])
@@ -70,7 +79,7 @@ def before(config: Any, a: Any, b: Any) -> bool:
 
 
 @part
-def next_sample(config: Any, samples: Any, count: int, last: int) -> int:
+def next_sample(config: ObserverConfig, samples: Records[StampedSlip], count: int, last: int) -> int:
     """Return the number of the sample that counts next after number `last`, or first of all where that is -1."""
     found = -1
     for i in range(count):
@@ -85,13 +94,13 @@ def next_sample(config: Any, samples: Any, count: int, last: int) -> int:
 
 
 @part
-def insert(config: Any, state: Any, history: Any, rows: Any, sample: Any) -> int:
+def insert(config: ObserverConfig, state: Observer, history: Array, rows: Records[Row], sample: StampedSlip) -> int:
     """Put a sample behind the first tick not before its stamp, else the last one; return the number of its row.
 
     There is room for it, and the oldest row is of a tick before its stamp. The estimates of the rows behind it are
     void.
     """
-    capacity, count = rows.shape[0], state.rows
+    capacity, count = len(rows), state.rows
     tick = count
     while tick > 0 and row_at(state, rows, tick - 1).stamp_ns >= sample.stamp_ns:
         tick -= 1

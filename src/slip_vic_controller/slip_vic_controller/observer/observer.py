@@ -10,26 +10,26 @@ On pad axes throughout; only the axes in which the contact can slip are filtered
 
 from __future__ import annotations
 
-from typing import Any
-
+from slip_core.arrays import Array
 from slip_core.cholesky import LARGEST
 from slip_core.compiled import part
-from slip_core.records import records
+from slip_core.records import Records, records
 from slip_core.vectors import Spatial, Vec, mat, put, put_spatial, spatial, vec
+from slip_vic_controller.law.contact import StampedSlip
 from slip_vic_controller.observer.axis import Axis, put_axis, read_axis
 from slip_vic_controller.observer.history import append
-from slip_vic_controller.observer.layouts import AXES, ROW, TICK_ROW
+from slip_vic_controller.observer.layouts import AXES, ROW, TICK_ROW, Motion, Observer, ObserverConfig, Row
 from slip_vic_controller.observer.slip import drop_old_rows, observe_slip
 from slip_vic_controller.observer.stick import observe_stick
 
 
 @part
-def reset(config: Any, state: Any, stamp_ns: int, v_ee: Any) -> None:
+def reset(config: ObserverConfig, state: Observer, stamp_ns: int, v_ee: Array) -> None:
     """Begin without slip, the model's errors unknown.
 
     Args:
-        config: OBSERVER_CONFIG.
-        state: OBSERVER, overwritten.
+        config: tuning.
+        state: overwritten.
         stamp_ns: of the tick before the first one.
         v_ee: twist of the pad at it; (6,) [m/s, rad/s] {w}.
     """
@@ -44,16 +44,19 @@ def reset(config: Any, state: Any, stamp_ns: int, v_ee: Any) -> None:
 
 
 @part
-def observe(config: Any, state: Any, history: Any, motion: Any, stamp_ns: int, samples: Any, count: int) -> bool:
+def observe(
+    config: ObserverConfig, state: Observer, history: Array, motion: Motion, stamp_ns: int,
+    samples: Records[StampedSlip], count: int,
+) -> bool:  # fmt: skip
     """Take in one tick and the samples that came with it; return whether every number of the state is finite.
 
     Args:
-        config: OBSERVER_CONFIG.
-        state: OBSERVER, overwritten; where the result is False it is void.
+        config: tuning.
+        state: overwritten; where the result is False it is undefined.
         history: (capacity, ROW_SIZE) float64, zeros in the beginning; belongs to the state, overwritten.
-        motion: MOTION of this tick.
+        motion: of this tick.
         stamp_ns: of this tick, not before the last one.
-        samples: SLIP_SAMPLE records of the own contact, in any order.
+        samples: of the own contact, in any order.
         count: how many of them there are.
     """
     rows = records(history, ROW)
@@ -75,7 +78,7 @@ def observe(config: Any, state: Any, history: Any, motion: Any, stamp_ns: int, s
 
 
 @part
-def filtered(config: Any, s: Spatial) -> Spatial:
+def filtered(config: ObserverConfig, s: Spatial) -> Spatial:
     """Return the components on filtered axes, zero on the others."""
     a, b = s.linear, s.angular
     return Spatial(
@@ -85,13 +88,13 @@ def filtered(config: Any, s: Spatial) -> Spatial:
 
 
 @part
-def force_on_pad(config: Any, motion: Any) -> Spatial:
+def force_on_pad(config: ObserverConfig, motion: Motion) -> Spatial:
     """Return the specific force on the filtered axes; [m/s^2, rad/s^2] {ee}."""
     return filtered(config, mat(motion.rotation).T() @ spatial(motion.force))
 
 
 @part
-def describe_tick(config: Any, state: Any, motion: Any, dt: float, row: Any) -> None:
+def describe_tick(config: ObserverConfig, state: Observer, motion: Motion, dt: float, row: Row) -> None:
     """Write what a tick does to the slip velocity, whatever that is: dv_ee - dt (G^T a_o + Phi2), and Phi1'; {ee}."""
     to_pad = mat(motion.rotation).T()
     v_ee = spatial(motion.v_ee)
@@ -107,7 +110,7 @@ def describe_tick(config: Any, state: Any, motion: Any, dt: float, row: Any) -> 
 
 
 @part
-def publish(config: Any, state: Any, motion: Any) -> None:
+def publish(config: ObserverConfig, state: Observer, motion: Motion) -> None:
     """Write what the law is given: slip velocity, zero in stick; error b + c f of `follow`; variance."""
     force = force_on_pad(config, motion)
     for i in range(AXES):
@@ -119,7 +122,7 @@ def publish(config: Any, state: Any, motion: Any) -> None:
 
 
 @part
-def are_small(config: Any, samples: Any, count: int) -> bool:
+def are_small(config: ObserverConfig, samples: Records[StampedSlip], count: int) -> bool:
     """Return whether every reading on a filtered axis is finite and its square is."""
     small = True
     for k in range(count):
@@ -129,7 +132,7 @@ def are_small(config: Any, samples: Any, count: int) -> bool:
 
 
 @part
-def is_small(state: Any) -> bool:
+def is_small(state: Observer) -> bool:
     """Return whether every number of the state is finite and its square is."""
     small = state.significance <= LARGEST
     for i in range(AXES):

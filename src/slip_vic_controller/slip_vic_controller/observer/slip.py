@@ -5,12 +5,14 @@ v_s[k+1] = v_s[k] + dv_ee - T (G^T a_o + Phi1' v_s + Phi2), with the model's err
 
 from __future__ import annotations
 
-from typing import Any
-
+from slip_core.arrays import Array
 from slip_core.compiled import part
+from slip_core.records import Records
 from slip_core.vectors import Spatial, Vec, vec
+from slip_vic_controller.law.contact import StampedSlip
 from slip_vic_controller.observer.axis import (
     Axis,
+    AxisRecord,
     contradicts,
     correct,
     correct_within,
@@ -20,7 +22,7 @@ from slip_vic_controller.observer.axis import (
     robust_variance,
 )
 from slip_vic_controller.observer.history import drop_oldest, insert, row_at
-from slip_vic_controller.observer.layouts import AXES, SAMPLE_ROW, TICK_ROW
+from slip_vic_controller.observer.layouts import AXES, SAMPLE_ROW, TICK_ROW, Observer, ObserverConfig, Row
 
 LEAST_SHARE = 1e-3
 """Share of an axis across the friction force below which its direction says nothing of it."""
@@ -35,13 +37,13 @@ def component(s: Spatial, i: int) -> float:
 
 
 @part
-def slip_velocity(axes: Any) -> Spatial:
+def slip_velocity(axes: Records[AxisRecord]) -> Spatial:
     """Return the estimated slip velocity; [m/s, rad/s] {ee}."""
     return Spatial(Vec(axes[0].v, axes[1].v, axes[2].v), Vec(axes[3].v, axes[4].v, axes[5].v))
 
 
 @part
-def predict_tick(config: Any, ahead: Any, row: Any) -> None:
+def predict_tick(config: ObserverConfig, ahead: Records[AxisRecord], row: Row) -> None:
     """Predict the estimate `ahead` of a tick over it.
 
     step - dt (w_ee x + Phi1') v_s: turning axes and Coriolis take from the slip velocity what they turn it by.
@@ -56,7 +58,7 @@ def predict_tick(config: Any, ahead: Any, row: Any) -> None:
 
 
 @part
-def friction_direction_update(config: Any, row: Any) -> None:
+def friction_direction_update(config: ObserverConfig, row: Row) -> None:
     """Take in that friction opposes slip: the pad slides over the object in the direction d in which it drags it.
 
     v is corrected towards (v.d)+ d / d^2 with d = drag + b + c f, where the axis is not along d. The friction
@@ -83,7 +85,7 @@ def friction_direction_update(config: Any, row: Any) -> None:
 
 
 @part
-def reads_within(config: Any, sample: Any, i: int) -> float:
+def reads_within(config: ObserverConfig, sample: StampedSlip, i: int) -> float:
     """Return the dead band in which an axis of a sample lies, 0 where the sample reads a number."""
     first = 0 if i < 3 else 3
     reads = sample.twist
@@ -92,7 +94,7 @@ def reads_within(config: Any, sample: Any, i: int) -> float:
 
 
 @part
-def correct_sample(config: Any, ahead: Any, row: Any) -> None:
+def correct_sample(config: ObserverConfig, ahead: Records[AxisRecord], row: Row) -> None:
     """Take the sample of a row in; a half of it that reads zero only says that it is within the dead band."""
     row.contradicts = 0
     for i in range(AXES):
@@ -106,7 +108,7 @@ def correct_sample(config: Any, ahead: Any, row: Any) -> None:
 
 
 @part
-def rerun(config: Any, state: Any, rows: Any, ahead: Any, first: int) -> None:
+def rerun(config: ObserverConfig, state: Observer, rows: Records[Row], ahead: Records[AxisRecord], first: int) -> None:
     """Run the rows from number `first` on, again or for the first time; `ahead`: the filters before it."""
     for i in range(first, state.rows):
         row = row_at(state, rows, i)
@@ -122,7 +124,7 @@ def rerun(config: Any, state: Any, rows: Any, ahead: Any, first: int) -> None:
 
 
 @part
-def normalised_innovation_squared(config: Any, state: Any) -> float:
+def normalised_innovation_squared(config: ObserverConfig, state: Observer) -> float:
     """Return v^T P^-1 v of the estimate against v = 0, chi-squared where there is no slip; [1]."""
     total = 0.0
     for i in range(AXES):
@@ -133,7 +135,7 @@ def normalised_innovation_squared(config: Any, state: Any) -> float:
 
 
 @part
-def is_confirmed(config: Any, state: Any) -> bool:
+def is_confirmed(config: ObserverConfig, state: Observer) -> bool:
     """Return whether the estimate is known well enough to be believed when it says rest.
 
     Doubt is not rest: control holds the estimate near zero, so only a model that has been confirmed can tell. Nor is an
@@ -148,7 +150,7 @@ def is_confirmed(config: Any, state: Any) -> bool:
 
 
 @part
-def begin_stick(config: Any, state: Any) -> None:
+def begin_stick(config: ObserverConfig, state: Observer) -> None:
     """End the slip: v = 0 exactly; what was learnt of the model's errors stays."""
     state.sliding, state.quiet, state.since_ns = 0, 0, state.stamp_ns
     state.first, state.rows = 0, 0
@@ -160,19 +162,22 @@ def begin_stick(config: Any, state: Any) -> None:
 
 
 @part
-def drop_old_rows(config: Any, state: Any, rows: Any, count: int) -> None:
+def drop_old_rows(config: ObserverConfig, state: Observer, rows: Records[Row], count: int) -> None:
     """Drop rows older than the memory, and more where a tick and `count` samples would find no room; one row stays."""
     oldest_ns = state.stamp_ns - config.memory_ns
-    while state.rows > 1 and (row_at(state, rows, 0).stamp_ns < oldest_ns or state.rows + 1 + count > rows.shape[0]):
+    while state.rows > 1 and (row_at(state, rows, 0).stamp_ns < oldest_ns or state.rows + 1 + count > len(rows)):
         drop_oldest(state, rows)
 
 
 @part
-def place_samples(config: Any, state: Any, history: Any, rows: Any, samples: Any, count: int) -> int:
+def place_samples(
+    config: ObserverConfig, state: Observer, history: Array, rows: Records[Row], samples: Records[StampedSlip],
+    count: int,
+) -> int:  # fmt: skip
     """Put out-of-sequence samples at the ticks at which they were measured; return the first row that is new."""
     oldest_ns, first = row_at(state, rows, 0).stamp_ns, state.rows - 1
     for k in range(count):
-        if samples[k].stamp_ns > oldest_ns and state.rows < rows.shape[0]:
+        if samples[k].stamp_ns > oldest_ns and state.rows < len(rows):
             first = min(first, insert(config, state, history, rows, samples[k]))
         else:
             state.late += 1
@@ -180,7 +185,7 @@ def place_samples(config: Any, state: Any, history: Any, rows: Any, samples: Any
 
 
 @part
-def contradicted_since(state: Any, rows: Any) -> int:
+def contradicted_since(state: Observer, rows: Records[Row]) -> int:
     """Return the number of the row of the first of LASTING newest samples that all contradict the estimate, else -1."""
     count, i = 0, state.rows
     while i > 0 and count < LASTING:
@@ -194,7 +199,7 @@ def contradicted_since(state: Any, rows: Any) -> int:
 
 
 @part
-def say_rest(config: Any, state: Any, rows: Any, first: int) -> bool:
+def say_rest(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> bool:
     """Return whether the mean of the samples from row `first` on is insignificant against v = 0."""
     total = 0.0
     for i in range(AXES):
@@ -209,7 +214,7 @@ def say_rest(config: Any, state: Any, rows: Any, first: int) -> bool:
 
 
 @part
-def believe_samples(config: Any, state: Any, rows: Any, first: int) -> None:
+def believe_samples(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> None:
     """Begin anew at the sample of row `first`: the model's errors are as unknown as in the beginning.
 
     A filter that is sure of a wrong model takes every sample for an outlier, and so would never come back.
@@ -227,7 +232,7 @@ def believe_samples(config: Any, state: Any, rows: Any, first: int) -> None:
 
 
 @part
-def rest_of_samples(config: Any, state: Any) -> None:
+def rest_of_samples(config: ObserverConfig, state: Observer) -> None:
     """End a slip that the samples never saw, the model's errors as unknown as in the beginning."""
     begin_stick(config, state)
     for i in range(AXES):
@@ -238,7 +243,10 @@ def rest_of_samples(config: Any, state: Any) -> None:
 
 
 @part
-def observe_slip(config: Any, state: Any, history: Any, rows: Any, samples: Any, count: int) -> None:
+def observe_slip(
+    config: ObserverConfig, state: Observer, history: Array, rows: Records[Row], samples: Records[StampedSlip],
+    count: int,
+) -> None:  # fmt: skip
     """Predict, correct, and test whether the slip is over, or never was; the tick's row is the last one of a tick."""
     first = place_samples(config, state, history, rows, samples, count)
     rerun(config, state, rows, row_at(state, rows, first - 1).axes, first)

@@ -7,18 +7,19 @@ beginning of a slip would be learnt as an error of the model.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from slip_core.compiled import part
+from slip_core.records import Records
 from slip_core.vectors import vec
+from slip_vic_controller.law.contact import StampedSlip
 from slip_vic_controller.observer.axis import Axis, put_axis, read_axis, zero_velocity_update
 from slip_vic_controller.observer.history import drop_oldest, next_sample, row_at, slot
-from slip_vic_controller.observer.layouts import AXES
+from slip_vic_controller.observer.layouts import AXES, Observer, ObserverConfig, Row
 from slip_vic_controller.observer.slip import rerun
 
 
 @part
-def add_up(state: Any, rows: Any) -> None:
+def add_up(state: Observer, rows: Records[Row]) -> None:
     """Write dt, step and dt force, added up since the beginning of stick, to the last row."""
     row = row_at(state, rows, state.rows - 1)
     row.time = row.dt
@@ -33,7 +34,7 @@ def add_up(state: Any, rows: Any) -> None:
 
 
 @part
-def learn_model_errors(config: Any, state: Any, row: Any) -> None:
+def learn_model_errors(config: ObserverConfig, state: Observer, row: Row) -> None:
     """Learn the model's errors from a tick that has passed as stick."""
     for i in range(AXES):
         if config.axes[i]:
@@ -43,7 +44,7 @@ def learn_model_errors(config: Any, state: Any, row: Any) -> None:
 
 
 @part
-def normalised_innovation_squared(config: Any, state: Any, rows: Any) -> float:
+def normalised_innovation_squared(config: ObserverConfig, state: Observer, rows: Records[Row]) -> float:
     """Return v^T S^-1 v of the velocity that the window adds up to from v = 0; chi-squared where there is no slip; [1].
 
     S: the variances that the model's errors and the process noise of the window give it.
@@ -62,13 +63,15 @@ def normalised_innovation_squared(config: Any, state: Any, rows: Any) -> float:
 
 
 @part
-def variance_ratio_of_mean(config: Any) -> float:
+def variance_ratio_of_mean(config: ObserverConfig) -> float:
     """Return the variance of the weighted mean of samples over that of one sample; [1]."""
     return config.smoothing / (2.0 - config.smoothing)
 
 
 @part
-def average_and_test_samples(config: Any, state: Any, samples: Any, count: int) -> bool:
+def average_and_test_samples(
+    config: ObserverConfig, state: Observer, samples: Records[StampedSlip], count: int,
+) -> bool:  # fmt: skip
     """Take samples into the weighted mean, in their order; return whether it was significant after any of them.
 
     One sample moves the mean no further than `most_step`, so an outlier alone is not significant.
@@ -102,7 +105,7 @@ def average_and_test_samples(config: Any, state: Any, samples: Any, count: int) 
 
 
 @part
-def begin_slip_of_model(config: Any, state: Any, rows: Any) -> None:
+def begin_slip_of_model(config: ObserverConfig, state: Observer, rows: Records[Row]) -> None:
     """Run the window as slip, with the doubt that a slip begins with: what was learnt holds for the forces of stick.
 
     Forces and torques come in other proportions now, so a wrong centre of mass shows in another way.
@@ -117,10 +120,10 @@ def begin_slip_of_model(config: Any, state: Any, rows: Any) -> None:
 
 
 @part
-def begin_slip_of_samples(config: Any, state: Any, rows: Any) -> None:
+def begin_slip_of_samples(config: ObserverConfig, state: Observer, rows: Records[Row]) -> None:
     """Believe the samples: the model has missed a slip, so its errors are unknown again; only this tick's row stays."""
     state.sliding = 1
-    state.first, state.rows = slot(state, rows.shape[0], state.rows - 1), 1
+    state.first, state.rows = slot(state, len(rows), state.rows - 1), 1
     row, share = row_at(state, rows, 0), variance_ratio_of_mean(config)
     for i in range(AXES):
         if config.axes[i]:
@@ -132,7 +135,9 @@ def begin_slip_of_samples(config: Any, state: Any, rows: Any) -> None:
 
 
 @part
-def observe_stick(config: Any, state: Any, rows: Any, samples: Any, count: int) -> None:
+def observe_stick(
+    config: ObserverConfig, state: Observer, rows: Records[Row], samples: Records[StampedSlip], count: int,
+) -> None:  # fmt: skip
     """Learn from the tick that leaves the window, and test whether slip has begun; the tick's row is the last one."""
     add_up(state, rows)
     if state.rows > config.window_ticks:

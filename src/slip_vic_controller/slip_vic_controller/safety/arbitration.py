@@ -8,17 +8,20 @@ goes on with the prediction, or without compensation where there is none; then H
 from __future__ import annotations
 
 from enum import IntEnum, unique
-from typing import Any
+from typing import Protocol
 
+from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_core.records import REAL, WHOLE, layout
+from slip_core.records import Real, Record, Records, Whole, dtype_of
 from slip_core.vectors import spatial, vec
-from slip_vic_controller.safety.drop_detection import BLIND
+from slip_vic_controller.law.giving_up import CompensationState
+from slip_vic_controller.safety.drop_detection import BLIND, DropDetectionConfig, ObservedMotion
 from slip_vic_controller.safety.faults import Fault, Input
-from slip_vic_controller.safety.limit_avoidance import too_fast
-from slip_vic_controller.safety.modes import NOTHING, Mode, TransitionReasons, follows
+from slip_vic_controller.safety.latency import Latency
+from slip_vic_controller.safety.limit_avoidance import MotionLimits, too_fast
+from slip_vic_controller.safety.modes import NOTHING, Mode, ModeState, TransitionReasons, follows
 from slip_vic_controller.safety.reasons import Cause, Reason, because, of_fault
-from slip_vic_controller.safety.validation import fine
+from slip_vic_controller.safety.validation import VectorInput, fine
 from slip_vic_controller.sizes import NEVER
 
 EVIDENCE_NS = 50_000_000
@@ -37,35 +40,131 @@ class Level(IntEnum):
     HOLD = 3
 
 
-HEALTH = layout(joint=WHOLE, wrench=WHOLE, slip=WHOLE, outside=WHOLE)
-"""The fault of each input in a cycle, of wrench and slip the worst of all contacts; outside: who else publishes."""
-ARBITRATION = layout(
-    observer_ns=WHOLE, slow_down_ns=WHOLE, gap_ns=WHOLE, late_after=WHOLE, saturated_ns=WHOLE, slip_needed=WHOLE,
-    resume_slip_linear=REAL, resume_slip_angular=REAL,
-)  # fmt: skip
-"""observer_ns: how long the observer may run alone, 0 where there is none; slow_down_ns: time to come to rest; gap_ns:
-pause of the controller itself that is too long; late_after: late answers in a row; the slip at which the law does not
-begin [m/s], [rad/s]."""
-SINCE = layout(slip_unknown_ns=WHOLE, too_fast_ns=WHOLE, saturated_ns=WHOLE, stopping_ns=WHOLE, joint_bad_ns=WHOLE)
-"""Since when, NEVER where it is not so."""
+class Health(Record):
+    """The Fault of each input in a cycle."""
+
+    joint: Whole
+    wrench: Whole  # the worst of all contacts
+    slip: Whole  # the worst of all contacts
+    outside: Whole  # who else publishes
+
+
+HEALTH = dtype_of(Health)
+
+
+class ArbitrationConfig(Record):
+    """How long each degradation level lasts, and what else speaks against the law."""
+
+    observer_ns: Whole  # how long the observer may run alone, 0 where there is none
+    slow_down_ns: Whole  # time to come to rest
+    gap_ns: Whole  # pause of the controller itself that is too long
+    late_after: Whole  # late answers in a row
+    saturated_ns: Whole
+    slip_needed: Whole  # whether the law needs the slip velocity
+    resume_slip_linear: Real  # m/s; slip at which the law does not begin
+    resume_slip_angular: Real  # rad/s
+
+
+ARBITRATION = dtype_of(ArbitrationConfig)
+
+
+class Since(Record):
+    """Since when something is so, NEVER where it is not."""
+
+    slip_unknown_ns: Whole
+    too_fast_ns: Whole
+    saturated_ns: Whole
+    stopping_ns: Whole
+    joint_bad_ns: Whole
+
+
+SINCE = dtype_of(Since)
+
+
+class GovernorMargin(Protocol):
+    """What is read of the governor's configuration."""
+
+    path_margin: float
+
+
+class GovernorVerdict(Protocol):
+    """What is read of the governor's state: loads [N], times of the path [s]."""
+
+    infeasible: int
+    overrun: int
+    halted: int
+    heaviest_time: float
+    weight_load: float
+    plan_load: float
+
+
+class GivenUp(Protocol):
+    """What is read of the law's state."""
+
+    given_up: CompensationState
+
+
+class PathScale(Protocol):
+    """What is read of the path's scaling."""
+
+    scale: float
+
+
+class Configured(Protocol):
+    """What arbitration reads of the controller's configuration."""
+
+    arbitration: ArbitrationConfig
+    motion: MotionLimits
+    drop: DropDetectionConfig
+
+    @property
+    def governor(self) -> GovernorMargin:
+        """Return the configuration of the governor."""
+        ...
+
+
+class Judged(Protocol):
+    """What arbitration reads of the controller's state; `since` and `observed` change."""
+
+    now_ns: int
+    mode: ModeState
+    since: Since
+    observed: ObservedMotion
+    latency: Latency
+    slip_inputs: Records[VectorInput]
+
+    @property
+    def governor(self) -> GovernorVerdict:
+        """Return the state of the governor."""
+        ...
+
+    @property
+    def law(self) -> GivenUp:
+        """Return the state of the law."""
+        ...
+
+    @property
+    def path(self) -> PathScale:
+        """Return the scaling of the path."""
+        ...
 
 
 @part
-def clear_since(since: Any) -> None:
+def clear_since(since: Since) -> None:
     """Begin: nothing is so."""
     since.slip_unknown_ns, since.too_fast_ns, since.saturated_ns = NEVER, NEVER, NEVER
     since.stopping_ns, since.joint_bad_ns = NEVER, NEVER
 
 
 @part
-def slip_fault(health: Any, observed: Any, now_ns: int) -> int:
+def slip_fault(health: Health, observed: ObservedMotion, now_ns: int) -> int:
     """Return the fault of the slip velocity: its own, or that wrench and motion contradict it."""
     blind = observed.blind_since_ns != NEVER and now_ns - observed.blind_since_ns > EVIDENCE_NS
     return Fault.IMPLAUSIBLE.value if health.slip == Fault.NONE and blind else health.slip
 
 
 @part
-def watch_for_blindness(observed: Any, slip_speed: float, evidence: float, now_ns: int) -> None:
+def watch_for_blindness(observed: ObservedMotion, slip_speed: float, evidence: float, now_ns: int) -> None:
     """Take down since when wrench and motion show slip that the sensor does not."""
     blind = vec(observed.evidence).norm() > evidence and slip_speed < BLIND * evidence
     observed.blind_since_ns = (
@@ -74,7 +173,7 @@ def watch_for_blindness(observed: Any, slip_speed: float, evidence: float, now_n
 
 
 @part
-def degradation_level(config: Any, since: Any, fault: int, now_ns: int) -> int:
+def degradation_level(config: ArbitrationConfig, since: Since, fault: int, now_ns: int) -> int:
     """Return the level for a fault of the slip velocity: a bounded time on each, from the moment it became unknown."""
     if fine(fault) or config.slip_needed == 0:
         since.slip_unknown_ns = NEVER
@@ -88,7 +187,7 @@ def degradation_level(config: Any, since: Any, fault: int, now_ns: int) -> int:
 
 
 @part
-def find_fault(config: Any, state: Any, n: int, qd: Any, now_ns: int) -> Reason:
+def find_fault(config: Configured, state: Judged, n: int, qd: Array, now_ns: int) -> Reason:
     """Return what must latch: a speed that is too high for long, or an object that falls.
 
     Args:
@@ -111,7 +210,7 @@ def find_fault(config: Any, state: Any, n: int, qd: Any, now_ns: int) -> Reason:
 
 
 @part
-def slides(config: Any, inputs: Any, contacts: int) -> bool:
+def slides(config: ArbitrationConfig, inputs: Records[VectorInput], contacts: int) -> bool:
     """Return whether an object slides too fast for the law to begin."""
     linear, angular = config.resume_slip_linear, config.resume_slip_angular
     for i in range(contacts):
@@ -123,7 +222,7 @@ def slides(config: Any, inputs: Any, contacts: int) -> bool:
 
 @part
 def find_hold(
-    config: Any, state: Any, health: Any, level: int, fault: int, frozen: bool, contacts: int, now_ns: int
+    config: Configured, state: Judged, health: Health, level: int, fault: int, frozen: bool, contacts: int, now_ns: int
 ) -> Reason:
     """Return why the law must not work now; arguments as of `arbitrate`, fault: of the slip velocity."""
     arbitration, at_work = config.arbitration, follows(state.mode.mode)
@@ -151,7 +250,7 @@ def find_hold(
 
 
 @part
-def find_degraded(config: Any, state: Any, level: int, fault: int, now_ns: int) -> Reason:
+def find_degraded(config: Configured, state: Judged, level: int, fault: int, now_ns: int) -> Reason:
     """Return why to be careful; arguments as of `arbitrate`, fault: of the slip velocity."""
     since = state.since
     if level == Level.OBSERVED:
@@ -175,7 +274,7 @@ def find_degraded(config: Any, state: Any, level: int, fault: int, now_ns: int) 
 
 @part
 def arbitrate(
-    config: Any, state: Any, health: Any, frozen: bool, n: int, contacts: int, qd: Any, now_ns: int
+    config: Configured, state: Judged, health: Health, frozen: bool, n: int, contacts: int, qd: Array, now_ns: int
 ) -> tuple[TransitionReasons, int]:
     """Return what speaks against the law in this cycle, and the degradation level of the slip velocity.
 

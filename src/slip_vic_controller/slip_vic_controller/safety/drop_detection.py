@@ -8,11 +8,13 @@ less the slip velocity, so neither the object's mass nor the wrench can make a f
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_core.records import REAL, WHOLE, layout
+from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
 from slip_core.vectors import ZERO, Mat, Vec, mat, put, vec
+from slip_vic_controller.law.arm import Arm
+from slip_vic_controller.law.law import DesiredMotion, Evaluation
 from slip_vic_controller.reference.path_scaling import scale_for_error
 
 EVIDENCE_MEMORY_S = 0.1
@@ -23,27 +25,38 @@ SLIPPING = 0.005
 BLIND = 0.1
 """Share of the evidence below which a slip velocity sees nothing of it."""
 
-DROP_DETECTION = layout(
-    down=(REAL, 3), drop_speed=REAL, memory_s=REAL, error_linear=REAL, error_angular=REAL, evidence=REAL
-)
-"""down: unit vector along gravity {w}, zeros without gravity; drop_speed [m/s]; memory_s: least time in which that is
-gained [s]; errors at which the path stands still [m], [rad]; evidence: slip speed that makes a sensor that shows none
-implausible [m/s]."""
-OBSERVED = layout(
-    known=WHOLE,
-    fall_speed=REAL,
-    path_speed=REAL,
-    moves=WHOLE,
-    evidence=(REAL, 3),
-    twist=(REAL, 6),
-    blind_since_ns=WHOLE,
-)
-"""What the last evaluation of the law looked like: speed of the object's fall [m/s], how fast the path may run,
-whether the reference moves, slip that motion and wrench add up to [m/s] {w}, twist of the pad {w}."""
+
+class DropDetectionConfig(Record):
+    """What counts as a fall, as a path that waits, and as a slip sensor that sees nothing."""
+
+    down: Vec3  # unit vector along gravity {w}, zeros without gravity
+    drop_speed: Real  # m/s
+    memory_s: Real  # s; least time in which that is gained
+    error_linear: Real  # m; error at which the path stands still
+    error_angular: Real  # rad
+    evidence: Real  # m/s; slip speed that makes a sensor that shows none implausible
+
+
+DROP_DETECTION = dtype_of(DropDetectionConfig)
+
+
+class ObservedMotion(Record):
+    """What the last evaluation of the law looked like."""
+
+    known: Whole
+    fall_speed: Real  # m/s; of the object
+    path_speed: Real  # how fast the path may run, share of planned
+    moves: Whole  # whether the reference moves
+    evidence: Vec3  # m/s {w}; slip that motion and wrench add up to
+    twist: Vec6  # m/s, rad/s {w}; of the pad
+    blind_since_ns: Whole  # since when the slip sensor shows nothing of it
+
+
+OBSERVED = dtype_of(ObservedMotion)
 
 
 @part
-def forget(state: Any, never_ns: int) -> None:
+def forget(state: ObservedMotion, never_ns: int) -> None:
     """Begin anew: nothing has been seen."""
     state.known, state.fall_speed, state.path_speed, state.moves, state.blind_since_ns = 0, 0.0, 1.0, 0, never_ns
     state.evidence[:] = 0.0
@@ -57,14 +70,17 @@ def in_slip_plane(R: Mat, axes: Vec, v: Vec) -> Vec:
 
 
 @part
-def observe_motion(config: Any, axes: Any, state: Any, arm: Any, law: Any, reference: Any, dt: float) -> None:
+def observe_motion(
+    config: DropDetectionConfig, axes: Array, state: ObservedMotion, arm: Arm, law: Evaluation,
+    reference: DesiredMotion, dt: float,
+) -> None:  # fmt: skip
     """Look at what the law saw: errors, fall, and whether slip and wrench agree.
 
     The evidence is a_ee - G^T a_o added up over the last EVIDENCE_MEMORY_S and forgotten: Eq. (17) without its small
     terms.
 
     Args:
-        config: see DROP_DETECTION.
+        config: what counts as a fall.
         axes: directions of slip; (6,) 0 or 1 on pad axes.
         state: changed.
         arm, law, reference: of this cycle.

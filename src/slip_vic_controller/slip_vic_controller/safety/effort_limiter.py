@@ -5,27 +5,44 @@ By induction: the effort before is finite and inside the limits, so what comes o
 
 from __future__ import annotations
 
-from typing import Any
-
 from slip_core.arrays import Array
 from slip_core.cholesky import LARGEST
 from slip_core.compiled import part
-from slip_core.records import REAL, WHOLE, layout
+from slip_core.records import Real, Record, Whole, WholeArray, dtype_of
 from slip_vic_controller.safety.validation import all_finite
-from slip_vic_controller.sizes import MAX_JOINTS
+from slip_vic_controller.sizes import Joints
 
 NS = 1e-9
 
-EFFORT_LIMITS = layout(
-    effort=(REAL, MAX_JOINTS), rate=REAL, longest_step_ns=WHOLE, restart_after_ns=WHOLE, period_ns=WHOLE
-)
-"""Effort of every joint [N m] and rate [N m/s]; longest_step_ns, restart_after_ns: see the parameters."""
-LIMITER = layout(started=WHOLE, now_ns=WHOLE, effort=(REAL, MAX_JOINTS))
-"""The effort that left last [N m], and when."""
+
+class EffortLimits(Record):
+    """What the effort limiter lets pass."""
+
+    effort: Joints  # N m
+    rate: Real  # N m/s
+    longest_step_ns: Whole  # see the parameters
+    restart_after_ns: Whole  # see the parameters
+    period_ns: Whole  # of control
+
+
+EFFORT_LIMITS = dtype_of(EffortLimits)
+
+
+class EffortLimiter(Record):
+    """The effort that left last, and when."""
+
+    started: Whole
+    now_ns: Whole
+    effort: Joints  # N m
+
+
+LIMITER = dtype_of(EffortLimiter)
 
 
 @part
-def start_limiter(limits: Any, state: Any, n: int, measured: Array, gravity: Array, now_ns: int) -> None:
+def start_limiter(
+    limits: EffortLimits, state: EffortLimiter, n: int, measured: Array, gravity: Array, now_ns: int,
+) -> None:  # fmt: skip
     """Set what the first command, or the first after a pause, is limited from; (n,) [N m].
 
     The measured effort is what the joints feel now. Where there is none (not finite, or all zero, which a driver
@@ -41,13 +58,13 @@ def start_limiter(limits: Any, state: Any, n: int, measured: Array, gravity: Arr
 
 
 @part
-def needs_restart(limits: Any, state: Any, now_ns: int) -> bool:
+def needs_restart(limits: EffortLimits, state: EffortLimiter, now_ns: int) -> bool:
     """Return whether the last command is so old that the joints may feel something else by now."""
     return bool(state.started == 0 or now_ns - state.now_ns > limits.restart_after_ns)
 
 
 @part
-def largest_step(limits: Any, state: Any, now_ns: int) -> float:
+def largest_step(limits: EffortLimits, state: EffortLimiter, now_ns: int) -> float:
     """Return by how much an effort may differ from the last one [N m]: the same slope at every control rate.
 
     A clock that goes back allows no step.
@@ -56,7 +73,10 @@ def largest_step(limits: Any, state: Any, now_ns: int) -> float:
 
 
 @part
-def limit_effort(limits: Any, state: Any, n: int, wanted: Array, now_ns: int, clipped: Any, limited: Any) -> bool:
+def limit_effort(
+    limits: EffortLimits, state: EffortLimiter, n: int, wanted: Array, now_ns: int, clipped: WholeArray,
+    limited: WholeArray,
+) -> bool:  # fmt: skip
     """Let an effort out: finite, clipped, slope-limited, in this order; the result is `state.effort`.
 
     Args:

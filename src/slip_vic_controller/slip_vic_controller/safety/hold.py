@@ -3,32 +3,50 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_core.records import REAL, WHOLE, layout
+from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of
 from slip_core.vectors import Mat, Spatial, Vec, mat, put_spatial, spatial, vec
-from slip_vic_controller.sizes import MAX_JOINTS
+from slip_vic_controller.law.arm import Arm
+from slip_vic_controller.safety.validation import JointRecord
+from slip_vic_controller.sizes import MAX_JOINTS, Joints
 
 EXCESS = 1.5  # times that the inertia in HOLD may be what is moved
 LOAD_LEVER = 0.1  # [m]: how far off the pad centre the unknown part of a load may pull; no pad is longer
 SLOWEST = 0.45  # of the loop in slow motion: with the default gains no joint gives way under a load that slides
 
-HOLD_CONFIG = layout(
-    joints=WHOLE, stiffness=REAL, damping=REAL, load_s=REAL, mass=REAL, inertia=(REAL, (3, 3)), weight=(REAL, 3)
-)
-"""joints in use; stiffness [1/s^2], damping [1/s]: over the joint inertia; load_s: how fast the load is taken from the
-wrench [s];
-mass [kg], inertia [kg m2], weight [N] {w}: of the object, of several contacts each carries its share."""
-HOLD = layout(known=WHOLE, posture=(REAL, MAX_JOINTS), load_error=(REAL, 6))
-"""The posture that is kept [rad], and what is added to the model's load [N, N m] {ee}."""
+
+class HoldConfig(Record):
+    """Gains of HOLD, and the object; of several contacts each carries its share of it."""
+
+    joints: Whole  # in use
+    stiffness: Real  # 1/s^2; over the joint inertia
+    damping: Real  # 1/s; over the joint inertia
+    load_s: Real  # s; how fast the load is taken from the wrench
+    mass: Real  # kg
+    inertia: Mat3  # kg m2 {o}
+    weight: Vec3  # N {w}
+
+
+HOLD_CONFIG = dtype_of(HoldConfig)
+
+
+class Hold(Record):
+    """What HOLD keeps."""
+
+    known: Whole
+    posture: Joints  # rad
+    load_error: Vec6  # N, N m {ee}; what is added to the model's load
+
+
+HOLD = dtype_of(Hold)
 
 
 @part
-def object_load(config: Any, R: Mat, r: Vec) -> Spatial:
+def object_load(config: HoldConfig, R: Mat, r: Vec) -> Spatial:
     """Return the wrench on the pad of a resting object; R: pad to {w}; r = x_c - x_o {w} -> {ee}."""
     weight = vec(config.weight)
     return R.T() @ Spatial(weight, -r.cross(weight))
@@ -65,7 +83,7 @@ def load_error(error: Spatial, model: Spatial, measured: Spatial, dt: float, mem
 
 
 @part
-def update_load_error(config: Any, state: Any, arm: Any, r_pad: Vec, measured: Spatial, dt: float) -> None:
+def update_load_error(config: HoldConfig, state: Hold, arm: Arm, r_pad: Vec, measured: Spatial, dt: float) -> None:
     """Take the measured wrench on the own pad {ee} into the load of HOLD; r_pad: as of `hold_effort`; dt [s]."""
     R = mat(arm.rotation)
     load = object_load(config, R, R @ r_pad)
@@ -108,7 +126,7 @@ def delay_margin(stiffness: float, damping: float, excess: float) -> float:
 
 
 @part
-def add_inertia_torque(config: Any, arm: Any, R_o: Mat, r: Vec, qdd: Array, torque: Array) -> None:
+def add_inertia_torque(config: HoldConfig, arm: Arm, R_o: Mat, r: Vec, qdd: Array, torque: Array) -> None:
     """Add (M + J_o^T B_o J_o / 2) qdd to `torque` (n,): a joint acceleration with half of a rigidly held object in it.
 
     A wrist joint turns more of the object than of the arm, and the object may be held, slip or be gone. With half of it
@@ -140,7 +158,7 @@ def add_inertia_torque(config: Any, arm: Any, R_o: Mat, r: Vec, qdd: Array, torq
 
 @part
 def hold_effort(
-    config: Any, state: Any, arm: Any, sample: Any, pad: Mat, r_pad: Vec, late_s: float, torque: Array
+    config: HoldConfig, state: Hold, arm: Arm, sample: JointRecord, pad: Mat, r_pad: Vec, late_s: float, torque: Array
 ) -> None:
     """Write g + M (k (q_0 - q) - d qd) to `torque`; with the inertia in it one stiffness suits all joints.
 
@@ -163,7 +181,7 @@ def hold_effort(
 
 
 @part
-def keep_posture(state: Any, n: int, sample: Any, velocity_limit: Array) -> None:
+def keep_posture(state: Hold, n: int, sample: JointRecord, velocity_limit: Array) -> None:
     """Let a joint that was thrown rest where it becomes slow again: the way back would be as fast as it is allowed.
 
     Args:
@@ -178,7 +196,7 @@ def keep_posture(state: Any, n: int, sample: Any, velocity_limit: Array) -> None
 
 
 @part
-def carry_load(config: Any, state: Any, arm: Any, r_pad: Vec, torque: Array) -> None:
+def carry_load(config: HoldConfig, state: Hold, arm: Arm, r_pad: Vec, torque: Array) -> None:
     """Add -J^T h to `torque` (n,) [N m]: the load of an object that does not fall; arguments as of `hold_effort`."""
     R = mat(arm.rotation)
     h = R @ (object_load(config, R, R @ r_pad) + spatial(state.load_error))

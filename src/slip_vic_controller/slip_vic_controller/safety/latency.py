@@ -7,10 +7,10 @@ seen so far.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from slip_core.compiled import part
-from slip_core.records import REAL, WHOLE, layout
+from slip_core.records import Real, Record, Whole, dtype_of
+from slip_vic_controller.safety.validation import SlipQueue
 
 DRIFT = 5e-4  # by which two clocks may run apart; more is not taken back
 STEADY_NS = 5_000_000  # below which a growing time from stamp to answer may be clocks that drift
@@ -20,21 +20,40 @@ FORGET = 0.01
 _SLACK = 0.1
 """Part of a cycle by which stamps may be late without counting as one more cycle."""
 
-LATENCY = layout(known=WHOLE, least_ns=WHOLE, last_ns=WHOLE, most_ns=WHOLE, in_a_row=WHOLE)
-"""Of joint states: least time from stamp to answer, what the last one had above it, the most of late, how many in a
-row were too late."""
-SLIP_LATENCY = layout(known=WHOLE, newest_ns=WHOLE, latency_ns=REAL, period_ns=REAL)
-"""Of slip samples: stamp of the newest one, worst latency and period of late."""
+
+class Latency(Record):
+    """Of joint states: time from stamp to answer."""
+
+    known: Whole
+    least_ns: Whole  # least time from stamp to answer
+    last_ns: Whole  # what the last one had above it
+    most_ns: Whole  # the most of late
+    in_a_row: Whole  # how many in a row were too late
+
+
+LATENCY = dtype_of(Latency)
+
+
+class SlipLatency(Record):
+    """Of slip samples: worst latency and period of late."""
+
+    known: Whole
+    newest_ns: Whole  # stamp of the newest one
+    latency_ns: Real
+    period_ns: Real
+
+
+SLIP_LATENCY = dtype_of(SlipLatency)
 
 
 @part
-def forget_latency(state: Any) -> None:
+def forget_latency(state: Latency) -> None:
     """Begin anew."""
     state.known, state.least_ns, state.last_ns, state.most_ns, state.in_a_row = 0, 0, 0, 0, 0
 
 
 @part
-def measure_latency(state: Any, now_ns: int, stamp_ns: int, dt_ns: int, late_ns: int) -> None:
+def measure_latency(state: Latency, now_ns: int, stamp_ns: int, dt_ns: int, late_ns: int) -> None:
     """Take in that a joint state of `stamp_ns` is answered at `now_ns`, `dt_ns` after the one before.
 
     One-way delay above its minimum. A single late answer is the machine's hiccup and does not count: two in a row do.
@@ -54,7 +73,7 @@ def measure_latency(state: Any, now_ns: int, stamp_ns: int, dt_ns: int, late_ns:
 
 
 @part
-def measure_slip_latency(state: Any, now_ns: int, queue: Any) -> None:
+def measure_slip_latency(state: SlipLatency, now_ns: int, queue: SlipQueue) -> None:
     """Take in the slip samples that came with a cycle: maxima that fade; a late sample does not count as a period."""
     for i in range(queue.count):
         stamp_ns = queue.samples[i].stamp_ns
@@ -71,7 +90,7 @@ def measure_slip_latency(state: Any, now_ns: int, queue: Any) -> None:
 
 
 @part
-def whole_cycles(state: Any, period_ns: int) -> tuple[int, int]:
+def whole_cycles(state: SlipLatency, period_ns: int) -> tuple[int, int]:
     """Return for how many cycles a slip sample is held, and how many it is old when it arrives."""
     held = math.ceil(state.period_ns / period_ns - _SLACK)
     late = math.ceil(state.latency_ns / period_ns - _SLACK)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.cholesky import cholesky, forward_substitute
 from slip_core.compiled import part
-from slip_core.records import REAL, layout
+from slip_core.records import Real, Record, dtype_of
 from slip_core.vectors import ZERO, Spatial, Vec, spatial
-from slip_vic_controller.safety.effort_limiter import EFFORT_LIMITS, NS
+from slip_vic_controller.law.arm import Arm
+from slip_vic_controller.safety.effort_limiter import NS, EffortLimits
 from slip_vic_controller.safety.modes import NOTHING
 from slip_vic_controller.safety.reasons import Cause, Reason
-from slip_vic_controller.sizes import MAX_JOINTS
+from slip_vic_controller.sizes import MAX_JOINTS, Joints
 
 BRAKED_FROM = 0.75
 """Part of the pad's speed limits from which it is braked."""
@@ -26,17 +26,26 @@ BRAKE_LAG_S = 0.020
 TRIP = 4.0 / 3.0
 """Of the pad's speed limits: a control loop that runs away ends here."""
 
-MOTION_LIMITS = layout(
-    near_lower=(REAL, MAX_JOINTS), near_upper=(REAL, MAX_JOINTS), margin=REAL, velocity=(REAL, MAX_JOINTS),
-    brake_from=(REAL, MAX_JOINTS), trip=(REAL, MAX_JOINTS), speed_linear=REAL, speed_angular=REAL,
-    drive=EFFORT_LIMITS,
-)  # fmt: skip
-"""near_lower, near_upper [rad]: the joints' stops less the margin [rad]; velocity, brake_from, trip [rad/s];
-speed_linear [m/s], speed_angular [rad/s]: of the pad; drive: what the effort limiter lets pass."""
+
+class MotionLimits(Record):
+    """Where limit avoidance begins, and what a loop that runs away is known by."""
+
+    near_lower: Joints  # rad; the joints' stops less the margin
+    near_upper: Joints  # rad
+    margin: Real  # rad
+    velocity: Joints  # rad/s
+    brake_from: Joints  # rad/s
+    trip: Joints  # rad/s
+    speed_linear: Real  # m/s; of the pad
+    speed_angular: Real  # rad/s; of the pad
+    drive: EffortLimits  # what the effort limiter lets pass
+
+
+MOTION_LIMITS = dtype_of(MotionLimits)
 
 
 @part
-def most_brake(drive: Any, speed: float, inertia: float) -> float:
+def most_brake(drive: EffortLimits, speed: float, inertia: float) -> float:
     """Return the largest torque that brakes a joint and does not turn it round [N m]; [rad/s], [kg m2].
 
     What brakes now is at work for one more period and BRAKE_LAG_S, together T, and then for as long as the rate limit
@@ -68,7 +77,7 @@ def felt_inertias(M: Array, n: int, felt: Array) -> None:
 
 
 @part
-def joint_repulsion(limits: Any, j: int, q: float, qd: float, inertia: float) -> float:
+def joint_repulsion(limits: MotionLimits, j: int, q: float, qd: float, inertia: float) -> float:
     """Return the torque of joint j away from its stops and against too high a velocity [N m].
 
     Grows from zero with the square of the depth, to the full effort at the stop, and in proportion from the braking
@@ -94,7 +103,7 @@ def _brake(v: Vec, limit: float, damping: float) -> Vec:
 
 
 @part
-def pad_brake(limits: Any, twist: Array) -> Spatial:
+def pad_brake(limits: MotionLimits, twist: Array) -> Spatial:
     """Return the wrench that brakes a pad near its speed limits; twist (6,) [m/s, rad/s] {w}: a Cartesian damper."""
     v = spatial(twist)
     return Spatial(
@@ -103,11 +112,11 @@ def pad_brake(limits: Any, twist: Array) -> Spatial:
 
 
 @part
-def avoid_limits(limits: Any, n: int, q: Array, qd: Array, arm: Any, braked: bool, torque: Array) -> None:
+def avoid_limits(limits: MotionLimits, n: int, q: Array, qd: Array, arm: Arm, braked: bool, torque: Array) -> None:
     """Add the torques of limit avoidance to `torque` (n,) [N m].
 
     Args:
-        limits: see MOTION_LIMITS.
+        limits: of the arm.
         n: number of joints.
         q, qd: joint state; (n,).
         arm: its terms; zeros where nothing moves.
@@ -133,11 +142,11 @@ def avoid_limits(limits: Any, n: int, q: Array, qd: Array, arm: Any, braked: boo
 
 
 @part
-def too_fast(limits: Any, n: int, qd: Array, pad: Any) -> Reason:
+def too_fast(limits: MotionLimits, n: int, qd: Array, pad: Spatial) -> Reason:
     """Return which speed is beyond what braking should have allowed, NOTHING where none is.
 
     Args:
-        limits: see MOTION_LIMITS.
+        limits: of the arm.
         n: number of joints.
         qd: (n,) [rad/s].
         pad: twist of the pad when the law was last at work.

@@ -10,11 +10,20 @@ FAULT          as HOLD, until somebody resets it
 from __future__ import annotations
 
 from enum import IntEnum, unique
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from slip_core.compiled import part
-from slip_core.records import WHOLE, layout
-from slip_vic_controller.safety.reasons import REASON, Cause, Prefix, Reason, because, prefixed, put_reason, read_reason
+from slip_core.records import Record, Whole, dtype_of
+from slip_vic_controller.safety.reasons import (
+    Cause,
+    Prefix,
+    Reason,
+    ReasonRecord,
+    because,
+    prefixed,
+    put_reason,
+    read_reason,
+)
 from slip_vic_controller.sizes import NEVER
 
 
@@ -45,10 +54,28 @@ class Request(IntEnum):
     FAILED = 4  # the node itself asks for FAULT: one of its callbacks has failed
 
 
-MODE_POLICY = layout(auto_enable=WHOLE, auto_resume=WHOLE, resume_after_ns=WHOLE)
-"""auto_enable, auto_resume: see the parameters; resume_after_ns: how long what spoke against the law must be gone."""
-MODE = layout(mode=WHOLE, since_ns=WHOLE, enabled=WHOLE, good_since_ns=WHOLE, reason=REASON)
-"""Mode, since when, whether the law is wanted, since when nothing speaks against it (NEVER = something does), why."""
+class ModePolicy(Record):
+    """When the law may begin."""
+
+    auto_enable: Whole  # see the parameters
+    auto_resume: Whole  # see the parameters
+    resume_after_ns: Whole  # how long what spoke against the law must be gone
+
+
+MODE_POLICY = dtype_of(ModePolicy)
+
+
+class ModeState(Record):
+    """The mode and its history."""
+
+    mode: Whole  # Mode
+    since_ns: Whole  # when it was entered
+    enabled: Whole  # whether the law is wanted
+    good_since_ns: Whole  # since when nothing speaks against the law, NEVER = something does
+    reason: ReasonRecord
+
+
+MODE = dtype_of(ModeState)
 
 NOTHING = Reason(0, 0, 0, 0.0, 0.0)
 
@@ -75,7 +102,7 @@ def follows(mode: int) -> bool:
 
 
 @part
-def begin_modes(policy: Any, state: Any, now_ns: int) -> None:
+def begin_modes(policy: ModePolicy, state: ModeState, now_ns: int) -> None:
     """Begin: no effort before every input was seen and is plausible."""
     state.mode, state.since_ns = Mode.WAITING_INPUT, now_ns
     state.enabled, state.good_since_ns = policy.auto_enable, NEVER
@@ -83,7 +110,7 @@ def begin_modes(policy: Any, state: Any, now_ns: int) -> None:
 
 
 @part
-def next_mode(policy: Any, state: Any, reasons: TransitionReasons, request: int, now_ns: int) -> None:
+def next_mode(policy: ModePolicy, state: ModeState, reasons: TransitionReasons, request: int, now_ns: int) -> None:
     """Go to the mode of this cycle.
 
     A fault wins over all, and latches; a request to hold wins over one to go on; what the inputs caused ends with its
@@ -129,7 +156,7 @@ def next_mode(policy: Any, state: Any, reasons: TransitionReasons, request: int,
 
 @part
 def _hold_for_cause(
-    policy: Any, state: Any, before: Reason, cause: Reason, request: int, enabled: bool, now_ns: int
+    policy: ModePolicy, state: ModeState, before: Reason, cause: Reason, request: int, enabled: bool, now_ns: int
 ) -> None:
     resumes = policy.auto_resume != 0 or not follows(state.mode)
     if request == Request.HOLD or (_asked(before) and not enabled):
@@ -146,7 +173,7 @@ def _asked(reason: Reason) -> bool:
 
 
 @part
-def _go(state: Any, mode: int, reason: Reason, now_ns: int, enabled: bool, good_since_ns: int) -> None:
+def _go(state: ModeState, mode: int, reason: Reason, now_ns: int, enabled: bool, good_since_ns: int) -> None:
     if state.mode != mode:
         state.since_ns = now_ns
     state.mode, state.enabled, state.good_since_ns = 0 + mode, 1 if enabled else 0, good_since_ns

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntEnum, unique
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from slip_core.compiled import part
-from slip_core.records import REAL, WHOLE, layout
+from slip_core.records import Real, Record, Whole, dtype_of
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.sizes import MAX_CONTACTS
 
@@ -57,7 +57,18 @@ ACTIVATION, GOOD_JOINT_STATE, JOINT_STATES = 1, 2, 4
 FIRST_WRENCH = 8
 """Bits of what is missing; wrenches of the contacts follow, then their slips."""
 
-REASON = layout(cause=WHOLE, detail=WHOLE, prefix=WHOLE, value=REAL, limit=REAL)
+
+class ReasonRecord(Record):
+    """A `Reason` in a buffer."""
+
+    cause: Whole  # Cause
+    detail: Whole  # see Cause
+    prefix: Whole  # bits of Prefix
+    value: Real  # unit: see Cause
+    limit: Real  # unit: see Cause
+
+
+REASON = dtype_of(ReasonRecord)
 
 
 class Reason(NamedTuple):
@@ -89,19 +100,19 @@ def prefixed(reason: Reason, prefix: int) -> Reason:
 
 
 @part
-def read_reason(r: Any) -> Reason:
+def read_reason(r: ReasonRecord) -> Reason:
     """Return the reason in a record."""
     return Reason(r.cause, r.detail, r.prefix, r.value, r.limit)
 
 
 @part
-def put_reason(r: Any, reason: Reason) -> None:
+def put_reason(r: ReasonRecord, reason: Reason) -> None:
     """Write a reason to a record."""
     r.cause, r.detail, r.prefix = reason.cause, reason.detail, reason.prefix
     r.value, r.limit = reason.value, reason.limit
 
 
-def describe(reason: Any, joint_names: Sequence[str]) -> str:
+def describe(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> str:
     """Return the words of a reason, or of a REASON; an empty text where there is none."""
     text = _cause_text(reason, joint_names)
     if reason.prefix & Prefix.ASKED_AND:
@@ -123,7 +134,7 @@ def missing_words(bits: int) -> list[str]:
     return names
 
 
-def _cause_text(reason: Any, joint_names: Sequence[str]) -> str:
+def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> str:
     cause, value, limit = Cause(reason.cause), reason.value, reason.limit
     if cause == Cause.WAITS:
         return f"waits for {', '.join(missing_words(reason.detail))}"

@@ -7,16 +7,17 @@ only, arrival times with arrival times only.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.cholesky import LARGEST
 from slip_core.compiled import part
-from slip_core.records import REAL, WHOLE, layout
+from slip_core.records import Real, Record, Records, Vec6, Whole, WholeArray, dtype_of
+from slip_vic_controller.law.contact import StampedSlip
 from slip_vic_controller.safety.faults import FAULTS, Fault
-from slip_vic_controller.sizes import MAX_FRESH, MAX_JOINTS
+from slip_vic_controller.sizes import MAX_FRESH, Joints
 
 TINY = float(np.finfo(np.float64).tiny)
 ARM_MOVES = 0.02
@@ -27,41 +28,115 @@ _LONGEST_COAST_S = 0.1  # for which a velocity explains a change of position
 _WEIGHT = 0.02  # of a new period in the mean
 _TWICE = 2  # stamps in a row that are ahead of the joint state's: one alone is the sample's own fault
 
-RATE = layout(known=WHOLE, last_ns=WHOLE, periods=WHOLE, period_s=REAL, jitter_s=REAL)
-"""Rate statistics of an input: mean period and mean deviation from it."""
-VECTOR_LIMITS = layout(
-    age_ns=WHOLE, frozen_ns=WHOLE, future_ns=WHOLE, linear=REAL, angular=REAL, zero_is_normal=WHOLE,
-    zero_after=WHOLE,
-)  # fmt: skip
-"""Limits of a wrench or slip velocity. linear, angular: magnitudes above which a sample is absurd; future_ns: how far a
-stamp may be ahead of the joint state's; zero_is_normal: whether zero may stay for ever, as a slip velocity does;
-zero_after: samples in a row that are zero until they are invalid, 0 = never."""
-VECTOR_INPUT = layout(
-    seen=WHOLE, known=WHOLE, stamp_ns=WHOLE, arrival_ns=WHOLE, values=(REAL, 6), equal_since_ns=WHOLE, invalid=WHOLE,
-    ahead=WHOLE, zeros=WHOLE, refused=WHOLE, refused_ns=WHOLE, rate=RATE, counts=(WHOLE, FAULTS),
-)  # fmt: skip
-"""The newest good sample of a wrench or slip velocity, and what is known of the input. seen: there was one; known: it
-still says when the next one is out of order (a restart of the joint state's clock makes it forgotten)."""
-FRESH = layout(stamp_ns=WHOLE, twist=(REAL, 6))
-SLIP_QUEUE = layout(count=WHOLE, samples=(FRESH, MAX_FRESH))
-"""Good slip samples since the last cycle, in order of arrival."""
 
-JOINT_LIMITS = layout(
-    lower=(REAL, MAX_JOINTS), upper=(REAL, MAX_JOINTS), fastest=(REAL, MAX_JOINTS), jump=REAL, clock_jump_ns=WHOLE,
-    age_ns=WHOLE, frozen_ns=WHOLE, accept_after=WHOLE,
-)  # fmt: skip
-"""Limits of the joint state: absurd positions and speeds; jump [rad] that no velocity need explain; accept_after:
-samples that agree after a jump until it is taken as a restart."""
-JOINT_SAMPLE = layout(
-    stamp_ns=WHOLE, position=(REAL, MAX_JOINTS), velocity=(REAL, MAX_JOINTS), effort=(REAL, MAX_JOINTS)
-)  # fmt: skip
-JOINT_INPUT = layout(
-    known=WHOLE, arrival_ns=WHOLE, last=JOINT_SAMPLE, candidate_known=WHOLE, candidate_ns=WHOLE, candidate=JOINT_SAMPLE,
-    agreeing=WHOLE, equal_since_ns=WHOLE, moves=WHOLE, pending=WHOLE, pending_fault=WHOLE, skipped=WHOLE,
-    answers=JOINT_SAMPLE, rate=RATE, counts=(WHOLE, FAULTS),
-)  # fmt: skip
-"""last: the newest good joint state; candidate: the newest after a jump; answers: the one that the next cycle answers,
-where `pending`, with `pending_fault`."""
+class Rate(Record):
+    """Rate statistics of an input."""
+
+    known: Whole
+    last_ns: Whole  # arrival of the last sample
+    periods: Whole  # how many were seen
+    period_s: Real  # s; mean
+    jitter_s: Real  # s; mean deviation from it
+
+
+RATE = dtype_of(Rate)
+
+
+class VectorLimits(Record):
+    """Limits of a wrench or slip velocity."""
+
+    age_ns: Whole
+    frozen_ns: Whole
+    future_ns: Whole  # how far a stamp may be ahead of the joint state's
+    linear: Real  # N or m/s; magnitude above which a sample is absurd
+    angular: Real  # N m or rad/s
+    zero_is_normal: Whole  # whether zero may stay permanently, as a slip velocity does
+    zero_after: Whole  # samples in a row that are zero until they are invalid, 0 = never
+
+
+VECTOR_LIMITS = dtype_of(VectorLimits)
+
+
+class VectorInput(Record):
+    """The newest good sample of a wrench or slip velocity, and the history of the input."""
+
+    seen: Whole  # there was a good one
+    known: Whole  # it still decides when the next one is out of order; a restart of the joint state's clock ends that
+    stamp_ns: Whole
+    arrival_ns: Whole
+    values: Vec6  # N, N m or m/s, rad/s
+    equal_since_ns: Whole  # stamp since when the values are equal to the last bit
+    invalid: Whole  # whether the sensor says so now
+    ahead: Whole  # stamps in a row that are ahead of the joint state's
+    zeros: Whole  # samples in a row that are zero
+    refused: Whole  # Fault of the last one that was not finite or absurd
+    refused_ns: Whole  # its arrival
+    rate: Rate
+    counts: Annotated[WholeArray, FAULTS]  # how often each Fault was seen
+
+
+VECTOR_INPUT = dtype_of(VectorInput)
+
+
+class SlipQueue(Record):
+    """Good slip samples since the last cycle, in order of arrival."""
+
+    count: Whole
+    samples: Annotated[Records[StampedSlip], MAX_FRESH]
+
+
+SLIP_QUEUE = dtype_of(SlipQueue)
+
+
+class JointLimits(Record):
+    """Limits of the joint state: what is absurd, late or frozen."""
+
+    lower: Joints  # rad
+    upper: Joints  # rad
+    fastest: Joints  # rad/s
+    jump: Real  # rad; a step that no velocity has to explain
+    clock_jump_ns: Whole
+    age_ns: Whole
+    frozen_ns: Whole
+    accept_after: Whole  # samples that agree after a jump until it is taken as a restart
+
+
+JOINT_LIMITS = dtype_of(JointLimits)
+
+
+class JointRecord(Record):
+    """A joint state."""
+
+    stamp_ns: Whole
+    position: Joints  # rad
+    velocity: Joints  # rad/s
+    effort: Joints  # N m
+
+
+JOINT_SAMPLE = dtype_of(JointRecord)
+
+
+class JointInput(Record):
+    """The newest joint states, and the history of the input."""
+
+    known: Whole
+    arrival_ns: Whole  # of `last`
+    last: JointRecord  # the newest good one
+    candidate_known: Whole
+    candidate_ns: Whole  # arrival of `candidate`
+    candidate: JointRecord  # the newest after a jump
+    agreeing: Whole  # candidates in a row that follow each other
+    equal_since_ns: Whole  # arrival since when the values are equal to the last bit
+    moves: Whole  # whether a joint moves
+    pending: Whole  # whether a cycle has to answer `answers`
+    pending_fault: Whole  # its Fault
+    skipped: Whole  # how many were not answered because a newer one came
+    answers: JointRecord  # the one that the next cycle answers
+    rate: Rate
+    counts: Annotated[WholeArray, FAULTS]  # how often each Fault was seen
+
+
+JOINT_INPUT = dtype_of(JointInput)
 
 
 @part
@@ -92,7 +167,7 @@ def all_finite(values: Array) -> bool:
 
 
 @part
-def _count_period(rate: Any, now_ns: int) -> None:
+def _count_period(rate: Rate, now_ns: int) -> None:
     """Take an arrival into the rate statistics."""
     if rate.known != 0:
         period = (now_ns - rate.last_ns) * 1e-9
@@ -130,7 +205,9 @@ def _same(a: Array, b: Array) -> bool:
 
 
 @part
-def classify_vector(limits: Any, state: Any, stamp_ns: int, values: Array, valid: bool, joint: Any) -> tuple[int, bool]:
+def classify_vector(
+    limits: VectorLimits, state: VectorInput, stamp_ns: int, values: Array, valid: bool, joint: JointInput,
+) -> tuple[int, bool]:  # fmt: skip
     """Return the fault of a wrench or slip velocity (6,), and whether it equals the last good one to the last bit."""
     if state.known != 0 and stamp_ns <= state.stamp_ns:
         return (Fault.DUPLICATE.value if stamp_ns == state.stamp_ns else Fault.OUT_OF_ORDER.value), False
@@ -151,8 +228,9 @@ def classify_vector(limits: Any, state: Any, stamp_ns: int, values: Array, valid
 
 @part
 def receive_vector(
-    limits: Any, state: Any, stamp_ns: int, values: Array, valid: bool, refused: bool, now_ns: int, joint: Any
-) -> int:
+    limits: VectorLimits, state: VectorInput, stamp_ns: int, values: Array, valid: bool, refused: bool, now_ns: int,
+    joint: JointInput,
+) -> int:  # fmt: skip
     """Take a sample in; return its fault.
 
     Args:
@@ -191,7 +269,7 @@ def receive_vector(
 
 
 @part
-def queue_slip(queue: Any, stamp_ns: int, twist: Array) -> None:
+def queue_slip(queue: SlipQueue, stamp_ns: int, twist: Array) -> None:
     """Keep a good slip sample for the next cycle; where there are too many the oldest goes."""
     if queue.count == MAX_FRESH:
         for i in range(MAX_FRESH - 1):
@@ -203,7 +281,7 @@ def queue_slip(queue: Any, stamp_ns: int, twist: Array) -> None:
 
 
 @part
-def rebase_vector(limits: Any, state: Any, joint_stamp_ns: int) -> None:
+def rebase_vector(limits: VectorLimits, state: VectorInput, joint_stamp_ns: int) -> None:
     """Take the joint state's new clock: a sample ahead of it belongs to the old one."""
     if state.known != 0 and state.stamp_ns > joint_stamp_ns + limits.future_ns:
         state.known, state.arrival_ns, state.equal_since_ns, state.invalid, state.ahead = 0, 0, 0, 0, 0
@@ -211,7 +289,7 @@ def rebase_vector(limits: Any, state: Any, joint_stamp_ns: int) -> None:
 
 
 @part
-def vector_validity(limits: Any, state: Any, now_ns: int, joint_stamp_ns: int, arm_moves: bool) -> int:
+def vector_validity(limits: VectorLimits, state: VectorInput, now_ns: int, joint_stamp_ns: int, arm_moves: bool) -> int:
     """Return why the newest good sample does not count in a cycle."""
     if state.known == 0:
         return Fault.NEVER_SEEN.value
@@ -243,7 +321,7 @@ def stays_away(fault: int) -> bool:
 
 
 @part
-def _copy_sample(to: Any, stamp_ns: int, q: Array, qd: Array, effort: Array) -> None:
+def _copy_sample(to: JointRecord, stamp_ns: int, q: Array, qd: Array, effort: Array) -> None:
     n = q.shape[0]
     to.stamp_ns = stamp_ns
     to.position[:n] = q
@@ -252,7 +330,7 @@ def _copy_sample(to: Any, stamp_ns: int, q: Array, qd: Array, effort: Array) -> 
 
 
 @part
-def _numbers(limits: Any, q: Array, qd: Array, before: Any, follows: bool, coast_s: float) -> int:
+def _numbers(limits: JointLimits, q: Array, qd: Array, before: JointRecord, follows: bool, coast_s: float) -> int:
     """Return what the numbers of a joint state (n,), (n,) show; `before` is looked at where it `follows` one."""
     found = _kind(q) | _kind(qd)
     if found & _NOT_FINITE:
@@ -272,7 +350,7 @@ def _numbers(limits: Any, q: Array, qd: Array, before: Any, follows: bool, coast
 
 
 @part
-def _clock_fault(limits: Any, passed_ns: int, waited_ns: int) -> int:
+def _clock_fault(limits: JointLimits, passed_ns: int, waited_ns: int) -> int:
     """Return how a stamp does not follow another one, while `waited_ns` passed on the steady clock."""
     if passed_ns <= 0:
         if passed_ns <= -limits.clock_jump_ns:
@@ -283,8 +361,9 @@ def _clock_fault(limits: Any, passed_ns: int, waited_ns: int) -> int:
 
 @part
 def classify_joints(
-    limits: Any, stamp_ns: int, q: Array, qd: Array, now_ns: int, before: Any, before_ns: int, follows: bool
-) -> tuple[int, int]:
+    limits: JointLimits, stamp_ns: int, q: Array, qd: Array, now_ns: int, before: JointRecord, before_ns: int,
+    follows: bool,
+) -> tuple[int, int]:  # fmt: skip
     """Return what is wrong with a joint state in itself, or as one that follows another; and what its numbers show."""
     fault, coast_s = Fault.NONE.value, 0.0
     if follows:
@@ -305,8 +384,9 @@ def classify_joints(
 
 @part
 def receive_joints(
-    limits: Any, state: Any, stamp_ns: int, q: Array, qd: Array, effort: Array, refused: bool, now_ns: int
-) -> int:
+    limits: JointLimits, state: JointInput, stamp_ns: int, q: Array, qd: Array, effort: Array, refused: bool,
+    now_ns: int,
+) -> int:  # fmt: skip
     """Take a joint state in; return its fault. RESTARTED is good, and everything before it is void.
 
     Args:
@@ -344,7 +424,7 @@ def receive_joints(
 
 
 @part
-def await_answer(state: Any, stamp_ns: int, q: Array, qd: Array, effort: Array, fault: int) -> None:
+def await_answer(state: JointInput, stamp_ns: int, q: Array, qd: Array, effort: Array, fault: int) -> None:
     """Let the next cycle answer this joint state; one that was not answered yet is skipped, the newest wins."""
     if state.pending != 0:
         state.skipped += 1
@@ -355,17 +435,17 @@ def await_answer(state: Any, stamp_ns: int, q: Array, qd: Array, effort: Array, 
 
 
 @part
-def silent(limits: Any, state: Any, now_ns: int) -> bool:
+def silent(limits: JointLimits, state: JointInput, now_ns: int) -> bool:
     """Return whether no good joint state has come for the age limit."""
     return bool(state.known != 0 and now_ns - state.arrival_ns > limits.age_ns)
 
 
 @part
-def frozen(limits: Any, state: Any, now_ns: int) -> bool:
+def frozen(limits: JointLimits, state: JointInput, now_ns: int) -> bool:
     """Return whether the values have been equal to the last bit for longer than measured ones can while moving."""
     return bool(state.known != 0 and now_ns - state.equal_since_ns > limits.frozen_ns)
 
 
-def mean_period_s(rate: Any) -> float:
+def mean_period_s(rate: Rate) -> float:
     """Return the mean period of an input [s], NaN before there is one."""
     return float(rate.period_s) if rate.periods else math.nan

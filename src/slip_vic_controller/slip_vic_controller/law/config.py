@@ -1,0 +1,46 @@
+"""What the law takes as configured: contacts, null space, singularity policy, limits."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from slip_core.arrays import Array
+from slip_core.records import Real, Record, Records, Whole, dtype_of, new, record
+from slip_vic_controller.law.attitude import LOG, RPY
+from slip_vic_controller.law.contact import Contact, fill_contacts
+from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.sizes import MAX_CONTACTS, Joints
+
+
+class LawConfig(Record):
+    """What does not change while the controller runs."""
+
+    joints: Whole  # in use
+    contacts: Whole  # in use
+    attitude: Whole  # LOG or RPY
+    feed_forward: Whole  # 0 or 1: whether a_d is used
+    nullspace_stiffness: Real  # N m/rad
+    nullspace_damping: Real  # N m s/rad
+    sigma_min: Real  # smallest singular value of J below which the torque is damped
+    most_damping: Real  # kg^-1/2; the largest damping
+    radius: Real  # m; torsional radius of the pads
+    effort_limit: Joints  # N m
+    contact: Annotated[Records[Contact], MAX_CONTACTS]
+
+
+LAW_CONFIG = dtype_of(LawConfig)
+
+
+def make_law_config(params: ControllerParams, effort_limit: Array) -> Array:
+    """Return the LawConfig buffer of the parameters; effort_limit (n,) [N m]."""
+    buffer = new(LAW_CONFIG)
+    config: LawConfig = record(buffer, LAW_CONFIG)
+    config.joints = len(effort_limit)
+    config.contacts = fill_contacts(params.contacts, config.contact)
+    config.attitude = RPY if params.attitude == "rpy" else LOG
+    config.feed_forward = params.feed_forward
+    config.nullspace_stiffness, config.nullspace_damping = params.nullspace.stiffness, params.nullspace.damping
+    config.radius = params.governor.torsional_radius
+    config.sigma_min, config.most_damping = params.singularity.sigma_min, params.singularity.damping
+    config.effort_limit[: len(effort_limit)] = effort_limit
+    return buffer
