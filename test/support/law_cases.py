@@ -4,26 +4,68 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.records import new, place, record
+from slip_core.records import Record, Records, Vec3, dtype_of, new, place, record
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.attitude import LOG, RPY
 from slip_vic_controller.law.config import LAW_CONFIG
+from slip_vic_controller.law.contact import CONTACT_SAMPLE, SLIP, ContactSample, Slip, integrate_slips
 from slip_vic_controller.law.gains import LAW_GAINS
-from slip_vic_controller.law.law import EVALUATION
-from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, published
+from slip_vic_controller.law.law import EVALUATION, evaluate, predict_motion, scale_acceleration
+from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, published, symbols
 from slip_vic_controller.observer.layouts import MOTION
-from slip_vic_controller.reference.paths import REFERENCE
+from slip_vic_controller.reference import paths
+from slip_vic_controller.reference.paths import PATH, REFERENCE
 from slip_vic_controller.safety.validation import JOINT_SAMPLE
+from slip_vic_controller.sizes import MAX_CONTACTS, Joints
 from test.referees.law_referee import RefereeInput, exponential
-from test.support import law_kernels as run
-from test.support.law_kernels import GIVEN, MEMORY, SAMPLES, SLIPS
+from test.support.call import call
 
 PI = math.pi
+
+
+class Samples(Record):
+    """A sample of each contact."""
+
+    at: Annotated[Records[ContactSample], MAX_CONTACTS]
+
+
+class Slips(Record):
+    """A slip displacement of each contact."""
+
+    at: Annotated[Records[Slip], MAX_CONTACTS]
+
+
+class LawMemory(Record):
+    """What an evaluation takes of the one before."""
+
+    posture: Joints
+    e_previous: Vec3
+
+
+SAMPLES, SLIPS, MEMORY = dtype_of(Samples), dtype_of(Slips), dtype_of(LawMemory)
+GIVEN = np.dtype([
+    ("gains", LAW_GAINS), ("samples", CONTACT_SAMPLE, MAX_CONTACTS), ("slips", SLIP, MAX_CONTACTS),
+    ("reference", REFERENCE), ("follow_error", "f8", 6), ("law", EVALUATION),
+])  # fmt: skip
+"""What an evaluation is made of."""
+
+
+def put_reference(path: Array, t: float, position: Array, rotation: Array, out: Array) -> None:
+    """Write the REFERENCE of a path at a time to a buffer."""
+    planned = call(paths.reference_at, record(path, PATH), t, position, rotation)
+    call(paths.put_reference, record(out, REFERENCE), planned)
+
+
+def reference_of(path: Array, t: float, position: Array, rotation: Array) -> Any:
+    """Return the REFERENCE record of a path at a time."""
+    out = new(REFERENCE)
+    put_reference(path, t, position, rotation, out)
+    return record(out, REFERENCE)
 
 
 def turned(rng: np.random.Generator, angle: float) -> Array:
@@ -60,9 +102,10 @@ class Case:
         memory[: self.joints], memory[place(MEMORY, "e_previous")] = self.posture, self.previous
         state = record(sample, JOINT_SAMPLE)
         state.position[: self.joints], state.velocity[: self.joints] = self.q, self.qd
-        run.run_law(config, arm, sample, memory, given)
+        memory, given_record = record(memory, MEMORY), record(given, GIVEN)
+        call(evaluate, config, arm, state, memory, given_record)
         if factor is not None:
-            run.run_scaled_law(config, arm, sample, memory, factor, given)
+            call(scale_acceleration, config, arm, state, memory, factor, given_record)
         self.evaluation = given[place(GIVEN, "law")]
         return record(self.evaluation, EVALUATION)
 
@@ -70,7 +113,7 @@ class Case:
         """Return the published numbers of the case, after `evaluate`."""
         config, gains, arm, _, slips, reference = self.buffers
         out, known = new(SYMBOLS), new(SLIP_ESTIMATE) if estimate is None else estimate
-        run.run_symbols(config, gains, arm, slips, reference, self.evaluation, known, out)
+        call(symbols, config, gains, arm, slips, record(reference, REFERENCE), self.evaluation, known, out)
         names, places = published(self.joints)
         return dict(zip(names, out[places].tolist(), strict=True))
 
@@ -78,13 +121,13 @@ class Case:
         """Return whether every sample is finite, and the MOTION record for an observer."""
         config, gains, arm, samples, slips, _ = self.buffers
         out = new(MOTION)
-        finite = run.run_motion(config, gains, arm, samples, slips, slip_twist, out)
+        finite = call(predict_motion, config, gains, arm, samples, slips, slip_twist, record(out, MOTION))
         return bool(finite), record(out, MOTION)
 
     def move_slips(self, dt: float) -> None:
         """Integrate the slip displacements in place."""
         config, _, _, samples, slips, _ = self.buffers
-        run.run_slips(config, samples, slips, dt, slips)
+        call(integrate_slips, record(config, LAW_CONFIG), samples, slips, dt, slips)
 
     def referee(self) -> RefereeInput:
         """Return the same case for the referee."""

@@ -11,7 +11,7 @@ import pytest
 
 from test.support.no_processes import forbidden
 
-KERNELS: Final = ("test.support.law_kernels", "test.referees.governor_bench", "test.support.safety_kernels")
+KERNELS: Final = ("slip_vic_controller.session", "test.referees.governor_bench")
 
 
 def pytest_sessionstart() -> None:

@@ -3,20 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from slip_vic_controller.law import attitude
 from slip_vic_controller.law.attitude import LOG, LOG_BRANCH_LIMIT, RPY, RPY_DAMPED_BELOW
 from test.referees.law_referee import about, exponential, jacobian_series, logarithm
-from test.support.law_kernels import attitude_error, roll_pitch_yaw
+from test.support.call import call, flat
 
 FIRST_DIFFERENCE = 1e-7  # central differences with step 1e-5 of functions of order one
 SECOND_DIFFERENCE = 2e-6  # the same on a rate with second derivatives up to 100
 ROUNDING = 1e-12
 ZERO = np.zeros(3)
 Motion = Callable[[float], tuple[np.ndarray, np.ndarray, np.ndarray]]
+
+
+def attitude_error(coordinates: int, R_ee, R_d, w_ee, w_d, alpha_d, previous) -> Any:
+    """Return the error with T_e and its inverse as matrices."""
+    error = call(attitude.attitude_error, coordinates, R_ee, R_d, w_ee, w_d, alpha_d, previous)
+    units = np.eye(6)[3:]
+    forward = np.array([flat(call(attitude.T_e, error, unit))[3:] for unit in units]).T
+    back = np.array([flat(call(attitude.T_e_inverse, coordinates, error.error, R_d, unit))[3:] for unit in units]).T
+    return SimpleNamespace(
+        error=flat(error.error), rate=flat(error.rate), Theta=flat(error.Theta), T_e=forward, T_e_inverse=back,
+        near_singular=error.near_singular,
+    )  # fmt: skip
+
+
+def roll_pitch_yaw(R: np.ndarray) -> np.ndarray:
+    return flat(call(attitude.roll_pitch_yaw, R))
 
 
 def motion(rng: np.random.Generator) -> Motion:
@@ -83,7 +101,7 @@ def test_both_coordinates_are_identical_about_one_axis() -> None:
             R, R_d = about(axis, angle + 0.2), about(axis, 0.2)
             log, rpy = (attitude_error(kind, R, R_d, w, w_d, alpha_d, ZERO) for kind in (LOG, RPY))
             for name in ("error", "rate", "Theta"):
-                np.testing.assert_allclose(log[name], rpy[name], atol=ROUNDING)
+                np.testing.assert_allclose(getattr(log, name), getattr(rpy, name), atol=ROUNDING)
             np.testing.assert_allclose(log.error, angle * np.eye(3)[axis], atol=ROUNDING)
             np.testing.assert_allclose(log.rate, w - w_d, atol=ROUNDING)
 
@@ -142,7 +160,7 @@ def test_rpy_near_gimbal_lock_is_bounded_and_reported() -> None:
         error = attitude_error(RPY, R, np.eye(3), np.array([1.0, -2.0, 0.5]), ZERO, ZERO, ZERO)
         assert error.near_singular
         for name in ("error", "rate", "Theta", "T_e", "T_e_inverse"):
-            assert np.isfinite(error[name]).all()
+            assert np.isfinite(getattr(error, name)).all()
         assert np.abs(error.T_e_inverse).max() < 2.0 / RPY_DAMPED_BELOW
 
 

@@ -10,12 +10,13 @@ import pytest
 
 from slip_core.params import build
 from slip_vic_controller.law.attitude import LOG, RPY
+from slip_vic_controller.law.impedance import V_s
 from slip_vic_controller.params import TrajectoryParams
 from slip_vic_controller.reference.paths import make_path
 from slip_vic_controller.robot import Robot
 from test.referees.law_referee import S, V_s_dot, exponential, referee_law, slip_acceleration, two
-from test.support import law_kernels as run
-from test.support.law_cases import Case, random_case
+from test.support.call import call
+from test.support.law_cases import Case, put_reference, random_case, reference_of
 from test.support.small_arm import HOME, JOINT_NAMES, small_arm_urdf
 
 RESPONSE = 1e-6  # fourth-order integration with 5 ms of a loop with time constants of 0.1 s and more
@@ -65,7 +66,7 @@ def check_response(attitude: int) -> None:
         """Return the evaluation and the joints' acceleration."""
         case.q, case.qd = x[:7].copy(), x[7:].copy()
         robot.terms(case.q, case.qd, case.buffers[2])
-        run.run_reference(path, t, *start, case.buffers[5])
+        put_reference(path, t, *start, case.buffers[5])
         case.samples[0].wrench[:] = np.array([1.0, -2.0, 0.5, 0.1, 0.05, -0.1]) * math.sin(7.0 * t)
         found = case.evaluate()
         assert found.ok
@@ -85,7 +86,7 @@ def check_response(attitude: int) -> None:
             loops = zip(gains.M_D, gains.D_D, gains.K_D, first.e, first.e_dot, strict=True)
             np.testing.assert_allclose(tick(t, x)[0].e, [second_order(*five, t) for five in loops], atol=RESPONSE)
     assert np.abs(first.e[3:]).max() > 0.2
-    assert np.linalg.norm(run.reference_at(path, 1.0, *start).twist[3:]) > 0.1
+    assert np.linalg.norm(reference_of(path, 1.0, *start).twist[3:]) > 0.1
 
 
 def grasped(stiffness: float) -> Case:
@@ -167,7 +168,7 @@ def test_slip_energy_changes_as_in_eq_34() -> None:
         expected = V_s_dot(K_S, v_s, law.Z + a_d)
         assert v_s @ a_s == pytest.approx(expected, abs=IDENTITY)
         assert expected != pytest.approx(V_s_dot(K_S, v_s, law.Z), abs=0.01)
-        assert expected != pytest.approx(-2 * K_S * run.V_s(v_s), abs=0.1)
+        assert expected != pytest.approx(-2 * K_S * call(V_s, v_s), abs=0.1)
 
 
 def test_own_acceleration_comes_back_through_an_open_gate_unless_masked() -> None:

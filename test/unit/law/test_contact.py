@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slip_core.records import new, record
+from slip_vic_controller.law import contact as law
 from slip_vic_controller.law.contact import CONTACT, SLIP
 from test.referees.law_referee import Phi1, S, exponential, grasp_matrix_parts, jacobian_series, slip_acceleration, two
-from test.support import law_kernels as run
+from test.support.call import call, flat
 from test.support.law_cases import random_case
 
 ROUNDING = 1e-12
@@ -42,7 +43,25 @@ def arm_in_world(
 ) -> np.ndarray:
     """Return r {w}, by way of the axes of the pad as the law does."""
     o_R_c = o_R_p @ R_s
-    return R_o @ o_R_c @ run.contact_arm(o_R_c, contact, slip_of(s_l, R_s))
+    return (
+        R_o @ o_R_c @ flat(call(law.contact_arm, o_R_c, record(contact, CONTACT).position, contact, slip_of(s_l, R_s)))
+    )
+
+
+def grasp(r: np.ndarray, x: np.ndarray, w_o: np.ndarray) -> list[np.ndarray]:
+    """Return G x, G^T x, G^-T x, Phi2(w_o, r)."""
+    products = [flat(call(product, r, x)) for product in (law.G, law.G_T, law.G_T_inverse)]
+    return [*products, flat(call(law.Phi2, w_o, r))]
+
+
+def integrate_slip(slip: np.ndarray, v_s: np.ndarray, dt: float) -> np.ndarray:
+    out = new(SLIP)
+    call(law.integrate_slip, slip, v_s, dt, out)
+    return out
+
+
+def dead_band(v_s: np.ndarray, linear: float, angular: float) -> np.ndarray:
+    return flat(call(law.beyond_dead_band, v_s, linear, angular))
 
 
 def grasp_matrix(r: np.ndarray) -> np.ndarray:
@@ -53,30 +72,30 @@ def grasp_matrix(r: np.ndarray) -> np.ndarray:
 @settings(max_examples=50)
 def test_power_at_the_contact_equals_power_at_the_object(r, v_o, h) -> None:
     """(G h) . v_o = h . (G^T v_o): the grasp matrix neither makes nor loses energy."""
-    at_object = run.grasp(r, h, r)[0] @ v_o
-    assert at_object == pytest.approx(h @ run.grasp(r, v_o, r)[1], rel=POWER, abs=POWER)
+    at_object = grasp(r, h, r)[0] @ v_o
+    assert at_object == pytest.approx(h @ grasp(r, v_o, r)[1], rel=POWER, abs=POWER)
 
 
 @given(threes, sixes)
 @settings(max_examples=50)
 def test_products_equal_the_matrices(r, x) -> None:
-    G, (forward, transposed, _, _) = grasp_matrix(r), run.grasp(r, x, r)
+    G, (forward, transposed, _, _) = grasp_matrix(r), grasp(r, x, r)
     np.testing.assert_allclose(forward, G @ x, atol=ROUNDING * 100)
     np.testing.assert_allclose(transposed, G.T @ x, atol=ROUNDING * 100)
-    np.testing.assert_allclose(run.grasp(r, transposed, r)[2], x, atol=ROUNDING * 100)
+    np.testing.assert_allclose(grasp(r, transposed, r)[2], x, atol=ROUNDING * 100)
 
 
 @given(threes, threes)
 @settings(max_examples=50)
 def test_Phi2_is_the_centripetal_acceleration(w_o, r) -> None:
     expected = np.concatenate((np.cross(w_o, np.cross(w_o, r)), np.zeros(3)))
-    np.testing.assert_allclose(run.grasp(r, np.zeros(6), w_o)[3], expected, atol=ROUNDING * 1000)
+    np.testing.assert_allclose(grasp(r, np.zeros(6), w_o)[3], expected, atol=ROUNDING * 1000)
 
 
 def test_two_point_contacts_have_rank_five() -> None:
     """Forces at two points cannot turn the object about the line through them."""
     r1, r2 = np.random.default_rng(5).normal(size=(2, 3))
-    forces = np.hstack([np.array([run.grasp(r, unit, r)[0] for unit in np.eye(6)[:3]]).T for r in (r1, r2)])
+    forces = np.hstack([np.array([grasp(r, unit, r)[0] for unit in np.eye(6)[:3]]).T for r in (r1, r2)])
     assert np.linalg.matrix_rank(forces) == 5
     line = r1 - r2
     np.testing.assert_allclose(np.concatenate((np.cross(r1, line), line)) @ forces, 0.0, atol=ROUNDING)
@@ -122,7 +141,7 @@ def check_slip_kinematics(rng: np.random.Generator, h: float) -> None:
         r = arm_in_world(R_o, o_R_p, contact, s0 + s1 * t + s2 * t * t, angular(a0, a1, a2, t)[0])
         v_s = two(R_p) @ np.concatenate((s1 + 2 * s2 * t, angular(a0, a1, a2, t)[1]))
         v_o = np.concatenate((x1 + 2 * x2 * t, w_o))
-        return run.grasp(r, v_o, w_o)[1] + v_s, R_p, r, w_o, v_s
+        return grasp(r, v_o, w_o)[1] + v_s, R_p, r, w_o, v_s
 
     v_c, R_p, r, w_o, v_s = velocity(0.0)
     (x_m, R_m), (x_p_, R_plus) = pose(-h), pose(h)
@@ -132,7 +151,7 @@ def check_slip_kinematics(rng: np.random.Generator, h: float) -> None:
     a_c = (velocity(h)[0] - velocity(-h)[0]) / (2 * h)
     a_o = np.concatenate((2 * x2, angular(p0, p1, p2, 0.0)[2]))
     a_s_pad = np.concatenate((2 * s2, angular(a0, a1, a2, 0.0)[2]))
-    _, follow, _, Phi2 = run.grasp(r, a_o, w_o)
+    _, follow, _, Phi2 = grasp(r, a_o, w_o)
     np.testing.assert_allclose(
         slip_acceleration(a_c, follow, w_o, v_s, Phi2), two(R_p) @ a_s_pad, atol=SECOND_DIFFERENCE
     )
@@ -150,8 +169,8 @@ def test_slip_displacement_of_a_constant_twist_is_exact() -> None:
     for seed in range(2):
         rng = np.random.default_rng(seed)
         start, twist = slip_of(rng.normal(size=3), exponential(rng.normal(size=3))), rng.normal(size=6)
-        whole = record(run.integrate_slip(start, twist, 1.0), SLIP)
-        half = record(run.integrate_slip(run.integrate_slip(start, twist, 0.5), twist, 0.5), SLIP)
+        whole = record(integrate_slip(start, twist, 1.0), SLIP)
+        half = record(integrate_slip(integrate_slip(start, twist, 0.5), twist, 0.5), SLIP)
         np.testing.assert_allclose(half.position, whole.position, atol=ROUNDING)
         np.testing.assert_allclose(half.rotation, whole.rotation, atol=ROUNDING)
         position, rotation = record(start, SLIP).position.copy(), record(start, SLIP).rotation.copy()
@@ -168,7 +187,7 @@ def test_slip_rotation_stays_a_rotation() -> None:
     """After 5,000 ticks of spin the matrix is orthonormal to rounding."""
     slip = slip_of(np.zeros(3), np.eye(3))
     for _ in range(5_000):
-        slip = run.integrate_slip(slip, np.array([0.0, 0.0, 0.0, 0.3, -0.7, 2.0]), 0.001)
+        slip = integrate_slip(slip, np.array([0.0, 0.0, 0.0, 0.3, -0.7, 2.0]), 0.001)
     rotation = record(slip, SLIP).rotation
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-11)
 
@@ -179,7 +198,7 @@ def test_every_contact_slips_along_its_own_axes() -> None:
     case.move_slips(0.01)
     for i in range(3):
         axes, twist = case.config.contact[i].slip_axes, case.samples[i].slip_twist
-        expected = record(run.integrate_slip(before[i], np.array(axes * twist), 0.01), SLIP)
+        expected = record(integrate_slip(before[i], np.array(axes * twist), 0.01), SLIP)
         assert (case.slips[i].position == expected.position).all()
         assert (case.slips[i].rotation == expected.rotation).all()
     assert (case.slips[3].rotation == 0.0).all()
@@ -187,6 +206,6 @@ def test_every_contact_slips_along_its_own_axes() -> None:
 
 def test_dead_band_takes_linear_and_angular_part_by_themselves() -> None:
     v_s = np.array([3e-3, 0.0, -4e-3, 0.0, 0.1, 0.0])
-    assert (run.dead_band(v_s, 0.0, 0.0) == v_s).all()
-    assert (run.dead_band(v_s, 4.9e-3, 0.2) == [*v_s[:3], 0.0, 0.0, 0.0]).all()
-    assert (run.dead_band(v_s, 5.1e-3, 0.0) == [0.0, 0.0, 0.0, *v_s[3:]]).all()
+    assert (dead_band(v_s, 0.0, 0.0) == v_s).all()
+    assert (dead_band(v_s, 4.9e-3, 0.2) == [*v_s[:3], 0.0, 0.0, 0.0]).all()
+    assert (dead_band(v_s, 5.1e-3, 0.0) == [0.0, 0.0, 0.0, *v_s[3:]]).all()

@@ -11,22 +11,31 @@ import pytest
 
 from slip_core.errors import InputError
 from slip_core.params import build
-from slip_core.records import record
+from slip_core.records import new, record
 from slip_vic_controller.law.gains import (
     LAW_GAINS,
     RAMP,
     gain_report,
+    gains_at,
     make_law_gains,
     make_ramp,
     ramp_time,
-    sample_gains,
     steady,
 )
 from slip_vic_controller.params import ControllerParams
+from test.support.call import call
 from test.support.law_cases import random_case
-from test.support.law_kernels import gains_now
 
 MS = 1_000_000
+
+
+def gains_now(ramp: np.ndarray, stamp_ns: int) -> Any:
+    """Return the gains in effect."""
+    out = new(LAW_GAINS)
+    call(gains_at, ramp, stamp_ns, out)
+    return record(out, LAW_GAINS)
+
+
 STIFF = {"gains.stiffness": (20.0,) * 6, "gains.damping": (5.0,) * 6}
 
 
@@ -125,7 +134,7 @@ def test_a_change_reaches_the_law_without_a_kick() -> None:
     case.reference.position[:] = case.arm.position + np.array([0.02, 0.0, 0.0])
     torques = []
     for k in range(1200):
-        sample_gains(ramp, k * MS, case.buffers[1])
+        call(gains_at, ramp, k * MS, case.buffers[1])
         torques.append(np.array(case.evaluate().torque.tau))
     whole = np.abs(torques[-1] - torques[0]).max()
     assert whole > 0.1, "a change without consequence proves nothing"

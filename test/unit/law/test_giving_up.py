@@ -6,8 +6,8 @@ import numpy as np
 
 from slip_core.records import new, record
 from slip_vic_controller.law.gains import GAINS
-from slip_vic_controller.law.giving_up import GIVEN_UP, GIVING_UP
-from test.support.law_kernels import run_giving_up
+from slip_vic_controller.law.giving_up import GIVEN_UP, GIVING_UP, judge_compensation
+from test.support.call import call
 
 SLIPS, STICKS = np.array([0.005, 0.0, 0.0, 0.0, 0.0, 0.0]), np.zeros(6)
 MS = 1e-3
@@ -28,7 +28,7 @@ class Judge:
             g = record(gains, GAINS)
             g.alpha, g.characteristic_length, g.gamma_k[:], g.gamma_d[:] = 220.0, 0.03, 100.0, 100.0
             full = gains.copy()
-            run_giving_up(self.config, self.state, gains, v_s, int(seen), error, fall, MS)
+            call(judge_compensation, self.config, self.state, gains, v_s, int(seen), error, fall, MS)
             given_up = bool(record(self.state, GIVEN_UP).given_up)
             impedance_alone = g.alpha == 0.0 and not g.gamma_k.any() and not g.gamma_d.any()
             shut = given_up or (bool(record(self.config, GIVING_UP).witness) and not seen)

@@ -17,13 +17,13 @@ CODE = "from test.unit.law.test_interpreted import digests; print(*digests())"
 def digests() -> list[str]:
     """Return what the bytes of each result come to: law and symbols, observer's motion, slip, ramp, references."""
     from slip_core.params import build
-    from slip_core.records import record
+    from slip_core.records import new, record
     from slip_vic_controller.law.bounds import held_sample_limit
-    from slip_vic_controller.law.gains import RAMP, make_law_gains, make_ramp
+    from slip_vic_controller.law.gains import LAW_GAINS, RAMP, gains_at, make_law_gains, make_ramp
     from slip_vic_controller.params import ControllerParams, TrajectoryParams
     from slip_vic_controller.reference.paths import make_path
-    from test.support import law_kernels as run
-    from test.support.law_cases import PI, random_case
+    from test.support.call import call
+    from test.support.law_cases import PI, random_case, reference_of
 
     found = {name: hashlib.sha256() for name in ("law", "symbols", "motion", "slips", "ramp", "reference", "limit")}
     for seed in range(24):
@@ -40,7 +40,9 @@ def digests() -> list[str]:
     start, target = (make_law_gains(build(ControllerParams, values, "test"), 900.0) for values in ({}, stiff))
     ramp = make_ramp(start, target, 0, 0.2)
     for share in (0.0, 0.1, 0.37, 0.9, 1.0):
-        found["ramp"].update(run.gains_now(ramp, round(share * record(ramp, RAMP).duration_ns)).tobytes())
+        now = new(LAW_GAINS)
+        call(gains_at, ramp, round(share * record(ramp, RAMP).duration_ns), now)
+        found["ramp"].update(now.tobytes())
     for values in (
         {"kind": "hold"},
         {"kind": "quintic", "displacement": (0.4, 0.3, -0.1), "rotation": (0.2, -0.5, 0.8)},
@@ -50,7 +52,7 @@ def digests() -> list[str]:
     ):
         path = make_path(build(TrajectoryParams, values, "test"))
         for t in np.linspace(-0.1, 6.1, 23):
-            found["reference"].update(run.reference_at(path, t, np.array([0.5, -0.2, 0.3]), np.eye(3)).tobytes())
+            found["reference"].update(reference_of(path, t, np.array([0.5, -0.2, 0.3]), np.eye(3)).tobytes())
     limits = [held_sample_limit(held, delay) for held in (1, 2, 9, 17) for delay in range(12)]
     found["limit"].update(np.array(limits).tobytes())
     return [f"{name}:{digest.hexdigest()[:16]}" for name, digest in found.items()]

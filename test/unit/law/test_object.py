@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from slip_core.records import new, record
+from slip_vic_controller.law.contact import G_T
+from slip_vic_controller.law.object import ObjectMotion, object_motion
 from test.referees.law_referee import S, exponential, referee_law
-from test.support import law_kernels as run
+from test.support.call import call, flat
 from test.support.law_cases import Case, random_case
 
 ROUNDING = 1e-12
@@ -28,9 +29,8 @@ def object_case() -> Case:
 
 def motion_of(case: Case, R_ee: np.ndarray, w_ee: np.ndarray, slip_angular: np.ndarray) -> Any:
     config, gains, _, samples, slips, _ = case.buffers
-    out = new(run.OBJECT_MOTION)
-    run.run_object(config, gains, samples, slips, np.ascontiguousarray(R_ee), w_ee, slip_angular, out)
-    return record(out, run.OBJECT_MOTION)
+    found = call(object_motion, config, gains, samples, slips, R_ee, w_ee, slip_angular)
+    return ObjectMotion(*(flat(part) for part in found))
 
 
 def acceleration(R_o: np.ndarray, w_o: np.ndarray, h_o: np.ndarray) -> np.ndarray:
@@ -98,7 +98,7 @@ def test_P_maps_contact_twist_to_coriolis_acceleration() -> None:
         expected, R = referee_law(case.referee()), np.kron(np.eye(2), case.arm.rotation)
         found = motion_of(case, case.arm.rotation, case.arm.twist[3:], case.v_s[3:])
         np.testing.assert_allclose(
-            R @ run.grasp(found.r, found.a_o, found.w_o)[1], expected["follow"], atol=1e-11 * np.abs(found.a_o).max()
+            R @ flat(call(G_T, found.r, found.a_o)), expected["follow"], atol=1e-11 * np.abs(found.a_o).max()
         )
         # a_o without gravity and wrench is what P (v_ee - v_s) stands for
         case.gains.object.gravity[:] = 0.0
@@ -106,4 +106,4 @@ def test_P_maps_contact_twist_to_coriolis_acceleration() -> None:
             case.samples[i].wrench[:] = 0.0
         free = motion_of(case, case.arm.rotation, case.arm.twist[3:], case.v_s[3:])
         P_v = expected["P"] @ (case.arm.twist - expected["v_s"])
-        np.testing.assert_allclose(R @ run.grasp(free.r, free.a_o, free.w_o)[1], -P_v, atol=1e-10)
+        np.testing.assert_allclose(R @ flat(call(G_T, free.r, free.a_o)), -P_v, atol=1e-10)

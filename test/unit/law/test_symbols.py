@@ -7,9 +7,10 @@ import math
 import numpy as np
 
 from slip_core.records import new, record
-from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, published
+from slip_vic_controller.law.rotation import exponential
+from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, no_symbols, published
 from slip_vic_controller.sizes import MAX_JOINTS
-from test.support import law_kernels as run
+from test.support.call import call, flat
 from test.support.law_cases import random_case
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
@@ -59,14 +60,14 @@ def test_poses_and_flags_are_those_of_the_tick() -> None:
     assert [numbers[f"effort_{j + 1}"] for j in range(7)] == found.effort[:7].tolist()
     for name, pose in (("position", case.arm), ("desired", case.reference), ("s", case.slips[0])):
         assert [numbers[f"{name}_{axis}"] for axis in AXES[:3]] == pose.position.tolist()
-        R = run.exponential(np.array([numbers[f"{name}_{axis}"] for axis in AXES[3:]]))
+        R = flat(call(exponential, [numbers[f"{name}_{axis}"] for axis in AXES[3:]]))
         np.testing.assert_allclose(R, pose.rotation, atol=1e-12)
     assert [numbers[f"tau_bias_{j + 1}"] for j in range(7)] == case.arm.bias[:7].tolist()
 
 
 def test_what_was_not_evaluated_is_no_number() -> None:
     out = new(SYMBOLS)
-    run.run_no_symbols(np.arange(7.0), np.zeros(7, np.int64), out)
+    call(no_symbols, np.arange(7.0), np.zeros(7, np.int64), out)
     names, places = published(7)
     numbers = dict(zip(names, out[places].tolist(), strict=True))
     assert [numbers.pop(name) for name in FLAGS] == [1.0, 0.0, 0.0]

@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from slip_vic_controller.law.torque import (
+    singularity_damping,
+    smallest_singular_value,
+    smallest_singular_value_below,
+)
 from slip_vic_controller.robot import Robot
-from test.support import law_kernels as run
+from test.support.call import call
 from test.support.law_cases import Case, random_case
 from test.support.small_arm import HOME, JOINT_NAMES, small_arm_urdf
 
@@ -59,18 +64,18 @@ def test_smallest_singular_value_equals_svd() -> None:
     for seed in range(5):
         J = np.random.default_rng(seed).normal(size=(6, 7))
         sigma = np.linalg.svd(J)[1][-1]
-        assert run.smallest_singular_value(J) == pytest.approx(sigma, rel=1e-9)
-        assert run.smallest_singular_value_below(J, 10.0) == pytest.approx(sigma, rel=1e-9)
-        assert run.smallest_singular_value_below(J, 0.5 * sigma) == 0.5 * sigma
+        assert call(smallest_singular_value, J) == pytest.approx(sigma, rel=1e-9)
+        assert call(smallest_singular_value_below, J, 10.0) == pytest.approx(sigma, rel=1e-9)
+        assert call(smallest_singular_value_below, J, 0.5 * sigma) == 0.5 * sigma
         u, values, v = np.linalg.svd(J, full_matrices=False)
         values[-1] = 1e-6
         # the root of a difference near zero: 1e-16 of J J^T is 1e-8 of sigma
-        assert run.smallest_singular_value_below((u * values) @ v, 0.1) == pytest.approx(1e-6, abs=1e-7)
+        assert call(smallest_singular_value_below, (u * values) @ v, 0.1) == pytest.approx(1e-6, abs=1e-7)
 
 
 def test_damping_is_zero_above_and_grows_smoothly_below() -> None:
     def damping(sigma: float) -> float:
-        return run.singularity_damping(sigma, 0.04, 0.1)
+        return call(singularity_damping, sigma, 0.04, 0.1)
 
     assert damping(0.04) == 0.0
     assert damping(0.0399999) < 1e-12

@@ -11,7 +11,7 @@ from slip_vic_controller.params import TrajectoryParams
 from slip_vic_controller.reference.paths import make_path
 from slip_vic_controller.sizes import MAX_SEGMENTS
 from test.referees.law_referee import S, exponential
-from test.support.law_kernels import reference_at
+from test.support.law_cases import reference_of
 
 STEP = 1e-5
 FIRST_DIFFERENCE = 1e-7  # central differences with third derivatives up to 100
@@ -30,7 +30,7 @@ START = (np.array([0.5, -0.2, 0.3]), exponential(np.array([0.3, 2.0, -1.0])))
 def path_of(kind: str):
     params = build(TrajectoryParams, {"kind": kind, **KINDS[kind]}, "test")
     path = make_path(params)
-    return params, lambda t: reference_at(path, t, *START)
+    return params, lambda t: reference_of(path, t, *START)
 
 
 def test_velocity_and_acceleration_are_the_derivatives() -> None:
@@ -87,7 +87,7 @@ def test_waypoint_times_are_kept() -> None:
     values = {"kind": "waypoints", "waypoints": WAYPOINTS, "waypoint_times_s": (0.5, 2.0, 2.5)}
     path = make_path(build(TrajectoryParams, values, "test"))
     for t, point in ((0.5, WAYPOINTS[:6]), (2.0, WAYPOINTS[6:12]), (9.9, WAYPOINTS[12:])):
-        at = reference_at(path, t, *START)
+        at = reference_of(path, t, *START)
         np.testing.assert_allclose(at.position, START[0] + point[:3], atol=ROUNDING)
         np.testing.assert_allclose(at.rotation, exponential(np.array(point[3:])) @ START[1], atol=ROUNDING)
 
@@ -115,7 +115,7 @@ def test_circle_keeps_its_radius_in_its_plane_and_reaches_its_speed() -> None:
 def test_lemniscate_crosses_its_start_at_half_a_round() -> None:
     path = make_path(build(TrajectoryParams, {"kind": "lemniscate", "duration_s": 9.0, "period_s": 4.0}, "test"))
     half = 0.5 + 0.5 * 4.0  # the ramp of 1 s costs half of itself
-    at = reference_at(path, half, *START)
+    at = reference_of(path, half, *START)
     np.testing.assert_allclose(at.position, START[0], atol=ROUNDING)
     assert at.twist[0] < 0.0
-    assert reference_at(path, 0.5 + 1.0, *START).position[0] == pytest.approx(START[0][0] + 0.1, abs=ROUNDING)
+    assert reference_of(path, 0.5 + 1.0, *START).position[0] == pytest.approx(START[0][0] + 0.1, abs=ROUNDING)

@@ -6,15 +6,15 @@ import numpy as np
 
 from slip_core.records import new, record
 from slip_vic_controller.cycle import CONFIG, STATE, STATE_SIZE
-from slip_vic_controller.safety.arbitration import HEALTH, Level
+from slip_vic_controller.safety.arbitration import HEALTH, Level, arbitrate
 from slip_vic_controller.safety.faults import Fault
-from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.safety.reasons import describe, read_reason
+from slip_vic_controller.safety.modes import Mode, TransitionReasons
+from slip_vic_controller.safety.reasons import describe
 from slip_vic_controller.sizes import NEVER
 from test.referees import safety_referee
 from test.referees.safety_referee import Memory, Verdict
+from test.support.call import call
 from test.support.made_up import MS, NOW_NS, N, controller_of
-from test.support.safety_kernels import ARBITRATED, run_arbitrate
 
 TWIST, STILL = np.zeros(6), np.zeros(N)
 TIMES = ("slip_unknown_ns", "too_fast_ns", "saturated_ns", "stopping_ns")
@@ -39,6 +39,13 @@ class Arbitration:
         self.limits = record(self.config, CONFIG).arbitration
         self.names = self.controller.robot.joint_names
 
+    def arbitrate(self, health, frozen: bool = False, qd=STILL, now_ns: int = NOW_NS) -> tuple[TransitionReasons, int]:
+        """Return what runs finds."""
+        config, given = record(self.config, CONFIG), new(HEALTH)
+        given.view(np.int64)[:] = health
+        law = config.law
+        return call(arbitrate, config, self.state, given, frozen, law.joints, law.contacts, np.array(qd), now_ns)
+
     def judge(self, memory: Memory, health=GOOD, frozen: bool = False, qd=STILL, now_ns: int = NOW_NS) -> Verdict:
         s, m = self.state, memory
         s.now_ns, s.mode.mode, s.path.scale, s.latency.in_a_row = m.now_ns, m.mode, m.path_scale, m.late_in_a_row
@@ -50,13 +57,10 @@ class Arbitration:
         s.observed.twist[:] = m.pad_twist
         for of, slip in zip(s.slip_inputs, m.slips, strict=False):
             of["values"][:] = slip
-        given, out = new(HEALTH), new(ARBITRATED)
-        given.view(np.int64)[:] = (Fault.NONE, *health)
-        run_arbitrate(self.config, self.buffer, given, frozen, np.array(qd), now_ns, out)
-        found = record(out, ARBITRATED)
-        texts = (describe(read_reason(found[name]), self.names) for name in ("fault", "hold", "degraded"))
+        found, level = self.arbitrate((Fault.NONE, *health), frozen, qd, now_ns)
+        texts = (describe(reason, self.names) for reason in (found.fault, found.hold, found.degraded))
         since = (None if t == NEVER else int(t) for t in (s.since.slip_unknown_ns, s.since.too_fast_ns))
-        verdict = Verdict(*texts, Level(found.level), *since)
+        verdict = Verdict(*texts, Level(level), *since)
         plain = safety_referee.arbitrate(record(self.config, CONFIG), self.names, m, health, frozen, qd, now_ns)
         for name in TIMES[2:]:
             assert s.since[name] == (NEVER if getattr(m, name) is None else getattr(m, name))
@@ -148,9 +152,7 @@ def test_a_path_too_heavy_for_friction_is_said_with_its_place_and_both_loads() -
     judge.judge(QUIET)
     governor = judge.state.governor
     governor.infeasible, governor.heaviest_time, governor.weight_load, governor.plan_load = 1, 1.5, 2.5, 0.5
-    given, out = new(HEALTH), new(ARBITRATED)
-    run_arbitrate(judge.config, judge.buffer, given, False, STILL, NOW_NS, out)
-    reason = describe(read_reason(record(out, ARBITRATED).hold), judge.names)
+    reason = describe(judge.arbitrate((Fault.NONE,) * 4)[0].hold, judge.names)
     load = "its weight asks 2.500 N, friction may be asked 0.485 N"
     assert reason == f"friction cannot carry the object where the path is at 1.500 s: {load}"
 

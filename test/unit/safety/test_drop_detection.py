@@ -9,11 +9,12 @@ from slip_core.records import new, record
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.law import EVALUATION
 from slip_vic_controller.reference.paths import REFERENCE
-from slip_vic_controller.safety.drop_detection import DROP_DETECTION, OBSERVED
+from slip_vic_controller.safety.arbitration import watch_for_blindness
+from slip_vic_controller.safety.drop_detection import DROP_DETECTION, OBSERVED, observe_motion
 from slip_vic_controller.sizes import NEVER
 from test.referees.law_referee import exponential
 from test.referees.safety_referee import fall_speed, slip_evidence
-from test.support.safety_kernels import run_blindness, run_drop_detection
+from test.support.call import call
 
 EQUAL = 1e-12
 LINEAR = (1.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -40,7 +41,7 @@ class Detection:
 
     def observe(self, dt: float):
         config, observed, arm, law, reference = self.buffers
-        run_drop_detection(config, self.axes, observed, arm, law, reference, dt)
+        call(observe_motion, config, self.axes, observed, arm, law, record(reference, REFERENCE), dt)
         return self.observed
 
 
@@ -145,7 +146,7 @@ def test_a_sensor_is_blind_since_it_shows_less_than_a_tenth_of_the_evidence() ->
 
     def blind(evidence, slip_speed: float, now_ns: int) -> int:
         d.observed.evidence[:] = evidence
-        run_blindness(observed, slip_speed, 0.08, now_ns)
+        call(watch_for_blindness, observed, slip_speed, 0.08, now_ns)
         return int(d.observed.blind_since_ns)
 
     strong = (0.06, 0.0, -0.06)

@@ -11,10 +11,17 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from slip_core.records import new, record
-from slip_vic_controller.safety.effort_limiter import EFFORT_LIMITS, LIMITER
+from slip_vic_controller.safety import effort_limiter
+from slip_vic_controller.safety.effort_limiter import (
+    EFFORT_LIMITS,
+    LIMITER,
+    largest_step,
+    needs_restart,
+    start_limiter,
+)
 from test.referees.safety_referee import limit_effort
+from test.support.call import call
 from test.support.every import every
-from test.support.safety_kernels import limiter_needs_restart, limiter_step, run_limiter, run_start_limiter
 
 N, PERIOD_NS = 3, 4_000_000
 LIMIT = np.array([87.0, 12.0, 1e-3])
@@ -47,10 +54,10 @@ class Limiter:
         return self.record.effort[:N].copy()
 
     def take(self, wanted: np.ndarray, now_ns: int) -> bool:
-        flags = np.full((2, N), 7.0)
-        finite = run_limiter(LIMITS, self.buffer, N, wanted, now_ns, flags)
-        self.clipped, self.limited = flags == 1.0
-        assert ((flags == 0.0) | (flags == 1.0)).all()
+        flags = clipped, limited = np.full((2, N), 7)
+        finite = call(effort_limiter.limit_effort, LIMITS, self.buffer, N, wanted, now_ns, clipped, limited)
+        self.clipped, self.limited = flags == 1
+        assert ((flags == 0) | (flags == 1)).all()
         return bool(finite)
 
 
@@ -78,7 +85,7 @@ def test_it_is_the_plain_form() -> None:
         if case % 10 == 0:
             wanted[case % N] = (math.nan, math.inf, -math.inf, 1e200)[case // 10 % 4]
         limiter, now = Limiter(before, 1_000_000), 1_000_000 + int(rng.integers(-1_000_000, 8_000_000))
-        step = limiter_step(LIMITS, limiter.buffer, now)
+        step = call(largest_step, LIMITS, limiter.buffer, now)
         effort, clipped, limited, finite = limit_effort(LIMIT, step, before, wanted)
         assert limiter.take(wanted, now) == finite
         np.testing.assert_array_equal(limiter.effort, effort)
@@ -147,14 +154,14 @@ GRAVITY = np.array([7.0, 8.0, 5e-4])
 def test_start_is_what_the_joints_feel_or_gravity(measured, gravity, expected) -> None:
     limiter = Limiter()
     limiter.record.started = 0
-    assert limiter_needs_restart(LIMITS, limiter.buffer, 0)
-    run_start_limiter(LIMITS, limiter.buffer, N, measured, gravity, 10**9)
+    assert call(needs_restart, LIMITS, limiter.buffer, 0)
+    call(start_limiter, LIMITS, limiter.buffer, N, measured, gravity, 10**9)
     np.testing.assert_array_equal(limiter.effort, expected)
-    assert limiter_step(LIMITS, limiter.buffer, 10**9) == pytest.approx(1000.0 * 0.004)  # one control period
+    assert call(largest_step, LIMITS, limiter.buffer, 10**9) == pytest.approx(1000.0 * 0.004)  # one control period
     assert limiter.record.started == 1
 
 
 def test_restart_after_a_pause_only() -> None:
     limiter = Limiter(now_ns=1_000)
-    assert not limiter_needs_restart(LIMITS, limiter.buffer, 50_001_000)
-    assert limiter_needs_restart(LIMITS, limiter.buffer, 50_001_001)
+    assert not call(needs_restart, LIMITS, limiter.buffer, 50_001_000)
+    assert call(needs_restart, LIMITS, limiter.buffer, 50_001_001)

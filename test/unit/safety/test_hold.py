@@ -15,7 +15,20 @@ from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.parameters.safety_params import SafetyParams
-from slip_vic_controller.safety.hold import EXCESS, HOLD, HOLD_CONFIG, LOAD_LEVER, SLOWEST, believable_arm
+from slip_vic_controller.safety.hold import (
+    EXCESS,
+    HOLD,
+    HOLD_CONFIG,
+    LOAD_LEVER,
+    SLOWEST,
+    believable_arm,
+    carry_load,
+    delay_margin,
+    gains_for_delay,
+    hold_effort,
+    load_error,
+    update_load_error,
+)
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety.validation import JOINT_SAMPLE
 from slip_vic_controller.session import Controller
@@ -23,16 +36,10 @@ from test.campaigns.faults.trial import STEADY_NS
 from test.referees import hold_referee
 from test.referees.hold_referee import held_inertia
 from test.referees.law_referee import exponential
+from test.support.call import call, flat
 from test.support.delivery import answered_outputs, begun_bridge, realtime
 from test.support.every import every
 from test.support.made_up import LOAD, POSITION, MadeUp, N, law_at_work
-from test.support.safety_kernels import (
-    delay_margin,
-    gains_for_delay,
-    run_hold,
-    run_hold_load,
-    run_load_error,
-)
 
 SAFETY = SafetyParams()
 BORNE_S = 0.020  # docs/safety.md
@@ -68,7 +75,9 @@ class Random:
 
     def torque(self, late_s: float, carries: bool) -> np.ndarray:
         out, (config, hold, arm) = np.empty(self.n), self.buffers
-        run_hold(config, hold, arm, self.sample_buffer, self.pad.ravel(), self.r_pad, late_s, carries, out)
+        call(hold_effort, config, hold, arm, self.sample_buffer, self.pad, self.r_pad, late_s, out)
+        if carries:
+            call(carry_load, config, hold, arm, self.r_pad, out)
         return out
 
     def referee(self, late_s: float, carries: bool) -> np.ndarray:
@@ -145,7 +154,7 @@ def test_the_load_error_is_the_referee_s() -> None:
         before, R = np.array(case.hold.load_error), case.arm.rotation
         model = hold_referee.object_load(R, R @ case.r_pad, case.config.weight)
         config, hold, arm = case.buffers
-        run_hold_load(config, hold, arm, case.r_pad, measured, 0.004)
+        call(update_load_error, config, hold, arm, case.r_pad, measured, 0.004)
         expected = hold_referee.load_error(before, model, measured, 0.004, 0.05)
         np.testing.assert_allclose(case.hold.load_error, expected, rtol=CLOSE, atol=CLOSE)
 
@@ -186,11 +195,11 @@ def test_the_wrench_corrects_the_load_slowly_and_by_no_more_than_the_weight() ->
     model, error = np.array([0.0, 0.0, -4.0, 0.1, 0.0, 0.0]), np.zeros(6)
     measured = model + np.array([0.5, 0.0, 0.3, 0.0, 0.05, 0.0])
     for _ in range(100):
-        run_load_error(error, model, measured, 0.004, 0.1)
+        error = flat(call(load_error, error, model, measured, 0.004, 0.1))
     np.testing.assert_allclose(error, (1.0 - math.exp(-4.0)) * (measured - model), atol=1e-12)
     wild = 1e6 * np.ones(6)
     for _ in range(1000):
-        run_load_error(error, model, wild, 0.004, 0.1)
+        error = flat(call(load_error, error, model, wild, 0.004, 0.1))
     assert np.linalg.norm(error[:3]) == pytest.approx(4.0)
     assert np.linalg.norm(error[3:]) == pytest.approx(4.0 * LOAD_LEVER)
 
@@ -215,31 +224,31 @@ def response(k: float, d: float, excess: float, delay_s: float) -> float:
 
 @every("k, d, excess", [(225.0, 30.0, 1.0), (225.0, 30.0, 1.5), (400.0, 40.0, 2.0)])
 def test_delay_margin_is_where_a_simulated_joint_begins_to_swing(k: float, d: float, excess: float) -> None:
-    margin = delay_margin(k, d, excess)
+    margin = call(delay_margin, k, d, excess)
     assert margin == pytest.approx(hold_referee.delay_margin(k, d, excess), rel=1e-9)
     assert response(k, d, excess, 0.93 * margin) < 0.2
     assert response(k, d, excess, 1.07 * margin) > 5.0
 
 
 def test_without_gains_nothing_swings() -> None:
-    assert delay_margin(0.0, 0.0, EXCESS) == math.inf
+    assert call(delay_margin, 0.0, 0.0, EXCESS) == math.inf
 
 
 def test_the_page_promises_what_the_gains_bear() -> None:
     at_100_hz = BORNE_S + 0.005  # half a period more: a command is held for one
-    assert delay_margin(SAFETY.hold_stiffness, SAFETY.hold_damping, EXCESS) > at_100_hz
+    assert call(delay_margin, SAFETY.hold_stiffness, SAFETY.hold_damping, EXCESS) > at_100_hz
 
 
 @every("delay_s", [0.0, 0.01, 0.03, 0.05])
 def test_gains_for_a_delay_keep_their_margin(delay_s: float) -> None:
-    k, d = gains_for_delay(SAFETY.hold_stiffness, SAFETY.hold_damping, delay_s)
-    assert delay_margin(k, d, EXCESS) > 1.3 * delay_s
+    k, d = call(gains_for_delay, SAFETY.hold_stiffness, SAFETY.hold_damping, delay_s)
+    assert call(delay_margin, k, d, EXCESS) > 1.3 * delay_s
     if delay_s <= 0.01:
         assert (k, d) == (SAFETY.hold_stiffness, SAFETY.hold_damping)
 
 
 def test_gains_for_a_delay_are_never_too_soft_to_rest() -> None:
-    k, d = gains_for_delay(SAFETY.hold_stiffness, SAFETY.hold_damping, 1e9)
+    k, d = call(gains_for_delay, SAFETY.hold_stiffness, SAFETY.hold_damping, 1e9)
     assert (k, d) == pytest.approx((SLOWEST**2 * SAFETY.hold_stiffness, SLOWEST * SAFETY.hold_damping))
 
 

@@ -8,10 +8,18 @@ import numpy as np
 import pytest
 
 from slip_core.records import new, record
-from slip_vic_controller.safety.latency import DECAY_S, LATENCY, SLIP_LATENCY, STEADY_NS
+from slip_vic_controller.safety.latency import (
+    DECAY_S,
+    LATENCY,
+    SLIP_LATENCY,
+    STEADY_NS,
+    measure_latency,
+    measure_slip_latency,
+    whole_cycles,
+)
 from slip_vic_controller.safety.validation import SLIP_QUEUE
 from test.referees.safety_referee import Latency, answered
-from test.support.safety_kernels import run_latency, run_slip_latency
+from test.support.call import call
 
 MS = 1_000_000
 
@@ -27,7 +35,7 @@ def run(took_ms, buffer=None, *, offset_ns: int = 123):
         now_ns = 1_000 * MS + k * 4 * MS + offset_ns
         stamp_ns = now_ns - round(took * MS) - offset_ns
         plain = answered(plain, now_ns, stamp_ns, 4 * MS, 12 * MS)
-        run_latency(buffer, now_ns, stamp_ns, 4 * MS, 12 * MS)
+        call(measure_latency, buffer, now_ns, stamp_ns, 4 * MS, 12 * MS)
         assert plain == (state.least_ns, state.last_ns, state.most_ns, state.in_a_row)
         assert state.known == 1
     return state, buffer
@@ -65,7 +73,7 @@ def test_clocks_that_drift_apart_are_not_late() -> None:
     buffer = new(LATENCY)
     for k in range(20_000):
         stamp_ns = k * 4 * MS
-        run_latency(buffer, stamp_ns + round(2e-4 * stamp_ns), stamp_ns, 4 * MS, 12 * MS)
+        call(measure_latency, buffer, stamp_ns + round(2e-4 * stamp_ns), stamp_ns, 4 * MS, 12 * MS)
     assert record(buffer, LATENCY).most_ns < 1 * MS
 
 
@@ -81,15 +89,15 @@ class Slips:
     """Slip samples that come with cycles of 1 ms."""
 
     def __init__(self) -> None:
-        self.buffer, self.queue, self.cycles = new(SLIP_LATENCY), new(SLIP_QUEUE), np.zeros(2)
+        self.buffer, self.queue = new(SLIP_LATENCY), new(SLIP_QUEUE)
 
     def take(self, now_ms: float, *stamps_ms: float) -> tuple[int, int]:
         queue = record(self.queue, SLIP_QUEUE)
         queue.count = len(stamps_ms)
         for sample, stamp_ms in zip(queue.samples, stamps_ms, strict=False):
             sample.stamp_ns = round(stamp_ms * MS)
-        run_slip_latency(self.buffer, round(now_ms * MS), self.queue, MS, self.cycles)
-        return int(self.cycles[0]), int(self.cycles[1])
+        call(measure_slip_latency, self.buffer, round(now_ms * MS), self.queue)
+        return call(whole_cycles, self.buffer, MS)
 
 
 def test_period_and_age_of_slip_samples_in_whole_cycles() -> None:

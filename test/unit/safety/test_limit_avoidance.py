@@ -10,10 +10,10 @@ from slip_core.records import new, record
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.safety.effort_limiter import NS
-from slip_vic_controller.safety.limit_avoidance import BRAKE_LAG_S, MOTION_LIMITS
+from slip_vic_controller.safety.limit_avoidance import BRAKE_LAG_S, MOTION_LIMITS, avoid_limits
 from test.referees.safety_referee import joint_repulsion, pad_brake
+from test.support.call import call
 from test.support.made_up import N, controller_of
-from test.support.safety_kernels import run_limit_avoidance
 
 CLOSE = 1e-10  # sums of products up to 1e4
 CONTROLLER = controller_of()
@@ -41,7 +41,7 @@ def heavy_arm() -> np.ndarray:
 
 def torque(q: np.ndarray, qd: np.ndarray, arm: np.ndarray, braked: bool, wanted: np.ndarray) -> np.ndarray:
     out = np.array(wanted)
-    run_limit_avoidance(BUFFER, N, q, qd, arm, braked, out)
+    call(avoid_limits, BUFFER, N, q, qd, arm, braked, out)
     return out
 
 

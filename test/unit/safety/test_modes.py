@@ -7,13 +7,22 @@ import itertools
 import numpy as np
 
 from slip_core.records import new, record
-from slip_vic_controller.safety.modes import MODE, MODE_POLICY, NOTHING, Mode, Request
+from slip_vic_controller.safety.modes import (
+    MODE,
+    MODE_POLICY,
+    NOTHING,
+    Mode,
+    Request,
+    TransitionReasons,
+    begin_modes,
+    next_mode,
+)
 from slip_vic_controller.safety.reasons import Cause, Prefix, Reason, because, describe, put_reason, read_reason
 from slip_vic_controller.sizes import NEVER
 from test.referees import mode_referee
 from test.referees.mode_referee import Found, ModeState, Policy
+from test.support.call import call
 from test.support.every import every
-from test.support.safety_kernels import TRANSITION_REASONS, run_begin_modes, run_modes
 
 POLICY = Policy(auto_enable=True, auto_resume=True, resume_after_ns=100)
 MANUAL = Policy(auto_enable=False, auto_resume=False, resume_after_ns=100)
@@ -45,7 +54,7 @@ class Machine:
         self.policy, self.buffer = new(MODE_POLICY), new(MODE)
         self.policy.view(np.int64)[:] = policy
         self.record, self.now_ns = record(self.buffer, MODE), 0
-        run_begin_modes(self.policy, self.buffer, 0)
+        call(begin_modes, self.policy, self.buffer, 0)
 
     def put(self, state: ModeState, reason: Reason) -> None:
         self.record.mode, self.record.since_ns, self.record.enabled = state.mode, state.since_ns, state.enabled
@@ -53,10 +62,9 @@ class Machine:
         put_reason(self.record.reason, reason)
 
     def step(self, found: Found, request: Request, now_ns: int) -> ModeState:
-        reasons = new(TRANSITION_REASONS)
-        for name, text in zip(found._fields, found, strict=True):
-            put_reason(record(reasons, TRANSITION_REASONS)[name], CODES[name] if text else NOTHING)
-        run_modes(self.policy, self.buffer, reasons, request, now_ns)
+        given = found._asdict().items()
+        reasons = TransitionReasons(**{name: CODES[name] if text else NOTHING for name, text in given})
+        call(next_mode, self.policy, self.buffer, reasons, request, now_ns)
         return self.state
 
     @property

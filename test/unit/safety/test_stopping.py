@@ -15,7 +15,7 @@ from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import Health, Manifest
 from test.support.every import every
-from test.support.law_kernels import reference_at
+from test.support.law_cases import reference_of
 from test.support.made_up import MS, MadeUp, N, law_at_work
 
 PATH = {
@@ -42,7 +42,7 @@ class Path:
 
     def planned(self, t: float):
         path = np.frombuffer(record(self.made_up.controller.config, CONFIG).path.tobytes())
-        return reference_at(path, t - 0.05, *self.start)
+        return reference_of(path, t - 0.05, *self.start)
 
     def run(self, cycles: int, **given) -> None:
         """Run, and compare every reference with the path at the time that has passed on it, at its speed."""

@@ -11,14 +11,15 @@ from slip_sim_bridge.sensors.slip import SlipMeasurement
 from slip_vic.presets import preset_names
 from slip_vic.presets.sensors import load_sensor
 from slip_vic_controller.arrival import is_silent, receive_joint_state, receive_slip, receive_wrench
-from slip_vic_controller.cycle import STATE, STATE_SIZE
+from slip_vic_controller.cycle import CONFIG, STATE, STATE_SIZE
 from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.safety.faults import WORDS, Fault, Input, describe_fault
+from slip_vic_controller.safety.validation import vector_validity
 from slip_vic_controller.sizes import MAX_FRESH
 from test.referees.validation_referee import GOOD, JointReferee, VectorReferee
+from test.support.call import call
 from test.support.every import every
 from test.support.made_up import MS, NOW_NS, POSITION, STAMP_NS, MadeUp, N, controller_of
-from test.support.safety_kernels import run_validity
 
 INPUTS = SafetyParams().inputs
 WRENCH, SLIP = INPUTS.wrench, INPUTS.slip
@@ -74,7 +75,9 @@ class Validation:
         return Fault(found)
 
     def validity(self, is_slip: bool, now_ns: int, joint_stamp_ns: int, arm_moves: bool = False) -> Fault:
-        found = run_validity(self.config, self.buffer, is_slip, now_ns, joint_stamp_ns, arm_moves)
+        config, state = record(self.config, CONFIG), record(self.buffer[:STATE_SIZE], STATE)
+        limits, vector = (config.slip, state.slip_inputs) if is_slip else (config.wrench, state.wrench_inputs)
+        found = call(vector_validity, limits, vector[0], now_ns, joint_stamp_ns, arm_moves)
         assert found == self.vectors[is_slip].validity(now_ns, joint_stamp_ns, arm_moves)
         return Fault(found)
 
