@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
-
-MOVING: Final = ("revolute", "continuous", "prismatic")
+from slip_core.files.urdf import MOVING, base_of, end_of, named, numbers_of, parse_urdf
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +29,7 @@ class Link:
     axis: tuple[float, float, float]
     position: tuple[float, float, float]
     quaternion: tuple[float, float, float, float]
-    element: ET.Element
+    element: Element
 
 
 def read_links(urdf: str) -> list[Link]:
@@ -40,22 +38,18 @@ def read_links(urdf: str) -> list[Link]:
     Raises:
         InputError: where the text is no URDF with one base.
     """
-    try:
-        robot = ET.fromstring(urdf)
-    except ET.ParseError as error:
-        raise InputError("robot_description", got=str(error), expected="a URDF") from None
-    by_name = {link.get("name", ""): link for link in robot.findall("link")}
-    joints: dict[str, list[ET.Element]] = {}
-    for joint in robot.findall("joint"):
-        joints.setdefault(_end(joint, "parent"), []).append(joint)
-    ends = {_end(joint, "child") for found in joints.values() for joint in found}
-    bases = [name for name in by_name if name not in ends]
-    if len(bases) != 1 or not ends <= set(by_name):
-        raise InputError("robot_description", got=f"{len(bases)} links without a parent", expected="one tree of links")
-    links = [Link(bases[0], -1, "", "fixed", (1.0, 0.0, 0.0), (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), by_name[bases[0]])]
+    robot = parse_urdf(urdf)
+    base, by_name = base_of(robot), named(robot, "link")
+    joints: dict[str, list[Element]] = {}
+    for joint in named(robot, "joint").values():
+        child = end_of(joint, "child")
+        if child not in by_name:
+            raise InputError(f"URDF joint {joint.get('name')}", got=f"child {child}", expected="a link of the URDF")
+        joints.setdefault(end_of(joint, "parent"), []).append(joint)
+    links = [Link(base, -1, "", "fixed", (1.0, 0.0, 0.0), (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), by_name[base])]
     for number, parent in enumerate(links):  # grows while it is walked
         for joint in joints.get(parent.name, []):
-            name, kind = _end(joint, "child"), joint.get("type", "fixed")
+            name, kind = end_of(joint, "child"), joint.get("type", "fixed")
             position, quaternion = origin_of(joint)
             x, y, z = numbers_of(joint.find("axis"), "xyz", (1.0, 0.0, 0.0))
             size = math.sqrt(x * x + y * y + z * z) or 1.0
@@ -85,7 +79,7 @@ def poses_on_parents(links: Sequence[Link], positions: Mapping[str, float]) -> A
     return poses
 
 
-def origin_of(element: ET.Element) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+def origin_of(element: Element) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
     """Return position [m] and quaternion x, y, z, w of an element's origin."""
     origin = element.find("origin")
     roll, pitch, yaw = (0.5 * value for value in numbers_of(origin, "rpy", (0.0, 0.0, 0.0)))
@@ -94,29 +88,6 @@ def origin_of(element: ET.Element) -> tuple[tuple[float, float, float], tuple[fl
     about_x = (math.sin(roll), 0.0, 0.0, math.cos(roll))
     x, y, z = numbers_of(origin, "xyz", (0.0, 0.0, 0.0))
     return (x, y, z), _product(_product(about_z, about_y), about_x)
-
-
-def numbers_of(element: ET.Element | None, name: str, default: Sequence[float]) -> list[float]:
-    """Return the numbers of an attribute.
-
-    Raises:
-        InputError: where they are none, or not as many as the default has.
-    """
-    text = None if element is None else element.get(name)
-    if text is None:
-        return list(default)
-    try:
-        found = [float(word) for word in text.split()]
-    except ValueError:
-        found = []
-    if len(found) != len(default):
-        raise InputError("robot_description", got=f'{name}="{text}"', expected=f"{len(default)} numbers")
-    return found
-
-
-def _end(joint: ET.Element, which: str) -> str:
-    found = joint.find(which)
-    return "" if found is None else found.get("link", "")
 
 
 def _product(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float, float]:

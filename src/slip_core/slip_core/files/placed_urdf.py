@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from xml.etree import ElementTree
 
-from slip_core.errors import InputError
+from slip_core.files.urdf import base_of, parse_urdf
 
 PLACED = "placed_base"
 
@@ -20,20 +20,14 @@ def placed_urdf(text: str, position: Sequence[float], rotation: Sequence[float])
         rotation: rotation vector of its root (3,) [rad].
 
     Raises:
-        InputError: not XML, or no single root link.
+        InputError: as `parse_urdf`, or no single root link.
     """
-    try:
-        robot = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise InputError("robot description", got=f"no XML ({error})", expected="a URDF") from None
-    children = {joint.find("child").get("link") for joint in robot.iter("joint") if joint.find("child") is not None}  # type: ignore[union-attr]
-    roots = [link.get("name") for link in robot.findall("link") if link.get("name") not in children]
-    if len(roots) != 1:
-        raise InputError("robot description", got=f"{len(roots)} root links", expected="one")
+    robot = parse_urdf(text)
+    base = base_of(robot)
     ElementTree.SubElement(robot, "link", name=PLACED)
     joint = ElementTree.SubElement(robot, "joint", name=f"{PLACED}_joint", type="fixed")
     ElementTree.SubElement(joint, "parent", link=PLACED)
-    ElementTree.SubElement(joint, "child", link=str(roots[0]))
+    ElementTree.SubElement(joint, "child", link=base)
     numbers = " ".join(repr(float(x)) for x in position)
     angles = " ".join(repr(x) for x in _roll_pitch_yaw(*rotation))
     ElementTree.SubElement(joint, "origin", xyz=numbers, rpy=angles)

@@ -22,6 +22,13 @@ NO_LIMIT = 1e4
 """[rad] Limits that stand for none: a joint without end is read as a revolute one that never comes there."""
 
 LARGEST = 16 << 20
+MOST_ELEMENTS = 200_000
+MOST_LINKS = 1_000
+DEEPEST = 200
+"""Bounds of a text in characters and XML elements, of a tree in links and in joints from its base to a tip: beyond any
+robot (a humanoid with hands has some 100 links and 20 joints in a row), and below what Pinocchio and MuJoCo bear, whose
+recursions end the process on a chain of 5,000 links."""
+_DEEPEST_XML = 50
 
 _PREFIX = re.compile(r"([</\s])(\w+):(?=[\w.]+[\s=/>])")
 """Names such as `drake:acceleration`, which a file may use without saying what `drake` is."""
@@ -30,13 +37,16 @@ _IN_FIXED_JOINT = ("parent", "child", "origin")
 
 
 def parse_urdf(text: str) -> Element:
-    """Return the <robot> element of a URDF text.
+    """Return the <robot> element of a URDF text: the one door to every reader of it, and to every library.
 
     Raises:
-        InputError: not XML, another format, entities or a document type, too large, or xacro that was not expanded.
+        InputError: not XML, another format, entities or a document type, too large or too deep, no tree of links, or
+            xacro that was not expanded.
     """
     if len(text) > LARGEST:
         raise InputError("robot_description", got=f"{len(text)} characters", expected=f"a URDF of at most {LARGEST}")
+    if text.count("<") > 2 * MOST_ELEMENTS:
+        raise InputError("robot_description", got=f"{text.count('<')} tags", expected=f"at most {2 * MOST_ELEMENTS}")
     if any(word in text.upper() for word in ("<!DOCTYPE", "<!ENTITY")):
         raise InputError("robot_description", got="XML with a document type", expected="a URDF without declarations")
     try:
@@ -47,9 +57,72 @@ def parse_urdf(text: str) -> Element:
         raise InputError("robot_description", got=f"<{root.tag}>", expected="a URDF, whose root is <robot>")
     if any("xacro" in element.tag or "${" in "".join(element.attrib.values()) for element in root.iter()):
         raise InputError(
-            "robot_description", got="xacro", expected="a URDF", fix="expand it first: xacro arm.xacro > arm.urdf"
+            "robot_description", got="xacro", expected="a URDF", fix="name the file arm.xacro, and it is expanded"
         )
+    _check_size(root)
     return root
+
+
+def _check_size(root: Element) -> None:
+    """Compare what libraries walk by recursion with the bounds.
+
+    Raises:
+        InputError: larger or deeper than they are, or links that are no tree.
+    """
+    level = list(root)
+    for _ in range(_DEEPEST_XML):
+        level = [inner for element in level for inner in element]
+    if level:
+        raise InputError("robot_description", got=f"elements nested deeper than {_DEEPEST_XML}", expected="a URDF")
+    links = len(root.findall("link"))
+    if links > MOST_LINKS:
+        raise InputError("robot_description", got=f"{links} links", expected=f"at most {MOST_LINKS}")
+    below: dict[str, list[str]] = {}
+    children: set[str] = set()
+    for joint in root.findall("joint"):
+        child = end_of(joint, "child")
+        if child in children:
+            raise InputError(f"URDF link {child}", got="two joints that carry it", expected="one")
+        children.add(child)
+        below.setdefault(end_of(joint, "parent"), []).append(child)
+    tips, reached, depth = [name for name in below if name not in children], 0, 0
+    while tips := [child for name in tips for child in below.get(name, [])]:
+        reached, depth = reached + len(tips), depth + 1
+        if depth > DEEPEST:
+            raise InputError("robot_description", got=f"more than {DEEPEST} joints in a row", expected="an arm")
+    if reached < len(children):
+        raise InputError("robot_description", got="links in a ring", expected="a tree")
+
+
+def base_of(root: Element) -> str:
+    """Return the one link that is no other's child.
+
+    Raises:
+        InputError: none, or several.
+    """
+    children = {end_of(joint, "child") for joint in root.findall("joint")}
+    bases = [name for name in named(root, "link") if name not in children]
+    if len(bases) != 1:
+        raise InputError("robot_description", got=f"{len(bases)} links without a parent", expected="one tree of links")
+    return bases[0]
+
+
+def numbers_of(element: Element | None, name: str, default: Sequence[float]) -> list[float]:
+    """Return the numbers of an attribute.
+
+    Raises:
+        InputError: where they are none, or not as many as the default has.
+    """
+    text = None if element is None else element.get(name)
+    if text is None:
+        return list(default)
+    try:
+        found = [float(word) for word in text.split()]
+    except ValueError:
+        found = []
+    if len(found) != len(default):
+        raise InputError("robot_description", got=f'{name}="{text}"', expected=f"{len(default)} numbers")
+    return found
 
 
 def _declares_prefixes(text: str) -> bool:
@@ -84,20 +157,13 @@ def end_of(joint: Element, end: str) -> str:
 
 
 def chain(root: Element, link: str) -> list[Element]:
-    """Return the joints that carry a link, from the base to it, fixed ones too.
-
-    Raises:
-        InputError: links in a ring.
-    """
+    """Return the joints that carry a link, from the base to it, fixed ones too."""
     above = {end_of(joint, "child"): joint for joint in named(root, "joint").values()}
     joints: list[Element] = []
     while link in above:
-        joint = above[link]
-        if joint in joints:
-            raise InputError(f"URDF joint {joint.get('name')}", got="links in a ring", expected="a tree")
-        joints.insert(0, joint)
-        link = end_of(joint, "parent")
-    return joints
+        joints.append(above[link])
+        link = end_of(above[link], "parent")
+    return joints[::-1]
 
 
 def moving(joints: Sequence[Element]) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +17,7 @@ from slip_bags.series import Series
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
+from slip_core.files.urdf import parse_urdf
 from slip_core.params import flat_names
 from slip_vic.page.packing import Packer
 from slip_vic.page.urdf import links_of
@@ -292,7 +292,7 @@ def _parameters(bag: Bag, name: str, arm: str = "") -> dict[str, Any]:
 @functools.lru_cache
 def effort_limits_of(urdf: str, names: tuple[str, ...]) -> tuple[float, ...]:
     """Return the efforts of a URDF's joint limits, 0 where there is none [N m]."""
-    limits = {joint.get("name"): joint.find("limit") for joint in ET.fromstring(urdf).findall("joint")}
+    limits = {joint.get("name"): joint.find("limit") for joint in parse_urdf(urdf).findall("joint")}
     found = (limits.get(name) for name in names)
     return tuple(float(limit.get("effort", 0.0)) if limit is not None else 0.0 for limit in found)
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import functools
 import importlib.resources
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from typing import Any, Final
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import trimesh
 
 from slip_core.errors import InputError
-from slip_core.files.link_tree import numbers_of, origin_of, read_links
+from slip_core.files.link_tree import origin_of, read_links
+from slip_core.files.urdf import numbers_of, parse_urdf
 from slip_vic.page.packing import Packer
 
 _GREY: Final = (0.7, 0.7, 0.72, 1.0)
@@ -29,7 +30,7 @@ def links_of(urdf: str, packer: Packer) -> tuple[list[dict[str, Any]], list[str]
         InputError: where the text is no URDF with one base.
     """
     tree = read_links(urdf)
-    robot = ET.fromstring(urdf)
+    robot = parse_urdf(urdf)
     colours = {
         m.get("name"): _colour(m) for m in robot.findall("material") if m.get("name") and m.find("color") is not None
     }
@@ -51,7 +52,7 @@ def links_of(urdf: str, packer: Packer) -> tuple[list[dict[str, Any]], list[str]
 
 
 def _shapes(
-    link: ET.Element, colours: dict[str | None, list[float]], packer: Packer, missing: list[str]
+    link: Element, colours: dict[str | None, list[float]], packer: Packer, missing: list[str]
 ) -> Iterator[dict[str, Any]]:
     for visual in link.findall("visual"):
         geometry = visual.find("geometry")
@@ -69,7 +70,7 @@ def _shapes(
             yield {**made, "colour": colour, "position": position, "quaternion": quaternion}
 
 
-def _shape(shape: ET.Element, packer: Packer, missing: list[str]) -> dict[str, Any] | None:
+def _shape(shape: Element, packer: Packer, missing: list[str]) -> dict[str, Any] | None:
     if shape.tag == "box":
         return {"kind": "box", "size": numbers_of(shape, "size", (0.1, 0.1, 0.1))}
     if shape.tag == "cylinder":
@@ -101,7 +102,7 @@ def _path(file: str) -> str:
     return str(importlib.resources.files(package).joinpath(inner))
 
 
-def _colour(material: ET.Element) -> list[float]:
+def _colour(material: Element) -> list[float]:
     return numbers_of(material.find("color"), "rgba", _GREY)
 
 

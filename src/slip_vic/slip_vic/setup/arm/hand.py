@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
-from slip_core.files.urdf import chain, end_of, moving, named
+from slip_core.files.link_tree import origin_of
+from slip_core.files.urdf import chain, end_of, moving, named, numbers_of
 
 LEAST_JOINTS = 6
 """The law commands all six directions of the pad."""
@@ -130,19 +131,13 @@ def _is_behind(root: Element, name: str, last: str) -> bool:
 
 def pose_of(joint: Element) -> tuple[Array, Array]:
     """Return the origin of a joint on its parent's axes: position (3,) [m], rotation (3, 3)."""
-    origin = joint.find("origin")
-    xyz, rpy = ("0 0 0", "0 0 0") if origin is None else (origin.get("xyz", "0 0 0"), origin.get("rpy", "0 0 0"))
-    return np.array([float(v) for v in xyz.split()]), Rotation.from_euler("xyz", _numbers(rpy)).as_matrix()
-
-
-def _numbers(text: str) -> Array:
-    return np.array([float(word) for word in text.split()])
+    position, quaternion = origin_of(joint)
+    return np.array(position), Rotation.from_quat(quaternion).as_matrix()
 
 
 def axis_of(joint: Element) -> Array:
     """Return the unit axis of a joint; (3,)."""
-    axis = joint.find("axis")
-    found = np.array([1.0, 0.0, 0.0]) if axis is None else _numbers(axis.get("xyz", "1 0 0"))
+    found = np.array(numbers_of(joint.find("axis"), "xyz", (1.0, 0.0, 0.0)))
     return np.array(found / np.linalg.norm(found))
 
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
-from slip_core.files.urdf import carried_links, end_of, fix, inertial, is_physical, named, usable_urdf
+from slip_core.files.urdf import carried_links, end_of, fix, inertial, is_physical, named, parse_urdf, usable_urdf
 from slip_vic.setup.arm.hand import Hand, axis_of, pose_of
 
 PAD = "slip_pad"
@@ -39,7 +39,7 @@ def arm_urdf(root: Element, hand: Hand, reach: float, positions: Mapping[str, fl
     _lock(root, hand, positions, said)
     _mend_inertias(root, hand, said)
     text = usable_urdf(ElementTree.tostring(root, encoding="unicode"), hand.link, hand.joints)
-    ready = ElementTree.fromstring(text)
+    ready = parse_urdf(text)
     _add_pad(ready, hand, reach)
     _add_shapes(ready, hand)
     ElementTree.indent(ready)
