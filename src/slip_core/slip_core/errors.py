@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
-from types import MappingProxyType
+from collections.abc import Iterable
 
 
 class SlipVicError(Exception):
@@ -40,7 +39,6 @@ class UnknownName(InputError):
         known: the names that are valid.
         where: where it was given, e.g. ``scenario file a.yaml``; may be empty.
         fix: what else can be done; may be empty.
-        renamed: old name -> the name of today.
     """
 
     def __init__(
@@ -51,9 +49,8 @@ class UnknownName(InputError):
         *,
         where: str = "",
         fix: str = "",
-        renamed: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        expected = nearest(name, known, renamed=renamed)
+        expected = nearest(name, known)
         super().__init__(f"{kind} {name}", got="an unknown name", expected=expected, fix=fix)
         place = f"{where}: " if where else ""
         line = f"{place}unknown {kind} '{_short(name)}'; {expected}"
@@ -64,20 +61,18 @@ class ProtocolError(SlipVicError):
     """A peer did not do its part: a missing process, a message that never came, an incompatible QoS."""
 
 
-def nearest(name: str, known: Iterable[str], count: int = 3, renamed: Mapping[str, str] = MappingProxyType({})) -> str:
+def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
     """Return "did you mean a, b?" for the known names close to `name`, or the full list where none is close.
 
     Args:
         name: what was given.
         known: the names that are valid.
         count: how many are offered at most.
-        renamed: old name -> the name of today; an old name that is close is offered as the name of today.
     """
     known = sorted(known)
-    close = difflib.get_close_matches(name, [*known, *sorted(renamed)], n=count, cutoff=0.5)
+    close = difflib.get_close_matches(name, known, n=count, cutoff=0.5)
     if close:
-        words = dict.fromkeys(f"{renamed[word]} (formerly {word})" if word in renamed else word for word in close)
-        return f"did you mean {', '.join(words)}?"
+        return f"did you mean {', '.join(close)}?"
     return f"known: {', '.join(known)}"
 
 

@@ -1,17 +1,15 @@
 """Parameters declared once: pydantic models are the single source of types, ranges and descriptions.
 
 The ROS declaration (`ros_params`), the YAML files in ``config/`` and the reference page are made from them.
-A parameter's name is its dotted path in the model (``gains.k_s``); lists are flat, as ROS wants them. A parameter that
-was renamed carries its old name (``formerly``): the old name goes on working for one release, with one warning line.
+A parameter's name is its dotted path in the model (``gains.k_s``); lists are flat, as ROS wants them.
 """
 
 from __future__ import annotations
 
 import functools
-import logging
 import types as _types
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Final, Self, TypeVar
@@ -23,10 +21,6 @@ from slip_core.errors import InputError, UnknownName
 from slip_core.files.plain_yaml import read_yaml
 
 Model = TypeVar("Model", bound="ParameterModel")
-Warn = Callable[[str], object]
-
-OLD_NAMES_END: Final = "0.2.0"
-"""The version from which the old names of parameters (``formerly``) are unknown names; a test holds them to it."""
 
 
 RANGES: Final[Mapping[str, tuple[float, float]]] = _types.MappingProxyType(
@@ -103,9 +97,7 @@ def parameter_unit(model: type[ParameterModel], name: str) -> str:
     return str(extra["unit"]) if isinstance(extra, dict) else ""
 
 
-def parameter(
-    default: Any, description: str, *, unit: str = "", runtime: bool = False, formerly: str = "", **bounds: Any
-) -> Any:
+def parameter(default: Any, description: str, *, unit: str = "", runtime: bool = False, **bounds: Any) -> Any:
     """Declare one parameter: one declaration for code, ROS, YAML and documentation.
 
     A number has the range of its unit (`RANGES`), where its bounds are not narrower.
@@ -115,7 +107,6 @@ def parameter(
         description: what it means, understandable alone.
         unit: SI unit; empty where there is none.
         runtime: whether it may change while the node runs.
-        formerly: dotted name that it had in the release before; empty where it was not renamed.
         bounds: pydantic's, e.g. ``gt=0.0``.
     """
     if isinstance(default, float):
@@ -127,7 +118,7 @@ def parameter(
             bounds.setdefault("le", largest)
         if not {"gt", "ge"} & bounds.keys():
             bounds["ge"] = -largest
-    extra: dict[str, Any] = {"unit": unit, "runtime": runtime, "formerly": formerly}
+    extra: dict[str, Any] = {"unit": unit, "runtime": runtime}
     return Field(default=default, description=description, json_schema_extra=extra, **bounds)
 
 
@@ -142,7 +133,6 @@ class ParameterInfo:
     description: str
     bounds: Mapping[str, Any]
     runtime: bool
-    formerly: str
 
 
 def parameter_infos(model: type[ParameterModel], prefix: str = "") -> Iterator[ParameterInfo]:
@@ -168,7 +158,6 @@ def parameter_infos(model: type[ParameterModel], prefix: str = "") -> Iterator[P
             description=field.description or "",
             bounds=_types.MappingProxyType(bounds),
             runtime=key in model.AT_RUNTIME or bool(extra.get("runtime", False)),
-            formerly=str(extra.get("formerly", "")),
         )
 
 
@@ -177,54 +166,9 @@ def _names(model: type[ParameterModel]) -> frozenset[str]:
     return frozenset(info.name for info in parameter_infos(model))
 
 
-@functools.cache
-def old_names(model: type[ParameterModel]) -> Mapping[str, str]:
-    """Return the old names that a model still accepts: old dotted name -> the name of today."""
-    return _types.MappingProxyType({info.formerly: info.name for info in parameter_infos(model) if info.formerly})
-
-
 def is_name(model: type[ParameterModel], name: str) -> bool:
-    """Whether `name` is a dotted name of the model, of today or old."""
-    return name in _names(model) or name in old_names(model)
-
-
-@functools.cache
-def _warn_once(line: str) -> None:
-    logging.getLogger(__name__).warning("warning: %s", line)
-
-
-def current_names(
-    model: type[ParameterModel], values: Mapping[str, Any], origin: str, warn: Warn = _warn_once
-) -> dict[str, Any]:
-    """Return dotted or nested values under the dotted names of today; names that nobody knows stay as they are.
-
-    Where values of several sources are merged, call it on each source first: then the last one wins, whatever name it
-    uses.
-
-    Args:
-        model: whose parameters they are.
-        values: what was given.
-        origin: where the values come from, for the warning.
-        warn: takes the one line that names all old names in `values`. The default logs a line once in a process.
-
-    Raises:
-        InputError: a parameter is given under its old and its new name.
-    """
-    flat, renamed = flat_names(values), old_names(model)
-    old = [name for name in flat if name in renamed]
-    for name in old:
-        if renamed[name] in flat:
-            raise InputError(
-                f"{origin}: parameter {renamed[name]}", got=f"it and its old name {name}", expected="one of the two"
-            )
-    if old:
-        words = ", ".join(f"{name} is now called {renamed[name]}" for name in old)
-        one = len(old) == 1
-        warn(
-            f"{origin}: {'parameter' if one else 'parameters'} {words}; "
-            f"the old {'name works' if one else 'names work'} until version {OLD_NAMES_END}"
-        )
-    return {renamed.get(name, name): value for name, value in flat.items()}
+    """Whether `name` is a dotted name of the model."""
+    return name in _names(model)
 
 
 def flatten(model: ParameterModel) -> dict[str, Any]:
@@ -234,23 +178,22 @@ def flatten(model: ParameterModel) -> dict[str, Any]:
     return {name: list(value) if isinstance(value, tuple) else value for name, value in flat.items()}
 
 
-def build(model: type[Model], values: Mapping[str, Any], origin: str, warn: Warn = _warn_once) -> Model:
-    """Make a model from dotted or nested names, of today or old.
+def build(model: type[Model], values: Mapping[str, Any], origin: str) -> Model:
+    """Make a model from dotted or nested names.
 
     Args:
         model: what to make.
         values: what differs from the defaults.
-        origin: where the values come from, for errors and warnings.
-        warn: takes the line about old names, as for `current_names`.
+        origin: where the values come from, for errors.
 
     Raises:
         InputError: unknown name (with the nearest known), wrong type, or a value out of range.
     """
-    flat = current_names(model, values, origin, warn)
+    flat = flat_names(values)
     known = _names(model)
     for name in flat:
         if name not in known:
-            raise UnknownName("parameter", name, known, where=origin, renamed=old_names(model))
+            raise UnknownName("parameter", name, known, where=origin)
     return validate(model, nested_names(flat), origin)
 
 

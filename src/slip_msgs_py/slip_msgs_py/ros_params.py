@@ -26,14 +26,12 @@ def declare(node: Any, model: type[Model]) -> Model:
     The node must have been made with ``automatically_declare_parameters_from_overrides=True``: that is
     how names that the model does not know are seen at all.
 
-    An old name is accepted with a warning in the node's log; declared is the name of today.
-
     Raises:
         InputError: unknown name (nearest offered), wrong type, out of range.
     """
     names = [n for n in node.list_parameters([], 0).names if not n.startswith(ROS_OWN)]
     given = {name: _plain(node.get_parameter(name).value) for name in names}
-    values = build(model, given, node.get_name(), warn=node.get_logger().warning)
+    values = build(model, given, node.get_name())
     for name in names:
         node.undeclare_parameter(name)
     flat = flatten(values)

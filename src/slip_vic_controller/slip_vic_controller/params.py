@@ -57,7 +57,6 @@ class GainParams(ParameterModel):
         "(the printed law has 1 m)",
         unit="m",
         runtime=True,
-        formerly="gains.spin_lever",
         ge=0.0,
     )
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
 
 from slip_core.errors import InputError
 from slip_core.params import build, parameter_infos
+from slip_vic.scenarios.scenario import NODES
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.session import Controller
 from test.support.every import every
@@ -84,3 +86,11 @@ def test_defaults_are_the_papers_gains() -> None:
     assert gains.inertia == (0.4, 0.4, 0.4, 0.3, 0.3, 0.3)
     assert {gains.gamma_kp, gains.gamma_ko, gains.gamma_dp, gains.gamma_do, gains.alpha} == {100.0}
     assert gains.k_s == 1000.0
+
+
+def test_every_description_stands_alone() -> None:
+    """No description refers to the line above it."""
+    leaning = re.compile(r"^(and|the same|share of that|that|it|or) ", re.IGNORECASE)
+    for _, model in NODES.values():
+        assert not [info.name for info in parameter_infos(model) if leaning.match(info.description)]
+        assert not [info.name for info in parameter_infos(model) if len(info.description.split()) < 2]

@@ -16,7 +16,7 @@ import numpy as np
 from slip_bags.reader import Bag
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
-from slip_core.params import build, current_names, flat_names
+from slip_core.params import build, flat_names
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.page.runs import duration_s, read_run
 
@@ -82,5 +82,5 @@ def _bridge(path: Path) -> BridgeParams:
         if "bridge.params.yaml" not in bag.attachments:
             raise InputError(f"bag {path}", got="no bridge.params.yaml", expected="a bag of `slip-vic run --record`")
         (node,) = read_yaml(bag.attachments["bridge.params.yaml"].decode()).values()
-    values = current_names(BridgeParams, flat_names(node["ros__parameters"]), "a bag", warn=lambda _: None)
+    values = flat_names(node["ros__parameters"])
     return build(BridgeParams, values, f"bridge.params.yaml of {path}")

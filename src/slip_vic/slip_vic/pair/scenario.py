@@ -17,7 +17,7 @@ from slip_core.grasp_params import BaseParams, Three
 from slip_core.params import (
     ParameterModel,
     build,
-    current_names,
+    flat_names,
     is_name,
     load_yaml,
     parameter,
@@ -274,13 +274,13 @@ def _values(outer: PairFile, sides: dict[str, SideFile], side: str, origin: str)
         "contacts.slip_axes": [*outer.slip_axes, *outer.slip_axes],
     }
     values = {}
-    for node, model, parts in (
-        ("controller", ControllerNodeParams, (outer.shared, outer.controller, own.controller)),
-        ("bridge", BridgeParams, (outer.shared, outer.bridge, own.bridge)),
+    for node, parts in (
+        ("controller", (outer.shared, outer.controller, own.controller)),
+        ("bridge", (outer.shared, outer.bridge, own.bridge)),
     ):
         values[node] = dict(contacts)
         for part in parts:
-            values[node] |= current_names(model, part, origin)
+            values[node] |= flat_names(part)
     friction = build(BridgeParams, values["bridge"], f"{origin}: {side}")
     told = {
         "governor.friction_limit": round(friction.friction.mu_s * friction.grip.force, 12),
@@ -320,7 +320,7 @@ def _assign(
     inner = inner if node in models and is_name(models[node], inner) else name
     for side in sides:
         for owner in owners:
-            values[side][owner] |= current_names(models[owner], {inner: value}, f"--set {key}")
+            values[side][owner] |= {inner: value}
 
 
 def _moved(base: BaseParams, wrong: Mismatch) -> BaseParams:

@@ -15,7 +15,7 @@ from slip_bags.series import Series
 from slip_core.arrays import readonly
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
-from slip_core.params import Model, build, current_names, flat_names, flatten
+from slip_core.params import Model, build, flat_names, flatten
 from slip_core.topics import contact_topic
 from slip_core.types import CartesianReference, JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_msgs_py.messages.from_msgs import (
@@ -221,18 +221,12 @@ def _attachment(bag: Bag, name: str) -> str:
 def _parameters(bag: Bag, model: type[Model], overrides: dict[str, Any]) -> Model:
     try:
         (node,) = read_yaml(_attachment(bag, PARAMETERS)).values()
-        values = _recorded_names(flat_names(node["ros__parameters"]))
+        values = flat_names(node["ros__parameters"])
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
         got = f"{type(error).__name__} {error}"
         raise InputError(f"{PARAMETERS} of {bag.path}", got=got, expected="a ROS parameter file") from None
     named = {name.removeprefix("controller.") if name != "controller" else name: v for name, v in overrides.items()}
-    named = current_names(model, named, "--set")
     return build(model, {**values, **named}, f"{PARAMETERS} of {bag.path}")
-
-
-def _recorded_names(values: dict[str, Any]) -> dict[str, Any]:
-    """Return recorded parameters under the names of today, without a warning: a bag is not edited."""
-    return current_names(ControllerNodeParams, values, "a bag", warn=lambda _: None)
 
 
 def _changes(source: _Source, params: ControllerNodeParams, ledger: Series) -> tuple[ParameterChange, ...]:
@@ -245,7 +239,7 @@ def _changes(source: _Source, params: ControllerNodeParams, ledger: Series) -> t
         if event.node != source.node or not event.changed_parameters:
             continue
         given = {item.name: _parameter_value(item.value) for item in event.changed_parameters}
-        changed = _recorded_names({name.removeprefix(own): v for name, v in given.items() if name.startswith(own)})
+        changed = {name.removeprefix(own): v for name, v in given.items() if name.startswith(own)}
         names = flatten(params)
         params = build(ControllerNodeParams, names | {k: v for k, v in changed.items() if k in names}, EVENTS)
         index = int(np.searchsorted(ledger.publish_time_ns, message.publish_time_ns))

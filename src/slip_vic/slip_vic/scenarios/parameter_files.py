@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import get_args
 
 from slip_core.errors import InputError
-from slip_core.params import OLD_NAMES_END, ParameterInfo, ParameterModel, old_names, parameter_infos
+from slip_core.params import ParameterInfo, ParameterModel, parameter_infos
 from slip_core.topics import markdown_table
 from slip_sim_bridge.pair.params import PairParams
 from slip_vic.scenarios import scenario_names
@@ -76,10 +76,6 @@ def parameter_page() -> str:
         "constant grip."
     )
     parts += [f"### {name}\n\n{_table(model, skip=('left.', 'right.'))}" for name, model in TWO_ARMS.items()]
-    parts.append(
-        f"## Old names\n\nThese go on working until version {OLD_NAMES_END}, in files, in `--set` and as ROS\n"
-        f"parameter overrides, with one line of warning.\n\n{_old_names()}"
-    )
     return "\n\n".join(parts) + "\n"
 
 
@@ -104,13 +100,6 @@ def _table(model: type[ParameterModel], skip: tuple[str, ...] = ()) -> str:
         default = _shown(info.default)
         cells = (f"`{info.name}`", default, info.unit, _range(info), "live" if info.runtime else "", info.description)
         lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
-    return "\n".join(lines)
-
-
-def _old_names() -> str:
-    lines = ["| node | old name | name |", "|---|---|---|"]
-    for node_name, model in NODES.values():
-        lines += [f"| {node_name} | `{old}` | `{new}` |" for old, new in old_names(model).items()]
     return "\n".join(lines)
 
 

@@ -18,13 +18,11 @@ from slip_core.files.resources import read_text
 from slip_core.params import (
     ParameterModel,
     build,
-    current_names,
     flat_names,
     flatten,
     is_name,
     load_yaml,
     nested_names,
-    old_names,
     parameter_infos,
     parse_assignment,
     validate,
@@ -172,7 +170,7 @@ def load_scenario(
     """
     text, origin = read_scenario(name_or_path, texts)
     outer = validate(ScenarioFile, read_yaml(text), origin)
-    values = _values(outer, origin)
+    values = _values(outer)
     _find_arm(values, name_or_path)
     values["bridge"]["duration_s"] = outer.duration_s
     values["controller"]["controller"] = "vic" if law == "governed" else law
@@ -191,7 +189,7 @@ def load_scenario(
     if parameters:  # gains are the file's, the mode and a sensor that was named are those of the command
         known = values["controller"]
         named = {key: value for key, value in known.items() if key == "mode" or (sensor and "_sensor." in key)}
-        known |= current_names(ControllerNodeParams, dict(parameters), "parameter file") | named
+        known |= flat_names(dict(parameters)) | named
     if estimator is not None:
         values["controller"]["slip_estimator"] = estimator
     _tell_friction(values, origin)
@@ -234,7 +232,7 @@ def apply_sensor(values: dict[str, dict[str, Any]], preset: SensorPreset) -> Non
         values["controller"] |= {
             f"{part}_sensor.{name}": value for name, value in flat.items() if f"{part}_sensor.{name}" in known
         }
-    values["controller"] |= current_names(ControllerNodeParams, preset.controller, "sensor file")
+    values["controller"] |= flat_names(preset.controller)
 
 
 def _tell_friction(values: dict[str, dict[str, Any]], origin: str) -> None:
@@ -271,13 +269,10 @@ def read_scenario(name_or_path: str, texts: Texts = NO_TEXTS) -> tuple[str, str]
     return path.read_text(encoding="utf-8"), f"scenario {path}"
 
 
-def _values(outer: ScenarioFile, origin: str) -> dict[str, dict[str, Any]]:
-    """Return what a scenario sets, per node, under the names of today."""
+def _values(outer: ScenarioFile) -> dict[str, dict[str, Any]]:
+    """Return what a scenario sets, per node, under dotted names."""
     inner: dict[str, dict[str, Any]] = {"controller": outer.controller, "bridge": outer.bridge}
-    return {
-        node: current_names(model, outer.shared, origin) | current_names(model, inner[node], origin)
-        for node, (_, model) in NODES.items()
-    }
+    return {node: flat_names(outer.shared) | flat_names(inner[node]) for node in NODES}
 
 
 def _assign(values: dict[str, dict[str, Any]], key: str, value: Any) -> None:
@@ -289,12 +284,9 @@ def _assign(values: dict[str, dict[str, Any]], key: str, value: Any) -> None:
     if not owners:
         names = {node: {info.name for info in parameter_infos(model)} for node, (_, model) in NODES.items()}
         known = {f"{node}.{name}" for node in values for name in names[node]} | (names["controller"] & names["bridge"])
-        renamed = {
-            f"{node}.{old}": f"{node}.{new}" for node in values for old, new in old_names(NODES[node][1]).items()
-        }
-        raise UnknownName("parameter", key, known, where="--set", renamed=renamed)
+        raise UnknownName("parameter", key, known, where="--set")
     for owner in owners:
-        values[owner] |= current_names(NODES[owner][1], {name: value}, f"--set {key}")
+        values[owner] |= {name: value}
 
 
 def urdf_assignment(urdf: Path | None) -> tuple[str, ...]:

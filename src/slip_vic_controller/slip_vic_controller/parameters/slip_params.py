@@ -50,14 +50,12 @@ class ObserverParams(ParameterModel):
         0.003,
         "standard deviation of the linear acceleration that the model leaves out, white, at every tick",
         unit="m/s^2",
-        formerly="observer.rough_linear",
         gt=0.0,
     )
     process_noise_angular: float = parameter(
         0.03,
         "standard deviation of the angular acceleration that the model leaves out, white, at every tick",
         unit="rad/s^2",
-        formerly="observer.rough_angular",
         gt=0.0,
     )
     drift_linear: float = parameter(
@@ -76,42 +74,36 @@ class ObserverParams(ParameterModel):
         5e-5,
         "smallest standard deviation that is assumed of a linear slip speed, so that less is never significant",
         unit="m/s",
-        formerly="observer.floor_linear",
         gt=0.0,
     )
     min_slip_std_rad_s: float = parameter(
         2e-3,
         "smallest standard deviation that is assumed of an angular slip speed, so that less is never significant",
         unit="rad/s",
-        formerly="observer.floor_angular",
         gt=0.0,
     )
     stick_acceleration_std_m_s2: float = parameter(
         0.006,
         "stick is accepted only while the standard deviation of the model's linear acceleration error is below this",
         unit="m/s^2",
-        formerly="observer.rest_linear",
         gt=0.0,
     )
     stick_acceleration_std_rad_s2: float = parameter(
         0.3,
         "stick is accepted only while the standard deviation of the model's angular acceleration error is below this",
         unit="rad/s^2",
-        formerly="observer.rest_angular",
         gt=0.0,
     )
     stick_speed_std_m_s: float = parameter(
         6e-4,
         "stick is accepted only while the standard deviation of the linear slip speed is below this",
         unit="m/s",
-        formerly="observer.calm_linear",
         gt=0.0,
     )
     stick_speed_std_rad_s: float = parameter(
         0.1,
         "stick is accepted only while the standard deviation of the angular slip speed is below this",
         unit="rad/s",
-        formerly="observer.calm_angular",
         gt=0.0,
     )
     drag_spread: float = parameter(
