@@ -1,0 +1,89 @@
+"""The rigid field of a tactile pad: exact where the field is rigid, hardly moved by outliers, honest about the rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from examples.tactile_adapters.conversions import taxel_places
+from examples.tactile_adapters.field_twist import planar_twist
+from slip_core.errors import InputError
+from test.support.every import every
+
+GRID = taxel_places(4, 4, 4.7e-3)[:, :2]
+LINEAR, ANGULAR = np.array([0.3, -0.2]), 40.0
+
+
+def rigid(points, linear=LINEAR, angular=ANGULAR, about=(0.0, 0.0)):
+    arm = points - np.asarray(about)
+    return linear + angular * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+
+
+def test_exact_on_a_rigid_field():
+    twist = planar_twist(GRID, rigid(GRID))
+    np.testing.assert_allclose(twist.linear, LINEAR, atol=1e-12)
+    assert twist.angular == pytest.approx(ANGULAR, rel=1e-12)
+    assert twist.residual < 1e-12
+
+
+@every("seed", range(5))
+def test_any_points_and_any_place_of_the_pad(seed):
+    """A twist is one body's: fitted anywhere, it moves every point as the body moves it."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-0.01, 0.01, (23, 2)) + rng.uniform(-1.0, 1.0, 2)
+    field = rigid(points, about=(0.5, -0.3))
+    twist = planar_twist(points, field)
+    again = rigid(points, twist.linear, twist.angular, twist.centre)
+    np.testing.assert_allclose(again, field, atol=1e-9)
+
+
+@every("count", (1, 2, 3, 4))
+def test_outliers_hardly_turn_it(count):
+    """A dead taxel and a stuck one at full scale: plain least squares is off by a multiple, this by little."""
+    rng = np.random.default_rng(count)
+    field = rigid(GRID) + 0.01 * rng.standard_normal(GRID.shape)
+    wrong = rng.choice(len(GRID), count, replace=False)
+    field[wrong] = rng.choice([-20.0, 20.0], (count, 2))
+    twist = planar_twist(GRID, field)
+    np.testing.assert_allclose(twist.linear, LINEAR, atol=0.05)
+    assert twist.angular == pytest.approx(ANGULAR, abs=8.0)
+    assert twist.weights[wrong].max() < 0.05
+    design = np.zeros((2 * len(GRID), 3))
+    design[0::2, 0] = design[1::2, 1] = 1.0
+    design[0::2, 2], design[1::2, 2] = -GRID[:, 1], GRID[:, 0]
+    plain = np.linalg.lstsq(design, field.ravel(), rcond=None)[0]
+    assert abs(plain[2] - ANGULAR) > 10.0 * abs(twist.angular - ANGULAR)
+
+
+def test_noise_is_averaged():
+    rng = np.random.default_rng(0)
+    found = [planar_twist(GRID, rigid(GRID) + 0.1 * rng.standard_normal(GRID.shape)).angular for _ in range(400)]
+    spread = 0.1 / np.sqrt((GRID**2).sum())
+    assert np.std(found) == pytest.approx(spread, rel=0.15)
+    assert np.mean(found) == pytest.approx(ANGULAR, abs=4.0 * spread / 20.0)
+
+
+def test_taxels_without_a_reading_are_left_out():
+    field = rigid(GRID)
+    field[3] = np.nan
+    twist = planar_twist(GRID, field)
+    assert twist.angular == pytest.approx(ANGULAR, rel=1e-9)
+    assert twist.weights[3] == 0.0
+
+
+def test_a_field_that_is_not_rigid_has_a_residual():
+    field = GRID * 50.0  # a pad that is squeezed: everything moves outwards
+    twist = planar_twist(GRID, field)
+    assert abs(twist.angular) < 1e-6
+    assert twist.residual > 0.1
+
+
+@every("points, field", (
+    (GRID, np.zeros((15, 2))),
+    (GRID[:1], np.zeros((1, 2))),
+    (np.zeros((4, 2)), np.ones((4, 2))),
+    (GRID, np.full((16, 2), np.nan)),
+))  # fmt: skip
+def test_refuses_what_has_no_answer(points, field):
+    with pytest.raises(InputError, match="tactile field"):
+        planar_twist(points, field)

@@ -1,0 +1,136 @@
+"""The committed table, the calibrated grasp and its predictions, as docs/real_runs.md has them; hostile run files."""
+
+from __future__ import annotations
+
+import csv
+import json
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from slip_core.errors import InputError
+from test.support.every import every
+from tools.real_data import calibrate
+from tools.real_data.grasp import NAMES, lost_at, simulate, values
+from tools.real_data.predict import DISCREPANCY, predict
+from tools.real_data.runs import pad_motion, read_pad_motion
+from tools.real_data.table import read_table
+from tools.real_runs import main
+
+RUNS = read_table()
+MEMBERS, FILE = calibrate.read()
+PEAKS = (0.19, 0.31, 0.47, 0.86)
+COLUMNS = ("ee_T_03", "ee_T_13", "time")
+
+
+def write_run(folder, run, rows=None):
+    """Write a robot_state.csv with the path of a run of the table, and nothing else."""
+    folder.mkdir()
+    along = np.array([-0.606, -0.795])
+    with (folder / "robot_state.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        lines = [
+            [*(p * along + [0.66, 0.26]), t] for t, p in zip(run.time.tolist(), run.position.tolist(), strict=True)
+        ]
+        writer.writerows(rows(lines) if rows else lines)
+    return folder
+
+
+@every("run, peak", zip(RUNS, PEAKS, strict=True))
+def test_table_holds_the_runs(run, peak):
+    assert np.percentile(np.abs(run.acceleration), 97) == pytest.approx(peak, rel=0.06)
+    assert (np.diff(run.time) > 0.0).all()
+    assert run.kept == (peak < 0.5)
+    assert np.isfinite(run.acceleration).all()
+
+
+def test_calibration_belongs_to_the_table():
+    assert FILE["runs"] == [run.name for run in RUNS]
+    assert FILE["names"] == list(NAMES)
+    assert MEMBERS.shape == (len(FILE["costs"]), len(NAMES))
+
+
+@every("index", range(len(RUNS)))
+def test_best_member_follows_every_run(index):
+    """One set of parameters and one tilt and grip per run: rotation within 1 degree rms, kept or lost as it was."""
+    run, of_run = RUNS[index], np.array(FILE["of_runs"][0][index])
+    motion = simulate(values(MEMBERS[0]), run.pads(), of_run)
+    error = (np.rad2deg(motion.rotation) - run.rotation)[run.seen]
+    assert np.sqrt(np.mean(error**2)) < max(0.3, 0.12 * np.nanmax(np.abs(run.rotation)))
+    assert (lost_at(motion, values(MEMBERS[0])) is None) == run.kept
+
+
+@every("index", range(len(RUNS)))
+def test_extremes_lie_in_their_intervals(index):
+    run = RUNS[index]
+    p = predict(run.pads(), MEMBERS, DISCREPANCY).json()
+    assert p["kept"] == run.kept
+    assert p["max_deg_80"][0] <= np.nanmax(run.rotation) <= p["max_deg_80"][1]
+    assert p["min_deg_80"][0] <= np.nanmin(run.rotation) <= p["min_deg_80"][1]
+
+
+def test_rest_is_predicted_to_rest():
+    t = np.arange(0.0, 3.0, 1.0 / 60.0)
+    pads = pad_motion(t, np.tile([0.5, 0.1], (t.size, 1)))
+    p = predict(pads, MEMBERS[:3], DISCREPANCY)
+    assert p.kept
+    assert np.abs(p.rotation).max() < 0.05
+
+
+def test_acceleration_of_a_known_path():
+    t = np.arange(0.0, 2.0, 1.0 / 60.0)
+    pads = pad_motion(t, np.stack([0.3 * t**2, np.zeros(t.size)], axis=1))
+    np.testing.assert_allclose(pads.acceleration, 0.6, atol=1e-6)
+    np.testing.assert_allclose(pads.speed[5:-5], 0.6 * t[5:-5], atol=1e-3)
+
+
+def damaged(lines):
+    """Return rows as a logger in trouble writes them: repeated, out of order, not numbers, cut short."""
+    lines = [list(line) for line in lines]
+    lines[50][0] = "nan"
+    lines[60][2] = ""
+    lines[70] = lines[69]
+    lines[80], lines[81] = lines[81], lines[80]
+    del lines[100:104]
+    lines[120] = lines[120][:1]
+    return lines
+
+
+def test_damaged_files_change_little(tmp_path):
+    run = RUNS[2]
+    good = read_pad_motion(write_run(tmp_path / "good", run))
+    bad = read_pad_motion(write_run(tmp_path / "bad", run, damaged))
+    assert bad.time.size == good.time.size - 4
+    assert np.isfinite(np.array(bad)).all()
+    usual, other = predict(good, MEMBERS, DISCREPANCY), predict(bad, MEMBERS, DISCREPANCY)
+    assert other.kept == usual.kept
+    assert np.abs(np.interp(usual.time, other.time, other.rotation) - usual.rotation).max() < 0.5
+
+
+@every("text, word", (
+    ("", "no column"),
+    ("time,ee_T_03\n0,1\n", "no column ee_T_13"),
+    ("time,ee_T_03,ee_T_13\n" + "0.0,1,1\n" * 40, "usable rows"),
+))  # fmt: skip
+def test_files_that_are_no_run(tmp_path, text, word):
+    (tmp_path / "robot_state.csv").write_text(text)
+    with pytest.raises(InputError, match=word):
+        read_pad_motion(tmp_path)
+
+
+def test_command_reads_the_state_and_prints_json(tmp_path):
+    """The folder has nothing but robot_state.csv, so nothing else can be read."""
+    folder = write_run(tmp_path / "run", RUNS[3])
+    done = CliRunner().invoke(main, ["predict", str(folder)])
+    p = json.loads(done.stdout)
+    assert p["kept"] is False
+    assert len(p["rotation_deg"]["t"]) == len(p["rotation_deg"]["deg"]) == RUNS[3].time.size
+    assert p["rotation_deg"]["t"][0] == 0.0
+    ends = [*p["min_deg_80"], *p["max_deg_80"]]
+    assert ends == sorted(ends)
+    assert p["min_deg_80"][0] < p["min_deg"] < p["min_deg_80"][1]
+    assert p["max_deg_80"][0] < p["max_deg"] < p["max_deg_80"][1]
+    missing = CliRunner().invoke(main, ["predict", str(tmp_path)])
+    assert isinstance(missing.exception, InputError)
+    assert "robot_state.csv" in str(missing.exception)

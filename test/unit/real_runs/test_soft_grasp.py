@@ -1,0 +1,107 @@
+"""The hanging object in soft pads against closed forms, and against its differential equations solved by scipy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from slip_core.records import new, record
+from slip_sim_bridge.friction import lugre
+from slip_sim_bridge.soft_grasp import COLUMNS, OBJECT, G, carry
+
+LEVER, GYRATION, RHO = 0.1, 0.06, 0.006
+
+
+def simulate(t, a, step=2e-4, **changed):
+    """Return the motion of a grasp that holds well, but for what is changed."""
+    given = {
+        "lever": LEVER, "gyration": GYRATION, "tilt": 0.0, "thinning": 0.0, "release": 1.0, "mu_s": 1e3, "mu_k": 1e3,
+        "stribeck": 0.01, "viscous": 0.0, "stiffness": 1e5, "damping": 0.0, "breakaway": 0.5, "rho": RHO,
+    } | changed  # fmt: skip
+    numbers, friction = new(OBJECT), new(lugre.LAYOUT)
+    thing, law = record(numbers, OBJECT), record(friction, lugre.LAYOUT)
+    for name in ("lever", "gyration", "tilt", "thinning", "release"):
+        setattr(thing, name, given[name])
+    law.curve.mu_s, law.curve.mu_k = given["mu_s"], given["mu_k"]
+    law.curve.stribeck_velocity, law.curve.viscous = given["stribeck"], given["viscous"]
+    law.stiffness, law.damping = given["stiffness"], given["damping"]
+    law.breakaway_fraction, law.torsional_radius = given["breakaway"], given["rho"]
+    motion = np.empty((t.size, COLUMNS))
+    carry(numbers, friction, t, a, step, motion)
+    return motion
+
+
+def test_rests_in_equilibrium_with_its_weight():
+    t = np.linspace(0.0, 1.0, 61)
+    motion = simulate(t, np.zeros(61), tilt=-0.05)
+    assert np.abs(motion[:, 0]).max() < 1e-9
+    assert np.abs(motion[:, 3]).max() < 1e-9
+
+
+def test_swings_about_the_direction_of_apparent_gravity():
+    """Pads that resist no turning make a pendulum: it swings from 0 to 2 atan(a / g), by energy, for any inertia."""
+    t = np.linspace(0.0, 4.0, 2001)
+    motion = simulate(t, np.full(t.size, 0.8), rho=1e-5, stiffness=1e7, damping=1e3)
+    assert motion[:, 0].min() == pytest.approx(-2.0 * math.atan(0.8 / G), rel=2e-3)
+    assert motion[:, 0].max() == pytest.approx(0.0, abs=1e-4)
+
+
+def test_period_of_small_swings():
+    """(k^2 + l^2) wd = -(sigma_0 rho^2 + g l) angle where the pads are stiff along the plane."""
+    t = np.linspace(0.0, 3.0, 3001)
+    push = np.where(t < 0.01, 1.0, 0.0)
+    angle = simulate(t, push, rho=1e-3, stiffness=1e6, damping=0.0)[:, 0]
+    up = np.flatnonzero((angle[:-1] < 0.0) & (angle[1:] >= 0.0))
+    period = np.diff(t[up]).mean()
+    expected = 2.0 * math.pi * math.sqrt((LEVER**2 + GYRATION**2) / (1e6 * 1e-6 + G * LEVER))
+    assert period == pytest.approx(expected, rel=5e-3)
+
+
+def test_falls_freely_once_released():
+    t = np.linspace(0.0, 0.3, 301)
+    motion = simulate(t, np.zeros(t.size), mu_s=1e-6, mu_k=1e-6)
+    assert motion[-1, 2] == pytest.approx(-LEVER - 0.5 * G * 0.3**2, rel=2e-3)
+    assert motion[-1, 3] == pytest.approx(0.5 * G * 0.3**2, rel=2e-3)
+
+
+def test_a_grip_that_thins_out_loses_what_it_would_have_kept():
+    t = np.linspace(0.0, 4.0, 241)
+    a = np.where((t > 1.0) & (t < 1.6), 0.9, 0.0) - np.where((t > 2.2) & (t < 2.8), 0.9, 0.0)
+    grip = {"mu_s": 1.12 * G, "mu_k": 1.05 * G, "stiffness": 6e4, "damping": 1e3, "viscous": 0.4, "step": 2e-3}
+    kept, lost = simulate(t, a, **grip), simulate(t, a, thinning=20.0, **grip)
+    assert 0.0 < kept[-1, 3] < 0.02
+    assert lost[-1, 3] > 0.1
+
+
+def test_agrees_with_the_differential_equations():
+    """The same equations written out anew, continuous in time, solved by an adaptive stiff integrator."""
+    t = np.linspace(0.0, 1.5, 151)
+    a = 0.7 * np.sin(4.0 * t)
+    grip = {"mu_s": 1.3 * G, "mu_k": 1.2 * G, "viscous": 0.5, "stiffness": 4e4, "damping": 800.0, "breakaway": 0.7}
+    tilt, vs = -0.02, 0.02
+
+    def rate(time, y):
+        rx, ry, vx, vy, w, _angle, _slid, *z = y
+        z = np.array(z)
+        u = np.array([vx + w * ry, vy - w * rx, w * RHO])
+        speed, length = np.linalg.norm(u), np.linalg.norm(z)
+        z_ss = (grip["mu_k"] + (grip["mu_s"] - grip["mu_k"]) * math.exp(-((speed / vs) ** 2))) / grip["stiffness"]
+        x = length / z_ss
+        share = 0.0 if x <= 0.7 else 1.0 if x >= 1.0 else 0.5 + 0.5 * math.sin(math.pi * (x - 0.85) / 0.3)
+        zd = u - share * max(0.0, u @ z / max(length, 1e-12)) / z_ss * z
+        f = -(grip["stiffness"] * z + grip["damping"] * zd + grip["viscous"] * u)
+        turned = zd + w * np.array([-z[1], z[0], 0.0])
+        acceleration = 0.7 * math.sin(4.0 * time)
+        wd = (RHO * f[2] - rx * f[1] + ry * f[0]) / GYRATION**2
+        return [vx, vy, f[0] - acceleration, f[1] - G, wd, w, -u[1], *turned]
+
+    rx, ry = LEVER * math.sin(tilt), -LEVER * math.cos(tilt)
+    start = [rx, ry, 0.0, 0.0, 0.0, 0.0, 0.0, *(-np.array([0.0, G, rx * G / RHO]) / grip["stiffness"])]
+    exact = solve_ivp(rate, (0.0, 1.5), start, "LSODA", t_eval=t, rtol=1e-8, atol=1e-10, max_step=5e-3).y
+    motion = simulate(t, a, step=5e-5, tilt=tilt, stribeck=vs, **grip)
+    assert np.ptp(exact[5]) > math.radians(5.0)
+    assert np.abs(motion[:, 0] - exact[5]).max() < 0.01 * np.ptp(exact[5])
+    assert np.abs(motion[:, 3] - exact[6]).max() < 0.02 * np.ptp(exact[6])
