@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
