@@ -25,7 +25,8 @@ class ArmParams(ParameterModel):
 
     robot_description: str = parameter("", "URDF text of the arm; empty reads robot_description_file")
     robot_description_file: str = parameter(
-        "package://slip_description/urdf/arm.urdf", "URDF of the arm: a path or package://<package>/<path>"
+        "package://slip_description/urdf/arm.urdf",
+        "URDF or xacro file of the arm: a path or package://<package>/<path>",
     )
     joint_names: tuple[str, ...] = parameter(
         tuple(f"arm_joint{i}" for i in range(1, 8)), "joints of the arm in the order of all joint vectors", min_length=1

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from slip_core.errors import InputError, ProtocolError
-from slip_core.files.resources import read_text
+from slip_core.files.urdf_file import read_urdf
 from slip_core.incidents import Incident
 from slip_core.params import ParameterModel
 from slip_core.stamps import split_ns
@@ -388,4 +388,4 @@ class SlipSimBridge(LastResort, Node):
 
 def arm_urdf(params: BridgeParams) -> str:
     """Return the URDF of an arm, on its own base."""
-    return params.robot_description or read_text(params.robot_description_file, "parameter robot_description_file")
+    return params.robot_description or read_urdf(params.robot_description_file, "parameter robot_description_file")

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import click
 
+from slip_core.files.resources import add_package
 from slip_vic.presets import find_preset
 from slip_vic.scenarios import find_scenario
 
@@ -40,6 +41,16 @@ def _sensor(context: click.Context, parameter: click.Parameter, value: str) -> s
     if value:
         find_preset("sensors", value)
     return value
+
+
+def _package(context: click.Context, parameter: click.Parameter, values: tuple[str, ...]) -> None:
+    for text in values:
+        add_package(text)
+
+
+def URDF(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add ``--urdf`` and ``--package``."""
+    return _URDF(PACKAGE(command))
 
 
 def out_option(default: str | None, text: str, **more: Any) -> Callable[[Any], Any]:
@@ -76,7 +87,16 @@ PARAMS: Final = click.option(
 ASSIGNMENTS: Final = click.option(
     "--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable"
 )
-URDF: Final = click.option("--urdf", type=click.Path(path_type=Path), help="another arm")
+PACKAGE: Final = click.option(
+    "--package",
+    multiple=True,
+    metavar="NAME=DIR",
+    expose_value=False,
+    is_eager=True,
+    callback=_package,
+    help="folder behind package://NAME and $(find NAME) of a URDF or xacro file; repeatable",
+)
+_URDF: Final = click.option("--urdf", type=click.Path(path_type=Path), help="another arm: URDF or xacro file")
 SEED: Final = click.option(
     "--seed", type=click.IntRange(0), default=0, show_default=True, help="seed of the sensor noise"
 )

@@ -17,7 +17,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from slip_core.errors import SlipVicError
 from slip_core.files.placed_urdf import placed_urdf
-from slip_core.files.resources import read_text
+from slip_core.files.urdf_file import read_urdf
 from slip_core.grasp_params import BaseParams
 from slip_core.params import ParameterModel
 from slip_msgs_py.endpoint_matching import EndpointMatching
@@ -302,7 +302,7 @@ def make_controller(params: ControllerNodeParams, base: BaseParams = ORIGIN) -> 
     Raises:
         InputError: parameters and URDF that do not fit.
     """
-    urdf = params.robot_description or read_text(params.robot_description_file, "parameter robot_description_file")
+    urdf = params.robot_description or read_urdf(params.robot_description_file, "parameter robot_description_file")
     if base != ORIGIN:
         urdf = placed_urdf(urdf, base.position, base.rotation)
     return Controller(params, urdf, lockstep=params.mode == "lockstep")

@@ -2,22 +2,92 @@
 
 from __future__ import annotations
 
-import importlib.resources
+import importlib.util
+import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Final
 
 from slip_core.errors import InputError
 
+PACKAGES: Final = "SLIP_VIC_PACKAGES"
+"""Environment variable with folders of packages, ``NAME=DIR`` separated like paths: option --package sets it, and the
+processes that are started inherit it."""
+
 
 def read_text(uri: str, what: str) -> str:
-    """Return the text behind ``package://<python package>/<path>`` or a plain path.
+    """Return the text behind ``package://<package>/<path>`` or a plain path.
 
     Raises:
         InputError: where the package or the file does not exist or cannot be read.
     """
     try:
-        if uri.startswith("package://"):
-            package, _, inner = uri.removeprefix("package://").partition("/")
-            return importlib.resources.files(package).joinpath(inner).read_text(encoding="utf-8")
-        return Path(uri).read_text(encoding="utf-8")
-    except (OSError, ModuleNotFoundError, UnicodeDecodeError, ValueError) as error:
+        return find_file(uri).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError, ValueError) as error:
         raise InputError(what, got=uri, expected="a readable file", fix=str(error)) from None
+
+
+def find_file(uri: str) -> Path:
+    """Return the path behind ``package://<package>/<path>``, ``file://<path>`` or a plain path; it need not exist.
+
+    Raises:
+        InputError: no such package.
+    """
+    if not uri.startswith("package://"):
+        return Path(uri.removeprefix("file://"))
+    package, _, inner = uri.removeprefix("package://").partition("/")
+    folders = list(_folders(package))
+    if not folders:
+        raise _unknown(package)
+    return next((folder / inner for folder in folders if (folder / inner).exists()), folders[0] / inner)
+
+
+def package_folder(package: str) -> Path:
+    """Return the folder of a package: of --package, an ament prefix, ROS_PACKAGE_PATH, or a Python package.
+
+    Raises:
+        InputError: no such package.
+    """
+    for folder in _folders(package):
+        return folder
+    raise _unknown(package)
+
+
+def add_package(text: str) -> None:
+    """Make a package known to this process and to those that it starts; text: NAME=DIR.
+
+    Raises:
+        InputError: another form, or no such folder.
+    """
+    name, _, folder = text.partition("=")
+    if not name or not folder:
+        raise InputError("--package", got=text, expected="NAME=DIR")
+    if not Path(folder).is_dir():
+        raise InputError(f"--package {name}", got=folder, expected="a folder")
+    known = os.environ.get(PACKAGES, "")
+    os.environ[PACKAGES] = os.pathsep.join(filter(None, (f"{name}={Path(folder).absolute()}", known)))
+
+
+def _folders(package: str) -> Iterator[Path]:
+    """Yield the folders that a package may be in, those that were named by --package first."""
+    given = (item.partition("=") for item in os.environ.get(PACKAGES, "").split(os.pathsep))
+    candidates = [Path(folder) for name, _, folder in given if name == package]
+    candidates += [Path(prefix, "share", package) for prefix in _paths("AMENT_PREFIX_PATH")]
+    candidates += [Path(folder, package) for folder in _paths("ROS_PACKAGE_PATH")]
+    candidates += [Path(folder) for folder in _paths("ROS_PACKAGE_PATH") if Path(folder).name == package]
+    yield from (candidate for candidate in candidates if candidate.is_dir())
+    try:
+        spec = importlib.util.find_spec(package) if package.isidentifier() else None
+    except (ImportError, ValueError):
+        spec = None
+    yield from (Path(folder) for folder in (spec.submodule_search_locations if spec else None) or ())
+
+
+def _paths(variable: str) -> list[str]:
+    return [entry for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
+
+
+def _unknown(package: str) -> InputError:
+    return InputError(
+        f"package {package}", got="no such package", expected="one that is installed", fix=f"--package {package}=DIR"
+    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import importlib.resources
 from collections.abc import Iterator
 from typing import Any, Final
 from xml.etree.ElementTree import Element
@@ -13,6 +12,7 @@ import trimesh
 
 from slip_core.errors import InputError
 from slip_core.files.link_tree import origin_of, read_links
+from slip_core.files.resources import find_file
 from slip_core.files.urdf import numbers_of, parse_urdf
 from slip_vic.page.packing import Packer
 
@@ -80,7 +80,7 @@ def _shape(shape: Element, packer: Packer, missing: list[str]) -> dict[str, Any]
     if shape.tag == "mesh":
         file = shape.get("filename", "")
         try:
-            mesh = trimesh.load_mesh(_path(file))
+            mesh = trimesh.load_mesh(str(find_file(file)))
             points, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
         except Exception:  # a reader of many foreign formats: anything may happen, and a shape is only decoration
             missing.append(file)
@@ -93,13 +93,6 @@ def _shape(shape: Element, packer: Packer, missing: list[str]) -> dict[str, Any]
             "faces": packer.add(faces.astype(np.uint32)),
         }
     return None
-
-
-def _path(file: str) -> str:
-    if not file.startswith("package://"):
-        return file.removeprefix("file://")
-    package, _, inner = file.removeprefix("package://").partition("/")
-    return str(importlib.resources.files(package).joinpath(inner))
 
 
 def _colour(material: Element) -> list[float]:

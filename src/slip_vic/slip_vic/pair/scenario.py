@@ -12,7 +12,7 @@ from pydantic import Field
 
 from slip_core.errors import UnknownName
 from slip_core.files.plain_yaml import read_yaml
-from slip_core.files.resources import read_text
+from slip_core.files.urdf_file import read_urdf
 from slip_core.grasp_params import BaseParams, Three
 from slip_core.params import (
     ParameterModel,
@@ -238,7 +238,7 @@ def load_pair(
         pad=build(PadParams, pad, f"{origin}: pad"),
     )  # fmt: skip
     urdfs = tuple(
-        arm.robot_description or read_text(arm.robot_description_file, "parameter robot_description_file")
+        arm.robot_description or read_urdf(arm.robot_description_file, "parameter robot_description_file")
         for arm in arms
     )
     from slip_core.files.placed_urdf import placed_urdf

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from slip_core.errors import InputError, UnknownName
 from slip_core.files.plain_yaml import read_yaml
-from slip_core.files.resources import read_text
+from slip_core.files.urdf_file import read_urdf
 from slip_core.params import (
     ParameterModel,
     build,
@@ -199,7 +199,7 @@ def load_scenario(
     bridge_params = build(BridgeParams, values["bridge"], f"{origin}: bridge")
     file = bridge_params.robot_description_file
     urdf = (
-        bridge_params.robot_description or texts.urdfs.get(file) or read_text(file, "parameter robot_description_file")
+        bridge_params.robot_description or texts.urdfs.get(file) or read_urdf(file, "parameter robot_description_file")
     )
     return Scenario(outer.name, outer.description, text, controller_params, bridge_params, urdf, law)
 

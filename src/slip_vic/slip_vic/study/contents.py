@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from slip_core.errors import SlipVicError
-from slip_core.files.resources import read_text
+from slip_core.files.urdf_file import read_urdf
 from slip_vic.presets import preset_text
 from slip_vic.run.versions import digest, versions
 from slip_vic.scenarios.scenario import Texts, load_scenario, read_scenario
@@ -52,7 +52,7 @@ def gather(scenarios: Iterable[str], sensors: Iterable[str], assignments: Sequen
     texts = Texts(
         scenarios={name: read_scenario(name)[0] for name in scenarios},
         sensors={name: preset_text("sensors", name) for name in sensors},
-        urdfs={file: read_text(file, "parameter robot_description_file") for file in sorted(files)},
+        urdfs={file: read_urdf(file, "parameter robot_description_file") for file in sorted(files)},
     )
     return Contents(texts, tuple(assignments), versions())
 

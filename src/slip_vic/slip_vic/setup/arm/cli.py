@@ -6,13 +6,14 @@ from pathlib import Path
 
 import click
 
-from slip_vic.options import out_option
+from slip_vic.options import PACKAGE, out_option
 
 AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 
 
 @click.command()
 @click.argument("urdf", type=click.Path(path_type=Path))
+@PACKAGE
 @click.option("--ee", "link", default="", metavar="LINK", help="link at the hand; default: found")
 @click.option("--approach", type=AXIS, default=None, help="its axis out of the hand; default: found")
 @click.option("--normal", type=AXIS, default=None, help="its axis along which the jaws close; default: found")
@@ -35,7 +36,7 @@ def arm(
     scale: float,
     out: Path | None,
 ) -> None:
-    """Make a folder that runs from the URDF of an arm: arm.urdf, scenarios, parameters for the real arm."""
+    """Make a folder that runs from an arm's URDF or xacro file: arm.urdf, scenarios, parameters for the real arm."""
     from rich.console import Console
 
     from slip_vic.setup.arm.write import Arm, read_arm, way_table, write_arm
@@ -56,7 +57,7 @@ def arm(
         name = Path(scenario).stem
         tasks[name], start = made.task(scenario, scale)
         Console(width=120).print(way_table(made, name, start))
-    folder = out or Path(urdf.stem)
+    folder = out or Path(urdf.name.partition(".")[0])
     for path in write_arm(made, tasks, folder, urdf):
         click.echo(path)
     click.echo(f"next: slip-vic demo --scenario {folder / next(iter(tasks))}.yaml --out {folder / 'demo'}")

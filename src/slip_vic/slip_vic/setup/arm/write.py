@@ -15,6 +15,7 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf import NO_LIMIT, parse_urdf
+from slip_core.files.urdf_file import read_urdf
 from slip_vic.scenarios.parameter_files import write_files
 from slip_vic.scenarios.reach import pad_path
 from slip_vic.scenarios.scenario import NODES, load_scenario, read_scenario, ros_parameter_file
@@ -153,15 +154,12 @@ def failing(start: Start | None, robot: Robot, params: ControllerParams) -> str:
 
 
 def read_arm(file: Path) -> str:
-    """Return the text of a URDF file.
+    """Return the text of a URDF file, or of the URDF that a xacro file expands to.
 
     Raises:
         InputError: where it cannot be read.
     """
-    try:
-        return file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"URDF {file}", got=str(error), expected="a readable URDF file") from None
+    return read_urdf(str(file), f"URDF {file}")
 
 
 def write_arm(arm: Arm, tasks: dict[str, dict[str, Any]], folder: Path, source: Path) -> list[Path]:

@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 from slip_bags.recording.raw_subscription import Arrival, RawSubscription, recording_qos
 from slip_core.arrays import Array
 from slip_core.errors import InputError, ProtocolError
-from slip_core.files.resources import read_text
+from slip_core.files.urdf_file import read_urdf
 from slip_core.params import build, parameter_infos
 from slip_core.stamps import stamp_of
 from slip_core.topics import TOPICS
@@ -60,7 +60,7 @@ class RosSystem:
         self._texts = {"controller/mode": "", "controller/goal": ""}
         names = [info.name for info in parameter_infos(ControllerNodeParams)]
         self.params = build(ControllerNodeParams, self._parameters(CONTROLLER, names), CONTROLLER)
-        self.urdf = self.params.robot_description or read_text(
+        self.urdf = self.params.robot_description or read_urdf(
             self.params.robot_description_file, "parameter robot_description_file"
         )
         if self._state() == State.PRIMARY_STATE_UNCONFIGURED:

@@ -1,0 +1,63 @@
+"""The text of a URDF from a file; a xacro file is expanded by the `xacro` package, which needs no ROS.
+
+A xacro file is a program: it reads files and evaluates expressions. Expand only those that you would run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from slip_core.errors import InputError
+from slip_core.files.resources import find_file, package_folder, read_text
+
+SUFFIX: Final = ".xacro"
+
+
+def read_urdf(uri: str, what: str) -> str:
+    """Return the URDF text behind ``package://<package>/<path>`` or a plain path, expanded where it is ``*.xacro``.
+
+    Arguments of a xacro file have their defaults; ``$(find NAME)`` is `package_folder`.
+
+    Args:
+        uri: of the file.
+        what: names it in errors.
+
+    Raises:
+        InputError: a file or package that is not there, or a xacro file that cannot be expanded.
+    """
+    return _expanded(find_file(uri), what) if uri.endswith(SUFFIX) else read_text(uri, what)
+
+
+def _expanded(path: Path, what: str) -> str:
+    try:
+        import xacro
+        from xacro import substitution_args
+    except ImportError:
+        raise InputError(what, got=str(path), expected="the package that expands it", fix="pip install xacro") from None
+    try:
+        with _finding(substitution_args):
+            return str(xacro.process_file(str(path)).toxml())
+    except InputError:
+        raise
+    except Exception as error:  # expressions and macros of the file run here: anything may happen
+        detail = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(what, got=str(path), expected="a xacro file that can be expanded", fix=detail[:300]) from None
+
+
+@contextlib.contextmanager
+def _finding(module: object) -> Iterator[None]:
+    """Let ``$(find NAME)`` go to `package_folder`: xacro itself asks ament alone, which a wheel need not have."""
+
+    def find(name: str) -> str:
+        return str(package_folder(name))
+
+    expressions = module._eval_dict  # type: ignore[attr-defined]
+    own = module._eval_find, expressions["find"]  # type: ignore[attr-defined]
+    module._eval_find = expressions["find"] = find  # type: ignore[attr-defined]
+    try:
+        yield
+    finally:
+        module._eval_find, expressions["find"] = own  # type: ignore[attr-defined]
