@@ -15,6 +15,7 @@ from slip_vic.options import ASSIGNMENTS, ESTIMATOR, LAW, PARAMS, SCENARIO, SCEN
 from slip_vic.page.cli import report, watch
 from slip_vic.pair.cli import pair, pair_study
 from slip_vic.replay.cli import references, verify
+from slip_vic.retime.cli import retime
 from slip_vic.setup.arm.cli import arm
 from slip_vic.setup.bringup.cli import bringup
 from slip_vic.study.cli import check, merge, study, tune
@@ -174,6 +175,7 @@ cli.add_command(bringup)
 cli.add_command(check)
 cli.add_command(merge)
 cli.add_command(report)
+cli.add_command(retime)
 cli.add_command(pair)
 cli.add_command(pair_study)
 cli.add_command(study)

@@ -1,0 +1,142 @@
+"""What `slip-vic retime` writes: a CSV file, a bag, a goal for FollowJointTrajectory, the certificate, and a page."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import matplotlib.figure
+import numpy as np
+import pandas as pd
+import yaml
+from mcap_ros2.writer import Writer
+from scipy.spatial.transform import Rotation
+
+from slip_bags.typedefs import find_definition
+from slip_core.arrays import Array
+from slip_vic.retime.certificate import Certificate, Motion
+from slip_vic.retime.path import POSE_COLUMNS, TRAJECTORY
+
+GOAL_PERIOD_S = 0.02
+"""Points of the goal for an action server: it interpolates between them."""
+TOPIC = "/joint_trajectory"
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def write_csv(path: Path, names: tuple[str, ...], motion: Motion) -> None:
+    """Write a row per control period: time [s], coordinates, velocities and accelerations.
+
+    Of the pad: pose, twist and acceleration {w}.
+    """
+    columns: dict[str, Array] = {"time": motion.times}
+    if names == POSE_COLUMNS:
+        quaternions = _quaternions(motion)
+        poses = np.hstack((np.array([pad.position for pad in motion.pads]), quaternions))
+        columns |= dict(zip(POSE_COLUMNS, poses.T, strict=True))
+        twists = np.array([pad.twist for pad in motion.pads])
+        accelerations = np.array([pad.acceleration for pad in motion.pads])
+        columns |= {f"twist_{axis}": twists[:, k] for k, axis in enumerate(AXES)}
+        columns |= {f"acceleration_{axis}": accelerations[:, k] for k, axis in enumerate(AXES)}
+    else:
+        kinds = {"": motion.position, "_velocity": motion.velocity, "_acceleration": motion.acceleration}
+        for suffix, rows in kinds.items():
+            columns |= {f"{name}{suffix}": rows[:, k] for k, name in enumerate(names)}
+    pd.DataFrame(columns).to_csv(path, index=False, float_format="%.9g")
+
+
+def trajectory_message(names: tuple[str, ...], motion: Motion, period_s: float) -> dict[str, Any]:
+    """Return a trajectory_msgs/JointTrajectory with a point per period, first and last sample included."""
+    step = max(1, round(period_s / float(motion.times[1] - motion.times[0])))
+    rows = sorted({*range(0, len(motion.times), step), len(motion.times) - 1})
+    return {
+        "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
+        "joint_names": list(names),
+        "points": [
+            {
+                "positions": motion.position[i].tolist(),
+                "velocities": motion.velocity[i].tolist(),
+                "accelerations": motion.acceleration[i].tolist(),
+                "effort": [],
+                "time_from_start": _duration(float(motion.times[i])),
+            }
+            for i in rows
+        ],
+    }
+
+
+def write_goal(path: Path, names: tuple[str, ...], motion: Motion) -> None:
+    """Write a goal of control_msgs/action/FollowJointTrajectory as YAML."""
+    goal = {"trajectory": trajectory_message(names, motion, GOAL_PERIOD_S)}
+    path.write_text(yaml.safe_dump(goal, default_flow_style=None, sort_keys=False), encoding="utf-8")
+
+
+def write_bag(path: Path, names: tuple[str, ...], motion: Motion) -> None:
+    """Write the trajectory as the one message of an MCAP file; `ros2 bag play` sends it."""
+    with path.open("wb") as stream, Writer(stream) as writer:
+        schema = writer.register_msgdef(TRAJECTORY, find_definition(TRAJECTORY).text)
+        period = float(motion.times[1] - motion.times[0])
+        writer.write_message(TOPIC, schema, trajectory_message(names, motion, period), log_time=0, publish_time=0)
+
+
+def certificate_data(certificate: Certificate, motion: Motion, given_s: float) -> dict[str, Any]:
+    """Return the numbers of a certificate."""
+    return {
+        "holds": certificate.holds,
+        "arrival_s": float(motion.times[-1]),
+        "duration_given_s": given_s,
+        "friction_limit_n": certificate.limit,
+        "margin": certificate.margin,
+        "peak_share": certificate.peak_share,
+        "peak_at_s": float(motion.times[int(certificate.loads.argmax())]),
+        "samples": len(motion.times),
+    }
+
+
+def draw(certificate: Certificate, motion: Motion) -> matplotlib.figure.Figure:
+    """Return the plot: share of the friction, and speed of the pad, over time."""
+    figure = matplotlib.figure.Figure(figsize=(8.0, 5.0), layout="constrained")
+    share, speed = figure.subplots(2, 1, sharex=True)
+    share.plot(motion.times, 100.0 * certificate.loads / certificate.limit, color="tab:blue")
+    share.axhline(100.0 * certificate.margin, color="tab:orange", label="margin")
+    share.axhline(100.0, color="tab:red", label="friction limit")
+    share.set_ylabel("load [% of friction]")
+    share.legend(loc="lower right")
+    speed.plot(motion.times, [1e3 * np.linalg.norm(pad.twist[:3]) for pad in motion.pads], color="tab:blue")
+    speed.set_ylabel("pad speed [mm/s]")
+    speed.set_xlabel("time [s]")
+    return figure
+
+
+def write_page(path: Path, title: str, data: dict[str, Any], figure: matplotlib.figure.Figure) -> None:
+    """Write certificate and plot as one self-contained HTML file."""
+    picture = io.BytesIO()
+    figure.savefig(picture, format="svg")
+    shown = {name: f"{value:.6g}" if isinstance(value, float) else str(value) for name, value in data.items()}
+    rows = "".join(f"<tr><th>{html.escape(n)}</th><td>{html.escape(v)}</td></tr>" for n, v in shown.items())
+    source = base64.b64encode(picture.getvalue()).decode()
+    path.write_text(
+        f"<!doctype html><meta charset=utf-8><meta name=viewport content='width=device-width'>"
+        f"<title>{html.escape(title)}</title><style>body{{font:16px system-ui;max-width:50rem;margin:2rem auto;"
+        f"padding:0 1rem}}th{{text-align:left;padding-right:2rem;font-weight:500}}img{{width:100%}}</style>"
+        f"<h1>{html.escape(title)}</h1><table>{rows}</table>"
+        f"<img alt='load as a share of the friction, and speed of the pad' src='data:image/svg+xml;base64,{source}'>",
+        encoding="utf-8",
+    )
+
+
+def write_json(path: Path, data: dict[str, Any]) -> None:
+    """Write numbers as JSON."""
+    path.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+
+
+def _duration(seconds: float) -> dict[str, int]:
+    sec, nanosec = divmod(round(1e9 * seconds), 1_000_000_000)
+    return {"sec": sec, "nanosec": nanosec}
+
+
+def _quaternions(motion: Motion) -> Array:
+    return np.array(Rotation.from_matrix(np.array([pad.rotation for pad in motion.pads])).as_quat())

@@ -1,0 +1,255 @@
+"""Retimed paths: against the governor in closed loop, MuJoCo's inverse dynamics, and what is to be refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from click.testing import CliRunner, Result
+from scipy.spatial.transform import Rotation
+
+from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
+from slip_core.errors import InputError
+from slip_core.records import record
+from slip_vic.cli import cli
+from slip_vic.retime.certificate import Motion, certified, pad_wrench
+from slip_vic.retime.command import governed, governor_config
+from slip_vic.retime.path import POSE_COLUMNS, JointPath, PadMotion, PadPath, Points, read_points
+from slip_vic.retime.timing import held_object
+from slip_vic.run.in_process import run_in_process
+from slip_vic.scenarios.reach import pad_path
+from slip_vic.scenarios.scenario import Scenario, load_scenario
+from slip_vic_controller.reference.retiming import HELD_OBJECT
+from test.support.every import every
+
+CLOSE = 0.02
+"""Share of the arrival in closed loop: a promise of the command."""
+EXACT = 1e-9
+SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
+
+
+def scenario(name: str, timing: str = "slow_down", *assignments: str) -> Scenario:
+    return load_scenario(name, law="governed", assignments=(f"controller.governor.mode={timing}", *assignments))
+
+
+def planned_poses(loaded: Scenario, count: int = 120) -> Points:
+    """Return the built-in path of a scenario as poses, in its own time."""
+    _, controller = governed(loaded, "slow_down")
+    x, R, _ = controller.robot.frame(np.array(loaded.bridge.initial_position))
+    times, values = pad_path(loaded.controller.trajectory, count)
+    turned = Rotation.from_rotvec(values[:, 3:]) * Rotation.from_matrix(R)
+    return Points(times, np.hstack((x + values[:, :3], turned.as_quat())), POSE_COLUMNS)
+
+
+def arrival_in_closed_loop(loaded: Scenario) -> float:
+    """Return when the governed path is at rest at its end, counted from when its plan was ready [s]."""
+    began, ended = 0.0, 0.0
+    for tick in run_in_process(loaded):
+        governor = tick.result.record.governor
+        if governor.path_rate > 0.0:
+            began = began or tick.outputs.stamp_ns * 1e-9
+            ended = tick.outputs.stamp_ns * 1e-9
+    return ended - began
+
+
+def load_by_mujoco(loaded: Scenario, motion: Motion) -> Array:
+    """Return the load of every sample: MuJoCo's inverse dynamics of the free object that moves with the pad [N]."""
+    p = loaded.controller
+    spec = mujoco.MjSpec()
+    spec.option.gravity = p.gravity
+    body = spec.worldbody.add_body(name="object")
+    body.mass, body.fullinertia, body.explicitinertial = p.object.mass, p.object.inertia, True
+    body.ipos = np.zeros(3)
+    body.add_freejoint()
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    o_R_p, lever = matrix_from_quat_xyzw(p.contacts.orientation_xyzw[:4]), np.array(p.contacts.position[:3])
+    slips, loads = np.array(p.contacts.slip_axes[:6], dtype=float), []
+    for pad in motion.pads:
+        R_o = pad.rotation @ o_R_p.T
+        r, w, alpha = R_o @ lever, pad.twist[3:], pad.acceleration[3:]
+        data.qpos[:3] = pad.position - r
+        mujoco.mju_mat2Quat(data.qpos[3:], R_o.ravel())
+        data.qvel[:3], data.qvel[3:] = pad.twist[:3] - np.cross(w, r), R_o.T @ w
+        data.qacc[:3] = pad.acceleration[:3] - np.cross(alpha, r) - np.cross(w, np.cross(w, r))
+        data.qacc[3:] = R_o.T @ alpha
+        mujoco.mj_inverse(model, data)
+        force, torque = data.qfrc_inverse[:3].copy(), R_o @ data.qfrc_inverse[3:]
+        torque = torque - np.cross(r, force)
+        on_pad = np.concatenate((pad.rotation.T @ force, pad.rotation.T @ torque / p.governor.torsional_radius))
+        loads.append(np.linalg.norm(slips * on_pad))
+    return np.array(loads)
+
+
+@every("name, timing", [*((name, "slow_down") for name in SCENARIOS), ("glass_transport", "time_optimal")])
+def test_arrival_is_that_of_the_closed_loop_and_no_load_is_above_the_margin(name: str, timing: str) -> None:
+    loaded = scenario(name, timing)
+    params, controller = governed(loaded, timing)
+    motion, certificate = certified(PadPath(planned_poses(loaded)), params, governor_config(controller))
+    reference = arrival_in_closed_loop(loaded)
+    assert abs(motion.times[-1] - reference) <= CLOSE * reference
+    by_mujoco = load_by_mujoco(loaded, motion)
+    np.testing.assert_allclose(by_mujoco, certificate.loads, atol=EXACT)
+    assert by_mujoco.max() <= params.governor.margin * params.governor.friction_limit
+    end = planned_poses(loaded).values[-1, :3]
+    np.testing.assert_allclose(motion.pads[-1].position, end, atol=1e-6)
+    assert np.abs(motion.pads[-1].twist).max() < 1e-3
+
+
+def test_velocities_and_accelerations_are_the_derivatives_of_the_motion() -> None:
+    loaded = scenario("paper_planar")
+    params, controller = governed(loaded, "slow_down")
+    motion, _ = certified(PadPath(planned_poses(loaded)), params, governor_config(controller))
+    x, v, h = motion.position, motion.velocity, motion.times[1] - motion.times[0]
+    np.testing.assert_allclose((x[2:] - x[:-2]) / (2 * h), v[1:-1], atol=2e-4)
+    np.testing.assert_allclose((v[2:] - v[:-2]) / (2 * h), motion.acceleration[1:-1], atol=2e-2)
+
+
+def test_a_path_of_joints_gives_the_same_timing_as_that_of_the_pad(tmp_path: Path) -> None:
+    """Over a CSV file, its own MCAP file, and the goal for an action server."""
+    loaded, source = scenario("paper_planar"), tmp_path / "path.csv"
+    q = np.array(loaded.bridge.initial_position)
+    to = q + np.array([0.6, 0, 0, 0, 0, 0, 0])  # about the vertical: the pads stay level
+    share = np.linspace(0.0, 1.0, 60)
+    smooth = share**3 * (10 - 15 * share + 6 * share**2)
+    table = pd.DataFrame(q + smooth[:, None] * (to - q), columns=list(loaded.controller.joint_names))
+    table.insert(0, "time", 1.5 * share)
+    table.to_csv(source, index=False)
+    first = retime(source, tmp_path / "a")
+    assert first.exit_code == 0, first.exception
+    data = json.loads((tmp_path / "a" / "certificate.json").read_text())
+    assert data["holds"]
+    assert data["peak_share"] <= data["margin"]
+    assert data["arrival_s"] > 1.5
+    assert 0.0 < data["peak_effort_share"] < 1.0
+    result = pd.read_csv(tmp_path / "a" / "trajectory.csv")
+    np.testing.assert_allclose(result.iloc[-1, 1:8].to_numpy(dtype=float), to, atol=1e-6)
+    poses = joint_poses(loaded, result)
+    params, controller = governed(loaded, "slow_down")
+    loads = certified(PadPath(poses), params, governor_config(controller))[1].loads  # already slow enough
+    assert loads.max() <= params.governor.margin * params.governor.friction_limit
+    again = retime(tmp_path / "a" / "trajectory.mcap", tmp_path / "b")
+    assert again.exit_code == 0, again.output
+    second = json.loads((tmp_path / "b" / "certificate.json").read_text())
+    assert second["arrival_s"] < 1.05 * data["arrival_s"]
+    goal = yaml.safe_load((tmp_path / "a" / "follow_joint_trajectory.yaml").read_text())["trajectory"]
+    assert goal["joint_names"] == list(loaded.controller.joint_names)
+    last = goal["points"][-1]
+    np.testing.assert_allclose(last["positions"], to, atol=1e-6)
+    arrival = last["time_from_start"]["sec"] + 1e-9 * last["time_from_start"]["nanosec"]
+    assert arrival == pytest.approx(data["arrival_s"])
+
+
+def joint_poses(loaded: Scenario, table: pd.DataFrame) -> Points:
+    _, controller = governed(loaded, "slow_down")
+    rows = table.iloc[::15]
+    poses = []
+    for q in rows[list(loaded.controller.joint_names)].to_numpy(dtype=float):
+        x, R, _ = controller.robot.frame(q)
+        poses.append(np.concatenate((x, Rotation.from_matrix(R).as_quat())))
+    return Points(rows["time"].to_numpy(dtype=float), np.array(poses), POSE_COLUMNS)
+
+
+def retime(source: Path, out: Path, *words: str) -> Result:
+    return CliRunner().invoke(cli, ["retime", str(source), "-o", str(out), *words])
+
+
+def refused(*arguments: object) -> str:
+    done = CliRunner().invoke(cli, ["retime", *map(str, arguments)])
+    assert isinstance(done.exception, InputError), done.output
+    return str(done.exception)
+
+
+def test_a_weight_that_friction_cannot_carry_is_refused_with_its_place(tmp_path: Path) -> None:
+    loaded, source = scenario("vertical_plane"), tmp_path / "path.csv"
+    poses = planned_poses(loaded)
+    table = pd.DataFrame(poses.values, columns=list(POSE_COLUMNS))
+    table.insert(0, "time", poses.times)
+    table.to_csv(source, index=False)
+    words = ("--scenario", "vertical_plane", "-o", str(tmp_path / "out"))
+    text = refused(source, *words, "--set", "controller.governor.friction_limit=1.0")
+    assert "holding the weight needs" in text
+    assert f"at {poses.times[-1]:.3f} s" in text
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("t,a\n0,1\n1,2\n", "a column `time`"),
+        ("time,a\n0,1\n", "at least 2"),
+        ("time,a\n0,1\n0,2\n", "growing times"),
+        ("time,a\n0,1\n1,nan\n", "numbers that are missing"),
+        ("time,a\n0,1\n1,x\n", "expected numbers"),
+        ("time,a\n0,1\n1,2\n", "the joints"),
+        ("time,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,0,0,0,0,0\n", "unit quaternions"),
+        ("time,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,0,0,0,1,0\n", "half a revolution"),
+    ],
+)
+def test_what_is_no_path_is_refused(tmp_path: Path, text: str, what: str) -> None:
+    source = tmp_path / "path.csv"
+    source.write_text(text)
+    assert what in refused(source)
+
+
+def test_a_missing_file_and_joints_beyond_their_ends_are_refused(tmp_path: Path) -> None:
+    assert "no such file" in refused(tmp_path / "none.csv")
+    loaded = scenario("paper_planar")
+    _, controller = governed(loaded, "slow_down")
+    names = controller.robot.joint_names
+    values = np.vstack((np.array(loaded.bridge.initial_position), controller.robot.position_upper + 0.1))
+    with pytest.raises(InputError, match="arm_joint1 from"):
+        JointPath(Points(np.array([0.0, 1.0]), values, names), controller.robot)
+
+
+def test_several_arms_are_refused_with_the_reason(tmp_path: Path) -> None:
+    loaded = scenario("paper_planar", "slow_down")
+    contacts = loaded.controller.contacts
+    doubled = contacts.model_copy(update={"position": contacts.position * 2})
+    both = loaded.controller.model_copy(update={"contacts": doubled})
+    with pytest.raises(InputError, match="several arms"):
+        governed(dataclasses.replace(loaded, controller=both), "slow_down")
+
+
+def test_a_path_with_noise_is_refused(tmp_path: Path) -> None:
+    rng, loaded = np.random.default_rng(2), scenario("paper_planar")
+    poses = planned_poses(loaded)
+    poses.times[:] *= 0.1
+    poses.values[:, :3] += 1e-3 * rng.normal(size=(len(poses.times), 3))
+    params, controller = governed(loaded, "time_optimal")
+    with pytest.raises(InputError, match="a path without noise"):
+        certified(PadPath(poses), params, governor_config(controller))
+
+
+def test_the_wrench_of_a_falling_pad_is_zero_and_of_a_resting_one_the_weight() -> None:
+    g, r, J = np.array([0.0, 0.0, -9.81]), np.array([0.02, -0.01, 0.03]), np.diag([1e-3, 2e-3, 3e-3])
+    falling = PadMotion(np.zeros(3), np.eye(3), np.zeros(6), np.concatenate((g, np.zeros(3))))
+    force, torque = pad_wrench(0.7, J, r, g, falling)
+    assert np.abs(np.concatenate((force, torque))).max() < EXACT
+    resting = falling._replace(acceleration=np.zeros(6))
+    force, torque = pad_wrench(0.7, J, r, g, resting)
+    np.testing.assert_allclose(force, [0.0, 0.0, 0.7 * 9.81])
+    np.testing.assert_allclose(torque, -np.cross(r, force))
+
+
+def test_the_held_object_is_on_the_pad_s_axes() -> None:
+    params = scenario("paper_planar").controller
+    held = record(held_object(params), HELD_OBJECT)
+    R = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
+    np.testing.assert_allclose(held.inertia, R.T @ inertia_from_six(params.object.inertia, "") @ R)
+    np.testing.assert_allclose(R @ held.r, params.contacts.position[:3])
+
+
+def test_points_are_read_as_they_are_written(tmp_path: Path) -> None:
+    source = tmp_path / "path.csv"
+    source.write_text("time, b, a\n 2.0, 1, 2\n 3.5, 3, 4\n")
+    points = read_points(source)
+    assert points.names == ("b", "a")
+    assert points.times.tolist() == [0.0, 1.5]
+    assert points.values.tolist() == [[1.0, 2.0], [3.0, 4.0]]
