@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
-from slip_core.grasp_params import ArmParams, ContactParams, ObjectParams, Six, Three
+from slip_core.grasp_params import ArmParams, BaseParams, ContactParams, ObjectParams, Six, Three
 from slip_core.grip_params import GripperModel
 from slip_core.params import ParameterModel, parameter
 from slip_core.sensor_params import SLIP_INPUT, SlipInput
@@ -14,6 +14,12 @@ from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.sensors.params import SensorsParams
 
 _CLOCK_TICKS_PER_S = 1_000_000_000
+
+WORLD = (
+    "plant", "substeps", "gravity", "control_period_s", "object", "duration_s", "mode", "wait_for",
+    "stop_after_duration", "publish_tf",
+)  # fmt: skip
+"""Parameters that are equal for all arms: there is one world and one object."""
 
 
 class GripParams(GripperModel):
@@ -60,13 +66,31 @@ class PushParams(ParameterModel):
 
     wrench: Six = parameter(
         (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        "force and torque of the hand on the object where it is gripped, on world axes; backend implicit only",
+        "force and torque of the hand on the object where this arm grips it, on world axes",
         unit="N, N m",
         runtime=True,
     )
     effort: tuple[float, ...] = parameter(
         (), "effort of the hand on each joint; empty = none", unit="N m", runtime=True
     )
+
+
+class PadParams(ParameterModel):
+    """Elasticity of a gripper's pads, from the gripper to the surface that touches the object; plant elastic only."""
+
+    stiffness: Six = parameter(
+        (1.0e4, 1.0e4, 1.0e4, 5.0, 5.0, 2.25), "along x y z of the pad, then about them", unit="N/m, N m/rad"
+    )
+    damping: Six = parameter(
+        (30.0, 30.0, 30.0, 0.05, 0.05, 0.02), "along x y z of the pad, then about them", unit="N s/m, N m s/rad"
+    )
+
+    @model_validator(mode="after")
+    def _positive(self) -> Self:
+        for name in ("stiffness", "damping"):
+            if min(getattr(self, name)) <= 0.0:
+                raise ValueError(f"pad.{name} {list(getattr(self, name))}: every value must be positive")
+        return self
 
 
 class DisplayParams(ParameterModel):
@@ -86,8 +110,9 @@ class DisplayParams(ParameterModel):
 
 
 class BridgeParams(ArmParams):
-    """Everything the bridge can be told: the simulation, and how the node runs."""
+    """Everything that is configured of one arm in the bridge: the simulation, and how the node runs."""
 
+    base: BaseParams = BaseParams()
     object: ObjectParams = ObjectParams()
     contacts: ContactParams = ContactParams()
     display: DisplayParams = DisplayParams()
@@ -98,19 +123,21 @@ class BridgeParams(ArmParams):
     effort_rate: float = parameter(
         1000.0, "largest change of a joint's effort that the drives follow, whatever is commanded", unit="N m/s", gt=0.0
     )
-    seed: int = parameter(0, "seed of all sensor noise", ge=0)
+    seed: int = parameter(0, "seed of all sensor noise; of several arms the k-th has seed + k", ge=0)
     mode: Literal["lockstep", "realtime"] = parameter(
         "lockstep", "lockstep waits for the command of each stamp; realtime is paced by the wall clock"
     )
     slip_input: SlipInput = SLIP_INPUT
-    backend: Literal["implicit", "native"] = parameter(
-        "implicit", "friction by limit-surface projection, or MuJoCo's own contacts as a cross check"
-    )
+    plant: Literal["rigid", "elastic"] = parameter(
+        "rigid", "rigid: one arm, the object slides in its pad's plane only; elastic: pads with stiffness, any number of "
+        "arms",
+    )  # fmt: skip
     substeps: int = parameter(
         0, "simulation steps per control period; 0 chooses what the friction law needs", ge=0, le=64
     )
     hold: HoldParams = HoldParams()
     grip: GripParams = GripParams()
+    pad: PadParams = PadParams()
     push: PushParams = PushParams()
     friction: FrictionParams = FrictionParams()
     sensors: SensorsParams = SensorsParams()

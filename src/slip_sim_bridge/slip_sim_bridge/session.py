@@ -1,83 +1,79 @@
-"""The bridge between ticks: simulation, sensors, run length and resets, without ROS.
+"""The bridge between ticks: simulation, sensors, run length and resets of N arms, without ROS.
 
 The node and the in-process loop run this same class.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from slip_core.arrays import Array, readonly
+from slip_core.arrays import Array
 from slip_core.incidents import Incident
 from slip_core.stamps import seconds_to_ns
-from slip_core.types import EffortCommand, JointSample, ObjectTruth, WrenchSample
+from slip_core.types import DisplacementSample, EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams, PushParams
 from slip_sim_bridge.sensors.params import SensorsParams
 from slip_sim_bridge.sensors.suite import SensorSuite
-from slip_sim_bridge.simulation import GraspSimulation, Readings
-
-NO_EFFORT = readonly(np.zeros(0))
+from slip_sim_bridge.simulation import Readings, Simulation
 
 
 class ArmOutputs(NamedTuple):
-    """What one arm measures at a tick; as of `TickOutputs`."""
+    """What one arm measures at a tick; wrenches and slips of its contact that are due now, oldest first.
+
+    slips: as `slip_input` says slip velocities, flags (all ones or zeros), or displacements.
+    readings: the truth behind the measurements.
+    """
 
     joint: JointSample
-    wrenches: tuple[tuple[WrenchSample, ...], ...]
-    slips: tuple[tuple[Any, ...], ...]
+    wrenches: tuple[WrenchSample, ...]
+    slips: tuple[SlipSample, ...] | tuple[DisplacementSample, ...]
     readings: Readings
 
 
 class TickOutputs(NamedTuple):
-    """What the bridge publishes at one tick; wrenches and slips per contact, those that are due now, oldest first.
+    """What the bridge publishes at one tick.
 
-    slips: as `slip_input` says slip velocities, flags (all ones or zeros), or displacements.
-    counts: per contact, wrench and slip samples published so far: what a lockstep controller waits for.
-    readings: what the sensors were shown.
+    counts: per arm, wrench and slip samples published so far: what a lockstep controller waits for.
     """
 
     tick: int
     stamp_ns: int
-    joint: JointSample
-    wrenches: tuple[tuple[WrenchSample, ...], ...]
-    slips: tuple[tuple[Any, ...], ...]
     counts: tuple[int, ...]
-    readings: Readings
-
-    @property
-    def arms(self) -> tuple[ArmOutputs, ...]:
-        """What each arm measures: there is one."""
-        return (ArmOutputs(self.joint, self.wrenches, self.slips, self.readings),)
+    arms: tuple[ArmOutputs, ...]
 
     @property
     def truth(self) -> ObjectTruth:
-        """Ground truth of the object at this tick."""
-        return self.readings.truth
+        """Ground truth of the object at this tick; the slip is that of the first arm's pad."""
+        return self.arms[0].readings.truth
 
 
 class BridgeSession:
     """Simulation and sensors, one tick after the other.
 
     Args:
-        params: parameters of the bridge.
-        urdf_text: the arm.
+        params: of each arm by its name; "" is the name of an only arm.
+        urdfs: of each arm by its name, without a base.
+
+    Raises:
+        InputError: parameters and URDFs that do not fit.
     """
 
-    def __init__(self, params: BridgeParams, urdf_text: str) -> None:
-        self._params = params
-        self.simulation = GraspSimulation(params, urdf_text)
-        self._sensors = SensorSuite(params)
+    def __init__(self, params: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> None:
+        self.simulation = Simulation(params, urdfs)
+        self._arms = tuple(params.values())
+        self._sensors = [
+            SensorSuite(arm.model_copy(update={"seed": arm.seed + index}) if index else arm)
+            for index, arm in enumerate(self._arms)
+        ]
         self._start_ns = self.simulation.stamp_ns
-        self._duration_ns = seconds_to_ns(params.duration_s)
-        self._oldest_ns = seconds_to_ns(params.command_timeout_s)
-        self._wrench_count = 0
-        self._slip_count = 0
+        self._duration_ns = seconds_to_ns(self._arms[0].duration_s)
+        self._oldest_ns = [seconds_to_ns(arm.command_timeout_s) for arm in self._arms]
+        self._counts = [0] * (2 * len(self._arms))
         self._reset_wanted = False
-        self._largest_change = params.effort_rate * params.control_period_s
         self.tick = 0
-        self.contacts = 1
 
     def start_at(self, stamp_ns: int) -> None:
         """Let time begin at this stamp [ns]; before the first tick."""
@@ -92,32 +88,32 @@ class BridgeSession:
     @property
     def finished(self) -> bool:
         """Whether the run's duration is over."""
-        return self._params.stop_after_duration and self.simulation.stamp_ns - self._start_ns >= self._duration_ns
+        return self._arms[0].stop_after_duration and self.simulation.stamp_ns - self._start_ns >= self._duration_ns
 
     @property
     def lost(self) -> Incident | None:
-        """When and how the object left the pads; None while it is held."""
+        """When and how the object left the first pad; None while all hold it."""
         loss = self.simulation.loss
         return None if loss is None else Incident("lost", 1e-9 * (loss.stamp_ns - self._start_ns), loss.text)
 
-    def set_grip_force(self, force: float) -> None:
-        """Set the grip force from the next tick on; [N].
+    def set_grip_force(self, arm: int, force: float) -> None:
+        """Set the grip force of an arm from the next tick on; [N].
 
         Raises:
             InputError: negative or not finite.
         """
-        self.simulation.set_grip_force(force)
+        self.simulation.set_grip_force(arm, force)
 
-    def set_push(self, push: PushParams) -> None:
-        """Let a hand lean on arm and object from the next tick on."""
-        self.simulation.push(np.array(push.wrench), np.array(push.effort))
+    def set_push(self, arm: int, push: PushParams) -> None:
+        """Let a hand push an arm and the object from the next tick on."""
+        self.simulation.push(arm, np.array(push.wrench), np.array(push.effort))
 
-    def set_faults(self, sensors: SensorsParams) -> None:
-        """Switch sensor faults on and off from the next measurement on."""
-        self._sensors.set_faults(sensors)
+    def set_faults(self, arm: int, sensors: SensorsParams) -> None:
+        """Switch sensor faults of an arm on and off from the next measurement on."""
+        self._sensors[arm].set_faults(sensors)
 
     def request_reset(self) -> None:
-        """Put everything back before the next tick; time goes on."""
+        """Put everything back before the next tick; time continues."""
         self._reset_wanted = True
 
     def observe(self) -> TickOutputs:
@@ -125,30 +121,31 @@ class BridgeSession:
         if self._reset_wanted:
             self._reset_wanted = False
             self.simulation.reset()
-            self._sensors.reset()
-        sensors, readings = self._sensors, self.simulation.observe()
-        wrenches = tuple(sensors.wrench.update(readings.wrench))
-        if sensors.displacement is None:
-            slips: tuple[Any, ...] = tuple(sensors.slip.update(readings.slip))
-        else:
-            slips = tuple(sensors.displacement.update(readings.truth))
-        self._wrench_count += len(wrenches)
-        self._slip_count += len(slips)
-        counts = self._wrench_count, self._slip_count
-        joint, stamp_ns = sensors.joint.update(readings.joint), readings.joint.stamp_ns
-        return TickOutputs(self.tick, stamp_ns, joint, (wrenches,), (slips,), counts, readings)
+            for sensors in self._sensors:
+                sensors.reset()
+        arms = tuple(self._measure(index) for index in range(len(self._arms)))
+        return TickOutputs(self.tick, self.simulation.stamp_ns, tuple(self._counts), arms)
 
-    def advance(self, command: EffortCommand | None) -> None:
-        """Apply a command for one control period; None, an empty one, or one too old or not finite holds the arm.
-
-        The effort at the joints changes no faster than `effort_rate`, as that of a drive.
-        """
-        self.simulation.step(self._accepted(command), self._largest_change)
+    def advance(self, commands: Sequence[EffortCommand | None]) -> None:
+        """Apply a command of each arm for one control period; None, an empty or a too old one holds that arm."""
+        self.simulation.step([self._accepted(index, command) for index, command in enumerate(commands)])
         self.tick += 1
 
-    def _accepted(self, command: EffortCommand | None) -> Array | None:
+    def _measure(self, index: int) -> ArmOutputs:
+        sensors, readings = self._sensors[index], self.simulation.observe(index)
+        wrenches = tuple(sensors.wrench.update(readings.wrench))
+        slips: tuple[SlipSample, ...] | tuple[DisplacementSample, ...]
+        if sensors.displacement is None:
+            slips = tuple(sensors.slip.update(readings.slip))
+        else:
+            slips = tuple(sensors.displacement.update(readings.truth))
+        self._counts[2 * index] += len(wrenches)
+        self._counts[2 * index + 1] += len(slips)
+        return ArmOutputs(sensors.joint.update(readings.joint), wrenches, slips, readings)
+
+    def _accepted(self, index: int, command: EffortCommand | None) -> Array | None:
         """Return the effort of a command that counts."""
         if command is None or not len(command.effort):
             return None
         age_ns = self.simulation.stamp_ns - command.stamp_ns
-        return command.effort if 0 <= age_ns <= self._oldest_ns else None
+        return command.effort if 0 <= age_ns <= self._oldest_ns[index] else None

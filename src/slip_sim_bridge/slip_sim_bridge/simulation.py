@@ -1,26 +1,28 @@
-"""The simulated arm with its slippery grasp: clock, holding, effort limits and samples around a physics backend."""
+"""N simulated arms with their slippery grasps on one object: clock, holding, effort limits and loss around a plant."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from slip_core.arms import shared
 from slip_core.arrays import Array, readonly
 from slip_core.compiled import IN1, INT, OUT1, REAL, kernel
 from slip_core.errors import InputError
 from slip_core.types import JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.gripper import Gripper
-from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.plant import DivergenceError, Plant, ReadOut
+from slip_sim_bridge.params import WORLD, BridgeParams
+from slip_sim_bridge.plant import DivergenceError, Movable, Plant, ReadOut
 from slip_sim_bridge.plant.loose import LoosePlant
 
 OBEYED, CLIPPED, NOT_FINITE = 0, 1, 2
 
 
 class Readings(NamedTuple):
-    """The true samples of one stamp: joints, wrench h_ee and slip velocity on {ee} axes; the object when asked for.
+    """The true samples of one arm at one stamp: joints, wrench h_ee and slip velocity on {ee} axes; the object.
 
     numbers, layout: all numbers of the stamp in one read-only array, and where they lie in it.
     """
@@ -33,7 +35,7 @@ class Readings(NamedTuple):
 
     @property
     def truth(self) -> ObjectTruth:
-        """Pose and twist of the object and the slip; made when asked for, as a controller does not wait for it."""
+        """Pose and twist of the object and the slip; made when needed, as a controller does not wait for it."""
         numbers, at = self.numbers, self.layout
         return ObjectTruth(
             self.slip.stamp_ns,
@@ -44,45 +46,93 @@ class Readings(NamedTuple):
             self.slip.twist,
         )
 
+    @property
+    def pad(self) -> tuple[Array, Array]:
+        """Position [m] and attitude of the pad; (3,), (3, 3) {w}."""
+        return self.numbers[self.layout.pad_position], self.numbers[self.layout.pad_rotation].reshape(3, 3)
+
 
 class Loss(NamedTuple):
-    """When the object left the pads [ns], and how."""
+    """When the object left the first pad [ns], and how."""
 
     stamp_ns: int
     text: str
 
 
-class GraspSimulation:
-    """One arm, one object, one slippery grasp, advanced one control period at a time.
+class Arm:
+    """What the simulation keeps of one arm.
 
-    An object that slides over the edge of a pad, or that nothing grips any more, is lost until `reset`: it falls.
-
-    The arm holds its posture until the first effort arrives and whenever `step` gets None. An effort that is not
-    finite is refused: the arm holds, and `command_refused` says so. A state that is no longer physical makes `step`
-    raise `DivergenceError` until `reset`; the last good samples stay readable.
-
-    Nothing here is random, and equal inputs give equal bits.
+    Args:
+        params: of this arm.
+        limits: of its joint efforts; (n,) [N m].
     """
 
-    def __init__(self, params: BridgeParams, urdf_text: str) -> None:
+    def __init__(self, params: BridgeParams, limits: Array) -> None:
+        self.params, self.limits, self.layout = params, limits, ReadOut(len(limits))
+        self.gripper = Gripper(params.grip, params.control_period_s)
+        self.largest_change = params.effort_rate * params.control_period_s
+        self.edge = 0.5 * params.grip.pad_size[0], 0.5 * params.grip.pad_size[1]
+        self.falls_in_ns = round(1e9 * params.friction.falls_at_s)
+        self.pushed: Array | None = None
+        """Effort of a hand on the joints."""
+        self.posture: Array | None = None
+        """What the arm holds; None where it obeys."""
+        self.applied = np.zeros_like(limits)
+        self.has_lost = self.refused = self.saturated = False
+
+    def start(self, posture: Array, holding: Array) -> None:
+        """Hold a posture with the effort that holds it; (n,) [rad], [N m]."""
+        self.posture = posture
+        self.applied = readonly(np.clip(holding, -self.limits, self.limits))
+        self.has_lost = self.refused = self.saturated = False
+
+    def obey(self, effort: Array) -> Array | None:
+        """Return the effort that the drives apply; None where it is not finite. (n,) [N m]."""
+        applied = np.empty(len(self.limits))
+        outcome = drive(effort, self.applied, self.largest_change, self.limits, applied)
+        if outcome == NOT_FINITE:
+            return None
+        self.saturated = outcome == CLIPPED
+        applied.setflags(write=False)
+        return applied
+
+
+class Simulation:
+    """Arms, one object and a slippery grasp of each, advanced one control period at a time.
+
+    An arm holds its posture until its first effort arrives and whenever `step` gets None for it. An effort that is not
+    finite is refused: that arm holds, and its `refused` is set. An object that slides over the edge of a pad, or that a
+    pad does not grip any more, has left this pad until `reset`; what no pad holds falls. A state that is no longer
+    physical makes `step` raise `DivergenceError` until `reset`; the last good samples stay readable.
+
+    Nothing here is random, and equal inputs give equal bits.
+
+    Args:
+        params: of each arm by its name; what describes the world (`WORLD`) is equal in all.
+        urdfs: of each arm by its name, without a base.
+
+    Raises:
+        InputError: parameters and URDFs that do not fit.
+    """
+
+    def __init__(self, params: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> None:
+        shared(params, WORLD, "equal values: there is one world and one object")
         self.params = params
-        self._grasping = make_plant(params, urdf_text)
-        self._empty = LoosePlant(params, urdf_text)
-        self.plant: Plant | LoosePlant = self._grasping
+        self.names = tuple(params)
+        self._held = make_plant(params, urdfs)
+        self._loose = LoosePlant(params, urdfs)
+        self.plant: Movable = self._held
         self.loss: Loss | None = None
-        """When and how the object was lost; None while it is held."""
-        self._edge = 0.5 * params.grip.pad_size[0], 0.5 * params.grip.pad_size[1]
-        self._limit = self._grasping.effort_limit
-        self._at = ReadOut(len(self._limit))
-        self._period_ns = params.control_period_ns
-        self._gripper = Gripper(params.grip, params.control_period_s)
-        self._falls_in_ns = round(1e9 * params.friction.falls_at_s)
+        """When and how the object left the first pad; None while all hold it."""
+        self.arms = tuple(
+            Arm(arm, limits) for arm, limits in zip(params.values(), self._held.effort_limits, strict=True)
+        )
+        self._period_ns = self.arms[0].params.control_period_ns
+        self._pushes = np.zeros((len(self.arms), 6))
         self._stamp_ns = 0
-        self._leaning: Array | None = None
-        self.push(np.array(params.push.wrench), np.array(params.push.effort))
-        self._hold_posture: Array | None = None
-        self._applied = np.zeros_like(self._limit)
-        self._refused = self._saturated = self._diverged = False
+        for index, arm in enumerate(self.arms):
+            self.push(index, np.array(arm.params.push.wrench), np.array(arm.params.push.effort))
+        self._diverged = False
         self._start()
 
     @property
@@ -99,128 +149,127 @@ class GraspSimulation:
             raise ValueError(f"the clock never goes back: {stamp_ns} ns is before {self._stamp_ns} ns")
         self._stamp_ns = self._started_ns = stamp_ns
 
-    @property
-    def holding(self) -> bool:
-        """True where the last step held the arm instead of obeying an effort."""
-        return self._hold_posture is not None
-
-    @property
-    def command_refused(self) -> bool:
-        """True where the last effort was not finite."""
-        return self._refused
-
-    @property
-    def effort_saturated(self) -> bool:
-        """True where the last effort was clipped to the limits."""
-        return self._saturated
-
-    @property
-    def grip_force(self) -> float:
-        """Normal force of the friction limit, summed over both pads [N]."""
-        return self._gripper.force
-
-    def set_grip_force(self, force: float) -> None:
-        """Ask the gripper for a normal force of the friction limit from the next step on; [N], sum over both pads.
+    def set_grip_force(self, arm: int, force: float) -> None:
+        """Command the gripper's normal force of the friction limit from the next step on; [N], sum over both pads.
 
         Raises:
             InputError: where it is negative or not finite.
         """
-        self._gripper.command(force)
+        self.arms[arm].gripper.command(force)
 
-    def push(self, wrench: Array, effort: Array) -> None:
-        """Let a hand lean on object and joints from the next step on; (6,) [N, N m] {w}, (n,) or () [N m].
+    def push(self, arm: int, wrench: Array, effort: Array) -> None:
+        """Let a hand push object and joints from the next step on; (6,) [N, N m] {w}, (n,) or () [N m].
 
-        It leans on what it finds: an object that is lost is pushed no more.
+        The wrench acts where this arm grips the object. An object that is lost is pushed no more.
         """
-        self._grasping.push(wrench)
-        self._leaning = effort if effort.any() else None
+        self._pushes[arm] = wrench
+        self._held.push(self._pushes)
+        self.arms[arm].pushed = effort if effort.any() else None
 
-    def step(self, effort: Array | None, largest_change: float | None = None) -> None:
-        """Advance one control period under `effort`; (n,) [N m], clipped to the URDF's limits; None holds the arm.
+    def step(self, efforts: Sequence[Array | None]) -> None:
+        """Advance one control period under an effort of each arm; (n,) [N m], clipped to the URDF's limits.
 
-        `largest_change` [N m] bounds how far the applied effort may be from the last one.
+        None holds that arm. An effort at the joints changes no faster than `effort_rate`, as that of a drive.
 
         Raises:
-            InputError: where the effort has the wrong size.
+            InputError: where an effort has the wrong size.
             DivergenceError: where the state stopped being physical, in this step or an earlier one.
         """
         if self._diverged:
             raise DivergenceError("simulation has diverged; reset it")
-        if effort is not None and effort.shape != self._limit.shape:
-            raise InputError("effort", got=f"{effort.size} numbers", expected=f"{self._limit.size}, one per joint")
-        bound = math.inf if largest_change is None else largest_change
-        applied = np.empty(len(self._limit))
-        outcome = NOT_FINITE if effort is None else drive(effort, self._applied, bound, self._limit, applied)
-        self._refused = effort is not None and outcome == NOT_FINITE
-        if outcome != NOT_FINITE:
-            self._hold_posture = None
-        else:
-            if self._hold_posture is None:
-                self._hold_posture = self._posture()
-            hold = self.params.hold
-            holding = self.plant.holding_effort(self._hold_posture, hold.stiffness, hold.damping)
-            outcome = drive(holding, self._applied, bound, self._limit, applied)
+        for arm, effort in zip(self.arms, efforts, strict=True):
+            if effort is not None and effort.shape != arm.limits.shape:
+                raise InputError("effort", got=f"{effort.size} numbers", expected=f"{arm.limits.size}, one per joint")
         self._diverged = True  # until the step is over
-        if outcome == NOT_FINITE:
-            raise DivergenceError("simulation diverged: no finite effort holds the arm; reset it")
-        self._saturated = outcome == CLIPPED
-        applied.setflags(write=False)
-        self._gripper.step()
-        if self.loss is None:
-            self._look_at_contact()
-        # Friction is mu N in every law: less of mu is, for the pads, less of N.
-        fallen = self._stamp_ns - self._started_ns >= self._falls_in_ns
-        normal = self._gripper.force * self.params.friction.falls_to if fallen else self._gripper.force
-        self.plant.advance(applied if self._leaning is None else applied + self._leaning, normal)
+        applied = [self._apply(index, effort) for index, effort in enumerate(efforts)]
+        for arm in self.arms:
+            arm.gripper.step()
+        if self.plant is self._held:
+            self._look_at_contacts()
+        joints = [each if arm.pushed is None else each + arm.pushed for arm, each in zip(self.arms, applied, strict=True)]
+        self.plant.advance(joints[0] if len(joints) == 1 else np.concatenate(joints), self._normal_forces())
         self._diverged = False
-        self._applied = applied
+        for arm, each in zip(self.arms, applied, strict=True):
+            arm.applied = each
         self._stamp_ns += self._period_ns
 
     def reset(self) -> None:
-        """Put arm, object, grip and friction back to the start; time goes on by one control period."""
-        self.plant, self.loss = self._grasping, None
-        self._grasping.reset(self.params.grip.force)
-        self._gripper.put(self.params.grip.force)
+        """Put arms, object, grips and friction back to the start; time continues by one control period."""
+        self.plant, self.loss = self._held, None
+        for arm in self.arms:
+            arm.gripper.put(arm.params.grip.force)
+        self._held.reset(np.array([arm.gripper.force for arm in self.arms]))
         self._stamp_ns += self._period_ns
         self._start()
 
-    def observe(self) -> Readings:
-        """Return everything at the present stamp, without noise or delay; all samples share one array.
+    def observe(self, arm: int) -> Readings:
+        """Return everything of one arm at the present stamp, without noise or delay; all samples share one array.
 
         h_ee of Eq. (1) is that of the step that just ended, v_s that of Eq. (14).
         """
-        stamp_ns, at, numbers = self._stamp_ns, self._at, self.plant.read()
+        stamp_ns, at, numbers = self._stamp_ns, self.arms[arm].layout, self.plant.read(arm)
         numbers.setflags(write=False)
         return Readings(
-            JointSample(stamp_ns, numbers[at.position], numbers[at.velocity], self._applied),
+            JointSample(stamp_ns, numbers[at.position], numbers[at.velocity], self.arms[arm].applied),
             WrenchSample(stamp_ns, numbers[at.wrench]),
             SlipSample(stamp_ns, numbers[at.slip_velocity]),
             numbers,
             at,
         )
 
-    def _look_at_contact(self) -> None:
-        """Let the object fall where nothing holds it any more."""
-        x, y = self._grasping.gripped_at
-        if self._gripper.force <= 0.0:
-            how = "the grip is zero"
-        elif abs(x) > self._edge[0] or abs(y) > self._edge[1]:
-            how = f"it has slid over the pad's edge, {1e3 * math.hypot(x, y):.0f} mm from where it was gripped"
-        else:
-            return
-        self.loss = Loss(self._stamp_ns, f"the object is lost: {how}")
-        self._empty.take_over(self._grasping.read())
-        self.plant = self._empty
+    def _apply(self, index: int, effort: Array | None) -> Array:
+        """Return what the drives of an arm apply: the effort, or what holds the arm; (n,) [N m]."""
+        arm = self.arms[index]
+        applied = None if effort is None else arm.obey(effort)
+        arm.refused = effort is not None and applied is None
+        if applied is not None:
+            arm.posture = None
+            return applied
+        if arm.posture is None:
+            arm.posture = self._posture(index)
+        hold = arm.params.hold
+        applied = arm.obey(self.plant.holding_effort(index, arm.posture, hold.stiffness, hold.damping))
+        if applied is None:
+            raise DivergenceError("simulation diverged: no finite effort holds the arm; reset it")
+        return applied
 
-    def _posture(self) -> Array:
-        return self.plant.read()[self._at.position]
+    def _normal_forces(self) -> Array:
+        """Return the force of each pad that friction gets; (N,) [N]."""
+        now, forces = self._stamp_ns - self._started_ns, np.empty(len(self.arms))
+        for index, arm in enumerate(self.arms):
+            force = 0.0 if arm.has_lost else arm.gripper.force
+            # Friction is mu N in every law: less of mu is, for the pads, less of N.
+            forces[index] = force * arm.params.friction.falls_to if now >= arm.falls_in_ns else force
+        return forces
+
+    def _look_at_contacts(self) -> None:
+        """Let the object leave pads that do not hold it any more, and fall where there is none left."""
+        for index, arm in enumerate(self.arms):
+            if arm.has_lost:
+                continue
+            x, y = self._held.gripped_at(index)
+            if arm.gripper.force <= 0.0:
+                how = "the grip is zero"
+            elif abs(x) > arm.edge[0] or abs(y) > arm.edge[1]:
+                how = f"it has slid over the pad's edge, {1e3 * math.hypot(x, y):.0f} mm from where it was gripped"
+            else:
+                continue
+            arm.has_lost = True
+            who = f"{self.names[index]}: " if self.names[index] else ""
+            self.loss = self.loss or Loss(self._stamp_ns, f"{who}the object is lost: {how}")
+        if all(arm.has_lost for arm in self.arms):
+            self._loose.take_over([self._held.read(index) for index in range(len(self.arms))])
+            self.plant = self._loose
+
+    def _posture(self, index: int) -> Array:
+        return self.plant.read(index)[self.arms[index].layout.position]
 
     def _start(self) -> None:
         self._started_ns = self._stamp_ns
-        self._hold_posture = self._posture()
-        holding = self.plant.holding_effort(self._hold_posture, 0.0, 0.0)
-        self._applied = readonly(np.clip(holding, -self._limit, self._limit))
-        self._refused = self._saturated = self._diverged = False
+        for index, arm in enumerate(self.arms):
+            posture = self._posture(index)
+            arm.start(posture, self.plant.holding_effort(index, posture, 0.0, 0.0))
+        self._diverged = False
 
 
 @kernel(INT(IN1, IN1, REAL, IN1, OUT1))
@@ -243,12 +292,12 @@ def drive(wanted: Array, last: Array, largest_change: float, limit: Array, out: 
     return outcome
 
 
-def make_plant(params: BridgeParams, urdf_text: str) -> Plant:
-    """Return the backend that `params.backend` names."""
-    if params.backend == "native":
-        from slip_sim_bridge.plant.native import NativePlant
+def make_plant(params: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> Plant:
+    """Return the plant that `plant` names; what the other one compiles is not imported."""
+    if next(iter(params.values())).plant == "elastic":
+        from slip_sim_bridge.plant.elastic import ElasticPlant
 
-        return NativePlant(params, urdf_text)
-    from slip_sim_bridge.plant.implicit import ImplicitPlant
+        return ElasticPlant(params, urdfs)
+    from slip_sim_bridge.plant.rigid import RigidPlant
 
-    return ImplicitPlant(params, urdf_text)
+    return RigidPlant(params, urdfs)

@@ -16,16 +16,28 @@ Backward Euler gives z' = kappa (z + dt u) with one unknown kappa in (0, 1], 1 =
 from __future__ import annotations
 
 import math
-from typing import Any
-
 from slip_core.compiled import part
-from slip_core.records import REAL, layout
+from slip_core.records import Real, Record, dtype_of
 from slip_core.symmetric import Sym, with_diagonal
 from slip_core.vectors import Vec
 from slip_sim_bridge.friction import stribeck
 from slip_sim_bridge.friction.params import FrictionParams
 
-LAYOUT = layout(curve=stribeck.LAYOUT, stiffness=REAL, damping=REAL, breakaway_fraction=REAL, torsional_radius=REAL)
+
+class Lugre(Record):
+    """Parameters of the bristles and of the curve behind them."""
+
+    curve: stribeck.Stribeck
+    stiffness: Real
+    """sigma_0 [N/m]."""
+    damping: Real
+    """sigma_1 [N s/m]."""
+    breakaway_fraction: Real
+    torsional_radius: Real
+    """rho [m]."""
+
+
+LAYOUT = dtype_of(Lugre)
 STATEFUL = True
 
 ROOT_TOLERANCE = 1e-12  # of kappa
@@ -33,7 +45,7 @@ ROOT_ITERATIONS = 100
 SHORTEST = 1e-12  # m: full stretch where there is no dry friction; its force is nil
 
 
-def fill(law: Any, params: FrictionParams) -> None:
+def fill(law: Lugre, params: FrictionParams) -> None:
     """Write the parameters to the record; stiffness and damping are those of all bristles together."""
     stribeck.fill(law.curve, params)
     law.stiffness, law.damping = params.lugre.stiffness, params.lugre.damping
@@ -41,19 +53,19 @@ def fill(law: Any, params: FrictionParams) -> None:
 
 
 @part
-def limit(law: Any, speed: float, normal_force: float) -> tuple[float, float]:
+def limit(law: Lugre, speed: float, normal_force: float) -> tuple[float, float]:
     """Return F(s) [N] and dF/ds [N s/m]: the bristles do not change steady sliding."""
     return stribeck.limit(law.curve, speed, normal_force)
 
 
 @part
-def steepest_fall(law: Any, normal_force: float) -> float:
+def steepest_fall(law: Lugre, normal_force: float) -> float:
     """Return max(0, -min dF/ds) [N s/m] of the curve behind the bristles."""
     return stribeck.steepest_fall(law.curve, normal_force)
 
 
 @part
-def shortened(law: Any, z: Vec, normal_force: float) -> Vec:
+def shortened(law: Lugre, z: Vec, normal_force: float) -> Vec:
     """Let go what a smaller normal force cannot hold any more."""
     longest = law.curve.mu_s * normal_force / law.stiffness
     length = z.norm()
@@ -72,7 +84,7 @@ def flowing_share(start: float, stretch: float) -> float:
 
 @part
 def trial(
-    law: Any, kappa: float, u_free: Vec, A_hat: Sym, normal_force: float, dt: float, z: Vec
+    law: Lugre, kappa: float, u_free: Vec, A_hat: Sym, normal_force: float, dt: float, z: Vec
 ) -> tuple[float, Vec, Vec]:
     """Return (residual of the flow rule, u, z') for a given kappa; the motion is a linear solve."""
     viscous = law.curve.viscous
@@ -90,7 +102,7 @@ def trial(
 
 
 @part
-def solve(law: Any, u_free: Vec, A_hat: Sym, normal_force: float, dt: float, state: Vec) -> tuple[Vec, Vec, Vec]:
+def solve(law: Lugre, u_free: Vec, A_hat: Sym, normal_force: float, dt: float, state: Vec) -> tuple[Vec, Vec, Vec]:
     """Step the bristles, `state` = z; kappa by regula falsi (Illinois), the residual is 1 at 0 and negative at 1.
 
     Deflections turn with the object, or a shaken contact would walk by geometry alone.

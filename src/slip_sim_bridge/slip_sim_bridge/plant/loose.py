@@ -1,10 +1,13 @@
-"""The arm when the object has left the pads: nothing acts on either but its own weight; no floor, no second catch.
+"""The arms when the object has left all pads: nothing acts on them or it but their own weight; no floor, no second
+catch.
 
-What is read of the grasp is what an empty gripper has: no wrench, no slip, and the slip displacement at which the
-contact ended. The object goes on as a free rigid body.
+What is read of a grasp is what an empty gripper has: no wrench, no slip, and the slip displacement at which the contact
+ended. The object is a free rigid body.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -12,60 +15,59 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import ReadOut
-from slip_sim_bridge.plant.model import OBJECT, Divergence, add_pad, arm_spec, compile_spec
+from slip_sim_bridge.plant.model import OBJECT, PAD, Divergence, free_object_model, name_of
 
 
 class LoosePlant:
-    """Arm and object without contact; the methods mean what they mean in `Plant`."""
+    """Arms and object without contact; see `Movable` for the meaning of the methods."""
 
-    def __init__(self, params: BridgeParams, urdf_text: str) -> None:
-        spec = arm_spec(params, urdf_text)
-        spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-        add_pad(spec, params.ee_frame)
-        free = spec.worldbody.add_body(name=OBJECT)
-        free.mass, free.fullinertia, free.explicitinertial = params.object.mass, params.object.inertia, True
-        free.ipos = np.zeros(3)  # said, or MuJoCo 4.0 forgets the axes of the inertia
-        free.add_freejoint()
-        self.model = compile_spec(spec)
+    def __init__(self, arms: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> None:
+        self.model = free_object_model(arms, urdfs)
         self.data = mujoco.MjData(self.model)
         self._divergence = Divergence(self.data)
-        self._n, self._body = len(params.joint_names), self.model.body(OBJECT).id
-        self._at, self._slip_displacement = ReadOut(self._n), np.zeros(6)
+        ends = np.cumsum([len(arm.joint_names) for arm in arms.values()]).tolist()
+        self._joints = [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
+        self._n, self._body = ends[-1], self.model.body(OBJECT).id
+        self._sites = [self.model.site(name_of(name, PAD)).id for name in arms]
+        self._at = [ReadOut(len(arm.joint_names)) for arm in arms.values()]
+        self._slip_displacements = [np.zeros(6) for _ in arms]
 
-    def take_over(self, numbers: Array) -> None:
-        """Go on from what the plant that held the object has read; laid out by `ReadOut`."""
-        at, n, data = self._at, self._n, self.data
+    def take_over(self, numbers: Sequence[Array]) -> None:
+        """Continue from what was read of each arm while the object was held; laid out by `ReadOut`."""
+        n, data, first = self._n, self.data, self._at[0]
         mujoco.mj_resetData(self.model, data)
-        R_o, twist = numbers[at.object_rotation], numbers[at.object_twist]
-        data.qpos[:n], data.qvel[:n] = numbers[at.position], numbers[at.velocity]
-        data.qpos[n : n + 3] = numbers[at.object_position]
+        for at, joints, each in zip(self._at, self._joints, numbers, strict=True):
+            data.qpos[joints], data.qvel[joints] = each[at.position], each[at.velocity]
+        R_o, twist = numbers[0][first.object_rotation], numbers[0][first.object_twist]
+        data.qpos[n : n + 3] = numbers[0][first.object_position]
         mujoco.mju_mat2Quat(data.qpos[n + 3 :], R_o)
         data.qvel[n : n + 3] = twist[:3]
         data.qvel[n + 3 :] = R_o.reshape(3, 3).T @ twist[3:]  # MuJoCo has it on the body's axes
-        self._slip_displacement = numbers[at.slip_displacement].copy()
+        self._slip_displacements = [each[at.slip_displacement].copy() for at, each in zip(self._at, numbers, strict=True)]
         mujoco.mj_step1(self.model, data)
 
-    def advance(self, effort: Array, normal_force: float) -> None:
-        """Advance one control period; (n,) [N m]; no force of the pads reaches the object any more."""
-        self.data.qfrc_applied[: self._n] = effort
+    def advance(self, efforts: Array, _normal_forces: Array) -> None:
+        """Advance one control period; (sum of n,) [N m]; no force of the pads reaches the object any more."""
+        self.data.qfrc_applied[: self._n] = efforts
         mujoco.mj_step2(self.model, self.data)
         mujoco.mj_step1(self.model, self.data)
         self._divergence.check()
 
-    def holding_effort(self, target: Array, stiffness: float, damping: float) -> Array:
-        """Return bias + M (stiffness (target - q) - damping qd) of the empty arm; (n,) -> (n,) [N m]."""
-        n, data = self._n, self.data
+    def holding_effort(self, arm: int, target: Array, stiffness: float, damping: float) -> Array:
+        """Return bias + M (stiffness (target - q) - damping qd) of an empty arm; (n,) -> (n,) [N m]."""
+        joints, data = self._joints[arm], self.data
         full = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.model, data, full)
-        pull = stiffness * (target - data.qpos[:n]) - damping * data.qvel[:n]
-        return np.array(data.qfrc_bias[:n] + full[:n, :n] @ pull)
+        pull = stiffness * (target - data.qpos[joints]) - damping * data.qvel[joints]
+        return np.array(data.qfrc_bias[joints] + full[joints, joints] @ pull)
 
-    def read(self) -> Array:
-        """Return everything that can be read, laid out by `ReadOut`; (2 n + 36,)."""
-        data, at, n, out = self.data, self._at, self._n, np.zeros(self._at.size)
-        R_o = data.xmat[self._body]
-        out[at.position], out[at.velocity] = data.qpos[:n], data.qvel[:n]
-        out[at.slip_displacement] = self._slip_displacement
+    def read(self, arm: int) -> Array:
+        """Return everything that can be read of one arm, laid out by `ReadOut`; (2 n + 48,)."""
+        data, at, joints, n, site = self.data, self._at[arm], self._joints[arm], self._n, self._sites[arm]
+        out, R_o = np.zeros(at.size), data.xmat[self._body]
+        out[at.position], out[at.velocity] = data.qpos[joints], data.qvel[joints]
+        out[at.slip_displacement] = self._slip_displacements[arm]
         out[at.object_position], out[at.object_rotation] = data.xipos[self._body], R_o
         out[at.object_twist] = (*data.qvel[n : n + 3], *(R_o.reshape(3, 3) @ data.qvel[n + 3 :]))
+        out[at.pad_position], out[at.pad_rotation] = data.site_xpos[site], data.site_xmat[site]
         return out

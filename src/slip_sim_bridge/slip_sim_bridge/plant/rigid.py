@@ -1,10 +1,12 @@
-"""Default backend: the object on relative joints in the grasp, friction by implicit projection on the limit surface.
+"""The rigid grasp of one arm: the object on relative joints, friction by implicit projection on the limit surface.
 
 Between the two halves of a MuJoCo step the friction law is solved on the contact twist of the object relative to the
-pad, and its force is applied on the relative joints; `grasp_step` has the formulas.
+pad, and its force is applied on the relative joints; `rigid_step` has the formulas.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -16,19 +18,22 @@ from slip_sim_bridge.friction import friction_law, law_names
 from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import ReadOut
-from slip_sim_bridge.plant.grasp_step import CONTACT, grasp_step, read_out
+
 from slip_sim_bridge.plant.model import (
     OBJECT,
+    PAD,
     Divergence,
     add_pad,
     add_scenery,
     arm_spec,
     compile_spec,
     effort_limits,
+    on_base,
     push_object,
     sensor_address,
     set_object_inertia,
 )
+from slip_sim_bridge.plant.rigid_step import RIGID_CONTACT, RigidContact, read_out, rigid_step
 
 SLIP_JOINTS = ("grasp_slip_x", "grasp_slip_y", "grasp_slip_rz")
 STOP_PASSES = 20
@@ -54,30 +59,40 @@ def build_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
     slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
     for name, kind, axis in zip(SLIP_JOINTS, (slide, slide, hinge), np.eye(3), strict=True):
         grasped.add_joint(name=name, type=kind, axis=axis)
-    return compile_spec(spec)
+    return compile_spec(on_base(spec, params.base))
 
 
 def compile_laws() -> None:
     """Compile the grasp step of every friction law, so that no run waits for it."""
     for name in law_names():
         law, _ = friction_law(FrictionParams.model_validate({"model": name}))
-        grasp_step(law)
+        rigid_step(law)
 
 
-class ImplicitPlant:
-    """Arm and grasp with limit-surface friction; see `Plant` for the meaning of the methods."""
+class RigidPlant:
+    """One arm and its grasp with limit-surface friction; see `Plant` for the meaning of the methods.
 
-    def __init__(self, params: BridgeParams, urdf_text: str) -> None:
+    Raises:
+        InputError: several arms; parameters and URDF that do not fit.
+    """
+
+    def __init__(self, arms: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> None:
+        if len(arms) != 1:
+            raise InputError(
+                "parameter plant", got=f"rigid with {len(arms)} arms", expected="elastic: rigid pads of several arms on "
+                "one object do not determine the forces by which they work against each other",
+            )  # fmt: skip
+        (params,), (urdf_text,) = arms.values(), urdfs.values()
         self.model = model = build_model(params, urdf_text)
         self.data = data = mujoco.MjData(model)
-        self.effort_limit = effort_limits(model, params.joint_names)
+        self.effort_limits = (effort_limits(model, params.joint_names),)
         self._divergence = Divergence(data)
         self._initial = np.array(params.initial_position)
         self._p_R_o = np.ascontiguousarray(matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4]).T)
         law, self._law = friction_law(params.friction)
-        self._step = grasp_step(law)
-        self._pad = new(CONTACT)
-        contact = record(self._pad, CONTACT)
+        self._step = rigid_step(law)
+        self._pad = new(RIGID_CONTACT)
+        contact: RigidContact = record(self._pad, RIGID_CONTACT)
         contact.period = self._period = params.control_period_s
         contact.torsional_radius = params.friction.torsional_radius
         self._state, self._next_state = contact.state, contact.next_state
@@ -86,7 +101,7 @@ class ImplicitPlant:
         n = self._n = len(params.joint_names)
         if model.joint(SLIP_JOINTS[0]).dofadr[0] != n:  # the object is added last, so its joints follow the arm's
             raise InputError("robot_description", got="movable joints after the frame ee", expected="ee at the tip")
-        body, sensors = model.body(OBJECT).id, sensor_address(model)
+        body, pad, sensors = model.body(OBJECT).id, model.body(PAD).id, sensor_address(model)
 
         # Views into MuJoCo's memory: valid as long as `data` lives, always the current numbers.
         self._qpos: Array = data.qpos
@@ -100,6 +115,8 @@ class ImplicitPlant:
         self._object_position: Array = data.xipos[body]
         self._object_rotation: Array = data.xmat[body].reshape(3, 3)
         self._object_spatial: Array = data.cvel[body]
+        self._pad_position: Array = data.xpos[pad]
+        self._pad_rotation: Array = data.xmat[pad].reshape(3, 3)
         self._root: Array = data.subtree_com[model.body_rootid[body]]
         self._option = model.opt
 
@@ -110,15 +127,14 @@ class ImplicitPlant:
         self._outside = self._no_stops
         self._substeps = 1
         self._mass_matrix = np.zeros((model.nv, model.nv))
-        self.reset(params.grip.force)
+        self.reset(np.array([params.grip.force]))
 
-    @property
-    def gripped_at(self) -> tuple[float, float]:
-        """Where the point of the object that was gripped is on the pad, along x and y of {ee} [m]."""
+    def gripped_at(self, _arm: int) -> tuple[float, float]:
+        """Return where the point of the object that was gripped is on the pad, along x and y of {ee} [m]."""
         return float(self._qpos[self._n]), float(self._qpos[self._n + 1])
 
-    def reset(self, normal_force: float) -> None:
-        """Put everything back to the initial posture, held and at rest; [N].
+    def reset(self, normal_forces: Array) -> None:
+        """Put everything back to the initial posture, held and at rest; (1,) [N].
 
         The first wrench is that of the held arm.
         """
@@ -128,46 +144,46 @@ class ImplicitPlant:
         self._state[:] = 0.0
         self._split(1)
         mujoco.mj_step1(model, data)
-        self._friction_step(self.holding_effort(self._initial, 0.0, 0.0), normal_force, 1)
+        self._friction_step(self.holding_effort(0, self._initial, 0.0, 0.0), float(normal_forces[0]), 1)
         mujoco.mj_forward(model, data)
         self._state[:] = 0.0
 
-    def advance(self, effort: Array, normal_force: float) -> None:
-        """Advance one control period; (n,) [N m], [N].
+    def advance(self, efforts: Array, normal_forces: Array) -> None:
+        """Advance one control period; (n,) [N m], (1,) [N].
 
         mj_step1 of the next step runs at the end, so that all state belongs to the new stamp.
         """
-        model, data = self.model, self.data
-        substeps = self._friction_step(effort, normal_force, self._fixed_substeps)
+        model, data, normal_force = self.model, self.data, float(normal_forces[0])
+        substeps = self._friction_step(efforts, normal_force, self._fixed_substeps)
         if substeps != self._substeps:
             self._split(substeps)
         mujoco.mj_step2(model, data)
         mujoco.mj_step1(model, data)
         for _ in range(1, substeps):
-            self._friction_step(effort, normal_force, substeps)
+            self._friction_step(efforts, normal_force, substeps)
             mujoco.mj_step2(model, data)
             mujoco.mj_step1(model, data)
         self._divergence.check()
 
-    def push(self, wrench: Array) -> None:
-        """Let a hand push the object where it is gripped from now on; (6,) [N, N m] {w}."""
-        self._push, self._pushed = wrench, bool(wrench.any())
+    def push(self, wrenches: Array) -> None:
+        """Let a hand push the object where it is gripped from now on; (1, 6) [N, N m] {w}."""
+        self._push, self._pushed = wrenches[0], bool(wrenches.any())
         self._outside = self._no_stops
         self.data.xfrc_applied[self._body] = 0.0
 
-    def holding_effort(self, target: Array, stiffness: float, damping: float) -> Array:
+    def holding_effort(self, _arm: int, target: Array, stiffness: float, damping: float) -> Array:
         """Return bias + M (stiffness (target - q) - damping qd) of the loaded arm; (n,) -> (n,) [N m]."""
         n = self._n
         mujoco.mj_fullM(self.model, self.data, self._mass_matrix)
         pull = stiffness * (target - self._qpos[:n]) - damping * self._qvel[:n]
         return self._bias[:n] + self._mass_matrix[:n, :n] @ pull
 
-    def read(self) -> Array:
-        """Return everything that can be read, laid out by `ReadOut`; (2 n + 36,)."""
+    def read(self, _arm: int) -> Array:
+        """Return everything that can be read, laid out by `ReadOut`; (2 n + 48,)."""
         out = np.empty(self._size)
         read_out(
             self._qpos, self._qvel, self._readings, self._object_position, self._object_rotation,
-            self._object_spatial, self._root, self._p_R_o, out,
+            self._object_spatial, self._root, self._p_R_o, self._pad_position, self._pad_rotation, out,
         )  # fmt: skip
         return out
 

@@ -1,4 +1,4 @@
-"""The implicit grasp step, compiled: friction before MuJoCo's step, and the read-out after it.
+"""The implicit step of the rigid grasp, compiled: friction before MuJoCo's step, and the read-out after it.
 
 The object hangs on the pad centre by three relative joints: slide x, slide y, hinge z, the last three degrees of
 freedom. The contact twist of the object relative to the pad is v = J [x', y', theta'], J = [[1, 0, y], [0, 1, -x],
@@ -16,21 +16,32 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, IN2, INT, OUT1, REAL, VOID, WHOLE1, kernel, part
-from slip_core.records import REAL as NUMBER
-from slip_core.records import layout, record
+from slip_core.records import Real, Record, Vec3, WholeArray, dtype_of, record
 from slip_core.symmetric import Sym
 from slip_core.vectors import ZERO, Vec, mat, put, put_mat, vec
 from slip_sim_bridge.friction import FrictionLaw
 from slip_sim_bridge.friction.limit_surface import scaled, substeps_needed
-from slip_sim_bridge.plant import GRASP
+from slip_sim_bridge.plant import GRASP, GRASP_SIZE, Grasp
 
-CONTACT = layout(period=NUMBER, torsional_radius=NUMBER, state=(NUMBER, 3), next_state=(NUMBER, 3))
-"""Control period [s], torsional radius rho [m], state of the friction law now and after the coming step."""
-GRASP_SIZE = GRASP.itemsize // 8
+
+class RigidContact(Record):
+    """The contact of the rigid grasp."""
+
+    period: Real
+    """Control period [s]."""
+    torsional_radius: Real
+    """rho [m]."""
+    state: Vec3
+    """Of the friction law, now."""
+    next_state: Vec3
+    """The same after the coming step."""
+
+
+RIGID_CONTACT = dtype_of(RigidContact)
 
 
 @part
-def solve_half(factor: Array, tree: Any, x: Array) -> None:
+def solve_half(factor: Array, tree: WholeArray, x: Array) -> None:
     """Replace x by L^-T x, with M = L^T D L as MuJoCo keeps it: rows of L side by side, the diagonal last."""
     n = x.shape[0]
     for step in range(n):
@@ -41,7 +52,9 @@ def solve_half(factor: Array, tree: Any, x: Array) -> None:
 
 
 @part
-def contact_motion(factor: Array, inverse_diagonal: Array, tree: Any, force: Array, x: float, y: float) -> Any:
+def contact_motion(
+    factor: Array, inverse_diagonal: Array, tree: WholeArray, force: Array, x: float, y: float
+) -> tuple[Sym, Vec]:
     """Return J M^-1 J^T, and J times the relative part of M^-1 force; `force` is used up."""
     n = force.shape[0]
     half = np.zeros((3, n))
@@ -68,13 +81,13 @@ def contact_motion(factor: Array, inverse_diagonal: Array, tree: Any, force: Arr
 
 
 @functools.cache
-def grasp_step(law: FrictionLaw) -> Any:
+def rigid_step(law: FrictionLaw) -> Any:
     """Compile the step for a friction law: effort and friction of the coming sub-step become joint forces."""
     law_layout = law.LAYOUT
 
     @kernel(INT(IN1, IN1, WHOLE1, IN1, IN1, IN1, IN1, IN1, IN1, OUT1, REAL, INT, INT, OUT1))
     def step(
-        factor: Array, inverse_diagonal: Array, tree: Any, qpos: Array, qvel: Array, bias: Array, stops: Array,
+        factor: Array, inverse_diagonal: Array, tree: WholeArray, qpos: Array, qvel: Array, bias: Array, stops: Array,
         effort: Array, parameters: Array, pad: Array, normal_force: float, substeps: int, keep: int, applied: Array,
     ) -> int:  # fmt: skip
         """Write the joint forces to `applied` and return the number of sub-steps of the period.
@@ -86,13 +99,14 @@ def grasp_step(law: FrictionLaw) -> Any:
             bias, stops: joint forces of motion and gravity, and of joint stops; (nv,) [N, N m].
             effort: of the arm; (n,) [N m].
             parameters: of the friction law.
-            pad: laid out by `CONTACT`; `next_state` is written.
+            pad: laid out by `RIGID_CONTACT`; `next_state` is written.
             normal_force: [N]; without pressure there is no friction, not even viscous.
             substeps: into how many steps the period is split; 0 chooses.
             keep: 1 where this is the step's last solution, and `state` moves on too.
             applied: joint forces; (nv,) [N, N m].
         """
-        contact, friction = record(pad, CONTACT), record(parameters, law_layout)
+        contact: RigidContact = record(pad, RIGID_CONTACT)
+        friction = record(parameters, law_layout)
         nv, n = len(qpos), len(effort)
         force = np.empty(nv)
         for i in range(nv):
@@ -121,10 +135,10 @@ def grasp_step(law: FrictionLaw) -> Any:
     return step
 
 
-@kernel(VOID(IN1, IN1, IN1, IN1, IN2, IN1, IN1, IN2, OUT1))
+@kernel(VOID(IN1, IN1, IN1, IN1, IN2, IN1, IN1, IN2, IN1, IN2, OUT1))
 def read_out(
     qpos: Array, qvel: Array, readings: Array, com: Array, turned: Array, spatial: Array, root: Array, p_R_o: Array,
-    out: Array,
+    pad_position: Array, pad_rotation: Array, out: Array,
 ) -> None:  # fmt: skip
     """Write what can be read of arm and grasp to `out`, laid out by `ReadOut`.
 
@@ -136,12 +150,14 @@ def read_out(
         spatial: MuJoCo's twist of the object, angular first, at `root`; (6,) [rad/s, m/s] {w}.
         root: centre of mass of the whole tree; (3,) [m] {w}.
         p_R_o: {o} to {p}; (3, 3).
-        out: (2 n + 36,).
+        pad_position, pad_rotation: (3,) [m] {w}, (3, 3) {ee} to {w}.
+        out: (2 n + 48,).
 
     Implements: h_ee of Eq. (1), v_s of Eq. (14), v_o of Eq. (10).
     """
     n = qpos.shape[0] - 3
-    grasp, joints = record(out[:GRASP_SIZE], GRASP), out[GRASP_SIZE:]
+    grasp: Grasp = record(out[:GRASP_SIZE], GRASP)
+    joints = out[GRASP_SIZE:]
     for i in range(n):
         joints[i] = qpos[i]
         joints[n + i] = qvel[i]
@@ -159,3 +175,5 @@ def read_out(
     turning = vec(spatial[:3])
     put(grasp.object_twist[:3], vec(spatial[3:]) - (vec(com) - vec(root)).cross(turning))
     put(grasp.object_twist[3:], turning)
+    put(grasp.pad_position, vec(pad_position))
+    put_mat(grasp.pad_rotation, mat(pad_rotation))
