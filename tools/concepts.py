@@ -79,7 +79,7 @@ def runs() -> None:
         for tick in run_in_process(scenario):
             times.append(1e-9 * tick.outputs.stamp_ns)
             slips.append(1e3 * float(np.linalg.norm(tick.outputs.truth.slip_displacement[:3])))
-            h = tick.outputs.wrenches[0][-1].wrench
+            h = tick.outputs.arms[0].wrenches[-1].wrench
             most = friction.mu_s * scenario.bridge.grip.force
             loads.append(float(np.linalg.norm((h[0], h[1], h[5] / friction.torsional_radius))) / most)
         slip.semilogy(times, np.maximum(slips, 1e-4), color=COLOURS[kind], label=kind)

@@ -20,10 +20,5 @@ setup(
     maintainer_email="maintainers@slip-vic.example",
     description="MuJoCo stand-in for the arm, the slippery grasp and the tactile slip sensor.",
     license="Apache-2.0",
-    entry_points={
-        "console_scripts": [
-            "slip_sim_bridge_node = slip_sim_bridge.main:main",
-            "slip_sim_bridge_two_arms_node = slip_sim_bridge.pair.main:main",
-        ]
-    },
+    entry_points={"console_scripts": ["slip_sim_bridge_node = slip_sim_bridge.main:main"]},
 )

@@ -91,13 +91,13 @@ class Loop:
             for line in self._goals.changes():
                 self.goal = line
             now = outputs.stamp_ns * 1e-9
-            joints.append((now, now, (*outputs.joint.position, *outputs.joint.velocity)))
-            wrenches += [(now, w.stamp_ns * 1e-9, w.wrench) for w in outputs.wrenches[0]]
-            slips += [(now, s.stamp_ns * 1e-9, _numbers(s)) for s in outputs.slips[0]]
+            joints.append((now, now, (*outputs.arms[0].joint.position, *outputs.arms[0].joint.velocity)))
+            wrenches += [(now, w.stamp_ns * 1e-9, w.wrench) for w in outputs.arms[0].wrenches]
+            slips += [(now, s.stamp_ns * 1e-9, _numbers(s)) for s in outputs.arms[0].slips]
             if tick % DECIMATION == 0 and len(result.command.effort):
                 found = result.scalars()
                 scalars.append([found[name] for name in SCALARS])
-            self.loop.bridge.advance(self._changed(result))
+            self.loop.bridge.advance([self._changed(result)])
         rows = np.array(scalars).reshape(-1, len(SCALARS))
         n = len(self.params.joint_names)
         return Heard(
@@ -126,9 +126,9 @@ class Loop:
 
     def tune_bridge(self, values: Mapping[str, Any]) -> None:
         self.bridge_params = build(BridgeParams, flatten(self.bridge_params) | dict(values), "test")
-        self.loop.bridge.set_push(self.bridge_params.push)
+        self.loop.bridge.set_push(0, self.bridge_params.push)
         if "grip.force" in values:
-            self.loop.bridge.set_grip_force(values["grip.force"])
+            self.loop.bridge.set_grip_force(0, values["grip.force"])
 
     def reset_bridge(self) -> None:
         self.loop.bridge.request_reset()
@@ -153,6 +153,11 @@ def bring_up(system: Loop, say: Callable[[Verdict], None] = lambda verdict: None
     return found, walk
 
 
+def _with(outputs: Any, **changed: Any) -> Any:
+    """Return the outputs with something else measured by the arm."""
+    return outputs._replace(arms=(outputs.arms[0]._replace(**changed),))
+
+
 def _swap(i: int, j: int) -> Callable[[Any], Any]:
     """Let the driver call two joints by each other's names."""
 
@@ -162,9 +167,9 @@ def _swap(i: int, j: int) -> Callable[[Any], Any]:
         return v
 
     def inputs(outputs: Any) -> Any:
-        joint = outputs.joint
+        joint = outputs.arms[0].joint
         swap = type(joint)(joint.stamp_ns, swapped(joint.position), swapped(joint.velocity), swapped(joint.effort))
-        return outputs._replace(joint=swap)
+        return _with(outputs, joint=swap)
 
     return inputs
 
@@ -182,21 +187,20 @@ def _slip(turn: Array) -> Callable[[Any], Any]:
 
     def inputs(outputs: Any) -> Any:
         slips = tuple(
-            tuple(type(s)(s.stamp_ns, np.concatenate((turn @ s.twist[:3], turn @ s.twist[3:]))) for s in of)
-            for of in outputs.slips
+            type(s)(s.stamp_ns, np.concatenate((turn @ s.twist[:3], turn @ s.twist[3:]))) for s in outputs.arms[0].slips
         )
-        return outputs._replace(slips=slips)
+        return _with(outputs, slips=slips)
 
     return inputs
 
 
 def _joint_sign(joint: int) -> Error:
     def inputs(outputs: Any) -> Any:
-        sign = np.ones(len(outputs.joint.position))
+        sign = np.ones(len(outputs.arms[0].joint.position))
         sign[joint] = -1.0
-        turned = outputs.joint
+        turned = outputs.arms[0].joint
         turned = type(turned)(turned.stamp_ns, sign * turned.position, sign * turned.velocity, sign * turned.effort)
-        return outputs._replace(joint=turned)
+        return _with(outputs, joint=turned)
 
     def effort(values: Array, gravity: Array) -> Array:
         values[joint] *= -1.0
@@ -210,8 +214,8 @@ def _late_wrench(seconds: float) -> Callable[[Any], Any]:
 
     def inputs(outputs: Any) -> Any:
         late = round(1e9 * seconds)
-        wrenches = tuple(tuple(type(w)(w.stamp_ns - late, w.wrench) for w in of) for of in outputs.wrenches)
-        return outputs._replace(wrenches=wrenches)
+        wrenches = tuple(type(w)(w.stamp_ns - late, w.wrench) for w in outputs.arms[0].wrenches)
+        return _with(outputs, wrenches=wrenches)
 
     return inputs
 

@@ -9,7 +9,7 @@ from test.campaigns.faults.trial import START_NS
 
 def begun_bridge(scenario) -> BridgeSession:
     """Return the bridge of a scenario at the campaign's wall clock."""
-    bridge = BridgeSession(scenario.bridge, scenario.urdf)
+    bridge = scenario.bridge_session()
     bridge.start_at(START_NS)
     return bridge
 
@@ -20,16 +20,16 @@ def realtime(scenario) -> ControllerSession:
 
 def deliver(controller: ControllerSession, outputs: TickOutputs, now_ns: int) -> None:
     """Hand over wrenches and slip velocities; the joint state, which starts a cycle, is left to the caller."""
-    for wrench in outputs.wrenches[0]:
+    for wrench in outputs.arms[0].wrenches:
         controller.add_wrench(0, wrench, now_ns)
-    for slip in outputs.slips[0]:
+    for slip in outputs.arms[0].slips:
         controller.add_slip(0, slip, now_ns)
 
 
 def answered_outputs(controller: ControllerSession, outputs: TickOutputs, now_ns: int) -> CycleResult:
     """Hand over everything and return the answer."""
     deliver(controller, outputs, now_ns)
-    controller.add_joint(outputs.joint, now_ns)
+    controller.add_joint(outputs.arms[0].joint, now_ns)
     result = controller.cycle(now_ns)
     assert result is not None
     return result

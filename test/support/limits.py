@@ -49,7 +49,9 @@ def asked(scenario: Scenario) -> Asked:
             found.slope = max(found.slope, float(np.abs(wanted - before).max()) / params.control_period_s)
         before = wanted
         found.effort = max(found.effort, float((np.abs(wanted) / robot.effort_limit).max()))
-        found.velocity = max(found.velocity, float((np.abs(tick.outputs.joint.velocity) / robot.velocity_limit).max()))
+        found.velocity = max(
+            found.velocity, float((np.abs(tick.outputs.arms[0].joint.velocity) / robot.velocity_limit).max())
+        )
         found.limited |= bool(record.saturated[:n].any())
         found.slip_m = max(found.slip_m, float(np.linalg.norm(tick.outputs.truth.slip_displacement[:3])))
         found.end = f"{tick.result.mode.name} {tick.result.reason}".strip()

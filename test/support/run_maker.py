@@ -115,7 +115,7 @@ def run(scenario: Scenario, retune: Mapping[int, Mapping[str, float]], goals: Ma
                 controller.set_reference(cartesian_reference(goals[outputs.tick]))
         result = loop.control(outputs)
         yield Tick(outputs, result)
-        loop.bridge.advance(result.command)
+        loop.bridge.advance([result.command])
 
 
 def _event(values: Mapping[str, float]) -> Any:
@@ -131,13 +131,13 @@ def _event(values: Mapping[str, float]) -> Any:
 
 def messages(tick: Tick, scenario: Scenario, change: Any) -> Iterable[tuple[str, Any]]:
     names = list(scenario.controller.joint_names)
-    joint, result = tick.outputs.joint, tick.result
+    joint, result = tick.outputs.arms[0].joint, tick.result
     yield "/joint_states", _joint_state(joint.stamp_ns, names, joint.position, joint.velocity, joint.effort)
-    for wrench in tick.outputs.wrenches[0]:
+    for wrench in tick.outputs.arms[0].wrenches:
         parts = _vectors(wrench.wrench)
         inner = TYPES["geometry_msgs/msg/Wrench"](*parts)
         yield "/wrench", TYPES["geometry_msgs/msg/WrenchStamped"](_header(wrench.stamp_ns), inner)
-    for slip in tick.outputs.slips[0]:
+    for slip in tick.outputs.arms[0].slips:
         if scenario.controller.slip_input == "flag":
             yield "/slip_flag", _joint_state(slip.stamp_ns, ["slip"], slip.twist[:1], NONE, NONE)
             continue

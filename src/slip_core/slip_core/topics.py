@@ -1,7 +1,7 @@
 """The one table of topics: publishers, subscribers, recorder, launcher and documentation all read it.
 
 Names are relative, so a namespace moves the whole system; only ``/clock`` and ``/diagnostics`` are
-absolute, as ROS fixes them. Two arms on one object have the topics of an arm twice, below ``left/`` and ``right/``.
+absolute, as ROS fixes them. Several arms on one object have the topics of an arm each below its name, as ``left/``.
 This module is data: it imports no ROS.
 """
 
@@ -22,7 +22,7 @@ class Topic:
 
     `latched` topics are reliable, transient local, depth 1. All others are volatile; publishers offer
     reliable with `depth` samples of history, because a recorder on a busy machine may be seconds behind.
-    common: with two arms there is one for both, not one below the prefix of each; two_arms: only they have it.
+    common: several arms have one together, not one each below its name; several: only they have it.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Topic:
     depth: int = 10000
     recorded: bool = True
     common: bool = False
-    two_arms: bool = False
+    several: bool = False
 
 
 _TABLE = (
@@ -44,10 +44,9 @@ _TABLE = (
     Topic("slip_flag", "sensor_msgs/msg/JointState", "bridge", "where `slip_input` is flag: named flags (position field), 1 = slips, 0 = holds, NaN = unknown, stamped when it was so"),
     Topic("object_state", "nav_msgs/msg/Odometry", "bridge", "ground truth: pose of the object's COM in `world`, twist in object axes", common=True),
     Topic("slip_truth", "sensor_msgs/msg/JointState", "bridge", "ground truth: slip displacement (position) and slip velocity (velocity), names s_x .. s_rz"),
-    Topic("object/wrench", "geometry_msgs/msg/WrenchStamped", "bridge", "two arms, ground truth: what both pads do to the object about its COM [N, N m], world axes", common=True, two_arms=True),
-    Topic("object/internal_wrench_left", "geometry_msgs/msg/WrenchStamped", "bridge", "two arms, ground truth: the part of the left pad's wrench that does not move the object [N, N m], pad axes", common=True, two_arms=True),
-    Topic("object/internal_wrench_right", "geometry_msgs/msg/WrenchStamped", "bridge", "two arms, ground truth: the same of the right pad", common=True, two_arms=True),
-    Topic("lockstep_tick", "std_msgs/msg/Int64MultiArray", "bridge", "lockstep only: tick, stamp (sec, nsec), then wrench and slip samples published so far per contact; of two arms the left one first", common=True),
+    Topic("object/wrench", "geometry_msgs/msg/WrenchStamped", "bridge", "several arms, ground truth: what all pads do to the object about its COM [N, N m], world axes", common=True, several=True),
+    Topic("internal_wrench", "geometry_msgs/msg/WrenchStamped", "bridge", "several arms, ground truth: the part of the pad's wrench that does not move the object [N, N m], pad axes", several=True),
+    Topic("lockstep_tick", "std_msgs/msg/Int64MultiArray", "bridge", "lockstep only: tick, stamp (sec, nsec), then wrench and slip samples published so far per contact, of several arms one after the other", common=True),
     Topic("/clock", "rosgraph_msgs/msg/Clock", "bridge", "simulation time", common=True),
     Topic("robot_description", "std_msgs/msg/String", "bridge", "URDF of the arm", latched=True),
     Topic("object_description", "std_msgs/msg/String", "bridge", "URDF of the grasped object: one link `object`, for display", latched=True, common=True),

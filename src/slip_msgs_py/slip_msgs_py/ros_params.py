@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.parameter import Parameter
 
+from slip_core.arms import model_of_arms
 from slip_core.errors import InputError
 from slip_core.params import ParameterInfo, ParameterModel, build, flatten, parameter_infos
 
@@ -38,6 +39,26 @@ def declare(node: Any, model: type[Model]) -> Model:
     for info in parameter_infos(model):
         node.declare_parameter(info.name, _ros_value(info, flat[info.name]), descriptor(info), ignore_override=True)
     return values
+
+
+def declare_arms(node: Any, model: type[ParameterModel]) -> ParameterModel:
+    """Declare the parameters of all arms on `node` as `declare` does: `arms` names them, and none is one arm.
+
+    Returns:
+        The values; `slip_core.arms.by_arm` has them by arm.
+
+    Raises:
+        InputError: as of `declare` and `model_of_arms`.
+    """
+    if not node.has_parameter("arms"):
+        return declare(node, model)
+    names = _plain(node.get_parameter("arms").value)
+    if not isinstance(names, list):
+        raise InputError("parameter arms", got=names, expected="a list of names")
+    if not names:
+        node.undeclare_parameter("arms")
+        return declare(node, model)
+    return declare(node, model_of_arms(model, tuple(map(str, names))))
 
 
 def descriptor(info: ParameterInfo) -> ParameterDescriptor:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from slip_core.arrays import Array
 from slip_core.types import EffortCommand
 from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
 from slip_msgs_py.messages import forms, from_msgs, to_msgs
@@ -15,7 +16,7 @@ from slip_sim_bridge.session import ArmOutputs
 
 
 class ArmTopics:
-    """What one arm of the bridge says and hears.
+    """What one arm of the bridge publishes and receives.
 
     Args:
         node: owner of everything.
@@ -23,12 +24,15 @@ class ArmTopics:
         params: of this arm.
         urdf: of this arm, as it stands in the world.
         refusals: messages that could not be read, for the report.
-        on_command, on_grip: called when a command, or a grip force from a user, has come.
+        on_command: called when a command has come.
+        on_grip: called when a grip force from a user has come.
+        on_grip_command: called when one from the controller has come, where `grip.control` is follow.
     """
 
     def __init__(
         self, node: Any, prefix: str, params: BridgeParams, urdf: str, refusals: Refusals,
         on_command: Callable[[EffortCommand], None], on_grip: Callable[[Any], None],
+        on_grip_command: Callable[[Any], None],
     ) -> None:  # fmt: skip
         self.prefix, self._lockstep = prefix, params.mode == "lockstep"
         part = NodePart(node, prefix)
@@ -56,6 +60,10 @@ class ArmTopics:
             reliable=self._lockstep,
         )
         create_subscription(part, "grip_force", on_grip, depth=10, reliable=False)
+        self.follows = params.grip.control == "follow"
+        if self.follows:
+            create_subscription(part, "grip_command", on_grip_command, depth=1000, reliable=self._lockstep)
+        self._send_internal = create_sender(part, "internal_wrench", forms.wrench(frame)) if prefix else None
 
     @property
     def state_publishers(self) -> list[Any]:
@@ -65,13 +73,18 @@ class ArmTopics:
     def publish(self, outputs: ArmOutputs) -> None:
         """Send what the controller waits for."""
         joint = outputs.joint
-        for wrench in outputs.wrenches[0]:
+        for wrench in outputs.wrenches:
             self._send_wrench.send(wrench.stamp_ns, wrench.wrench)
-        for slip in outputs.slips[0]:
+        for slip in outputs.slips:
             self._send_slip.send(slip.stamp_ns, self._slip_numbers(slip))
         self._send_joint.send(joint.stamp_ns, joint.position, joint.velocity, joint.effort)
 
+    def publish_internal(self, stamp_ns: int, wrench: Array) -> None:
+        """Send the part of the pad's wrench that does not move the object; (6,) [N, N m] {ee}."""
+        if self._send_internal is not None:
+            self._send_internal.send(stamp_ns, wrench)
+
     def publish_truth(self, stamp_ns: int, outputs: ArmOutputs) -> None:
-        """Send what nobody waits for."""
+        """Send what no controller waits for."""
         truth = outputs.readings.truth
         self._send_truth.send(stamp_ns, truth.slip_displacement, truth.slip_velocity)

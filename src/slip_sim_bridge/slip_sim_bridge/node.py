@@ -6,7 +6,7 @@ A thin shell around `slip_sim_bridge.session`: topics, clock, lockstep and pacin
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -14,10 +14,11 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from slip_core.arms import by_arm, prefix_of
 from slip_core.errors import InputError, ProtocolError
+from slip_core.files.placed_urdf import on_base, placed_urdf
 from slip_core.files.urdf_file import read_urdf
 from slip_core.incidents import Incident
-from slip_core.params import ParameterModel
 from slip_core.stamps import split_ns
 from slip_core.timing import Window, spread
 from slip_core.types import EffortCommand
@@ -30,13 +31,14 @@ from slip_msgs_py.messages import forms, to_msgs
 from slip_msgs_py.node_main import memory_mib
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
-from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare
+from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare_arms
 from slip_sim_bridge import pacing
 from slip_sim_bridge.arm_topics import ArmTopics
 from slip_sim_bridge.frames import FramePublisher
+from slip_sim_bridge.internal import internal_wrenches
 from slip_sim_bridge.pacing import Pacer
 from slip_sim_bridge.params import BridgeParams, object_urdf
-from slip_sim_bridge.session import BridgeSession
+from slip_sim_bridge.session import BridgeSession, TickOutputs
 
 PROGRESS_EVERY_S = 0.1
 STOP_CHECK_S = 0.03
@@ -46,22 +48,22 @@ LATENCY = pacing.SCALARS.index("latency_s")
 
 
 class SlipSimBridge(LastResort, Node):
-    """Publishes joint states, wrench, slip, ground truth and clock; waits for or samples effort commands.
+    """Publishes joint states, wrench and slip of each arm, truth and clock; waits for or samples effort commands.
 
+    Topics and parameters of an only arm have no prefix; those of several, which `arms` names, are below their names.
     A tick that fails in real time puts everything back and holds the arm, and time goes on; in lockstep it ends the
     run. Either way a run with a failure in it ends with the failure.
     """
-
-    MODEL: type[ParameterModel] = BridgeParams
 
     def __init__(self, executor: Any = None) -> None:
         super().__init__(
             "slip_sim_bridge", automatically_declare_parameters_from_overrides=True, parameter_overrides=[*OWN_TIME]
         )
-        self.params: Any = declare(self, self.MODEL)
-        self.session = self.make_session()
+        self.params: Any = declare_arms(self, BridgeParams)
+        self._params: dict[str, BridgeParams] = by_arm(self.params)
+        self.session = BridgeSession(self._params, {name: arm_urdf(arm) for name, arm in self._params.items()})
         allow_changes(self, self.params, self._on_change)
-        self._common = self.arms_of(self.params)[0]
+        self._common = next(iter(self._params.values()))
         self._lockstep = self._common.mode == "lockstep"
         self._stamp_ns = -1
         self._over = False
@@ -79,49 +81,24 @@ class SlipSimBridge(LastResort, Node):
 
     def _on_change(self, wanted: Any) -> None:
         """Take changed run-time parameters: sensor faults, a hand that pushes, and grip force."""
-        for side, (arm, before) in enumerate(zip(self.arms_of(wanted), self.arms_of(self.params), strict=True)):
-            self.disturb(side, arm)
-            if arm.grip.force != before.grip.force:
-                self.set_grip_force(side, arm.grip.force)
-        self.params = wanted
-
-    # -- one arm; a node with two says otherwise ---------------------------------------------------
-
-    def arms_of(self, params: Any) -> tuple[BridgeParams, ...]:
-        """Return the parameters of each arm; mode and what is waited for are those of the first."""
-        return (params,)
-
-    def make_session(self) -> Any:
-        """Return simulation and sensors.
-
-        Raises:
-            InputError: parameters and URDF that do not fit.
-        """
-        return BridgeSession(self.params, arm_urdf(self.params))
-
-    def places(self) -> tuple[tuple[str, BridgeParams, str], ...]:
-        """Return of each arm the prefix of its topics, its parameters, and its URDF where it stands."""
-        return (("", self.params, arm_urdf(self.params)),)
-
-    def advance(self, commands: Sequence[EffortCommand | None]) -> None:
-        """Apply a command of each arm for one control period."""
-        self.session.advance(commands[0])
-
-    def set_grip_force(self, _side: int, force: float) -> None:
-        """Set the grip force of one arm [N]."""
-        self.session.set_grip_force(force)
-
-    def disturb(self, _side: int, params: BridgeParams) -> None:
-        """Switch sensor faults of one arm on and off, and a hand that pushes."""
-        self.session.set_faults(params.sensors)
-        self.session.set_push(params.push)
-
-    def publish_more_truth(self, outputs: Any) -> None:
-        """Send what only this kind of bridge knows; one arm has said everything."""
+        changed: dict[str, BridgeParams] = by_arm(wanted)
+        for index, (name, arm) in enumerate(changed.items()):
+            self.session.set_faults(index, arm.sensors)
+            self.session.set_push(index, arm.push)
+            if arm.grip.force != self._params[name].grip.force:
+                self.session.set_grip_force(index, arm.grip.force)
+        self.params, self._params = wanted, changed
 
     def _create_endpoints(self) -> None:
-        self._arms = tuple(self._create_arm(side, *place) for side, place in enumerate(self.places()))
-        common = self.arms_of(self.params)[0]
+        common = self._common
+        placed = {name: standing_urdf(name, arm) for name, arm in self._params.items()}
+        self._arms = tuple(
+            ArmTopics(
+                self, prefix_of(name), arm, placed[name], self._refusals, partial(self._on_command, index),
+                partial(self._on_grip_force, index), partial(self._on_grip_command, index),
+            )
+            for index, (name, arm) in enumerate(self._params.items())
+        )  # fmt: skip
         self._send_object = create_sender(self, "object_state", forms.odometry())
         self._send_clock = create_sender(self, "/clock", forms.clock())
         tick = forms.whole_numbers(3 + 2 * len(self._arms))
@@ -130,20 +107,18 @@ class SlipSimBridge(LastResort, Node):
         self._send_timing = None if self._lockstep else create_sender(self, "bridge/timing", timing)
         self._pub_object = create_publisher(self, "object_description")
         self._pub_object.publish(to_msgs.string(object_urdf(common)))
-        self._frames = FramePublisher(self, arm_urdf(common)) if common.publish_tf else None
+        self._frames = None
+        if common.publish_tf:
+            arms = [(prefix_of(name), placed[name], arm.joint_names) for name, arm in self._params.items()]
+            self._frames = FramePublisher(self, arms)
+        self._send_total = None
+        if len(self._arms) > 1:
+            self._send_total = create_sender(self, "object/wrench", forms.wrench(to_msgs.WORLD))
         self._commands: list[EffortCommand | None] = [None] * len(self._arms)
-        self._counted, self._grips = [0, 0], common.grip.control == "follow"
-        if self._grips:
-            create_subscription(self, "grip_command", self._on_grip_command, depth=1000, reliable=self._lockstep)
+        self._answers, self._grips = [0] * len(self._arms), [0] * len(self._arms)
         for name in common.wait_for:
             self._watch_ready(name)
         self.create_service(Trigger, "~/reset", self._on_reset)
-
-    def _create_arm(self, side: int, prefix: str, params: BridgeParams, urdf: str) -> ArmTopics:
-        return ArmTopics(
-            self, prefix, params, urdf, self._refusals, partial(self._on_command, side),
-            partial(self._on_grip_force, side),
-        )  # fmt: skip
 
     def _watch_ready(self, name: str) -> None:
         create_subscription(self, f"{name}/ready", lambda _message: self._peers_ready.add(name), depth=1, reliable=True)
@@ -155,34 +130,36 @@ class SlipSimBridge(LastResort, Node):
 
     # -- callbacks ---------------------------------------------------------------------------------
 
-    def _on_command(self, side: int, command: EffortCommand) -> None:
-        self._commands[side] = command
-        if any(each is None or each.stamp_ns != self._stamp_ns for each in self._commands):
+    def _on_command(self, arm: int, command: EffortCommand) -> None:
+        self._commands[arm] = command
+        if command.stamp_ns != self._stamp_ns:
             return
+        self._answers[arm] += 1
         if self._lockstep:
-            if self._grips:
-                self._answer_with_grip(efforts=1)
-            else:
-                self._finish_lockstep_tick()
-        elif self._pacer is not None and len(command.effort):
+            self._finish_if_answered()
+        elif self._pacer is not None and len(command.effort) and self._answered():
             self._pacer.answered(time.monotonic())
 
-    def _on_grip_force(self, side: int, message: Any) -> None:
+    def _on_grip_force(self, arm: int, message: Any) -> None:
         try:
-            self.set_grip_force(side, float(message.data))
+            self.session.set_grip_force(arm, float(message.data))
         except InputError as error:
             self._refusals.add("grip_force", error)
 
-    def _on_grip_command(self, message: Any) -> None:
-        self._on_grip_force(0, message)
+    def _on_grip_command(self, arm: int, message: Any) -> None:
+        self._on_grip_force(arm, message)
+        self._grips[arm] += 1
         if self._lockstep:
-            self._answer_with_grip(grips=1)
+            self._finish_if_answered()
 
-    def _answer_with_grip(self, efforts: int = 0, grips: int = 0) -> None:
-        """Finish a lockstep tick when both of its commands are there; the grip has no stamp: one belongs to each."""
-        self._counted[0] += efforts
-        self._counted[1] += grips
-        if self._counted[0] == self._counted[1] and self._commands[0] is not None:
+    def _answered(self) -> bool:
+        """Whether the command of every arm is there."""
+        return all(each is not None and each.stamp_ns == self._stamp_ns for each in self._commands)
+
+    def _finish_if_answered(self) -> None:
+        """Finish a lockstep tick when all its commands are there; a grip has no stamp: one belongs to each effort."""
+        each = zip(self._arms, self._answers, self._grips, strict=True)
+        if self._answered() and all(answers == grips for arm, answers, grips in each if arm.follows):
             self._finish_lockstep_tick()
 
     def _on_reset(self, _request: Any, response: Any) -> Any:
@@ -262,7 +239,7 @@ class SlipSimBridge(LastResort, Node):
 
     def _finish_lockstep_tick(self) -> None:
         try:
-            self.advance(self._commands)
+            self.session.advance(self._commands)
             if self.session.finished:
                 self._over = True
             else:
@@ -275,7 +252,9 @@ class SlipSimBridge(LastResort, Node):
             self._spinner.enough()
 
     def _missing_command(self) -> str:
-        late = next(side for side, each in enumerate(self._commands) if each is None or each.stamp_ns != self._stamp_ns)
+        late = next(
+            index for index, each in enumerate(self._commands) if each is None or each.stamp_ns != self._stamp_ns
+        )
         command, topic = self._commands[late], f"{self._arms[late].prefix}effort_command"
         last = "none" if command is None else f"stamp {command.stamp_ns} ns"
         refused = self._refusals.last("effort_command")
@@ -302,7 +281,7 @@ class SlipSimBridge(LastResort, Node):
                 self._tried(self._publish_truth, self._outputs)
             numbers = pacer.end(clock())
             self._latencies.add(numbers[LATENCY])
-            if not self._tried(self.advance, self._commands):
+            if not self._tried(self.session.advance, self._commands):
                 self._commands = [None] * len(self._arms)
                 self.session.request_reset()
             if self.session.finished:
@@ -351,7 +330,7 @@ class SlipSimBridge(LastResort, Node):
                 raise ProtocolError(f"no effort_command for the first state within {self._common.peer_timeout_s:g} s")
         return False
 
-    def _publish(self, outputs: Any) -> None:
+    def _publish(self, outputs: TickOutputs) -> None:
         """Send what the controller waits for; in lockstep the list of a tick's samples comes after them."""
         self._stamp_ns = outputs.stamp_ns
         self._tell_loss()
@@ -368,7 +347,7 @@ class SlipSimBridge(LastResort, Node):
             emit(lost)
             self.get_logger().warning(str(lost))
 
-    def _publish_truth(self, outputs: Any) -> None:
+    def _publish_truth(self, outputs: TickOutputs) -> None:
         """Send what the controller does not wait for."""
         stamp_ns, truth = outputs.stamp_ns, outputs.truth
         self._send_clock.send(stamp_ns)
@@ -376,8 +355,16 @@ class SlipSimBridge(LastResort, Node):
         for arm, measured in zip(self._arms, outputs.arms, strict=True):
             arm.publish_truth(stamp_ns, measured)
         if self._frames is not None:
-            self._frames.publish(stamp_ns, outputs.joint.position, truth)
-        self.publish_more_truth(outputs)
+            self._frames.publish(stamp_ns, [arm.joint.position for arm in outputs.arms], truth)
+        if self._send_total is not None:
+            readings = [arm.readings for arm in outputs.arms]
+            places, attitudes = zip(*(each.pad for each in readings), strict=True)
+            radius = self._common.friction.torsional_radius
+            wrenches = [each.wrench.wrench for each in readings]
+            total, parts = internal_wrenches(wrenches, places, attitudes, truth.position, radius)
+            self._send_total.send(stamp_ns, total)
+            for arm, part in zip(self._arms, parts, strict=True):
+                arm.publish_internal(stamp_ns, part)
 
     def _report_progress(self) -> None:
         now = time.monotonic()
@@ -389,3 +376,9 @@ class SlipSimBridge(LastResort, Node):
 def arm_urdf(params: BridgeParams) -> str:
     """Return the URDF of an arm, on its own base."""
     return params.robot_description or read_urdf(params.robot_description_file, "parameter robot_description_file")
+
+
+def standing_urdf(name: str, params: BridgeParams) -> str:
+    """Return the URDF of an arm as it stands in the world; that of an only arm in the origin as it is."""
+    base, urdf = params.base, arm_urdf(params)
+    return placed_urdf(urdf, base.position, base.rotation) if name else on_base(urdf, base)

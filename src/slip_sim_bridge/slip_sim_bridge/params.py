@@ -129,8 +129,8 @@ class BridgeParams(ArmParams):
     )
     slip_input: SlipInput = SLIP_INPUT
     plant: Literal["rigid", "elastic"] = parameter(
-        "rigid", "rigid: one arm, the object slides in its pad's plane only; elastic: pads with stiffness, any number of "
-        "arms",
+        "rigid",
+        "rigid: one arm, the object slides in its pad's plane only; elastic: pads with stiffness, any number of arms",
     )  # fmt: skip
     substeps: int = parameter(
         0, "simulation steps per control period; 0 chooses what the friction law needs", ge=0, le=64

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from slip_sim_bridge.plant import DivergenceError, Movable, Plant, ReadOut
 from slip_sim_bridge.plant.loose import LoosePlant
 
 OBEYED, CLIPPED, NOT_FINITE = 0, 1, 2
+MakePlant = Callable[[Mapping[str, BridgeParams], Mapping[str, str]], Plant]
 
 
 class Readings(NamedTuple):
@@ -80,6 +81,11 @@ class Arm:
         self.applied = np.zeros_like(limits)
         self.has_lost = self.refused = self.saturated = False
 
+    @property
+    def holding(self) -> bool:
+        """Whether the arm held its posture in the last step instead of obeying an effort."""
+        return self.posture is not None
+
     def start(self, posture: Array, holding: Array) -> None:
         """Hold a posture with the effort that holds it; (n,) [rad], [N m]."""
         self.posture = posture
@@ -110,16 +116,19 @@ class Simulation:
     Args:
         params: of each arm by its name; what describes the world (`WORLD`) is equal in all.
         urdfs: of each arm by its name, without a base.
+        make: makes the plant; a referee has one of its own.
 
     Raises:
         InputError: parameters and URDFs that do not fit.
     """
 
-    def __init__(self, params: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> None:
+    def __init__(
+        self, params: Mapping[str, BridgeParams], urdfs: Mapping[str, str], make: MakePlant | None = None
+    ) -> None:
         shared(params, WORLD, "equal values: there is one world and one object")
         self.params = params
         self.names = tuple(params)
-        self._held = make_plant(params, urdfs)
+        self._held = (make or make_plant)(params, urdfs)
         self._loose = LoosePlant(params, urdfs)
         self.plant: Movable = self._held
         self.loss: Loss | None = None
@@ -186,7 +195,9 @@ class Simulation:
             arm.gripper.step()
         if self.plant is self._held:
             self._look_at_contacts()
-        joints = [each if arm.pushed is None else each + arm.pushed for arm, each in zip(self.arms, applied, strict=True)]
+        joints = [
+            each if arm.pushed is None else each + arm.pushed for arm, each in zip(self.arms, applied, strict=True)
+        ]
         self.plant.advance(joints[0] if len(joints) == 1 else np.concatenate(joints), self._normal_forces())
         self._diverged = False
         for arm, each in zip(self.arms, applied, strict=True):

@@ -89,7 +89,7 @@ def system(context: LaunchContext) -> list:
     if plan.bridge is not None:
         bridge = Node(
             package="slip_sim_bridge",
-            executable="slip_sim_bridge_two_arms_node" if plan.two_arms else "slip_sim_bridge_node",
+            executable="slip_sim_bridge_node",
             namespace=namespace,
             parameters=[str(plan.bridge)],
             prefix=value("prefix"),

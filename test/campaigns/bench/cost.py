@@ -62,13 +62,13 @@ def moment(scenario: Scenario, ticks: int = SETTLE_TICKS) -> Moment:
     """Run a scenario in process up to a tick and return what it is there."""
     loop = ClosedLoop(scenario)
     for _ in range(ticks):
-        loop.bridge.advance(loop.control(loop.observe()).command)
+        loop.bridge.advance([loop.control(loop.observe()).command])
     outputs = loop.observe()
     controller = Controller(scenario.controller, scenario.urdf, lockstep=False)
     session = ControllerSession(controller)
     session.restore(loop.controller.buffer)
-    newest = (outputs.wrenches[0][-1],), (outputs.slips[0][-1],)
-    return Moment(scenario, session, session.buffer[:STATE_SIZE].copy(), outputs.joint, *newest)
+    newest = (outputs.arms[0].wrenches[-1],), (outputs.arms[0].slips[-1],)
+    return Moment(scenario, session, session.buffer[:STATE_SIZE].copy(), outputs.arms[0].joint, *newest)
 
 
 def interleaved(calls: Mapping[str, Call], turns: int) -> dict[str, float]:
@@ -105,13 +105,13 @@ def backward_pass(governed: Moment) -> Call:
 
 def closed_loop_factor(scenario: Scenario, ticks: int) -> float:
     """Return simulated over wall time of simulator, sensors and law in one loop: the law alone, no middleware."""
-    bridge = BridgeSession(scenario.bridge, scenario.urdf)
+    bridge = scenario.bridge_session()
     law = BareLaw(Controller(scenario.controller, scenario.urdf, lockstep=True))
     outputs = bridge.observe()
 
     def tick() -> None:
         nonlocal outputs
-        bridge.advance(law.answer(outputs.joint, outputs.wrenches[0][-1], outputs.slips[0]))
+        bridge.advance([law.answer(outputs.arms[0].joint, outputs.arms[0].wrenches[-1], outputs.arms[0].slips)])
         outputs = bridge.observe()
 
     return _factor(tick, scenario, ticks)
@@ -171,7 +171,7 @@ def _loop_parts(scenario: Scenario, ticks: int) -> dict[str, float]:
         observed = clock()
         result = loop.control(outputs)
         controlled = clock()
-        loop.bridge.advance(result.command)
+        loop.bridge.advance([result.command])
         times["advance"].append(clock() - controlled)
         times["cycle"].append(controlled - observed)
         times["observe"].append(observed - start)
@@ -180,7 +180,7 @@ def _loop_parts(scenario: Scenario, ticks: int) -> dict[str, float]:
 
 def holding_bridge(scenario: Scenario) -> BridgeSession:
     """Return a bridge whose arm holds itself: the scenario decides whether the object slips."""
-    bridge = BridgeSession(scenario.bridge, scenario.urdf)
+    bridge = scenario.bridge_session()
     bridge.observe()
     return bridge
 
@@ -192,7 +192,7 @@ def sliding_step(bridge: BridgeSession) -> Call:
         if bridge.tick % SLIDE_TICKS == 0:
             bridge.request_reset()
             bridge.observe()
-        bridge.advance(None)
+        bridge.advance([None])
 
     return step
 

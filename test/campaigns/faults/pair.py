@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 
 from slip_core.types import EffortCommand
-from slip_sim_bridge.pair.params import SIDES
-from slip_sim_bridge.pair.simulation import PairSimulation
 from slip_sim_bridge.plant import DivergenceError
+from slip_sim_bridge.session import BridgeSession
 from slip_vic.pair.scenario import PairScenario, load_pair
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session import Controller
 from slip_vic_controller.team.crew import Results
-from slip_vic_controller.team.session import TeamSession
+from slip_vic_controller.team.session import SIDES, TeamSession
 from test.campaigns.faults.carriers import SampleCarrier
 from test.campaigns.faults.channel import Channel
 from test.campaigns.faults.monitors import NS, CommandMonitor, Promise, SafeStateMonitor
@@ -148,17 +147,17 @@ class PairTrial:
         return found + [text for monitor in self.commands for text in monitor.violations]
 
     def _run(self) -> None:
-        simulation, team = self.scenario.simulation(), TeamSession(self._controllers)
+        bridge, team = self.scenario.bridge_session(), TeamSession(self._controllers)
         newest: list[EffortCommand | None] = [None] * len(SIDES)
         for tick in range(round(DURATION_S / PERIOD_S)):
             t = tick * PERIOD_S
             now_ns = STEADY_NS + round(1e9 * t)
-            self._happen(t, simulation, team)
-            outputs = simulation.observe()
+            self._happen(t, bridge, team)
+            outputs = bridge.observe()
             for side, name in enumerate(SIDES):
-                sent: list[tuple[str, Any]] = [(JOINT, outputs.joints[side])]
-                sent += [(WRENCH, sample) for sample in outputs.wrenches[side]]
-                sent += [(SLIP, sample) for sample in outputs.slips[side]]
+                sent: list[tuple[str, Any]] = [(JOINT, outputs.arms[side].joint)]
+                sent += [(WRENCH, sample) for sample in outputs.arms[side].wrenches]
+                sent += [(SLIP, sample) for sample in outputs.arms[side].slips]
                 for topic, sample in sent:
                     shown = dataclasses.replace(sample, stamp_ns=STEADY_NS + sample.stamp_ns)
                     self._channels[f"{name}/{topic}"].send(shown, t, now_ns)
@@ -166,16 +165,17 @@ class PairTrial:
             for side, name in enumerate(SIDES):
                 for delivery in self._channels[f"{name}/{EFFORT}"].arrivals(now_ns):
                     newest[side] = EffortCommand(delivery.sample.stamp_ns - STEADY_NS, delivery.sample.effort)
-            simulation.advance(newest)
+            bridge.advance(newest)
 
-    def _happen(self, t: float, simulation: PairSimulation, team: TeamSession) -> None:
+    def _happen(self, t: float, bridge: BridgeSession, team: TeamSession) -> None:
         for fault in self._faults:
             if fault in self._happened or t < fault.start_s:
                 continue
             if fault.kind == "grip":
                 self._happened.add(fault)
-                side = SIDES.index(fault.target)
-                simulation.set_grip_force(side, self.scenario.bridge.arms[side].grip.force * 2.0 * fault.size**3)
+                name = fault.target
+                side = SIDES.index(name)
+                bridge.set_grip_force(side, self.scenario.bridges[name].grip.force * 2.0 * fault.size**3)
             elif fault.kind == "request":
                 self._happened.add(fault)
                 team.request(Request(1 + int(3 * fault.size)))

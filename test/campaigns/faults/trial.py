@@ -168,8 +168,8 @@ class Trial:
             for delivery in self._channels[EFFORT].arrivals(self._now_ns):
                 self._newest_command = delivery.sample
             if self._bridge_runs(t):
-                self._bridge.advance(self._shifted(self._newest_command))
-                if self._bridge.simulation.holding != self._held:
+                self._bridge.advance([self._shifted(self._newest_command)])
+                if self._bridge.simulation.arms[0].holding != self._held:
                     self._held = not self._held
                     self._joints.begin_again()  # another one holds the arm from now on, and begins from its motion
                 if self._slipped() > LOST_M:
@@ -183,7 +183,7 @@ class Trial:
 
     def _slipped(self) -> float:
         """Return the largest coordinate of the object's slip displacement [m]."""
-        readings = self._bridge.simulation.observe()
+        readings = self._bridge.simulation.observe(0)
         return max(map(abs, readings.numbers[readings.layout.slip_displacement][:3].tolist()))
 
     # -- nodes -------------------------------------------------------------------------------------
@@ -223,7 +223,7 @@ class Trial:
             sign = 1 if fault.size > 0.5 else -1
             self._clock_offset_ns += sign * round(1e9 * 10.0 ** (4.0 * abs(2.0 * fault.size - 1.0) - 2.0))
         elif fault.kind == "grip":
-            self._bridge.set_grip_force(self.scenario.bridge.grip.force * 2.0 * fault.size**3)
+            self._bridge.set_grip_force(0, self.scenario.bridge.grip.force * 2.0 * fault.size**3)
         elif fault.kind == "request" and self._controller is not None:
             self._controller.request(Request(1 + int(3 * fault.size)))
         elif fault.kind == "gains" and self._controller is not None:
@@ -241,14 +241,14 @@ class Trial:
     def _restart_bridge(self, back: float) -> None:
         """Let the bridge be away until `back` [s] and then begin where the arm is, with the object in the grasp."""
         self._bridge_back = back
-        posture = self._bridge.simulation.observe().joint.position
+        posture = self._bridge.simulation.observe(0).joint.position
         params = self._bridge_params.model_copy(update={"initial_position": tuple(posture.tolist())})
         self._bridge = self._new_bridge(params, START_NS + round(back * 1e9))
         self._newest_command = None
         self._joints.restarted()
 
     def _new_bridge(self, params: BridgeParams, stamp_ns: int) -> BridgeSession:
-        bridge = BridgeSession(params, self.scenario.urdf)
+        bridge = BridgeSession({"": params}, {"": self.scenario.urdf})
         bridge.start_at(stamp_ns)
         return bridge
 
@@ -267,15 +267,17 @@ class Trial:
 
     def _observe(self, t: float) -> None:
         outputs = self._bridge.observe()
-        sent: list[tuple[str, Any]] = [(JOINT, outputs.joint)]
-        sent += [(WRENCH, sample) for sample in outputs.wrenches[0]] + [(SLIP, sample) for sample in outputs.slips[0]]
+        sent: list[tuple[str, Any]] = [(JOINT, outputs.arms[0].joint)]
+        sent += [(WRENCH, sample) for sample in outputs.arms[0].wrenches] + [
+            (SLIP, sample) for sample in outputs.arms[0].slips
+        ]
         for name, sample in sent:
             stamp_ns = self._stamp(sample.stamp_ns)
             shown = sample if stamp_ns == sample.stamp_ns else dataclasses.replace(sample, stamp_ns=stamp_ns)
             self._channels[name].send(shown, t, self._now_ns, self._now_ns - (outputs.stamp_ns - sample.stamp_ns))
         controller = self._controller
         follows = controller is not None and controller.mode.follows and not self._stopped(CONTROLLER, t)
-        self._joints.take(t, outputs.joint.effort, outputs.joint.velocity, follows)
+        self._joints.take(t, outputs.arms[0].joint.effort, outputs.arms[0].joint.velocity, follows)
         if self._keep:
             self._record += [(self._now_ns, name, sample) for name, sample in sent]
 

@@ -4,20 +4,20 @@ import sys
 
 from slip_msgs_py.node_main import run_node
 from slip_sim_bridge.node import SlipSimBridge
-from slip_sim_bridge.simulation import GraspSimulation
+from slip_sim_bridge.simulation import Simulation
 
 FIRST, LAST = 200, 230
 
-good, calls = GraspSimulation.step, [0]
+good, calls = Simulation.step, [0]
 
 
-def step(self: GraspSimulation, *arguments: object) -> None:
+def step(self: Simulation, *arguments: object) -> None:
     calls[0] += 1
     if FIRST <= calls[0] < LAST:
         raise ZeroDivisionError("put in by a test")
     good(self, *arguments)
 
 
-GraspSimulation.step = step  # type: ignore[method-assign, assignment]
+Simulation.step = step  # type: ignore[method-assign, assignment]
 if __name__ == "__main__":
     sys.exit(run_node(SlipSimBridge))

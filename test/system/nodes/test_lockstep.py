@@ -63,8 +63,8 @@ def test_dds_equals_in_process(recorded: dict[str, Path]) -> None:
     assert len(commands) == len(states) == len(ticks) == 600
     for tick, command, state in zip(ticks, commands, states, strict=True):
         assert stamp_to_ns(command.header.stamp) == stamp_to_ns(state.header.stamp) == tick.outputs.stamp_ns
-        assert np.array(state.position).tobytes() == tick.outputs.joint.position.tobytes()
+        assert np.array(state.position).tobytes() == tick.outputs.arms[0].joint.position.tobytes()
         assert np.array(command.effort).tobytes() == tick.result.command.effort.tobytes()
-    published = [sample for tick in ticks for sample in tick.outputs.slips[0]]
+    published = [sample for tick in ticks for sample in tick.outputs.arms[0].slips]
     assert [stamp_to_ns(m.header.stamp) for m in slips] == [sample.stamp_ns for sample in published]
     assert [m.twist.linear.x for m in slips] == [sample.twist[0] for sample in published]

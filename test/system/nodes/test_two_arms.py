@@ -9,7 +9,6 @@ import pytest
 
 from slip_bags.reader import Bag
 from slip_core.stamps import stamp_to_ns
-from slip_sim_bridge.pair.params import SIDES
 from slip_vic.pair.inprocess import run_pair
 from slip_vic.pair.measures import judge
 from slip_vic.pair.recorded import judge_bag
@@ -18,6 +17,7 @@ from slip_vic.replay.run_data import read_team
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.launcher import Launcher
 from slip_vic.run.recording import recorded_topics
+from slip_vic_controller.team.session import SIDES
 
 NOISY = (
     "bridge.duration_s=0.2",
@@ -50,7 +50,7 @@ def test_dds_equals_in_process(recorded: tuple[PairScenario, Path]) -> None:
             assert len(commands) == len(states) == len(ticks) == 200
             for tick, command, state in zip(ticks, commands, states, strict=True):
                 assert stamp_to_ns(command.header.stamp) == stamp_to_ns(state.header.stamp) == tick.outputs.stamp_ns
-                assert np.array(state.position).tobytes() == tick.outputs.joints[side].position.tobytes()
+                assert np.array(state.position).tobytes() == tick.outputs.arms[side].joint.position.tobytes()
                 assert np.array(command.effort).tobytes() == tick.results[side].command.effort.tobytes()
             ledger = [tuple(m.value.data) for m in bag.messages(f"/{name}/controller/ledger")]
             assert ledger == [(*tick.results[side].ledger, *tick.results[side].decision) for tick in ticks]

@@ -14,7 +14,6 @@ import pytest
 
 from slip_bags.reader import Bag
 from slip_msgs_py.events import Started
-from slip_sim_bridge.pair.params import SIDES
 from slip_vic.pair.measures import Judged
 from slip_vic.pair.recorded import judge_bag
 from slip_vic.pair.scenario import PairScenario, load_pair
@@ -25,6 +24,7 @@ from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child
 from slip_vic.run.recording import recorder_command
 from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.team.session import SIDES
 from test.support.ros import Processes, call_service, wait_until
 from test.system.nodes.test_modes import LATCHED
 

@@ -58,7 +58,7 @@ def test_a_session_goes_on_from_the_text(assignments: tuple[str, ...]) -> None:
         expected = loop.control(outputs).command
         if restored is not None:
             assert answer(restored, outputs, known).effort.tobytes() == expected.effort.tobytes()
-        loop.bridge.advance(expected)
+        loop.bridge.advance([expected])
     assert restored is not None
     # Behind it are the observer's rows, which keep what their last use left in fields that are not in use.
     assert restored.snapshot()[:STATE_SIZE].tobytes() == loop.controller.snapshot()[:STATE_SIZE].tobytes()
@@ -66,11 +66,11 @@ def test_a_session_goes_on_from_the_text(assignments: tuple[str, ...]) -> None:
 
 def answer(session: ControllerSession, outputs: TickOutputs, known: tuple[int, ...]) -> EffortCommand:
     """Give a session one tick's samples; known: how many of each input came before it was there."""
-    for wrench in outputs.wrenches[0]:
+    for wrench in outputs.arms[0].wrenches:
         session.add_wrench(0, wrench)
-    for slip in outputs.slips[0]:
+    for slip in outputs.arms[0].slips:
         session.add_slip(0, slip)
-    session.add_joint(outputs.joint)
+    session.add_joint(outputs.arms[0].joint)
     counts = tuple(now - then for now, then in zip(outputs.counts, known, strict=True))
     session.add_manifest(Manifest(outputs.tick, outputs.stamp_ns, counts[0::2], counts[1::2]))
     result = session.cycle()

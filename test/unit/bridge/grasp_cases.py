@@ -9,7 +9,7 @@ import numpy as np
 from slip_core.params import build
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.simulation import GraspSimulation
+from test.unit.bridge.one_arm import OneArm
 
 G0 = 9.81
 MU_S, MU_K, STRIBECK_VELOCITY, VISCOUS, RHO = 0.5, 0.4, 0.05, 0.05, 0.03
@@ -20,11 +20,13 @@ SCALE = np.array([1.0, 1.0, RHO])
 @functools.cache
 def pad_rotation():
     """Rotation (3, 3) from {ee} to {w} at POSTURE."""
-    at_rest = GraspSimulation(build(BridgeParams, {"initial_position": POSTURE}, "test"), urdf_text())
+    at_rest = OneArm(build(BridgeParams, {"initial_position": POSTURE}, "test"), urdf_text())
     return at_rest.observe().truth.rotation  # o_R_p is the identity by default
 
 
-def grasp(*, gravity_on_pad=(0.0, 0.0, -1.0), offset=(0.0, 0.0, 0.0), grip=50.0, model="stribeck", **more):
+def grasp(
+    *, gravity_on_pad=(0.0, 0.0, -1.0), offset=(0.0, 0.0, 0.0), grip=50.0, model="stribeck", plant="rigid", **more
+):
     """A simulation held at POSTURE; gravity_on_pad is a direction on {ee} axes, offset o_x_p [m], grip [N]."""
     direction = np.array(gravity_on_pad) / max(np.linalg.norm(gravity_on_pad), 1e-12)
     values = {
@@ -39,7 +41,7 @@ def grasp(*, gravity_on_pad=(0.0, 0.0, -1.0), offset=(0.0, 0.0, 0.0), grip=50.0,
         "friction.viscous": VISCOUS,
         "friction.torsional_radius": RHO,
     }
-    return GraspSimulation(build(BridgeParams, values | more, "test"), urdf_text())
+    return OneArm(build(BridgeParams, values | more, "test"), urdf_text(), plant)
 
 
 def planar(six):
@@ -65,6 +67,6 @@ def slip(simulation):
 def shaken_hold(simulation, k, amplitude, joint=3, hertz=30.0):
     """Effort that holds the arm at its posture and shakes one joint; (7,) [N m]."""
     period = simulation.params.control_period_s
-    effort = simulation.plant.holding_effort(np.array(POSTURE), 400.0, 40.0)
+    effort = simulation.holding_effort(np.array(POSTURE), 400.0, 40.0)
     effort[joint] += amplitude * np.sin(2 * np.pi * hertz * k * period)
     return effort

@@ -9,8 +9,8 @@ import yaml
 from slip_core.params import build
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.simulation import GraspSimulation
 from slip_vic.scenarios import scenario_text
+from test.unit.bridge.one_arm import OneArm
 
 
 def scenario_params(name: str = "paper_planar", **values) -> BridgeParams:
@@ -20,15 +20,15 @@ def scenario_params(name: str = "paper_planar", **values) -> BridgeParams:
     return build(BridgeParams, flat | {key.replace("__", "."): value for key, value in values.items()}, "test")
 
 
-def scene(name: str = "paper_planar", **values) -> GraspSimulation:
+def scene(name: str = "paper_planar", plant: str = "rigid", **values) -> OneArm:
     """A simulation of a scenario."""
-    return GraspSimulation(scenario_params(name, **values), urdf_text())
+    return OneArm(scenario_params(name, **values), urdf_text(), plant)
 
 
 class Shaker:
     """Smooth random joint efforts around the holding effort: seeded sines of 0.5 to 4 Hz per joint."""
 
-    def __init__(self, simulation: GraspSimulation, seed: int, acceleration: float = 12.0) -> None:
+    def __init__(self, simulation: OneArm, seed: int, acceleration: float = 12.0) -> None:
         rng = np.random.default_rng(seed)
         self.simulation, self.acceleration = simulation, acceleration
         self.hertz, self.phase = rng.uniform(0.5, 4.0, 7), rng.uniform(0.0, 2.0 * np.pi, 7)
@@ -39,7 +39,7 @@ class Shaker:
         """Joint effort of this tick: pulled to the start, and shaken by +-acceleration [rad/s2] times the inertia."""
         time = (self.simulation.stamp_ns - self.start_ns) * 1e-9
         wave = self.acceleration * np.sin(2.0 * np.pi * self.hertz * time + self.phase)
-        return self.simulation.plant.holding_effort(self.start + wave / 20.0, 20.0, 2.0)
+        return self.simulation.holding_effort(self.start + wave / 20.0, 20.0, 2.0)
 
     def run(self, ticks: int):
         """Advance and yield after every tick."""

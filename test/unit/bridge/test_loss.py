@@ -39,13 +39,13 @@ def test_without_grip_the_object_falls_in_every_scenario(name: str) -> None:
     assert not readings.truth.slip_displacement.any()
 
 
-@every("backend", ["implicit", "native"])
-def test_over_the_edge_it_is_lost_and_before_it_is_not(backend: str) -> None:
+@every("plant", ["rigid", "elastic", "native"])
+def test_over_the_edge_it_is_lost_and_before_it_is_not(plant: str) -> None:
     """A grip that is much too weak; the edge is one of the pad, wherever the object turns."""
-    simulation = scene("vertical_plane", grip__force=2.0, grip__pad_size=(0.01, 0.03), backend=backend)
+    simulation = scene("vertical_plane", grip__force=2.0, grip__pad_size=(0.01, 0.03), plant=plant)
     hold, x, y = Shaker(simulation, 2, 0.0), 0.0, 0.0
     while simulation.loss is None:
-        x, y = simulation.plant.gripped_at
+        x, y = simulation.held.gripped_at(0)
         simulation.step(hold.effort())
         assert simulation.stamp_ns < 1_000_000_000
     assert abs(x) > 0.005 or abs(y) > 0.015
@@ -83,9 +83,9 @@ def test_taking_over_changes_nothing_but_the_contact() -> None:
     simulation = scene("vertical_plane")
     for _ in Shaker(simulation, 3).run(200):
         pass
-    numbers, loose = simulation.plant.read(), LoosePlant(simulation.params, urdf_text())
-    loose.take_over(numbers)
-    at, taken = ReadOut(7), loose.read()
+    numbers, loose = simulation.plant.read(0), LoosePlant({"": simulation.params}, {"": urdf_text()})
+    loose.take_over([numbers])
+    at, taken = ReadOut(7), loose.read(0)
     for part in (at.position, at.velocity, at.object_position, at.object_rotation, at.object_twist):
         np.testing.assert_allclose(taken[part], numbers[part], atol=ROUNDING)
     np.testing.assert_array_equal(taken[at.slip_displacement], numbers[at.slip_displacement])
@@ -93,7 +93,7 @@ def test_taking_over_changes_nothing_but_the_contact() -> None:
     assert not taken[at.slip_velocity].any()
     model = pin.buildModelFromXML(urdf_text())
     alone = pin.nonLinearEffects(model, model.createData(), numbers[at.position], numbers[at.velocity])
-    np.testing.assert_allclose(loose.holding_effort(numbers[at.position], 0.0, 0.0), alone, atol=1e-8)
+    np.testing.assert_allclose(loose.holding_effort(0, numbers[at.position], 0.0, 0.0), alone, atol=1e-8)
 
 
 def test_a_reset_puts_the_object_back_to_the_last_bit() -> None:
@@ -118,12 +118,12 @@ def test_a_grip_that_comes_back_does_not_catch_it() -> None:
 
 
 def test_the_session_tells_when_in_the_time_of_the_run() -> None:
-    session = BridgeSession(scenario_params(), urdf_text())
+    session = BridgeSession({"": scenario_params()}, {"": urdf_text()})
     session.start_at(5_000_000_000)
-    session.advance(None)
+    session.advance([None])
     assert session.lost is None
-    session.set_grip_force(0.0)
-    session.advance(None)
+    session.set_grip_force(0, 0.0)
+    session.advance([None])
     assert session.lost is not None
     assert str(session.lost) == "LOST at 0.001 s: the object is lost: the grip is zero"
 

@@ -12,17 +12,17 @@ from slip_core.errors import InputError
 from slip_core.params import build
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.plant.implicit import build_model
 from slip_sim_bridge.plant.model import OBJECT, PAD, add_scenery
-from slip_sim_bridge.simulation import GraspSimulation
+from slip_sim_bridge.plant.rigid import build_model
 from test.support.every import every
+from test.unit.bridge.one_arm import OneArm
 
 JOINTS = [f"arm_joint{i}" for i in range(1, 8)]
 
 
 def fails(urdf=None, **values) -> str:
     with pytest.raises(InputError) as caught:
-        GraspSimulation(build(BridgeParams, values, "test"), urdf or urdf_text())
+        OneArm(build(BridgeParams, values, "test"), urdf or urdf_text())
     line = str(caught.value)
     assert "\n" not in line
     assert caught.value.exit_code == 2
@@ -139,7 +139,7 @@ def test_unphysical_link():
         ("friction.mu_s", 0.1, "mu_s"),
         ("grip.force", -1.0, "grip.force"),
         ("grip.force", float("nan"), "grip.force"),
-        ("backend", "none", "backend"),
+        ("plant", "none", "plant"),
         ("substeps", 1000, "substeps"),
         ("grip.strength", 1.0, "grip.force"),
     ],

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from slip_core.params import build
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.plant.implicit import build_model
 from slip_sim_bridge.plant.model import arm_spec, compile_spec
+from slip_sim_bridge.plant.rigid import build_model
 from test.referees.grasp_twin import LWA, GraspTwin
 from test.support.every import every
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slip_core.errors import InputError
 from slip_sim_bridge.params import BridgeParams
 from test.unit.bridge.scenes import scene
 
@@ -42,10 +41,10 @@ def test_a_push_on_a_joint_moves_it_as_the_hold_allows() -> None:
     simulation = scene("paper_planar", grip__force=40.0)
     start = simulation.observe().joint.position
     stiffness = simulation.params.hold.stiffness
-    at_rest = simulation.plant.holding_effort(start, 0.0, 0.0)
+    at_rest = simulation.holding_effort(start, 0.0, 0.0)
     target = start.copy()
     target[3] += TURN
-    simulation.push(STILL, simulation.plant.holding_effort(target, stiffness, 0.0) - at_rest)
+    simulation.push(STILL, simulation.holding_effort(target, stiffness, 0.0) - at_rest)
     for _ in range(SETTLED):
         simulation.step(None)
     moved = simulation.observe().joint.position - start
@@ -61,11 +60,6 @@ def test_no_push_changes_no_bit() -> None:
         pushed.step(None)
         plain.step(None)
     assert pushed.observe().numbers.tobytes() == plain.observe().numbers.tobytes()
-
-
-def test_a_backend_that_cannot_be_pushed_says_so() -> None:
-    with pytest.raises(InputError, match="backend implicit"):
-        scene("paper_planar", backend="native").push(np.ones(6), NONE)
 
 
 def test_a_push_on_other_joints_is_refused() -> None:

@@ -35,15 +35,15 @@ def state_of(simulation):
     )
 
 
-@pytest.mark.parametrize("backend", ["implicit", "native"])
-def test_holds_until_the_first_command(backend):
-    simulation = scene(backend=backend)
+@pytest.mark.parametrize("plant", ["rigid", "native"])
+def test_holds_until_the_first_command(plant):
+    simulation = scene(plant=plant)
     start = simulation.observe().joint
-    for _ in range(2000 if backend == "implicit" else 50):
+    for _ in range(2000 if plant == "rigid" else 50):
         simulation.step(None)
         assert simulation.holding
     end = simulation.observe().joint
-    tolerance = STILL if backend == "implicit" else 1e-4  # native contacts are soft
+    tolerance = STILL if plant == "rigid" else 1e-4  # native contacts are soft
     np.testing.assert_allclose(end.position, start.position, rtol=0, atol=tolerance)
     assert np.abs(simulation.observe().truth.slip_displacement).max() < tolerance
 
@@ -97,8 +97,8 @@ def test_applied_effort_accelerates_the_arm_as_the_mass_matrix_says():
     simulation = scene(grip__force=50.0)
     hold, extra = simulation.observe().joint.effort, np.array([1.0, -2.0, 0.5, 1.0, -0.3, 0.2, 0.1])
     simulation.step(hold + extra)
-    unit = simulation.plant.holding_effort(simulation.observe().joint.position, 0.0, -1.0)  # bias + M qd
-    idle = simulation.plant.holding_effort(simulation.observe().joint.position, 0.0, 0.0)
+    unit = simulation.holding_effort(simulation.observe().joint.position, 0.0, -1.0)  # bias + M qd
+    idle = simulation.holding_effort(simulation.observe().joint.position, 0.0, 0.0)
     np.testing.assert_allclose(unit - idle, 1e-3 * extra, rtol=0, atol=1e-5)  # M qd = dt extra
 
 
@@ -213,7 +213,7 @@ def test_divergence_is_an_error_until_reset():
 
 @pytest.mark.parametrize("raising", ["advance", "holding_effort"])
 def test_a_diverged_simulation_does_not_forget_it(raising, monkeypatch):
-    """Also where the backend would go on as if nothing had happened."""
+    """Also where the plant would go on as if nothing had happened."""
     simulation = scene()
 
     def diverges(*_):

@@ -200,7 +200,7 @@ def test_the_slipping_scenario_slips_and_the_other_sticks() -> None:
         step = cost.holding_bridge(scenario)
         for _ in range(50):
             step.advance(None)
-        speed = max(abs(step.simulation.observe().slip.twist))
+        speed = max(abs(step.simulation.observe(0).slip.twist))
         assert (speed > 1e-3) == slips
 
 
@@ -210,7 +210,7 @@ def test_the_sliding_object_is_put_back_before_it_is_far_away() -> None:
     slips = []
     for _ in range(2 * cost.SLIDE_TICKS + 10):
         step()
-        slips.append(max(abs(bridge.simulation.observe().truth.slip_displacement[:3])))
+        slips.append(max(abs(bridge.simulation.observe(0).truth.slip_displacement[:3])))
     assert max(slips) > 0.005
     assert max(slips) < 0.1
     assert slips[-1] < 0.01 * max(slips)

@@ -32,11 +32,11 @@ def _effort_of_a_posture_beside(system: Loop) -> np.ndarray:
     """Return by how much the effort changes in the next cycles with a posture that is 1 mrad off at joint 2."""
     loop, posture = system.loop, system.loop.controller.state.hold.posture
     before = loop.control(loop.observe()).command
-    loop.bridge.advance(before)
+    loop.bridge.advance([before])
     posture[1] += 1e-3
     for _ in range(3):  # the rate limit
         after = loop.control(loop.observe()).command
-        loop.bridge.advance(after)
+        loop.bridge.advance([after])
     posture[1] -= 1e-3
     system.listen(0.05)
     return after.effort - before.effort

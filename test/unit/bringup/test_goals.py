@@ -53,7 +53,7 @@ class Run:
             self.lines += listener.changes()
             self.slip_m = max(self.slip_m, float(np.linalg.norm(outputs.truth.slip_displacement[:3])))
             self.load = max(self.load, float(record.governor.load_ratio))
-            loop.bridge.advance(self.result.command)
+            loop.bridge.advance([self.result.command])
 
     def give(self, displacement, turn, duration_s: float) -> None:
         x, R, _ = self.references[0]

@@ -30,10 +30,10 @@ def run(scenario: str, *assignments: str, seconds: float):
         result = loop.control(outputs)
         governor = result.record.governor
         slip = max(slip, float(np.linalg.norm(outputs.truth.slip_displacement[:3])))
-        grips.append((result.grip, float(governor.grip_force), loop.bridge.simulation.grip_force))
+        grips.append((result.grip, float(governor.grip_force), loop.bridge.simulation.arms[0].gripper.force))
         loads.append(float(governor.load_ratio))
-        loop.bridge.advance(result.command)
-        loop.bridge.set_grip_force(result.grip)
+        loop.bridge.advance([result.command])
+        loop.bridge.set_grip_force(0, result.grip)
     return slip, result, np.array(grips), np.array(loads)
 
 

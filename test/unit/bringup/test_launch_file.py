@@ -15,9 +15,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from slip_core.arms import model_of_arms
 from slip_core.errors import InputError
 from slip_core.params import ParameterModel, build, flatten
-from slip_sim_bridge.pair.params import PairParams
+from slip_sim_bridge.params import BridgeParams
 from slip_vic.pair.scenario import load_pair
 from slip_vic.run.launcher import Launcher
 from slip_vic.run.node_command import LaunchPlan, launch_plan, run_parameters
@@ -28,7 +29,7 @@ from slip_vic_controller.parameters.team_params import TeamParams
 SRC = Path(__file__).parents[3] / "src"
 FILES = sorted((SRC / "slip_vic" / "launch").glob("*.launch.py"))
 ONE_ARM = {name: model for name, (_, model) in NODES.items()}
-TWO_ARMS = {"controller": TeamParams, "bridge": PairParams}
+TWO_ARMS = {"controller": TeamParams, "bridge": model_of_arms(BridgeParams, ("left", "right"))}
 # What launch and launch_ros of Jazzy offer (docs.ros.org); look a name up before adding it.
 LAUNCH_API = {
     "launch": {"LaunchContext", "LaunchDescription"},
@@ -112,8 +113,7 @@ def test_everything_it_names_exists() -> None:
 @pytest.mark.parametrize(
     ("before", "after", "what"),
     [
-        ('else "slip_sim_bridge_node"', 'else "slip_bridge"', "executable slip_bridge of slip_sim_bridge"),
-        ('"slip_sim_bridge_two_arms_node"', '"slip_bridges"', "executable slip_bridges of slip_sim_bridge"),
+        ('"slip_sim_bridge_node"', '"slip_bridge"', "executable slip_bridge of slip_sim_bridge"),
         ('package="slip_sim_bridge"', 'package="slip_bridge"', "package slip_bridge"),
         ("import launch_plan", "import launch_plans", "import slip_vic.run.node_command.launch_plans"),
         ("import matches_action", "import matches_node", "import launch.events.matches_node"),

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from slip_core.params import build
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.simulation import GraspSimulation
 from slip_vic.scenarios import scenario_names, scenario_text
 from slip_vic_controller.params import ControllerParams
+from test.unit.bridge.one_arm import OneArm
 
 NAMES = ["glass_transport", "paper_planar", "vertical_plane"]
 # What the files say of their paths: distance to joint limits [rad], smallest singular value of J.
@@ -79,7 +79,7 @@ def test_paper_planar_has_the_paper_gains_where_the_pads_slip():
 @pytest.mark.parametrize(("name", "normal_world"), [(n, (1, 0, 0) if "vert" in n else (0, 0, 1)) for n in NAMES])
 def test_object_starts_on_world_axes_with_the_pads_normal_as_described(name, normal_world):
     params = bridge_params(name)
-    truth = GraspSimulation(params, urdf_text()).observe().truth
+    truth = OneArm(params, urdf_text()).observe().truth
     np.testing.assert_allclose(truth.rotation, np.eye(3), rtol=0, atol=ROUNDING)
     o_R_p = Rotation.from_quat(params.contacts.orientation_xyzw[:4]).as_matrix()
     np.testing.assert_allclose(truth.rotation @ o_R_p[:, 2], normal_world, rtol=0, atol=ROUNDING)
@@ -87,7 +87,7 @@ def test_object_starts_on_world_axes_with_the_pads_normal_as_described(name, nor
 
 @pytest.mark.parametrize("name", NAMES)
 def test_grip_holds_at_rest(name):
-    simulation = GraspSimulation(bridge_params(name), urdf_text())
+    simulation = OneArm(bridge_params(name), urdf_text())
     friction, grip = simulation.params.friction, simulation.params.grip.force
     h = simulation.observe().wrench.wrench[[0, 1, 5]] / [1.0, 1.0, friction.torsional_radius]
     load = np.linalg.norm(h) / (friction.mu_s * grip)

@@ -10,7 +10,7 @@ from slip_core.compiled import part
 from slip_core.records import REAL, layout, new, record
 from slip_core.vectors import Vec
 from slip_sim_bridge.friction.limit_surface import projection
-from slip_sim_bridge.plant import grasp_step, implicit
+from slip_sim_bridge.plant import rigid, rigid_step
 from test.unit.bridge.grasp_cases import friction_used, grasp, slip_speed
 
 
@@ -50,9 +50,9 @@ def test_a_law_from_outside_is_all_that_the_step_needs(monkeypatch):
     module = type(pytest)("weakening")  # a law is a module
     for name in ("LAYOUT", "STATEFUL", "limit", "steepest_fall", "solve"):
         setattr(module, name, getattr(Weakening, name))
-    monkeypatch.setattr(grasp_step, "kernel", lambda signature: njit(signature, error_model="numpy"))  # not kept
-    monkeypatch.setattr(implicit, "grasp_step", grasp_step.grasp_step.__wrapped__)
-    monkeypatch.setattr(implicit, "friction_law", lambda params: (module, parameters))
+    monkeypatch.setattr(rigid_step, "kernel", lambda signature: njit(signature, error_model="numpy"))  # not kept
+    monkeypatch.setattr(rigid, "rigid_step", rigid_step.rigid_step.__wrapped__)
+    monkeypatch.setattr(rigid, "friction_law", lambda params: (module, parameters))
 
     simulation = grasp(gravity_on_pad=(1.0, 0.3, 0.0), offset=(0.02, 0.01, 0.0), grip=60.0, substeps=1)
     for _ in range(20):

@@ -39,13 +39,13 @@ def efforts(loaded: Scenario, wrench=lambda sample, R: sample, command=lambda lo
     loop, found = ClosedLoop(loaded), []
     while not loop.bridge.finished:
         outputs = loop.observe()
-        loop.controller.controller.robot.terms(outputs.joint.position, outputs.joint.velocity, ARM)
+        loop.controller.controller.robot.terms(outputs.arms[0].joint.position, outputs.arms[0].joint.velocity, ARM)
         R = ARM[_ROTATION].reshape(3, 3)
-        wrenches = tuple(wrench(sample, R) for sample in outputs.wrenches[0])
+        wrenches = tuple(wrench(sample, R) for sample in outputs.arms[0].wrenches)
         result = loop.control(outputs._replace(wrenches=(wrenches,)))
         answer = command(loop, result)
         found.append(np.array(answer.effort))
-        loop.bridge.advance(answer)
+        loop.bridge.advance([answer])
     return np.array(found)
 
 

@@ -50,7 +50,7 @@ def with_value(info: ParameterInfo, value: float) -> Any:
 @pytest.fixture(scope="module")
 def bridge() -> tuple[Any, BridgeSession]:
     scenario = load_scenario("paper_planar")
-    return scenario, BridgeSession(scenario.bridge, scenario.urdf)
+    return scenario, scenario.bridge_session()
 
 
 def run_loop(bridge: BridgeSession, controller: Controller) -> None:
@@ -60,19 +60,19 @@ def run_loop(bridge: BridgeSession, controller: Controller) -> None:
     counts = np.zeros(2, np.int64)
     for _ in range(CYCLES):
         tick = bridge.observe()
-        for wrench in tick.wrenches[0]:
+        for wrench in tick.arms[0].wrenches:
             session.add_wrench(0, wrench)
-        for slip in tick.slips[0]:
+        for slip in tick.arms[0].slips:
             session.add_slip(0, slip)
-        session.add_joint(tick.joint)
-        counts += len(tick.wrenches[0]), len(tick.slips[0])
+        session.add_joint(tick.arms[0].joint)
+        counts += len(tick.arms[0].wrenches), len(tick.arms[0].slips)
         session.add_manifest(Manifest(tick.tick, tick.stamp_ns, (int(counts[0]),), (int(counts[1]),)))
         result = session.cycle()
         assert result is not None
         effort = result.command.effort
         assert np.isfinite(effort).all()
         assert (np.abs(effort) <= controller.robot.effort_limit[: len(effort)]).all()
-        bridge.advance(result.command)
+        bridge.advance([result.command])
 
 
 def outcome(values: dict[str, Any], scenario: Any, bridge: BridgeSession) -> str:

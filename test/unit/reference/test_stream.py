@@ -66,7 +66,7 @@ class Streamed:
             self.modes.add(result.mode)
             self.slip_m = max(self.slip_m, float(np.linalg.norm(outputs.truth.slip_displacement[:3])))
             self.load = max(self.load, float(governor.load_ratio))
-            loop.bridge.advance(result.command)
+            loop.bridge.advance([result.command])
         self.poses, self.twists = np.array(self.poses), np.array(self.twists)
 
 

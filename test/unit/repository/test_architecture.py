@@ -91,7 +91,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_vic_controller.team.main": {"slip_vic_controller.team.node"},
     "slip_vic_controller.team.node": {"slip_vic_controller"},
     "slip_sim_bridge.friction": {"slip_sim_bridge.friction"},
-    "slip_sim_bridge.plant": {f"slip_sim_bridge.{part}" for part in ("plant", "friction", "params", "pair.params")},
+    "slip_sim_bridge.plant": {f"slip_sim_bridge.{part}" for part in ("plant", "friction", "params")},
     "slip_sim_bridge.sensors": {"slip_sim_bridge.sensors", "slip_sim_bridge.params"},
 }
 

@@ -98,9 +98,8 @@ def as_of_one_arm(path: str) -> str:
     topic = max((name for name in TWO_ARMS if re.match(rf"/{re.escape(name)}[/.\[]", path)), key=len, default="")
     assert topic, path
     rest = path[len(topic) + 1 :]
-    if topic.startswith(("left/", "right/")):
-        return f"/{topic.partition('/')[2]}{rest}"
-    return f"/wrench{rest}" if TOPICS[topic].two_arms else path
+    name = topic.removeprefix("left/").removeprefix("right/")
+    return f"/wrench{rest}" if TOPICS[name].several else f"/{name}{rest}"
 
 
 def test_layouts_of_two_arms_name_what_is_recorded(bag: Bag) -> None:
@@ -128,7 +127,7 @@ def test_the_check_sees_what_is_not_there(bag: Bag) -> None:
     assert not plotjuggler_has(bag, "/effort_command/arm_joint8/effort")
     assert not foxglove_has(bag, "/slip_truth.position[6]")
     assert not foxglove_has(bag, "/slip_truth.positions[0]")
-    assert not plotjuggler_has(bag, as_of_one_arm("/object/internal_wrench_left/wrench/force/w"))
+    assert not plotjuggler_has(bag, as_of_one_arm("/left/internal_wrench/wrench/force/w"))
     assert not foxglove_has(bag, as_of_one_arm("/left/slip_truth.position[6]"))
     with pytest.raises(AssertionError):
         as_of_one_arm("/middle/slip_truth.position[0]")

@@ -24,13 +24,13 @@ def run(late_s: float) -> list[CycleResult]:
         now_ns = STEADY_NS + tick * PERIOD_NS
         outputs = bridge.observe()
         deliver(controller, outputs, now_ns)
-        way.append(outputs.joint)
+        way.append(outputs.arms[0].joint)
         if len(way) > round(late_s / PERIOD_S):
             controller.add_joint(way.pop(0), now_ns)
             result = controller.cycle(now_ns)
             assert result is not None
             results.append(result)
-        bridge.advance(None)
+        bridge.advance([None])
     return results
 
 

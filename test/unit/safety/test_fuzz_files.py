@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 
 from slip_core.errors import InputError, SlipVicError
 from slip_core.params import ParameterModel, build, flat_names, flatten, parameter_infos, parse_assignment
-from slip_sim_bridge.simulation import GraspSimulation
 from slip_vic.scenarios import scenario_names, scenario_text
 from slip_vic.scenarios.scenario import NODES, Scenario, load_scenario
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.session import Controller
+from test.unit.bridge.one_arm import OneArm
 
 MANY = settings(max_examples=60)
 SETTINGS = settings(max_examples=40)
@@ -90,7 +90,7 @@ def test_numbers_that_are_accepted_make_a_law_and_a_simulation(
     for (node, name), value in changes:
         before = flats[node][name]
         flats[node][name] = [value] * len(before) if isinstance(before, list) else value
-    for node, make in (("controller", make_controller), ("bridge", GraspSimulation)):
+    for node, make in (("controller", make_controller), ("bridge", OneArm)):
         params = one_line(lambda node=node: build(MODELS[node], flats[node], "fuzz"))
         if params is not None:
             one_line(lambda make=make, params=params: make(params, scenario.urdf))
@@ -184,7 +184,7 @@ def test_urdf_texts(scenario: Scenario, seed: int, count: int) -> None:
     text = mutated_text(scenario.urdf, seed, count)
     controller = scenario.controller
     one_line(lambda: Robot(text, controller.ee_frame, controller.joint_names))
-    one_line(lambda: GraspSimulation(scenario.bridge, text))
+    one_line(lambda: OneArm(scenario.bridge, text))
 
 
 @given(text=st.one_of(st.text(max_size=60), st.just("<robot name='x'/>"), st.just("<robot/>"), st.just("<a>" * 500)))
@@ -192,4 +192,4 @@ def test_urdf_texts(scenario: Scenario, seed: int, count: int) -> None:
 def test_urdf_of_anything(scenario: Scenario, text: str) -> None:
     controller = scenario.controller
     one_line(lambda: Robot(text, controller.ee_frame, controller.joint_names))
-    one_line(lambda: GraspSimulation(scenario.bridge, text))
+    one_line(lambda: OneArm(scenario.bridge, text))

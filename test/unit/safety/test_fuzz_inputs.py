@@ -19,7 +19,6 @@ from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_msgs_py.fast_io import Receiver
 from slip_msgs_py.messages import from_msgs, to_msgs
 from slip_msgs_py.qos import message_class
-from slip_sim_bridge.session import BridgeSession
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session import Controller, ControllerSession, Manifest
 from test.campaigns.faults.monitors import CommandMonitor, Promise
@@ -215,7 +214,7 @@ def test_session_never_raises_and_keeps_the_promise(first_bad: bool, sequence: l
 def _run(
     scenario: Any, law: Controller, monitor: CommandMonitor, first_bad: bool, sequence: list[tuple[str, Any, int]]
 ) -> None:
-    bridge = BridgeSession(scenario.bridge, scenario.urdf)
+    bridge = scenario.bridge_session()
     bridge.start_at(1000 * NS)
     session = ControllerSession(law)
     now_ns = 5 * NS
@@ -223,7 +222,7 @@ def _run(
     for kind, values, passed in [*bad_first, *sequence, ("good", None, 0), ("good", None, 0)]:
         now_ns += round(1e9 * PERIOD_S) + (max(passed, 0) if kind == "pause" else 0)
         outputs = bridge.observe()
-        joint = outputs.joint
+        joint = outputs.arms[0].joint
         wild7 = np.zeros(7) if values is None else values
         stamp_ns = joint.stamp_ns + (0 if values is None else passed)
         if kind == "joint":
@@ -234,9 +233,9 @@ def _run(
             session.add_slip(0, from_msgs.slip_sample(stamp_ns, wild7[:6]), now_ns)
         elif kind == "request":
             session.request(Request(abs(passed) % 4))
-        for wrench in outputs.wrenches[0]:
+        for wrench in outputs.arms[0].wrenches:
             session.add_wrench(0, wrench, now_ns)
-        for slip in outputs.slips[0]:
+        for slip in outputs.arms[0].slips:
             session.add_slip(0, slip, now_ns)
         session.add_joint(joint, now_ns)
         results = [session.cycle(now_ns)] if kind != "watchdog" else []
@@ -244,5 +243,5 @@ def _run(
         for result in results:
             if result is not None:
                 monitor.take(now_ns, result.command.effort, partial(starts_of, session, joint))
-        bridge.advance(None)
+        bridge.advance([None])
     assert monitor.violations == []

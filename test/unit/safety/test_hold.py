@@ -282,11 +282,11 @@ def hold_in_motion(name: str, rate_hz: float, delay_s: float, behind_s: float = 
             assert controller.mode.follows
             controller.set_publishers({}, 2)
         if tick >= rested:
-            fastest = max(fastest, float(np.abs(outputs.joint.velocity).max()))
+            fastest = max(fastest, float(np.abs(outputs.arms[0].joint.velocity).max()))
         slip = max(slip, float(np.abs(outputs.truth.slip_displacement[:3]).max()))
         while len(way) > (delay if tick >= stopped else 0):
             command = answered_outputs(controller, way.popleft(), now_ns).command
-        bridge.advance(command)
+        bridge.advance([command])
     assert controller.mode == Mode.FAULT
     assert controller.reason == "effort command is published by somebody else too"
     return fastest, slip
@@ -319,9 +319,9 @@ def test_the_arm_rests_though_the_object_seems_to_have_slid_metres_away() -> Non
             if tick == 60:
                 controller.state.law.slips[0].position[:] = 2.02, -1.33, 0.0
                 controller.set_publishers({"wrench": 2}, 1)
-            bridge.advance(answered_outputs(controller, outputs, STEADY_NS + tick * 4 * MS).command)
+            bridge.advance([answered_outputs(controller, outputs, STEADY_NS + tick * 4 * MS).command])
         assert controller.mode == Mode.HOLD, name
-        assert np.abs(outputs.joint.velocity).max() < REST_RAD_S, name
+        assert np.abs(outputs.arms[0].joint.velocity).max() < REST_RAD_S, name
 
 
 def test_later_joint_states_get_softer_gains() -> None:
@@ -348,7 +348,7 @@ def test_late_joint_states_end_the_law_where_that_is_asked_for() -> None:
         for tick in range(120):
             behind_ns = 20 * MS if 50 <= tick < 70 else 0
             results.append(answered_outputs(controller, bridge.observe(), STEADY_NS + tick * 4 * MS + behind_ns))
-            bridge.advance(results[-1].command)
+            bridge.advance([results[-1].command])
         assert results[49].mode == Mode.ACTIVE
         assert results[60].mode == expected
         assert ("joint state is late" in results[60].reason) == (late_s > 0.0)

@@ -39,7 +39,7 @@ class Loop:
         """Deliver all samples but the joint state, which is returned."""
         outputs = self.bridge.observe()
         deliver(self.controller, outputs, self.now_ns)
-        return outputs.joint
+        return outputs.arms[0].joint
 
     def cycle(self, joint: JointSample) -> np.ndarray:
         """Answer a joint state, advance the bridge, and return the effort."""
@@ -47,7 +47,7 @@ class Loop:
         self.fault = Fault(self.controller.state.joint.pending_fault)
         result = self.controller.cycle(self.now_ns)
         assert result is not None
-        self.bridge.advance(result.command)
+        self.bridge.advance([result.command])
         self.now_ns += round(1e9 * PERIOD_S)
         return result.command.effort
 
@@ -64,7 +64,7 @@ def test_restart_in_motion_makes_no_step() -> None:
     before = loop.run(150)
     joint = loop.observe()
     assert np.abs(joint.velocity).max() > 0.05, "the arm must move for this test to mean something"
-    loop.bridge.advance(None)
+    loop.bridge.advance([None])
     loop.controller = ControllerSession(loop.law)
     efforts = []
     for _ in range(50):
@@ -152,14 +152,17 @@ def test_a_source_that_starts_anew_begins_a_new_trajectory_without_a_step() -> N
     modes = []
     for _ in range(60):
         outputs = loop.bridge.observe()
-        for add, samples in ((loop.controller.add_wrench, outputs.wrenches), (loop.controller.add_slip, outputs.slips)):
-            for sample in samples[0]:
+        for add, samples in (
+            (loop.controller.add_wrench, outputs.arms[0].wrenches),
+            (loop.controller.add_slip, outputs.arms[0].slips),
+        ):
+            for sample in samples:
                 add(0, dataclasses.replace(sample, stamp_ns=sample.stamp_ns - back_ns), loop.now_ns)
-        joint = dataclasses.replace(outputs.joint, stamp_ns=outputs.joint.stamp_ns - back_ns)
+        joint = dataclasses.replace(outputs.arms[0].joint, stamp_ns=outputs.arms[0].joint.stamp_ns - back_ns)
         loop.controller.add_joint(joint, loop.now_ns)
         result = loop.controller.cycle(loop.now_ns)
         command = None if result is None else result.command
-        loop.bridge.advance(command and EffortCommand(command.stamp_ns + back_ns, command.effort))
+        loop.bridge.advance([command and EffortCommand(command.stamp_ns + back_ns, command.effort)])
         loop.now_ns += round(1e9 * PERIOD_S)
         if result is not None and len(result.command.effort):
             assert np.abs(result.command.effort - last).max() <= 5 * STEP
@@ -174,7 +177,7 @@ def test_a_source_that_starts_anew_begins_a_new_trajectory_without_a_step() -> N
 def test_until_everything_was_seen_there_is_no_effort() -> None:
     loop = Loop()
     outputs = loop.bridge.observe()
-    loop.controller.add_joint(outputs.joint, loop.now_ns)
+    loop.controller.add_joint(outputs.arms[0].joint, loop.now_ns)
     result = loop.controller.cycle(loop.now_ns)
     assert result is not None
     assert result.command.effort.size == 0
@@ -182,7 +185,7 @@ def test_until_everything_was_seen_there_is_no_effort() -> None:
     assert not loop.controller.begun
     loop.controller.set_active(False)
     deliver(loop.controller, outputs, loop.now_ns)
-    result = loop.controller.answer(outputs.joint, Fault.NONE, loop.now_ns, 1, None)
+    result = loop.controller.answer(outputs.arms[0].joint, Fault.NONE, loop.now_ns, 1, None)
     assert (result.mode, result.reason) == (Mode.WAITING_INPUT, "waits for activation")
 
 

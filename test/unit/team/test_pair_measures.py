@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slip_sim_bridge.pair.internal import internal_wrenches
+from slip_sim_bridge.internal import internal_wrenches
 from slip_vic.pair.measures import COLUMNS, LOST_SLIP_M, judge
 from slip_vic.pair.picture import write_series
 from slip_vic.pair.scenario import load_pair

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from slip_core.arrays import matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.types import CartesianReference, JointSample
-from slip_sim_bridge.pair.internal import internal_wrenches
+from slip_sim_bridge.internal import internal_wrenches
 from slip_vic.pair.inprocess import TeamLoop, TeamTick, run_pair
 from slip_vic.pair.scenario import LAWS, Mismatch, PairScenario, load_pair
 from slip_vic.pair.study import draw
@@ -27,17 +27,18 @@ Spoil = Callable[[int, JointSample], JointSample]
 def ticks(loop: TeamLoop, count: int, spoil: Spoil | None = None) -> Iterator[TeamTick]:
     """Run a loop for some ticks; `spoil` changes the joint state of the left arm by the number of the tick."""
     for k in range(count):
-        outputs = loop.simulation.observe()
+        outputs = loop.bridge.observe()
         if spoil is not None:
-            outputs = outputs._replace(joints=(spoil(k, outputs.joints[0]), outputs.joints[1]))
+            left, right = outputs.arms
+            outputs = outputs._replace(arms=(left._replace(joint=spoil(k, left.joint)), right))
         results = loop.control(outputs)
         yield TeamTick(outputs, results)
-        loop.simulation.advance([result.command for result in results])
+        loop.bridge.advance([result.command for result in results])
 
 
 def slipped(loop: TeamLoop) -> list[float]:
     """Return how far each pad has slipped [m]."""
-    truths = [loop.simulation.truth(side).truth for side in range(2)]
+    truths = [loop.bridge.simulation.observe(side).truth for side in range(2)]
     return [float(np.linalg.norm(truth.slip_displacement[:3])) for truth in truths]
 
 
@@ -47,8 +48,8 @@ def not_finite(sample: JointSample) -> JointSample:
 
 def grasped(scenario: PairScenario, tick: TeamTick) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return where both pads are on the object and how they stand {w}: grasp and slip, without the pads' deflection."""
-    object_, places, attitudes = tick.outputs.readings[0].truth, [], []
-    for arm, reading in zip(scenario.bridge.arms, tick.outputs.readings, strict=True):
+    object_, places, attitudes = tick.outputs.truth, [], []
+    for arm, reading in zip(scenario.bridges.values(), [arm.readings for arm in tick.outputs.arms], strict=True):
         slip = reading.truth.slip_displacement
         R_p = object_.rotation @ matrix_from_quat_xyzw(arm.contacts.orientation_xyzw)
         places.append(object_.position + object_.rotation @ np.array(arm.contacts.position) + R_p @ slip[:3])
@@ -61,10 +62,12 @@ def test_perfect_sensors_show_the_true_internal_wrench() -> None:
         scenario = load_pair(name, assignments=(*SOON, "controller.trajectory.duration_s=0.8"))
         worst, largest = 0.0, 0.0
         for k, tick in enumerate(run_pair(scenario)):
-            wrenches = [reading.wrench.wrench for reading in tick.outputs.readings]
-            centre = tick.outputs.readings[0].truth.position
+            readings = [arm.readings for arm in tick.outputs.arms]
+            wrenches, centre = [reading.wrench.wrench for reading in readings], tick.outputs.truth.position
             _, true = internal_wrenches(wrenches, *grasped(scenario, tick), centre, 0.015)
-            _, bent = internal_wrenches(wrenches, *tick.outputs.pads, centre, 0.015)
+            _, bent = internal_wrenches(
+                wrenches, *zip(*(reading.pad for reading in readings), strict=True), centre, 0.015
+            )
             for side, result in enumerate(tick.results):
                 worst = max(worst, float(np.abs(result.record.law.h_int - true[side]).max()))
                 largest = max(largest, float(np.abs(bent[side] - true[side]).max()))
@@ -133,7 +136,7 @@ def test_a_slip_of_one_pad_is_known_to_both_and_over_for_both() -> None:
     left, right = (result.record.governor for result in list(ticks(loop, 150))[-1].results)
     assert left.load_commanded > 0.05
     assert right.load_commanded == pytest.approx(left.load_commanded, rel=0.1)  # what each learns friction from
-    now_ns = loop.simulation.stamp_ns
+    now_ns = loop.bridge.simulation.stamp_ns
     estimate = loop.team.sessions[1].state.governor.estimate
     estimate.slipping, estimate.slip_ns = 1, now_ns  # what a slip sample of the right pad leaves
     seen = [[result.record.governor.slipping for result in tick.results] for tick in ticks(loop, 100)]
@@ -228,10 +231,10 @@ def test_a_mismatch_is_in_the_world_alone() -> None:
     assert wrong.controllers[0] == plain.controllers[0]
     assert wrong.controllers[1].trajectory.start_s == pytest.approx(plain.controllers[1].trajectory.start_s + 0.01)
     assert wrong.controllers[1].object == plain.controllers[1].object
-    assert wrong.bridge.right.friction.mu_s == pytest.approx(0.435)
-    assert wrong.bridge.left.friction.mu_s == 0.5
-    assert wrong.bridge.left.object.mass == pytest.approx(1.1)
-    assert wrong.bridge.right_base.rotation[2] == pytest.approx(0.862)
+    assert wrong.bridges["right"].friction.mu_s == pytest.approx(0.435)
+    assert wrong.bridges["left"].friction.mu_s == 0.5
+    assert wrong.bridges["left"].object.mass == pytest.approx(1.1)
+    assert wrong.bridges["right"].base.rotation[2] == pytest.approx(0.862)
     for bad in ("mismatch.colour=1", "controller.nothing=1", "pad.hue=2"):
         with pytest.raises(InputError):
             load_pair(FLAT, assignments=[bad])
@@ -244,8 +247,8 @@ def test_a_drawn_world_depends_on_its_number_and_seed_and_is_small() -> None:
     assert draw(3, 1, (FLAT,)) != draw(4, 1, (FLAT,))
     for number in range(20):
         scenario = load_pair(FLAT, assignments=draw(number, 0, (FLAT,)).assignments)
-        assert 0.43 < scenario.bridge.right.friction.mu_s <= 0.5
-        assert Mismatch().mass * 0.9 <= scenario.bridge.left.object.mass <= 1.1
+        assert 0.43 < scenario.bridges["right"].friction.mu_s <= 0.5
+        assert Mismatch().mass * 0.9 <= scenario.bridges["left"].object.mass <= 1.1
 
 
 def test_an_arm_whose_source_starts_anew_lets_both_begin_their_path_here() -> None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from xml.etree import ElementTree
 
 from slip_core.files.urdf import base_of, parse_urdf
+from slip_core.grasp_params import BaseParams
 
 PLACED = "placed_base"
 
@@ -32,6 +33,11 @@ def placed_urdf(text: str, position: Sequence[float], rotation: Sequence[float])
     angles = " ".join(repr(x) for x in _roll_pitch_yaw(*rotation))
     ElementTree.SubElement(joint, "origin", xyz=numbers, rpy=angles)
     return ElementTree.tostring(robot, encoding="unicode")
+
+
+def on_base(text: str, base: BaseParams) -> str:
+    """Return a URDF whose root stands where a base is; the text itself where that is the origin."""
+    return placed_urdf(text, base.position, base.rotation) if any((*base.position, *base.rotation)) else text
 
 
 def _roll_pitch_yaw(x: float, y: float, z: float) -> tuple[float, float, float]:

@@ -7,7 +7,6 @@ step. A new law `x` is a file `friction/x.py` with what `FrictionLaw` asks for, 
 
 from __future__ import annotations
 
-import functools
 import importlib
 import typing
 from typing import TYPE_CHECKING, Any, Protocol, cast
@@ -67,18 +66,3 @@ def friction_law(params: FrictionParams) -> tuple[FrictionLaw, Array]:
     parameters = new(law.LAYOUT)
     law.fill(record(parameters, law.LAYOUT), params)
     return law, parameters
-
-
-@functools.cache
-def sliding_friction(law: FrictionLaw) -> Any:
-    """Compile F(parameters, speed [m/s], normal force [N]) [N] of steady sliding for a law."""
-    from slip_core.compiled import IN1, REAL, kernel
-    from slip_core.records import record
-
-    layout = law.LAYOUT
-
-    @kernel(REAL(IN1, REAL, REAL))
-    def friction(parameters: Array, speed: float, normal_force: float) -> float:
-        return law.limit(record(parameters, layout), speed, normal_force)[0]
-
-    return friction

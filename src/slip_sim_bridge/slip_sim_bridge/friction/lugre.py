@@ -16,6 +16,7 @@ Backward Euler gives z' = kappa (z + dt u) with one unknown kappa in (0, 1], 1 =
 from __future__ import annotations
 
 import math
+
 from slip_core.compiled import part
 from slip_core.records import Real, Record, dtype_of
 from slip_core.symmetric import Sym, with_diagonal

@@ -6,6 +6,7 @@ The viscous part is a force per speed, which does not scale with N.
 from __future__ import annotations
 
 import math
+
 from slip_core.compiled import part
 from slip_core.records import Real, Record, dtype_of
 from slip_core.symmetric import Sym

@@ -1,6 +1,6 @@
 """Physics of N arms that hold one object, behind one protocol; `Simulation` adds clock, holding, limits and loss.
 
-`rigid`: one pad that sticks exactly. `elastic`: any number of pads with stiffness. `loose`: what nothing holds any more.
+`rigid`: one pad that sticks exactly. `elastic`: any number of pads with stiffness. `loose`: nothing is held any more.
 """
 
 from __future__ import annotations

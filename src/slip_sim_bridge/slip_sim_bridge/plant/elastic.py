@@ -64,7 +64,10 @@ class ElasticPlant:
         self._laws = np.array([friction_law(arm.friction)[1] for arm in each])
         self._step = elastic_step(law)
         count, nv = len(each), model.nv
-        self._state, self._frames = np.zeros((count, ELASTIC_CONTACT.itemsize // 8)), np.zeros((count + 1, FRAME.itemsize // 8))
+        self._state, self._frames = (
+            np.zeros((count, ELASTIC_CONTACT.itemsize // 8)),
+            np.zeros((count + 1, FRAME.itemsize // 8)),
+        )
         self._rows, self._jacobians = np.zeros((6 * count, nv)), np.zeros((6 * count, nv))
         self._contacts: Records[ElasticContact] = records(self._state, ELASTIC_CONTACT)
         self._frame: Records[Frame] = records(self._frames, FRAME)
@@ -83,7 +86,7 @@ class ElasticPlant:
         self._sites = [model.site(name_of(name, PAD)).id for name in arms]
         self._tree = np.concatenate((model.M_rowadr, model.M_rownnz, model.M_colind)).astype(np.int64)
         self._sizes = [ReadOut(len(joints)).size for joints in names]
-        self._levers = [np.array(arm.contacts.position[:3]) for arm in each]
+        self._levers: list[Array] = []
         self._qpos: Array = data.qpos
         self._qvel: Array = data.qvel
         self._object_pose: Array = data.qpos[self._arms :]
@@ -112,7 +115,7 @@ class ElasticPlant:
         x_pad = [data.site_xpos[site].copy() for site in self._sites]
         R_o = R_pad[0] @ matrix_from_quat_xyzw(first.contacts.orientation_xyzw[:4]).T
         x_o = x_pad[0] - R_o @ np.array(first.contacts.position[:3])
-
+        self._levers = [R_o.T @ (x - x_o) for x in x_pad]
         # Static balance: the object moves by d until the pads carry its weight.
         K = np.zeros((6, 6))
         maps = [_as_seen_at(R, x - x_o) for R, x in zip(R_pad, x_pad, strict=True)]

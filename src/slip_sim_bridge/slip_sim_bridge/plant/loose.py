@@ -43,7 +43,9 @@ class LoosePlant:
         mujoco.mju_mat2Quat(data.qpos[n + 3 :], R_o)
         data.qvel[n : n + 3] = twist[:3]
         data.qvel[n + 3 :] = R_o.reshape(3, 3).T @ twist[3:]  # MuJoCo has it on the body's axes
-        self._slip_displacements = [each[at.slip_displacement].copy() for at, each in zip(self._at, numbers, strict=True)]
+        self._slip_displacements = [
+            each[at.slip_displacement].copy() for at, each in zip(self._at, numbers, strict=True)
+        ]
         mujoco.mj_step1(self.model, data)
 
     def advance(self, efforts: Array, _normal_forces: Array) -> None:

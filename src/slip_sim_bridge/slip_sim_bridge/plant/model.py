@@ -15,7 +15,6 @@ import numpy as np
 from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw, readonly
 from slip_core.errors import InputError
 from slip_core.files.urdf import usable_urdf
-from slip_core.grasp_params import BaseParams
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 
@@ -54,15 +53,6 @@ def arm_spec(params: BridgeParams, urdf_text: str) -> mujoco.MjSpec:
     return spec
 
 
-def on_base(spec: mujoco.MjSpec, base: BaseParams) -> mujoco.MjSpec:
-    """Return the model with its root at a pose in the world; the same one where that is the origin."""
-    if not any((*base.position, *base.rotation)):
-        return spec
-    whole = mujoco.MjSpec()
-    _attach(whole, spec, base, "")
-    return whole
-
-
 def free_object_model(arms: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> mujoco.MjModel:
     """Compile all arms, each on its base with a site `PAD` at its pad centre, and the free object, the last body.
 
@@ -75,7 +65,12 @@ def free_object_model(arms: Mapping[str, BridgeParams], urdfs: Mapping[str, str]
     for name, arm in arms.items():
         spec = arm_spec(arm, urdfs[name])
         spec.body(arm.ee_frame).add_site(name=PAD)
-        _attach(whole, spec, arm.base, name_of(name, ""))
+        turn, quaternion = np.array(arm.base.rotation), np.zeros(4)
+        angle = float(np.linalg.norm(turn))
+        mujoco.mju_axisAngle2Quat(quaternion, turn / angle if angle > 0.0 else np.array((1.0, 0.0, 0.0)), angle)
+        whole.option, whole.compiler = spec.option, spec.compiler
+        frame = whole.worldbody.add_frame(pos=np.array(arm.base.position), quat=quaternion)
+        whole.attach(spec, prefix=name_of(name, ""), frame=frame)
     whole.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     first = next(iter(arms.values())).object
     grasped, J = whole.worldbody.add_body(name=OBJECT), inertia_from_six(first.inertia)
@@ -87,15 +82,7 @@ def free_object_model(arms: Mapping[str, BridgeParams], urdfs: Mapping[str, str]
 
 def name_of(arm: str, name: str) -> str:
     """Return the name that a body, joint or site of an arm has in the model of all arms."""
-    return f"{arm}_{name}" if arm else name
-
-
-def _attach(whole: mujoco.MjSpec, spec: mujoco.MjSpec, base: BaseParams, prefix: str) -> None:
-    turn, quaternion = np.array(base.rotation), np.zeros(4)
-    angle = float(np.linalg.norm(turn))
-    mujoco.mju_axisAngle2Quat(quaternion, turn / angle if angle > 0.0 else np.array((1.0, 0.0, 0.0)), angle)
-    whole.option, whole.compiler = spec.option, spec.compiler
-    whole.attach(spec, prefix=prefix, frame=whole.worldbody.add_frame(pos=np.array(base.position), quat=quaternion))
+    return f"{arm or 'arm'}_{name}"
 
 
 def add_pad(spec: mujoco.MjSpec, ee_frame: str) -> mujoco.MjsBody:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.plant.implicit import build_model
 from slip_sim_bridge.plant.model import OBJECT
+from slip_sim_bridge.plant.rigid import build_model
 
 DISTANCE, AZIMUTH, ELEVATION = 1.7, 125.0, -28.0
 """Of the camera [m], [deg]."""

@@ -13,12 +13,12 @@ import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
+from slip_core.files.placed_urdf import on_base
 from slip_core.records import new, record
 from slip_sim_bridge.friction import friction_law, law_names
 from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import ReadOut
-
 from slip_sim_bridge.plant.model import (
     OBJECT,
     PAD,
@@ -28,7 +28,6 @@ from slip_sim_bridge.plant.model import (
     arm_spec,
     compile_spec,
     effort_limits,
-    on_base,
     push_object,
     sensor_address,
     set_object_inertia,
@@ -50,7 +49,7 @@ def build_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
 
     Relative coordinates make stick exact.
     """
-    spec = arm_spec(params, urdf_text)
+    spec = arm_spec(params, on_base(urdf_text, params.base))
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     pad = add_pad(spec, params.ee_frame)
     grasped = pad.add_body(name=OBJECT)
@@ -59,7 +58,7 @@ def build_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
     slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
     for name, kind, axis in zip(SLIP_JOINTS, (slide, slide, hinge), np.eye(3), strict=True):
         grasped.add_joint(name=name, type=kind, axis=axis)
-    return compile_spec(on_base(spec, params.base))
+    return compile_spec(spec)
 
 
 def compile_laws() -> None:
@@ -79,8 +78,8 @@ class RigidPlant:
     def __init__(self, arms: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> None:
         if len(arms) != 1:
             raise InputError(
-                "parameter plant", got=f"rigid with {len(arms)} arms", expected="elastic: rigid pads of several arms on "
-                "one object do not determine the forces by which they work against each other",
+                "parameter plant", got=f"rigid with {len(arms)} arms", expected="elastic: several rigid pads on one "
+                "object do not determine the forces by which they work against each other",
             )  # fmt: skip
         (params,), (urdf_text,) = arms.values(), urdfs.values()
         self.model = model = build_model(params, urdf_text)

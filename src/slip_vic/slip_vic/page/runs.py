@@ -192,7 +192,7 @@ def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array) -> Arm:
 
 def _internal(bag: Bag, arm: Topics, start_ns: int, times: Array) -> dict[str, Array]:
     """Return the series of what several arms do to each other: force in the slip plane, moment about the normal."""
-    topic = next((name for name in bag.topics if name.endswith(f"/object/internal_wrench_{arm.name}")), None)
+    topic = next((name for name in bag.topics if name.endswith(f"/{arm.name}/internal_wrench")), None)
     if topic is None or not bag.topics[topic].message_count:
         return {}
     wrench = _held(bag, topic, start_ns, times, _six_of("wrench.force", "wrench.torque"))

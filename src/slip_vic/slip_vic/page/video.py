@@ -83,4 +83,5 @@ def _bridge(path: Path) -> BridgeParams:
             raise InputError(f"bag {path}", got="no bridge.params.yaml", expected="a bag of `slip-vic run --record`")
         (node,) = read_yaml(bag.attachments["bridge.params.yaml"].decode()).values()
     values = flat_names(node["ros__parameters"])
+    values = {name: value for name, value in values.items() if is_name(BridgeParams, name)}  # of an older version
     return build(BridgeParams, values, f"bridge.params.yaml of {path}")

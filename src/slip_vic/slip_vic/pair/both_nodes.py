@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 
 from slip_msgs_py.node_main import run_node
-from slip_sim_bridge.pair.node import PairBridge
 from slip_vic.run.both_nodes import BothNodes
 from slip_vic_controller.team.node import TeamController
 
@@ -14,7 +13,6 @@ class BothTeamNodes(BothNodes):
     """The nodes of two arms."""
 
     CONTROLLER = TeamController
-    BRIDGE = PairBridge
 
 
 def main() -> int:

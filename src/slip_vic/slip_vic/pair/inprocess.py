@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.types import CartesianReference, EffortCommand
-from slip_sim_bridge.pair.simulation import PairSimulation, PairTick
+from slip_core.types import CartesianReference, EffortCommand, SlipSample
+from slip_sim_bridge.session import BridgeSession, TickOutputs
 from slip_vic.pair.scenario import PairScenario
 from slip_vic_controller.session import CycleResult, Manifest
 from slip_vic_controller.team.session import SIDES, TeamSession
@@ -20,7 +20,7 @@ from slip_vic_controller.team.session import SIDES, TeamSession
 class TeamTick:
     """What one tick exchanged, left first."""
 
-    outputs: PairTick
+    outputs: TickOutputs
     results: tuple[CycleResult, ...]
 
 
@@ -51,20 +51,21 @@ class TeamLoop:
     """Simulation and controller of a scenario, joined by function calls."""
 
     def __init__(self, scenario: PairScenario) -> None:
-        self.simulation: PairSimulation = scenario.simulation()
+        self.bridge: BridgeSession = scenario.bridge_session()
         self.team: TeamSession = scenario.team()
         self._leader = Leader(self.team) if scenario.leader else None
 
-    def control(self, outputs: PairTick) -> tuple[CycleResult, ...]:
+    def control(self, outputs: TickOutputs) -> tuple[CycleResult, ...]:
         """Return the controller's answer to a tick's outputs."""
         team = self.team
-        for side in range(len(SIDES)):
-            for wrench in outputs.wrenches[side]:
+        for side, arm in enumerate(outputs.arms):
+            for wrench in arm.wrenches:
                 team.add_wrench(side, wrench)
-            for slip in outputs.slips[side]:
+            for slip in arm.slips:
+                assert isinstance(slip, SlipSample), "slip_input of the team's arms is twist or flag"
                 team.add_slip(side, slip)
-        for side in range(len(SIDES)):
-            team.add_joint(side, outputs.joints[side])
+        for side, arm in enumerate(outputs.arms):
+            team.add_joint(side, arm.joint)
         team.add_manifest(Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2]))
         results = team.cycle()
         answered = tuple(result for result in results if result is not None)
@@ -83,9 +84,9 @@ def run_pair(scenario: PairScenario, late_ticks: int = 0) -> Iterator[TeamTick]:
     loop = TeamLoop(scenario)
     nothing: tuple[EffortCommand | None, ...] = (None, None)
     on_the_way = deque([nothing] * late_ticks)
-    while not loop.simulation.finished:
-        outputs = loop.simulation.observe()
+    while not loop.bridge.finished:
+        outputs = loop.bridge.observe()
         results = loop.control(outputs)
         yield TeamTick(outputs, results)
         on_the_way.append(tuple(result.command for result in results))
-        loop.simulation.advance(on_the_way.popleft())
+        loop.bridge.advance(on_the_way.popleft())

@@ -10,7 +10,7 @@ import numpy as np
 from rich.table import Table
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
-from slip_sim_bridge.pair.internal import internal_wrenches
+from slip_sim_bridge.internal import internal_wrenches
 from slip_sim_bridge.plant import DivergenceError
 from slip_vic.pair.inprocess import TeamTick, run_pair
 from slip_vic.pair.scenario import PairScenario
@@ -89,17 +89,17 @@ class _Watch:
         self._series = series
         left = scenario.controllers[0].contacts
         self._lever = matrix_from_quat_xyzw(left.orientation_xyzw[:4]).T @ np.array(left.position[:3])
-        self._arms = scenario.bridge.arms
-        self._radius = scenario.bridge.left.friction.torsional_radius
+        self._arms = tuple(scenario.bridges.values())
+        self._radius = self._arms[0].friction.torsional_radius
         self._sag: Array | None = None
-        self._steady_from = scenario.bridge.left.duration_s - SETTLE_S
+        self._steady_from = self._arms[0].duration_s - SETTLE_S
         self.outcome, self.reason = "ok", ""
         self.slip, self.load = [0.0, 0.0], [0.0, 0.0]
         self.internal = self.steady = self.path = 0.0
 
     def look(self, tick: TeamTick) -> None:
         """Take one tick in."""
-        now, readings = 1e-9 * tick.outputs.stamp_ns, tick.outputs.readings
+        now, readings = 1e-9 * tick.outputs.stamp_ns, [arm.readings for arm in tick.outputs.arms]
         truth = readings[0].truth
         slips, loads, off = [0.0, 0.0], [0.0, 0.0], 0.0
         for side, reading in enumerate(readings):
@@ -110,7 +110,7 @@ class _Watch:
             self.slip[side] = max(self.slip[side], slips[side])
             self.load[side] = max(self.load[side], loads[side])
         wrenches = [reading.wrench.wrench for reading in readings]
-        places, attitudes = tick.outputs.pads
+        places, attitudes = zip(*(reading.pad for reading in readings), strict=True)
         _, parts = internal_wrenches(wrenches, places, attitudes, truth.position, self._radius)
         size = max(float(np.linalg.norm(part[:2])) for part in parts)
         self.internal = max(self.internal, size)

@@ -14,9 +14,9 @@ from slip_bags.series import Series
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.incidents import Incident
-from slip_sim_bridge.pair.params import SIDES
 from slip_vic.pair.measures import LOST_PATH_M, LOST_SLIP_M, SETTLE_S, Judged
 from slip_vic.pair.scenario import PairScenario
+from slip_vic_controller.team.session import SIDES
 
 
 def judge_bag(
@@ -32,9 +32,7 @@ def judge_bag(
     with Bag(path) as bag:
         state = _series(bag, "object_state")
         slips = [_series(bag, f"{side}/slip_truth")["position"] for side in SIDES]
-        parts = [
-            _six(_series(bag, f"object/internal_wrench_{side}"), "wrench.force", "wrench.torque") for side in SIDES
-        ]
+        parts = [_six(_series(bag, f"{side}/internal_wrench"), "wrench.force", "wrench.torque") for side in SIDES]
         wrenches = [_six(_series(bag, f"{side}/wrench"), "wrench.force", "wrench.torque") for side in SIDES]
         loads = [_load(scenario, k, wrench, len(slips[k])) for k, wrench in enumerate(wrenches)]
         off = _off_path(scenario, state, _series(bag, "left/controller/reference_pose"))
@@ -58,7 +56,7 @@ def judge_bag(
 
 def _load(scenario: PairScenario, side: int, wrench: Array, count: int) -> Array:
     """Return the share of the friction limit that a pad carries; the newest wrench at each tick, (count,)."""
-    arm = scenario.bridge.arms[side]
+    arm = list(scenario.bridges.values())[side]
     h = wrench[np.minimum(np.arange(count), len(wrench) - 1)]
     size = np.sqrt(h[:, 0] ** 2 + h[:, 1] ** 2 + (h[:, 5] / arm.friction.torsional_radius) ** 2)
     return np.array(size / (arm.friction.mu_s * arm.grip.force))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from slip_core.arms import params_of_arms
 from slip_core.errors import UnknownName
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf_file import read_urdf
@@ -18,6 +19,7 @@ from slip_core.params import (
     ParameterModel,
     build,
     flat_names,
+    flatten,
     is_name,
     load_yaml,
     parameter,
@@ -25,8 +27,7 @@ from slip_core.params import (
     parse_assignment,
     validate,
 )
-from slip_sim_bridge.pair.params import SIDES, PadParams, PairParams
-from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.params import BridgeParams, PadParams
 from slip_vic.presets.sensors import load_sensor
 from slip_vic.scenarios import find_scenario, scenario_names, scenario_text
 from slip_vic.scenarios.scenario import BOUNDED, Mode, apply_sensor
@@ -35,8 +36,10 @@ from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.parameters.team_params import TeamParams
 
 if TYPE_CHECKING:
-    from slip_sim_bridge.pair.simulation import PairSimulation
+    from slip_sim_bridge.session import BridgeSession
     from slip_vic_controller.team.session import TeamSession
+
+SIDES = ("left", "right")
 
 Law = Literal["classical", "leader_follower", "classical_internal", "printed", "shared", "internal", "governed"]
 """Two classical controllers; the same where the right pad follows the left one instead of the path; the first with
@@ -104,7 +107,7 @@ class PairScenario:
     description: str
     text: str
     controllers: tuple[ControllerNodeParams, ...]
-    bridge: PairParams
+    bridges: dict[str, BridgeParams]
     believed: tuple[str, ...]
     """URDFs on the bases that the controllers believe in."""
     urdfs: tuple[str, ...]
@@ -116,7 +119,7 @@ class PairScenario:
     law: str = "internal"
     modules: ClassVar[dict[str, str]] = {
         "controller": "slip_vic_controller.team.main",
-        "bridge": "slip_sim_bridge.pair.main",
+        "bridge": "slip_sim_bridge.main",
         "both": "slip_vic.pair.both_nodes",
     }
     """What runs as a process."""
@@ -126,6 +129,16 @@ class PairScenario:
         """Parameters of the node that controls both."""
         left, right = self.controllers
         return TeamParams(left=left, right=right, left_base=self.bases[0], right_base=self.bases[1])
+
+    @property
+    def bridge(self) -> ParameterModel:
+        """Parameters of the bridge node."""
+        return params_of_arms(BridgeParams, self.bridges)
+
+    @property
+    def seed(self) -> int:
+        """Seed of the sensors' noise."""
+        return self.bridges[SIDES[0]].seed
 
     @property
     def arms(self) -> tuple[tuple[str, ControllerNodeParams], ...]:
@@ -144,24 +157,25 @@ class PairScenario:
             InputError: parameters and URDFs that do not fit.
         """
         self.team()
-        self.simulation()
+        self.bridge_session()
 
-    def run_parameters(self, peers: tuple[str, ...]) -> tuple[TeamParams, PairParams]:
+    def run_parameters(self, peers: tuple[str, ...]) -> tuple[TeamParams, ParameterModel]:
         """Return the parameters of both nodes for a run with these peers."""
-        controller, bridge = self.controller, self.bridge
+        controller = self.controller
         told = {"expected_subscribers": len(peers)}
         return (
             controller.model_copy(update={side: getattr(controller, side).model_copy(update=told) for side in SIDES}),
-            bridge.model_copy(
-                update={side: getattr(bridge, side).model_copy(update={"wait_for": peers}) for side in SIDES}
+            params_of_arms(
+                BridgeParams,
+                {side: arm.model_copy(update={"wait_for": peers}) for side, arm in self.bridges.items()},
             ),
         )
 
-    def simulation(self) -> PairSimulation:
-        """Return the simulated world."""
-        from slip_sim_bridge.pair.simulation import PairSimulation
+    def bridge_session(self) -> BridgeSession:
+        """Return simulation and sensors of a run."""
+        from slip_sim_bridge.session import BridgeSession
 
-        return PairSimulation(self.bridge, self.urdfs)
+        return BridgeSession(self.bridges, dict(zip(SIDES, self.urdfs, strict=True)))
 
     def team(self) -> TeamSession:
         """Return the controller of both arms, in lockstep."""
@@ -196,10 +210,12 @@ def load_pair(
     outer = validate(PairFile, read_yaml(text), origin)
     sides = {"left": outer.left, "right": outer.right}
     values = {side: _values(outer, sides, side, origin) for side in SIDES}
-    pad, mismatch = dict(outer.pad.model_dump()), dict(outer.mismatch.model_dump())
+    mismatch = dict(outer.mismatch.model_dump())
     for side in SIDES:
         node = values[side]
-        node["bridge"] |= {"duration_s": outer.duration_s, "seed": seed, "mode": mode}
+        node["bridge"] |= {"duration_s": outer.duration_s, "seed": seed, "mode": mode, "plant": "elastic"}
+        for group, model in (("pad", outer.pad), ("base", sides[side].base)):
+            node["bridge"] |= {f"{group}.{name}": value for name, value in flatten(model).items()}
         node["controller"]["mode"] = mode
         node["controller"]["controller"] = (
             "classical" if law.startswith("classical") or law == "leader_follower" else "vic"
@@ -211,7 +227,7 @@ def load_pair(
         if sensor:
             apply_sensor(node, load_sensor(sensor))
     for assignment in assignments:
-        _assign(values, pad, mismatch, *parse_assignment(assignment))
+        _assign(values, mismatch, *parse_assignment(assignment))
     wrong = build(Mismatch, mismatch, f"{origin}: mismatch")
     for side in SIDES:
         _own_contacts(values[side], law)
@@ -233,10 +249,8 @@ def load_pair(
     )
     arms = [arm.model_copy(update={"object": heavier}) for arm in arms]
     bases = outer.left.base, outer.right.base
-    bridge = PairParams(
-        left=arms[0], right=arms[1], left_base=bases[0], right_base=_moved(bases[1], wrong),
-        pad=build(PadParams, pad, f"{origin}: pad"),
-    )  # fmt: skip
+    arms[1] = arms[1].model_copy(update={"base": _moved(arms[1].base, wrong)})
+    bridges = dict(zip(SIDES, arms, strict=True))
     urdfs = tuple(
         arm.robot_description or read_urdf(arm.robot_description_file, "parameter robot_description_file")
         for arm in arms
@@ -245,7 +259,7 @@ def load_pair(
 
     believed = tuple(placed_urdf(urdf, base.position, base.rotation) for urdf, base in zip(urdfs, bases, strict=True))
     return PairScenario(
-        outer.name, outer.description, text, controllers, bridge, believed, urdfs, bases, law == "leader_follower", law
+        outer.name, outer.description, text, controllers, bridges, believed, urdfs, bases, law == "leader_follower", law
     )
 
 
@@ -297,12 +311,10 @@ def _own_contacts(node: dict[str, dict[str, Any]], law: Law) -> None:
             node[name][f"contacts.{key}"] = node[name][f"contacts.{key}"][:count]
 
 
-def _assign(
-    values: dict[str, dict[str, dict[str, Any]]], pad: dict[str, Any], wrong: dict[str, Any], key: str, value: Any
-) -> None:
+def _assign(values: dict[str, dict[str, dict[str, Any]]], wrong: dict[str, Any], key: str, value: Any) -> None:
     first, _, rest = key.partition(".")
-    if first in ("pad", "mismatch"):
-        model, target = (PadParams, pad) if first == "pad" else (Mismatch, wrong)
+    if first == "mismatch":
+        model, target = Mismatch, wrong
         if rest not in model.model_fields:
             raise UnknownName("parameter", key, [f"{first}.{name}" for name in model.model_fields], where="--set")
         target[rest] = value

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from slip_core.incidents import Incident
 from slip_core.types import DisplacementSample, EffortCommand
-from slip_sim_bridge.session import BridgeSession, TickOutputs
+from slip_sim_bridge.session import TickOutputs
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.incidents import IncidentWatch
 from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Manifest
@@ -31,7 +31,7 @@ class ClosedLoop:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self.bridge = BridgeSession(scenario.bridge, scenario.urdf)
+        self.bridge = scenario.bridge_session()
         self.controller = ControllerSession(Controller(scenario.controller, scenario.urdf, lockstep=True))
 
     def observe(self) -> TickOutputs:
@@ -40,16 +40,15 @@ class ClosedLoop:
 
     def control(self, outputs: TickOutputs) -> CycleResult:
         """Return the controller's answer to a tick's outputs."""
-        controller = self.controller
-        for contact in range(self.bridge.contacts):
-            for wrench in outputs.wrenches[contact]:
-                controller.add_wrench(contact, wrench)
-            for slip in outputs.slips[contact]:
-                if isinstance(slip, DisplacementSample):
-                    controller.add_displacement(contact, slip)
-                else:
-                    controller.add_slip(contact, slip)
-        controller.add_joint(outputs.joint)
+        controller, (arm,) = self.controller, outputs.arms
+        for wrench in arm.wrenches:
+            controller.add_wrench(0, wrench)
+        for slip in arm.slips:
+            if isinstance(slip, DisplacementSample):
+                controller.add_displacement(0, slip)
+            else:
+                controller.add_slip(0, slip)
+        controller.add_joint(arm.joint)
         controller.add_manifest(Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2]))
         result = controller.cycle()
         if result is None:
@@ -72,6 +71,6 @@ def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:
         lost |= found[0] is not None
         yield Tick(outputs, result, tuple(incident for incident in found if incident is not None))
         if scenario.bridge.grip.control == "follow":
-            loop.bridge.set_grip_force(result.grip)
+            loop.bridge.set_grip_force(0, result.grip)
         on_the_way.append(result.command)
-        loop.bridge.advance(on_the_way.popleft())
+        loop.bridge.advance([on_the_way.popleft()])

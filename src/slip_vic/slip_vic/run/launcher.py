@@ -92,14 +92,14 @@ class Launcher:
         self._on_progress: Callable[[float], None] = lambda _: None
         self._wanted_domain = domain_from_environment() if wanted_domain is None else check_domain(wanted_domain)
         self._namespace = f"/{namespace.strip('/')}" if namespace else ""
-        self._process = _with_cores(process, scenario.bridge.mode)
+        self._process = _with_cores(process, scenario.arms[0][1].mode)
         self._one_process = one_process
         self.warnings: list[str] = []
         self._incidents: list[Incident] = []
         self._stop = StopFlag()
         check_ros()
         scenario.check()
-        if one_process and scenario.bridge.mode == "realtime":
+        if one_process and scenario.arms[0][1].mode == "realtime":
             raise InputError(
                 "--one-process", got="mode realtime", expected="mode lockstep: real time needs both processes"
             )
@@ -225,7 +225,7 @@ class Launcher:
 
     def _timing(self, children: dict[str, Child]) -> dict[str, float]:
         """Collect what bridge and controller said of a real-time run."""
-        if self._scenario.bridge.mode != "realtime":
+        if self._scenario.arms[0][1].mode != "realtime":
             return {}
         said = {**children["bridge"].results, **children["controller"].results}
         return {key: float(value) for key, value in said.items() if key.startswith(TIMING)}

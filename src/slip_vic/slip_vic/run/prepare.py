@@ -36,7 +36,7 @@ def _compile() -> str:
     """Import the compiled modules; return the folder in which the last of them keeps its machine code."""
     for module in MODULES:
         importlib.import_module(module)
-    importlib.import_module("slip_sim_bridge.plant.implicit").compile_laws()
+    importlib.import_module("slip_sim_bridge.plant.rigid").compile_laws()
     return str(importlib.import_module("numba.core.config").CACHE_DIR)
 
 

@@ -34,7 +34,7 @@ def recorded_topics(scenario: AnyScenario) -> list[tuple[str, str]]:
     """Return (name, type) of every topic that this scenario's processes publish."""
     rows = [row for row in TOPICS.values() if row.recorded and row.publisher != "user"]
     if isinstance(scenario, Scenario):
-        rows = [row for row in rows if not row.two_arms]
+        rows = [row for row in rows if not row.several]
     found = []
     for row in rows:
         for prefix, controller in scenario.arms[:1] if row.common else scenario.arms:
@@ -78,7 +78,7 @@ def recorder_command(scenario: AnyScenario, bag: Path, folder: Path, namespace: 
     custom = {
         "scenario": scenario.name,
         "law": scenario.law,
-        "seed": str(scenario.bridge.seed),
+        "seed": str(scenario.seed),
         "versions": json.dumps(versions()),
     }
     for key, value in custom.items():

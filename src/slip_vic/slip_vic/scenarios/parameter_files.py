@@ -8,12 +8,11 @@ from typing import get_args
 from slip_core.errors import InputError
 from slip_core.params import ParameterInfo, ParameterModel, parameter_infos
 from slip_core.topics import markdown_table
-from slip_sim_bridge.pair.params import PairParams
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import NODES, Law, load_scenario, ros_parameter_file
 from slip_vic_controller.parameters.team_params import TeamParams
 
-TWO_ARMS: dict[str, type[ParameterModel]] = {"slip_vic_controller": TeamParams, "slip_sim_bridge": PairParams}
+TWO_ARMS: dict[str, type[ParameterModel]] = {"slip_vic_controller": TeamParams}
 
 
 def config_files(scenarios: list[str] | None = None, *, complete: bool = False) -> dict[str, str]:
@@ -71,9 +70,10 @@ def parameter_page() -> str:
     for node_name, model in NODES.values():
         parts.append(f"## {node_name}\n\n{_table(model)}")
     parts.append(
-        "## Two arms\n\nTheir nodes (`slip_vic_controller_two_arms_node`, `slip_sim_bridge_two_arms_node`) have the\n"
-        "parameters above twice, below `left.` and `right.`, and these. Two arms follow built-in paths, with a\n"
-        "constant grip."
+        "## Several arms\n\nThe bridge with `arms: [left, right]` has its parameters above for each arm, below\n"
+        "`left.` and `right.`; what describes the world is equal in all. The controller of two arms\n"
+        "(`slip_vic_controller_two_arms_node`) has those above below `left.` and `right.`, and these. It follows\n"
+        "built-in paths, with a constant grip."
     )
     parts += [f"### {name}\n\n{_table(model, skip=('left.', 'right.'))}" for name, model in TWO_ARMS.items()]
     return "\n\n".join(parts) + "\n"

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import yaml
 from pydantic import Field
@@ -31,6 +31,9 @@ from slip_sim_bridge.params import BridgeParams
 from slip_vic.presets.sensors import SensorPreset, load_sensor
 from slip_vic.scenarios import find_scenario, scenario_text
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
+
+if TYPE_CHECKING:
+    from slip_sim_bridge.session import BridgeSession
 
 Law = Literal["vic", "classical", "governed"]
 """The paper's law, classical impedance control, and the paper's law below the reference governor."""
@@ -83,6 +86,11 @@ class Scenario:
         return (("", self.controller),)
 
     @property
+    def seed(self) -> int:
+        """Seed of the sensors' noise."""
+        return self.bridge.seed
+
+    @property
     def descriptions(self) -> dict[str, str]:
         """The URDF by the name of its file in a bag."""
         return {"arm.urdf": self.urdf}
@@ -101,7 +109,6 @@ class Scenario:
             InputError: e.g. a URDF without the frame, joints missing or in another order, a path out of reach;
                 more contacts than the bridge simulates.
         """
-        from slip_sim_bridge.simulation import GraspSimulation
         from slip_vic_controller.session import Controller
 
         contacts = len(self.controller.contacts.position) // 3
@@ -113,8 +120,14 @@ class Scenario:
                 fix="two arms that hold one object have scenarios of their own: docs/two_arms.md",
             )
         Controller(self.controller, self.urdf, lockstep=True)
-        GraspSimulation(self.bridge, self.urdf)
+        self.bridge_session()
         self.check_arm()
+
+    def bridge_session(self) -> BridgeSession:
+        """Return simulation and sensors of a run."""
+        from slip_sim_bridge.session import BridgeSession
+
+        return BridgeSession({"": self.bridge}, {"": self.urdf})
 
     def check_arm(self) -> None:
         """Look whether the arm can start where the scenario says, and follow its path.

@@ -59,7 +59,7 @@ def path_load(scenario: Scenario) -> PathLoad:
         x, y, z = result.arm.position.tolist()
         governed = result.record.governor
         places.append(Place(float(governed.load_commanded), float(governed.path_s), (x, y, z)))
-        loop.bridge.advance(result.command)
+        loop.bridge.advance([result.command])
     planned = loop.controller.state.governor
     heaviest_s = float(planned.heaviest_time)
     there = min(places, key=lambda place: abs(place.time_s - heaviest_s))

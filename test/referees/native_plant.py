@@ -1,12 +1,12 @@
-"""Cross-check backend: the same grasp by MuJoCo's own contacts instead of our projection on the limit surface.
+"""Another plant as a referee: the same grasp by MuJoCo's own contacts instead of our projection on the limit surface.
 
 Per pad the elliptic cone of condim 4, (fx/mu)^2 + (fy/mu)^2 + (tau_z/(mu rho))^2 <= n^2, is the same ellipsoid.
 MuJoCo's coefficient is constant within a step; here it follows F(s)/N at the slip speed of the sub-step before.
-Slower than the default and only as exact as soft contacts are: a referee, not a simulator for long runs.
+Slower than the rigid plant and only as exact as soft contacts are: a referee, not a simulator for long runs.
 
 The object is free and pinched by two pads. It carries a flat plate in the slip plane. The light pads on slides press
 on it from both sides, each with half of the grip force: contacts with friction (elliptic cone, condim 4) at the pad
-centre. What the default backend takes for granted, that the object can only slip in the pads' plane, is done by smooth
+centre. What the rigid plant takes for granted, that the object can only slip in the pads' plane, is done by smooth
 rollers fixed to the gripper around the pads: contacts without friction, which carry weight and moments across the
 plane but nothing within it.
 
@@ -17,14 +17,19 @@ bodies that swing round together, one counted from the world, would creep apart 
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
+from slip_core.compiled import IN1, REAL, kernel
 from slip_core.errors import InputError
-from slip_sim_bridge.friction import friction_law, sliding_friction
+from slip_core.records import record
+from slip_sim_bridge.friction import FrictionLaw, friction_law
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import ReadOut
 from slip_sim_bridge.plant.model import (
@@ -56,6 +61,18 @@ _SETTLING_S = 0.05
 _LEAST_FRICTION = 1e-5  # MuJoCo's own lower bound
 _LEAST_FORCE = 1e-3  # N
 _PRESSING = 5000.0  # m/s2: grip force times the pads' compliance scale; makes them sink in by 0.4 mm
+
+
+@functools.cache
+def sliding_friction(law: FrictionLaw) -> Any:
+    """Compile F(parameters, speed [m/s], normal force [N]) [N] of steady sliding for a law."""
+    layout = law.LAYOUT
+
+    @kernel(REAL(IN1, REAL, REAL))
+    def friction(parameters: Array, speed: float, normal_force: float) -> float:
+        return law.limit(record(parameters, layout), speed, normal_force)[0]
+
+    return friction
 
 
 def build_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
@@ -119,19 +136,20 @@ class NativePlant:
         InputError: for a friction law with a state, which native contacts do not have.
     """
 
-    def __init__(self, params: BridgeParams, urdf_text: str) -> None:
+    def __init__(self, arms: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> None:
+        (params,), (urdf_text,) = arms.values(), urdfs.values()
         law, self._law = friction_law(params.friction)
         if law.STATEFUL:
             raise InputError(
                 "parameter friction.model",
                 got=params.friction.model,
-                expected="a law without memory, such as stribeck or coulomb, with backend native",
+                expected="a law without memory, such as stribeck or coulomb: native contacts have none",
             )
         self._friction = sliding_friction(law)
         self._rho = params.friction.torsional_radius
         self.model = model = build_model(params, urdf_text)
         self.data = data = mujoco.MjData(model)
-        self.effort_limit = effort_limits(model, params.joint_names)
+        self.effort_limits = (effort_limits(model, params.joint_names),)
         self._divergence = Divergence(data)
         self._substeps = params.substeps or math.ceil(params.control_period_s / _LONGEST_STEP_S - 1e-9)
         model.opt.timestep = params.control_period_s / self._substeps
@@ -150,21 +168,20 @@ class NativePlant:
         self._body, self._pad = model.body(OBJECT).id, model.body(PAD).id
         self._readings: Array = data.sensordata[sensor_address(model)]
         self._at = ReadOut(len(joints))
-        self.reset(params.grip.force)
+        self.reset(np.array([params.grip.force]))
 
-    @property
-    def gripped_at(self) -> tuple[float, float]:
+    def gripped_at(self, _arm: int) -> tuple[float, float]:
         """Where the point of the object that was gripped is on the pad, along x and y of {ee} [m]."""
         data = self.data
         x, y, _ = data.xmat[self._pad].reshape(3, 3).T @ (data.xpos[self._body] - data.xpos[self._pad])
         return float(x), float(y)
 
-    def reset(self, normal_force: float) -> None:
+    def reset(self, normal_forces: Array) -> None:
         """Put everything back to the initial posture, let pads and rollers settle, and start at rest; [N].
 
         They settle under the weight across the plane only, with arm and slip held.
         """
-        model, data = self.model, self.data
+        model, data, normal_force = self.model, self.data, float(normal_forces[0])
         mujoco.mj_resetData(model, data)
         data.qpos[self._arm_q] = self._initial
         mujoco.mj_kinematics(model, data)
@@ -173,7 +190,7 @@ class NativePlant:
         self._prepare_contacts(normal_force, 0.0)
         mujoco.mj_step1(model, data)
         for _ in range(round(_SETTLING_S / model.opt.timestep)):
-            data.qfrc_applied[self._arm] = self.holding_effort(self._initial, 0.0, 0.0)
+            data.qfrc_applied[self._arm] = self.holding_effort(0, self._initial, 0.0, 0.0)
             self._step(normal_force)
             data.qpos[self._arm_q] = self._initial
             data.qvel[self._arm] = 0.0
@@ -183,33 +200,32 @@ class NativePlant:
         data.qvel[:] = 0.0
         data.time = 0.0
         mujoco.mj_forward(model, data)
-        data.qfrc_applied[self._arm] = self.holding_effort(self._initial, 0.0, 0.0)
+        data.qfrc_applied[self._arm] = self.holding_effort(0, self._initial, 0.0, 0.0)
         mujoco.mj_forward(model, data)
 
-    def advance(self, effort: Array, normal_force: float) -> None:
+    def advance(self, efforts: Array, normal_forces: Array) -> None:
         """Advance one control period; (n,) [N m], [N].
 
         mj_step1 of the next step runs at the end, so that all state belongs to the new stamp.
         """
-        self.data.qfrc_applied[self._arm] = effort
+        self.data.qfrc_applied[self._arm] = efforts
         for _ in range(self._substeps):
-            self._step(normal_force)
+            self._step(float(normal_forces[0]))
             mujoco.mj_step1(self.model, self.data)
         self._divergence.check()
 
-    def push(self, wrench: Array) -> None:
+    def push(self, wrenches: Array) -> None:
         """Refuse a hand: with these contacts what it pushes slides away, however firmly it is gripped.
 
         Raises:
             InputError: there is a push.
         """
-        if wrench.any():
+        if wrenches.any():
             raise InputError(
-                "parameter push.wrench", got=wrench.tolist(), expected="zeros with backend native",
-                fix="backend implicit can be pushed",
+                "parameter push.wrench", got=wrenches.tolist(), expected="zeros with native contacts",
             )  # fmt: skip
 
-    def holding_effort(self, target: Array, stiffness: float, damping: float) -> Array:
+    def holding_effort(self, _arm: int, target: Array, stiffness: float, damping: float) -> Array:
         """Return bias + M (stiffness (target - q) - damping qd) of the loaded arm; (n,) -> (n,) [N m]."""
         model, data = self.model, self.data
         full = np.zeros((model.nv, model.nv))
@@ -217,8 +233,8 @@ class NativePlant:
         pull = stiffness * (target - data.qpos[self._arm_q]) - damping * data.qvel[self._arm]
         return np.array(data.qfrc_bias[self._arm] + full[np.ix_(self._arm, self._arm)] @ pull)
 
-    def read(self) -> Array:
-        """Return everything that can be read, laid out by `ReadOut`; (2 n + 36,).
+    def read(self, _arm: int) -> Array:
+        """Return everything that can be read, laid out by `ReadOut`; (2 n + 48,).
 
         The wrench counts 0.2 g of pads as object.
         """
@@ -237,6 +253,7 @@ class NativePlant:
         twist = self._twist(self._body)
         twist[:3] += np.cross(twist[3:], data.xipos[self._body] - data.xpos[self._body])
         out[at.object_twist] = twist
+        out[at.pad_position], out[at.pad_rotation] = data.xpos[self._pad], data.xmat[self._pad]
         return out
 
     def _slip_velocity(self) -> Array:

@@ -10,9 +10,9 @@ from numba.core.errors import NumbaWarning
 
 from slip_sim_bridge.friction import friction_law, law_names
 from slip_sim_bridge.friction.params import FrictionParams
-from slip_sim_bridge.plant.grasp_step import grasp_step
-from slip_sim_bridge.plant.implicit import STOP_AGREEMENT, compile_laws
-from slip_sim_bridge.simulation import GraspSimulation
+from slip_sim_bridge.plant.rigid import STOP_AGREEMENT, compile_laws
+from slip_sim_bridge.plant.rigid_step import rigid_step
+from slip_sim_bridge.simulation import Simulation
 from test.referees.contact_step import joint_friction
 
 from .scenes import Shaker, driven_into_the_stop, scene
@@ -34,7 +34,7 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_friction_of_a_step_is_the_referees(case, monkeypatch):
-    monkeypatch.setattr(GraspSimulation, "_look_at_contact", lambda _: None)  # the step without pressure too
+    monkeypatch.setattr(Simulation, "_look_at_contacts", lambda _: None)  # the step without pressure too
     simulation = scene(**CASES[case])
     plant, slid, most = simulation.plant, 0.0, 0
     shaker = Shaker(simulation, 5, acceleration=20.0)
@@ -86,13 +86,13 @@ def test_a_reset_leaves_no_memory_in_the_bristles():
     simulation.reset()
     assert not simulation.plant._state.any()
     assert not fresh.plant._state.any()
-    assert np.array_equal(simulation.plant.read(), fresh.plant.read())
+    assert np.array_equal(simulation.plant.read(0), fresh.plant.read(0))
     hold = fresh.observe().joint.effort
     for k in range(50):
         effort = hold + 0.5 * np.sin(0.3 * k)
         for one in (simulation, fresh):
             one.step(effort)
-        assert np.array_equal(simulation.plant.read(), fresh.plant.read())
+        assert np.array_equal(simulation.plant.read(0), fresh.plant.read(0))
 
 
 @pytest.mark.parametrize("model", law_names())
@@ -112,5 +112,5 @@ def test_the_step_of_every_law_is_kept_as_machine_code():
         compile_laws()
     for name in law_names():
         law, _ = friction_law(FrictionParams.model_validate({"model": name}))
-        stats = getattr(grasp_step(law), "stats", None)
+        stats = getattr(rigid_step(law), "stats", None)
         assert stats is None or sum(stats.cache_hits.values()) + sum(stats.cache_misses.values()) == 1

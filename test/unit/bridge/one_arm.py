@@ -1,0 +1,85 @@
+"""A simulation of one arm without a name: its methods take and return what belongs to this arm."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.plant import Plant
+from slip_sim_bridge.simulation import Arm, Loss, MakePlant, Readings, Simulation
+from test.referees.native_plant import NativePlant
+
+PLANTS: dict[str, MakePlant | None] = {"rigid": None, "elastic": None, "native": NativePlant}
+"""Those of the product, which the parameter `plant` chooses, and the referee."""
+UNBOUNDED = 1e8
+"""Rate of the drives' efforts with which a test sets what it wants [N m/s]."""
+
+
+class OneArm:
+    """Delegates to `Simulation`; without a bound on how fast efforts change."""
+
+    def __init__(self, params: BridgeParams, urdf: str, plant: str = "rigid") -> None:
+        kind = "elastic" if plant == "elastic" else "rigid"
+        self.params = params.model_copy(update={"effort_rate": UNBOUNDED, "plant": kind})
+        self.all = Simulation({"": self.params}, {"": urdf}, PLANTS[plant])
+
+    @property
+    def arm(self) -> Arm:
+        return self.all.arms[0]
+
+    @property
+    def plant(self) -> Any:
+        return self.all.plant
+
+    @property
+    def held(self) -> Plant:
+        return self.all._held
+
+    @property
+    def loss(self) -> Loss | None:
+        return self.all.loss
+
+    @property
+    def stamp_ns(self) -> int:
+        return self.all.stamp_ns
+
+    @property
+    def holding(self) -> bool:
+        return self.arm.holding
+
+    @property
+    def command_refused(self) -> bool:
+        return self.arm.refused
+
+    @property
+    def effort_saturated(self) -> bool:
+        return self.arm.saturated
+
+    @property
+    def grip_force(self) -> float:
+        return self.arm.gripper.force
+
+    def start_at(self, stamp_ns: int) -> None:
+        self.all.start_at(stamp_ns)
+
+    def set_grip_force(self, force: float) -> None:
+        self.all.set_grip_force(0, force)
+
+    def push(self, wrench: Array | Sequence[float], effort: Array) -> None:
+        self.all.push(0, np.asarray(wrench), effort)
+
+    def step(self, effort: Array | None) -> None:
+        self.all.step([effort])
+
+    def reset(self) -> None:
+        self.all.reset()
+
+    def observe(self) -> Readings:
+        return self.all.observe(0)
+
+    def holding_effort(self, target: Array, stiffness: float, damping: float) -> Array:
+        return self.plant.holding_effort(0, target, stiffness, damping)

@@ -1,0 +1,315 @@
+"""Arms on one object in elastic contacts: balances of the closed chain, friction at its limit, loss, and refusals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_core.grasp_params import BaseParams, ObjectParams
+from slip_core.records import records
+from slip_core.types import DisplacementSample, SlipSample
+from slip_description import urdf_text
+from slip_sim_bridge.params import BridgeParams, PushParams
+from slip_sim_bridge.plant import DivergenceError
+from slip_sim_bridge.plant.elastic import ElasticPlant
+from slip_sim_bridge.plant.elastic_step import ELASTIC_CONTACT, elastic_after
+from slip_sim_bridge.plant.model import PAD, name_of
+from slip_sim_bridge.session import BridgeSession
+from slip_sim_bridge.simulation import Simulation
+
+POSTURE = (-0.040646922, 0.138380669, -0.173567454, -2.241908013, -1.709427011, 1.734215231, 0.821351893)
+GRAVITY = np.array((0.0, 0.0, -9.81))
+SIZE = ELASTIC_CONTACT.itemsize // 8
+HALF = 0.7071067811865476
+PUSH = np.array((2.0, -3.0, 1.0, 2.0, 0.5, 0.3, 0.2))
+
+
+NAMES = ("left", "right")
+COULOMB = {"model": "coulomb", "mu_k": 0.5, "torsional_radius": 0.015}
+
+
+def params(period_s: float = 1e-3, grip: float = 12.0, damping: float = 30.0, **more: Any) -> dict[str, BridgeParams]:
+    arm = {
+        "plant": "elastic", "initial_position": POSTURE, "control_period_s": period_s, "substeps": 1,
+        "effort_rate": 1e6, "object": {"mass": 1.0, "inertia": (0.0133, 0.0052, 0.0185, 0.0, 0.0, 0.0)},
+        "contacts": {"position": (0.0, 0.18, 0.0), "orientation_xyzw": (0.0, 0.0, -HALF, HALF)},
+        "grip": {"force": grip}, "friction": {"mu_s": 0.5, "mu_k": 0.45, "torsional_radius": 0.015},
+        "pad": {"damping": (damping, damping, damping, 0.05, 0.05, 0.02)},
+    }  # fmt: skip
+    left = BridgeParams.model_validate(arm | more)
+    return {"left": left, "right": left.model_copy(update={"base": BaseParams(position=(0.0, -0.36, 0.0))})}
+
+
+def simulated(arms: dict[str, BridgeParams]) -> Simulation:
+    return Simulation(arms, dict.fromkeys(arms, urdf_text()))
+
+
+def pair(**changes: Any) -> Simulation:
+    return simulated(params(**changes))
+
+
+def plant_of(simulation: Simulation) -> ElasticPlant:
+    assert isinstance(simulation.plant, ElasticPlant)
+    return simulation.plant
+
+
+def holding(simulation: Simulation) -> list[Array]:
+    return [arm.applied for arm in simulation.arms]
+
+
+def push(simulation: Simulation, efforts: Sequence[Array], share: float) -> list[Array]:
+    wave = np.sin(2.0 * np.pi * share)
+    return [efforts[0] + wave * PUSH, efforts[1] + 0.7 * wave * PUSH]
+
+
+def pads(simulation: Simulation) -> list[tuple[Array, Array]]:
+    """Return pose of each pad by MuJoCo's own kinematics."""
+    data = plant_of(simulation).data
+    sites = [plant_of(simulation).model.site(name_of(side, PAD)).id for side in NAMES]
+    return [(data.site_xpos[site].copy(), data.site_xmat[site].reshape(3, 3).copy()) for site in sites]
+
+
+def balances(period_s: float) -> tuple[float, float, float, float]:
+    """Return the worst residual of Newton's and Euler's equations over the largest force, that of energy, and
+    the energy that friction and dampers have taken [J]."""
+    simulation = pair(period_s=period_s)
+    J = np.diag(simulation.arms[0].params.object.inertia[:3])
+    efforts, steps = holding(simulation), round(0.3 / period_s)
+    start, _ = plant_of(simulation).energy()
+    newton = euler = largest = work = 0.0
+    for k in range(steps):
+        before = simulation.observe(0).truth
+        simulation.step(push(simulation, efforts, k / steps))
+        sides = [simulation.observe(side) for side in range(2)]
+        after = sides[0].truth
+        work += sum(float(side.joint.effort @ side.joint.velocity) * period_s for side in sides)
+        force, moment = np.zeros(3), np.zeros(3)
+        for side, (x, R) in zip(sides, pads(simulation), strict=True):
+            f, tau = R @ side.wrench.wrench[:3], R @ side.wrench.wrench[3:]
+            force, moment = force + f, moment + tau + np.cross(x - after.position, f)
+        spin = [t.rotation @ J @ t.rotation.T @ t.twist[3:] for t in (before, after)]
+        newton = max(newton, np.abs((after.twist[:3] - before.twist[:3]) / period_s - GRAVITY + force).max())
+        euler = max(euler, np.abs((spin[1] - spin[0]) / period_s + moment).max())
+        largest = max(largest, np.abs(force).max())
+    end, taken = plant_of(simulation).energy()
+    return newton / largest, euler / (0.18 * largest), work - taken - (end - start), taken
+
+
+def test_newton_euler_and_energy_of_the_closed_chain_converge_at_first_order() -> None:
+    coarse, middle, fine = balances(1e-3), balances(5e-4), balances(2.5e-4)
+    assert max(coarse[:2]) < 2e-3
+    assert max(middle[:2]) < 1e-3
+    assert max(fine[:2]) < 6e-4
+    assert 0.0 < coarse[2] < 1e-2
+    # What is left of it as steps vanish: nothing, measured by what the dampers take.
+    assert abs(2.0 * fine[2] - middle[2]) < 1e-3 * fine[3]
+    for k in range(3):
+        assert coarse[k] / fine[k] == pytest.approx(4.0, rel=0.25), k
+
+
+def test_at_rest_the_pads_carry_the_weight_and_nothing_moves() -> None:
+    simulation = pair()
+    for _ in range(50):
+        simulation.step([None, None])
+    for side in range(2):
+        truth = simulation.observe(side)
+        np.testing.assert_allclose(truth.wrench.wrench[:3], (0.0, 0.0, -4.905), atol=1e-6)
+        assert not truth.truth.slip_displacement.any()
+        assert np.abs(truth.truth.twist).max() < 1e-9
+
+
+def test_sticking_is_exact_below_the_limit_and_friction_is_at_it_while_slipping() -> None:
+    simulation = pair(grip=6.0)
+    efforts, limits = holding(simulation), []
+    for k in range(300):
+        simulation.step(push(simulation, efforts, k / 300))
+        for side in range(2):
+            truth = simulation.observe(side)
+            f, slip = truth.wrench.wrench, truth.slip.twist
+            load = float(np.linalg.norm((f[0], f[1], f[5] / 0.015)))
+            speed = float(np.linalg.norm((slip[0], slip[1], 0.015 * slip[5])))
+            friction = simulation.arms[0].params.friction
+            if speed == 0.0:
+                assert load <= 3.0 * (1.0 + 1e-9)
+                continue
+            limits.append(speed)
+            fading = np.exp(-((speed / friction.stribeck_velocity) ** 2))
+            limit = 6.0 * (0.45 + 0.05 * fading) + friction.viscous * speed
+            assert load == pytest.approx(limit, rel=1e-6)
+    assert len(limits) > 20
+
+
+def test_slip_and_deflection_together_are_the_motion_of_the_pad_on_the_object() -> None:
+    simulation = pair(grip=6.0)
+    x_0, R_0 = [], []
+    truth = simulation.observe(0).truth
+    for x, R in pads(simulation):
+        x_0.append(truth.rotation.T @ (x - truth.position))
+        R_0.append(truth.rotation.T @ R)
+    start = plant_of(simulation).deflections
+    efforts = holding(simulation)
+    for k in range(300):
+        simulation.step(push(simulation, efforts, k / 300))
+    truth = simulation.observe(0).truth
+    for side, (x, _R) in enumerate(pads(simulation)):
+        moved = R_0[side].T @ (truth.rotation.T @ (x - truth.position) - x_0[side])
+        slip = simulation.observe(side).truth.slip_displacement
+        bent = start[side] - plant_of(simulation).deflections[side]
+        now = plant_of(simulation).deflections[side]
+        # Turning of the bent pad is left out: of second order in the deflection.
+        second = 2.0 * np.linalg.norm(now[:3]) * np.linalg.norm(now[3:])
+        assert second < 0.5 * np.linalg.norm(moved)
+        np.testing.assert_allclose(moved, slip[:3] + bent[:3], atol=second)
+
+
+def test_what_no_pad_holds_falls_and_one_pad_that_holds_carries() -> None:
+    simulation = pair(grip=60.0, friction=COULOMB)
+    simulation.set_grip_force(0, 0.0)
+    for _ in range(100):
+        simulation.step([None, None])
+    assert simulation.loss is not None
+    assert simulation.loss.text == "left: the object is lost: the grip is zero"
+    assert not simulation.observe(0).wrench.wrench.any()
+    assert not simulation.observe(0).slip.twist.any()
+    assert not plant_of(simulation).deflections[0].any()  # a pad that presses nothing is not bent
+    right = simulation.observe(1)
+    assert right.truth.twist[2] > -0.6, "it hangs and swings on the other pad; in free fall it is -0.981"
+    assert (right.pad[1] @ right.wrench.wrench[:3])[2] < -5.0
+    simulation.set_grip_force(0, 60.0)
+    simulation.step([None, None])
+    assert not simulation.observe(0).wrench.wrench.any(), "a grip that comes back does not catch it"
+    simulation.set_grip_force(1, 0.0)
+    simulation.step([None, None])
+    before = simulation.observe(0).truth.twist[2]
+    for _ in range(100):
+        simulation.step([None, None])
+    assert simulation.observe(0).truth.twist[2] - before == pytest.approx(-0.981, rel=1e-9)
+    assert not simulation.observe(1).wrench.wrench.any()
+    simulation.reset()
+    assert simulation.loss is None
+    np.testing.assert_allclose(simulation.observe(1).wrench.wrench[:3], (0.0, 0.0, -4.905), atol=1e-6)
+
+
+def test_three_arms_carry_one_object() -> None:
+    """The third stands at the other side of the first, and takes hold beside it: its pad shares the load."""
+    arms = params(grip=20.0, friction=COULOMB)
+    arms["third"] = arms["left"].model_copy(update={"base": BaseParams(position=(0.0, -0.18, 0.0))})
+    simulation = simulated(arms)
+    weights = [(simulation.observe(k).pad[1] @ simulation.observe(k).wrench.wrench[:3])[2] for k in range(3)]
+    assert sum(weights) == pytest.approx(-9.81, abs=1e-9)
+    assert max(weights) < -3.0
+    start, _ = plant_of(simulation).energy()
+    held, work = holding(simulation), 0.0
+    for k in range(300):
+        wave = np.sin(2.0 * np.pi * k / 300)
+        simulation.step([effort + wave * share * PUSH for effort, share in zip(held, (1.0, 0.7, 0.4), strict=True)])
+        work += sum(float(simulation.observe(i).joint.effort @ simulation.observe(i).joint.velocity) for i in range(3))
+    end, taken = plant_of(simulation).energy()
+    assert taken > 0.0
+    assert 1e-3 * work - taken - (end - start) == pytest.approx(0.0, abs=0.02 * 1e-3 * abs(work) + 1e-2)
+    for k in range(3):
+        load = np.linalg.norm(simulation.observe(k).wrench.wrench[[0, 1, 5]] / (1.0, 1.0, 0.015))
+        assert load <= 10.0 * (1.0 + 1e-9)
+
+
+def test_a_push_acts_where_the_arm_grips() -> None:
+    """Two equal pushes at the two grasps are one at the middle; each is carried by both pads, as Newton says."""
+    simulation = pair(grip=200.0, friction=COULOMB)
+    simulation.push(0, np.array((3.0, 0.0, 0.0, 0.0, 0.0, 0.0)), np.zeros(0))
+    simulation.push(1, np.array((3.0, 0.0, 0.0, 0.0, 0.0, 0.0)), np.zeros(0))
+    for _ in range(1500):
+        simulation.step([None, None])
+    readings = [simulation.observe(k) for k in range(2)]
+    forces = [reading.pad[1] @ reading.wrench.wrench[:3] for reading in readings]
+    assert np.abs(readings[0].truth.twist).max() < 1e-4
+    np.testing.assert_allclose(forces[0] + forces[1], (6.0, 0.0, -9.81), atol=1e-3)
+    assert forces[0][0] == pytest.approx(forces[1][0], rel=0.02)
+
+
+def test_friction_that_falls_lets_an_elastic_grasp_slip() -> None:
+    friction = {"mu_s": 0.5, "mu_k": 0.45, "torsional_radius": 0.015, "falls_at_s": 0.1, "falls_to": 0.2}
+    simulation = pair(grip=12.0, friction=friction)
+    for arm in range(2):
+        simulation.push(arm, np.array((2.4, 0.0, 0.0, 0.0, 0.0, 0.0)), np.zeros(0))
+    for k in range(200):
+        slips = [float(np.abs(simulation.observe(i).truth.slip_displacement).max()) for i in range(2)]
+        assert k > 100 or max(slips) == 0.0, k
+        simulation.step([None, None])
+    assert min(slips) > 1e-4
+
+
+def test_several_arms_have_flags_displacements_and_grips_of_their_own() -> None:
+    arms = params(grip=9.0, slip_input="displacement", sensors={"slip": {"flag_speed": 1e-3}})
+    arms["right"] = arms["right"].model_copy(update={"slip_input": "flag"})
+    session = BridgeSession(arms, dict.fromkeys(arms, urdf_text()))
+    session.set_push(0, PushParams(wrench=(15.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    slipping = False
+    for _ in range(80):
+        outputs = session.observe()
+        (pose,), (flag,) = outputs.arms[0].slips, outputs.arms[1].slips
+        assert isinstance(pose, DisplacementSample)
+        assert isinstance(flag, SlipSample)
+        truth = [arm.readings.truth for arm in outputs.arms]
+        np.testing.assert_allclose(pose.pose[:3], truth[0].slip_displacement[:3], atol=1e-15)
+        v = truth[1].slip_velocity
+        fast = np.linalg.norm((*v[:3], *(0.015 * v[3:]))) > 1e-3
+        assert flag.twist[0] == float(fast)
+        slipping |= bool(fast)
+        session.set_grip_force(0, 9.5)
+        session.set_grip_force(1, 9.0)
+        session.advance([None, None])
+    assert slipping
+    assert [arm.gripper.force for arm in session.simulation.arms] == [9.5, 9.0]
+    assert outputs.counts == (80, 80, 80, 80)
+
+
+def test_what_cannot_be_simulated_is_refused() -> None:
+    with pytest.raises(InputError, match=r"pad\.damping"):
+        pair(damping=1.0)
+    with pytest.raises(InputError, match="grip force"):
+        pair().set_grip_force(0, -1.0)
+    other = ObjectParams(mass=2.0)
+    with pytest.raises(InputError, match="one object"):
+        simulated(params() | {"right": params()["right"].model_copy(update={"object": other})})
+    with pytest.raises(InputError, match="several rigid pads"):
+        simulated({name: arm.model_copy(update={"plant": "rigid"}) for name, arm in params().items()})
+    simulation = pair()
+    with pytest.raises(InputError, match="effort"):
+        simulation.step([np.zeros(3), None])
+
+
+def test_forces_that_are_not_finite_end_the_simulation_before_they_act() -> None:
+    simulation = pair()
+    plant_of(simulation).data.qvel[0] = np.nan
+    before = plant_of(simulation).data.qpos.copy()
+    with pytest.raises(DivergenceError, match="the forces of the pads are not finite"):
+        plant_of(simulation).advance(np.zeros(14), np.array((12.0, 12.0)))
+    assert np.array_equal(plant_of(simulation).data.qpos, before)
+
+
+@pytest.mark.parametrize("grip", [0.5, 0.0])
+def test_deflection_slip_and_energies_move_on_as_their_rates_say(grip: float) -> None:
+    """Against the same in matrices: a pad is bent by what does not slip, and without pressure is not bent at all."""
+    rng, dt = np.random.default_rng(5), 1e-3
+    state, rows, qvel = np.empty((2, SIZE)), rng.normal(size=(12, 9)), rng.normal(size=9)
+    state[:] = rng.normal(size=state.shape)
+    before, after = records(state.copy(), ELASTIC_CONTACT), records(state, ELASTIC_CONTACT)
+    elastic_after(qvel, rows, np.array((20.0, grip)), dt, state)
+    slipping = np.eye(6)[:, (0, 1, 5)]
+    for i, pressed in enumerate((True, grip > 0.0)):
+        old, moved, w = before[i], after[i], rows[6 * i : 6 * i + 6] @ qvel
+        v = old.slip_rate if pressed else np.zeros(3)
+        bent = w - slipping @ v if pressed else np.zeros(6)
+        np.testing.assert_allclose(moved.slip_rate, v, atol=1e-15)
+        np.testing.assert_allclose(moved.deflection, (old.deflection if pressed else 0.0) + dt * bent, atol=1e-15)
+        assert moved.damped - old.damped == pytest.approx(dt * bent @ np.diag(old.damping) @ bent, abs=1e-14)
+        assert moved.rubbed - old.rubbed == pytest.approx(-dt * old.force @ slipping @ v, abs=1e-14)
+        half = old.slip[2] - 0.5 * dt * v[2]
+        turn = np.array(((np.cos(half), -np.sin(half)), (np.sin(half), np.cos(half))))
+        np.testing.assert_allclose(moved.slip[:2], old.slip[:2] - dt * turn @ v[:2], atol=1e-15)
+        assert moved.slip[2] == pytest.approx(old.slip[2] - dt * v[2], abs=1e-15)
