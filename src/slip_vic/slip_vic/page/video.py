@@ -16,7 +16,7 @@ import numpy as np
 from slip_bags.reader import Bag
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
-from slip_core.params import build, flat_names
+from slip_core.params import build, flat_names, is_name
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.page.runs import duration_s, read_run
 
