@@ -100,7 +100,7 @@ def run(
         loaded, bag=record, wanted_domain=domain_id, namespace=namespace, process=process, one_process=one_process
     )
     with run_progress(Console(stderr=True)) as progress:
-        result = launcher.run(progress.add_run(f"{loaded.name} {law}", loaded.bridge.duration_s))
+        result = launcher.run(progress.add_run(f"{loaded.name} {law}", loaded.duration_s))
     click.echo(
         f"{result.ticks} ticks, {result.sim_time_s:.3f} s simulated in {result.wall_time_s:.2f} s "
         f"({result.real_time_factor:.2f} x real time)"

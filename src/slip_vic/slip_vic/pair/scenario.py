@@ -136,6 +136,11 @@ class PairScenario:
         return params_of_arms(BridgeParams, self.bridges)
 
     @property
+    def duration_s(self) -> float:
+        """Simulated time of a run [s]."""
+        return self.bridges[SIDES[0]].duration_s
+
+    @property
     def seed(self) -> int:
         """Seed of the sensors' noise."""
         return self.bridges[SIDES[0]].seed

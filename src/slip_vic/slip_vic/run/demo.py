@@ -60,7 +60,7 @@ def run_demo(
     results: dict[Law, RunResult] = {}
     try:
         with run_progress(console) as progress:
-            bars = {kind: progress.add_run(f"{scenario} {kind}", loaded[kind].bridge.duration_s) for kind in ORDER}
+            bars = {kind: progress.add_run(f"{scenario} {kind}", loaded[kind].duration_s) for kind in ORDER}
             for kind in ORDER:
                 bag = staging / kind
                 result = Launcher(loaded[kind], bag=bag, wanted_domain=domain).run(bars[kind])

@@ -86,6 +86,11 @@ class Scenario:
         return (("", self.controller),)
 
     @property
+    def duration_s(self) -> float:
+        """Simulated time of a run [s]."""
+        return self.bridge.duration_s
+
+    @property
     def seed(self) -> int:
         """Seed of the sensors' noise."""
         return self.bridge.seed
