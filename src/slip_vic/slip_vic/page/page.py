@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import html
 import importlib.resources
 import json
@@ -9,15 +10,19 @@ import os
 import string
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
+from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_vic.page.packing import Packer, compressed
 from slip_vic.page.plots import describe_plots
-from slip_vic.page.runs import describe, duration_s, grid, read_run
+from slip_vic.page.runs import Run, describe, duration_s, grid, read_run, shown
 from slip_vic.page.scripts import three, uplot
 from slip_vic.run.metrics import summarise, summary_rows
 from slip_vic.run.series import read_series
+
+if TYPE_CHECKING:
+    from slip_vic.run import run
 
 STATIC: Final = importlib.resources.files(__package__) / "static"
 MODULES: Final = (
@@ -45,6 +50,28 @@ def write_page(
     if not bags:
         raise InputError("report", got="no bags", expected="recorded runs")
     text, numbers = make_page(bags, command=command, title=title, description=description)
+    write_text(path, text)
+    return numbers
+
+
+def write_runs(path: Path, made: Mapping[str, run.Run], *, command: str, title: str, description: str = "") -> None:
+    """Write the page of runs in this process, given by label.
+
+    Raises:
+        InputError: a file that cannot be written.
+    """
+    times = grid(max(float(one.track.series()[0].time[-1]) for one in made.values()))
+    runs = [shown(one, label, times) for label, one in made.items()]
+    numbers = {f"{label} {arm}".strip(): summary for label, one in made.items() for arm, summary in one.summary.items()}
+    write_text(path, _page(runs, numbers, times, command=command, title=title, description=description))
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file that is whole or not there.
+
+    Raises:
+        InputError: it cannot be written.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -54,8 +81,8 @@ def write_page(
         got = error.strerror or str(error)
         raise InputError(f"output {path}", got=got, expected="a file that can be written") from None
     finally:
-        temporary.unlink(missing_ok=True)
-    return numbers
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
 
 
 def make_page(
@@ -70,6 +97,18 @@ def make_page(
         for arm in run.arms
         if run.object_pose is not None and "slip_mm" in arm.values and "error_mm" in arm.values
     }
+    return _page(runs, numbers, times, command=command, title=title, description=description), numbers
+
+
+def _page(
+    runs: Sequence[Run],
+    numbers: Mapping[str, Mapping[str, Any]],
+    times: Array,
+    *,
+    command: str,
+    title: str,
+    description: str,
+) -> str:
     packer = Packer()
     described, missing = [], []
     for run in runs:
@@ -83,7 +122,7 @@ def make_page(
         **{name: ", ".join(dict.fromkeys(run.facts[name] for run in runs if name in run.facts)) for name in _FACTS},
         **dict(sorted((k, str(v)) for run in runs for k, v in run.versions.items())),
     }
-    page = assemble(
+    return assemble(
         title=title or scenario or "recorded runs",
         description=description,
         table=_table(numbers),
@@ -93,7 +132,6 @@ def make_page(
         data=compressed(packer.pack(header)),
         live=False,
     )
-    return page, numbers
 
 
 _FACTS: Final = {"scenario": "scenario", "seed": "seed", "git_revision": "revision"}

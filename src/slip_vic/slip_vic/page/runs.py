@@ -6,11 +6,12 @@ import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from slip_bags.reader import Bag
 from slip_bags.series import Series
@@ -18,9 +19,12 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf import parse_urdf
-from slip_core.params import flat_names
+from slip_core.params import flat_names, flatten
 from slip_vic.page.packing import Packer
 from slip_vic.page.urdf import links_of
+
+if TYPE_CHECKING:
+    from slip_vic.run import run as run_module
 
 STEP_S: Final = 0.004
 MOST_FRAMES: Final = 4000
@@ -139,6 +143,50 @@ def read_run(path: Path, label: str, times: Array) -> Run:
                 name: bag.custom_data[name] for name in ("scenario", "seed", "git_revision") if name in bag.custom_data
             },
         )
+
+
+def shown(run: run_module.Run, label: str, times: Array) -> Run:
+    """Return what the page shows of a run in this process."""
+    scenario, arms = run.scenario, []
+    pose = None
+    for k, series in enumerate(run.track.series()):
+        controller, joints = scenario.controllers[series.arm], run.track.joints(k)
+        names = tuple(controller.joint_names)
+        at = np.clip(np.searchsorted(series.time, times + 1e-9, side="right") - 1, 0, None)
+        past = times > series.time[-1] + times[min(1, len(times) - 1)]
+
+        def held(rows: Array, at: Array = at, past: Array = past) -> Array:
+            found = np.array(rows[at], dtype=np.float64)
+            found[past] = np.nan
+            return found
+
+        symbols = list(series.law)
+        table = np.stack([series.law[name] for name in symbols], axis=1)
+        desired = series.law_six("desired")[:, :3]
+        values = slip_values(held(series.slip_displacement)) | speed_values(held(series.slip_velocity))
+        values |= law_values(symbols, held(table))
+        values["load"] = load_ratio(held(series.wrench), flatten(controller))
+        urdf = scenario.urdfs[series.arm]
+        arms.append(
+            Arm(
+                name=series.arm,
+                urdf=urdf,
+                tip=controller.ee_frame,
+                joint_names=names,
+                joints=held(joints[:, : len(names)]),
+                slip_velocity=held(series.slip_velocity),
+                planned=desired[np.isfinite(desired).all(axis=1)],
+                values=values,
+                efforts=held(series.effort),
+                effort_limits=effort_limits_of(urdf, names),
+                modes=tuple(run.modes[series.arm]),
+            )
+        )
+        if pose is None:
+            pose = held(np.hstack([series.object_position, Rotation.from_matrix(series.object_rotation).as_quat()]))
+    size = object_size(flatten(next(iter(scenario.bridges.values()))))
+    facts = {"scenario": scenario.name, "seed": str(next(iter(scenario.bridges.values())).seed)}
+    return Run(label, tuple(arms), pose, size, {}, facts)
 
 
 def _is_object(topic: str) -> bool:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
 
+import numpy as np
+
+from slip_core.arrays import Array
 from slip_core.incidents import Incident
 from slip_core.types import DisplacementSample, EffortCommand
 from slip_sim_bridge.session import TickOutputs
@@ -14,13 +16,42 @@ from slip_vic_controller.incidents import IncidentWatch
 from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Manifest
 
 
-@dataclass(frozen=True, slots=True)
 class Tick:
-    """What one tick exchanged, and what went wrong in it."""
+    """What one tick exchanged, what went wrong in it, and the effort that is applied next.
 
-    outputs: TickOutputs
-    result: CycleResult
-    incidents: tuple[Incident, ...] = ()
+    Args:
+        outputs: what the bridge measured.
+        result: what the controller answered.
+        incidents: what went wrong.
+
+    Attributes:
+        efforts: of each arm, (n,) [N m], empty holds the arm: what the controller commands, until another one is set.
+    """
+
+    __slots__ = ("efforts", "incidents", "outputs", "results")
+
+    def __init__(self, outputs: TickOutputs, result: CycleResult, incidents: tuple[Incident, ...] = ()) -> None:
+        self.outputs, self.results, self.incidents = outputs, (result,), incidents
+        self.efforts: list[Array] = [one.command.effort for one in self.results]
+
+    @property
+    def result(self) -> CycleResult:
+        """What the controller of the first arm answered."""
+        return self.results[0]
+
+    @property
+    def time_s(self) -> float:
+        """Time of the tick [s]."""
+        return self.outputs.stamp_ns * 1e-9
+
+    @property
+    def effort(self) -> Array:
+        """Effort of the first arm that is applied next; (n,) [N m]."""
+        return self.efforts[0]
+
+    @effort.setter
+    def effort(self, effort: Array) -> None:
+        self.efforts[0] = np.asarray(effort, dtype=np.float64)
 
 
 class ClosedLoop:
@@ -69,8 +100,9 @@ def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:
         result = loop.control(outputs)
         found = (loop.bridge.lost if not lost else None, watch.see(result))
         lost |= found[0] is not None
-        yield Tick(outputs, result, tuple(incident for incident in found if incident is not None))
+        tick = Tick(outputs, result, tuple(incident for incident in found if incident is not None))
+        yield tick
         if scenario.bridge.grip.control == "follow":
             loop.bridge.set_grip_force(0, result.grip)
-        on_the_way.append(result.command)
+        on_the_way.append(EffortCommand(outputs.stamp_ns, tick.effort))
         loop.bridge.advance([on_the_way.popleft()])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from slip_vic.run.series import RunSeries
 
@@ -20,12 +21,15 @@ def summarise(series: RunSeries) -> dict[str, Any]:
 
     slip_*: norm of the displacement of the pad on the object, at the end and at its peak, and peak sliding
     speed. tracking_rms, final_error: pose error e of the law (x, y, z, rx, ry, rz) [m, rad]. arrival_s: from when on
-    the pad stays within 1 mm and 0.5 degrees of the end of its path; NaN where it does not.
+    the pad stays within 1 mm and 0.5 degrees of the end of its path; NaN where it does not. effort_rate_rms: of the
+    norm of the change of all efforts from tick to tick. What the law has to tell is NaN where it was never at work.
     """
     linear = np.linalg.norm(series.slip_displacement[:, :3], axis=1)
     angular = np.linalg.norm(series.slip_displacement[:, 3:], axis=1)
     error = series.law_six("e")
     evaluated = error[np.isfinite(error).all(axis=1)]
+    if not len(evaluated):
+        evaluated = np.full((1, 6), np.nan)
     return {
         "slip_linear_m": float(linear[-1]),
         "slip_angular_rad": float(angular[-1]),
@@ -35,19 +39,35 @@ def summarise(series: RunSeries) -> dict[str, Any]:
         "tracking_rms": np.sqrt(np.mean(evaluated**2, axis=0)).tolist(),
         "final_error": evaluated[-1].tolist(),
         "arrival_s": arrival_s(series),
+        "error_peak_m": float(np.linalg.norm(evaluated[:, :3], axis=1).max()),
         "attitude_excursion_rad": float(np.linalg.norm(evaluated[:, 3:], axis=1).max()),
-        "effort_peak_nm": float(np.abs(series.effort).max()),
+        "effort_peak_nm": float(np.nanmax(np.abs(series.effort), initial=0.0)),
+        "effort_rate_rms_nm_s": effort_rate(series),
     }
 
 
 def arrival_s(series: RunSeries) -> float:
     """Return from when on the pad stays within ARRIVED of the last desired pose [s]; NaN where it does not."""
-    away = series.law_six("position") - series.law_six("desired")[-1]
-    near = (np.linalg.norm(away[:, :3], axis=1) < ARRIVED[0]) & (np.linalg.norm(away[:, 3:], axis=1) < ARRIVED[1])
+    position, desired = series.law_six("position"), series.law_six("desired")
+    known = np.isfinite(position).all(axis=1) & np.isfinite(desired).all(axis=1)
+    if not known.any():
+        return math.nan
+    position, goal, times = position[known], desired[known][-1], series.law_time[known]
+    turned = Rotation.from_rotvec(goal[3:]).inv() * Rotation.from_rotvec(position[:, 3:])
+    near = (np.linalg.norm(position[:, :3] - goal[:3], axis=1) < ARRIVED[0]) & (turned.magnitude() < ARRIVED[1])
     if not near[-1]:
         return math.nan
     first = 0 if near.all() else int(np.flatnonzero(~near)[-1]) + 1
-    return float(series.law_time[first])
+    return float(times[first])
+
+
+def effort_rate(series: RunSeries) -> float:
+    """Return the root mean square of the change of all efforts per time [N m/s]."""
+    effort = series.effort[np.isfinite(series.effort).all(axis=1)]
+    if len(effort) < 2:
+        return 0.0
+    period = (series.time[-1] - series.time[0]) / (len(series.time) - 1)
+    return float(np.sqrt(np.mean((np.diff(effort, axis=0) ** 2).sum(axis=1))) / period)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,12 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-
-mpl.use("Agg")
-
-import matplotlib.pyplot as plt  # the backend must be chosen first: no display is needed
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
@@ -19,16 +15,23 @@ from slip_vic.run.series import RunSeries, rotation_angle_about
 
 COLOURS = {"classical": "#d55e00", "vic": "#0072b2", "governed": "#009e73"}
 """Told apart by colour-blind people too (Okabe and Ito)."""
+OTHERS = ("#cc79a7", "#56b4e9", "#e69f00", "#f0e442")
 DESIRED = {"color": "black", "linestyle": ":", "linewidth": 1.4, "label": "desired"}
 NAMES = "xyz"
 
 
 def write_report(path: Path, title: str, runs: Mapping[str, RunSeries]) -> None:
     """Write the picture of one or more runs of a scenario."""
+    picture(title, runs).savefig(path, dpi=90)
+
+
+def picture(title: str, runs: Mapping[str, RunSeries]) -> Figure:
+    """Return the picture of one or more runs of a scenario; it needs no display and opens no window."""
     plane, normal = slip_plane(next(iter(runs.values())))
     governed = {name: run for name, run in runs.items() if "load_ratio" in run.law}
     rows = 5 if governed else 4
-    figure, axes = plt.subplots(rows, 3, figsize=(16, 4.25 * rows), constrained_layout=True)
+    figure = Figure(figsize=(16, 4.25 * rows), layout="constrained")
+    axes = figure.subplots(rows, 3)
     figure.suptitle(title, fontsize=15)
     for column, axis in enumerate(plane):
         _position(axes[0, column], runs, axis, f"position along {NAMES[axis]} [m]")
@@ -41,10 +44,10 @@ def write_report(path: Path, title: str, runs: Mapping[str, RunSeries]) -> None:
     for name, run in runs.items():
         for style, axis in zip(("-", "--"), plane, strict=True):
             axes[3, 0].plot(
-                run.law_time, run.law_six("K")[:, axis], style, color=COLOURS[name], label=f"{name} {NAMES[axis]}"
+                run.law_time, run.law_six("K")[:, axis], style, color=colour_of(name), label=f"{name} {NAMES[axis]}"
             )
-        axes[3, 1].plot(run.law_time, run.law_six("K")[:, 3 + normal], color=COLOURS[name], label=name)
-        axes[3, 2].plot(run.law_time, run.law["gate"], color=COLOURS[name], label=name)
+        axes[3, 1].plot(run.law_time, run.law_six("K")[:, 3 + normal], color=colour_of(name), label=name)
+        axes[3, 2].plot(run.law_time, run.law["gate"], color=colour_of(name), label=name)
     if governed:
         _governor(axes[4], governed)
     axes[3, 0].set_title("stiffness K(v_s) [N/m]")
@@ -55,8 +58,7 @@ def write_report(path: Path, title: str, runs: Mapping[str, RunSeries]) -> None:
         axis.legend(fontsize=8)
         if axis is not axes[2, 0]:
             axis.set_xlabel("time [s]")
-    figure.savefig(path, dpi=90)
-    plt.close(figure)
+    return figure
 
 
 def _governor(axes: Any, runs: Mapping[str, RunSeries]) -> None:
@@ -70,8 +72,14 @@ def _governor(axes: Any, runs: Mapping[str, RunSeries]) -> None:
         for name, run in runs.items():
             for (field, what), style in zip(fields.items(), ("-", "--", ":"), strict=True):
                 if field in run.law:
-                    axis.plot(run.law_time, run.law[field], style, color=COLOURS[name], label=f"{name}, {what}")
+                    axis.plot(run.law_time, run.law[field], style, color=colour_of(name), label=f"{name}, {what}")
         axis.set_title(title)
+
+
+def colour_of(name: str) -> str:
+    """Return the colour of a run by its label: that of its law, where it has one of its own."""
+    known = next((COLOURS[word] for word in name.split() if word in COLOURS), None)
+    return known or OTHERS[sum(name.encode()) % len(OTHERS)]
 
 
 def slip_plane(run: RunSeries) -> tuple[tuple[int, int], int]:
@@ -83,9 +91,9 @@ def slip_plane(run: RunSeries) -> tuple[tuple[int, int], int]:
 
 def _position(axis: Any, runs: Mapping[str, RunSeries], index: int, title: str) -> None:
     for name, run in runs.items():
-        axis.plot(run.time, run.grasp_position[:, index], color=COLOURS[name], label=f"object, {name}")
+        axis.plot(run.time, run.grasp_position[:, index], color=colour_of(name), label=f"object, {name}")
         axis.plot(
-            run.law_time, run.law_six("position")[:, index], "--", color=COLOURS[name], label=f"end-effector, {name}"
+            run.law_time, run.law_six("position")[:, index], "--", color=colour_of(name), label=f"end-effector, {name}"
         )
     run = next(iter(runs.values()))
     axis.plot(run.law_time, run.law_six("desired")[:, index], **DESIRED)
@@ -96,10 +104,10 @@ def _angle(axis: Any, runs: Mapping[str, RunSeries], normal: int) -> None:
     unit = np.eye(3)[normal]
     for name, run in runs.items():
         axis.plot(
-            run.time, rotation_angle_about(run.grasp_rotation, unit), color=COLOURS[name], label=f"object, {name}"
+            run.time, rotation_angle_about(run.grasp_rotation, unit), color=colour_of(name), label=f"object, {name}"
         )
         axis.plot(
-            run.law_time, _angle_of(run, "position", unit), "--", color=COLOURS[name], label=f"end-effector, {name}"
+            run.law_time, _angle_of(run, "position", unit), "--", color=colour_of(name), label=f"end-effector, {name}"
         )
     run = next(iter(runs.values()))
     axis.plot(run.law_time, _angle_of(run, "desired", unit), **DESIRED)
@@ -112,9 +120,9 @@ def _angle_of(run: RunSeries, name: str, unit: Array) -> Array:
 
 def _velocity(axis: Any, runs: Mapping[str, RunSeries], index: int, title: str) -> None:
     for name, run in runs.items():
-        axis.plot(run.time, run.grasp_twist[:, index], color=COLOURS[name], label=f"object, {name}")
+        axis.plot(run.time, run.grasp_twist[:, index], color=colour_of(name), label=f"object, {name}")
         axis.plot(
-            run.law_time, run.law_six("twist")[:, index], "--", color=COLOURS[name], label=f"end-effector, {name}"
+            run.law_time, run.law_six("twist")[:, index], "--", color=colour_of(name), label=f"end-effector, {name}"
         )
     axis.set_title(title)
 
@@ -123,10 +131,10 @@ def _path(axis: Any, runs: Mapping[str, RunSeries], plane: tuple[int, int]) -> N
     first, second = plane
     for name, run in runs.items():
         axis.plot(
-            run.grasp_position[:, first], run.grasp_position[:, second], color=COLOURS[name], label=f"object, {name}"
+            run.grasp_position[:, first], run.grasp_position[:, second], color=colour_of(name), label=f"object, {name}"
         )
         position = run.law_six("position")
-        axis.plot(position[:, first], position[:, second], "--", color=COLOURS[name], label=f"end-effector, {name}")
+        axis.plot(position[:, first], position[:, second], "--", color=colour_of(name), label=f"end-effector, {name}")
     desired = next(iter(runs.values())).law_six("desired")
     axis.plot(desired[:, first], desired[:, second], **DESIRED)
     axis.set_title("path in the slip plane [m]")
@@ -138,5 +146,5 @@ def _path(axis: Any, runs: Mapping[str, RunSeries], plane: tuple[int, int]) -> N
 def _slip(axis: Any, runs: Mapping[str, RunSeries], part: slice, scale: float, title: str) -> None:
     for name, run in runs.items():
         values = np.linalg.norm(run.slip_displacement[:, part], axis=1) * scale
-        axis.plot(run.time, values, color=COLOURS[name], label=f"{name}: {values[-1]:.2f} at the end")
+        axis.plot(run.time, values, color=colour_of(name), label=f"{name}: {values[-1]:.2f} at the end")
     axis.set_title(title)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +17,19 @@ from slip_core.errors import InputError
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
+def _nothing() -> Array:
+    return np.empty(0)
+
+
 @dataclass(frozen=True, slots=True)
 class RunSeries:
     """Arrays of one run; time starts at 0 with the first joint state.
 
     time (N,) [s]; slip_displacement (N, 6) [m, rad] {p}; slip_velocity (N, 6) pad axes; grasp_position (N, 3) [m]
     and grasp_rotation (N, 3, 3): the frame {p} that is fixed in the object, {w}; grasp_twist (N, 6) {w};
-    effort (N, n) [N m]; law_time (M,) [s] and law: the controller's scalars by name, (M,) each.
+    effort (N, n) [N m], NaN without a command; law_time (M,) [s] and law: the controller's scalars by name, (M,) each.
+    arm: its name; wrench (N, 6) of the object on the pad {ee}; object_position (N, 3) [m], object_rotation (N, 3, 3)
+    {w}.
     """
 
     time: Array
@@ -35,6 +41,10 @@ class RunSeries:
     effort: Array
     law_time: Array
     law: dict[str, Array]
+    arm: str = ""
+    wrench: Array = field(default_factory=_nothing)
+    object_position: Array = field(default_factory=_nothing)
+    object_rotation: Array = field(default_factory=_nothing)
 
     def law_six(self, name: str) -> Array:
         """Return six scalars of the law as columns; (M, 6)."""
@@ -53,6 +63,8 @@ def read_series(path: Path, arm: str = "") -> RunSeries:
         commands = _series(bag, "effort_command", arm)
         scalars = _series(bag, "controller/scalars", arm)
         ee_pose = _series(bag, "controller/ee_pose", arm)
+        full = next((name for name in bag.topics if name.endswith(f"/{arm}/wrench" if arm else "/wrench")), None)
+        bag_wrench = bag.series(full) if full else None
     # A recorder on a busy machine may miss a message of one topic: the two go together by their stamps.
     stamps, of_truth, of_object = np.intersect1d(_stamps(truth), _stamps(odometry), return_indices=True)
     if not stamps.size:
@@ -63,25 +75,51 @@ def read_series(path: Path, arm: str = "") -> RunSeries:
     object_position = _columns(odometry, "pose.pose.position.", "xyz")[of_object]
     object_rotation = Rotation.from_quat(_columns(odometry, "pose.pose.orientation.", "xyzw")[of_object]).as_matrix()
     twist = [_columns(odometry, f"twist.twist.{part}.", "xyz")[of_object] for part in ("linear", "angular")]
-    # {p} is {ee} at the first tick, fixed in the object from then on.
-    R_0 = object_rotation[0]
-    o_x_p = R_0.T @ (_columns(ee_pose, "pose.position.", "xyz")[0] - object_position[0])
-    o_R_p = R_0.T @ Rotation.from_quat(_columns(ee_pose, "pose.orientation.", "xyzw")[0]).as_matrix()
-    lever = object_rotation @ o_x_p
-    linear, angular = (np.einsum("nij,nj->ni", object_rotation, part) for part in twist)
+    ee_position = _columns(ee_pose, "pose.position.", "xyz")[0]
+    ee_rotation = Rotation.from_quat(_columns(ee_pose, "pose.orientation.", "xyzw")[0]).as_matrix()
+    grasp = grasp_in_object(object_position, object_rotation, np.hstack(twist), ee_position, ee_rotation)
     names = [str(name) for name in scalars["name"][0]]
     table = scalars["position"]
     return RunSeries(
         time=(stamps - start_ns) * 1e-9,
         slip_displacement=truth["position"][of_truth],
         slip_velocity=truth["velocity"][of_truth],
-        grasp_position=object_position + lever,
-        grasp_rotation=object_rotation @ o_R_p,
-        grasp_twist=np.hstack([linear + np.cross(angular, lever), angular]),
+        grasp_position=grasp[0],
+        grasp_rotation=grasp[1],
+        grasp_twist=grasp[2],
         effort=np.array([row for row in commands["effort"] if len(row)]),
         law_time=_times(scalars, start_ns),
         law={name: table[:, i] for i, name in enumerate(names)},
+        arm=arm,
+        wrench=_held_wrench(bag_wrench, stamps),
+        object_position=object_position,
+        object_rotation=object_rotation,
     )
+
+
+def grasp_in_object(
+    position: Array, rotation: Array, twist: Array, ee_position: Array, ee_rotation: Array
+) -> tuple[Array, Array, Array]:
+    """Return pose and twist of {p}, the frame of the pad at the first tick, fixed in the object; {w}.
+
+    Args:
+        position, rotation, twist: of the object; (N, 3) [m], (N, 3, 3), (N, 6) {w}.
+        ee_position, ee_rotation: of the pad at the first tick; (3,) [m], (3, 3) {w}.
+    """
+    o_x_p = rotation[0].T @ (ee_position - position[0])
+    lever = rotation @ o_x_p
+    linear, angular = (np.einsum("nij,nj->ni", rotation, part) for part in (twist[:, :3], twist[:, 3:]))
+    moved = np.hstack([linear + np.cross(angular, lever), angular])
+    return position + lever, rotation @ (rotation[0].T @ ee_rotation), moved
+
+
+def _held_wrench(wrench: Series | None, stamps: NDArray[np.int64]) -> Array:
+    """Return the newest wrench at each stamp; (N, 6), empty without any."""
+    if wrench is None or not wrench.count:
+        return _nothing()
+    six = np.hstack([_columns(wrench, f"wrench.{part}.", "xyz") for part in ("force", "torque")])
+    newest = np.searchsorted(_stamps(wrench), stamps, side="right") - 1
+    return six[np.clip(newest, 0, None)]
 
 
 def _series(bag: Bag, topic: str, arm: str = "") -> Series:

@@ -17,7 +17,7 @@ SOURCES = (
     "slip_core",
     "slip_vic_controller",
     "slip_sim_bridge",
-    "slip_vic/run/in_process.py",
+    "slip_vic/run",
     "slip_vic/scenarios/scenario.py",
     "slip_vic/study/cases.py",
     "slip_vic/study/run_case.py",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -33,6 +33,9 @@ from slip_vic.scenarios import find_scenario, scenario_text
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 
 if TYPE_CHECKING:
+    from slip_core.arrays import Array
+    from slip_vic.run.in_process import Tick
+    from slip_vic.run.run import Run
     from slip_sim_bridge.session import BridgeSession
 
 Law = Literal["vic", "classical", "governed"]
@@ -79,6 +82,57 @@ class Scenario:
         "controller": "slip_vic_controller.main", "bridge": "slip_sim_bridge.main", "both": "slip_vic.run.both_nodes"
     }  # fmt: skip
     """What runs as a process."""
+
+    @property
+    def controllers(self) -> Mapping[str, ControllerNodeParams]:
+        """Parameters of the controller of each arm by its name."""
+        return {"": self.controller}
+
+    @property
+    def bridges(self) -> Mapping[str, BridgeParams]:
+        """Parameters of the bridge of each arm by its name."""
+        return {"": self.bridge}
+
+    @property
+    def urdfs(self) -> Mapping[str, str]:
+        """The URDF of each arm by its name."""
+        return {"": self.urdf}
+
+    def ticks(self) -> Iterator[Tick]:
+        """Run in this process and yield every tick, with the next effort in your hands.
+
+            for tick in scenario.ticks():
+                tick.effort = my_law(tick.outputs.arms[0].joint, tick.result.arm)
+
+        Without an assignment the effort is the controller's. One that is set goes through the simulated drive, which
+        limits it as the real one does.
+        """
+        from slip_vic.run.in_process import run_in_process
+
+        return run_in_process(self)
+
+    def run(self, law: Callable[[Tick], Array] | None = None) -> Run:
+        """Run in this process to the end, or until the object is lost; return what came of it.
+
+        Args:
+            law: a control law of one's own: takes each tick, returns the effort of the arm (n,) [N m]. None: the
+                controller's.
+
+        Raises:
+            InputError: parameters and URDF that do not fit.
+        """
+        from slip_vic.run.judge import judge
+        from slip_vic.run.run import Run
+        from slip_vic.run.track import Track
+
+        def driven() -> Iterator[Tick]:
+            for tick in self.ticks():
+                if law is not None:
+                    tick.effort = law(tick)
+                yield tick
+
+        track = Track(tuple(self.controllers), whole=True)
+        return Run(self, judge(driven(), track), track)
 
     @property
     def arms(self) -> tuple[tuple[str, ControllerNodeParams], ...]:

@@ -78,7 +78,7 @@ class Question:
             report(name)
             corner = Corner(name, *run_scenario(self.load(mismatch_assignments(name, known))))
             yield corner
-            if name == NO_MISMATCH and corner.outcome == "unreachable":
+            if name == NO_MISMATCH and corner.outcome == "refused":
                 return
 
 
@@ -138,7 +138,7 @@ def path_lines(load: PathLoad, as_told: Corner) -> list[str]:
 
 def refusal(load: PathLoad, as_told: Corner) -> str:
     """Return why the path is refused, with its place; "" where it is not."""
-    if as_told.outcome != "unreachable":
+    if as_told.outcome != "refused":
         return ""
     x, y, z = load.resting.position
     return f"refused: {as_told.reason}; the pad is at x {x:.3f}, y {y:.3f}, z {z:.3f} m there"

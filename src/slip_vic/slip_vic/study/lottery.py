@@ -15,19 +15,18 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from rich.table import Table
 
 from slip_core.errors import SlipVicError
-from slip_sim_bridge.plant import DivergenceError
 from slip_vic.presets import preset_names
-from slip_vic.run.arrival import Arrival
 from slip_vic.run.in_process import run_in_process
+from slip_vic.run.judge import Outcome, judge
+from slip_vic.run.track import Track
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import Estimator, Law, Scenario, load_scenario
-from slip_vic_controller.safety.modes import Mode
 
 SPREAD = 0.3
 """Largest relative error of what the controller is told: mass, inertia, friction, centre of mass."""
@@ -40,13 +39,10 @@ KINDS = ("scenario", "waypoints", "circle", "lemniscate")
 TROUBLES = ("none", "bias", "noise told", "noise untold", "latency")
 QUINTIC_PEAK = 5.7735
 """Largest acceleration of a quintic from rest to rest over way / duration^2."""
-LOST_ERROR_M = 1.0
 WORSE_M = 5e-4
 """Slip by which a law may exceed classical control before it counts as worse."""
 SLIPPERY_M = 5e-3
 """Slip of classical control above which a law is compared by ratio."""
-
-Outcome = Literal["ok", "lost", "fault", "refused"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,33 +206,10 @@ def play(ticket: Ticket, law: Entry) -> Drawn:
 
 
 def _play(scenario: Scenario) -> Drawn:
-    outcome: Outcome = "ok"
-    reason = ""
-    slip, peak, drift, arrival = np.zeros(6), 0.0, 0.0, Arrival()
-    try:
-        for tick in run_in_process(scenario):
-            now = tick.outputs.stamp_ns * 1e-9
-            slip = tick.outputs.truth.slip_displacement
-            peak = max(peak, float(np.linalg.norm(tick.outputs.truth.slip_velocity[:3])))
-            record = tick.result.record
-            if tick.result.mode == Mode.FAULT:
-                outcome, reason = "fault", f"{now:.3f} s: {tick.result.reason}"
-                break
-            lost = [incident for incident in tick.incidents if incident.kind == "lost"]
-            if lost:
-                outcome, reason = "lost", str(lost[0])
-                break
-            if not record.ok:
-                continue
-            arrival.add(now, tick.result)
-            drift = max(drift, float(record.law.error_linear))
-            if not drift < LOST_ERROR_M:
-                outcome, reason = "lost", f"{now:.3f} s: the pad is {drift:.2f} m from its reference"
-                break
-    except DivergenceError as failure:
-        outcome, reason = "lost", str(failure)
-    length, angle = float(np.linalg.norm(slip[:3])), float(np.linalg.norm(slip[3:]))
-    return Drawn(outcome, reason, length, angle, peak, drift, arrival.since_s)
+    verdict = judge(run_in_process(scenario), Track(tuple(scenario.controllers), whole=False))
+    kept = verdict.outcome not in ("lost", "fault")
+    numbers = ("slip_linear_m", "slip_angular_rad", "slip_speed_peak_m_s", "error_peak_m", "arrival_s")
+    return Drawn("ok" if kept else verdict.outcome, "" if kept else verdict.reason, *map(verdict.worst, numbers))
 
 
 def lottery(cases: int, seed: int, jobs: int) -> Iterator[tuple[Ticket, dict[str, Drawn]]]:

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from slip_core.arrays import Array
 from slip_core.errors import SlipVicError
-from slip_sim_bridge.plant import DivergenceError
-from slip_vic.run.arrival import Arrival
 from slip_vic.run.in_process import run_in_process
+from slip_vic.run.judge import Outcome, Verdict, judge
+from slip_vic.run.track import Track
 from slip_vic.scenarios.scenario import NO_TEXTS, Scenario, Texts
 from slip_vic.study.cases import Case
-
-LOST_ERROR_M = 1.0
-"""Tracking error beyond which the run ends as diverged."""
-
-ENDS = ("lost", "fault")
-"""Incidents after which a run has nothing more to show."""
 
 METRICS = (
     "slip_linear_m",
@@ -40,14 +34,13 @@ path; effort_rate_rms_n_m_s: of the norm of the change of all efforts from tick 
 
 @dataclass(frozen=True, slots=True)
 class CaseResult:
-    """Outcome: ok, the kind of an incident, diverged, held (the mode machine stopped the law), refused (bad parameters)
-    or crashed; and why.
+    """Outcome of a run, see `slip_vic.run.judge.Outcome`, and why.
 
     metrics: by the names of `METRICS`, NaN where there is nothing to measure.
     """
 
     case: Case
-    outcome: str
+    outcome: Outcome
     reason: str
     metrics: dict[str, float]
 
@@ -62,76 +55,31 @@ def run_case(case: Case, assignments: Sequence[str], texts: Texts = NO_TEXTS) ->
         return failed(case, "crashed", f"{type(error).__name__}: {error}")
 
 
-def failed(case: Case, outcome: str, reason: str) -> CaseResult:
+def failed(case: Case, outcome: Outcome, reason: str) -> CaseResult:
     """Return the result of a case that has no numbers."""
     return CaseResult(case, outcome, reason, dict.fromkeys(METRICS, math.nan))
 
 
-def run_scenario(scenario: Scenario) -> tuple[str, str, dict[str, float]]:
+def run_scenario(scenario: Scenario) -> tuple[Outcome, str, dict[str, float]]:
     """Run a scenario and return outcome, reason and metrics, as of `CaseResult`."""
-    ticks, squares, excursion, speed, peak = 0, 0.0, 0.0, 0.0, 0.0
-    linear = angular = 0.0
-    slip = np.zeros(6)
-    outcome, reason = "ok", ""
-    steps, arrival = _EffortSteps(), Arrival()
-    try:
-        for tick in run_in_process(scenario):
-            now_s = tick.outputs.stamp_ns * 1e-9
-            truth, record = tick.outputs.truth, tick.result.record
-            steps.add(tick.result.command.effort)
-            slip = truth.slip_displacement
-            peak = max(peak, math.hypot(*slip[:3].tolist()))
-            speed = max(speed, math.hypot(*truth.slip_velocity[:3].tolist()))
-            for incident in tick.incidents:
-                if outcome in ("ok", "held") or incident.kind in ENDS:
-                    outcome, reason = incident.kind, str(incident)
-            if outcome in ENDS:
-                break
-            if not record.ok:
-                if ticks and outcome == "ok":
-                    outcome, reason = "held", f"{now_s:.3f} s: {tick.result.reason}"
-                continue
-            ticks += 1
-            arrival.add(now_s, tick.result)
-            linear, angular = float(record.law.error_linear), float(record.law.error_angular)
-            squares += linear * linear
-            excursion = max(excursion, angular)
-            if not linear < LOST_ERROR_M:
-                outcome, reason = "diverged", f"at {now_s:.3f} s"
-                break
-    except DivergenceError as failure:
-        outcome, reason = "diverged", str(failure)
-    values = (
-        math.hypot(*slip[:3].tolist()),
-        math.hypot(*slip[3:].tolist()),
-        speed,
-        math.sqrt(squares / max(ticks, 1)),
-        linear,
-        angular,
-        excursion,
-        steps.rms / scenario.controller.control_period_s,
-        math.nan if outcome in ENDS else arrival.since_s,
-        peak,
-    )
-    return outcome, reason, dict(zip(METRICS, values, strict=True))
+    verdict = judge(run_in_process(scenario), Track(tuple(scenario.controllers), whole=False))
+    return verdict.outcome, verdict.reason, metrics_of(verdict)
 
 
-class _EffortSteps:
-    """Root mean square of the norm of the change of all efforts from tick to tick [N m]."""
+def metrics_of(verdict: Verdict) -> dict[str, float]:
+    """Return the numbers of a run that a study keeps, those of the worst arm."""
+    if not verdict.arms:
+        return dict.fromkeys(METRICS, math.nan)
+    found = [_metrics(numbers) for numbers in verdict.arms.values()]
+    return {name: max(one[name] for one in found) for name in METRICS}
 
-    def __init__(self) -> None:
-        self._last: Array | None = None
-        self._squares, self._count = 0.0, 0
 
-    def add(self, effort: Array) -> None:
-        """Take the efforts of a tick [N m]; empty ones are no command."""
-        if not effort.size:
-            return
-        if self._last is not None:
-            step = effort - self._last
-            self._squares, self._count = self._squares + float((step * step).sum()), self._count + 1
-        self._last = effort.copy()
-
-    @property
-    def rms(self) -> float:
-        return math.sqrt(self._squares / max(self._count, 1))
+def _metrics(numbers: Mapping[str, Any]) -> dict[str, float]:
+    final = np.array(numbers["final_error"])
+    return {
+        **{name: float(numbers[name]) for name in METRICS if name in numbers},
+        "tracking_rms_m": float(np.linalg.norm(numbers["tracking_rms"][:3])),
+        "final_error_m": float(np.linalg.norm(final[:3])),
+        "final_error_rad": float(np.linalg.norm(final[3:])),
+        "effort_rate_rms_n_m_s": float(numbers["effort_rate_rms_nm_s"]),
+    }

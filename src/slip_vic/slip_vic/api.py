@@ -1,0 +1,88 @@
+"""What is called first from Python: a scenario by its name, a recorded bag as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from slip_vic.presets import find_preset
+from slip_vic.scenarios import find_scenario
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from slip_vic.scenarios.scenario import Estimator, Law, Mode, Scenario
+
+
+def load(
+    name_or_file: str | Path,
+    *,
+    law: Law = "governed",
+    sensor: str | Path = "",
+    estimator: Estimator | None = None,
+    seed: int = 0,
+    mode: Mode = "lockstep",
+    set: Sequence[str] = (),
+    urdf: str | Path | None = None,
+    parameters: Mapping[str, Any] | None = None,
+) -> Scenario:
+    """Return a scenario, ready to run.
+
+        scenario = slip_vic.load("paper_planar", law="vic", sensor="vision_60", set=["object.mass=0.6"])
+        scenario.bridge.grip.force          # the parameters of both sides
+        scenario.controller.gains.k_s
+        run = scenario.run()
+
+    Args:
+        name_or_file: see `scenario_names()`, or a YAML file.
+        law: classical, vic or governed.
+        sensor: slip sensor, see `preset_names("sensors")`, or a YAML file; empty: the scenario's own.
+        estimator: of the slip: measured or observer; None: what suits the sensor.
+        seed: of the sensors' noise.
+        mode: lockstep, or realtime for nodes.
+        set: overrides as on the command line, e.g. "controller.gains.k_s=500", "bridge.grip.force=0.6",
+            "object.mass=0.6".
+        urdf: another arm.
+        parameters: of the controller by dotted name, e.g. of a file of `slip-vic tune`.
+
+    Raises:
+        InputError: an unknown name (the nearest are offered), a bad value, a file that cannot be read.
+    """
+    find_scenario(str(name_or_file))
+    if sensor:
+        find_preset("sensors", str(sensor))
+    from slip_vic.scenarios.scenario import load_scenario
+
+    return load_scenario(
+        str(name_or_file),
+        law=law,
+        sensor=str(sensor),
+        estimator=estimator,
+        seed=seed,
+        mode=mode,
+        assignments=[set] if isinstance(set, str) else set,
+        urdf_file=None if urdf is None else Path(urdf),
+        parameters=parameters or {},
+    )
+
+
+def read_bag(path: str | Path, topic: str | None = None) -> pd.DataFrame:
+    """Return a topic of a bag as a table, one row per message; without a topic, the table of its topics.
+
+        slip_vic.read_bag("bags/paper_planar_vic")
+        slip_vic.read_bag("bags/paper_planar_vic", "/joint_states")
+
+    Raises:
+        InputError: no bag, a damaged one, or no such topic (the nearest are offered).
+    """
+    import pandas as pd
+
+    from slip_bags.export import dataframe
+    from slip_bags.reader import Bag
+
+    with Bag(Path(path)) as bag:
+        if topic is None:
+            rows = [(name, info.type, info.message_count) for name, info in bag.topics.items()]
+            return pd.DataFrame(rows, columns=["topic", "type", "messages"])
+        return dataframe(bag, topic)

@@ -1,0 +1,174 @@
+"""A run that is over: its numbers, every tick as a table, a picture, the page."""
+
+from __future__ import annotations
+
+import html
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_vic.run.judge import Outcome, Verdict
+from slip_vic.run.metrics import summary_rows
+from slip_vic.run.track import Track
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from slip_vic.scenarios.scenario import Scenario
+
+_AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run of a scenario in this process.
+
+        run = slip_vic.load("paper_planar", law="governed").run()
+        print(run.slip_mm, run.outcome)
+        run.frame().plot(x="time_s", y="slip_linear_mm")
+        run.page("out/run.html")
+
+    In a notebook it shows its numbers. Where several arms hold the object, a number is that of the worst of them.
+    """
+
+    scenario: Scenario
+    verdict: Verdict
+    track: Track
+
+    @property
+    def outcome(self) -> Outcome:
+        """How it ended: ok, lost, fault, refused, saturated or held."""
+        return self.verdict.outcome
+
+    @property
+    def reason(self) -> str:
+        """Why it did not end well, in one line; empty where it did."""
+        return self.verdict.reason
+
+    @property
+    def slip_mm(self) -> float:
+        """How far the pad has slid on the object at the end [mm]."""
+        return 1e3 * self.verdict.worst("slip_linear_m")
+
+    @property
+    def slip_deg(self) -> float:
+        """How far the object has turned in the grasp at the end [deg]."""
+        return math.degrees(self.verdict.worst("slip_angular_rad"))
+
+    @property
+    def final_error_mm(self) -> float:
+        """How far the pad is from its goal at the end [mm]."""
+        errors = (float(np.linalg.norm(one["final_error"][:3])) for one in self.verdict.arms.values())
+        return 1e3 * max(errors, default=math.nan)
+
+    @property
+    def arrival_s(self) -> float:
+        """From when on the pad stays within 1 mm and 0.5 degrees of its goal [s]; NaN where it does not."""
+        return max((float(one["arrival_s"]) for one in self.verdict.arms.values()), default=math.nan)
+
+    @property
+    def modes(self) -> dict[str, tuple[tuple[float, str], ...]]:
+        """The changes of mode of each arm: from when on [s], mode and reason."""
+        return self.track.modes()
+
+    @property
+    def summary(self) -> dict[str, dict[str, Any]]:
+        """All numbers of each arm by its name, in SI units."""
+        return {name: dict(numbers) for name, numbers in self.verdict.arms.items()}
+
+    def frame(self, arm: str | None = None) -> pd.DataFrame:
+        """Return every tick as a row.
+
+        Columns: time_s; slip_*, slip_velocity_* (pad axes) with their norms slip_linear_mm, slip_angular_deg;
+        wrench_* {ee}; object_* [m]; q_*, qd_*, effort_* of the joints; then every symbol of the law by its name, NaN
+        where it was not evaluated.
+
+        Args:
+            arm: which one; None: the first.
+
+        Raises:
+            InputError: no arm of that name.
+        """
+        import pandas as pd
+
+        k = self._arm(arm)
+        series, joints = self.track.series()[k], self.track.joints(k)
+        n = joints.shape[1] // 2
+        columns: dict[str, Array] = {
+            "time_s": series.time,
+            "slip_linear_mm": 1e3 * np.linalg.norm(series.slip_displacement[:, :3], axis=1),
+            "slip_angular_deg": np.degrees(np.linalg.norm(series.slip_displacement[:, 3:], axis=1)),
+        }
+        for name, six in (
+            ("slip", series.slip_displacement), ("slip_velocity", series.slip_velocity), ("wrench", series.wrench),
+        ):  # fmt: skip
+            columns |= {f"{name}_{axis}": six[:, j] for j, axis in enumerate(_AXES)}
+        columns |= {f"object_{axis}": series.object_position[:, j] for j, axis in enumerate("xyz")}
+        columns |= {f"q_{j + 1}": joints[:, j] for j in range(n)}
+        columns |= {f"qd_{j + 1}": joints[:, n + j] for j in range(n)}
+        columns |= {f"effort_{j + 1}": series.effort[:, j] for j in range(series.effort.shape[1])}
+        columns |= {name: values for name, values in series.law.items() if name not in columns}
+        return pd.DataFrame(columns)
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return the picture of the run: motion, slip, stiffness, gate; `path` writes it too."""
+        from slip_vic.run.picture import picture
+
+        figure = picture(self._title, {self._label(series.arm): series for series in self.track.series()})
+        if path is not None:
+            figure.savefig(path, dpi=90)
+        return figure
+
+    def page(self, path: str | Path) -> Path:
+        """Write the page of the run, one HTML file with a 3D replay and linked plots; return its path.
+
+        Raises:
+            InputError: a file that cannot be written.
+        """
+        from slip_vic.page.page import write_runs
+
+        write_runs(Path(path), {self.scenario.law: self}, command="slip_vic.Run.page", title=self.scenario.name)
+        return Path(path)
+
+    def _arm(self, name: str | None) -> int:
+        from slip_core.errors import UnknownName
+
+        if name is None:
+            return 0
+        if name not in self.track.arms:
+            raise UnknownName("arm", name, self.track.arms)
+        return self.track.arms.index(name)
+
+    @property
+    def _title(self) -> str:
+        return f"{self.scenario.name}: {self.scenario.description}"
+
+    def _label(self, arm: str) -> str:
+        return f"{self.scenario.law} {arm}".strip()
+
+    def _repr_html_(self) -> str:
+        runs = list(self.verdict.arms.values())
+        head = "".join(f"<th>{html.escape(self._label(name))}</th>" for name in self.verdict.arms)
+        rows = "".join(
+            f"<tr><th style='text-align:left'>{html.escape(row.label)}</th>"
+            + "".join(f"<td>{html.escape(text)}</td>" for text in row.texts)
+            + "</tr>"
+            for row in summary_rows(runs)
+        )
+        said = f"{self.outcome}: {self.reason}" if self.reason else self.outcome
+        return (
+            f"<table><caption>{html.escape(self.scenario.name)}: {html.escape(said)}</caption>"
+            f"<thead><tr><td></td>{head}</tr></thead><tbody>{rows}</tbody></table>"
+        )
+
+    def __repr__(self) -> str:
+        why = f" ({self.reason})" if self.reason else ""
+        return (
+            f"Run({self.scenario.name}, {self.scenario.law}: {self.outcome}{why}, slip {self.slip_mm:.2f} mm "
+            f"{self.slip_deg:.2f} deg, final error {self.final_error_mm:.3f} mm, arrives after {self.arrival_s:.2f} s)"
+        )

@@ -1,0 +1,131 @@
+"""What a run in this process was, tick by tick, as arrays: what it is judged by, drawn from and looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from slip_core.arrays import Array
+from slip_vic.run.in_process import Tick
+from slip_vic.run.series import AXES, RunSeries, grasp_in_object
+
+SIX = tuple(f"_{axis}" for axis in AXES)
+_PARTS = {
+    "slip": 6, "slip_velocity": 6, "wrench": 6, "object_position": 3, "object_rotation": 9, "object_twist": 6,
+    "position": 3, "rotation": 9, "desired_position": 3, "desired_rotation": 9, "e": 6,
+}  # fmt: skip
+
+
+class Track:
+    """Collects the ticks of a run.
+
+    Args:
+        arms: names of its arms.
+        whole: whether every symbol of the law is kept too, of every tick; else what a judge needs.
+    """
+
+    def __init__(self, arms: Sequence[str], *, whole: bool) -> None:
+        self.arms = tuple(arms)
+        self._whole = whole
+        self._times: list[float] = []
+        self._rows: list[list[Array]] = [[] for _ in self.arms]
+        self._evaluated: list[list[bool]] = [[] for _ in self.arms]
+        self._efforts: list[list[Array]] = [[] for _ in self.arms]
+        self._joints: list[list[Array]] = [[] for _ in self.arms]
+        self._symbols: list[list[dict[str, float]]] = [[] for _ in self.arms]
+        self._modes: list[list[tuple[float, str]]] = [[] for _ in self.arms]
+
+    def add(self, tick: Tick) -> None:
+        """Take a tick in, with the effort that is applied."""
+        now = tick.time_s
+        self._times.append(now)
+        for k, (outputs, result, effort) in enumerate(zip(tick.outputs.arms, tick.results, tick.efforts, strict=True)):
+            truth, record, arm = outputs.readings.truth, result.record, result.arm
+            self._rows[k].append(
+                np.concatenate(
+                    (
+                        truth.slip_displacement, truth.slip_velocity, outputs.readings.wrench.wrench,
+                        truth.position, truth.rotation.ravel(), truth.twist, arm.position, arm.rotation.ravel(),
+                        record.reference.position, record.reference.rotation.ravel(), record.law.e,
+                    )
+                )
+            )  # fmt: skip
+            self._evaluated[k].append(bool(record.ok))
+            self._efforts[k].append(np.array(effort))
+            mode = f"{result.mode.name} {result.reason}".strip() if result.mode.name != "ACTIVE" else "ACTIVE"
+            if not self._modes[k] or self._modes[k][-1][1] != mode:
+                self._modes[k].append((now, mode))
+            if self._whole:
+                self._joints[k].append(
+                    np.concatenate((outputs.readings.joint.position, outputs.readings.joint.velocity))
+                )
+                self._symbols[k].append(result.scalars())
+
+    @property
+    def ticks(self) -> int:
+        """How many have been taken in."""
+        return len(self._times)
+
+    def modes(self) -> dict[str, tuple[tuple[float, str], ...]]:
+        """Return the changes of mode of each arm: from when on [s], mode and reason."""
+        return {name: tuple(self._modes[k]) for k, name in enumerate(self.arms)}
+
+    def series(self) -> tuple[RunSeries, ...]:
+        """Return the run of each arm as arrays."""
+        return tuple(self._series(k) for k in range(len(self.arms)))
+
+    def joints(self, arm: int) -> Array:
+        """Return position and velocity of the joints of an arm; (N, 2 n) [rad, rad/s]."""
+        return np.array(self._joints[arm])
+
+    def _series(self, k: int) -> RunSeries:
+        rows, places = np.array(self._rows[k]), {}
+        at = 0
+        for name, width in _PARTS.items():
+            places[name] = rows[:, at : at + width]
+            at += width
+        evaluated = np.array(self._evaluated[k])
+        times = np.array(self._times)
+        law = self._law(k, places, evaluated)
+        position, rotation = places["object_position"], places["object_rotation"].reshape(-1, 3, 3)
+        first = int(np.argmax(evaluated)) if evaluated.any() else 0
+        grasp = grasp_in_object(
+            position, rotation, places["object_twist"], places["position"][first],
+            places["rotation"][first].reshape(3, 3),
+        )  # fmt: skip
+        joints = max((len(effort) for effort in self._efforts[k]), default=0)
+        efforts = [effort if len(effort) == joints else np.full(joints, np.nan) for effort in self._efforts[k]]
+        return RunSeries(
+            time=times - times[0],
+            slip_displacement=places["slip"],
+            slip_velocity=places["slip_velocity"],
+            grasp_position=grasp[0],
+            grasp_rotation=grasp[1],
+            grasp_twist=grasp[2],
+            effort=np.array(efforts).reshape(len(times), joints),
+            law_time=times - times[0],
+            law=law,
+            arm=self.arms[k],
+            wrench=places["wrench"],
+            object_position=position,
+            object_rotation=rotation,
+        )
+
+    def _law(self, k: int, places: dict[str, Array], evaluated: Any) -> dict[str, Array]:
+        if self._whole:
+            names = self._symbols[k][0]
+            return {name: np.array([row[name] for row in self._symbols[k]]) for name in names}
+        law: dict[str, Array] = {}
+        for name, pose in (("position", "position"), ("desired", "desired_position")):
+            turned = places["rotation" if name == "position" else "desired_rotation"].reshape(-1, 3, 3).copy()
+            turned[~evaluated] = np.eye(3)  # the record of a cycle without the law holds no attitude
+            six = np.hstack([places[pose], Rotation.from_matrix(turned).as_rotvec()])
+            law |= _columns(name, np.where(evaluated[:, None], six, np.nan))
+        return law | _columns("e", np.where(evaluated[:, None], places["e"], np.nan))
+
+
+def _columns(name: str, six: Array) -> dict[str, Array]:
+    return {f"{name}{end}": six[:, j] for j, end in enumerate(SIX)}
