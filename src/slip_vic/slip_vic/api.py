@@ -83,6 +83,6 @@ def read_bag(path: str | Path, topic: str | None = None) -> pd.DataFrame:
 
     with Bag(Path(path)) as bag:
         if topic is None:
-            rows = [(name, info.type, info.message_count) for name, info in bag.topics.items()]
+            rows = [(name, info.type_name, info.message_count) for name, info in bag.topics.items()]
             return pd.DataFrame(rows, columns=["topic", "type", "messages"])
         return dataframe(bag, topic)

@@ -16,7 +16,7 @@ NUMERIC = {"numpy", "yaml", "pydantic"}
 BAG_LIBRARIES = {"numpy", "yaml", "click", "rich", "mcap", "mcap_ros2", "zstandard", "lz4", "pandas"}
 SHELLS = {"slip_core", "slip_msgs_py"} | NUMERIC | ROS
 ROOMS = {"slip_core", "slip_msgs_py", "slip_description", "slip_vic_controller", "slip_sim_bridge", "slip_bags"}
-TOOLS = {"click", "rich", "matplotlib", "psutil", "scipy"}
+TOOLS = {"click", "rich", "matplotlib", "pandas", "psutil", "scipy"}
 
 # Longest prefix wins. Each value: what a module may import besides the standard library and its own package.
 # Every key is a module that exists, and every module is below a key of its own package.

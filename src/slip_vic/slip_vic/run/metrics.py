@@ -14,6 +14,8 @@ from slip_vic.run.series import RunSeries
 
 ARRIVED = 1e-3, float(np.radians(0.5))
 """[m], [rad]"""
+AT_REST = 1e-3
+"""Speed of the reference below which its path is over [m/s, rad/s]."""
 
 
 def summarise(series: RunSeries) -> dict[str, Any]:
@@ -47,12 +49,15 @@ def summarise(series: RunSeries) -> dict[str, Any]:
 
 
 def arrival_s(series: RunSeries) -> float:
-    """Return from when on the pad stays within ARRIVED of the last desired pose [s]; NaN where it does not."""
+    """Return from when on the pad stays within ARRIVED of the end of its path [s]; NaN where it does not get there."""
     position, desired = series.law_six("position"), series.law_six("desired")
     known = np.isfinite(position).all(axis=1) & np.isfinite(desired).all(axis=1)
     if not known.any():
         return math.nan
-    position, goal, times = position[known], desired[known][-1], series.law_time[known]
+    position, desired, times = position[known], desired[known], series.law_time[known]
+    goal = desired[-1]
+    if len(times) > 1 and np.abs(desired[-1] - desired[-2]).max() > AT_REST * (times[-1] - times[-2]):
+        return math.nan
     turned = Rotation.from_rotvec(goal[3:]).inv() * Rotation.from_rotvec(position[:, 3:])
     near = (np.linalg.norm(position[:, :3] - goal[:3], axis=1) < ARRIVED[0]) & (turned.magnitude() < ARRIVED[1])
     if not near[-1]:

@@ -115,7 +115,12 @@ def _angle(axis: Any, runs: Mapping[str, RunSeries], normal: int) -> None:
 
 
 def _angle_of(run: RunSeries, name: str, unit: Array) -> Array:
-    return rotation_angle_about(Rotation.from_rotvec(run.law_six(name)[:, 3:]).as_matrix(), unit)
+    vectors = run.law_six(name)[:, 3:]
+    known = np.isfinite(vectors).all(axis=1)
+    angle = np.full(len(vectors), np.nan)
+    if known.any():
+        angle[known] = rotation_angle_about(Rotation.from_rotvec(vectors[known]).as_matrix(), unit)
+    return angle
 
 
 def _velocity(axis: Any, runs: Mapping[str, RunSeries], index: int, title: str) -> None:

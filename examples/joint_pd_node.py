@@ -1,0 +1,45 @@
+"""python examples/joint_pd_node.py        (needs ROS; the simulator in another terminal:)
+slip_sim_bridge_node --ros-args --params-file config/paper_planar/bridge.yaml
+
+A controller in plain rclpy that answers the simulator: joint PD that holds the start. In lockstep the simulator waits
+for the effort that carries the stamp of its joint state.
+"""
+
+import contextlib
+
+import rclpy
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+STIFFNESS, DAMPING = 400.0, 40.0  # N m/rad, N m s/rad
+
+
+class JointPD(Node):
+    """Holds the joints where it finds them."""
+
+    def __init__(self) -> None:
+        super().__init__("joint_pd")
+        self.start: list[float] | None = None
+        self.answered = 0
+        self.publisher = self.create_publisher(JointState, "effort_command", 10)
+        self.create_subscription(JointState, "joint_states", self.answer, 10)
+
+    def answer(self, state: JointState) -> None:
+        """Publish the efforts for one joint state."""
+        self.start = self.start or list(state.position)
+        command = JointState(header=state.header, name=state.name)
+        command.effort = [
+            STIFFNESS * (q0 - q) - DAMPING * qd
+            for q0, q, qd in zip(self.start, state.position, state.velocity, strict=True)
+        ]
+        self.publisher.publish(command)
+        self.answered += 1
+        if self.answered % 1000 == 1:
+            worst = max(abs(q0 - q) for q0, q in zip(self.start, state.position, strict=True))
+            self.get_logger().info(f"{self.answered} joint states answered, {worst:.4f} rad from the start")
+
+
+if __name__ == "__main__":
+    rclpy.init()
+    with contextlib.suppress(KeyboardInterrupt):
+        rclpy.spin(JointPD())

@@ -1,0 +1,59 @@
+"""Every example runs with the command that it begins with, and says what it is there to say."""
+
+import ast
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+FOLDER = ROOT / "examples"
+SCRIPTS = sorted(path.name for path in FOLDER.glob("*.py"))
+LONGEST, SHORTEST = 60, 10
+SAID = {
+    "run_and_plot.py": r"classical +ok: slip 3\d\.\d\d mm.*governed +ok: slip 0\.00 mm",
+    "law_on_arrays.py": r"0 +400\.0 +0\.00",
+    "own_law.py": r"classical +ok: slip.*own +\w+: slip.*largest effort",
+    "own_friction.py": r"as the scenario has it +\d.*LuGre.*small pad",
+    "own_sensor.py": r"ideal +ok.*my_sensor +ok.*vision_25",
+    "own_arm.py": r"governed: ok, slip 0\.\d\d mm",
+    "read_bag.py": r"slips faster than 1 mm/s for [01]\.\d\d of 2\.00 s",
+}
+
+
+def docstring(name: str) -> str:
+    return ast.get_docstring(ast.parse((FOLDER / name).read_text())) or ""
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_an_example_is_short_and_begins_with_its_command(name: str) -> None:
+    assert SHORTEST <= len((FOLDER / name).read_text().splitlines()) <= LONGEST
+    assert docstring(name).startswith(f"python examples/{name}")
+
+
+def run(name: str, *arguments: str) -> str:
+    done = subprocess.run(
+        [sys.executable, f"examples/{name}", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=175,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("name", SAID)
+def test_an_example_runs(name: str, tmp_path: Path) -> None:
+    folder = {"run_and_plot.py": ["paper_planar", str(tmp_path)], "own_sensor.py": [str(tmp_path)]}
+    assert re.search(SAID[name], run(name, *folder.get(name, [])), re.DOTALL)
+
+
+def test_the_notebook_runs() -> None:
+    cells = json.loads((FOLDER / "notebook.ipynb").read_text())["cells"]
+    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    assert all(not cell.get("outputs") for cell in cells), "no outputs are kept"
+    done = subprocess.run(
+        [sys.executable, "-c", "\n".join(code)], cwd=ROOT, capture_output=True, text=True, timeout=175, check=False
+    )
+    assert done.returncode == 0, done.stderr
