@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +11,17 @@ import numpy as np
 import pytest
 
 from slip_core.files.urdf import chain, is_physical, named, parse_urdf
+from slip_core.params import build
 from slip_vic.cli import main
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.reach import REACHED, follow, pad_path
-from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.scenarios.scenario import load_scenario, read_parameters
 from slip_vic.setup.arm import posture
 from slip_vic.setup.arm.hand import find_hand
 from slip_vic.setup.arm.posture import Start
 from slip_vic.setup.arm.write import Arm, failing, write_arm
 from slip_vic.setup.arm.write_urdf import PAD, possible_inertia
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
 from test.support.odd_arm import JOINTS, odd_arm_urdf, with_joint, with_link
@@ -165,7 +168,7 @@ TWO = URDF.replace("</robot>", "") + "".join(
 ) + "</robot>"  # fmt: skip
 BAD = {
     "no file": (["nowhere.urdf"], "", ["nowhere.urdf"]),
-    "unknown link": (["odd.urdf", "--ee", "tol0"], URDF, ["--ee tol0", "tool0"]),
+    "unknown link": (["odd.urdf", "--ee", "tol0"], URDF, ["unknown link 'tol0'", "tool0"]),
     "too few joints": (["odd.urdf", "--lock", "joint_3=0"], URDF, ["5 moving joints", "at least 6"]),
     "two arms": (["odd.urdf"], TWO, ["2 arms", "other_6"]),
     "no joint": (["odd.urdf"], '<robot name="x"><link name="a"/></robot>', ["no moving joint"]),
@@ -177,7 +180,7 @@ BAD = {
         ["odd.urdf", "--gripper-width", "0.05"], URDF.replace("prismatic", "fixed"), ["--gripper-width", "--lock"]
     ),
     "a lock without value": (["odd.urdf", "--lock", "joint_1"], URDF, ["--lock", "JOINT=VALUE"]),
-    "a lock of nothing": (["odd.urdf", "--lock", "elbow=1"], URDF, ["--lock elbow"]),
+    "a lock of nothing": (["odd.urdf", "--lock", "elbow=1"], URDF, ["unknown joint 'elbow'"]),
     "a missing limit": (
         ["odd.urdf"], with_joint(URDF, "joint_2", "<limit[^>]*>", ""), ["joint_2", "<limit", "--lock joint_2"]
     ),
@@ -185,6 +188,18 @@ BAD = {
     "two arms of five joints": (
         ["odd.urdf", "--lock", "joint_3=0", "--lock", "other_joint_3=0"], TWO, ["5 moving joints", "--ee"]
     ),
+    "two joints without limits": (
+        ["odd.urdf"], with_joint(with_joint(URDF, "joint_2", "<limit[^>]*>", ""), "joint_4", "<limit[^>]*>", ""),
+        ["joint_2: no <limit>; joint_4: no <limit>", "--lock NAME=VALUE"],
+    ),
+    "a lock in millimetres": (
+        ["odd.urdf", "--lock", "left_finger_joint=20"], URDF, ["--lock left_finger_joint", "0.02", "mm"]
+    ),
+    "a lock that is no number": (
+        ["odd.urdf", "--lock", "left_finger_joint=nan"], URDF, ["--lock left_finger_joint", "within its limits"]
+    ),
+    "a reach in millimetres": (["odd.urdf", "--reach", "120"], URDF, ["--reach", "0.12", "mm"]),
+    "a reach that is no number": (["odd.urdf", "--reach", "nan"], URDF, ["--reach", "metres"]),
     "an unknown scenario": (["odd.urdf", "--scenario", "paper"], URDF, ["paper_planar"]),
     "a path out of reach": (["odd.urdf", "--scale", "3"], URDF, ["paper_planar", "is within reach"]),
     "too weak": (["odd.urdf"], URDF.replace('effort="150"', 'effort="12"'), ["effort limit"]),
@@ -204,3 +219,23 @@ def test_what_cannot_be_used_is_said_in_one_line(
         assert len(errors) == 1, (case, errors)
         assert all(word in errors[0] for word in words), (case, errors)
         assert [path.name for path in file.parent.iterdir()] == ["odd.urdf"], case
+
+
+def test_the_file_for_the_real_arm_is_safe_to_start(tmp_path: Path) -> None:
+    """It holds, stays in HOLD, is governed with friction that it learns, and every line says what it is."""
+    arm, content, _ = planar()
+    *_, file = write_arm(arm, {"paper_planar": content}, tmp_path, Path("odd.urdf"))
+    assert file.name == "paper_planar_controller_realtime.yaml"
+    params = build(ControllerNodeParams, read_parameters(file), "the file")
+    assert (params.mode, params.trajectory.kind, params.safety.auto_enable) == ("realtime", "hold", False)
+    assert (params.governor.mode, params.governor.friction, params.gains.spin) == ("slow_down", "unknown", "bounded")
+    pairs = list(itertools.pairwise(file.read_text().splitlines()))
+    values = [(above, line) for above, line in pairs if line.startswith("    ") and "#" not in line]
+    assert all(above.startswith("    # ") and len(above) > 12 for above, _ in values)
+    names = {line.split(":")[0].strip() for _, line in values}
+    assert {"control_period_s", "effort.gravity", "trajectory.kind", "safety.auto_enable", "joint_names"} <= names
+
+
+def test_a_pad_inside_the_flange_is_said() -> None:
+    assert any("the object sits in the flange" in line for line in Arm(URDF).said)
+    assert not any("flange" in line for line in Arm(URDF, reach=0.12).said)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import get_args
 
 from slip_core.errors import InputError
-from slip_core.params import ParameterInfo, ParameterModel, parameter_infos
+from slip_core.params import ParameterInfo, ParameterModel, flatten, parameter_infos
 from slip_core.topics import markdown_table
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import NODES, Law, load_scenario, ros_parameter_file
@@ -59,6 +61,28 @@ def write_files(folder: Path, files: dict[str, str]) -> None:
         raise InputError(
             f"output folder {folder}", got=error.strerror or str(error), expected="a folder that can be written"
         ) from None
+
+
+def commented_file(params: ParameterModel, node_name: str, also: Sequence[str] = ()) -> str:
+    """Return the ROS parameter file of a node with a comment on every line: what it is, its unit, its range.
+
+    Args:
+        params: the values; those that are the defaults are left out.
+        node_name: whose file it is.
+        also: names of parameters that are written even where they have their defaults.
+    """
+    values, defaults = flatten(params), flatten(type(params)())
+    lines = [f"/**/{node_name}:", "  ros__parameters:"]
+    for info in parameter_infos(type(params)):
+        value = values[info.name]
+        if (value == defaults[info.name] and info.name not in also) or value == []:
+            continue
+        unit = f" [{info.unit}]" if info.unit else ""
+        choices = _range(info) if "one_of" in info.bounds else ""
+        said = f"{' '.join(info.description.split())}{unit}{f' ({choices})' if choices else ''}"
+        lines.append(f"    # {said}")
+        lines.append(f"    {info.name}: {json.dumps(value)}")
+    return "\n".join(lines) + "\n"
 
 
 def parameter_page() -> str:

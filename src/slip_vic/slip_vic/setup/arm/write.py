@@ -16,20 +16,34 @@ from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf import NO_LIMIT, parse_urdf
 from slip_core.files.urdf_file import read_urdf
-from slip_vic.scenarios.parameter_files import write_files
+from slip_vic.scenarios.parameter_files import commented_file, write_files
 from slip_vic.scenarios.reach import pad_path
-from slip_vic.scenarios.scenario import NODES, load_scenario, read_scenario, ros_parameter_file
+from slip_vic.scenarios.scenario import NODES, Scenario, load_scenario, read_scenario
 from slip_vic.setup.arm.hand import LEAST_JOINTS, Hand, find_hand, finger_positions
 from slip_vic.setup.arm.posture import Start, best_start, postures
 from slip_vic.setup.arm.write_urdf import PAD, arm_urdf
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.robot import Robot
 
 URDF_NAME = "arm.urdf"
+LONGEST_REACH_M = 1.0
 _ROUNDED = 9
 _SMALLER = (0.7, 0.5, 0.35, 0.25)
 _LENGTHS = {"displacement", "rotation", "waypoints", "radius"}
 _TIMES = {"start_s", "duration_s", "waypoint_times_s", "period_s", "ramp_s"}
+
+
+_ALWAYS = (
+    "mode", "control_period_s", "robot_description_file", "ee_frame", "joint_names", "gravity", "effort.gravity",
+    "trajectory.kind", "governor.mode", "governor.friction", "safety.auto_enable", "object.mass", "contacts.position",
+)  # fmt: skip
+"""Parameters that the file for the real arm names although they have their defaults."""
+_REAL_HEAD = """\
+# The first start on the real arm: it holds where it is (trajectory.kind hold), stays in HOLD until it is enabled
+# (safety.auto_enable false), and is governed. Read every line; then follow docs/robot.md: gravity and signs first,
+# `slip-vic bringup` next, a motion last.
+"""
 
 
 class Arm:
@@ -63,7 +77,7 @@ class Arm:
         self.urdf, said = arm_urdf(
             root, self.hand, reach, {**finger_positions(root, self.hand.fingers, width), **stays}
         )
-        self.said = [*self.hand.said, *said]
+        self.said = [*self.hand.said, *said, *reach_advice(reach)]
         self.robot = Robot(self.urdf, PAD, self.hand.joints)
 
     def task(self, base: str, scale: float) -> tuple[dict[str, Any], Start]:
@@ -153,6 +167,20 @@ def failing(start: Start | None, robot: Robot, params: ControllerParams) -> str:
     return ""
 
 
+def reach_advice(reach: float) -> list[str]:
+    """Return what to say of a reach [m] from the hand's link to the pad centre.
+
+    Raises:
+        InputError: one that is no length of a hand.
+    """
+    if not math.isfinite(reach) or abs(reach) > LONGEST_REACH_M:
+        fix = f"--reach {1e-3 * reach:g} where that was mm" if math.isfinite(reach) else ""
+        raise InputError("--reach", got=f"{reach:g}", expected=f"metres, within {LONGEST_REACH_M:g}", fix=fix)
+    if reach == 0.0:
+        return ["the pad centre is at that link's origin: the object sits in the flange (--reach METRES moves it out)"]
+    return []
+
+
 def read_arm(file: Path) -> str:
     """Return the text of a URDF file, or of the URDF that a xacro file expands to.
 
@@ -174,14 +202,30 @@ def write_arm(arm: Arm, tasks: dict[str, dict[str, Any]], folder: Path, source: 
         text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
         files[f"{name}.yaml"] = head + text
     write_files(folder, files)
-    real = {}
-    for name in tasks:
-        params = load_scenario(str(folder.absolute() / f"{name}.yaml"), mode="realtime").controller
-        real[f"{name}_controller_realtime.yaml"] = head + ros_parameter_file(
-            params, NODES["controller"][0], complete=False
-        )
+    real = {
+        f"{name}_controller_realtime.yaml": f"{_REAL_HEAD}{commented_file(params, NODES['controller'][0], _ALWAYS)}"
+        for name in tasks
+        for params in [real_parameters(load_scenario(str(folder.absolute() / f"{name}.yaml"), law="governed"))]
+    }
     write_files(folder, real)
     return [folder / name for name in (*files, *real)]
+
+
+def real_parameters(scenario: Scenario) -> ControllerNodeParams:
+    """Return the controller's parameters for the first start on the real arm of a scenario.
+
+    It holds the arm where it finds it, and does not leave HOLD by itself; the governor learns the friction instead of
+    trusting the scenario's.
+    """
+    known = scenario.controller
+    return known.model_copy(
+        update={
+            "mode": "realtime",
+            "trajectory": type(known.trajectory)(kind="hold"),
+            "governor": known.governor.model_copy(update={"friction": "unknown"}),
+            "safety": known.safety.model_copy(update={"auto_enable": False}),
+        }
+    )
 
 
 def way_table(arm: Arm, name: str, start: Start) -> Table:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -12,7 +12,17 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
-from slip_core.files.urdf import carried_links, end_of, fix, inertial, is_physical, named, parse_urdf, usable_urdf
+from slip_core.files.urdf import (
+    carried_links,
+    check_limits,
+    end_of,
+    fix,
+    inertial,
+    is_physical,
+    named,
+    parse_urdf,
+    usable_urdf,
+)
 from slip_vic.setup.arm.hand import Hand, axis_of, pose_of
 
 PAD = "slip_pad"
@@ -37,6 +47,7 @@ def arm_urdf(root: Element, hand: Hand, reach: float, positions: Mapping[str, fl
     """
     said: list[str] = []
     _lock(root, hand, positions, said)
+    check_all_limits(root, hand.joints)
     _mend_inertias(root, hand, said)
     text = usable_urdf(ElementTree.tostring(root, encoding="unicode"), hand.link, hand.joints)
     ready = parse_urdf(text)
@@ -46,12 +57,36 @@ def arm_urdf(root: Element, hand: Hand, reach: float, positions: Mapping[str, fl
     return ElementTree.tostring(ready, encoding="unicode", xml_declaration=True) + "\n", said
 
 
+def check_all_limits(root: Element, names: Sequence[str]) -> None:
+    """Look whether every joint of an arm has what a controller must know of it.
+
+    Raises:
+        InputError: all joints that have not, in one message.
+    """
+    joints, wrong = named(root, "joint"), list[InputError]()
+    for name in names:
+        try:
+            check_limits(joints[name])
+        except InputError as error:
+            wrong.append(error)
+    if len(wrong) == 1:
+        raise wrong[0]
+    if wrong:
+        listed = "; ".join(f"{error.what.removeprefix('URDF joint ')}: {error.got}" for error in wrong)
+        raise InputError(
+            f"URDF joints {listed}", got=f"{len(wrong)} joints without what a controller must know",
+            expected='<limit lower="" upper="" effort="" velocity=""/> with positive effort and velocity in each',
+            fix="change the URDF, or keep a joint where it is: --lock NAME=VALUE",
+        )  # fmt: skip
+
+
 def _lock(root: Element, hand: Hand, positions: Mapping[str, float], said: list[str]) -> None:
     """Lock every joint that does not carry the hand, followers where their leaders are."""
     joints = named(root, "joint")
     for name in positions:
         if name not in joints:
             raise UnknownName("joint", name, joints, where="--lock")
+        _check_lock(joints[name], positions[name])
     where = dict(positions)
     for name, joint in joints.items():
         if name not in hand.joints and joint.get("type") != "fixed" and joint.find("mimic") is None:
@@ -75,6 +110,26 @@ def _lock(root: Element, hand: Hand, positions: Mapping[str, float], said: list[
         fix(joint)
         if value:
             _place(joint, position, rotation)
+
+
+def _check_lock(joint: Element, value: float) -> None:
+    """Look whether a joint can stay somewhere.
+
+    Raises:
+        InputError: beyond its limits, or no number; with what fits.
+    """
+    limit, name = joint.find("limit"), joint.get("name")
+    low, high = -math.inf, math.inf
+    if limit is not None and joint.get("type") in ("revolute", "prismatic"):
+        low, high = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
+    if math.isfinite(value) and low <= value <= high:
+        return
+    unit, other, factor = ("m", "mm", 1e-3) if joint.get("type") == "prismatic" else ("rad", "degrees", math.pi / 180.0)
+    fits = math.isfinite(value) and low <= factor * value <= high
+    fix = f"--lock {name}={factor * value:.6g} where that was {other}" if fits else ""
+    raise InputError(
+        f"--lock {name}", got=f"{value:g} {unit}", expected=f"within its limits {low:g}..{high:g}", fix=fix
+    )
 
 
 def _rest(joint: Element) -> float:
