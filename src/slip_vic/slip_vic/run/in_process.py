@@ -104,5 +104,5 @@ def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:
         yield tick
         if scenario.bridge.grip.control == "follow":
             loop.bridge.set_grip_force(0, result.grip)
-        on_the_way.append(EffortCommand(outputs.stamp_ns, tick.effort))
+        on_the_way.append(EffortCommand(result.command.stamp_ns, tick.effort))
         loop.bridge.advance([on_the_way.popleft()])

@@ -34,9 +34,9 @@ from slip_vic_controller.parameters.node_params import ControllerNodeParams
 
 if TYPE_CHECKING:
     from slip_core.arrays import Array
+    from slip_sim_bridge.session import BridgeSession
     from slip_vic.run.in_process import Tick
     from slip_vic.run.run import Run
-    from slip_sim_bridge.session import BridgeSession
 
 Law = Literal["vic", "classical", "governed"]
 """The paper's law, classical impedance control, and the paper's law below the reference governor."""
