@@ -9,11 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
+from weakref import WeakSet
 
 from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 
 _LONG_S = 10.0
+_spinners: WeakSet[Spinner] = WeakSet()
+
+
+def wake_all() -> None:
+    """End the present `spin` of every spinner after the callback that runs; from any thread.
+
+    Callbacks run in the order in which they became due: behind a thousand calls of a service a timer is late.
+    """
+    for spinner in tuple(_spinners):
+        spinner.enough()
 
 
 class Spinner:
@@ -26,6 +37,7 @@ class Spinner:
     def __init__(self, executor: Any) -> None:
         self._executor = executor
         self._enough = Future()
+        _spinners.add(self)
 
     def spin_while(self, node: Any, goes_on: Callable[[], bool], every_s: float) -> None:
         """Run callbacks for as long as `goes_on` says so, which is asked so often, and after `enough`."""

@@ -12,6 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
+from slip_msgs_py.service_limits import ServiceLimits
+
 LOUD_VARIABLE: Final = "SLIP_VIC_FAIL_LOUDLY"
 """Environment variable; "1" lets every unexpected exception end the process, as tests want it."""
 
@@ -43,7 +45,16 @@ class Failures:
 
 
 class LastResort:
-    """Mixin in front of an rclpy node: its callbacks, also those that rclpy makes for itself, hand failures over."""
+    """Mixin in front of an rclpy node: its callbacks, also those that rclpy makes for itself, hand failures over.
+
+    Calls of its parameter services and transitions have limits (`service_limits`).
+    """
+
+    def __init__(self, *rest: Any, **options: Any) -> None:
+        self._limits = ServiceLimits(lambda line: self.get_logger().warning(line))  # type: ignore[attr-defined]
+        super().__init__(*rest, **options)
+        for service in self.services:  # type: ignore[attr-defined]
+            self._limits.guard(service)
 
     def on_failure(self, what: str, error: Exception) -> None:
         """Decide what an exception in a callback of `what` means; must not raise."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import resource
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
@@ -16,8 +18,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from slip_core.errors import SlipVicError
 from slip_msgs_py.events import wanted
+from slip_msgs_py.executor import wake_all
 from slip_msgs_py.localhost import stay_on_this_machine
-from slip_msgs_py.stop_flag import StopFlag
+from slip_msgs_py.stop_flag import SIGNALS, StopFlag, ending
 
 
 class RunnableNode(Protocol):
@@ -35,8 +38,9 @@ class RunnableNode(Protocol):
 
 
 DELIVERY_S = 10.0  # a busy machine may starve a recorder for seconds
-LAUNCHED_DELIVERY_S = 4.0  # what was lost is repeated much sooner; a launcher that asks for the end waits for 5
+LAUNCHED_DELIVERY_S = 2.0  # what was lost is repeated much sooner, and a launcher that asks for the end waits longer
 STOP_DELIVERY_S = 0.1  # somebody waits for the process to end
+LONGEST_END_S = 2.5  # from the signal on; a lock of DDS may be held by a process that was killed
 
 
 def memory_mib() -> float:
@@ -54,6 +58,24 @@ def run_node(factory: Callable[[], RunnableNode], args: Sequence[str] | None = N
     stop = StopFlag().install()
     if stop():
         return 0  # asked for while this was imported
+    over = threading.Event()
+    with ending(lambda number: _end_in_time(number, over)):
+        code = _run(factory, args, stop)
+        over.set()
+    return code
+
+
+def _end_in_time(number: int, over: threading.Event) -> None:
+    """End the node's wait, and the process where it has not closed in time; an orderly end a launcher limits itself."""
+    wake_all()
+    if wanted() and number == SIGNALS[0]:
+        return
+    if not over.wait(LONGEST_END_S):
+        os.write(sys.stderr.fileno(), f"error: not closed {LONGEST_END_S:g} s after the signal; ended\n".encode())
+        os._exit(128 + number)
+
+
+def _run(factory: Callable[[], RunnableNode], args: Sequence[str] | None, stop: StopFlag) -> int:
     stay_on_this_machine()
     node: RunnableNode | None = None
     try:

@@ -117,8 +117,10 @@ def allow_changes(node: Any, current: Model, apply: Callable[[Model], None]) -> 
             return SetParametersResult(successful=False, reason=NO_SIM_TIME)
         if not all(p.name for p in parameters):  # rclpy takes this one for declared
             return SetParametersResult(successful=False, reason="a parameter without a name")
-        flat = flatten(state["values"])
-        flat |= {p.name: _plain(p.value) for p in parameters if p.name in flat}
+        now = flatten(state["values"])
+        flat = now | {p.name: _plain(p.value) for p in parameters if p.name in now}
+        if flat == now:
+            return SetParametersResult(successful=True)
         try:
             wanted = build(type(current), flat, node.get_name())
             apply(wanted)

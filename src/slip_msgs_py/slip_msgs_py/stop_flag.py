@@ -1,9 +1,13 @@
-"""The wish to end, as a flag that loops ask: so that closing always happens."""
+"""The wish to end: as a flag that loops ask, so that closing always happens, and as an end that nothing holds up."""
 
 from __future__ import annotations
 
+import contextlib
+import os
 import signal
 import sys
+import threading
+from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -66,3 +70,49 @@ class StopFlag:
         self.in_haste |= number != signal.SIGINT
         if self._interrupts:
             raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def ending(on_signal: Callable[[int], Any]) -> Iterator[None]:
+    """Call a function in a thread of its own as soon as a signal comes that asks for the end, inside the block.
+
+    Python's handlers run in the main thread between two steps of Python: not while a library is loaded, machine code is
+    compiled, or DDS waits for a lock. This thread hears the signals there too. Handlers have to be installed already.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals belong to the main thread
+        return
+    hear, tell = os.pipe()
+    os.set_blocking(tell, False)
+
+    def listen() -> None:
+        while said := os.read(hear, 1):
+            if said[0] in SIGNALS:
+                on_signal(said[0])
+
+    before = signal.set_wakeup_fd(tell, warn_on_full_buffer=False)
+    listener = threading.Thread(target=listen, name="signals", daemon=True)
+    listener.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(tell)
+        listener.join(1.0)
+        os.close(hear)
+
+
+def ending_at_once(exit_code: int, line: str = "") -> contextlib.AbstractContextManager[None]:
+    """End the process inside the block as soon as a signal asks for it: nothing is there yet that must be closed.
+
+    Args:
+        exit_code: of the process.
+        line: for stderr; empty says nothing.
+    """
+
+    def end(_number: int) -> None:
+        if line:
+            os.write(sys.stderr.fileno(), f"{line}\n".encode())
+        os._exit(exit_code)
+
+    return ending(end)

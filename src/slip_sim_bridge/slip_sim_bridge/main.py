@@ -1,19 +1,18 @@
-"""The process of the simulation: signals are taken before the imports, which need a second."""
+"""The process of the simulation."""
 
 from __future__ import annotations
 
 import sys
 
-from slip_msgs_py.stop_flag import StopFlag
+from slip_msgs_py.node_entry import main_of
+
+ABOUT = """The simulation: one arm or several that hold an object, with their sensors, on ROS topics.
+It waits until the controller is ready."""
 
 
 def main() -> int:
     """Entry point of ``slip_sim_bridge_node``."""
-    StopFlag().install()
-    from slip_msgs_py.node_main import run_node
-    from slip_sim_bridge.node import SlipSimBridge
-
-    return run_node(SlipSimBridge)
+    return main_of("slip_sim_bridge.node", "SlipSimBridge", "slip_sim_bridge_node", ABOUT)
 
 
 if __name__ == "__main__":

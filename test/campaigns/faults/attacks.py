@@ -22,7 +22,7 @@ import rclpy
 from geometry_msgs.msg import WrenchStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
@@ -39,6 +39,7 @@ from test.campaigns.faults.plan import BRIDGE, CONTROLLER, Fault
 FLOOD_HZ, FLOOD_S = 20_000, 3.0
 STOP_S = 5.0
 STORM_S = 2.0
+CALM_S = 1.0  # after which the nodes take calls of services again
 STARTS_S = 6.0  # what a second system needs to start
 SHM: Final = Path("/dev/shm")
 SHM_MIB: Final = 256
@@ -192,10 +193,55 @@ def lifecycle(stage: Stage) -> str:
 
     for _ in range(60):
         change(int(rng.choice((0, 1, 2, 3, 4, 8, 10, 30, 97, 98, 99, 255))), 1.0)
+    stage.go_on(CALM_S)
     for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
         change(number, 5.0)
     stage.node.destroy_client(client)
     return ""
+
+
+def storm(stage: Stage) -> str:
+    """Any transition, also those that end the node, and parameters of it, at once and as fast as calls can be made."""
+    rng, calls, futures = np.random.default_rng(28), 0, []
+    change = stage.node.create_client(ChangeState, "/slip_vic_controller/change_state")
+    set_ = stage.node.create_client(SetParameters, "/slip_vic_controller/set_parameters")
+    stage.go_on(5.0, lambda: change.service_is_ready() and set_.service_is_ready())
+    end = time.monotonic() + STORM_S
+    while time.monotonic() < end:
+        # What comes alone is an operator's wish: the first ones do not end the node.
+        number = int(rng.integers(256)) if calls > 40 else int(rng.integers(5))
+        gain = Parameter("gains.k_s", value=float(rng.uniform(1.0, 9.0))).to_parameter_msg()
+        futures.append(change.call_async(ChangeState.Request(transition=Transition(id=number))))
+        futures.append(set_.call_async(SetParameters.Request(parameters=[gain])))
+        calls += 2
+        stage.go_on(0.002)
+    stage.go_on(CALM_S)
+    for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+        done = change.call_async(ChangeState.Request(transition=Transition(id=number)))
+        stage.go_on(5.0, done.done)
+    for client in (change, set_):
+        stage.node.destroy_client(client)
+    return f"{calls} calls, {sum(future.done() for future in futures)} answered"
+
+
+def giant_requests(stage: Stage) -> str:
+    """Services called with some megabytes: many parameters, many names, a long text."""
+    many = [Parameter("gains.k_s", value=5.0).to_parameter_msg()] * 20_000
+    text = [Parameter("mode", value="x" * 5_000_000).to_parameter_msg()]
+    slowest = 0.0
+    for node in NODES.values():
+        for kind, name, request in (
+            (SetParameters, "set_parameters", SetParameters.Request(parameters=many)),
+            (SetParameters, "set_parameters", SetParameters.Request(parameters=text)),
+            (GetParameters, "get_parameters", GetParameters.Request(names=["gains.k_s"] * 100_000)),
+        ):
+            client = stage.node.create_client(kind, f"/{node}/{name}")
+            stage.go_on(5.0, client.service_is_ready)
+            future, began = client.call_async(request), time.monotonic()
+            stage.go_on(20.0, future.done)
+            slowest = max(slowest, time.monotonic() - began)
+            stage.node.destroy_client(client)
+    return f"answered within {slowest:.2f} s"
 
 
 def _stopped(name: str) -> Attack:
@@ -297,6 +343,8 @@ ATTACKS: Final[dict[str, Attack]] = {
     "our names with wrong types": wrong_types,
     "parameter storm": parameters,
     "random lifecycle": lifecycle,
+    "transitions and parameters at once": storm,
+    "giant requests": giant_requests,
     "SIGSTOP of the controller, 5 s": _stopped(CONTROLLER),
     "SIGSTOP of the bridge, 5 s": _stopped(BRIDGE),
     "memory limit of the controller": memory,
@@ -307,7 +355,7 @@ ATTACKS: Final[dict[str, Attack]] = {
     "foreign efforts": foreign_efforts,
 }
 """By the name in the table."""
-CHANGES: Final = ("parameter storm",)
+CHANGES: Final = ("parameter storm", "transitions and parameters at once")
 """What leaves nodes behind that are not as they were: grip and gains."""
 TWO_SOURCES: Final = ("second controller",)
 """Where commands of ours alternate with each other's: only each by itself can be judged."""

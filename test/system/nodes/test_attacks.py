@@ -143,6 +143,7 @@ def parameters(attacker: Attacker) -> None:
         assert not any(attacker.set(node, gains__stiffness=six, gains__damping=six, gains__inertia=six)), x
         assert not any(attacker.set(node, object__mass=x, gains__alpha=x, gains__k_s=x, gains__ramp_s=x)), x
         attacker.set(node, nullspace__stiffness=x, nullspace__damping=x, gains__gamma_kp=x, singularity__sigma_min=x)
+    attacker.pause(1.0)  # more at once are refused
     attacker.set(node, nullspace__stiffness=10.0, nullspace__damping=2.0, gains__gamma_kp=100.0)
     attacker.set(node, singularity__sigma_min=0.04)
     wrong = {"gains__k_s": "fast", "gains__stiffness": [1.0], "joint_names": ["a"], "no__such": 1, "mode": 3}
@@ -181,6 +182,7 @@ def transitions(attacker: Attacker) -> None:
         assert not watcher.call(ChangeState, "/slip_vic_controller/change_state", request).success
     for _ in range(40):
         watcher.change(rng.choice((0, 1, 2, 3, 4, 8, 10, 30, 97, 98, 99, 255)))  # all but those that shut down
+    attacker.pause(1.0)  # more at once are refused
     for transition in wanted:
         watcher.change(transition)
 

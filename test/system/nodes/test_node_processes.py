@@ -1,6 +1,7 @@
 """The nodes as processes over DDS: start, run, stop, missing peers, wrong QoS, bad parameters, namespaces."""
 
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,36 @@ def test_a_node_ends_cleanly_on_a_signal_while_it_is_imported(
     wait_until(lambda: library in Path(f"/proc/{node.pid}/maps").read_text(), library)
     assert processes.stop(node, number) == 0, node.tail()
     assert list(node.lines) == []
+
+
+@pytest.mark.parametrize(("word", "seen", "code"), [("import", "is imported", 0), ("run", "runs", 128)])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+def test_a_process_that_is_stuck_in_c_code_ends(
+    processes: Processes, word: str, seen: str, code: int, number: int
+) -> None:
+    """As in the compiler, or at a lock of DDS that was left by a process that was killed."""
+    node = processes.python("node", Path(__file__).with_name("stuck_node.py"), word, SLIP_VIC_EVENTS="0")
+    wait_until(lambda: seen in node.lines, seen)
+    assert processes.stop(node, number) == (code + number if code else 0), node.tail()
+
+
+@pytest.mark.parametrize("module", [BRIDGE, CONTROLLER])
+@pytest.mark.parametrize("after_s", [0.2, 1.5, 2.0])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+def test_a_node_ends_on_a_signal_at_any_moment_of_its_start(
+    processes: Processes, module: str, after_s: float, number: int
+) -> None:
+    """Python itself takes the signal before the first line of ours has run: then it is that signal which ends it."""
+    node = processes.python("node", "-m", module)
+    time.sleep(after_s)
+    assert processes.stop(node, number) in (0, -number), node.tail()
+
+
+def test_help_is_printed_and_starts_nothing(processes: Processes) -> None:
+    for module in (BRIDGE, CONTROLLER):
+        node = processes.python("help", "-m", module, "--help")
+        assert processes.wait_end(node) == 0
+        assert any(line.startswith("usage: slip_") for line in node.lines), node.tail()
 
 
 @pytest.mark.parametrize("module", [BRIDGE, CONTROLLER])

@@ -23,7 +23,10 @@ def _own_domain(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_promise_is_kept_under_attack_and_the_table_says_so(tmp_path: Path) -> None:
-    names = ["foreign efforts", "stamps of 1970 and 2038", "our names with wrong types"]
+    names = [
+        "foreign efforts", "stamps of 1970 and 2038", "our names with wrong types",
+        "transitions and parameters at once", "giant requests",
+    ]  # fmt: skip
     rows = run_attacks(names, tmp_path, lambda _: None)
     assert [row.attack for row in rows] == names
     assert [row.violations for row in rows] == [()] * len(names)

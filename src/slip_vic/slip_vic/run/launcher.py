@@ -188,7 +188,8 @@ class Launcher:
         while not done():
             time.sleep(POLL_S)
             if self._stop():
-                group.stop([child for child in group.children if child.name != "recorder"])
+                # Without a recorder nobody needs what is still on its way.
+                group.stop([child for child in group.children if child.name != "recorder"], in_haste=self._bag is None)
                 group.stop(group.children)
                 raise Interrupted(f"a signal{self._progress_text(group)}")
             group.check()

@@ -8,6 +8,8 @@ import importlib
 import os
 from pathlib import Path
 
+from slip_core.errors import InputError
+from slip_msgs_py.stop_flag import ending_at_once
 from slip_vic.run.versions import digest, versions
 
 MODULES = ("slip_core.poses", "slip_vic_controller.session", "slip_sim_bridge.session")
@@ -25,11 +27,12 @@ def prepare() -> None:
     cache.mkdir(parents=True, exist_ok=True)
     here = importlib.import_module("slip_core").__path__[0]
     note = cache / f"compiled-{digest([repr((sorted(versions().items()), here, _processor())).encode()])}"
-    with note.with_suffix(".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not (note.exists() and Path(note.read_text(encoding="utf-8")).is_dir()):
-            note.write_text(_compile(), encoding="utf-8")
-    _compile()
+    with ending_at_once(InputError.exit_code, "error: interrupted"):  # no handler of Python runs inside the compiler
+        with note.with_suffix(".lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not (note.exists() and Path(note.read_text(encoding="utf-8")).is_dir()):
+                note.write_text(_compile(), encoding="utf-8")
+        _compile()
 
 
 def _compile() -> str:

@@ -22,6 +22,7 @@ from slip_vic.run import shared_memory
 
 LAST_LINES = 12
 GRACE_S = 5.0
+HASTE_S = 3.0  # nodes end by themselves before that (`node_main.LONGEST_END_S`)
 Told = TypeVar("Told", bound=Event)
 
 
@@ -173,7 +174,7 @@ class ProcessGroup:
             for child in running:
                 child.send(signal.SIGCONT)
                 child.send(number)
-            deadline = time.monotonic() + GRACE_S
+            deadline = time.monotonic() + (HASTE_S if in_haste else GRACE_S)
             for child in running:
                 child.wait(max(0.0, deadline - time.monotonic()))
         for child in children:
