@@ -30,6 +30,7 @@ setup(
     ],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
+    author="slip-vic contributors",
     maintainer="slip-vic maintainers",
     maintainer_email="maintainers@slip-vic.example",
     description="Record, play, inspect, export and recover ROS 2 bags without rosbag2.",

@@ -12,13 +12,17 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/urdf", [f"{NAME}/urdf/arm.urdf"]),
+        (f"share/{NAME}/launch", ["launch/view_arm.launch.py"]),
+        (f"share/{NAME}/rviz", ["rviz/arm.rviz"]),
     ],
     install_requires=["setuptools"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
+    author="slip-vic contributors",
     maintainer="slip-vic maintainers",
     maintainer_email="maintainers@slip-vic.example",
-    description="The arm and gripper as one URDF text, and the scenarios that both nodes are started with.",
+    description="The arm and gripper as one URDF, and a launch file that shows it in RViz.",
     license="Apache-2.0",
     entry_points={"console_scripts": []},
 )

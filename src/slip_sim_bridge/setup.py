@@ -16,6 +16,7 @@ setup(
     install_requires=["setuptools", "slip_core", "slip_msgs_py", "mujoco", "numpy", "pydantic"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
+    author="slip-vic contributors",
     maintainer="slip-vic maintainers",
     maintainer_email="maintainers@slip-vic.example",
     description="MuJoCo stand-in for the arm, the slippery grasp and the tactile slip sensor.",

@@ -39,6 +39,7 @@ setup(
     ],
     extras_require={"test": ["pytest"], "cluster": ["ray"], "video": ["imageio-ffmpeg"]},
     zip_safe=False,
+    author="slip-vic contributors",
     maintainer="slip-vic maintainers",
     maintainer_email="maintainers@slip-vic.example",
     description="Launcher, demo, replay, report and the slip-vic command line.",

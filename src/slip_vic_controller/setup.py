@@ -16,6 +16,7 @@ setup(
     install_requires=["setuptools", "slip_core", "slip_msgs_py", "numpy", "pin", "pydantic", "scipy"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
+    author="slip-vic contributors",
     maintainer="slip-vic maintainers",
     maintainer_email="maintainers@slip-vic.example",
     description="Variable impedance controller for non-rigid grasps: the law, and the node that runs it.",

@@ -24,6 +24,7 @@ ALLOWED = {
     "slip_core": NUMERIC,
     "slip_core.compiled": {"numba"},  # with the next three the only files that know the compiler
     "slip_core.part_compiler": {"numba"},
+    "slip_core.files.urdf_file": {"slip_core", "xacro"},
     "slip_core.records": {"numpy", "numba"},
     "slip_core.vectors": {"numba"},
     "slip_msgs_py": {"numpy", "slip_core"} | ROS,

@@ -1,6 +1,7 @@
 """Each package is a valid ROS package and declares exactly what it imports."""
 
 import ast
+import re
 import runpy
 import sys
 import tomllib
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import setuptools
+import yaml
 
 import slip_vic
 from slip_core.topics import TOPICS
@@ -20,11 +22,11 @@ PACKAGES = sorted(path.name for path in SRC.iterdir() if (path / "setup.py").exi
 # Import name: distribution on PyPI, key of rosdep (None: rosdep has none, it comes from PyPI alone).
 LIBRARIES = {
     "click": ("click", "python3-click"),
-    "lz4": ("lz4", "python3-lz4"),
+    "lz4": ("lz4", None),
     "matplotlib": ("matplotlib", "python3-matplotlib"),
     "mcap": ("mcap", None),
-    "mcap_ros2": ("mcap-ros2-support", None),
-    "mujoco": ("mujoco", None),
+    "mcap_ros2": ("mcap-ros2-support", "mcap-ros2-support"),
+    "mujoco": ("mujoco", "python3-mujoco-pip"),
     "numba": ("numba", "python3-numba"),
     "numpy": ("numpy", "python3-numpy"),
     "optuna": ("optuna", None),
@@ -35,18 +37,35 @@ LIBRARIES = {
     "pydantic": ("pydantic", "python3-pydantic"),
     "rich": ("rich", "python3-rich"),
     "scipy": ("scipy", "python3-scipy"),
-    "trimesh": ("trimesh", None),
+    "trimesh": ("trimesh", "python3-trimesh-pip"),
     "uplot": ("uplot-python", None),
     "websockets": ("websockets", "python3-websockets"),
+    "xacro": ("xacro", "xacro"),
     "yaml": ("pyyaml", "python3-yaml"),
     "zstandard": ("zstandard", None),
 }
+# Keys that rosdep resolves on Ubuntu 24.04: rosdep/*.yaml and jazzy/distribution.yaml of github.com/ros/rosdistro at
+# 8468e88ccd523427f9131e39d2af0938f1c298b2 (2026-08-22). Look a key up there before adding it.
+ROSDEP = {
+    "mcap-ros2-support", "python3-click", "python3-matplotlib", "python3-mujoco-pip", "python3-numba",
+    "python3-numpy", "python3-pandas", "python3-psutil", "python3-pydantic", "python3-pytest", "python3-rich",
+    "python3-scipy", "python3-trimesh-pip", "python3-websockets", "python3-yaml",
+}  # fmt: skip
+JAZZY = {
+    "ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs",
+    "joint_state_publisher_gui", "launch", "launch_ros", "lifecycle_msgs", "nav_msgs", "pinocchio",
+    "rcl_interfaces", "rclpy", "robot_state_publisher", "rosgraph_msgs", "rviz2", "sensor_msgs", "std_msgs",
+    "std_srvs", "tf2_msgs", "trajectory_msgs", "xacro",
+}  # fmt: skip
+MAINTAINER = ("slip-vic maintainers", "maintainers@slip-vic.example")
+AUTHOR = "slip-vic contributors"
 # What a package loads without an import statement: message classes by name, the Parquet engine of pandas, the script
 # inside of a wheel, the URDF that scenarios name by package://.
 UNSEEN = {
     "slip_msgs_py": {row.type.partition("/")[0] for row in TOPICS.values()},
     "slip_bags": {"pyarrow"},
     "slip_vic": {"uplot", "slip_description"},
+    "slip_description": {"joint_state_publisher_gui", "robot_state_publisher", "rviz2"},
 }
 
 
@@ -111,6 +130,50 @@ def test_setup_declares_what_is_imported(name: str, monkeypatch: pytest.MonkeyPa
 @every("name", PACKAGES)
 def test_package_xml_declares_what_is_imported(name: str) -> None:
     assert {node.text for node in package_xml(name).findall("exec_depend")} == ros_keys(needed(name))
+
+
+@every("name", PACKAGES)
+def test_rosdep_has_every_key_and_the_description_says_what_it_has_not(name: str) -> None:
+    """`rosdep install` ends at the first key that it does not have."""
+    root = package_xml(name)
+    keys = {node.text for node in root if node.tag.endswith("depend")}
+    assert keys <= ROSDEP | JAZZY | set(PACKAGES)
+    alone = {LIBRARIES[one][0] for one in needed(name) & set(LIBRARIES) if LIBRARIES[one][1] is None}
+    said = str(root.findtext("description")).partition("From PyPI, because rosdep has no key: ")[2].rstrip(".")
+    assert {word for word in said.split(", ") if word} == alone
+
+
+@every("name", PACKAGES)
+def test_everyone_is_named_once_in_the_same_way(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    root, arguments, whole = package_xml(name), setup_arguments(name, monkeypatch), project()["project"]
+    keeper = root.find("maintainer")
+    assert (keeper.text, keeper.get("email")) == MAINTAINER
+    assert (arguments["maintainer"], arguments["maintainer_email"]) == MAINTAINER
+    assert whole["maintainers"] == [dict(zip(("name", "email"), MAINTAINER, strict=True))]
+    assert root.findtext("author") == arguments["author"] == whole["authors"][0]["name"] == AUTHOR
+    described = str(root.findtext("description")).partition(" From PyPI")[0]
+    assert arguments["description"] == described
+
+
+@every("name", PACKAGES)
+def test_every_package_has_a_short_page(name: str) -> None:
+    text = (SRC / name / "README.md").read_text()
+    assert text.startswith(f"# {name}\n")
+    assert 3 <= len(text.splitlines()) <= 30
+    for page in re.findall(r"`(docs/[\w/]+\.md)`", text):
+        assert (SRC.parent / page).is_file(), page
+
+
+def test_how_to_cite_and_the_quality_that_is_declared() -> None:
+    cited = yaml.safe_load((SRC.parent / "CITATION.cff").read_text())
+    assert cited["cff-version"] == "1.2.0"
+    assert {"message", "title", "authors"} <= cited.keys()
+    assert cited["version"] == project()["project"]["version"]
+    assert cited["license"] == project()["project"]["license"]
+    assert cited["authors"] == [{"name": AUTHOR}]
+    declared = (SRC.parent / "QUALITY_DECLARATION.md").read_text()
+    assert "Quality Level 4" in declared
+    assert [line[2] for line in declared.splitlines() if re.match(r"\| \d ", line)] == list("1234567")  # REP-2004
 
 
 @pytest.mark.parametrize("name", PACKAGES)
