@@ -24,7 +24,6 @@ setup(
     entry_points={
         "console_scripts": [
             "slip_vic_controller_node = slip_vic_controller.main:main",
-            "slip_vic_controller_two_arms_node = slip_vic_controller.team.main:main",
         ]
     },
 )

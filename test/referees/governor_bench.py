@@ -10,7 +10,7 @@ from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, REAL, VOID, kernel, pa
 from slip_core.records import layout, new, record
 from slip_core.vectors import ZERO, Spatial, mat, put_spatial, spatial, vec
 from slip_vic_controller.reference import governor as g
-from slip_vic_controller.reference.friction_estimate import LOAD_HISTORY, Friction, slip_sample
+from slip_vic_controller.reference.friction_estimate import Friction, slip_sample
 from slip_vic_controller.reference.load import ALONE, Held, load, size, surface
 from slip_vic_controller.reference.path_grid import GRID_POINTS, PATH_GRID, Governing, along
 
@@ -50,11 +50,13 @@ def _held(grasped):
 
 
 @kernel(VOID(IN1, OUT1, OUT1, IN1, IN2))
-def _start(config, state, history, grasped, R):
+def _start(config, state, pad, grasped, R):
     c, s = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR)
     weights = surface(spatial(c.slip_axes), c.radius)
     at_rest = load(_held(record(grasped, OBJECT)), weights, mat(R), ZERO, vec(c.gravity), Spatial(ZERO, ZERO))
-    g.start_governor(c, s, record(history, LOAD_HISTORY), size(at_rest))
+    p = record(pad, g.PAD)
+    g.start_pad(c, p, size(at_rest))
+    g.start_governor(c, s, p)
 
 
 @kernel(VOID(IN1, OUT1, OUT1, IN1, IN2, IN1, IN1))
@@ -63,11 +65,12 @@ def _next_point(config, state, grid, grasped, R, twist, acceleration):
     g.next_point(c, s, record(grid, PATH_GRID), held, mat(R), spatial(twist), spatial(acceleration))
 
 
-@kernel(VOID(IN1, OUT1, OUT1, IN1, IN2, IN1, IN1, IN1, IN2, IN1, REAL, REAL))
-def _before(config, state, grid, grasped, R, twist, acceleration, x_e, R_ee, v_ee, most_rate, dt):
+@kernel(VOID(IN1, OUT1, OUT1, IN1, IN1, IN2, IN1, IN1, IN1, IN2, IN1, REAL, REAL))
+def _before(config, state, grid, pad, grasped, R, twist, acceleration, x_e, R_ee, v_ee, most_rate, dt):
     c, s, held = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR), _held(record(grasped, OBJECT))
     at = along(c, c.duration, s.time, mat(R), spatial(twist), spatial(acceleration))
-    g.run(c, s, record(grid, PATH_GRID), held, at, g.Pad(vec(x_e), mat(R_ee), spatial(v_ee)), most_rate, dt)
+    seen = g.Pad(vec(x_e), mat(R_ee), spatial(v_ee), spatial(record(pad, g.PAD).feedback))
+    g.run(c, s, record(grid, PATH_GRID), held, at, seen, most_rate, dt)
 
 
 @kernel(VOID(IN1, IN1, IN2, IN1, IN1, OUT1))
@@ -87,21 +90,25 @@ def _plan_all(config, state, grid):
 
 
 @kernel(VOID(IN1, OUT1, OUT1, IN1, INT))
-def _feel(config, state, history, h_ee, now_ns):
-    c, s = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR)
-    g.feel(c, s, record(history, LOAD_HISTORY), spatial(h_ee), now_ns)
+def _feel(config, state, pad, h_ee, now_ns):
+    c, s, p = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR), record(pad, g.PAD)
+    p.estimate = s.estimate
+    g.feel(c, p, spatial(h_ee), now_ns)
+    s.estimate = p.estimate
 
 
 @kernel(BOOL(IN1, OUT1, OUT1, INT, REAL))
-def _slip(config, state, history, stamp_ns, speed):
-    c, s = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR)
-    return slip_sample(c.estimate, s.estimate, record(history, LOAD_HISTORY), stamp_ns, speed, False)
+def _slip(config, state, pad, stamp_ns, speed):
+    c, s, p = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR), record(pad, g.PAD)
+    return slip_sample(c.estimate, s.estimate, p.loads, stamp_ns, speed, False)
 
 
-@kernel(REAL(IN1, OUT1, IN1, IN2, IN1, IN1, IN1))
-def _hold_back(config, state, grasped, R, w, a_C, a_d):
+@kernel(REAL(IN1, OUT1, OUT1, IN1, IN2, IN1, IN1, IN1))
+def _hold_back(config, state, pad, grasped, R, w, a_C, a_d):
     c, s, held = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR), _held(record(grasped, OBJECT))
-    return g.hold_back(c, s, held, mat(R), vec(w), spatial(a_C), spatial(a_d))
+    p = record(pad, g.PAD)
+    p.estimate = s.estimate
+    return g.hold_back(c, s.ceiling, p, held, mat(R), vec(w), spatial(a_C), spatial(a_d))
 
 
 @kernel(VOID(IN1, IN1, IN2, IN1, IN1, OUT1))
@@ -120,16 +127,16 @@ class Governor:
             configuration(case, **{"duration": path.duration, **changes}),
             new(g.GOVERNOR),
             new(PATH_GRID),
-            new(LOAD_HISTORY),
+            new(g.PAD),
         )
-        layouts = (g.GOVERNOR_CONFIG, g.GOVERNOR, PATH_GRID, LOAD_HISTORY)
+        layouts = (g.GOVERNOR_CONFIG, g.GOVERNOR, PATH_GRID, g.PAD)
         views = [record(b, d) for b, d in zip(self.buffers, layouts, strict=True)]
-        self.config, self.state, self.grid, self.history = views
+        self.config, self.state, self.grid, self.pad = views
         self.grasped = new(OBJECT)
         grasped = record(self.grasped, OBJECT)
         grasped.mass, grasped.inertia, grasped.r = case.mass, case.inertia, case.r
-        config, state, _, history = self.buffers
-        _start(config, state, history, self.grasped, np.ascontiguousarray(path.start))
+        config, state, _, pad = self.buffers
+        _start(config, state, pad, self.grasped, np.ascontiguousarray(path.start))
         self.sample()
 
     def sample(self):
@@ -151,25 +158,25 @@ class Governor:
         p_s, R_s, v_s, a_s = self.path.at(float(self.state.time))
         x, R = p_s if x is None else x, R_s if R is None else R
         v = float(self.state.rate) * v_s if v is None else v
-        config, state, grid, _ = self.buffers
+        config, state, grid, pad = self.buffers
         there = np.ascontiguousarray(R_s), v_s, a_s, x - p_s, np.ascontiguousarray(R), np.asarray(v, float)
-        _before(config, state, grid, self.grasped, *there, most_rate, self.dt)
+        _before(config, state, grid, pad, self.grasped, *there, most_rate, self.dt)
         p, R_d, v_d, a_d = self.path.at(float(self.state.out_time))
         out = np.zeros(12)
         _reference(config, state, np.ascontiguousarray(R_d), v_d, a_d, out)
         return p, R_d, out[:6], out[6:]
 
     def feel(self, h_ee, now_ns):
-        config, state, _, history = self.buffers
-        _feel(config, state, history, h_ee, now_ns)
+        config, state, _, pad = self.buffers
+        _feel(config, state, pad, h_ee, now_ns)
 
     def after(self, a_C, a_d, R, w):
-        config, state, _, _ = self.buffers
-        return _hold_back(config, state, self.grasped, np.ascontiguousarray(R), w, a_C, a_d)
+        config, state, _, pad = self.buffers
+        return _hold_back(config, state, pad, self.grasped, np.ascontiguousarray(R), w, a_C, a_d)
 
     def slip(self, stamp_ns, speed):
-        config, state, _, history = self.buffers
-        return _slip(config, state, history, stamp_ns, speed)
+        config, state, _, pad = self.buffers
+        return _slip(config, state, pad, stamp_ns, speed)
 
     def load_of(self, R, w, a):
         out = np.empty(6)

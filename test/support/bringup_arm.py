@@ -74,7 +74,7 @@ class Loop:
         )
         self.params, self.urdf, self.bridge_params = loaded.controller, loaded.urdf, loaded.bridge
         self.loop = ClosedLoop(loaded)
-        self._goals = _Goals(self.loop.controller)
+        self._goals = _Goals(self.loop.session)
         self.mode = self.goal = ""
         self._given = 0
 
@@ -112,17 +112,17 @@ class Loop:
         return EffortCommand(command.stamp_ns, self._error.effort(np.array(command.effort), np.array(gravity)))
 
     def set_active(self, active: bool) -> None:
-        self.loop.controller.set_active(active)
+        self.loop.session.set_active(active)
 
     def ask(self, request: str) -> None:
-        self.loop.controller.request(Request[request.upper()])
+        self.loop.session.request(Request[request.upper()])
 
     def tune(self, values: Mapping[str, Any]) -> None:
         self.params = build(ControllerNodeParams, flatten(self.params) | dict(values), "test")
-        self.loop.controller.retune(self.params)
+        self.loop.session.retune((self.params,))
 
     def send_goal(self, position: Array, rotation: Array, duration_s: float) -> None:
-        self.loop.controller.set_goal(PoseGoal(position, rotation, duration_s))
+        self.loop.session.set_goal(PoseGoal(position, rotation, duration_s))
 
     def tune_bridge(self, values: Mapping[str, Any]) -> None:
         self.bridge_params = build(BridgeParams, flatten(self.bridge_params) | dict(values), "test")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from slip_sim_bridge.session import BridgeSession, TickOutputs
-from slip_vic_controller.session import Controller, ControllerSession, CycleResult
+from slip_vic_controller.session import CycleResult
 from test.campaigns.faults.trial import START_NS
+from test.support.one_arm import OneArm, one_arm
 
 
 def begun_bridge(scenario) -> BridgeSession:
@@ -14,11 +15,11 @@ def begun_bridge(scenario) -> BridgeSession:
     return bridge
 
 
-def realtime(scenario) -> ControllerSession:
-    return ControllerSession(Controller(scenario.controller, scenario.urdf, lockstep=False))
+def realtime(scenario) -> OneArm:
+    return OneArm(one_arm(scenario.controller, scenario.urdf, lockstep=False))
 
 
-def deliver(controller: ControllerSession, outputs: TickOutputs, now_ns: int) -> None:
+def deliver(controller: OneArm, outputs: TickOutputs, now_ns: int) -> None:
     """Hand over wrenches and slip velocities; the joint state, which starts a cycle, is left to the caller."""
     for wrench in outputs.arms[0].wrenches:
         controller.add_wrench(0, wrench, now_ns)
@@ -26,7 +27,7 @@ def deliver(controller: ControllerSession, outputs: TickOutputs, now_ns: int) ->
         controller.add_slip(0, slip, now_ns)
 
 
-def answered_outputs(controller: ControllerSession, outputs: TickOutputs, now_ns: int) -> CycleResult:
+def answered_outputs(controller: OneArm, outputs: TickOutputs, now_ns: int) -> CycleResult:
     """Hand over everything and return the answer."""
     deliver(controller, outputs, now_ns)
     controller.add_joint(outputs.arms[0].joint, now_ns)

@@ -7,11 +7,11 @@ from typing import Any
 
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import Law, Scenario
-from slip_vic_controller.session import Controller
 from test.campaigns.faults import trial as trials
 from test.campaigns.faults.channel import Channel
 from test.campaigns.faults.dds_campaign import campaign_scenario
 from test.campaigns.faults.plan import EFFORT, IDEAL, Fault, Plan
+from test.support.one_arm import one_arm
 
 FROM_S, LASTS_S = 0.8, 6.0
 LAGS_MS = (8, 12, 16, 20, 24)
@@ -29,7 +29,7 @@ class Late(Channel):
 
 def fate(plan: Plan, scenario: Scenario) -> str:
     """Return what becomes of law, arm and object."""
-    law = Controller(scenario.controller, scenario.urdf, lockstep=False)
+    law = one_arm(scenario.controller, scenario.urdf, lockstep=False)
     vars(trials).update(Channel=Late, DURATION_S=LASTS_S, prepared=lambda *_: (scenario, law))
     outcome = trials.run_trial(plan)
     if outcome.violations:

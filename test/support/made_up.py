@@ -12,7 +12,8 @@ from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.safety.faults import Fault
-from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Health
+from slip_vic_controller.session import Controller, CycleResult, Health
+from test.support.one_arm import OneArm, one_arm
 from test.support.small_arm import HOME, small_arm_urdf
 
 MS = 1_000_000
@@ -33,7 +34,7 @@ def controller_of(lockstep: bool = False, **values: Any) -> Controller:
 
 @lru_cache
 def _controller(lockstep: bool, values: tuple[tuple[str, Any], ...]) -> Controller:
-    return Controller(build(ControllerParams, dict(values), "test"), small_arm_urdf(), lockstep=lockstep)
+    return one_arm(build(ControllerParams, dict(values), "test"), small_arm_urdf(), lockstep=lockstep)
 
 
 class MadeUp:
@@ -44,7 +45,7 @@ class MadeUp:
 
     def __init__(self, lockstep: bool = False, **values: Any) -> None:
         self.controller = controller_of(lockstep, **values)
-        self.session = ControllerSession(self.controller)
+        self.session = OneArm(self.controller)
         self.stamp_ns, self.now_ns, self.tick = STAMP_NS, STAMP_NS if lockstep else NOW_NS, 0
 
     @property

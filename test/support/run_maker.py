@@ -106,7 +106,7 @@ def run(scenario: Scenario, retune: Mapping[int, Mapping[str, float]], goals: Ma
         outputs = loop.observe()
         if outputs.tick in retune:
             values |= retune[outputs.tick]
-            loop.controller.retune(build(ControllerNodeParams, values, "test"))
+            loop.session.retune((build(ControllerNodeParams, values, "test"),))
         if outputs.tick in goals:
             controller, trajectory = loop.controller, scenario.controller.trajectory
             if trajectory.kind == "goal":

@@ -76,7 +76,7 @@ def system(context: LaunchContext) -> list:
     )
     controller = Node(
         package="slip_vic_controller",
-        executable="slip_vic_controller_two_arms_node" if plan.two_arms else "slip_vic_controller_node",
+        executable="slip_vic_controller_node",
         namespace=namespace,
         parameters=[str(plan.controller)],
         prefix=value("prefix"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from slip_core.arrays import Array
 from slip_core.compiled import BOOL, IN1, INT, OUT1, kernel
 from slip_core.records import record
-from slip_vic_controller.cycle import CONFIG, STATE, STATE_SIZE
+from slip_vic_controller.cycle import ARM_STATE, CONFIG
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.validation import (
     await_answer,
@@ -29,13 +29,13 @@ def receive_joint_state(
     In real time one that is out of order, comes twice or has a stamp that jumps is dropped: no cycle answers it.
 
     Args:
-        config, state: CONFIG, and STATE, which is changed.
+        config, state: CONFIG and ARM_STATE of the arm; the state is changed.
         stamp_ns, q, qd, effort: the sample; (n,) [rad], [rad/s], [N m].
         refused: whether the message itself was not what it should be; then the numbers are not looked at.
         now_ns: arrival.
         lockstep: whether the bridge waits for an answer to everything.
     """
-    c, s = record(config, CONFIG), record(state[:STATE_SIZE], STATE)
+    c, s = record(config, CONFIG), record(state, ARM_STATE)
     fault = receive_joints(c.joint, s.joint, stamp_ns, q, qd, effort, refused, now_ns)
     if fault == Fault.RESTARTED:
         for k in range(c.law.contacts):
@@ -51,7 +51,7 @@ def receive_wrench(
     config: Array, state: Array, contact: int, stamp_ns: int, wrench: Array, refused: bool, now_ns: int
 ) -> int:
     """Take the wrench (6,) [N, N m] of a contact in; return its fault. Arguments as of `receive_joint_state`."""
-    c, s = record(config, CONFIG), record(state[:STATE_SIZE], STATE)
+    c, s = record(config, CONFIG), record(state, ARM_STATE)
     return receive_vector(c.wrench, s.wrench_inputs[contact], stamp_ns, wrench, True, refused, now_ns, s.joint)
 
 
@@ -65,7 +65,7 @@ def receive_slip(
         config, state, contact, stamp_ns, twist, refused, now_ns: as of `receive_joint_state`.
         valid: whether the sensor says that it measures.
     """
-    c, s = record(config, CONFIG), record(state[:STATE_SIZE], STATE)
+    c, s = record(config, CONFIG), record(state, ARM_STATE)
     fault = receive_vector(c.slip, s.slip_inputs[contact], stamp_ns, twist, valid, refused, now_ns, s.joint)
     if contact == 0 and fine(fault):
         queue_slip(s.queue, stamp_ns - c.cycle.slip_delay_ns, twist)
@@ -75,5 +75,5 @@ def receive_slip(
 @kernel(BOOL(IN1, OUT1, INT))
 def is_silent(config: Array, state: Array, now_ns: int) -> bool:
     """Return whether no good joint state has come for the age limit."""
-    c, s = record(config, CONFIG), record(state[:STATE_SIZE], STATE)
+    c, s = record(config, CONFIG), record(state, ARM_STATE)
     return silent(c.joint, s.joint, now_ns)

@@ -15,7 +15,8 @@ from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import INTERNAL_BOUND, ROUNDING, internal_gain_limit
 from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
-from slip_vic_controller.law.gains import gain_report, make_law_gains
+from slip_vic_controller.law.contact import fill_contacts
+from slip_vic_controller.law.gains import LAW_GAINS, gain_report, make_law_gains
 from slip_vic_controller.observer.config import observer_config, witnesses
 from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
 from slip_vic_controller.parameters.interface_params import GripParams
@@ -84,6 +85,14 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     fill_wrench_sensor(config.wrench_sensor, params, robot)
     buffer.setflags(write=False)
     return buffer
+
+
+def renew_config(config: Any, params: ControllerParams) -> None:
+    """Take changed parameters into a CONFIG: what HOLD holds, and with which stiffness. Gains and payload of the law
+    ramp, see `Ramp`; a change in HOLD is bounded by the effort limiter."""
+    fill_contacts(params.contacts, config.law.contact)
+    config.gains = make_law_gains(params, gain_report(params).used).view(LAW_GAINS)[0]
+    _fill_hold(config.hold, params, config.hold.joints)
 
 
 def _check_internal_gain(params: ControllerParams) -> None:

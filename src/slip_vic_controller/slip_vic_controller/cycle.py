@@ -1,9 +1,14 @@
-"""The control cycle: records in, records out, one compiled function.
+"""The control cycle of all arms that hold one object: records in, records out, one compiled function.
 
-    cycle(config, state, inputs, outputs)
+    cycle(configs, state, inputs, outputs)
 
-`state` is advanced in place: copy it to keep it, its bytes are a snapshot, and equal bytes go on equally. Nothing here
-raises, waits, reads a clock or keeps anything elsewhere. On its way a joint state passes input validation (when it
+One arm is the ordinary number. The state is the task once (where the object's path is, how fast, goal, stream,
+friction), then a row per arm (inputs, mode, law, observer, HOLD, limiter). A cycle decides for every arm, lets the arms
+agree, and acts for every arm: the law works for all of them or for none, on one path, at the speed of the slowest, with
+the friction of the weakest pad. One arm always agrees with itself.
+
+`state` is advanced in place: copy it to keep it; its bytes are a snapshot, and equal states evolve identically. Nothing
+here raises, waits, reads a clock or keeps anything elsewhere. On its way a joint state passes input validation (when it
 arrives), arbitration and modes, then the law (or HOLD), limit avoidance and the effort limiter; every command comes out
 of `_finish`.
 """
@@ -12,25 +17,28 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum, unique
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
-from slip_core.records import REAL, WHOLE, layout, record
+from slip_core.records import REAL, WHOLE, layout, record, records
 from slip_core.vectors import IDENTITY, ZERO, Mat, Spatial, Vec, mat, put, put_mat, put_spatial, spatial, vec
 from slip_vic_controller.governing import (
     GOVERNED,
+    agree_on_friction,
     begin_governing,
+    begin_pad,
+    feel_pad,
     follow_goal,
-    govern,
     governed_reference,
     guard,
     held,
     put_governed,
     rest_on_path,
     screen,
+    step_on_path,
 )
 from slip_vic_controller.interfaces import WRENCH_SENSOR, wrench_at_pad
 from slip_vic_controller.law.arm import ARM
@@ -52,13 +60,22 @@ from slip_vic_controller.law.law import EVALUATION, evaluate, predict_motion, sc
 from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, no_symbols, symbols
 from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE
 from slip_vic_controller.observer.observer import observe, reset
-from slip_vic_controller.reference.friction_estimate import LOAD_HISTORY
 from slip_vic_controller.reference.goals import GOAL, GOALS, rest_at
-from slip_vic_controller.reference.governor import GOVERNOR, GOVERNOR_CONFIG
+from slip_vic_controller.reference.governor import GOVERNOR, GOVERNOR_CONFIG, PAD
 from slip_vic_controller.reference.grip import GRIP, GRIP_CONFIG, start_grip
 from slip_vic_controller.reference.path_grid import PATH_GRID, Governing
 from slip_vic_controller.reference.path_scaling import PATH_SCALING, advance, lost_ns, scaled
-from slip_vic_controller.reference.paths import PATH, REFERENCE, Reference, put_reference, reference_at
+from slip_vic_controller.reference.paths import (
+    GRASP,
+    PATH,
+    REFERENCE,
+    Reference,
+    carried,
+    put_reference,
+    read_reference,
+    reference_at,
+    relative,
+)
 from slip_vic_controller.reference.stream import STREAM, STREAM_CONFIG
 from slip_vic_controller.safety.arbitration import (
     ARBITRATION,
@@ -98,7 +115,6 @@ from slip_vic_controller.safety.limit_avoidance import MOTION_LIMITS, avoid_limi
 from slip_vic_controller.safety.modes import (
     MODE,
     MODE_POLICY,
-    NO_REASONS,
     NOTHING,
     Mode,
     Request,
@@ -110,10 +126,13 @@ from slip_vic_controller.safety.modes import (
 from slip_vic_controller.safety.reasons import (
     FIRST_WRENCH,
     GOOD_JOINT_STATE,
+    REASON,
     Cause,
     Reason,
     because,
     of_fault,
+    put_reason,
+    read_reason,
 )
 from slip_vic_controller.safety.validation import (
     JOINT_INPUT,
@@ -149,32 +168,51 @@ CONFIG = layout(
 )  # fmt: skip
 """All that does not change while the controller runs."""
 
+TASK_STATE = layout(
+    begun=WHOLE, start_ns=WHOLE, taken=WHOLE, path=PATH_SCALING, reference_known=WHOLE, reference=REFERENCE,
+    desired=REFERENCE, governor=GOVERNOR, grid=PATH_GRID, goal=GOAL, stream=STREAM,
+)  # fmt: skip
+"""What is remembered of the motion of the object that all arms hold; poses are those of the first arm's pad, and the
+others keep to it as they held the object when the law began. begun: whether the law of all arms began in one cycle;
+start_ns: when the trajectory did, in the time of the first arm's joint states; taken: how many references or goals have
+come; reference: by topic, where it is known; desired: of the last cycle."""
+
 LAW_STATE = layout(
-    known=WHOLE, stamp_ns=WHOLE, start_ns=WHOLE, start_position=(REAL, 3), start_rotation=(REAL, (3, 3)),
+    known=WHOLE, stamp_ns=WHOLE, start_position=(REAL, 3), start_rotation=(REAL, (3, 3)),
     posture=(REAL, MAX_JOINTS), position=(REAL, MAX_JOINTS), gravity=(REAL, MAX_JOINTS), e_previous=(REAL, 3),
     slips=(SLIP, MAX_CONTACTS), ramp=RAMP, slip_latency=SLIP_LATENCY, held=WHOLE, late=WHOLE, k_s_limit=REAL,
     given_up=GIVEN_UP,
 )  # fmt: skip
-"""What the law needs of the past. stamp_ns: of the last joint state; start_*: origin of the trajectory; position,
-gravity: the last finite joint position and g there; held, late, k_s_limit: delays in cycles, and the k_s for them;
-given_up: whether the compensation is."""
+"""What the law needs of the past. stamp_ns: of the last joint state; start_*: pose of the pad when the law began;
+position, gravity: the last finite joint position and g there; held, late, k_s_limit: delays in cycles, and the k_s for
+them; given_up: whether the compensation is."""
 
-STATE = layout(
+ARM_STATE = layout(
     cycles=WHOLE, begun=WHOLE, now_ns=WHOLE, outside=WHOLE, joint=JOINT_INPUT,
     wrench_inputs=(VECTOR_INPUT, MAX_CONTACTS), slip_inputs=(VECTOR_INPUT, MAX_CONTACTS), queue=SLIP_QUEUE,
-    reference_known=WHOLE, reference=REFERENCE, mode=MODE, since=SINCE, observed=OBSERVED, latency=LATENCY,
-    limiter=LIMITER, hold=HOLD, path=PATH_SCALING, tuned=RAMP, law=LAW_STATE, observer=OBSERVER,
-    governor=GOVERNOR, grid=PATH_GRID, loads=LOAD_HISTORY, grip=GRIP,
-    taken=WHOLE, goal=GOAL, stream=STREAM,
+    mode=MODE, since=SINCE, observed=OBSERVED, latency=LATENCY, limiter=LIMITER, hold=HOLD, tuned=RAMP, law=LAW_STATE,
+    observer=OBSERVER, pad=PAD, grip=GRIP, grasp=GRASP, reference_known=WHOLE, reference=REFERENCE,
 )  # fmt: skip
-"""Everything that is remembered between cycles; taken: how many references or goals have come. The observer's history
-of ticks and samples follows in the buffer."""
+"""What is remembered of one arm. grasp: its pad as the first arm's pad saw it when the law began; reference: of this
+pad alone, where it does not keep to the object."""
 
-STATE_SIZE = STATE.itemsize // 8
+TASK_SIZE, ARM_SIZE = TASK_STATE.itemsize // 8, ARM_STATE.itemsize // 8
+"""A state is the task, the rows of all arms, then each arm's history of the observer."""
 
-INPUTS = layout(now_ns=WHOLE, request=WHOLE, missing=WHOLE, health_given=WHOLE, health=HEALTH, arm=ARM)
-"""now_ns: the controller's clock; missing: bits of what else is missing; health: of the inputs where it is given, by a
-replay; arm: at the joint state that is answered."""
+INPUTS = layout(
+    present=WHOLE, now_ns=WHOLE, request=WHOLE, missing=WHOLE, health_given=WHOLE, health=HEALTH, arm=ARM
+)  # fmt: skip
+"""present: whether this arm is answered in this cycle; now_ns: the controller's clock; missing: bits of what else is
+missing; health: of the inputs where it is given, by a replay; arm: at the joint state that is answered."""
+
+DECISION = layout(
+    step=WHOLE, never_seen=WHOLE, request=WHOLE, level=WHOLE, entered=WHOLE, freezes=WHOLE, works=WHOLE, cause=WHOLE,
+    fault=REASON, before=MODE,
+)  # fmt: skip
+"""What a cycle has found for an arm. step: what comes next, see `Step`; never_seen: bits of the inputs that have never
+been seen; request, fault: for the mode machine; level: degradation level; entered: mode before arbitration; freezes:
+whether the joint state is frozen; works: whether the law does, or its last effort is repeated; cause: why the law could
+not be evaluated; before: mode before the cycle."""
 
 LEDGER = 3 + 4 * MAX_CONTACTS + 5 + 1
 OUTPUTS = layout(
@@ -182,14 +220,23 @@ OUTPUTS = layout(
     limited=(WHOLE, MAX_JOINTS), saturated=(WHOLE, MAX_JOINTS), grip=REAL, health=HEALTH, mode=MODE,
     path_scale=REAL, governor=GOVERNED, wanted=(REAL, MAX_JOINTS),
     samples=(CONTACT_SAMPLE, MAX_CONTACTS), slips=(SLIP, MAX_CONTACTS), follow_error=(REAL, 6), gains=LAW_GAINS,
-    reference=REFERENCE, motion=MOTION, law=EVALUATION, estimate=SLIP_ESTIMATE,
+    reference=REFERENCE, motion=MOTION, law=EVALUATION, estimate=SLIP_ESTIMATE, decision=DECISION,
 )  # fmt: skip
-"""What a cycle gives. answered: 0 = no effort, something is missing; evaluated: `law` holds; ok: the law's effort went
-out; effort [N m]; grip: commanded [N]; limited: joints at the rate limit; wanted: before limit avoidance.
+"""What a cycle gives an arm. answered: 0 = no effort, something is missing; evaluated: `law` holds; ok: the law's
+effort went out; effort [N m]; grip: commanded [N]; limited: joints at the rate limit; wanted: before limit avoidance.
 
 ledger: all that the cycle depends on: its number, stamp of the joint state, then stamps of the newest wrench and slip
 velocity of each contact (none where they were not used); behind them the controller's clock, mode, health, request, and
 how many references or goals have been taken. Times are seconds and nanoseconds."""
+
+
+@unique
+class Step(IntEnum):
+    """What a cycle does for an arm after its decision."""
+
+    NONE = 0
+    BRIDGE = 1
+    ANSWER = 2
 
 
 @part
@@ -201,21 +248,22 @@ def _put_estimate(observer: Any, out: Any) -> None:
 
 
 @part
-def _begin(c: Any, s: Any, i: Any, o: Any, stamp_ns: int) -> None:
-    """Begin a cycle; the first one begins the controller."""
-    if s.begun == 0:
-        s.begun, s.now_ns = 1, i.now_ns
-        begin_modes(c.modes, s.mode, i.now_ns)
-        clear_since(s.since)
-        forget(s.observed, NEVER)
-        s.path.scale, s.path.rate = 1.0, 0.0
-        start_grip(c.grip, s.grip)
-    o.answered, o.evaluated = 0, 0
-    if i.health_given != 0:
-        o.health = i.health
-    o.ledger[0] = s.cycles
-    _put_time(o.ledger, 1, stamp_ns)
-    s.cycles += 1
+def _begin(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, stamp_ns: int, lead: bool) -> None:
+    """Begin a cycle of an arm; the first one begins the controller. lead: whether it is the first arm."""
+    if state.begun == 0:
+        state.begun, state.now_ns = 1, inputs.now_ns
+        begin_modes(config.modes, state.mode, inputs.now_ns)
+        clear_since(state.since)
+        forget(state.observed, NEVER)
+        if lead:
+            task.path.scale, task.path.rate = 1.0, 0.0
+        start_grip(config.grip, state.grip)
+    outputs.answered, outputs.evaluated = 0, 0
+    if inputs.health_given != 0:
+        outputs.health = inputs.health
+    outputs.ledger[0] = state.cycles
+    _put_time(outputs.ledger, 1, stamp_ns)
+    state.cycles += 1
 
 
 @part
@@ -225,64 +273,70 @@ def _put_time(ledger: Array, at: int, time_ns: int) -> None:
 
 
 @part
-def _end(c: Any, s: Any, i: Any, o: Any) -> None:
+def _end(config: Any, task: Any, state: Any, inputs: Any, outputs: Any) -> None:
     """Write mode and the end of the ledger."""
-    o.mode = s.mode
-    o.path_scale, o.grip = s.path.scale, s.grip.command
-    put_governed(c, s, o.governor)
-    at, h = 3 + 4 * c.law.contacts, o.health
-    _put_time(o.ledger, at, i.now_ns)
-    o.ledger[at + 2] = s.mode.mode
-    o.ledger[at + 3] = h.joint | h.wrench << 8 | h.slip << 16 | h.outside << 24
-    o.ledger[at + 4], o.ledger[at + 5] = i.request, s.taken
-    if not follows(s.mode.mode):
-        screen(c, s, False)
+    outputs.mode = state.mode
+    outputs.path_scale, outputs.grip = task.path.scale, state.grip.command
+    put_governed(config, task, state, outputs.governor)
+    at, h = 3 + 4 * config.law.contacts, outputs.health
+    _put_time(outputs.ledger, at, inputs.now_ns)
+    outputs.ledger[at + 2] = state.mode.mode
+    outputs.ledger[at + 3] = h.joint | h.wrench << 8 | h.slip << 16 | h.outside << 24
+    outputs.ledger[at + 4], outputs.ledger[at + 5] = inputs.request, task.taken
 
 
 @part
-def _never_seen(c: Any, s: Any) -> int:
+def _never_seen(config: Any, state: Any) -> int:
     """Return the bits of the inputs that have never been seen: no command before every input was seen once."""
     bits = 0
-    for k in range(c.law.contacts):
-        if s.wrench_inputs[k].seen == 0:
+    for k in range(config.law.contacts):
+        if state.wrench_inputs[k].seen == 0:
             bits |= FIRST_WRENCH << k
-        if c.arbitration.slip_needed != 0 and s.slip_inputs[k].seen == 0:
+        if config.arbitration.slip_needed != 0 and state.slip_inputs[k].seen == 0:
             bits |= FIRST_WRENCH << (MAX_CONTACTS + k)
     return bits
 
 
 @part
-def _wait(c: Any, s: Any, i: Any, missing: Reason, keep_limiter: int) -> None:
-    """Give no effort. Without one the arm goes anywhere: HOLD, also that of a fault, begins anew where it is then."""
-    next_mode(c.modes, s.mode, TransitionReasons(missing, NOTHING, NOTHING, NOTHING), i.request, i.now_ns)
-    s.limiter.started, s.now_ns, s.hold.known, s.hold.load_error[:] = keep_limiter, i.now_ns, 0, 0.0
-    forget_latency(s.latency)
+def _wait(config: Any, state: Any, inputs: Any, missing: Reason, keep_limiter: int) -> None:
+    """Give no effort. Without a command the arm may move, so HOLD restarts from the pose found then."""
+    reasons = TransitionReasons(missing, NOTHING, NOTHING, NOTHING)
+    next_mode(config.modes, state.mode, reasons, inputs.request, inputs.now_ns)
+    state.limiter.started, state.now_ns, state.hold.known = keep_limiter, inputs.now_ns, 0
+    state.hold.load_error[:] = 0.0
+    forget_latency(state.latency)
 
 
 @part
-def _classify_inputs(c: Any, s: Any, i: Any, o: Any, fault: int) -> None:
-    """Write the fault of each input in this cycle, and the stamps of the samples that it uses."""
-    stamp_ns, moves = s.joint.answers.stamp_ns, s.joint.moves != 0
-    if i.health_given == 0:
-        o.health.joint, o.health.wrench, o.health.slip, o.health.outside = fault, 0, 0, s.outside
-        for k in range(c.law.contacts):
-            wrench = vector_validity(c.wrench, s.wrench_inputs[k], i.now_ns, stamp_ns, moves)
-            slip = vector_validity(c.slip, s.slip_inputs[k], i.now_ns, stamp_ns, moves)
-            o.health.wrench, o.health.slip = max(o.health.wrench, wrench), max(o.health.slip, slip)
-    for k in range(c.law.contacts):
-        _put_time(o.ledger, 3 + 4 * k, s.wrench_inputs[k].stamp_ns)
-        _put_time(o.ledger, 5 + 4 * k, s.slip_inputs[k].stamp_ns)
+def _classify_inputs(config: Any, state: Any, inputs: Any, outputs: Any, fault: int, alone: bool) -> None:
+    """Write the fault of each input in this cycle, and the stamps of the samples that it uses.
+
+    alone: whether another arm is not answered in this cycle.
+    """
+    stamp_ns, moves = state.joint.answers.stamp_ns, state.joint.moves != 0
+    if inputs.health_given == 0:
+        health = outputs.health
+        health.joint, health.wrench, health.slip, health.outside = fault, 0, 0, state.outside
+        for k in range(config.law.contacts):
+            wrench = vector_validity(config.wrench, state.wrench_inputs[k], inputs.now_ns, stamp_ns, moves)
+            slip = vector_validity(config.slip, state.slip_inputs[k], inputs.now_ns, stamp_ns, moves)
+            health.wrench, health.slip = max(health.wrench, wrench), max(health.slip, slip)
+    if alone:
+        outputs.health.outside = Fault.OTHER_ARM.value
+    for k in range(config.law.contacts):
+        _put_time(outputs.ledger, 3 + 4 * k, state.wrench_inputs[k].stamp_ns)
+        _put_time(outputs.ledger, 5 + 4 * k, state.slip_inputs[k].stamp_ns)
 
 
 @part
-def begin_law(c: Any, s: Any, i: Any, o: Any) -> None:
-    """Begin the law: the arm where it is, no slip, the trajectory starting here and now."""
-    law, sample, n = s.law, s.joint.answers, c.law.joints
-    law.known, law.stamp_ns, law.start_ns = 1, sample.stamp_ns, sample.stamp_ns
-    law.start_position[:], law.start_rotation[:] = i.arm.position, i.arm.rotation
+def begin_law(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead: bool) -> None:
+    """Begin the law: the arm where it is, no slip; of the first arm also the trajectory, starting here and now."""
+    law, sample, n = state.law, state.joint.answers, config.law.joints
+    law.known, law.stamp_ns = 1, sample.stamp_ns
+    law.start_position[:], law.start_rotation[:] = inputs.arm.position, inputs.arm.rotation
     for j in range(n):
-        law.posture[j] = c.cycle.posture[j] if c.cycle.posture_given != 0 else sample.position[j]
-        law.position[j], law.gravity[j] = sample.position[j], i.arm.gravity[j]
+        law.posture[j] = config.cycle.posture[j] if config.cycle.posture_given != 0 else sample.position[j]
+        law.position[j], law.gravity[j] = sample.position[j], inputs.arm.gravity[j]
     law.e_previous[:] = 0.0
     for k in range(MAX_CONTACTS):
         put(law.slips[k].position, ZERO)
@@ -290,464 +344,654 @@ def begin_law(c: Any, s: Any, i: Any, o: Any) -> None:
     law.slip_latency.known, law.slip_latency.latency_ns, law.slip_latency.period_ns = 0, 0.0, 0.0
     law.held = 0
     start_giving_up(law.given_up)
-    law.ramp = s.tuned
+    law.ramp = state.tuned
     law.ramp.begin_ns = sample.stamp_ns
-    if c.cycle.has_observer != 0:
-        reset(c.observer, s.observer, sample.stamp_ns, i.arm.twist)
-    if c.stream.on != 0:
-        rest_on_path(c, s, i.arm)
-    if c.goals.on != 0:
-        rest_at(s.goal, Reference(vec(i.arm.position), mat(i.arm.rotation), Spatial(ZERO, ZERO), Spatial(ZERO, ZERO)))
-    if c.governor.mode != Governing.OFF:
-        gains_at(law.ramp, sample.stamp_ns, o.gains)
-        begin_governing(c, s, i.arm, o.gains)
+    if config.cycle.has_observer != 0:
+        reset(config.observer, state.observer, sample.stamp_ns, inputs.arm.twist)
+    if config.governor.mode != Governing.OFF:
+        gains_at(law.ramp, sample.stamp_ns, outputs.gains)
+        begin_pad(config, state, inputs.arm, outputs.gains)
+    if lead:
+        _begin_task(config, task, state, inputs)
 
 
-class Decision(NamedTuple):
-    """What a cycle has found when it knows whether the law may work.
+@part
+def _begin_task(config: Any, task: Any, state: Any, inputs: Any) -> None:
+    """Begin the object's motion with the law of the first arm."""
+    arm = inputs.arm
+    task.start_ns = state.joint.answers.stamp_ns
+    if config.stream.on != 0:
+        rest_on_path(config, task, arm)
+    if config.goals.on != 0:
+        rest_at(task.goal, Reference(vec(arm.position), mat(arm.rotation), Spatial(ZERO, ZERO), Spatial(ZERO, ZERO)))
+    if config.governor.mode != Governing.OFF:
+        begin_governing(config, task, state)
 
-    step: what comes next, see `Step`; never_seen: bits of the inputs that have never been seen; reasons, request: of
-    the mode machine; level: degradation level; entered: mode before; freezes: whether the joint state is frozen.
+
+@part
+def _look(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead: bool, alone: bool) -> None:
+    """Look at the inputs of an arm and decide; the mode is that of this cycle then.
+
+    lead: whether it is the first arm; alone: whether another arm is not answered in this cycle.
     """
-
-    step: int
-    never_seen: int
-    reasons: TransitionReasons
-    request: int
-    level: int
-    entered: int
-    freezes: bool
-
-
-@unique
-class Step(IntEnum):
-    """What a cycle does after its decision."""
-
-    NONE = 0
-    BRIDGE = 1
-    ANSWER = 2
-
-
-@part
-def _decide(c: Any, s: Any, i: Any, o: Any, never_seen: int) -> Decision:
-    """Find what speaks against the law, and go to the mode of this cycle."""
-    sample, fault, now_ns = s.joint.answers, o.health.joint, i.now_ns
-    if not (usable(fault) or fault == Fault.NOT_RUN):
-        return Decision(0 + Step.BRIDGE.value, never_seen, NO_REASONS, i.request, 0, s.mode.mode, False)
-    s.since.joint_bad_ns = NEVER
-    if i.request == Request.ENABLE:
-        forget_latency(s.latency)  # whoever asks for the law has seen to it that a clock was set, and nothing is late
-    measure_latency(s.latency, now_ns, sample.stamp_ns, now_ns - s.now_ns, c.cycle.late_ns)
-    request = _stop_first(c, s, i.request, now_ns)
-    freezes = frozen(c.joint, s.joint, now_ns)
-    n, contacts = c.law.joints, c.law.contacts
-    reasons, level = arbitrate(c, s, o.health, freezes, n, contacts, sample.velocity, now_ns)
-    entered = s.mode.mode
-    next_mode(c.modes, s.mode, reasons, request, now_ns)
-    return Decision(0 + Step.ANSWER.value, never_seen, reasons, request, level, entered, freezes)
-
-
-@part
-def _answer(c: Any, s: Any, history: Array, i: Any, o: Any, decision: Decision) -> None:
-    """Do what the mode of this cycle asks for."""
-    sample, entered = s.joint.answers, decision.entered
-    if not follows(s.mode.mode):
-        _hold(c, s, i, o, fine(o.health.wrench) and not decision.freezes)
+    decision = outputs.decision
+    decision.step, decision.request = Step.NONE.value, inputs.request
+    decision.before = state.mode
+    fault = inputs.health.joint if inputs.health_given != 0 else state.joint.pending_fault
+    state.joint.pending = 0
+    _begin(config, task, state, inputs, outputs, state.joint.answers.stamp_ns, lead)
+    if fault == Fault.RESTARTED and state.law.known != 0:
+        # Everything starts again; the limiter continues from the last command, where that is recent: the joints feel it
+        state.law.known = 0
+        _wait(config, state, inputs, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), state.limiter.started)
+    decision.never_seen = _never_seen(config, state)
+    missing = inputs.missing | decision.never_seen
+    if state.law.known == 0 and not usable(fault):
+        missing |= GOOD_JOINT_STATE
+    if missing != 0:
+        _wait(config, state, inputs, because(Cause.WAITS, missing), 0)
         return
-    if not follows(entered):
-        # After a HOLD the path starts from rest; and the time that passed in it is not part of the path.
-        s.path.scale, s.path.rate = (1.0 if entered == Mode.WAITING_INPUT else 0.0), 0.0
-        s.hold.known, s.hold.load_error[:] = 0, 0.0
-        forget(s.observed, s.observed.blind_since_ns)
-        if c.cycle.has_observer != 0:
-            reset(c.observer, s.observer, sample.stamp_ns, i.arm.twist)  # what it knew is void
-        rest_on_path(c, s, i.arm)
-    _follow(c, s, history, i, o, decision.level)
+    _classify_inputs(config, state, inputs, outputs, fault, alone)
+    if state.law.known == 0:
+        begin_law(config, task, state, inputs, outputs, lead)
+    _decide(config, task, state, inputs, outputs)
 
 
 @part
-def _stop_first(c: Any, s: Any, request: int, now_ns: int) -> int:
+def _decide(config: Any, task: Any, state: Any, inputs: Any, outputs: Any) -> None:
+    """Find what speaks against the law, and go to the mode of this cycle."""
+    sample, fault, now_ns, decision = state.joint.answers, outputs.health.joint, inputs.now_ns, outputs.decision
+    if not (usable(fault) or fault == Fault.NOT_RUN):
+        decision.step, decision.entered = Step.BRIDGE.value, state.mode.mode
+        return
+    state.since.joint_bad_ns = NEVER
+    if inputs.request == Request.ENABLE:
+        forget_latency(state.latency)  # whoever enables the law has checked that the clocks agree and nothing is late
+    measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns, config.cycle.late_ns)
+    request = _stop_first(config, state, inputs.request, now_ns)
+    freezes = frozen(config.joint, state.joint, now_ns)
+    n, contacts = config.law.joints, config.law.contacts
+    reasons, level = arbitrate(config, task, state, outputs.health, freezes, n, contacts, sample.velocity, now_ns)
+    decision.entered = state.mode.mode
+    next_mode(config.modes, state.mode, reasons, request, now_ns)
+    decision.step, decision.request, decision.level = Step.ANSWER.value, request, level
+    decision.freezes = 1 if freezes else 0
+    put_reason(decision.fault, reasons.fault)
+
+
+@part
+def _begin_together(task: Any, states: Any, inputs: Any) -> bool:
+    """Let the law of all arms begin in the same cycle, on one path; return whether an arm is not answered in this one.
+
+    An arm that begins without the others holds until they begin with it.
+    """
+    alone, begins = False, task.begun == 0
+    for k in range(states.shape[0]):
+        alone = alone or inputs[k].present == 0
+        begins = begins or states[k].law.known == 0 or (inputs[k].present != 0 and _restarts(states[k], inputs[k]))
+    if states.shape[0] > 1 and not alone:
+        for k in range(states.shape[0]):
+            if begins and not _restarts(states[k], inputs[k]):
+                states[k].law.known = 0
+    if begins:
+        task.begun = 0
+    return alone
+
+
+@part
+def _restarts(state: Any, inputs: Any) -> bool:
+    """Return whether the source of an arm's joint states has restarted."""
+    fault = inputs.health.joint if inputs.health_given != 0 else state.joint.pending_fault
+    return bool(fault == Fault.RESTARTED)
+
+
+@part
+def _agree(configs: Any, task: Any, states: Any, inputs: Any, outputs: Any, alone: bool) -> None:
+    """Let the law work for all arms or for none; take down how they hold the object where it begins for all."""
+    n = states.shape[0]
+    begun, any_works, all_work = not alone, False, not alone
+    for k in range(n):
+        if inputs[k].present != 0:
+            works = _works(configs[k], states[k], inputs[k], outputs[k])
+            outputs[k].decision.works = 1 if works else 0
+            any_works, all_work = any_works or works, all_work and works
+        begun = begun and states[k].law.known != 0
+    if task.begun == 0 and begun:
+        task.begun = 1
+        for k in range(n):
+            relative(states[0].law, states[k].law, states[k].grasp)
+    if any_works and not all_work:
+        for k in range(n):
+            if inputs[k].present != 0:
+                _hold_with_the_others(configs[k], states[k], inputs[k], outputs[k])
+
+
+@part
+def _works(config: Any, state: Any, inputs: Any, outputs: Any) -> bool:
+    """Return whether the law works in this cycle, or its last effort is repeated."""
+    step = outputs.decision.step
+    if step == Step.BRIDGE and not bridges(config, state, inputs.now_ns):
+        return False
+    return step != Step.NONE and follows(state.mode.mode)
+
+
+@part
+def _hold_with_the_others(config: Any, state: Any, inputs: Any, outputs: Any) -> None:
+    """Hold because another arm does; all count again from here until they may resume, so they resume together."""
+    decision = outputs.decision
+    if decision.works != 0:
+        state.mode = decision.before
+        reason = of_fault(Cause.INPUT, Input.ANY, Fault.OTHER_ARM)
+        reasons = TransitionReasons(NOTHING, read_reason(decision.fault), reason, NOTHING)
+        next_mode(config.modes, state.mode, reasons, decision.request, inputs.now_ns)
+        if outputs.health.outside == Fault.NONE:
+            outputs.health.outside = Fault.OTHER_ARM.value
+    state.mode.good_since_ns = NEVER
+
+
+@part
+def _at_work(state: Any, outputs: Any) -> bool:
+    """Return whether the law is to be evaluated in this cycle."""
+    return bool(outputs.decision.step == Step.ANSWER and follows(state.mode.mode))
+
+
+@part
+def _prepare(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead: bool) -> None:
+    """Do what comes before the law in this cycle, or instead of it."""
+    decision = outputs.decision
+    if decision.step == Step.BRIDGE:
+        _bridge(config, task, state, inputs, outputs, outputs.health.joint)
+    elif decision.step == Step.ANSWER and not follows(state.mode.mode):
+        _hold(config, task, state, inputs, outputs, fine(outputs.health.wrench) and decision.freezes == 0, lead)
+    elif decision.step == Step.ANSWER and not follows(decision.entered):
+        # After a HOLD the path starts from rest; and the time that passed in it is not part of the path.
+        if lead:
+            task.path.scale, task.path.rate = (1.0 if decision.entered == Mode.WAITING_INPUT else 0.0), 0.0
+            rest_on_path(config, task, inputs.arm)
+        state.hold.known, state.hold.load_error[:] = 0, 0.0
+        forget(state.observed, state.observed.blind_since_ns)
+        if config.cycle.has_observer != 0:
+            reset(config.observer, state.observer, state.joint.answers.stamp_ns, inputs.arm.twist)
+
+
+@part
+def _stop_first(config: Any, state: Any, request: int, now_ns: int) -> int:
     """Let a user's HOLD begin when the path has come to rest: a sudden stop throws a weakly gripped object."""
     stays = request == Request.ENABLE or request == Request.RESET_FAULT or request == Request.FAILED
-    if stays or not follows(s.mode.mode):
-        s.since.stopping_ns = NEVER
+    if stays or not follows(state.mode.mode):
+        state.since.stopping_ns = NEVER
         return request
-    if request == Request.HOLD and s.since.stopping_ns == NEVER:
-        s.since.stopping_ns = now_ns
+    if request == Request.HOLD and state.since.stopping_ns == NEVER:
+        state.since.stopping_ns = now_ns
         return Request.NONE.value
-    if s.since.stopping_ns != NEVER and now_ns - s.since.stopping_ns >= 2 * c.arbitration.slow_down_ns:
-        s.since.stopping_ns = NEVER
+    if state.since.stopping_ns != NEVER and now_ns - state.since.stopping_ns >= 2 * config.arbitration.slow_down_ns:
+        state.since.stopping_ns = NEVER
         return Request.HOLD.value
     return Request.NONE.value  # who asks twice does not stop the path more suddenly
 
 
 @part
-def bridges(c: Any, s: Any, now_ns: int) -> bool:
+def bridges(config: Any, state: Any, now_ns: int) -> bool:
     """Return whether a bad joint state is bridged with the last effort: shortly, and not after a pause."""
-    ran = now_ns - s.now_ns <= c.arbitration.gap_ns  # after a pause the last effort is old, however young the sample
-    short = s.since.joint_bad_ns == NEVER or now_ns - s.since.joint_bad_ns <= c.cycle.bridge_ns
-    return ran and s.limiter.started != 0 and short
+    # After a pause the last effort is old, however young the sample.
+    ran = now_ns - state.now_ns <= config.arbitration.gap_ns
+    short = state.since.joint_bad_ns == NEVER or now_ns - state.since.joint_bad_ns <= config.cycle.bridge_ns
+    return ran and state.limiter.started != 0 and short
 
 
 @part
-def _bridge(c: Any, s: Any, i: Any, o: Any, fault: int) -> None:
+def _bridge(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, fault: int) -> None:
     """Bridge a short gap of good joint states with the last effort, then let it go to gravity compensation."""
-    n, now_ns = c.law.joints, i.now_ns
-    if s.since.joint_bad_ns == NEVER:
-        s.since.joint_bad_ns = now_ns
-    ends = follows(s.mode.mode) and stays_away(o.health.wrench)  # the law has to, whatever the joint states are like
-    if bridges(c, s, now_ns) and not ends:
-        o.wanted[:n] = s.limiter.effort[:n]
+    n, now_ns = config.law.joints, inputs.now_ns
+    if state.since.joint_bad_ns == NEVER:
+        state.since.joint_bad_ns = now_ns
+    # The law has to end where the wrench stays away, whatever the joint states are like.
+    ends = follows(state.mode.mode) and stays_away(outputs.health.wrench)
+    if bridges(config, state, now_ns) and not ends:
+        outputs.wanted[:n] = state.limiter.effort[:n]
     else:
-        o.wanted[:n] = s.law.gravity[:n]
+        outputs.wanted[:n] = state.law.gravity[:n]
         reasons = TransitionReasons(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), NOTHING)
-        next_mode(c.modes, s.mode, reasons, i.request, now_ns)
-        s.path.scale, s.path.rate, s.hold.known = 0.0, 0.0, 0
+        next_mode(config.modes, state.mode, reasons, inputs.request, now_ns)
+        task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 0
     # After a pause the limiter starts at what the joints feel; a jump of the positions leaves the efforts believable,
     # unless somebody else sends joint states too.
     rest, felt = np.zeros(MAX_JOINTS), np.zeros(MAX_JOINTS)
-    if fault == Fault.JUMP and o.health.outside != Fault.SECOND_PUBLISHER:
-        felt[:] = s.joint.answers.effort
-    _finish(c, s, i, o, s.law.position, rest, felt, False)
+    if fault == Fault.JUMP and outputs.health.outside != Fault.SECOND_PUBLISHER:
+        felt[:] = state.joint.answers.effort
+    _finish(config, state, inputs, outputs, state.law.position, rest, felt, False)
 
 
 @part
-def _arm_of_load(c: Any, s: Any, pad: Mat) -> Vec:
+def _arm_of_load(config: Any, state: Any, pad: Mat) -> Vec:
     """Return r = x_c - x_o at which the load pulls, on the axes of the pad whose attitude is `pad` [m] {ee}."""
-    slips, own, told = s.law.slips, c.law.contact[0], ZERO
+    slips, own, told = state.law.slips, config.law.contact[0], ZERO
     # The levers of several shares of the weight cancel, as far as they can.
-    r = mean_arm(c.law, c.gains, slips) if c.law.contacts > 1 else contact_arm(pad, vec(own.position), own, slips[0])
-    for k in range(c.law.contacts):
-        told = told + vec(c.law.contact[k].position)
-    return believable_arm(pad.T() @ ((1.0 / c.law.contacts) * told), r)
+    if config.law.contacts > 1:
+        r = mean_arm(config.law, config.gains, slips)
+    else:
+        r = contact_arm(pad, vec(own.position), own, slips[0])
+    for k in range(config.law.contacts):
+        told = told + vec(config.law.contact[k].position)
+    return believable_arm(pad.T() @ ((1.0 / config.law.contacts) * told), r)
 
 
 @part
-def _hold(c: Any, s: Any, i: Any, o: Any, wrench_good: bool) -> None:
+def _hold(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, wrench_good: bool, lead: bool) -> None:
     """Keep the posture in which HOLD began; what the wrench has told of the load stays until the law begins."""
-    law, sample, n = s.law, s.joint.answers, c.law.joints
-    if s.hold.known == 0 or i.now_ns - s.now_ns > c.arbitration.gap_ns:  # after a pause somebody else held the arm
-        s.hold.known = 1
-        s.hold.posture[:n] = sample.position[:n]
-    keep_posture(s.hold, n, sample, c.motion.velocity)
+    law, sample, n = state.law, state.joint.answers, config.law.joints
+    # After a pause something else has held the arm.
+    if state.hold.known == 0 or inputs.now_ns - state.now_ns > config.arbitration.gap_ns:
+        state.hold.known = 1
+        state.hold.posture[:n] = sample.position[:n]
+    keep_posture(state.hold, n, sample, config.motion.velocity)
     dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
-    pad = pad_rotation(c.law.contact[0], law.slips[0])
-    r = _arm_of_load(c, s, pad)
+    pad = pad_rotation(config.law.contact[0], law.slips[0])
+    r = _arm_of_load(config, state, pad)
     if wrench_good:
-        measured = wrench_at_pad(c.wrench_sensor, s.wrench_inputs[0].values, mat(i.arm.rotation))
-        update_load_error(c.hold, s.hold, i.arm, r, measured, dt_ns * 1e-9)
-    hold_effort(c.hold, s.hold, i.arm, sample, pad, r, s.latency.most_ns * 1e-9, o.wanted)
-    if not (s.mode.reason.cause == Cause.FALLS and s.mode.reason.prefix == 0):
-        carry_load(c.hold, s.hold, i.arm, r, o.wanted)
-    law.start_ns += dt_ns
-    _keep_joints(c, s, i)
-    s.path.scale, s.path.rate = 0.0, 0.0
-    forget(s.observed, NEVER)
-    s.since.saturated_ns = NEVER
-    _finish(c, s, i, o, sample.position, sample.velocity, sample.effort, False)
+        measured = wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, mat(inputs.arm.rotation))
+        update_load_error(config.hold, state.hold, inputs.arm, r, measured, dt_ns * 1e-9)
+    hold_effort(config.hold, state.hold, inputs.arm, sample, pad, r, state.latency.most_ns * 1e-9, outputs.wanted)
+    if not (state.mode.reason.cause == Cause.FALLS and state.mode.reason.prefix == 0):
+        carry_load(config.hold, state.hold, inputs.arm, r, outputs.wanted)
+    if lead:
+        task.start_ns += dt_ns
+    _keep_joints(config, state, inputs)
+    task.path.scale, task.path.rate = 0.0, 0.0
+    forget(state.observed, NEVER)
+    state.since.saturated_ns = NEVER
+    _finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, False)
 
 
 @part
-def keep_law(c: Any, s: Any, i: Any, o: Any) -> None:
+def keep_law(config: Any, state: Any, inputs: Any, outputs: Any) -> None:
     """Keep what the next evaluation of the law needs of this one."""
-    s.law.e_previous[:] = o.law.e[3:]
-    for k in range(c.law.contacts):
-        s.law.slips[k] = o.slips[k]
-    _keep_joints(c, s, i)
+    state.law.e_previous[:] = outputs.law.e[3:]
+    for k in range(config.law.contacts):
+        state.law.slips[k] = outputs.slips[k]
+    _keep_joints(config, state, inputs)
 
 
 @part
-def _keep_joints(c: Any, s: Any, i: Any) -> None:
+def _keep_joints(config: Any, state: Any, inputs: Any) -> None:
     """Keep stamp and position of a good joint state, and gravity there.
 
     With other arms on the object its share of the weight belongs to it: an arm that loses sight must not let them
     carry all of it at once.
     """
-    law, sample, n = s.law, s.joint.answers, c.law.joints
+    law, sample, n = state.law, state.joint.answers, config.law.joints
     law.stamp_ns = max(sample.stamp_ns, law.stamp_ns)
-    law.position[:n], law.gravity[:n] = sample.position[:n], i.arm.gravity[:n]
-    if c.law.contacts > 1 and s.mode.reason.cause != Cause.FALLS:
-        carry_load(c.hold, s.hold, i.arm, _arm_of_load(c, s, pad_rotation(c.law.contact[0], law.slips[0])), law.gravity)
+    law.position[:n], law.gravity[:n] = sample.position[:n], inputs.arm.gravity[:n]
+    if config.law.contacts > 1 and state.mode.reason.cause != Cause.FALLS:
+        r = _arm_of_load(config, state, pad_rotation(config.law.contact[0], law.slips[0]))
+        carry_load(config.hold, state.hold, inputs.arm, r, law.gravity)
 
 
 @part
-def _follow(c: Any, s: Any, history: Array, i: Any, o: Any, level: int) -> None:
-    """Let the law work, along the path as fast as errors and the degradation level allow."""
-    law, sample, n = s.law, s.joint.answers, c.law.joints
-    dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
-    screen(c, s, True)
-    stops = level == Level.SLOWING or s.since.stopping_ns != NEVER
-    wanted = 0.0 if stops else s.observed.path_speed
-    governed = c.governor.mode != Governing.OFF
-    if not governed and (wanted < 1.0 or s.path.scale != 1.0 or s.path.rate != 0.0):
-        advance(s.path, wanted, dt_ns * 1e-9, c.cycle.slow_down_s)
+def _stops(state: Any, outputs: Any) -> bool:
+    """Return whether an arm needs the path to come to rest."""
+    return bool(outputs.decision.level == Level.SLOWING or state.since.stopping_ns != NEVER)
+
+
+@part
+def _path_speed(states: Any, outputs: Any) -> float:
+    """Return how fast the path may be run through for other reasons than friction: as the slowest arm can follow it."""
+    speed = states[0].observed.path_speed
+    for k in range(states.shape[0]):
+        speed = min(speed, states[k].observed.path_speed)
+    for k in range(states.shape[0]):
+        if _at_work(states[k], outputs[k]) and _stops(states[k], outputs[k]):
+            speed = 0.0
+    return float(speed)
+
+
+@part
+def _move_on(config: Any, task: Any, state: Any, path_speed: float) -> None:
+    """Move on along the path, in the time of the first arm's joint states; state: of the first arm."""
+    dt_ns = max(state.joint.answers.stamp_ns - state.law.stamp_ns, 0)
+    screen(config, task, state, True)
+    governed = config.governor.mode != Governing.OFF
+    if not governed and (path_speed < 1.0 or task.path.scale != 1.0 or task.path.rate != 0.0):
+        advance(task.path, path_speed, dt_ns * 1e-9, config.cycle.slow_down_s)
     if governed:
-        s.path.scale, s.path.rate = 1.0, 0.0  # the governor brings the path to rest, as friction admits
-    law.start_ns += lost_ns(s.path, dt_ns)
-    cause = evaluate_law(c, s, history, i, o, level == Level.OBSERVED or level == Level.SLOWING, stops)
-    if cause == Cause.NONE:
-        keep_law(c, s, i, o)
-        o.wanted[:n] = o.law.effort[:n]
-        observe_motion(c.drop, c.law.contact[0].slip_axes, s.observed, i.arm, o.law, o.reference, dt_ns * 1e-9)
-        watch_for_blindness(s.observed, o.law.slip_speed, c.drop.evidence, i.now_ns)
-        _finish(c, s, i, o, sample.position, sample.velocity, sample.effort, True)
-        return
-    # The law could not be evaluated: gravity compensation with damping in this cycle, and HOLD.
-    _keep_joints(c, s, i)
-    for j in range(n):
-        torque = law.gravity[j] - c.cycle.joint_damping * sample.velocity[j]
-        o.wanted[j] = min(max(torque, -c.law.effort_limit[j]), c.law.effort_limit[j])
-    reasons = TransitionReasons(NOTHING, NOTHING, because(cause, 0), NOTHING)
-    next_mode(c.modes, s.mode, reasons, Request.NONE.value, i.now_ns)
-    s.path.scale, s.path.rate, s.hold.known = 0.0, 0.0, 1
-    s.hold.posture[:n] = sample.position[:n]
-    _finish(c, s, i, o, sample.position, sample.velocity, sample.effort, False)
+        task.path.scale, task.path.rate = 1.0, 0.0  # the governor brings the path to rest, as friction admits
+    task.start_ns += lost_ns(task.path, dt_ns)
 
 
 @part
-def evaluate_law(c: Any, s: Any, history: Array, i: Any, o: Any, slip_unknown: bool, stops: bool) -> int:
-    """Evaluate the law on the inputs of this cycle; return why it could not be, Cause.NONE where it could.
+def _follow(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead: bool) -> None:
+    """Let the law command the arm, on what `sense` has found."""
+    sample, n = state.joint.answers, config.law.joints
+    dt_ns = max(sample.stamp_ns - state.law.stamp_ns, 0)
+    cause = command(config, task, state, inputs, outputs, lead)
+    if cause != Cause.NONE:
+        _hold_without_law(config, task, state, inputs, outputs, cause)
+        return
+    keep_law(config, state, inputs, outputs)
+    outputs.wanted[:n] = outputs.law.effort[:n]
+    axes, law = config.law.contact[0].slip_axes, outputs.law
+    observe_motion(config.drop, axes, state.observed, inputs.arm, law, outputs.reference, dt_ns * 1e-9)
+    watch_for_blindness(state.observed, law.slip_speed, config.drop.evidence, inputs.now_ns)
+    _finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, True)
 
-    slip_unknown: there is no slip sample; an observer goes on with the model alone. stops: the path comes to rest.
+
+@part
+def _hold_without_law(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, cause: int) -> None:
+    """Hold because the law could not be evaluated: gravity compensation with damping in this cycle, and HOLD."""
+    law, sample, n = state.law, state.joint.answers, config.law.joints
+    _keep_joints(config, state, inputs)
+    for j in range(n):
+        torque = law.gravity[j] - config.cycle.joint_damping * sample.velocity[j]
+        outputs.wanted[j] = min(max(torque, -config.law.effort_limit[j]), config.law.effort_limit[j])
+    reasons = TransitionReasons(NOTHING, NOTHING, because(cause, 0), NOTHING)
+    next_mode(config.modes, state.mode, reasons, Request.NONE.value, inputs.now_ns)
+    task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 1
+    state.hold.posture[:n] = sample.position[:n]
+    _finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, False)
+
+
+@part
+def sense(config: Any, task: Any, state: Any, history: Array, inputs: Any, outputs: Any, slip_unknown: bool) -> int:
+    """Find slip, gains and load of an arm in this cycle; return why it could not be, Cause.NONE where it could.
+
+    slip_unknown: there is no slip sample; an observer continues with the model alone.
     """
-    law, sample, contacts = s.law, s.joint.answers, c.law.contacts
+    law, sample, samples = state.law, state.joint.answers, outputs.samples
     if sample.stamp_ns < law.stamp_ns:
         return Cause.OLD_JOINT_STATE.value
-    for k in range(contacts):
-        o.samples[k].wrench[:] = s.wrench_inputs[k].values
-        o.samples[k].slip_twist[:] = s.slip_inputs[k].values
+    for k in range(config.law.contacts):
+        samples[k].wrench[:] = state.wrench_inputs[k].values
+        samples[k].slip_twist[:] = state.slip_inputs[k].values
         if slip_unknown:
-            o.samples[k].slip_twist[:] = 0.0
-    put_spatial(
-        o.samples[0].wrench, wrench_at_pad(c.wrench_sensor, s.wrench_inputs[0].values, mat(i.arm.rotation))
-    )  # fmt: skip
+            samples[k].slip_twist[:] = 0.0
+    own = wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, mat(inputs.arm.rotation))
+    put_spatial(samples[0].wrench, own)
     if slip_unknown:
-        s.queue.count = 0
-    gains_at(law.ramp, law.stamp_ns, o.gains)
-    measure_slip_latency(law.slip_latency, sample.stamp_ns, s.queue)
-    o.follow_error[:] = 0.0
-    if c.cycle.has_observer != 0:
-        if not predict_motion(c.law, o.gains, i.arm, o.samples, law.slips, s.observer.twist, o.motion):
+        state.queue.count = 0
+    gains_at(law.ramp, law.stamp_ns, outputs.gains)
+    measure_slip_latency(law.slip_latency, sample.stamp_ns, state.queue)
+    outputs.follow_error[:] = 0.0
+    if config.cycle.has_observer != 0:
+        observer, queue, motion = state.observer, state.queue, outputs.motion
+        if not predict_motion(config.law, outputs.gains, inputs.arm, samples, law.slips, observer.twist, motion):
             return Cause.NO_ESTIMATE.value
-        if not observe(c.observer, s.observer, history, o.motion, sample.stamp_ns, s.queue.samples, s.queue.count):
+        if not observe(config.observer, observer, history, motion, sample.stamp_ns, queue.samples, queue.count):
             return Cause.NO_ESTIMATE.value
-        _put_estimate(s.observer, o.estimate)
-        o.samples[0].slip_twist[:] = s.observer.twist
-        if c.cycle.corrects_follow != 0:
-            o.follow_error[:] = s.observer.error
+        _put_estimate(observer, outputs.estimate)
+        samples[0].slip_twist[:] = observer.twist
+        if config.cycle.corrects_follow != 0:
+            outputs.follow_error[:] = observer.error
     else:
-        linear, angular = c.cycle.dead_band_linear, c.cycle.dead_band_angular
+        linear, angular = config.cycle.dead_band_linear, config.cycle.dead_band_angular
         if linear != 0.0 or angular != 0.0:
-            v_s = spatial(c.law.contact[0].slip_axes) * spatial(o.samples[0].slip_twist)
-            put_spatial(o.samples[0].slip_twist, beyond_dead_band(v_s, linear, angular))
-        _adapt_slip_gain(c, s, o)
-    if o.gains.gains.kappa != 0.0:
-        _limit_internal_gain(c, s, o)
-    if c.cycle.gate_shut != 0:
-        for k in range(contacts):
-            o.samples[k].slip_twist[:] = 0.0
-    dt = (sample.stamp_ns - law.stamp_ns) * 1e-9
-    governed = c.governor.mode != Governing.OFF
-    if governed:
-        grasped = held(c, s, o.gains)
-        govern(c, s, i.arm, o, grasped, dt, 0.0 if stops else s.observed.path_speed)
-    if c.giving_up.witness != 0 and c.giving_up.on != 0 and s.governor.estimate.slipping == 0:
-        o.samples[0].slip_twist[:] = 0.0  # nor does it move the pad on the object: a lever that is wrong stops the arm
-    if not _reference(c, s, o):
+            v_s = spatial(config.law.contact[0].slip_axes) * spatial(samples[0].slip_twist)
+            put_spatial(samples[0].slip_twist, beyond_dead_band(v_s, linear, angular))
+        _adapt_slip_gain(config, state, outputs)
+    if outputs.gains.gains.kappa != 0.0:
+        _limit_internal_gain(config, state, outputs)
+    if config.cycle.gate_shut != 0:
+        for k in range(config.law.contacts):
+            samples[k].slip_twist[:] = 0.0
+    if config.governor.mode != Governing.OFF:
+        feel_pad(config, task, state, outputs, (sample.stamp_ns - law.stamp_ns) * 1e-9)
+    return Cause.NONE.value
+
+
+@part
+def command(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead: bool) -> int:
+    """Evaluate the law on what `sense` has found; return why it could not be, Cause.NONE where it could."""
+    law, sample = state.law, state.joint.answers
+    dt, slipping = (sample.stamp_ns - law.stamp_ns) * 1e-9, state.pad.estimate.slipping
+    if config.giving_up.witness != 0 and config.giving_up.on != 0 and slipping == 0:
+        outputs.samples[0].slip_twist[:] = 0.0  # nor may it move the pad on the object: a wrong lever stops the arm
+    if not _reference(config, task, state, outputs, lead):
         return Cause.BAD_REFERENCE.value
-    error = (vec(i.arm.position) - vec(o.reference.position)).norm()
-    v_s = slip_velocity(c.law.contact[0], o.samples[0])
-    judge_compensation(
-        c.giving_up, law.given_up, o.gains.gains, v_s, s.governor.estimate.slipping, error, s.observed.fall_speed, dt
-    )
-    integrate_slips(c.law, o.samples, law.slips, dt, o.slips)
-    evaluate(c.law, i.arm, sample, law, o)
-    if governed:
-        factor = guard(c, s, i.arm, o, grasped)
+    error = (vec(inputs.arm.position) - vec(outputs.reference.position)).norm()
+    v_s = slip_velocity(config.law.contact[0], outputs.samples[0])
+    fall = state.observed.fall_speed
+    judge_compensation(config.giving_up, law.given_up, outputs.gains.gains, v_s, slipping, error, fall, dt)
+    integrate_slips(config.law, outputs.samples, law.slips, dt, outputs.slips)
+    evaluate(config.law, inputs.arm, sample, law, outputs)
+    if config.governor.mode != Governing.OFF:
+        factor = guard(config, task, state, inputs.arm, outputs, held(config, state, outputs.gains))
         if factor < 1.0:
-            scale_acceleration(c.law, i.arm, sample, law, factor, o)
-    o.evaluated = o.law.ok
-    return Cause.NONE.value if o.law.ok != 0 else Cause.NO_TORQUE.value
+            scale_acceleration(config.law, inputs.arm, sample, law, factor, outputs)
+    outputs.evaluated = outputs.law.ok
+    return Cause.NONE.value if outputs.law.ok != 0 else Cause.NO_TORQUE.value
 
 
 @part
-def _adapt_slip_gain(c: Any, s: Any, o: Any) -> None:
+def _adapt_slip_gain(config: Any, state: Any, outputs: Any) -> None:
     """Lower k_s to what the measured delays allow, where it is free to be chosen."""
-    if c.cycle.k_s_adapts == 0:
+    if config.cycle.k_s_adapts == 0:
         return
-    held, late = whole_cycles(s.law.slip_latency, c.cycle.period_ns)
-    if held != s.law.held or late != s.law.late:  # they seldom change
-        s.law.held, s.law.late = held, late
-        s.law.k_s_limit = held_sample_limit(held, late) / (1e-9 * c.cycle.period_ns) / c.cycle.k_s_margin
-    o.gains.gains.k_s = min(o.gains.gains.k_s, s.law.k_s_limit)
+    held, late = whole_cycles(state.law.slip_latency, config.cycle.period_ns)
+    if held != state.law.held or late != state.law.late:  # they seldom change
+        state.law.held, state.law.late = held, late
+        state.law.k_s_limit = held_sample_limit(held, late) / (1e-9 * config.cycle.period_ns) / config.cycle.k_s_margin
+    outputs.gains.gains.k_s = min(outputs.gains.gains.k_s, state.law.k_s_limit)
 
 
 @part
-def _limit_internal_gain(c: Any, s: Any, o: Any) -> None:
+def _limit_internal_gain(config: Any, state: Any, outputs: Any) -> None:
     """Lower kappa to what the measured delay from a wrench to its answer allows."""
-    gains, late_ns = o.gains.gains, 0
-    for k in range(c.law.contacts):
-        late_ns = max(late_ns, s.joint.answers.stamp_ns - s.wrench_inputs[k].stamp_ns)
-    delay_s = 1e-9 * (c.cycle.period_ns + s.latency.most_ns + late_ns)
+    gains, late_ns = outputs.gains.gains, 0
+    for k in range(config.law.contacts):
+        late_ns = max(late_ns, state.joint.answers.stamp_ns - state.wrench_inputs[k].stamp_ns)
+    delay_s = 1e-9 * (config.cycle.period_ns + state.latency.most_ns + late_ns)
     least = min(gains.M_D[0], gains.M_D[1], gains.M_D[2])
-    gains.kappa = min(gains.kappa, internal_gain_limit(least, c.cycle.pad_stiffness, delay_s))
+    gains.kappa = min(gains.kappa, internal_gain_limit(least, config.cycle.pad_stiffness, delay_s))
 
 
 @part
-def _reference(c: Any, s: Any, o: Any) -> bool:
-    """Write the desired motion of this cycle; return whether it is finite."""
-    law, given = s.law, s.reference
-    if s.reference_known != 0:
-        desired = Reference(
-            vec(given.position), mat(given.rotation), spatial(given.twist), spatial(given.acceleration)
-        )  # fmt: skip
-    elif c.governor.mode != Governing.OFF:
-        desired = governed_reference(c, s)
-    elif c.goals.on != 0:
-        desired = follow_goal(c, s)
+def _reference(config: Any, task: Any, state: Any, outputs: Any, lead: bool) -> bool:
+    """Write the desired motion of this cycle; return whether it is finite.
+
+    A path by topic or towards a goal is that of the first pad; the other pads keep to the object as they held it when
+    the law began. A built-in path each pad runs through from where it was then.
+    """
+    law = state.law
+    keeps = not lead and (task.reference_known != 0 or config.stream.on != 0 or config.goals.on != 0)
+    if state.reference_known != 0:
+        desired = read_reference(state.reference)
+    elif keeps:
+        desired = carried(read_reference(task.desired), state.grasp)
+    elif task.reference_known != 0:
+        desired = read_reference(task.reference)
+    elif config.governor.mode != Governing.OFF:
+        desired = governed_reference(config, task, state, lead)
+    elif config.goals.on != 0:
+        desired = follow_goal(task, state)
     else:
-        t = (s.joint.answers.stamp_ns - law.start_ns) * 1e-9 - c.cycle.start_s
-        desired = reference_at(c.path, t, law.start_position, law.start_rotation)
-    if s.path.scale != 1.0 or s.path.rate != 0.0:
-        desired = scaled(desired, s.path)
-    put_reference(o.reference, desired)
-    finite = all_finite(o.reference.position) and all_finite(o.reference.twist)
-    finite = finite and all_finite(o.reference.acceleration)
+        t = (state.joint.answers.stamp_ns - task.start_ns) * 1e-9 - config.cycle.start_s
+        desired = reference_at(config.path, t, law.start_position, law.start_rotation)
+    if not keeps and (task.path.scale != 1.0 or task.path.rate != 0.0):
+        desired = scaled(desired, task.path)
+    put_reference(outputs.reference, desired)
+    if lead:
+        task.desired = outputs.reference
+    finite = all_finite(outputs.reference.position) and all_finite(outputs.reference.twist)
+    finite = finite and all_finite(outputs.reference.acceleration)
     for k in range(3):
-        finite = finite and all_finite(o.reference.rotation[k])
+        finite = finite and all_finite(outputs.reference.rotation[k])
     return finite
 
 
 @part
-def _finish(c: Any, s: Any, i: Any, o: Any, q: Array, qd: Array, felt: Array, law_at_work: bool) -> None:
+def _finish(
+    config: Any, state: Any, inputs: Any, outputs: Any, q: Array, qd: Array, felt: Array, law_at_work: bool
+) -> None:
     """Add limit avoidance, pass the effort limiter, and write the outcome.
 
     Args:
-        c, s, i, o: of the cycle; `o.wanted` is what goes in.
+        config, state, inputs, outputs: of the arm; `outputs.wanted` is what goes in.
         q, qd: joint state [rad], [rad/s].
-        felt: measured joint efforts, where a pause makes the limiter start anew [N m].
+        felt: measured joint efforts, where a pause makes the limiter restart [N m].
         law_at_work: whether the effort is the law's; then the pad's speed is limited too.
     """
-    n, now_ns = c.law.joints, i.now_ns
-    if needs_restart(c.motion.drive, s.limiter, now_ns):
-        start_limiter(c.motion.drive, s.limiter, n, felt, s.law.gravity, now_ns)
+    n, now_ns = config.law.joints, inputs.now_ns
+    if needs_restart(config.motion.drive, state.limiter, now_ns):
+        start_limiter(config.motion.drive, state.limiter, n, felt, state.law.gravity, now_ns)
     torque, clipped = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64)
-    torque[:n] = o.wanted[:n]
-    avoid_limits(c.motion, n, q, qd, i.arm, law_at_work, torque)
-    finite = limit_effort(c.motion.drive, s.limiter, n, torque, now_ns, clipped, o.limited)
+    torque[:n] = outputs.wanted[:n]
+    avoid_limits(config.motion, n, q, qd, inputs.arm, law_at_work, torque)
+    finite = limit_effort(config.motion.drive, state.limiter, n, torque, now_ns, clipped, outputs.limited)
     saturated = 0
     for j in range(n):
-        o.effort[j] = s.limiter.effort[j]
-        if c.cycle.leaves_gravity != 0:
-            o.effort[j] -= s.law.gravity[j]
-        o.saturated[j] = 1 if clipped[j] != 0 or (law_at_work and o.law.saturated[j] != 0) else 0
-        saturated += o.saturated[j]
+        outputs.effort[j] = state.limiter.effort[j]
+        if config.cycle.leaves_gravity != 0:
+            outputs.effort[j] -= state.law.gravity[j]
+        outputs.saturated[j] = 1 if clipped[j] != 0 or (law_at_work and outputs.law.saturated[j] != 0) else 0
+        saturated += outputs.saturated[j]
     if saturated == 0:
-        s.since.saturated_ns = NEVER
-    elif s.since.saturated_ns == NEVER:
-        s.since.saturated_ns = now_ns
-    s.now_ns = now_ns
-    o.answered = 1
-    o.ok = 1 if law_at_work and finite else 0
+        state.since.saturated_ns = NEVER
+    elif state.since.saturated_ns == NEVER:
+        state.since.saturated_ns = now_ns
+    state.now_ns = now_ns
+    outputs.answered = 1
+    outputs.ok = 1 if law_at_work and finite else 0
 
 
 @part
-def begin_cycle(c: Any, s: Any, i: Any, o: Any) -> Decision:
-    """Look at the inputs and decide; the mode is that of this cycle then. Arguments by name, as of `cycle`."""
-    fault = i.health.joint if i.health_given != 0 else s.joint.pending_fault
-    s.joint.pending = 0
-    _begin(c, s, i, o, s.joint.answers.stamp_ns)
-    if fault == Fault.RESTARTED and s.law.known != 0:
-        # Everything starts anew; the limiter goes on from the last command, where that is recent: the joints feel it.
-        s.law.known = 0
-        _wait(c, s, i, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), s.limiter.started)
-    never_seen = _never_seen(c, s)
-    missing = i.missing | never_seen
-    if s.law.known == 0 and not usable(fault):
-        missing |= GOOD_JOINT_STATE
-    if missing != 0:
-        _wait(c, s, i, because(Cause.WAITS, missing), 0)
-        return Decision(0 + Step.NONE.value, never_seen, NO_REASONS, i.request, 0, s.mode.mode, False)
-    _classify_inputs(c, s, i, o, fault)
-    if s.law.known == 0:
-        begin_law(c, s, i, o)
-    return _decide(c, s, i, o, never_seen)
+def _sense_all(configs: Any, task: Any, states: Any, history: Array, inputs: Any, outputs: Any) -> None:
+    """Let every arm at work sense; where one cannot, it and the others hold."""
+    n, failed = states.shape[0], False
+    rows = history.shape[0] // n
+    for k in range(n):
+        if _at_work(states[k], outputs[k]):
+            level, own = outputs[k].decision.level, history[k * rows : (k + 1) * rows]
+            unknown = level == Level.OBSERVED or level == Level.SLOWING
+            cause = sense(configs[k], task, states[k], own, inputs[k], outputs[k], unknown)
+            outputs[k].decision.cause, failed = cause, failed or cause != Cause.NONE
+    if failed:
+        for k in range(n):
+            if _at_work(states[k], outputs[k]):
+                _give_way(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
 
 
 @part
-def end_cycle(c: Any, s: Any, history: Array, i: Any, o: Any, decision: Decision) -> None:
-    """Do what was decided, and write the outcome. Arguments by name, as of `cycle`; history: rows of the observer."""
-    if decision.step == Step.BRIDGE:
-        _bridge(c, s, i, o, o.health.joint)
-    elif decision.step == Step.ANSWER:
-        _answer(c, s, history, i, o, decision)
-    if decision.never_seen == 0:
-        s.queue.count = 0
-    _end(c, s, i, o)
+def _give_way(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead: bool) -> None:
+    """Hold an arm because it, or another one, could not sense."""
+    if outputs.decision.cause != Cause.NONE:
+        _hold_without_law(config, task, state, inputs, outputs, outputs.decision.cause)
+    else:
+        _hold_with_the_others(config, state, inputs, outputs)
+        _hold(config, task, state, inputs, outputs, fine(outputs.health.wrench), lead)
+
+
+@part
+def _share_speed(states: Any, outputs: Any) -> None:
+    """Let all arms count as the one that follows worst, where the law has worked for all."""
+    speed, n = states[0].observed.path_speed, states.shape[0]
+    for k in range(n):
+        if outputs[k].decision.works == 0:
+            return
+        speed = min(speed, states[k].observed.path_speed)
+    for k in range(n):
+        states[k].observed.path_speed = speed
 
 
 @kernel(INT(IN1, OUT1, IN1, OUT1))
 def cycle(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outputs_buffer: Array) -> int:
-    """Answer the joint state that waits for it; return 1 where there is an effort, 0 where something is missing.
+    """Answer the joint states that wait for it; return how many arms have an effort.
 
     Args:
-        config_buffer: CONFIG.
-        state_buffer: STATE and the observer's history; changed.
-        inputs_buffer: INPUTS.
-        outputs_buffer: OUTPUTS.
+        config_buffer: CONFIG of every arm.
+        state_buffer: TASK_STATE, ARM_STATE of every arm, and the histories of their observers; changed.
+        inputs_buffer: INPUTS of every arm.
+        outputs_buffer: OUTPUTS of every arm.
     """
-    c, s = record(config_buffer, CONFIG), record(state_buffer[:STATE_SIZE], STATE)
-    history = state_buffer[STATE_SIZE:].reshape(-1, ROW_SIZE)
-    i, o = record(inputs_buffer, INPUTS), record(outputs_buffer, OUTPUTS)
-    end_cycle(c, s, history, i, o, begin_cycle(c, s, i, o))
-    return o.answered
+    configs, inputs, outputs = (
+        records(config_buffer, CONFIG), records(inputs_buffer, INPUTS), records(outputs_buffer, OUTPUTS)
+    )  # fmt: skip
+    n = configs.shape[0]
+    end = TASK_SIZE + n * ARM_SIZE
+    task, states = record(state_buffer[:TASK_SIZE], TASK_STATE), records(state_buffer[TASK_SIZE:end], ARM_STATE)
+    history = state_buffer[end:].reshape(-1, ROW_SIZE)
+    alone = _begin_together(task, states, inputs)
+    for k in range(n):
+        if inputs[k].present != 0:
+            _look(configs[k], task, states[k], inputs[k], outputs[k], k == 0, alone)
+    _agree(configs, task, states, inputs, outputs, alone)
+    for k in range(n):
+        if inputs[k].present != 0:
+            _prepare(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
+    path_speed = _path_speed(states, outputs)
+    if _at_work(states[0], outputs[0]):
+        _move_on(configs[0], task, states[0], path_speed)
+    _sense_all(configs, task, states, history, inputs, outputs)
+    if configs[0].governor.mode != Governing.OFF and _at_work(states[0], outputs[0]):
+        agree_on_friction(configs[0], task, states)
+        step_on_path(configs[0], task, states, inputs[0].arm, outputs[0], path_speed)
+    answered, holds = 0, False
+    for k in range(n):
+        if _at_work(states[k], outputs[k]):
+            _follow(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
+    _share_speed(states, outputs)
+    for k in range(n):
+        if inputs[k].present != 0:
+            if outputs[k].decision.never_seen == 0:
+                states[k].queue.count = 0
+            _end(configs[k], task, states[k], inputs[k], outputs[k])
+            holds = holds or not follows(states[k].mode.mode)
+            answered += outputs[k].answered
+    if holds:
+        screen(configs[0], task, states[0], False)
+    return answered
 
 
-@kernel(INT(IN1, OUT1, IN1, OUT1))
-def watchdog(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outputs_buffer: Array) -> int:
-    """Answer that joint states stay away: HOLD, efforts go to gravity compensation where the arm was.
+@kernel(INT(IN1, OUT1, IN1, OUT1, INT))
+def watchdog(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outputs_buffer: Array, arm: int) -> int:
+    """Answer that joint states of an arm stay away: HOLD, efforts go to gravity compensation where the arm was.
 
     Args:
         config_buffer, state_buffer, inputs_buffer, outputs_buffer: as of `cycle`.
+        arm: number of the arm.
 
     Returns:
         1 where effort or mode have changed by it.
     """
-    c, s = record(config_buffer, CONFIG), record(state_buffer[:STATE_SIZE], STATE)
-    i, o = record(inputs_buffer, INPUTS), record(outputs_buffer, OUTPUTS)
-    n = c.law.joints
-    _begin(c, s, i, o, s.law.stamp_ns)
-    o.health.joint = Fault.SILENT.value
-    mode, since, enabled, cause = s.mode.mode, s.mode.good_since_ns, s.mode.enabled, s.mode.reason.cause
-    prefix, detail = s.mode.reason.prefix, s.mode.reason.detail
-    effort = s.limiter.effort.copy()
+    config, inputs = records(config_buffer, CONFIG)[arm], records(inputs_buffer, INPUTS)[arm]
+    outputs, task = records(outputs_buffer, OUTPUTS)[arm], record(state_buffer[:TASK_SIZE], TASK_STATE)
+    begin = TASK_SIZE + arm * ARM_SIZE
+    state = record(state_buffer[begin : begin + ARM_SIZE], ARM_STATE)
+    n = config.law.joints
+    _begin(config, task, state, inputs, outputs, state.law.stamp_ns, arm == 0)
+    outputs.health.joint = Fault.SILENT.value
+    mode, since, enabled, cause = state.mode.mode, state.mode.good_since_ns, state.mode.enabled, state.mode.reason.cause
+    prefix, detail = state.mode.reason.prefix, state.mode.reason.detail
+    effort = state.limiter.effort.copy()
     reasons = TransitionReasons(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.SILENT), NOTHING)
-    next_mode(c.modes, s.mode, reasons, i.request, i.now_ns)
-    s.path.scale, s.path.rate, s.hold.known = 0.0, 0.0, 0
-    o.wanted[:n] = s.law.gravity[:n]
+    next_mode(config.modes, state.mode, reasons, inputs.request, inputs.now_ns)
+    task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 0
+    outputs.wanted[:n] = state.law.gravity[:n]
     rest = np.zeros(MAX_JOINTS)
-    _finish(c, s, i, o, s.law.position, rest, rest, False)
-    _end(c, s, i, o)
-    same_mode = s.mode.mode == mode and s.mode.good_since_ns == since and s.mode.enabled == enabled
-    same_mode = same_mode and s.mode.reason.cause == cause and s.mode.reason.prefix == prefix
-    same = same_mode and s.mode.reason.detail == detail
+    _finish(config, state, inputs, outputs, state.law.position, rest, rest, False)
+    _end(config, task, state, inputs, outputs)
+    if not follows(state.mode.mode):
+        first = record(state_buffer[TASK_SIZE : TASK_SIZE + ARM_SIZE], ARM_STATE)
+        screen(records(config_buffer, CONFIG)[0], task, first, False)
+    same_mode = state.mode.mode == mode and state.mode.good_since_ns == since and state.mode.enabled == enabled
+    same_mode = same_mode and state.mode.reason.cause == cause and state.mode.reason.prefix == prefix
+    same = same_mode and state.mode.reason.detail == detail
     for j in range(n):
-        same = same and s.limiter.effort[j] == effort[j]
+        same = same and state.limiter.effort[j] == effort[j]
     return 0 if same else 1
 
 
 @kernel(VOID(IN1, IN1, IN1, OUT1))
 def describe(config_buffer: Array, inputs_buffer: Array, outputs_buffer: Array, symbols_buffer: Array) -> None:
-    """Fill the SYMBOLS of a cycle, when somebody looks at them.
+    """Fill the SYMBOLS of an arm's cycle, when something looks at them.
 
     Args:
-        config_buffer, inputs_buffer, outputs_buffer: as of `cycle`, after it.
+        config_buffer, inputs_buffer, outputs_buffer: CONFIG, INPUTS, OUTPUTS of the arm, after `cycle`.
         symbols_buffer: SYMBOLS.
     """
-    c, out = record(config_buffer, CONFIG), record(symbols_buffer, SYMBOLS)
-    i, o = record(inputs_buffer, INPUTS), record(outputs_buffer, OUTPUTS)
-    no_symbols(o.effort, o.saturated, symbols_buffer)
-    if o.ok != 0:
-        symbols(c.law, o.gains, i.arm, o.slips, o.reference, o.law, o.estimate, out)
-        for j in range(c.law.joints):
-            out.effort[j], out.saturated[j] = o.effort[j], o.saturated[j]
+    config, out = record(config_buffer, CONFIG), record(symbols_buffer, SYMBOLS)
+    inputs, outputs = record(inputs_buffer, INPUTS), record(outputs_buffer, OUTPUTS)
+    no_symbols(outputs.effort, outputs.saturated, symbols_buffer)
+    if outputs.ok != 0:
+        law, estimate = outputs.law, outputs.estimate
+        symbols(config.law, outputs.gains, inputs.arm, outputs.slips, outputs.reference, law, estimate, out)
+        for j in range(config.law.joints):
+            out.effort[j], out.saturated[j] = outputs.effort[j], outputs.saturated[j]

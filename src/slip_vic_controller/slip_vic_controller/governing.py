@@ -11,7 +11,14 @@ from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, spatial, vec
 from slip_vic_controller.law.contact import contact_arm, pad_rotation
 from slip_vic_controller.law.internal import sharing
 from slip_vic_controller.reference import governor
-from slip_vic_controller.reference.friction_estimate import provisional, slip_sample, suspect
+from slip_vic_controller.reference.friction_estimate import (
+    end_slip,
+    provisional,
+    slip_sample,
+    suspect,
+    take_weakest,
+    weaker,
+)
 from slip_vic_controller.reference.goals import (
     GoalPhase,
     Refusal,
@@ -24,7 +31,7 @@ from slip_vic_controller.reference.goals import (
 )
 from slip_vic_controller.reference.grip import follow_load, load_ahead
 from slip_vic_controller.reference.load import ALONE, Held, Shared, load, size, surface
-from slip_vic_controller.reference.path_grid import Along, Governing, along
+from slip_vic_controller.reference.path_grid import Along, Governing, along, along_at
 from slip_vic_controller.reference.paths import Reference, reference_at
 from slip_vic_controller.reference.stream import (
     at,
@@ -70,171 +77,187 @@ def held_by(mass: float, inertia: Mat, position: Vec, contact: Any, slip: Any) -
 
 
 @part
-def held(c: Any, s: Any, gains: Any) -> Held:
+def held(config: Any, state: Any, gains: Any) -> Held:
     """Return the object as the own pad holds it."""
     grasped, position = gains.object, vec(gains.contact_position)
-    own = held_by(grasped.mass, mat(grasped.inertia), position, c.law.contact[0], s.law.slips[0])
-    if c.law.contacts == 1:
+    own = held_by(grasped.mass, mat(grasped.inertia), position, config.law.contact[0], state.law.slips[0])
+    if config.law.contacts == 1:
         return own
-    with_others, rho = sharing(c.law, gains, s.law.slips), c.governor.radius
+    with_others, rho = sharing(config.law, gains, state.law.slips), config.governor.radius
     arm = math.sqrt(with_others.longest * with_others.longest + rho * rho)
     shared = Shared(with_others.contacts, with_others.middle, with_others.inverse, arm, rho)
     return Held(own.mass, own.inertia, own.r, shared)
 
 
 @part
-def begin_governing(c: Any, s: Any, arm: Any, gains: Any) -> None:
-    """Begin with the load of the object at rest; c, s: CONFIG and STATE of the cycle."""
-    weights = surface(spatial(c.governor.slip_axes), c.governor.radius)
+def begin_pad(config: Any, state: Any, arm: Any, gains: Any) -> None:
+    """Begin with a pad: its load is that of the object at rest."""
+    weights = surface(spatial(config.governor.slip_axes), config.governor.radius)
     nothing = Spatial(ZERO, ZERO)
-    at_rest = load(held(c, s, gains), weights, mat(arm.rotation), ZERO, vec(c.governor.gravity), nothing)
-    governor.start_governor(c.governor, s.governor, s.loads, size(at_rest))
-    s.governor.grip = s.grip.actual / c.grip.told
+    at_rest = load(held(config, state, gains), weights, mat(arm.rotation), ZERO, vec(config.governor.gravity), nothing)
+    governor.start_pad(config.governor, state.pad, size(at_rest))
+    state.pad.grip = state.grip.actual / config.grip.told
 
 
 @part
-def rest_on_path(c: Any, s: Any, arm: Any) -> None:
-    """Go on from rest where the path is; of a stream, where the pad is."""
-    if c.stream.on != 0:
-        rest_stream(s.stream, vec(arm.position), mat(arm.rotation))
-    s.governor.rate = 0.0
-    governor.steady(c.governor, s.governor)
+def begin_governing(config: Any, task: Any, state: Any) -> None:
+    """Begin the object's path with what is known of the first pad."""
+    governor.start_governor(config.governor, task.governor, state.pad)
 
 
 @part
-def path_at(c: Any, s: Any, time: float) -> Reference:
+def rest_on_path(config: Any, task: Any, arm: Any) -> None:
+    """Continue from rest where the path is; of a stream, where the first pad is."""
+    if config.stream.on != 0:
+        rest_stream(task.stream, vec(arm.position), mat(arm.rotation))
+    task.governor.rate = 0.0
+    governor.steady(config.governor, task.governor)
+
+
+@part
+def path_at(config: Any, task: Any, state: Any, time: float) -> Reference:
     """Return the trajectory as planned at its own time [s]: the built-in one, or that of the goal."""
-    if c.goals.on != 0:
-        return goal_at(s.goal, time)
-    return reference_at(c.path, time, s.law.start_position, s.law.start_rotation)
+    if config.goals.on != 0:
+        return goal_at(task.goal, time)
+    return reference_at(config.path, time, state.law.start_position, state.law.start_rotation)
 
 
 @part
-def along_path(c: Any, s: Any, planned: Reference, time: float) -> Along:
-    """Return a point of the path over s."""
-    return along(c.governor, s.governor.duration, time, planned.rotation, planned.twist, planned.acceleration)
+def along_path(config: Any, task: Any, planned: Reference, time: float) -> Along:
+    """Return a point of the first pad's path over s."""
+    return along(config.governor, task.governor.duration, time, planned.rotation, planned.twist, planned.acceleration)
 
 
 @part
-def squeeze(c: Any, s: Any, dt: float) -> None:
-    """Let the grip follow the path that is planned, and what the law and the wrench show of it now."""
-    state = s.governor
-    load = max(state.commanded, state.measured)
-    if state.planned == 1:
-        load = max(load, load_ahead(s.grid, state.time, c.grip.preview_s))
-    F, _ = provisional(c.governor.estimate, state.estimate)
-    follow_load(c.grip, s.grip, load, F, dt)
-    state.grip = s.grip.actual / c.grip.told
+def squeeze(config: Any, task: Any, state: Any, dt: float) -> None:
+    """Let the grip of a pad follow the path that is planned, and what the law and the wrench show of it now."""
+    pad = state.pad
+    load = max(pad.commanded, pad.measured)
+    if task.governor.planned == 1:
+        load = max(load, load_ahead(task.grid, task.governor.time, config.grip.preview_s))
+    F, _ = provisional(config.governor.estimate, pad.estimate)
+    follow_load(config.grip, state.grip, load, F, dt)
+    pad.grip = state.grip.actual / config.grip.told
 
 
 @part
-def take_governed_goal(c: Any, s: Any) -> bool:
+def take_governed_goal(config: Any, task: Any) -> bool:
     """Begin the goal that waits, once the pad is at rest; return whether there is a path to run through."""
-    state, goal = s.governor, s.goal
+    path, goal = task.governor, task.goal
     if goal.pending != 0:
-        if goal.phase == GoalPhase.RESTS or (state.rate == 0.0 and state.out_rate == 0.0):
-            begin_goal(goal, standing(path_at(c, s, state.out_time)))
-            state.duration, goal.phase = goal.path.knot[1], GoalPhase.PLANS.value
-            governor.start_path(c.governor, state)
+        if goal.phase == GoalPhase.RESTS or (path.rate == 0.0 and path.out_rate == 0.0):
+            begin_goal(goal, standing(goal_at(goal, path.out_time)))
+            path.duration, goal.phase = goal.path.knot[1], GoalPhase.PLANS.value
+            governor.start_path(config.governor, path)
         else:
             goal.phase = GoalPhase.STOPS.value
     return bool(goal.phase != GoalPhase.RESTS)
 
 
 @part
-def judge_governed_goal(c: Any, s: Any) -> None:
+def judge_governed_goal(config: Any, task: Any) -> None:
     """Refuse a goal that friction cannot carry the object to, and say when one is reached."""
-    state, goal = s.governor, s.goal
-    if goal.phase == GoalPhase.PLANS and state.planned != 0:
+    path, goal = task.governor, task.goal
+    if goal.phase == GoalPhase.PLANS and path.planned != 0:
         goal.phase = GoalPhase.MOVES.value
-        if state.infeasible != 0:
-            carries = c.governor.path_margin * state.plan_load
-            refuse_goal(goal, Refusal.TOO_HEAVY.value, state.heaviest_time, state.weight_load, carries)
+        if path.infeasible != 0:
+            carries = config.governor.path_margin * path.plan_load
+            refuse_goal(goal, Refusal.TOO_HEAVY.value, path.heaviest_time, path.weight_load, carries)
             rest_at(goal, standing(goal_at(goal, 0.0)))
-            governor.start_path(c.governor, state)
-    elif goal.phase == GoalPhase.MOVES and state.arrived != 0 and state.out_rate == 0.0:
+            governor.start_path(config.governor, path)
+    elif goal.phase == GoalPhase.MOVES and path.arrived != 0 and path.out_rate == 0.0:
         goal.phase = GoalPhase.REACHED.value
 
 
 @part
-def goal_progress(c: Any, s: Any) -> float:
+def goal_progress(config: Any, task: Any, state: Any) -> float:
     """Return which share of the time of its path a goal has behind it."""
-    goal = s.goal
+    goal = task.goal
     if goal.phase == GoalPhase.REACHED:
         return 1.0
     if goal.phase == GoalPhase.RESTS or goal.phase == GoalPhase.PLANS:
         return 0.0
-    if c.governor.mode != Governing.OFF:
-        return float(s.governor.out_time / s.governor.duration)
-    return min(max(goal_time(s) / goal.path.knot[1], 0.0), 1.0)
+    if config.governor.mode != Governing.OFF:
+        return float(task.governor.out_time / task.governor.duration)
+    return min(max(goal_time(task, state) / goal.path.knot[1], 0.0), 1.0)
 
 
 @part
-def goal_time(s: Any) -> float:
+def goal_time(task: Any, state: Any) -> float:
     """Return the time since the goal's path has begun, where no governor has it [s]."""
-    return (s.joint.answers.stamp_ns - s.law.start_ns) * 1e-9
+    return (state.joint.answers.stamp_ns - task.start_ns) * 1e-9
 
 
 @part
-def screen(c: Any, s: Any, at_work: bool) -> None:
-    """Refuse the goal that waits where it cannot be begun."""
-    if c.goals.on != 0 and s.goal.pending != 0:
-        governed = c.governor.mode != Governing.OFF
-        now = goal_at(s.goal, s.governor.out_time if governed else goal_time(s))
-        screen_goal(c.goals, s.goal, now, at_work)
+def screen(config: Any, task: Any, state: Any, at_work: bool) -> None:
+    """Refuse the goal that waits where it cannot be begun; config, state: of the first arm."""
+    if config.goals.on != 0 and task.goal.pending != 0:
+        governed = config.governor.mode != Governing.OFF
+        now = goal_at(task.goal, task.governor.out_time if governed else goal_time(task, state))
+        screen_goal(config.goals, task.goal, now, at_work)
 
 
 @part
-def follow_goal(c: Any, s: Any) -> Reference:
-    """Return the reference towards the goal, as asked for: a new goal goes on from where the reference is and moves."""
-    goal, law = s.goal, s.law
-    reference = goal_at(goal, goal_time(s))
+def follow_goal(task: Any, state: Any) -> Reference:
+    """Return the reference towards the goal, not governed: a new one continues from the reference, with its motion."""
+    goal = task.goal
+    reference = goal_at(goal, goal_time(task, state))
     if goal.pending != 0:
         begin_goal(goal, reference)
-        goal.phase, law.start_ns = GoalPhase.MOVES.value, s.joint.answers.stamp_ns
-    elif goal.phase == GoalPhase.MOVES and goal_time(s) >= goal.path.knot[1]:
+        goal.phase, task.start_ns = GoalPhase.MOVES.value, state.joint.answers.stamp_ns
+    elif goal.phase == GoalPhase.MOVES and goal_time(task, state) >= goal.path.knot[1]:
         goal.phase = GoalPhase.REACHED.value
     return reference
 
 
 @part
-def rate_limit(c: Any, state: Any, path_speed: float) -> float:
+def rate_limit(config: Any, path: Any, path_speed: float) -> float:
     """Return the largest sdot for other reasons; 0 = come to rest."""
-    return UNLIMITED if path_speed >= 1.0 else path_speed * max(state.rate, c.governor.floor)
+    return UNLIMITED if path_speed >= 1.0 else path_speed * max(path.rate, config.governor.floor)
 
 
 @part
-def follow_stream(c: Any, s: Any, arm: Any, grasped: Held, path_speed: float, dt: float) -> None:
+def follow_stream(
+    config: Any, task: Any, pad: Any, arm: Any, now_ns: int, grasped: Held, path_speed: float, dt: float
+) -> None:
     """Do a governed stream's cycle: what has been received, how fast it may be run through, and the step on it."""
-    state, stream, config = s.governor, s.stream, c.governor
-    governor.allow(config, state)
-    if take_queued(c.stream, stream, state, s.joint.answers.stamp_ns):
-        governor.steady(config, state)
+    path, stream, limits_of = task.governor, task.stream, config.governor
+    governor.allow(limits_of, path)
+    if take_queued(config.stream, stream, path, now_ns):
+        governor.steady(limits_of, path)
     if stream.count == 0:
-        state.rate = 0.0
+        path.rate = 0.0
         return
-    drop_passed(stream, state.out_time)
-    weights = surface(spatial(config.slip_axes), config.radius)
-    limits = CATCH_UP if config.mode == Governing.TIME_OPTIMAL else 1.0, config.most_speed, config.most_turning
-    plan_stream(stream, grasped, weights, vec(config.gravity), limits, config.path_margin * state.usable)
-    now = at(stream, state.time)
+    drop_passed(stream, path.out_time)
+    weights = surface(spatial(limits_of.slip_axes), limits_of.radius)
+    catch_up = CATCH_UP if limits_of.mode == Governing.TIME_OPTIMAL else 1.0
+    limits = catch_up, limits_of.most_speed, limits_of.most_turning
+    plan_stream(stream, grasped, weights, vec(limits_of.gravity), limits, limits_of.path_margin * path.usable)
+    now = at(stream, path.time)
     point = Along(now.rotation, now.twist, now.acceleration, 1.0, 0.0)
-    pad, u = governor.Pad(vec(arm.position) - now.position, mat(arm.rotation), spatial(arm.twist)), 0.0
-    if state.estimate.slipping != 0:
-        rate, ahead = governor.on_pad(config, point, pad.x, pad.v)
-        state.rate = min(max(rate, 0.0), 1.0)
+    seen, u = seen_from(now, arm, pad), 0.0
+    if path.estimate.slipping != 0:
+        rate, ahead = governor.on_pad(limits_of, point, seen.x, seen.v)
+        path.rate = min(max(rate, 0.0), 1.0)
         last = stream.points[stream.count - 1].time
-        state.time = min(max(state.time + ahead + dt * state.rate, stream.points[0].time), max(last, state.time))
+        path.time = min(max(path.time + ahead + dt * path.rate, stream.points[0].time), max(last, path.time))
     else:
-        ahead_K = stream_bound(stream, state.time + dt * state.rate)
-        state.overrun = 0
-        most_rate = min(rate_limit(c, state, path_speed), limits[0])
-        u = governor.step_on(config, state, ahead_K, grasped, point, pad, most_rate, dt)
-        state.time += dt * (state.rate + 0.5 * dt * u)
-        state.rate = max(state.rate + dt * u, 0.0)
-    state.s = state.time
-    governor.smooth(config, state, s.grid, u)
-    state.out_time = state.out_s
+        ahead_K = stream_bound(stream, path.time + dt * path.rate)
+        path.overrun = 0
+        most_rate = min(rate_limit(config, path, path_speed), limits[0])
+        u = governor.step_on(limits_of, path, ahead_K, grasped, point, seen, most_rate, dt)
+        path.time += dt * (path.rate + 0.5 * dt * u)
+        path.rate = max(path.rate + dt * u, 0.0)
+    path.s = path.time
+    governor.smooth(limits_of, path, task.grid, u)
+    path.out_time = path.out_s
+
+
+@part
+def seen_from(planned: Reference, arm: Any, pad: Any) -> governor.Pad:
+    """Return the first pad as seen from a point of its path."""
+    x = vec(arm.position) - planned.position
+    return governor.Pad(x, mat(arm.rotation), spatial(arm.twist), spatial(pad.feedback))
 
 
 @part
@@ -246,95 +269,130 @@ def slip_speed(config: Any, twist: Any) -> float:
 
 
 @part
-def govern(c: Any, s: Any, arm: Any, o: Any, grasped: Held, dt: float, path_speed: float) -> None:
-    """Do the governor's cycle: loads, slip samples, planning, and the step on the path.
-
-    Args:
-        c, s, o: CONFIG, STATE and OUTPUTS of the cycle.
-        arm: ARM.
-        grasped: the object, from `held`.
-        dt: since the cycle before [s].
-        path_speed: how fast the path may be run through for other reasons; 1 = not limited, 0 = come to rest.
-    """
-    if c.grip.follow != 0:
-        squeeze(c, s, dt)
-    state, stamp_ns = s.governor, s.joint.answers.stamp_ns
-    found = bool(c.cycle.has_observer != 0 and s.observer.sliding != 0)
+def feel_pad(config: Any, task: Any, state: Any, outputs: Any, dt: float) -> None:
+    """Take what a cycle shows of load and slip at one pad, and let its grip follow; dt: since the cycle before [s]."""
+    if config.grip.follow != 0:
+        squeeze(config, task, state, dt)
+    pad, stamp_ns = state.pad, state.joint.answers.stamp_ns
+    found = bool(config.cycle.has_observer != 0 and state.observer.sliding != 0)
     share = OBSERVED if found else 1.0
-    governor.feel(c.governor, state, s.loads, spatial(o.samples[0].wrench), stamp_ns)
-    for k in range(s.queue.count):
-        sample = s.queue.samples[k]
-        speed = slip_speed(c.governor, sample.twist)
-        slip_sample(c.governor.estimate, state.estimate, s.loads, sample.stamp_ns, speed / share, found)
-    if c.cycle.has_observer != 0:
-        speed = slip_speed(c.governor, s.observer.twist)
-        heavy = 0.0 if c.grip.follow != 0 else state.weight_load
-        suspect(c.governor.estimate, state.estimate, s.loads, stamp_ns, found, speed, heavy)
-    if state.led != 0:  # another arm on the same object has taken the step on the path
-        return
-    if c.stream.on != 0:
-        follow_stream(c, s, arm, grasped, path_speed, dt if dt > 0.0 else 1e-9 * c.cycle.period_ns)
-        return
-    if c.goals.on != 0 and not take_governed_goal(c, s):
-        governor.allow(c.governor, state)  # rests where it is
-        return
-    if c.goals.on != 0 and s.goal.pending != 0:
-        path_speed = 0.0
-    for _ in range(SAMPLES_PER_CYCLE):
-        if governor.wants_points(state):
-            planned = path_at(c, s, governor.wanted_time(c.governor, state))
-            governor.next_point(
-                c.governor, state, s.grid, grasped, planned.rotation, planned.twist, planned.acceleration
-            )
-    if (stamp_ns - s.law.start_ns) * 1e-9 < c.cycle.start_s:  # the trajectory rests first
-        governor.plan(c.governor, state, s.grid)
-        return
-    planned = path_at(c, s, state.time)
-    pad = governor.Pad(vec(arm.position) - planned.position, mat(arm.rotation), spatial(arm.twist))
-    point, most_rate = along_path(c, s, planned, state.time), rate_limit(c, state, path_speed)
-    dt = dt if dt > 0.0 else 1e-9 * c.cycle.period_ns
-    governor.run(c.governor, state, s.grid, grasped, point, pad, most_rate, dt)
-    if c.goals.on != 0:
-        judge_governed_goal(c, s)
+    governor.feel(config.governor, pad, spatial(outputs.samples[0].wrench), stamp_ns)
+    for k in range(state.queue.count):
+        sample = state.queue.samples[k]
+        speed = slip_speed(config.governor, sample.twist)
+        slip_sample(config.governor.estimate, pad.estimate, pad.loads, sample.stamp_ns, speed / share, found)
+    if config.cycle.has_observer != 0:
+        speed = slip_speed(config.governor, state.observer.twist)
+        heavy = 0.0 if config.grip.follow != 0 else task.governor.weight_load
+        suspect(config.governor.estimate, pad.estimate, pad.loads, stamp_ns, found, speed, heavy)
 
 
 @part
-def governed_reference(c: Any, s: Any) -> Reference:
-    """Return the reference where the governor has it."""
-    state = s.governor
-    planned = at(s.stream, state.out_time) if c.stream.on != 0 else path_at(c, s, state.out_time)
-    twist, acceleration = governor.governed(state, along_path(c, s, planned, state.out_time))
+def agree_on_friction(config: Any, task: Any, states: Any) -> None:
+    """Let the path count with the weakest pad, and every pad know when one of them slips; config: of the first arm."""
+    path, n = task.governor, states.shape[0]
+    path.estimate, path.grip = states[0].pad.estimate, states[0].pad.grip
+    if n == 1:
+        return
+    for k in range(1, n):
+        path.grip = min(path.grip, states[k].pad.grip)
+        weaker(path.estimate, states[k].pad.estimate)
+    end_slip(config.governor.estimate, path.estimate, states[0].joint.answers.stamp_ns)
+    for k in range(n):
+        take_weakest(states[k].pad.estimate, path.estimate)
+
+
+@part
+def step_on_path(config: Any, task: Any, states: Any, arm: Any, outputs: Any, path_speed: float) -> None:
+    """Do the path's cycle: planning, and the step on the path of the first pad.
+
+    Args:
+        config, arm, outputs: CONFIG, ARM and OUTPUTS of the first arm.
+        task, states: TASK_STATE, ARM_STATE of every arm.
+        path_speed: how fast the path may be run through for other reasons; 1 = not limited, 0 = come to rest.
+    """
+    first, path = states[0], task.governor
+    dt = (first.joint.answers.stamp_ns - first.law.stamp_ns) * 1e-9
+    dt = dt if dt > 0.0 else 1e-9 * config.cycle.period_ns
+    grasped = held(config, first, outputs.gains)
+    if config.stream.on != 0:
+        now_ns = first.joint.answers.stamp_ns
+        follow_stream(config, task, first.pad, arm, now_ns, grasped, path_speed, dt)
+    elif config.goals.on != 0 and not take_governed_goal(config, task):
+        governor.allow(config.governor, path)  # rests where it is
+    else:
+        follow_path(config, task, first, arm, grasped, path_speed, dt)
+    if path.estimate.suspected == 0:
+        for k in range(states.shape[0]):
+            states[k].pad.estimate.suspected = 0
+
+
+@part
+def follow_path(config: Any, task: Any, state: Any, arm: Any, grasped: Held, path_speed: float, dt: float) -> None:
+    """Plan the built-in path or that of a goal, and take the step on it; state: of the first arm."""
+    path = task.governor
+    if config.goals.on != 0 and task.goal.pending != 0:
+        path_speed = 0.0
+    for _ in range(SAMPLES_PER_CYCLE):
+        if governor.wants_points(path):
+            planned = path_at(config, task, state, governor.wanted_time(config.governor, path))
+            governor.next_point(
+                config.governor, path, task.grid, grasped, planned.rotation, planned.twist, planned.acceleration
+            )
+    if (state.joint.answers.stamp_ns - task.start_ns) * 1e-9 < config.cycle.start_s:  # the trajectory rests first
+        governor.plan(config.governor, path, task.grid)
+        return
+    planned = path_at(config, task, state, path.time)
+    point, most_rate = along_path(config, task, planned, path.time), rate_limit(config, path, path_speed)
+    seen = seen_from(planned, arm, state.pad)
+    governor.run(config.governor, path, task.grid, grasped, point, seen, most_rate, dt)
+    if config.goals.on != 0:
+        judge_governed_goal(config, task)
+
+
+@part
+def governed_reference(config: Any, task: Any, state: Any, lead: bool) -> Reference:
+    """Return the reference of a pad where the governor has the path; lead: of the first pad, whose path is governed."""
+    path = task.governor
+    planned = at(task.stream, path.out_time) if config.stream.on != 0 else path_at(config, task, state, path.out_time)
+    if lead:
+        point = along_path(config, task, planned, path.out_time)
+        path.out_speed, path.out_bend = point.speed, point.bend
+    else:
+        point = along_at(planned.rotation, planned.twist, planned.acceleration, path.out_speed, path.out_bend)
+    twist, acceleration = governor.governed(path, point)
     return Reference(planned.position, planned.rotation, twist, acceleration)
 
 
 @part
-def guard(c: Any, s: Any, arm: Any, o: Any, grasped: Held) -> float:
+def guard(config: Any, task: Any, state: Any, arm: Any, outputs: Any, grasped: Held) -> float:
     """Return the factor on a_C with which friction carries the object, and keep what the next cycle needs of it."""
-    a_C, a_d, v_ee = spatial(o.law.a_C), spatial(o.law.a_d), spatial(arm.twist)
-    if c.law.contacts > 1:
+    a_C, a_d, v_ee = spatial(outputs.law.a_C), spatial(outputs.law.a_d), spatial(arm.twist)
+    R, pad, ceiling = mat(arm.rotation), state.pad, task.governor.ceiling
+    if config.law.contacts > 1:
         # What gives way to the internal wrench moves no object; and one arm that holds back alone would pull at it.
-        gains = o.gains.gains
-        a_C = a_C - gains.kappa * (mat(arm.rotation) @ spatial(o.law.h_int)) / spatial(gains.M_D)
-        governor.hold_back(c.governor, s.governor, grasped, mat(arm.rotation), v_ee.angular, a_C, a_d)
-        s.governor.guard = 1.0
+        gains = outputs.gains.gains
+        a_C = a_C - gains.kappa * (R @ spatial(outputs.law.h_int)) / spatial(gains.M_D)
+        governor.hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d)
+        pad.guard = 1.0
         return 1.0
-    return governor.hold_back(c.governor, s.governor, grasped, mat(arm.rotation), v_ee.angular, a_C, a_d)
+    return governor.hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d)
 
 
 @part
-def put_governed(c: Any, s: Any, out: Any) -> None:
+def put_governed(config: Any, task: Any, state: Any, out: Any) -> None:
     """Write what is published of the governor to a GOVERNED."""
-    state = s.governor
-    out.path_s, out.path_rate, out.guard = state.out_s, state.out_rate, state.guard
-    F = state.grip * state.estimate.F_hat
-    out.friction_limit, out.friction_events = F, float(state.estimate.events)
-    out.load_commanded, out.load_measured = state.commanded, state.measured
-    out.given_up = float(s.law.given_up.given_up)
+    path, pad = task.governor, state.pad
+    out.path_s, out.path_rate, out.guard = path.out_s, path.out_rate, pad.guard
+    F = pad.grip * pad.estimate.F_hat
+    out.friction_limit, out.friction_events = F, float(pad.estimate.events)
+    out.load_commanded, out.load_measured = pad.commanded, pad.measured
+    out.given_up = float(state.law.given_up.given_up)
     out.load_ratio, out.friction_share, out.margin = 0.0, 0.0, 0.0
     if F > 0.0:
-        out.load_ratio, out.friction_share, out.margin = state.commanded / F, state.measured / F, state.usable / F
-    out.stream_waits = waiting(s.stream, state.out_time) if c.stream.on != 0 else 0.0
-    out.goal, out.goal_phase = float(s.goal.number), float(s.goal.phase)
-    out.goal_progress = goal_progress(c, s) if c.goals.on != 0 else 0.0
-    out.slipping = float(state.estimate.slipping)
-    out.grip_command, out.grip_force = s.grip.command, s.grip.actual
+        out.load_ratio, out.friction_share, out.margin = pad.commanded / F, pad.measured / F, path.usable / F
+    out.stream_waits = waiting(task.stream, path.out_time) if config.stream.on != 0 else 0.0
+    out.goal, out.goal_phase = float(task.goal.number), float(task.goal.phase)
+    out.goal_progress = goal_progress(config, task, state) if config.goals.on != 0 else 0.0
+    out.slipping = float(pad.estimate.slipping)
+    out.grip_command, out.grip_force = state.grip.command, state.grip.actual

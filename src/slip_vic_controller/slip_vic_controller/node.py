@@ -1,5 +1,8 @@
 """The controller node: joint states, wrench and slip velocity in, joint efforts out; a managed (lifecycle) node.
 
+It controls one arm, or several that hold one object (parameter `arms`), whose topics and parameters are below their
+names: one process, one cycle, one lifecycle and one request for all.
+
 A thin shell around `ControllerSession`: topics, readiness and publication; no maths here.
 """
 
@@ -7,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from rclpy._rclpy_pybind11 import RCLError
@@ -15,11 +18,11 @@ from rclpy.clock import Clock, ClockType
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
+from slip_core.arms import by_arm, shared
 from slip_core.errors import SlipVicError
 from slip_core.files.placed_urdf import placed_urdf
 from slip_core.files.urdf_file import read_urdf
 from slip_core.grasp_params import BaseParams
-from slip_core.params import ParameterModel
 from slip_msgs_py.endpoint_matching import EndpointMatching
 from slip_msgs_py.events import Done, Ready, emit
 from slip_msgs_py.executor import Spinner
@@ -29,17 +32,18 @@ from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.node_main import memory_mib
 from slip_msgs_py.qos import create_publisher
 from slip_msgs_py.realtime import set_up_interpreter
-from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare
+from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare_arms
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
-from slip_vic_controller.session import Controller, ControllerSession, Manifest
-from slip_vic_controller.team.crew import Crew, OneArm, Results
-from slip_vic_controller.topics.arm import STATE_DEPTH, ArmTopics, Place
+from slip_vic_controller.session import Controller, ControllerSession, Manifest, Results
+from slip_vic_controller.topics.arm import STATE_DEPTH, ArmTopics
 from slip_vic_controller.topics.mode import RequestServices
+from slip_vic_controller.topics.task import TaskTopics
 
 LOOK_S = 0.02
 WATCHDOG_S = 0.01
 LINGER_S = 0.2  # for the answer of the transition that ends the process to reach who asked
 ORIGIN = BaseParams()
+COMMON = ("mode", "auto_activate", "expected_subscribers")
 _Transition = Callable[[Any, LifecycleState], TransitionCallbackReturn]
 
 
@@ -64,14 +68,12 @@ class SlipVicController(LastResort, LifecycleNode):
     Unconfigured it has no topics; inactive it answers with empty commands, which let the arm hold itself.
     """
 
-    MODEL: type[ParameterModel] = ControllerNodeParams
-
     def __init__(self, executor: Any = None) -> None:
         super().__init__(
             "slip_vic_controller", automatically_declare_parameters_from_overrides=True, parameter_overrides=[*OWN_TIME]
         )
-        self.params: Any = declare(self, self.MODEL)
-        common = self.arms_of(self.params)[0]
+        self.params: Any = declare_arms(self, ControllerNodeParams)
+        common = self._common
         self._lockstep = common.mode == "lockstep"
         self._refusals = Refusals(self.get_logger().error)
         self._executor = executor or EventsExecutor()
@@ -85,6 +87,7 @@ class SlipVicController(LastResort, LifecycleNode):
         self._failed_transition: Exception | None = None
         self._service_change_state.callback = self.answering("change_state", self._guarded(self._service_change_state))
         self._arms: tuple[ArmTopics, ...] = ()
+        self._task: TaskTopics | None = None
         allow_changes(self, self.params, self._on_change)
         if common.auto_activate:
             self.trigger_configure()
@@ -93,35 +96,17 @@ class SlipVicController(LastResort, LifecycleNode):
             self.trigger_activate()
         self._executor.add_node(self)
 
+    @property
+    def _common(self) -> ControllerNodeParams:
+        """The parameters of the first arm, for what is equal in all."""
+        first: ControllerNodeParams = next(iter(by_arm(self.params).values()))
+        return first
+
     def _on_change(self, wanted: Any) -> None:
         """Take changed parameters; before `configure` any, later gains and payload only, which ramp."""
-        if hasattr(self, "crew"):
-            self.crew.retune(self.arms_of(wanted))
+        if hasattr(self, "session"):
+            self.session.retune(tuple(by_arm(wanted).values()))
         self.params = wanted
-
-    # -- one arm; a node with two says otherwise ---------------------------------------------------
-
-    def arms_of(self, params: Any) -> tuple[ControllerNodeParams, ...]:
-        """Return the parameters of each arm."""
-        return (params,)
-
-    def make_crew(self) -> Crew:
-        """Return the controllers.
-
-        Raises:
-            InputError: parameters and URDF that do not fit.
-        """
-        return OneArm(make_controller(self.params))
-
-    def places(self) -> tuple[Place, ...]:
-        """Return what each arm is in this node."""
-        session = self.crew.sessions[0]
-        return (Place("", self.params, session, self.crew.seats[0], session.contacts),)
-
-    @property
-    def session(self) -> ControllerSession:
-        """The controller of the first arm."""
-        return self.crew.sessions[0]
 
     # -- what must not end the node ----------------------------------------------------------------
 
@@ -132,7 +117,7 @@ class SlipVicController(LastResort, LifecycleNode):
             return
         try:
             now_ns = time.monotonic_ns()
-            self._publish(self.crew.failed(now_ns), now_ns)
+            self._publish(self.session.failed(now_ns), now_ns)
         except Exception as again:
             self._failures.add("the last resort", again)
 
@@ -159,29 +144,29 @@ class SlipVicController(LastResort, LifecycleNode):
 
     @_transition
     def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
-        """Read the arm, make the law, and create topics and services."""
+        """Read the arms, make the law, and create topics and services."""
         try:
-            self.crew = self.make_crew()
+            self.session = ControllerSession(make_controller(by_arm(self.params)))
         except SlipVicError as error:
             self._failure = error
-            if not self.arms_of(self.params)[0].auto_activate:
+            if not self._common.auto_activate:
                 self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
         self._failure = None
-        self.crew.set_active(False)
+        self.session.set_active(False)
         self._create_endpoints()
         return TransitionCallbackReturn.SUCCESS
 
     @_transition
     def on_activate(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Give efforts as soon as every input has been seen."""
-        self.crew.set_active(True)
+        self.session.set_active(True)
         return TransitionCallbackReturn.SUCCESS
 
     @_transition
     def on_deactivate(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Say once that there is no command any more, and give no effort from now on."""
-        self.crew.set_active(False)
+        self.session.set_active(False)
         self._say_no_command()
         return TransitionCallbackReturn.SUCCESS
 
@@ -195,7 +180,7 @@ class SlipVicController(LastResort, LifecycleNode):
     def on_shutdown(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """End: as `on_deactivate` and `on_cleanup`; then the process ends."""
         if self._peers is not None:
-            self.crew.set_active(False)
+            self.session.set_active(False)
             self._say_no_command()
             self._destroy_endpoints()
         self._finished_at = time.monotonic()
@@ -205,6 +190,7 @@ class SlipVicController(LastResort, LifecycleNode):
         self._peers, self._ready = None, False
         for arm in self._arms:
             arm.close()
+        self._task = None
         for destroy, item in self._endpoints:
             destroy(item)
         self._endpoints = []
@@ -213,7 +199,11 @@ class SlipVicController(LastResort, LifecycleNode):
         before = set(self._entities())
         self._pub_ready = create_publisher(self, "controller/ready")
         status = create_publisher(self, "/diagnostics")
-        self._arms = tuple(ArmTopics(self, place, self._refusals, status, self._cycle) for place in self.places())
+        self._arms = tuple(
+            ArmTopics(self, params, arm, self._refusals, status, self._cycle)
+            for params, arm in zip(by_arm(self.params).values(), self.session.arms, strict=True)
+        )
+        self._task = TaskTopics(self, self._common, self.session, self._refusals)
         inputs = [item for arm in self._arms for item in arm.inputs]
         if self._lockstep:
             inputs.append(
@@ -224,8 +214,8 @@ class SlipVicController(LastResort, LifecycleNode):
             )  # fmt: skip
         else:
             self.create_timer(WATCHDOG_S, self._on_watchdog, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        RequestServices(self, self.crew)
-        publishers = [item for arm in self._arms for item in arm.publishers]
+        RequestServices(self, self.session)
+        publishers = [*self._task.publishers, *(item for arm in self._arms for item in arm.publishers)]
         self._peers = EndpointMatching(self, publishers=publishers, subscriptions=inputs)
         self._endpoints = [entity for entity in self._entities() if entity not in before]
 
@@ -247,18 +237,18 @@ class SlipVicController(LastResort, LifecycleNode):
     # -- callbacks ---------------------------------------------------------------------------------
 
     def _on_tick(self, manifest: Manifest) -> None:
-        self.crew.add_manifest(manifest)
+        self.session.add_manifest(manifest)
         self._cycle()
 
     # -- running -----------------------------------------------------------------------------------
 
     def _cycle(self) -> None:
         began_ns = time.monotonic_ns()
-        self._publish(self.crew.cycle(began_ns), began_ns)
+        self._publish(self.session.cycle(began_ns), began_ns)
 
     def _on_watchdog(self) -> None:
         now_ns = time.monotonic_ns()
-        self._publish(self.crew.watchdog(now_ns), now_ns)
+        self._publish(self.session.watchdog(now_ns), now_ns)
 
     def _publish(self, results: Results, began_ns: int) -> None:
         if self._peers is None:
@@ -268,6 +258,8 @@ class SlipVicController(LastResort, LifecycleNode):
             arm.command(result, began_ns)
         for arm, result in answered:
             arm.tell(result)
+        if answered and self._task is not None:
+            self._task.publish()
 
     def announce_when_ready(self) -> None:
         """Tell once that every peer is matched."""
@@ -293,19 +285,25 @@ class SlipVicController(LastResort, LifecycleNode):
         if self.session.active:
             self._say_no_command()
         missed = sum(arm.missed for arm in self._arms)
-        emit(Done({"cycles": self.session.cycles, "missed": missed, "memory_mib": memory_mib()}))
+        emit(Done({"cycles": self.session.arms[0].cycles, "missed": missed, "memory_mib": memory_mib()}))
 
 
-def make_controller(params: ControllerNodeParams, base: BaseParams = ORIGIN) -> Controller:
-    """Return the controller of an arm on its base.
+def make_controller(params: Mapping[str, ControllerNodeParams]) -> Controller:
+    """Return the controller of arms, by their names, on their bases.
 
     Raises:
-        InputError: parameters and URDF that do not fit.
+        InputError: parameters and URDFs that do not fit.
     """
+    shared(params, COMMON, "one process controls all arms")
+    lockstep = next(iter(params.values())).mode == "lockstep"
+    return Controller(params, {name: _urdf(of) for name, of in params.items()}, lockstep=lockstep)
+
+
+def _urdf(params: ControllerNodeParams) -> str:
+    """Return the URDF of an arm on its base."""
     urdf = params.robot_description or read_urdf(params.robot_description_file, "parameter robot_description_file")
-    if base != ORIGIN:
-        urdf = placed_urdf(urdf, base.position, base.rotation)
-    return Controller(params, urdf, lockstep=params.mode == "lockstep")
+    base = params.base
+    return urdf if base == ORIGIN else placed_urdf(urdf, base.position, base.rotation)
 
 
 def _manifest(_stamp_ns: int, numbers: Any) -> Manifest:

@@ -14,7 +14,7 @@ from slip_msgs_py.once_every import OnceEvery
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.law.symbols import AXES
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
-from slip_vic_controller.session import ControllerSession, CycleResult
+from slip_vic_controller.session import ArmSession, CycleResult
 from slip_vic_controller.snapshot import to_text
 from slip_vic_controller.timing import SCALARS, CycleTiming
 
@@ -135,11 +135,11 @@ class StatePublisher:
         self._ahead = round((1.0 - STATE_PHASE) * self._every)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="state") if in_background else None
 
-    def publish(self, session: ControllerSession) -> None:
+    def publish(self, arm: ArmSession) -> None:
         """Publish after every so many cycles."""
-        if (session.cycles + self._ahead) % self._every:
+        if (arm.cycles + self._ahead) % self._every:
             return
-        state = session.snapshot()
+        state = arm.snapshot()
         if self._worker is None:
             self._send(state)
         else:

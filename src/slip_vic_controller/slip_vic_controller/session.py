@@ -1,21 +1,22 @@
 """The controller between cycles: parameters, Pinocchio's call, samples in and results out; `cycle` does the rest.
 
-The node, the in-process loop, bag replay and the fault campaign all run this same class.
+A controller has one or more arms, which hold one object; the name of a single arm is "". The node, the in-process loop,
+bag replay and the fault campaign all run this same class.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_core.arrays import Array, readonly
+from slip_core.arrays import Array, matrix_from_quat_xyzw, readonly
 from slip_core.errors import InputError
 from slip_core.params import flatten
-from slip_core.records import new, place, record
+from slip_core.records import new, place, record, records
 from slip_core.types import (
     CartesianReference,
     DisplacementSample,
@@ -26,8 +27,18 @@ from slip_core.types import (
     WrenchSample,
 )
 from slip_vic_controller.arrival import is_silent, receive_joint_state, receive_slip, receive_wrench
-from slip_vic_controller.config import governed_stream, make_config
-from slip_vic_controller.cycle import CONFIG, INPUTS, OUTPUTS, STATE, STATE_SIZE, cycle, watchdog
+from slip_vic_controller.config import governed_stream, make_config, renew_config
+from slip_vic_controller.cycle import (
+    ARM_SIZE,
+    ARM_STATE,
+    CONFIG,
+    INPUTS,
+    OUTPUTS,
+    TASK_SIZE,
+    TASK_STATE,
+    cycle,
+    watchdog,
+)
 from slip_vic_controller.cycle import describe as describe_cycle
 from slip_vic_controller.governing import GOVERNED
 from slip_vic_controller.law.gains import (
@@ -68,9 +79,11 @@ _GOVERNED, _GOVERNED_NAMES = place(OUTPUTS, "governor"), GOVERNED.names or ()
 _GRIP = place(OUTPUTS, "grip").start
 _PATH_SCALE = place(OUTPUTS, "path_scale").start
 _NOW, _REQUEST, _MISSING = (place(INPUTS, name).start for name in ("now_ns", "request", "missing"))
-_RAMP = place(STATE, "law.ramp")
-_CYCLES, _LAW_KNOWN = place(STATE, "cycles").start, place(STATE, "law.known").start
-_STATE_MODE, _PENDING = place(STATE, "mode.mode").start, place(STATE, "joint.pending").start
+_PRESENT = place(INPUTS, "present").start
+_RAMP = place(ARM_STATE, "law.ramp")
+_CYCLES, _LAW_KNOWN = place(ARM_STATE, "cycles").start, place(ARM_STATE, "law.known").start
+_STATE_MODE, _PENDING = place(ARM_STATE, "mode.mode").start, place(ARM_STATE, "joint.pending").start
+_CONFIG_SIZE, _INPUTS_SIZE, _OUTPUTS_SIZE = CONFIG.itemsize // 8, INPUTS.itemsize // 8, OUTPUTS.itemsize // 8
 
 
 class Health(NamedTuple):
@@ -107,8 +120,8 @@ class Manifest(NamedTuple):
         return Manifest(data[0], data[1] * 1_000_000_000 + data[2], tuple(data[3::2]), tuple(data[4::2]))
 
 
-class Controller:
-    """A controller's configuration: parameters, arm, and the record of the cycle. Sessions may share it.
+class ArmController:
+    """The configuration of one arm: parameters, arm, and the CONFIG of the cycle.
 
     Args:
         params: checked parameters.
@@ -129,22 +142,76 @@ class Controller:
         self.external = params.trajectory.kind in ("topic", "goal")
         self.rows = capacity(params) if params.slip_estimator == "observer" else 0
 
+
+class Controller:
+    """The configuration of all arms that hold an object. Sessions may share it.
+
+    Args:
+        params: checked parameters of each arm by its name; the first arm leads along the path.
+        urdfs: the arms.
+        lockstep: whether to wait for exactly the samples the bridge lists, and to take its stamps as the clock.
+
+    Raises:
+        InputError: parameters and URDFs do not fit, or the arms do not fit each other.
+    """
+
+    def __init__(self, params: Mapping[str, ControllerParams], urdfs: Mapping[str, str], *, lockstep: bool) -> None:
+        check_common(params)
+        self.lockstep = lockstep
+        self.arms = {name: ArmController(of, urdfs[name], lockstep=lockstep) for name, of in params.items()}
+        self.first = next(iter(self.arms.values()))
+        self.external = self.first.external
+        self.rows = max(arm.rows for arm in self.arms.values())
+        self.config = np.concatenate([arm.config for arm in self.arms.values()])
+        self.config.setflags(write=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the arms."""
+        return tuple(self.arms)
+
     def new_state(self) -> Array:
-        """Return the state before the first cycle."""
-        state = np.zeros(STATE_SIZE + self.rows * ROW_SIZE)
-        record(state[:STATE_SIZE], STATE).tuned = steady(self.gains).view(RAMP)[0]
+        """Return the state before the first cycle: TASK_STATE, ARM_STATE of each arm, histories of their observers."""
+        n = len(self.arms)
+        state = np.zeros(TASK_SIZE + n * (ARM_SIZE + self.rows * ROW_SIZE))
+        for k, arm in enumerate(self.arms.values()):
+            records(state[TASK_SIZE : TASK_SIZE + n * ARM_SIZE], ARM_STATE)[k].tuned = steady(arm.gains).view(RAMP)[0]
         return state
+
+
+def check_common(params: Mapping[str, ControllerParams]) -> None:
+    """See that arms fit each other: they hold one object, so they follow one path, in one rhythm.
+
+    Raises:
+        InputError: they do not.
+    """
+    (name, first), *others = params.items()
+    for other, of in others:
+        for what, a, b in zip(COMMON, common_values(first), common_values(of), strict=True):
+            if a != b:
+                raise InputError(
+                    f"parameter {other}.{what}", got=b, expected=f"{a!r}, as of {name}: all arms hold one object"
+                )
+
+
+COMMON = ("mode", "control_period_s", "trajectory.kind", "governor.mode")
+"""Parameters that are equal for all arms that hold one object."""
+
+
+def common_values(params: ControllerParams) -> tuple[object, ...]:
+    """Return the values of the parameters in COMMON."""
+    return params.mode, params.control_period_s, params.trajectory.kind, params.governor.mode
 
 
 class CycleResult:
     """One answered cycle; an empty effort means "no command": an input has never been seen.
 
-    joint: the joint state; command; mode; inputs, outputs: its records.
+    joint: the joint state; command; mode; inputs, outputs: records of the arm.
     """
 
     __slots__ = ("_controller", "command", "inputs", "joint", "mode", "outputs")
 
-    def __init__(self, controller: Controller, joint: JointSample, inputs: Array, outputs: Array) -> None:
+    def __init__(self, controller: ArmController, joint: JointSample, inputs: Array, outputs: Array) -> None:
         self._controller, self.joint, self.inputs, self.outputs = controller, joint, inputs, outputs
         outputs.setflags(write=False)
         whole = outputs.view(np.int64)
@@ -218,24 +285,43 @@ class CycleResult:
         return numbers
 
 
-class ControllerSession:
-    """Runs the control cycle whenever a set of inputs is complete.
+class Asked(NamedTuple):
+    """What a cycle answers for one arm.
 
-    Args:
-        controller: parameters and arm.
+    joint, fault: the joint state; now_ns: the controller's clock; missing: bits of what is missing beside inputs that
+    were never seen; health: of the inputs, of a replay; None = found by input validation.
     """
 
-    def __init__(self, controller: Controller) -> None:
-        self.controller = controller
-        self.contacts = controller.contacts
-        self.buffer = controller.new_state()
-        self.active = True
-        self._lockstep, self._config = controller.lockstep, controller.config
-        self._joints = len(controller.robot.joint_names)
-        self._governed_stream = governed_stream(controller.params)
-        self._slip_delay_ns = int(record(controller.config, CONFIG).cycle.slip_delay_ns)
-        self._state = record(self.buffer[:STATE_SIZE], STATE)
-        self._whole = self.buffer.view(np.int64)
+    joint: JointSample
+    fault: Fault
+    now_ns: int
+    missing: int = 0
+    health: Health | None = None
+
+
+class ArmSession:
+    """One arm between cycles: its samples, and its row of the state.
+
+    Args:
+        session: of all arms.
+        name, index: of the arm.
+    """
+
+    def __init__(self, session: ControllerSession, name: str, index: int) -> None:
+        self.name, self.index, self._session = name, index, session
+        self.controller = session.controller.arms[name]
+        self.contacts = self.controller.contacts
+        self.row = session.buffer[TASK_SIZE + index * ARM_SIZE :][:ARM_SIZE]
+        rows = session.controller.rows
+        begin = TASK_SIZE + len(session.controller.arms) * ARM_SIZE + index * rows * ROW_SIZE
+        self.history = session.buffer[begin : begin + rows * ROW_SIZE]
+        self.state: Any = record(self.row, ARM_STATE)
+        self.config = session.config_of(index)
+        self.routes: tuple[tuple[tuple[ArmSession, int], ...], ...] = ()
+        self.overdue = False  # its own next joint state has come while one waited for another arm
+        self._joints = len(self.controller.robot.joint_names)
+        self._slip_delay_ns = int(record(self.config, CONFIG).cycle.slip_delay_ns)
+        self._whole = self.row.view(np.int64)
         self._joint: JointSample | None = None
         self._joint_fault = Fault.NONE
         self._manifest: Manifest | None = None
@@ -246,14 +332,14 @@ class ControllerSession:
         self._outside_counts: Counter[str] = Counter()
 
     @property
-    def state(self) -> Any:
-        """What the controller remembers, by name."""
-        return self._state
+    def task(self) -> Any:
+        """What is remembered of the object's motion, by name."""
+        return self._session.task
 
     @property
-    def reference_from_topic(self) -> bool:
-        """Whether the reference comes from outside instead of the built-in trajectory."""
-        return self.controller.params.trajectory.kind == "topic"
+    def active(self) -> bool:
+        """Whether efforts are given."""
+        return self._session.active
 
     @property
     def mode(self) -> Mode:
@@ -263,7 +349,7 @@ class ControllerSession:
     @property
     def reason(self) -> str:
         """Why the controller is in its mode, in words."""
-        return describe(self._state.mode.reason, self.controller.robot.joint_names)
+        return describe(self.state.mode.reason, self.controller.robot.joint_names)
 
     @property
     def cycles(self) -> int:
@@ -278,7 +364,7 @@ class ControllerSession:
     @property
     def gravity(self) -> Array:
         """Gravity torque at the last good joint state that was answered; (n,) [N m]."""
-        return readonly(self._state.law.gravity[: self._joints])
+        return readonly(self.state.law.gravity[: self._joints])
 
     @property
     def tuned(self) -> ControllerParams:
@@ -288,7 +374,7 @@ class ControllerSession:
     @property
     def newest_joint(self) -> JointSample | None:
         """The last good joint state."""
-        joint, n = self._state.joint, self._joints
+        joint, n = self.state.joint, self._joints
         if not joint.known:
             return None
         last = joint.last
@@ -300,6 +386,7 @@ class ControllerSession:
 
     def add_joint(self, sample: JointSample, now_ns: int | None = None) -> None:
         """Take a joint state; one that was never answered is skipped, newest wins. `now_ns`: steady time of arrival."""
+        self.overdue = self._joint is not None
         n, q, qd, effort = self._joints, sample.position, sample.velocity, sample.effort
         refused = q.shape != (n,) or qd.shape != (n,)
         if refused or effort.shape != (n,):
@@ -307,105 +394,89 @@ class ControllerSession:
         if refused:
             q = qd = effort
         now_ns = sample.stamp_ns if now_ns is None else now_ns
-        fault = receive_joint_state(
-            self._config, self.buffer, sample.stamp_ns, q, qd, effort, refused, now_ns, self._lockstep
-        )
+        lockstep = self.controller.lockstep
+        fault = receive_joint_state(self.config, self.row, sample.stamp_ns, q, qd, effort, refused, now_ns, lockstep)
         if self._whole[_PENDING]:
             self._joint, self._joint_fault = sample, _FAULTS[fault]
 
     def add_wrench(self, contact: int, sample: WrenchSample, now_ns: int | None = None) -> None:
-        """Take a wrench of one contact."""
+        """Take a wrench of one contact; that of the own pad goes to every arm that reads it."""
+        for arm, number in self.routes[contact]:
+            arm.take_wrench(number, sample, now_ns)
+
+    def take_wrench(self, contact: int, sample: WrenchSample, now_ns: int | None) -> None:
+        """Take a wrench of one contact for this arm alone."""
         self._counts[2 * contact] += 1
         refused = sample.wrench.shape != (6,)
         wrench = _NO_VECTOR if refused else sample.wrench
         now_ns = sample.stamp_ns if now_ns is None else now_ns
-        receive_wrench(self._config, self.buffer, contact, sample.stamp_ns, wrench, refused, now_ns)
+        receive_wrench(self.config, self.row, contact, sample.stamp_ns, wrench, refused, now_ns)
 
     def add_slip(self, contact: int, sample: SlipSample, now_ns: int | None = None) -> None:
-        """Take a slip velocity of one contact."""
+        """Take a slip velocity of one contact; that of the own pad goes to every arm that reads it."""
+        for arm, number in self.routes[contact]:
+            arm.take_slip(number, sample, now_ns)
+
+    def take_slip(self, contact: int, sample: SlipSample, now_ns: int | None) -> None:
+        """Take a slip velocity of one contact for this arm alone."""
         self._counts[2 * contact + 1] += 1
         refused = sample.twist.shape != (6,)
         twist = _NO_VECTOR if refused else sample.twist
         now_ns = sample.stamp_ns if now_ns is None else now_ns
-        receive_slip(self._config, self.buffer, contact, sample.stamp_ns, twist, sample.valid, refused, now_ns)
+        receive_slip(self.config, self.row, contact, sample.stamp_ns, twist, sample.valid, refused, now_ns)
 
     def add_displacement(self, contact: int, sample: DisplacementSample, now_ns: int | None = None) -> None:
         """Take where the pad of one contact is on the object; from the second one on it gives slip velocities."""
         slip = self._displacements[contact](sample)
         if slip is None:
-            self._counts[2 * contact + 1] += 1
+            for arm, number in self.routes[contact]:
+                arm.count_slip(number)
         else:
             self.add_slip(contact, slip, sample.stamp_ns if now_ns is None else now_ns)
 
+    def count_slip(self, contact: int) -> None:
+        """Count a sample of a contact that gives no slip velocity."""
+        self._counts[2 * contact + 1] += 1
+
     def add_manifest(self, manifest: Manifest) -> None:
-        """Take the list of what belongs to the current lockstep cycle."""
+        """Take the list of what belongs to the current lockstep cycle; contacts in this arm's order."""
         self._manifest = manifest
 
-    def set_reference(self, reference: CartesianReference) -> None:
-        """Use this reference from the next cycle on; governed, follow it as soon as friction admits."""
-        given = self._state.reference
-        self._state.taken += 1
-        if self._governed_stream:
-            stream = self._state.stream
-            if stream.queued == QUEUED:
-                for k in range(QUEUED - 1):
-                    stream.queue[k] = stream.queue[k + 1]
-                stream.queued -= 1
-            item = stream.queue[int(stream.queued)]
-            item.stamp_ns, given = reference.stamp_ns, item.reference
-            stream.queued += 1
-        else:
-            self._state.reference_known = 1
-        given.position, given.rotation = reference.position, reference.rotation
-        given.twist, given.acceleration = reference.twist, reference.acceleration
-
-    def set_goal(self, goal: PoseGoal) -> None:
-        """Come to rest at this pose; the next cycle begins it, waits until the pad is at rest, or refuses it."""
-        state = self._state.goal
-        state.received, state.pending = state.received + 1, 1
-        state.to_position, state.to_rotation, state.duration = goal.position, goal.rotation, goal.duration_s
-        self._state.taken += 1
+    def set_own_reference(self, reference: CartesianReference) -> None:
+        """Use this reference of this pad alone from the next cycle on, wherever the others are led."""
+        self.state.reference_known = 1
+        _put(reference, self.state.reference)
 
     def set_publishers(self, counts: Mapping[str, int], own_topic_publishers: int) -> None:
         """Take how many publishers each input topic has, and how many our command topic has."""
-        before, twice = self._state.outside, [name for name, count in counts.items() if count > 1]
+        before, twice = self.state.outside, [name for name, count in counts.items() if count > 1]
         outside = Fault.SECOND_PUBLISHER if twice else Fault.NONE
         if own_topic_publishers > 1:
             outside = Fault.FOREIGN_COMMAND
-        self._state.outside = int(outside)
+        self.state.outside = int(outside)
         if outside not in (before, Fault.NONE):
             self._outside_counts[f"{', '.join(twice) or 'effort command'} {outside.name.lower()}"] += 1
 
     # -- requests and parameters -------------------------------------------------------------------
 
-    def set_active(self, active: bool) -> None:
-        """Start anew, or answer without effort until then; a fault stays."""
-        self.active, self._state.law.known = active, 0
-
     def request(self, request: Request) -> None:
-        """Ask for a mode; the next cycle decides."""
+        """Request a mode of this arm; the next cycle decides."""
         self._request = request
 
-    def retune(self, params: ControllerParams) -> None:
-        """Let gains and payload ramp to those of `params`, and HOLD have its stiffness, from the next cycle on.
-
-        Raises:
-            InputError: the values are refused as a whole, or something else has changed; nothing has happened then.
-        """
-        now, wanted = flatten(self.tuned), flatten(params)
-        for name, value in wanted.items():
-            if value != now[name] and not name.startswith(RETUNABLE):
-                raise InputError(
-                    f"parameter {name}", got=value, expected=f"{now[name]!r} while the law runs", fix="restart the node"
-                )
-        target = make_law_gains(params, gain_report(params).used)
-        least_s, law = params.gains.ramp_s, self._state.law
-        self._state.tuned = make_ramp(self.controller.gains, target, 0, least_s).view(RAMP)[0]
+    def ramp_to(self, params: ControllerParams, target: Array) -> None:
+        """Let gains and payload ramp to those of `params`, whose LAW_GAINS is `target`."""
+        least_s, law = params.gains.ramp_s, self.state.law
+        self.state.tuned = make_ramp(self.controller.gains, target, 0, least_s).view(RAMP)[0]
         if law.known:
             start = new(LAW_GAINS)
-            sample_gains(self.buffer[_RAMP], int(law.stamp_ns), start)
+            sample_gains(self.row[_RAMP], int(law.stamp_ns), start)
             law.ramp = make_ramp(start, target, int(law.stamp_ns), least_s).view(RAMP)[0]
         self.know(params)
+
+    def know(self, params: ControllerParams) -> None:
+        """Take parameters that were set before the state which `restore` was given: their ramp is part of it."""
+        self._tuned = params
+        self._session.configure(self.index, lambda config: renew_config(config, params))
 
     # -- cycles ------------------------------------------------------------------------------------
 
@@ -416,7 +487,7 @@ class ControllerSession:
         """
         if self._joint is None:
             return False
-        if not self._lockstep:
+        if not self.controller.lockstep:
             return True
         manifest = self._manifest
         return (
@@ -426,49 +497,26 @@ class ControllerSession:
             and manifest.slip_counts == tuple(self._counts[1::2])
         )
 
-    def cycle(self, now_ns: int | None = None) -> CycleResult | None:
-        """Answer the collected inputs, or return None where the set is not complete yet.
-
-        Args:
-            now_ns: steady time; None, and lockstep, take the joint state's stamp.
-        """
-        if not self.complete():
-            return None
-        joint = self._joint
-        assert joint is not None
-        now = joint.stamp_ns if now_ns is None or self._lockstep else now_ns
-        return self.answer(joint, self._joint_fault, now, 0 if self.active else ACTIVATION, None)
-
-    def answer(self, joint: JointSample, fault: Fault, now_ns: int, missing: int, health: Health | None) -> CycleResult:
-        """Run one cycle on the joint state that waits for it.
-
-        Args:
-            joint, fault: that joint state.
-            now_ns: the controller's clock.
-            missing: bits of what is missing beside inputs that were never seen.
-            health: of the inputs, of a replay; None = found by input validation.
-        """
-        inputs, outputs = self.prepare(joint, fault, now_ns, missing, health)
-        cycle(self._config, self.buffer, inputs, outputs)
-        return CycleResult(self.controller, joint, inputs, outputs)
-
     @property
     def waiting(self) -> tuple[JointSample, Fault] | None:
         """The joint state that waits for its cycle, and its fault."""
         return None if self._joint is None else (self._joint, self._joint_fault)
 
-    def prepare(
-        self, joint: JointSample, fault: Fault, now_ns: int, missing: int, health: Health | None
-    ) -> tuple[Array, Array]:
-        """Return inputs and empty outputs of a cycle; arguments as of `answer`."""
-        self._joint = self._manifest = None
-        inputs, outputs = self._records(now_ns, missing)
-        if health is not None:
+    def prepare(self, asked: Asked, inputs: Array) -> None:
+        """Fill the INPUTS of this arm for a cycle."""
+        self._joint, self._manifest, self.overdue = None, None, False
+        self.fill(inputs, asked.now_ns, asked.missing)
+        if asked.health is not None:
             given = record(inputs, INPUTS)
-            given.health_given, given.health = 1, tuple(int(part) for part in health)
-        if _GOOD[fault]:
-            self.controller.robot.terms(joint.position, joint.velocity, inputs[_ARM])
-        return inputs, outputs
+            given.health_given, given.health = 1, tuple(int(part) for part in asked.health)
+        if _GOOD[asked.fault]:
+            self.controller.robot.terms(asked.joint.position, asked.joint.velocity, inputs[_ARM])
+
+    def fill(self, inputs: Array, now_ns: int, missing: int) -> None:
+        """Fill clock and request of the INPUTS of this arm."""
+        whole = inputs.view(np.int64)
+        whole[_PRESENT], whole[_NOW], whole[_REQUEST], whole[_MISSING] = 1, now_ns, self._request, missing
+        self._request = Request.NONE
 
     def give(
         self,
@@ -486,8 +534,8 @@ class ControllerSession:
             new_slips: of the own contact, since the cycle before.
             now_ns: the controller's clock.
         """
-        self.add_joint(joint, now_ns)  # what it knows of the joint state (frozen, restarted) goes on
-        state, n = self._state, self._joints
+        self.add_joint(joint, now_ns)  # what it keeps of the joint state (frozen, restarted) continues
+        state, n = self.state, self._joints
         answers = state.joint.answers
         answers.stamp_ns, answers.position[:n], answers.velocity[:n] = joint.stamp_ns, joint.position, joint.velocity
         answers.effort[:n] = joint.effort if joint.effort.shape == (n,) else math.nan
@@ -500,22 +548,26 @@ class ControllerSession:
         for fresh, slip in zip(state.queue.samples, new_slips[-MAX_FRESH:], strict=False):
             fresh.stamp_ns, fresh.twist[:] = slip.stamp_ns - self._slip_delay_ns, slip.twist
 
+    def silent(self, now_ns: int) -> bool:
+        """Return whether no good joint state has come for the age limit."""
+        return bool(is_silent(self.config, self.row, now_ns))
+
     def watchdog(self, now_ns: int) -> CycleResult | None:
         """Return a command where joint states have stayed away for too long, None where all is well.
 
-        On the steady clock, so that it bites when every other clock stands still. It repeats until the effort has come
-        down to gravity compensation; the bridge's command timeout does the rest.
+        On the steady clock, so that it bites when every other clock stops. It repeats until the effort has come down to
+        gravity compensation; the bridge's command timeout does the rest.
         """
-        if not self.active or self._lockstep or not self.begun or self.mode == Mode.WAITING_INPUT:
+        if not self.active or self.controller.lockstep or not self.begun or self.mode == Mode.WAITING_INPUT:
             return None
-        if not is_silent(self._config, self.buffer, now_ns):
+        if not self.silent(now_ns):
             return None
         newest = self.newest_joint
-        assert newest is not None  # silent is only who has spoken
-        before = self.buffer.copy()
+        assert newest is not None  # silent is only an arm that has sent
+        before = self._session.buffer.copy()
         result, changed = self.without_joint_state(newest, now_ns)
         if not changed:
-            self.buffer[:] = before
+            self._session.buffer[:] = before
             return None
         return result
 
@@ -529,58 +581,36 @@ class ControllerSession:
         newest = self.newest_joint
         if not self.active or not self.begun or self.mode == Mode.WAITING_INPUT or newest is None:
             return None
-        return self.without_joint_state(newest, newest.stamp_ns if self._lockstep else now_ns)[0]
+        return self.without_joint_state(newest, newest.stamp_ns if self.controller.lockstep else now_ns)[0]
 
     def without_joint_state(self, newest: JointSample, now_ns: int) -> tuple[CycleResult, bool]:
         """Run one cycle of the watchdog; return its result, and whether effort or mode have changed by it."""
-        inputs, outputs = self._records(now_ns, 0)
-        changed = watchdog(self._config, self.buffer, inputs, outputs)
-        return CycleResult(self.controller, newest, inputs, outputs), bool(changed)
-
-    def _records(self, now_ns: int, missing: int) -> tuple[Array, Array]:
-        inputs, outputs = new(INPUTS), new(OUTPUTS)
-        whole = inputs.view(np.int64)
-        whole[_NOW], whole[_REQUEST], whole[_MISSING] = now_ns, self._request, missing
-        self._request = Request.NONE
-        return inputs, outputs
+        return self._session.run_watchdog(self, newest, now_ns)
 
     # -- snapshots ---------------------------------------------------------------------------------
 
     def snapshot(self) -> Array:
-        """Return all with which the next cycle begins; its bytes are equal where the controller goes on equally."""
-        state = self.buffer.copy()
-        observer = record(state[:STATE_SIZE], STATE).observer
-        rows = state[STATE_SIZE:].reshape(-1, ROW_SIZE)
-        if len(rows):
-            used = (observer.first + np.arange(observer.rows)) % len(rows)
-            unused = np.ones(len(rows), dtype=bool)
-            unused[used] = False
-            rows[unused] = 0.0
-        return state
+        """Return all with which the next cycle of this arm begins: the task, and its own row and history."""
+        task = self._session.buffer[:TASK_SIZE]
+        return np.concatenate((task, self.row, used_history(self.state.observer, self.history)))
 
     def restore(self, state: Array) -> None:
-        """Go on from a snapshot.
+        """Continue from a snapshot of this arm; of several arms each is restored from its own.
 
         Raises:
             InputError: it is of another size.
         """
-        if state.shape != self.buffer.shape:
-            raise InputError("controller state", got=f"{state.size} numbers", expected=f"{self.buffer.size}")
-        self.buffer[:] = state
-
-    def know(self, params: ControllerParams) -> None:
-        """Take parameters that were set before the state which `restore` was given: their ramp is part of it."""
-        self._tuned = params
-        if params.safety.hold_stiffness != record(self._config, CONFIG).hold.stiffness:
-            self._config = self._config.copy()
-            record(self._config, CONFIG).hold.stiffness = params.safety.hold_stiffness
-            self._config.setflags(write=False)
+        expected = TASK_SIZE + self.row.size + self.history.size
+        if state.shape != (expected,):
+            raise InputError("controller state", got=f"{state.size} numbers", expected=f"{expected}")
+        self._session.buffer[:TASK_SIZE] = state[:TASK_SIZE]
+        self.row[:], self.history[:] = state[TASK_SIZE:][:ARM_SIZE], state[TASK_SIZE + ARM_SIZE :]
 
     # -- statistics --------------------------------------------------------------------------------
 
     def counts(self) -> dict[str, int]:
         """Return every fault that was seen, as "input fault", with how often."""
-        state, found = self._state, {}
+        state, found = self.state, {}
         inputs = [("joint state", state.joint)]
         for kind, each in (("wrench", state.wrench_inputs), ("slip", state.slip_inputs)):
             inputs += [(kind if k == 0 else f"{kind} of contact {k}", each[k]) for k in range(self.contacts)]
@@ -592,10 +622,285 @@ class ControllerSession:
 
     def rates(self) -> dict[str, tuple[float, float]]:
         """Return mean period and jitter [s] of the inputs that have come at least twice."""
-        state = self._state
+        state = self.state
         inputs = {"joint_states": state.joint, "wrench": state.wrench_inputs[0], "slip_velocity": state.slip_inputs[0]}
         rates = {name: (mean_period_s(of.rate), float(of.rate.jitter_s)) for name, of in inputs.items()}
         return {name: rate for name, rate in rates.items() if not math.isnan(rate[0])}
+
+
+Results = tuple[CycleResult | None, ...]
+"""One for each arm; None where it was not answered."""
+
+
+class ControllerSession:
+    """Runs the control cycle whenever a set of inputs is complete: a joint state of every arm, and what belongs to it.
+
+    Contact 0 of an arm is its own pad. Further contacts are the pads of the other arms in their order; of a single arm
+    they have topics of their own.
+
+    Args:
+        controller: parameters and arms.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        self.controller = controller
+        self.buffer = controller.new_state()
+        self.active = True
+        self.task: Any = record(self.buffer[:TASK_SIZE], TASK_STATE)
+        self._lockstep, self._config = controller.lockstep, controller.config
+        self._governed_stream = governed_stream(controller.first.params)
+        self._ahead: frozenset[int] = frozenset()  # answered for joint states that other arms have yet to bring
+        self.arms = tuple(ArmSession(self, name, k) for k, name in enumerate(controller.names))
+        for arm in self.arms:
+            arm.routes = tuple(tuple(self._routes(arm.index, contact)) for contact in range(arm.contacts))
+
+    def _routes(self, own: int, contact: int) -> Iterator[tuple[ArmSession, int]]:
+        """Yield the arms that read a contact of an arm, and its number there."""
+        yield self.arms[own], contact
+        for arm in self.arms if contact == 0 else ():
+            number = own + 1 if own < arm.index else own
+            if arm.index != own and number < arm.contacts:
+                yield arm, number
+
+    @property
+    def reference_from_topic(self) -> bool:
+        """Whether the reference comes from outside instead of the built-in trajectory."""
+        return self.controller.first.params.trajectory.kind == "topic"
+
+    def config_of(self, index: int) -> Array:
+        """Return the CONFIG of an arm."""
+        return self._config[index * _CONFIG_SIZE :][:_CONFIG_SIZE]
+
+    def configure(self, index: int, change: Callable[[Any], None]) -> None:
+        """Change the CONFIG of an arm; sessions that share the controller keep theirs."""
+        config = self._config.copy()
+        change(records(config, CONFIG)[index])
+        if config.tobytes() != self._config.tobytes():
+            config.setflags(write=False)
+            self._config = config
+            for arm in self.arms:
+                arm.config = self.config_of(arm.index)
+
+    # -- inputs of the object ----------------------------------------------------------------------
+
+    def add_manifest(self, manifest: Manifest) -> None:
+        """Take the list of what belongs to the current lockstep cycle: the pads' samples, in the order of the arms."""
+        for arm in self.arms:
+            order = [arm.index, *(k for k in range(len(manifest.wrench_counts)) if k != arm.index)][: arm.contacts]
+            wrenches, slips = (
+                tuple(counts[k] for k in order if k < len(counts))
+                for counts in (manifest.wrench_counts, manifest.slip_counts)
+            )
+            arm.add_manifest(Manifest(manifest.tick, manifest.stamp_ns, wrenches, slips))
+
+    def set_reference(self, reference: CartesianReference) -> None:
+        """Use this reference from the next cycle on; governed, follow it as soon as friction admits.
+
+        Of one arm it is that of the pad; of several that of the object's centre of mass, which every pad keeps to.
+        """
+        task = self.task
+        task.taken += 1
+        given = task.reference
+        if self._governed_stream:
+            stream = task.stream
+            if stream.queued == QUEUED:
+                for k in range(QUEUED - 1):
+                    stream.queue[k] = stream.queue[k + 1]
+                stream.queued -= 1
+            item = stream.queue[int(stream.queued)]
+            item.stamp_ns, given = reference.stamp_ns, item.reference
+            stream.queued += 1
+        else:
+            task.reference_known = 1
+        _put(self._of_first_pad(reference), given)
+
+    def set_goal(self, goal: PoseGoal) -> None:
+        """Come to rest at this pose; the next cycle begins it, waits until the pad is at rest, or refuses it.
+
+        Of one arm it is the pose of the pad; of several that of the object's centre of mass.
+        """
+        task = self.task.goal
+        r, R = self._grasp(goal.rotation)
+        task.received, task.pending = task.received + 1, 1
+        task.to_position, task.to_rotation, task.duration = goal.position + r, R, goal.duration_s
+        self.task.taken += 1
+
+    def _grasp(self, rotation: Array) -> tuple[Array, Array]:
+        """Return lever [m] and attitude of the first pad {w}; rotation: of what references and goals move."""
+        if len(self.arms) == 1:
+            return np.zeros(3), rotation
+        contacts = self.controller.first.params.contacts
+        return rotation @ np.array(contacts.position[:3]), rotation @ matrix_from_quat_xyzw(
+            contacts.orientation_xyzw[:4]
+        )
+
+    def _of_first_pad(self, reference: CartesianReference) -> CartesianReference:
+        """Return the reference of the first pad where the object moves by a reference."""
+        if len(self.arms) == 1:
+            return reference
+        (r, R), w, alpha = self._grasp(reference.rotation), reference.twist[3:], reference.acceleration[3:]
+        twist = np.concatenate((reference.twist[:3] + np.cross(w, r), w))
+        linear = reference.acceleration[:3] + np.cross(alpha, r) + np.cross(w, np.cross(w, r))
+        acceleration = np.concatenate((linear, alpha))
+        return CartesianReference(reference.position + r, R, twist, acceleration, reference.stamp_ns)
+
+    # -- requests and parameters -------------------------------------------------------------------
+
+    def set_active(self, active: bool) -> None:
+        """Start again, or answer without effort until then; a fault stays."""
+        self.active = active
+        for arm in self.arms:
+            arm.state.law.known = 0
+
+    def request(self, request: Request) -> None:
+        """Request a mode of all arms; the next cycle decides."""
+        for arm in self.arms:
+            arm.request(request)
+
+    def retune(self, params: Sequence[ControllerParams]) -> None:
+        """Let gains and payload of each arm ramp to those of `params`, and HOLD use them, from the next cycle on.
+
+        Raises:
+            InputError: the values are refused as a whole, or something else has changed; nothing has happened then.
+        """
+        targets = []
+        for arm, wanted in zip(self.arms, params, strict=True):
+            now = flatten(arm.tuned)
+            for name, value in flatten(wanted).items():
+                if value != now[name] and not name.startswith(RETUNABLE):
+                    raise InputError(
+                        f"parameter {name}", got=value, expected=f"{now[name]!r} while the law runs",
+                        fix="restart the node",
+                    )  # fmt: skip
+            targets.append(make_law_gains(wanted, gain_report(wanted).used))
+        for arm, wanted, target in zip(self.arms, params, targets, strict=True):
+            arm.ramp_to(wanted, target)
+
+    # -- cycles ------------------------------------------------------------------------------------
+
+    def cycle(self, now_ns: int | None = None) -> Results:
+        """Answer what has come: all arms, or in real time those whose partners' joint states stay away.
+
+        Arms that are answered without the others hold.
+
+        Args:
+            now_ns: steady time; None, and lockstep, take the stamps of the joint states.
+        """
+        if self._lockstep or now_ns is None:
+            if not all(arm.complete() for arm in self.arms):
+                return (None,) * len(self.arms)
+            now_ns = None
+        late = [arm for arm in self.arms if arm.waiting is None]
+        if not late:
+            self._ahead = frozenset()
+            return self._answer_waiting(self.arms, now_ns)
+        if len(late) == len(self.arms) == 1:
+            return (None,)
+        assert now_ns is not None, "complete arms have a joint state"
+        results = [None if arm.waiting is not None else arm.watchdog(now_ns) for arm in self.arms]
+        ready = [arm for arm in self.arms if arm.waiting is not None]
+        if ready and self._may_go_alone(ready, late, now_ns):
+            for arm, result in zip(self.arms, self._answer_waiting(ready, now_ns), strict=True):
+                results[arm.index] = result or results[arm.index]
+        return tuple(results)
+
+    def _may_go_alone(self, ready: Sequence[ArmSession], late: Sequence[ArmSession], now_ns: int) -> bool:
+        """Return whether arms are answered whose partners are silent or hold.
+
+        A partner that is not silent is waited for, so that all are answered together: while they follow the law until
+        its joint state comes, while it holds until the next one of an arm that waits does.
+        """
+        if not all(arm.begun for arm in late):
+            return False
+        awaited = [arm for arm in late if not arm.silent(now_ns) and arm.index not in self._ahead]
+        if not awaited:
+            self._ahead = frozenset()
+            return True
+        if any(arm.mode.follows for arm in awaited) or not any(arm.overdue for arm in ready):
+            return False
+        self._ahead = frozenset(arm.index for arm in ready)
+        return True
+
+    def _answer_waiting(self, ready: Sequence[ArmSession], now_ns: int | None) -> Results:
+        asked = {}
+        for arm in ready:
+            assert arm.waiting is not None
+            joint, fault = arm.waiting
+            now = joint.stamp_ns if now_ns is None else now_ns
+            asked[arm.index] = Asked(joint, fault, now, 0 if self.active else ACTIVATION)
+        return self.answer(asked)
+
+    def answer(self, asked: Mapping[int, Asked]) -> Results:
+        """Run one cycle on the joint states that wait for it, by the number of the arm."""
+        n = len(self.arms)
+        inputs, outputs = np.zeros(n * _INPUTS_SIZE), np.zeros(n * _OUTPUTS_SIZE)
+        for k, one in asked.items():
+            self.arms[k].prepare(one, inputs[k * _INPUTS_SIZE :][:_INPUTS_SIZE])
+        cycle(self._config, self.buffer, inputs, outputs)
+        return tuple(
+            self._result(arm, asked[arm.index].joint, inputs, outputs) if arm.index in asked else None
+            for arm in self.arms
+        )
+
+    def _result(self, arm: ArmSession, joint: JointSample, inputs: Array, outputs: Array) -> CycleResult:
+        k = arm.index
+        own_inputs, own_outputs = (
+            inputs[k * _INPUTS_SIZE :][:_INPUTS_SIZE],
+            outputs[k * _OUTPUTS_SIZE :][:_OUTPUTS_SIZE],
+        )
+        return CycleResult(arm.controller, joint, own_inputs, own_outputs)
+
+    def run_watchdog(self, arm: ArmSession, newest: JointSample, now_ns: int) -> tuple[CycleResult, bool]:
+        """Run one cycle of the watchdog for an arm; return its result, and whether effort or mode have changed."""
+        n = len(self.arms)
+        inputs, outputs = np.zeros(n * _INPUTS_SIZE), np.zeros(n * _OUTPUTS_SIZE)
+        arm.fill(inputs[arm.index * _INPUTS_SIZE :][:_INPUTS_SIZE], now_ns, 0)
+        changed = watchdog(self._config, self.buffer, inputs, outputs, arm.index)
+        return self._result(arm, newest, inputs, outputs), bool(changed)
+
+    def watchdog(self, now_ns: int) -> Results:
+        """Answer arms whose joint states have stayed away for too long, and those that waited for them."""
+        if self._lockstep:
+            return (None,) * len(self.arms)
+        return self.cycle(now_ns) if len(self.arms) > 1 else (self.arms[0].watchdog(now_ns),)
+
+    def failed(self, now_ns: int) -> Results:
+        """Go to FAULT with all arms because the node has failed; return commands where the law has begun."""
+        return tuple(arm.failed(now_ns) for arm in self.arms)
+
+    # -- snapshots ---------------------------------------------------------------------------------
+
+    def snapshot(self) -> Array:
+        """Return all with which the next cycle begins; its bytes are equal where states evolve identically."""
+        begin = TASK_SIZE + len(self.arms) * ARM_SIZE
+        histories = [used_history(arm.state.observer, arm.history) for arm in self.arms]
+        return np.concatenate((self.buffer[:begin], *histories))
+
+    def restore(self, state: Array) -> None:
+        """Continue from a snapshot.
+
+        Raises:
+            InputError: it is of another size.
+        """
+        if state.shape != self.buffer.shape:
+            raise InputError("controller state", got=f"{state.size} numbers", expected=f"{self.buffer.size}")
+        self.buffer[:] = state
+
+
+def used_history(observer: Any, history: Array) -> Array:
+    """Return the history of an OBSERVER with zeros where it has nothing."""
+    rows = history.reshape(-1, ROW_SIZE).copy()
+    if len(rows):
+        unused = np.ones(len(rows), dtype=bool)
+        unused[(observer.first + np.arange(observer.rows)) % len(rows)] = False
+        rows[unused] = 0.0
+    return rows.reshape(-1)
+
+
+def _put(reference: CartesianReference, out: Any) -> None:
+    """Write a reference to a REFERENCE."""
+    out.position, out.rotation = reference.position, reference.rotation
+    out.twist, out.acceleration = reference.twist, reference.acceleration
 
 
 _NO_VECTOR = readonly(np.full(6, np.nan))

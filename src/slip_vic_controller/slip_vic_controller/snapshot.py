@@ -13,19 +13,19 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import place
-from slip_vic_controller.cycle import STATE, STATE_SIZE
+from slip_vic_controller.cycle import ARM_SIZE, ARM_STATE, TASK_SIZE, TASK_STATE
 from slip_vic_controller.observer.config import MOST_ROWS
 from slip_vic_controller.observer.layouts import ROW, ROW_SIZE
 
-LAYOUT = hashlib.sha256(repr((STATE.descr, ROW.descr)).encode()).hexdigest()[:16]
+LAYOUT = hashlib.sha256(repr((TASK_STATE.descr, ARM_STATE.descr, ROW.descr)).encode()).hexdigest()[:16]
 """Which software a state is of."""
-LARGEST = 8 * (STATE_SIZE + MOST_ROWS * ROW_SIZE)
+LARGEST = 8 * (TASK_SIZE + ARM_SIZE + MOST_ROWS * ROW_SIZE)
 """[bytes] A state with the longest history there is."""
-_CYCLES = place(STATE, "cycles").start
+_CYCLES = TASK_SIZE + place(ARM_STATE, "cycles").start
 
 
 def to_text(state: Array) -> str:
-    """Return a snapshot as text: the cycle it begins with, its bytes, compressed, and the name of their layout."""
+    """Return a snapshot of an arm as text: the cycle it begins with, its bytes, compressed, and their layout's name."""
     packed = base64.b64encode(zlib.compress(state.tobytes(), 1)).decode()
     cycle = int(state.view(np.int64)[_CYCLES])
     return json.dumps({"layout": LAYOUT, "cycle": cycle, "state": packed}, separators=(",", ":"))
@@ -41,7 +41,7 @@ def cycle_of(text: str) -> int | None:
 
 
 def from_text(text: str) -> Array:
-    """Return the snapshot of a text.
+    """Return the snapshot of an arm from a text.
 
     Raises:
         InputError: not such a text, or one of other software.

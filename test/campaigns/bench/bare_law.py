@@ -11,14 +11,17 @@ from slip_core.compiled import IN1, INT, OUT1, VOID, kernel
 from slip_core.records import new, place, record
 from slip_core.types import EffortCommand, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.cycle import (
+    ARM_SIZE,
+    ARM_STATE,
     CONFIG,
     INPUTS,
     OUTPUTS,
-    STATE,
-    STATE_SIZE,
+    TASK_SIZE,
+    TASK_STATE,
     begin_law,
-    evaluate_law,
+    command,
     keep_law,
+    sense,
 )
 from slip_vic_controller.observer.layouts import ROW_SIZE
 from slip_vic_controller.safety.validation import await_answer, queue_slip
@@ -31,15 +34,17 @@ def law_alone(
     slip_ns: int, twist: Array,
 ) -> None:  # fmt: skip
     """Evaluate the law on one joint state, wrench and slip velocity; records as of `cycle`."""
-    c, s = record(config, CONFIG), record(state[:STATE_SIZE], STATE)
+    c, task = record(config, CONFIG), record(state[:TASK_SIZE], TASK_STATE)
+    s = record(state[TASK_SIZE : TASK_SIZE + ARM_SIZE], ARM_STATE)
     i, o = record(inputs, INPUTS), record(outputs, OUTPUTS)
-    history = state[STATE_SIZE:].reshape(-1, ROW_SIZE)
+    history = state[TASK_SIZE + ARM_SIZE :].reshape(-1, ROW_SIZE)
     await_answer(s.joint, stamp_ns, q, qd, qd, 0)
-    s.path.scale, s.wrench_inputs[0].values[:], s.slip_inputs[0].values[:] = 1.0, wrench, twist
+    task.path.scale, s.wrench_inputs[0].values[:], s.slip_inputs[0].values[:] = 1.0, wrench, twist
     queue_slip(s.queue, slip_ns, twist)
     if s.law.known == 0:
-        begin_law(c, s, i, o)
-    evaluate_law(c, s, history, i, o, False, False)
+        begin_law(c, task, s, i, o, True)
+    sense(c, task, s, history, i, o, False)
+    command(c, task, s, i, o, True)
     keep_law(c, s, i, o)
     s.queue.count = 0
 
@@ -58,7 +63,7 @@ class BareLaw:
     def answer(self, joint: JointSample, wrench: WrenchSample, slips: Sequence[SlipSample]) -> EffortCommand:
         """Return the command for a joint state, the newest wrench, and the slip samples since the last call."""
         inputs, outputs, slip = new(INPUTS), new(OUTPUTS), slips[-1]
-        self._controller.robot.terms(joint.position, joint.velocity, inputs[self._arm])
+        self._controller.first.robot.terms(joint.position, joint.velocity, inputs[self._arm])
         law_alone(
             self._controller.config, self._state, inputs, outputs, joint.stamp_ns, joint.position, joint.velocity,
             wrench.wrench, slip.stamp_ns, slip.twist,

@@ -17,20 +17,22 @@ from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.run.in_process import ClosedLoop, run_in_process
 from slip_vic.scenarios.scenario import Scenario, load_scenario
-from slip_vic_controller.cycle import STATE_SIZE
+from slip_vic_controller.cycle import ARM_SIZE, TASK_SIZE
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params import ContactParams, ControllerParams
 from slip_vic_controller.robot import Robot
-from slip_vic_controller.session import Controller, ControllerSession, CycleResult
+from slip_vic_controller.session import CycleResult
 from test.campaigns.bench.bare_law import BareLaw
 from test.campaigns.bench.chain import chain_urdf
 from test.campaigns.bench.pingpong import JOINTS, LEDGER_FORM, NEEDED, TRUTH, codec
 from test.campaigns.bench.whole_pass import whole_pass
+from test.support.one_arm import OneArm, one_arm
 
 SCENARIO = "paper_planar"
 SETTLE_TICKS = 1200  # of the scenario: the arm moves, and the object has begun to slip
 SLIDE_TICKS = 500
 PERIOD_NS = 1_000_000
+STATE_SIZE = TASK_SIZE + ARM_SIZE
 Call = Callable[[], object]
 
 
@@ -39,7 +41,7 @@ class Moment:
     """One tick of a running scenario: all that a control cycle needs."""
 
     scenario: Scenario
-    session: ControllerSession
+    session: OneArm
     state: Array
     joint: JointSample
     wrenches: tuple[WrenchSample, ...]
@@ -64,9 +66,9 @@ def moment(scenario: Scenario, ticks: int = SETTLE_TICKS) -> Moment:
     for _ in range(ticks):
         loop.bridge.advance([loop.control(loop.observe()).command])
     outputs = loop.observe()
-    controller = Controller(scenario.controller, scenario.urdf, lockstep=False)
-    session = ControllerSession(controller)
-    session.restore(loop.controller.buffer)
+    controller = one_arm(scenario.controller, scenario.urdf, lockstep=False)
+    session = OneArm(controller)
+    session.restore(loop.session.buffer)
     newest = (outputs.arms[0].wrenches[-1],), (outputs.arms[0].slips[-1],)
     return Moment(scenario, session, session.buffer[:STATE_SIZE].copy(), outputs.arms[0].joint, *newest)
 
@@ -106,7 +108,7 @@ def backward_pass(governed: Moment) -> Call:
 def closed_loop_factor(scenario: Scenario, ticks: int) -> float:
     """Return simulated over wall time of simulator, sensors and law in one loop: the law alone, no middleware."""
     bridge = scenario.bridge_session()
-    law = BareLaw(Controller(scenario.controller, scenario.urdf, lockstep=True))
+    law = BareLaw(one_arm(scenario.controller, scenario.urdf, lockstep=True))
     outputs = bridge.observe()
 
     def tick() -> None:
@@ -222,7 +224,7 @@ def scaled_step(joints: int, contacts: int) -> Call:
             slip_axes=(True,) * (6 * contacts),
         ),
     )
-    session = ControllerSession(Controller(params, chain_urdf(joints), lockstep=False))
+    session = OneArm(one_arm(params, chain_urdf(joints), lockstep=False))
     joint = JointSample(0, 0.3 + 0.1 * np.arange(joints, dtype=np.float64), 0.1 * np.ones(joints), np.zeros(joints))
     wrenches = tuple(WrenchSample(0, 0.1 * np.arange(6.0)) for _ in range(contacts))
     slips = tuple(SlipSample(0, 1e-3 * np.arange(6.0)) for _ in range(contacts))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from slip_core.arrays import Array
 from slip_core.compiled import OUT1, REAL, VOID, kernel
 from slip_core.records import record
-from slip_vic_controller.cycle import STATE, STATE_SIZE
+from slip_vic_controller.cycle import TASK_SIZE, TASK_STATE
 from slip_vic_controller.reference.backward_pass import step_back
 
 
@@ -17,6 +17,6 @@ def whole_pass(state: Array, F: float) -> None:
         state: of a governed controller whose path is known.
         F: load that may be asked [N].
     """
-    grid = record(state[:STATE_SIZE], STATE).grid
+    grid = record(state[:TASK_SIZE], TASK_STATE).grid
     for k in range(grid.points.shape[0]):
         step_back(grid, grid.points.shape[0] - 1 - k, F, True)

@@ -13,11 +13,9 @@ import numpy as np
 from slip_core.types import EffortCommand
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
-from slip_vic.pair.scenario import PairScenario, load_pair
+from slip_vic.pair.scenario import SIDES, PairScenario, load_pair
 from slip_vic_controller.safety.modes import Request
-from slip_vic_controller.session import Controller
-from slip_vic_controller.team.crew import Results
-from slip_vic_controller.team.session import SIDES, TeamSession
+from slip_vic_controller.session import Controller, ControllerSession, Results
 from test.campaigns.faults.carriers import SampleCarrier
 from test.campaigns.faults.channel import Channel
 from test.campaigns.faults.monitors import NS, CommandMonitor, Promise, SafeStateMonitor
@@ -56,8 +54,8 @@ def make_plan(seed: int, trial: int) -> tuple[str, tuple[Fault, ...]]:
 
 
 @cache
-def prepared(name: str) -> tuple[PairScenario, tuple[Controller, ...]]:
-    """Return a scenario as the campaign runs it, and its controllers."""
+def prepared(name: str) -> tuple[PairScenario, Controller]:
+    """Return a scenario as the campaign runs it, and its controller."""
     scenario = load_pair(
         name,
         assignments=[
@@ -66,11 +64,8 @@ def prepared(name: str) -> tuple[PairScenario, tuple[Controller, ...]]:
             f"controller.trajectory.duration_s={DURATION_S}", "controller.mode=realtime", "bridge.mode=realtime",
         ],
     )  # fmt: skip
-    controllers = [
-        Controller(params, urdf, lockstep=False)
-        for params, urdf in zip(scenario.controllers, scenario.believed, strict=True)
-    ]
-    return scenario, tuple(controllers)
+    params, urdfs = (dict(zip(SIDES, each, strict=True)) for each in (scenario.controllers, scenario.believed))
+    return scenario, Controller(params, urdfs, lockstep=False)
 
 
 @dataclass
@@ -103,7 +98,7 @@ class PairTrial:
 
     def __init__(self, scenario: str, faults: tuple[Fault, ...], seed: int, trial: int) -> None:
         self._faults = faults
-        self.scenario, self._controllers = prepared(scenario)
+        self.scenario, self._controller = prepared(scenario)
         self._channels = {}
         for i, name in enumerate(f"{side}/{topic}" for side in SIDES for topic in TOPICS):
             controller = self.scenario.controllers[i // len(TOPICS)]
@@ -120,7 +115,7 @@ class PairTrial:
                     c.robot.effort_limit, limits.effort_rate, limits.longest_step_s, limits.restart_after_s, PERIOD_S
                 )
             )
-            for c in self._controllers
+            for c in self._controller.arms.values()
         ]
         age = {
             JOINT: inputs.joint.age_s + PERIOD_S,
@@ -147,7 +142,7 @@ class PairTrial:
         return found + [text for monitor in self.commands for text in monitor.violations]
 
     def _run(self) -> None:
-        bridge, team = self.scenario.bridge_session(), TeamSession(self._controllers)
+        bridge, team = self.scenario.bridge_session(), ControllerSession(self._controller)
         newest: list[EffortCommand | None] = [None] * len(SIDES)
         for tick in range(round(DURATION_S / PERIOD_S)):
             t = tick * PERIOD_S
@@ -167,7 +162,7 @@ class PairTrial:
                     newest[side] = EffortCommand(delivery.sample.stamp_ns - STEADY_NS, delivery.sample.effort)
             bridge.advance(newest)
 
-    def _happen(self, t: float, bridge: BridgeSession, team: TeamSession) -> None:
+    def _happen(self, t: float, bridge: BridgeSession, team: ControllerSession) -> None:
         for fault in self._faults:
             if fault in self._happened or t < fault.start_s:
                 continue
@@ -180,31 +175,32 @@ class PairTrial:
                 self._happened.add(fault)
                 team.request(Request(1 + int(3 * fault.size)))
 
-    def _control(self, team: TeamSession, t: float, now_ns: int) -> None:
+    def _control(self, team: ControllerSession, t: float, now_ns: int) -> None:
         """Let everything arrive, and answer each joint state as it comes, as the node does."""
         answered = False
         for side, name in enumerate(SIDES):
-            for topic, add in ((WRENCH, team.add_wrench), (SLIP, team.add_slip)):
+            arm = team.arms[side]
+            for topic, add in ((WRENCH, arm.add_wrench), (SLIP, arm.add_slip)):
                 for delivery in self._channels[f"{name}/{topic}"].arrivals(now_ns):
-                    add(side, delivery.sample, now_ns)
+                    add(0, delivery.sample, now_ns)
                     self._note(side, topic, delivery, t)
             for delivery in self._channels[f"{name}/{JOINT}"].arrivals(now_ns):
-                team.add_joint(side, delivery.sample, now_ns)
+                arm.add_joint(delivery.sample, now_ns)
                 self._note(side, JOINT, delivery, t)
                 answered |= self._answer(team, team.cycle(now_ns), t, now_ns)
         answered |= self._answer(team, team.watchdog(now_ns), t, now_ns)
-        self.follows = tuple(session.mode.follows for session in team.sessions)
+        self.follows = tuple(session.mode.follows for session in team.arms)
         for monitor in self.safe:  # each arm's inputs are reasons for both
             monitor.check(t, any(self.follows), answered)
         self.together.check(t, self.follows)
 
-    def _answer(self, team: TeamSession, results: Results, t: float, now_ns: int) -> bool:
+    def _answer(self, team: ControllerSession, results: Results, t: float, now_ns: int) -> bool:
         """Judge and send what a cycle answers; return whether it answers anything."""
         for side, result in enumerate(results):
             if result is None:
                 continue
             self.modes[result.mode.name] += 1
-            starts = partial(starts_of, team.sessions[side], result.joint)
+            starts = partial(starts_of, team.arms[side], result.joint)
             self.commands[side].take(now_ns, result.command.effort, starts)
             self._channels[f"{SIDES[side]}/{EFFORT}"].send(result.command, t, now_ns)
         return any(result is not None for result in results)

@@ -21,7 +21,7 @@ from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import Law, Scenario
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session import Controller, ControllerSession, CycleResult
+from slip_vic_controller.session import Controller, CycleResult
 from test.campaigns.faults.carriers import SampleCarrier
 from test.campaigns.faults.channel import Channel, Delivery
 from test.campaigns.faults.monitors import (
@@ -48,6 +48,7 @@ from test.campaigns.faults.plan import (
     realtime_scenario,
 )
 from test.campaigns.faults.wire import Wire
+from test.support.one_arm import OneArm, one_arm
 
 DURATION_S = 1.8
 LATEST_START_S, LONGEST_S = 0.6, 0.4
@@ -80,7 +81,7 @@ def prepared(name: str, observer: bool, kind: Law, sensor: str = IDEAL) -> tuple
         # What friction cannot carry is to be met: more than just enough grip at the start.
         assignments += ["controller.trajectory.displacement=[0.0, 0.1, 0.05]"]
     scenario = realtime_scenario(name, observer, kind, sensor, assignments)
-    return scenario, Controller(scenario.controller, scenario.urdf, lockstep=False)
+    return scenario, one_arm(scenario.controller, scenario.urdf, lockstep=False)
 
 
 class Trial:
@@ -108,7 +109,7 @@ class Trial:
         limits, inputs = safety.limits, safety.inputs
         self._commands = CommandMonitor(
             Promise(
-                self._law.robot.effort_limit,
+                self._law.first.robot.effort_limit,
                 limits.effort_rate,
                 limits.longest_step_s,
                 limits.restart_after_s,
@@ -150,7 +151,7 @@ class Trial:
 
     def _run(self) -> None:
         self._bridge = self._new_bridge(self._bridge_params, START_NS)
-        self._controller: ControllerSession | None = ControllerSession(self._law)
+        self._controller: OneArm | None = OneArm(self._law)
         last_end = max(fault.end_s for fault in self._plan.faults)
         for tick in range(round(DURATION_S / PERIOD_S)):
             t = tick * PERIOD_S
@@ -211,7 +212,7 @@ class Trial:
             elif fault.kind in ("reset", "clock_jump", "gains", "request", "grip"):
                 self._happen(fault)
         if self._controller is None and t >= self._controller_back:
-            self._controller = ControllerSession(self._law)
+            self._controller = OneArm(self._law)
 
     def _happen(self, fault: Fault) -> None:
         """What happens at one moment, or begins at it."""
@@ -229,7 +230,7 @@ class Trial:
         elif fault.kind == "gains" and self._controller is not None:
             self._retune(self._controller, fault)
 
-    def _retune(self, controller: ControllerSession, fault: Fault) -> None:
+    def _retune(self, controller: OneArm, fault: Fault) -> None:
         factor = 10.0 ** (2.0 * fault.size - 1.0)
         values = flatten(self.scenario.controller)
         values["gains.stiffness"] = [factor * k for k in values["gains.stiffness"]]
@@ -319,7 +320,7 @@ class Trial:
             self._record.append((self._now_ns, "controller/mode", f"{result.mode.name}: {result.reason}"))
 
 
-def starts_of(session: ControllerSession, joint: JointSample) -> list[NDArray[np.float64]]:
+def starts_of(session: OneArm, joint: JointSample) -> list[NDArray[np.float64]]:
     """Return from where the first command may begin that answers this joint state: what is felt, gravity; [N m]."""
     starts = [joint.effort] if np.isfinite(joint.effort).all() else []
     return [*starts, session.gravity] if session.begun else starts

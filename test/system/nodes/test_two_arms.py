@@ -12,12 +12,11 @@ from slip_core.stamps import stamp_to_ns
 from slip_vic.pair.inprocess import run_pair
 from slip_vic.pair.measures import judge
 from slip_vic.pair.recorded import judge_bag
-from slip_vic.pair.scenario import PairScenario, load_pair
+from slip_vic.pair.scenario import SIDES, PairScenario, load_pair
 from slip_vic.replay.run_data import read_team
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.launcher import Launcher
 from slip_vic.run.recording import recorded_topics
-from slip_vic_controller.team.session import SIDES
 
 NOISY = (
     "bridge.duration_s=0.2",

@@ -16,7 +16,7 @@ from slip_bags.reader import Bag
 from slip_msgs_py.events import Started
 from slip_vic.pair.measures import Judged
 from slip_vic.pair.recorded import judge_bag
-from slip_vic.pair.scenario import PairScenario, load_pair
+from slip_vic.pair.scenario import SIDES, PairScenario, load_pair
 from slip_vic.replay.run_data import read_team
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.node_command import parameter_arguments, run_parameters
@@ -24,7 +24,6 @@ from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child
 from slip_vic.run.recording import recorder_command
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.team.session import SIDES
 from test.support.ros import Processes, call_service, wait_until
 from test.system.nodes.test_modes import LATCHED
 

@@ -23,10 +23,11 @@ from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.cycle import STATE, STATE_SIZE
+from slip_vic_controller.cycle import ARM_SIZE, ARM_STATE, TASK_SIZE
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
-from slip_vic_controller.session import Controller, ControllerSession, Manifest
+from slip_vic_controller.session import Manifest
 from slip_vic_controller.snapshot import from_text, to_text
+from test.support.one_arm import OneArm, one_arm
 
 BAGS = Path(__file__).parents[3] / "bags"
 SLIPS_BY = 1100  # tick of paper_planar
@@ -48,11 +49,11 @@ def test_a_session_goes_on_from_the_text(assignments: tuple[str, ...]) -> None:
         before, outputs = outputs.counts if tick else (), loop.observe()
         if tick == SLIPS_BY - 100:  # a ramp is under way when the text is written
             values = flatten(scenario.controller) | {"object.mass": 1.3 * scenario.controller.object.mass}
-            loop.controller.retune(build(ControllerNodeParams, values, "test"))
+            loop.session.retune((build(ControllerNodeParams, values, "test"),))
         if tick == SLIPS_BY:
             known = before
-            text = to_text(loop.controller.snapshot())
-            restored = ControllerSession(Controller(scenario.controller, scenario.urdf, lockstep=True))
+            text = to_text(loop.session.snapshot())
+            restored = OneArm(one_arm(scenario.controller, scenario.urdf, lockstep=True))
             restored.restore(from_text(text))
             assert to_text(restored.snapshot()) == text
         expected = loop.control(outputs).command
@@ -61,10 +62,11 @@ def test_a_session_goes_on_from_the_text(assignments: tuple[str, ...]) -> None:
         loop.bridge.advance([expected])
     assert restored is not None
     # Behind it are the observer's rows, which keep what their last use left in fields that are not in use.
-    assert restored.snapshot()[:STATE_SIZE].tobytes() == loop.controller.snapshot()[:STATE_SIZE].tobytes()
+    end = TASK_SIZE + ARM_SIZE
+    assert restored.snapshot()[:end].tobytes() == loop.session.snapshot()[:end].tobytes()
 
 
-def answer(session: ControllerSession, outputs: TickOutputs, known: tuple[int, ...]) -> EffortCommand:
+def answer(session: OneArm, outputs: TickOutputs, known: tuple[int, ...]) -> EffortCommand:
     """Give a session one tick's samples; known: how many of each input came before it was there."""
     for wrench in outputs.arms[0].wrenches:
         session.add_wrench(0, wrench)
@@ -95,7 +97,7 @@ def test_a_state_changed_in_its_last_bit_is_noticed() -> None:
         run = read_run(bag, {})
     cycle = min(run.states)
     state = from_text(run.states[cycle])
-    at = place(STATE, "law.posture").start
+    at = TASK_SIZE + place(ARM_STATE, "law.posture").start
     state[at] = np.nextafter(state[at], math.inf)
     verdict = verify_run(dataclasses.replace(run, states={**run.states, cycle: to_text(state)}), from_s=0.5)
     assert not verdict.identical

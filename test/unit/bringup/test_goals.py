@@ -40,7 +40,7 @@ class Run:
             assignments=("controller.trajectory.kind=goal", f"bridge.duration_s={seconds}", *assignments),
         )  # fmt: skip
         self.loop = loop = ClosedLoop(loaded)
-        listener, self.lines, self.references, self.slip_m, self.load = Listener(loop.controller), [], [], 0.0, 0.0
+        listener, self.lines, self.references, self.slip_m, self.load = Listener(loop.session), [], [], 0.0, 0.0
         for tick in range(round(1000 * seconds)):
             outputs = loop.observe()
             if tick in at:
@@ -58,7 +58,7 @@ class Run:
     def give(self, displacement, turn, duration_s: float) -> None:
         x, R, _ = self.references[0]
         self.goal = x + displacement, Rotation.from_rotvec(turn).as_matrix() @ R
-        self.loop.controller.set_goal(PoseGoal(*self.goal, duration_s))
+        self.loop.session.set_goal(PoseGoal(*self.goal, duration_s))
 
 
 def test_a_goal_is_reached_without_slip_and_a_new_one_waits_until_the_pad_rests() -> None:
@@ -104,7 +104,7 @@ def test_a_goal_that_cannot_be_is_refused_in_one_line_and_the_pad_stays() -> Non
     assert fast.lines == ["goal 1 refused: it asks for 7.50 m/s, the limit is 2.25: give it more time"]
 
     def hold_then_give(run: Run) -> None:
-        run.loop.controller.request(Request.HOLD)
+        run.loop.session.request(Request.HOLD)
 
     late = Run("paper_planar", "classical", 1.1, {5: hold_then_give, 1090: lambda run: run.give(*PAPER)})
     assert late.lines == ["goal 1 refused: the law is not at work, see controller/mode"]

@@ -24,12 +24,15 @@ from slip_vic.run.launcher import Launcher
 from slip_vic.run.node_command import LaunchPlan, launch_plan, run_parameters
 from slip_vic.run.recording import recorder_command
 from slip_vic.scenarios.scenario import NODES, load_scenario
-from slip_vic_controller.parameters.team_params import TeamParams
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
 
 SRC = Path(__file__).parents[3] / "src"
 FILES = sorted((SRC / "slip_vic" / "launch").glob("*.launch.py"))
 ONE_ARM = {name: model for name, (_, model) in NODES.items()}
-TWO_ARMS = {"controller": TeamParams, "bridge": model_of_arms(BridgeParams, ("left", "right"))}
+TWO_ARMS = {
+    "controller": model_of_arms(ControllerNodeParams, ("left", "right")),
+    "bridge": model_of_arms(BridgeParams, ("left", "right")),
+}
 # What launch and launch_ros of Jazzy offer (docs.ros.org); look a name up before adding it.
 LAUNCH_API = {
     "launch": {"LaunchContext", "LaunchDescription"},

@@ -11,8 +11,8 @@ from slip_core.errors import InputError
 from slip_core.params import build, parameter_infos
 from slip_vic.scenarios.scenario import NODES
 from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.session import Controller
 from test.support.every import every
+from test.support.one_arm import one_arm
 from test.support.small_arm import small_arm_urdf
 
 BAD: list[tuple[dict[str, Any], list[str]]] = [
@@ -66,7 +66,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
 @every("values, words", BAD)
 def test_bad_parameters_give_one_clear_line(values: dict[str, Any], words: list[str]) -> None:
     with pytest.raises(InputError) as caught:
-        Controller(build(ControllerParams, values, "test.yaml"), small_arm_urdf(), lockstep=True)
+        one_arm(build(ControllerParams, values, "test.yaml"), small_arm_urdf(), lockstep=True)
     line = str(caught.value)
     assert "\n" not in line
     for word in words:

@@ -12,7 +12,8 @@ from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.session import Controller, ControllerSession, CycleResult
+from slip_vic_controller.session import CycleResult
+from test.support.one_arm import OneArm, one_arm
 from test.support.small_arm import HOME, small_arm_urdf
 
 MS = 1_000_000
@@ -27,11 +28,11 @@ def params(**values: Any) -> ControllerParams:
     return build(ControllerParams, LET_BE | {name.replace("__", "."): value for name, value in values.items()}, "test")
 
 
-def new_session(**values: Any) -> ControllerSession:
-    return ControllerSession(Controller(params(**values), small_arm_urdf(), lockstep=False))
+def new_session(**values: Any) -> OneArm:
+    return OneArm(one_arm(params(**values), small_arm_urdf(), lockstep=False))
 
 
-def step(session: ControllerSession, k: int, slip_age: int = 0) -> CycleResult:
+def step(session: OneArm, k: int, slip_age: int = 0) -> CycleResult:
     """Answer a joint state at rest, k ms after the beginning."""
     stamp_ns = (1000 + k) * MS
     session.add_wrench(0, WrenchSample(stamp_ns, WEIGHT + 1e-6 * k), stamp_ns)

@@ -18,9 +18,9 @@ from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.cycle import INPUTS
 from slip_vic_controller.law.arm import ARM as ARM_LAYOUT
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.session import Controller
 from slip_vic_controller.slip_displacement import SlipFromDisplacement
 from test.support.made_up import LOAD, MadeUp
+from test.support.one_arm import one_arm
 
 TICKS = 40
 ROUNDING = 1e-9
@@ -77,13 +77,13 @@ def test_a_link_of_the_urdf_says_where_the_sensor_is_and_nothing_else_may() -> N
     )
     by_link = scenario("controller.wrench.frame=netft_link").controller
     by_numbers = scenario(f"controller.wrench.position={list(PLACE)}", f"controller.wrench.rpy={list(RPY)}").controller
-    of_link, of_numbers = (Controller(p, urdf, lockstep=True).config for p in (by_link, by_numbers))
+    of_link, of_numbers = (one_arm(p, urdf, lockstep=True).config for p in (by_link, by_numbers))
     assert np.abs(of_link - of_numbers)[np.isfinite(of_link)].max() < 1e-12
     twice = scenario("controller.wrench.frame=netft_link", f"controller.wrench.position={list(PLACE)}").controller
     with pytest.raises(InputError, match="netft_link is a link of the URDF"):
-        Controller(twice, urdf, lockstep=True)
+        one_arm(twice, urdf, lockstep=True)
     with pytest.raises(InputError, match="a link that is fixed to ee"):
-        Controller(scenario("controller.wrench.frame=arm_link3").controller, urdf, lockstep=True)
+        one_arm(scenario("controller.wrench.frame=arm_link3").controller, urdf, lockstep=True)
 
 
 def test_a_wrench_that_stays_exactly_zero_is_not_no_load() -> None:

@@ -11,7 +11,8 @@ from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_msgs_py.last_resort import LOUD_VARIABLE, LastResort
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session import Controller, ControllerSession
+from slip_vic_controller.session import Controller
+from test.support.one_arm import OneArm, one_arm
 
 MS = 1_000_000
 LARGEST_NS, SMALLEST_NS = (2**31 - 1) * 1_000_000_000 + 999_999_999, -(2**31) * 1_000_000_000
@@ -20,13 +21,13 @@ LARGEST_NS, SMALLEST_NS = (2**31 - 1) * 1_000_000_000 + 999_999_999, -(2**31) * 
 @pytest.fixture(scope="module")
 def controller() -> Controller:
     scenario = load_scenario("paper_planar", mode="realtime")
-    return Controller(scenario.controller, scenario.urdf, lockstep=False)
+    return one_arm(scenario.controller, scenario.urdf, lockstep=False)
 
 
 HOME = np.array(load_scenario("paper_planar").bridge.initial_position)
 
 
-def feed(session: ControllerSession, stamp_ns: int, now_ns: int) -> Any:
+def feed(session: OneArm, stamp_ns: int, now_ns: int) -> Any:
     """Give one set of inputs of a resting arm; return the answer."""
     rest = np.zeros(7)
     session.add_wrench(0, WrenchSample(stamp_ns, np.array([1e-3 * (stamp_ns % 7), 0.0, 4.9, 0.0, 0.0, 0.0])), now_ns)
@@ -36,7 +37,7 @@ def feed(session: ControllerSession, stamp_ns: int, now_ns: int) -> Any:
 
 
 def test_a_failure_is_a_fault_whose_efforts_go_on_until_somebody_resets_it(controller: Controller) -> None:
-    session = ControllerSession(controller)
+    session = OneArm(controller)
     for k in range(1, 50):
         before = feed(session, k * MS, k * MS)
     assert session.mode == Mode.ACTIVE
@@ -45,7 +46,7 @@ def test_a_failure_is_a_fault_whose_efforts_go_on_until_somebody_resets_it(contr
     assert result.mode == Mode.FAULT
     assert "the controller itself failed" in result.reason
     assert result.decision[4] == Request.FAILED  # in the ledger, so that a replay does the same
-    step = controller.params.safety.limits.effort_rate * 1e-3
+    step = controller.first.params.safety.limits.effort_rate * 1e-3
     assert np.abs(result.command.effort - before.command.effort).max() <= step + 1e-12
     after = feed(session, 51 * MS, 51 * MS)
     assert after.mode == Mode.FAULT
@@ -57,7 +58,7 @@ def test_a_failure_is_a_fault_whose_efforts_go_on_until_somebody_resets_it(contr
 
 
 def test_a_failure_before_the_law_gives_no_effort_and_the_next_cycle_is_a_fault(controller: Controller) -> None:
-    session = ControllerSession(controller)
+    session = OneArm(controller)
     assert session.failed(MS) is None
     assert feed(session, 2 * MS, 2 * MS).mode == Mode.FAULT
 
@@ -65,9 +66,9 @@ def test_a_failure_before_the_law_gives_no_effort_and_the_next_cycle_is_a_fault(
 def test_stamps_at_the_ends_of_their_range_leave_the_efforts_finite(controller: Controller) -> None:
     """In real time and in lockstep, where every jump of the clock is taken at once."""
     stamps = (LARGEST_NS - 2 * MS, LARGEST_NS, SMALLEST_NS, SMALLEST_NS + 1, 0, LARGEST_NS, -1, 1, LARGEST_NS - 1)
-    lockstep = Controller(controller.params, load_scenario("paper_planar").urdf, lockstep=True)
+    lockstep = one_arm(controller.first.params, load_scenario("paper_planar").urdf, lockstep=True)
     for of in (controller, lockstep):
-        session, now_ns = ControllerSession(of), 0
+        session, now_ns = OneArm(of), 0
         for stamp_ns in stamps * 3:
             for k in range(7):  # more than `accept_after`
                 now_ns += MS

@@ -16,7 +16,8 @@ from slip_core.params import RANGES, ParameterInfo, build, flatten, parameter_in
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
-from slip_vic_controller.session import Controller, ControllerSession, Manifest
+from slip_vic_controller.session import Controller, Manifest
+from test.support.one_arm import OneArm, one_arm
 
 CYCLES, DRAWS = 50, 200
 HOSTILE = (5e-324, 1e-300, 1e300, -1e300)
@@ -55,7 +56,7 @@ def bridge() -> tuple[Any, BridgeSession]:
 
 def run_loop(bridge: BridgeSession, controller: Controller) -> None:
     """Close the loop from the start on, and look at every effort."""
-    session = ControllerSession(controller)
+    session = OneArm(controller)
     bridge.request_reset()
     counts = np.zeros(2, np.int64)
     for _ in range(CYCLES):
@@ -71,14 +72,14 @@ def run_loop(bridge: BridgeSession, controller: Controller) -> None:
         assert result is not None
         effort = result.command.effort
         assert np.isfinite(effort).all()
-        assert (np.abs(effort) <= controller.robot.effort_limit[: len(effort)]).all()
+        assert (np.abs(effort) <= controller.first.robot.effort_limit[: len(effort)]).all()
         bridge.advance([result.command])
 
 
 def outcome(values: dict[str, Any], scenario: Any, bridge: BridgeSession) -> str:
     """Return "refused", "ran", or what went wrong."""
     try:
-        controller = Controller(build(ControllerNodeParams, values, "test"), scenario.urdf, lockstep=True)
+        controller = one_arm(build(ControllerNodeParams, values, "test"), scenario.urdf, lockstep=True)
     except InputError as error:  # not always of the parameter itself: some must fit to others
         return "refused" if "\n" not in str(error) and ", expected " in str(error) else f"unclear: {error}"
     except Exception as error:

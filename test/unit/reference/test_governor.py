@@ -39,7 +39,7 @@ def travel(G, most=6000, disturbance=None, seed=0):
         _, R, v, a = G.before()
         extra = np.zeros(6) if disturbance is None else disturbance * rng.normal(size=6)
         G.after(a + extra, a, R, v[3:])
-        over = max(over, float(G.state.commanded / G.state.ceiling))
+        over = max(over, float(G.pad.commanded / G.state.ceiling))
         if G.state.arrived:
             return over, k
     return over, most
@@ -104,7 +104,7 @@ def test_without_margin_in_the_backward_pass_no_reserve_is_left_for_braking() ->
 
         def note(_k, G, loads=loads):
             if G.state.s > 0.7 * G.state.end and G.state.rate > 0.1:
-                loads.append(float(G.state.commanded / G.state.usable))
+                loads.append(float(G.pad.commanded / G.state.usable))
 
         run(PAPER, margin=1.0, path_margin=path_margin, end=2.0, extra=note, **TO)
         full.append(max(loads))
@@ -130,7 +130,7 @@ def test_only_the_first_sample_of_a_slip_teaches() -> None:
     """Sliding friction and the law's own doing are no limit: learnt while sliding, F^ would run down for ever."""
     G = Governor(BentPath(PAPER.way, 2.0), PAPER)
     for k in range(200):
-        G.state.commanded = 0.2 if k < 100 else 0.05
+        G.pad.commanded = 0.2 if k < 100 else 0.05
         h = np.array([0.2 if k < 100 else 0.05, 0, 0, 0, 0, 0.0])
         G.feel(h, k * 1_000_000)
     assert G.slip(99_000_000, 1e-3)
@@ -161,7 +161,7 @@ def test_while_it_slips_the_reference_follows_the_pad() -> None:
 def test_a_late_sample_teaches_the_load_of_its_own_stamp() -> None:
     G = Governor(BentPath(PAPER.way, 2.0), PAPER)
     for k in range(200):
-        G.state.commanded = 0.1 + 0.0005 * k
+        G.pad.commanded = 0.1 + 0.0005 * k
         G.feel(np.array([0.11 + 0.0005 * k, 0, 0, 0, 0, 0.0]), k * 1_000_000)
     assert G.slip(120_500_000, 1e-3)
     assert abs(G.state.estimate.F_hat - 0.95 * 0.16) < 1e-12
@@ -180,7 +180,7 @@ def test_the_plan_is_slow_enough_at_once_when_friction_falls() -> None:
         _, R, v, a = G.before()
         G.after(a, a, R, v[3:])
         seen += 1
-        assert G.state.commanded <= 0.9 * PAPER.force * (1 + ROUNDING)
+        assert G.pad.commanded <= 0.9 * PAPER.force * (1 + ROUNDING)
         assert G.state.rate <= rate + ROUNDING or G.state.urgent == 0
         rate = float(G.state.rate)
     assert 1 < seen <= 200 // 25 + 2
@@ -205,7 +205,7 @@ def test_what_stops_on_the_path_is_looked_for_and_the_least_that_was_seen_to_is_
 
 
 def test_it_begins_without_feedback() -> None:
-    assert not np.any(Governor(BentPath(PAPER.way, 2.0), PAPER).state.feedback)
+    assert not np.any(Governor(BentPath(PAPER.way, 2.0), PAPER).pad.feedback)
 
 
 @pytest.mark.parametrize(("K", "admitted"), [((0.04, 0.09, 0.16), 0.04), ((0.09, 0.04, 0.01), 0.04)])
@@ -342,7 +342,7 @@ def test_a_limit_learnt_below_the_weight_does_not_stop_what_is_on_its_way() -> N
         if k == 300:
             G.state.estimate.F_hat = 0.5 * VERTICAL.force
         assert G.state.infeasible == 0
-        assert G.state.commanded <= VERTICAL.force * (1 + ROUNDING)
+        assert G.pad.commanded <= VERTICAL.force * (1 + ROUNDING)
         if G.state.arrived:
             break
     assert 800 < k < 5999

@@ -55,7 +55,7 @@ class Streamed:
                 R = Rotation.from_rotvec(p * TURN).as_matrix() @ start[1]
                 six = np.concatenate((WAY, TURN))
                 stamp_ns = 7 * 10**15 + tick * 10**6 if stamped else 0  # of another clock that goes as fast
-                loop.controller.set_reference(CartesianReference(start[0] + p * WAY, R, v * six, a * six, stamp_ns))
+                loop.session.set_reference(CartesianReference(start[0] + p * WAY, R, v * six, a * six, stamp_ns))
             result = loop.control(outputs)
             reference, governor = result.record.reference, result.record.governor
             start = start or (np.array(reference.position), np.array(reference.rotation))

@@ -44,9 +44,6 @@ ALLOWED = {
     "slip_vic_controller.session": {"numpy", "slip_core"},
     "slip_vic_controller.slip_displacement": {"numpy", "slip_core"},
     "slip_vic_controller.snapshot": {"numpy", "slip_core"},
-    "slip_vic_controller.team": {"numpy", "slip_core"},
-    "slip_vic_controller.team.main": {"slip_msgs_py"},
-    "slip_vic_controller.team.node": SHELLS,
     "slip_sim_bridge": SHELLS,
     "slip_sim_bridge.friction": {"numpy", "pydantic", "slip_core"},
     "slip_sim_bridge.plant": {"numpy", "mujoco", "slip_core"},  # no other file knows MuJoCo
@@ -87,10 +84,6 @@ OWN = {  # layers inside a package: what of the own package a part may import
     },
     "slip_vic_controller.slip_displacement": {"slip_vic_controller.law.rotation"},
     "slip_vic_controller.snapshot": {"slip_vic_controller.cycle", "slip_vic_controller.observer"},
-    "slip_vic_controller.team": CYCLE
-    | {f"slip_vic_controller.{part}" for part in ("arrival", "cycle", "session", "team")},
-    "slip_vic_controller.team.main": {"slip_vic_controller.team.node"},
-    "slip_vic_controller.team.node": {"slip_vic_controller"},
     "slip_sim_bridge.friction": {"slip_sim_bridge.friction"},
     "slip_sim_bridge.plant": {f"slip_sim_bridge.{part}" for part in ("plant", "friction", "params")},
     "slip_sim_bridge.sensors": {"slip_sim_bridge.sensors", "slip_sim_bridge.params"},

@@ -5,10 +5,11 @@ from __future__ import annotations
 from slip_core.types import JointSample
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.session import ControllerSession, CycleResult
+from slip_vic_controller.session import CycleResult
 from test.campaigns.faults.trial import PERIOD_S, STEADY_NS, prepared
 from test.support.delivery import begun_bridge, deliver
 from test.support.every import every
+from test.support.one_arm import OneArm
 
 PERIOD_NS = round(PERIOD_S * 1e9)
 FUTURE_S = 0.05  # default of `inputs.future_s`
@@ -17,7 +18,7 @@ FUTURE_S = 0.05  # default of `inputs.future_s`
 def run(late_s: float) -> list[CycleResult]:
     """Run with joint states that come later than wrench and slip; the arm is held by the bridge."""
     scenario, law = prepared("paper_planar", False, "vic")
-    bridge, controller = begun_bridge(scenario), ControllerSession(law)
+    bridge, controller = begun_bridge(scenario), OneArm(law)
     way: list[JointSample] = []
     results = []
     for tick in range(100):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slip_core.records import new, record
-from slip_vic_controller.cycle import CONFIG, STATE, STATE_SIZE
+from slip_vic_controller.cycle import ARM_SIZE, ARM_STATE, CONFIG, TASK_SIZE, TASK_STATE
 from slip_vic_controller.safety.arbitration import HEALTH, Level, arbitrate
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, TransitionReasons
@@ -35,20 +35,24 @@ class Arbitration:
     def __init__(self, **values) -> None:
         self.controller = controller_of(**values)
         self.config, self.buffer = self.controller.config, self.controller.new_state()
-        self.state = record(self.buffer[:STATE_SIZE], STATE)
+        self.task = record(self.buffer[:TASK_SIZE], TASK_STATE)
+        self.state = record(self.buffer[TASK_SIZE:][:ARM_SIZE], ARM_STATE)
         self.limits = record(self.config, CONFIG).arbitration
-        self.names = self.controller.robot.joint_names
+        self.names = self.controller.first.robot.joint_names
 
     def arbitrate(self, health, frozen: bool = False, qd=STILL, now_ns: int = NOW_NS) -> tuple[TransitionReasons, int]:
         """Return what runs finds."""
         config, given = record(self.config, CONFIG), new(HEALTH)
         given.view(np.int64)[:] = health
         law = config.law
-        return call(arbitrate, config, self.state, given, frozen, law.joints, law.contacts, np.array(qd), now_ns)
+        return call(
+            arbitrate, config, self.task, self.state, given, frozen, law.joints, law.contacts, np.array(qd), now_ns
+        )
 
     def judge(self, memory: Memory, health=GOOD, frozen: bool = False, qd=STILL, now_ns: int = NOW_NS) -> Verdict:
         s, m = self.state, memory
-        s.now_ns, s.mode.mode, s.path.scale, s.latency.in_a_row = m.now_ns, m.mode, m.path_scale, m.late_in_a_row
+        s.now_ns, s.mode.mode, s.latency.in_a_row = m.now_ns, m.mode, m.late_in_a_row
+        self.task.path.scale = m.path_scale
         for name in TIMES:
             value = getattr(m, name)
             s.since[name] = NEVER if value is None else value
@@ -98,7 +102,7 @@ def random_memory(rng: np.random.Generator, limits) -> Memory:
 def test_it_is_the_plain_form() -> None:
     said: set[str] = set()
     for kind in kinds():
-        robot = kind.controller.robot
+        robot = kind.controller.first.robot
         for seed in range(700):
             rng = np.random.default_rng(seed)
             memory = random_memory(rng, kind.limits)
@@ -126,7 +130,7 @@ def test_levels_take_their_time_from_the_moment_slip_became_unknown() -> None:
     bad = (Fault.NONE, Fault.INVALID, Fault.NONE)
     for kind in kinds()[:2]:
         observer_ns, slow_ns = int(kind.limits.observer_ns), int(kind.limits.slow_down_ns)
-        assert (observer_ns > 0) == (kind.controller.params.slip_estimator == "observer")
+        assert (observer_ns > 0) == (kind.controller.first.params.slip_estimator == "observer")
         expected = []
         if observer_ns:
             expected += [(0, Level.OBSERVED), (observer_ns - 1, Level.OBSERVED)]
@@ -150,7 +154,7 @@ def test_the_classical_law_needs_no_slip_velocity() -> None:
 def test_a_path_too_heavy_for_friction_is_said_with_its_place_and_both_loads() -> None:
     judge = Arbitration()
     judge.judge(QUIET)
-    governor = judge.state.governor
+    governor = judge.task.governor
     governor.infeasible, governor.heaviest_time, governor.weight_load, governor.plan_load = 1, 1.5, 2.5, 0.5
     reason = describe(judge.arbitrate((Fault.NONE,) * 4)[0].hold, judge.names)
     load = "its weight asks 2.500 N, friction may be asked 0.485 N"
@@ -159,7 +163,7 @@ def test_a_path_too_heavy_for_friction_is_said_with_its_place_and_both_loads() -
 
 def test_speed_is_a_fault_after_five_milliseconds() -> None:
     kind = kinds()[0]
-    qd = 2.0 * kind.controller.robot.velocity_limit * (np.arange(N) == 3)
+    qd = 2.0 * kind.controller.first.robot.velocity_limit * (np.arange(N) == 3)
     first = kind.judge(QUIET, qd=qd)
     assert (first.fault, first.too_fast_ns) == ("", NOW_NS)
     assert kind.judge(QUIET._replace(too_fast_ns=NOW_NS - 5 * MS), qd=qd).fault == ""

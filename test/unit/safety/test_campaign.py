@@ -23,7 +23,6 @@ from slip_vic.scenarios.scenario import Law
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.session import Controller, ControllerSession
 from test.campaigns.faults import trial as trials
 from test.campaigns.faults.campaign import Tally, Verdict, judge, plan_of, upper_bound_95
 from test.campaigns.faults.cli import faults
@@ -35,6 +34,7 @@ from test.campaigns.faults.plan import BRIDGE, CONTROLLER, EFFORT, JOINT, SLIP, 
 from test.campaigns.faults.trial import run_trial
 from test.campaigns.faults.wire import Wire
 from test.support.every import every
+from test.support.one_arm import OneArm, one_arm
 
 SEED = 7
 PROMISE = Promise(np.array([87.0, 12.0]), 1000.0, 0.005, 0.05, 0.004)
@@ -61,7 +61,7 @@ def break_controller(monkeypatch: pytest.MonkeyPatch, change: Callable[[Any], No
 
     def broken(*setting: Any) -> Any:
         scenario, _ = real(*setting)
-        other = Controller(scenario.controller, scenario.urdf, lockstep=False)
+        other = one_arm(scenario.controller, scenario.urdf, lockstep=False)
         config = other.config.copy()
         change(record(config, CONFIG))
         other.config = config
@@ -91,7 +91,7 @@ def test_a_limiter_without_rate_limit_is_caught_and_leaves_its_bag(
 
 
 def test_a_controller_that_lets_bad_numbers_through_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Broken(ControllerSession):
+    class Broken(OneArm):
         """One number of one command is bad."""
 
         def cycle(self, now_ns: int | None = None) -> Any:
@@ -102,7 +102,7 @@ def test_a_controller_that_lets_bad_numbers_through_is_caught(monkeypatch: pytes
                 result.command = EffortCommand(result.command.stamp_ns, effort)
             return result
 
-    monkeypatch.setattr(trials, "ControllerSession", Broken)
+    monkeypatch.setattr(trials, "OneArm", Broken)
     assert any("nan" in text for text in run_trial(plan_of(SEED, 0)).violations)
 
 

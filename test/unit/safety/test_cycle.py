@@ -44,7 +44,7 @@ def with_value(values, index: int, value: float) -> np.ndarray:
 
 def inside(made_up: MadeUp, result) -> None:
     assert np.isfinite(result.command.effort).all()
-    assert (np.abs(result.command.effort) <= made_up.controller.robot.effort_limit).all()
+    assert (np.abs(result.command.effort) <= made_up.controller.first.robot.effort_limit).all()
 
 
 # -- bad input ----------------------------------------------------------------------------------------
@@ -95,7 +95,7 @@ def test_the_safe_command_holds_against_gravity_and_brakes() -> None:
     made_up = law_at_work()
     joint = made_up.joint(velocity=np.linspace(-0.5, 0.5, N))
     result = made_up.past_validation(joint, with_value(LOAD, 2, NAN))
-    expected = made_up.controller.robot.gravity(joint.position) - 2.0 * joint.velocity
+    expected = made_up.controller.first.robot.gravity(joint.position) - 2.0 * joint.velocity
     np.testing.assert_allclose(result.record.wanted[:N], expected, atol=ROUNDING)
     np.testing.assert_allclose(result.command.effort, expected, atol=1.0)  # as fast as the rate limit lets it
 
@@ -114,7 +114,7 @@ def test_a_reference_that_is_not_finite_is_not_followed(name: str, value: float)
 def test_a_gap_of_joint_states_is_bridged_and_then_gravity_of_the_last_good_position_is_left() -> None:
     made_up = law_at_work()
     good = made_up.run(20)
-    bridge_ns = round(made_up.controller.params.safety.inputs.bridge_s * 1e9)
+    bridge_ns = round(made_up.controller.first.params.safety.inputs.bridge_s * 1e9)
     for passed in range(0, bridge_ns + 1, MS):
         bad = made_up.cycle(JointSample(made_up.stamp_ns, np.full(N, NAN), np.zeros(N), np.zeros(N)))
         assert bad.command.effort.tobytes() == good.command.effort.tobytes()
@@ -123,7 +123,7 @@ def test_a_gap_of_joint_states_is_bridged_and_then_gravity_of_the_last_good_posi
     for _ in range(100):
         bad = made_up.cycle(JointSample(made_up.stamp_ns, np.full(N, NAN), np.zeros(N), np.zeros(N)))
     assert (bad.mode, bad.reason) == (Mode.HOLD, "joint state is not finite")
-    expected = made_up.controller.robot.gravity(good.joint.position)
+    expected = made_up.controller.first.robot.gravity(good.joint.position)
     np.testing.assert_allclose(bad.command.effort, expected, atol=ROUNDING)
     assert not bad.ok
 
@@ -294,7 +294,7 @@ def test_feed_forward_can_be_switched_off() -> None:
 def test_at_rest_on_the_reference_the_torque_is_gravity_and_load() -> None:
     made_up = MadeUp()
     result = made_up.cycle(made_up.joint(velocity=np.zeros(N)), slip=ZERO, passed_ns=0)
-    gravity, J = made_up.controller.robot.gravity(result.joint.position), result.arm.J[:, :N]
+    gravity, J = made_up.controller.first.robot.gravity(result.joint.position), result.arm.J[:, :N]
     np.testing.assert_allclose(
         result.record.law.effort[:N], gravity - J.T @ result.record.law.torque.h_ee, atol=ROUNDING
     )
@@ -333,7 +333,7 @@ def test_a_given_reference_replaces_the_trajectory() -> None:
 def test_saturation_is_flagged_per_joint() -> None:
     made_up = law_at_work()
     result = made_up.past_validation(wrench=np.array([0.0, 0.0, 300.0, 0.0, 0.0, 0.0]), slip=ZERO)
-    law, limit = result.record.law, made_up.controller.robot.effort_limit
+    law, limit = result.record.law, made_up.controller.first.robot.effort_limit
     beyond = np.abs(law.torque.tau[:N]) > limit
     np.testing.assert_array_equal(law.saturated[:N], beyond)
     assert beyond.any()
@@ -345,7 +345,7 @@ def test_saturation_is_flagged_per_joint() -> None:
 def test_saturation_that_lasts_is_said() -> None:
     made_up = law_at_work(safety__saturated_s=0.1)
     heavy = np.array([0.0, 0.0, 300.0, 0.0, 0.0, 0.0])
-    lasts = round(1e3 * made_up.controller.params.safety.saturated_s)
+    lasts = round(1e3 * made_up.controller.first.params.safety.saturated_s)
     made_up.run(2, wrench=heavy, slip=ZERO, joint={"velocity": np.zeros(N)})
     since = int(made_up.state.since.saturated_ns)
     result = made_up.run(lasts - 3, wrench=heavy, slip=ZERO, joint={"velocity": np.zeros(N)})

@@ -19,6 +19,7 @@ from slip_vic.scenarios import scenario_names, scenario_text
 from slip_vic.scenarios.scenario import NODES, Scenario, load_scenario
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.session import Controller
+from test.support.one_arm import one_arm
 from test.unit.bridge.one_arm import OneArm
 
 MANY = settings(max_examples=60)
@@ -39,7 +40,7 @@ def scenario() -> Scenario:
 
 
 def make_controller(params: Any, urdf: str) -> Controller:
-    return Controller(params, urdf, lockstep=True)
+    return one_arm(params, urdf, lockstep=True)
 
 
 def one_line(action: Callable[[], Any]) -> Any | None:

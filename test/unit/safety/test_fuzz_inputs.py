@@ -20,11 +20,12 @@ from slip_msgs_py.fast_io import Receiver
 from slip_msgs_py.messages import from_msgs, to_msgs
 from slip_msgs_py.qos import message_class
 from slip_vic_controller.safety.modes import Request
-from slip_vic_controller.session import Controller, ControllerSession, Manifest
+from slip_vic_controller.session import Controller, Manifest
 from test.campaigns.faults.monitors import CommandMonitor, Promise
 from test.campaigns.faults.plan import EFFORT, JOINT, SLIP, TOPICS, WRENCH
 from test.campaigns.faults.trial import PERIOD_S, prepared, starts_of
 from test.campaigns.faults.wire import Wire
+from test.support.one_arm import OneArm
 
 JOINTS = tuple(f"arm_joint{i}" for i in range(1, 8))
 FRAME = "ee"
@@ -204,9 +205,9 @@ steps = st.lists(
 def test_session_never_raises_and_keeps_the_promise(first_bad: bool, sequence: list[tuple[str, Any, int]]) -> None:
     """From the very first sample on, which may be bad as well."""
     scenario, law = prepared("paper_planar", True, "vic")
-    limits = law.params.safety.limits
+    limits = law.first.params.safety.limits
     promise = Promise(
-        law.robot.effort_limit, limits.effort_rate, limits.longest_step_s, limits.restart_after_s, PERIOD_S
+        law.first.robot.effort_limit, limits.effort_rate, limits.longest_step_s, limits.restart_after_s, PERIOD_S
     )
     _run(scenario, law, CommandMonitor(promise), first_bad, sequence)
 
@@ -216,7 +217,7 @@ def _run(
 ) -> None:
     bridge = scenario.bridge_session()
     bridge.start_at(1000 * NS)
-    session = ControllerSession(law)
+    session = OneArm(law)
     now_ns = 5 * NS
     bad_first = [("joint", np.full(7, np.nan), 0)] if first_bad else []
     for kind, values, passed in [*bad_first, *sequence, ("good", None, 0), ("good", None, 0)]:

@@ -31,7 +31,6 @@ from slip_vic_controller.safety.hold import (
 )
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety.validation import JOINT_SAMPLE
-from slip_vic_controller.session import Controller
 from test.campaigns.faults.trial import STEADY_NS
 from test.referees import hold_referee
 from test.referees.hold_referee import held_inertia
@@ -40,6 +39,7 @@ from test.support.call import call, flat
 from test.support.delivery import answered_outputs, begun_bridge, realtime
 from test.support.every import every
 from test.support.made_up import LOAD, POSITION, MadeUp, N, law_at_work
+from test.support.one_arm import one_arm
 
 SAFETY = SafetyParams()
 BORNE_S = 0.020  # docs/safety.md
@@ -176,7 +176,7 @@ def test_the_referee_s_inertia_is_that_of_the_arm_and_half_of_a_rigid_object() -
 def test_a_real_grasp_is_within_the_assumed_excess() -> None:
     for name in SCENARIOS:
         scenario = load_scenario(name)
-        controller = Controller(scenario.controller, scenario.urdf, lockstep=False)
+        controller = one_arm(scenario.controller, scenario.urdf, lockstep=False)
         config, buffer = record(controller.config, CONFIG), new(ARM)
         n, contact, model = 7, config.law.contact[0], config.gains.object
         controller.robot.terms(np.array(scenario.bridge.initial_position), np.zeros(n), buffer)

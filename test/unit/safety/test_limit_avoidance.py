@@ -17,7 +17,7 @@ from test.support.made_up import N, controller_of
 
 CLOSE = 1e-10  # sums of products up to 1e4
 CONTROLLER = controller_of()
-ROBOT = CONTROLLER.robot
+ROBOT = CONTROLLER.first.robot
 LIMITS = record(CONTROLLER.config, CONFIG).motion
 BUFFER = np.frombuffer(LIMITS.tobytes()).copy()
 MIDDLE, HALF = (ROBOT.position_upper + ROBOT.position_lower) / 2, (ROBOT.position_upper - ROBOT.position_lower) / 2
@@ -137,12 +137,15 @@ def test_a_brake_bears_efforts_that_are_late() -> None:
 
 
 def test_limits_are_the_parameters_and_the_urdf_s() -> None:
-    limits = CONTROLLER.params.safety.limits
+    limits = CONTROLLER.first.params.safety.limits
     assert MOTION_LIMITS.itemsize == LIMITS.dtype.itemsize
     np.testing.assert_allclose(LIMITS.near_lower[:N], ROBOT.position_lower + limits.position_margin)
     np.testing.assert_allclose(LIMITS.near_upper[:N], ROBOT.position_upper - limits.position_margin)
     np.testing.assert_allclose(LIMITS.velocity[:N], limits.velocity_scale * ROBOT.velocity_limit)
     np.testing.assert_allclose(LIMITS.trip[:N], limits.velocity_trip * LIMITS.velocity[:N])
     assert (LIMITS.speed_linear, LIMITS.speed_angular) == (limits.speed_linear, limits.speed_angular)
-    assert (LIMITS.drive.rate, NS * LIMITS.drive.period_ns) == (limits.effort_rate, CONTROLLER.params.control_period_s)
+    assert (LIMITS.drive.rate, NS * LIMITS.drive.period_ns) == (
+        limits.effort_rate,
+        CONTROLLER.first.params.control_period_s,
+    )
     np.testing.assert_array_equal(LIMITS.drive.effort[:N], ROBOT.effort_limit)

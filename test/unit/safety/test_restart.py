@@ -11,13 +11,13 @@ from slip_core.types import EffortCommand, JointSample
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.session import Controller, ControllerSession
 from test.campaigns.faults import trial as trials
 from test.campaigns.faults.plan import BRIDGE, CONTROLLER, JOINT, SLIP, WRENCH, Plan
 from test.campaigns.faults.plan import Fault as Planned
 from test.campaigns.faults.trial import PERIOD_S, STEADY_NS, prepared, run_trial
 from test.support.delivery import begun_bridge, deliver
 from test.support.every import every
+from test.support.one_arm import OneArm, one_arm
 
 ROUNDING = 1e-9  # [N m]
 STEP = PERIOD_S * 1000.0  # [N m]: what the default slope allows in a control period
@@ -31,7 +31,7 @@ class Loop:
         scenario, self.law = prepared("paper_planar", True, "vic")
         assert scenario.controller.safety.limits.effort_rate * PERIOD_S == STEP
         self.bridge = begun_bridge(scenario)
-        self.controller = ControllerSession(self.law)
+        self.controller = OneArm(self.law)
         self.now_ns = STEADY_NS
         self.effort = np.zeros(0)
 
@@ -65,7 +65,7 @@ def test_restart_in_motion_makes_no_step() -> None:
     joint = loop.observe()
     assert np.abs(joint.velocity).max() > 0.05, "the arm must move for this test to mean something"
     loop.bridge.advance([None])
-    loop.controller = ControllerSession(loop.law)
+    loop.controller = OneArm(loop.law)
     efforts = []
     for _ in range(50):
         joint = loop.observe()
@@ -89,7 +89,7 @@ def test_after_a_pause_efforts_begin_where_the_joints_are_though_positions_jumpe
     jumped = dataclasses.replace(jumped, stamp_ns=joint.stamp_ns + PAUSE_NS)
     effort = loop.cycle(jumped)
     assert loop.fault == Fault.JUMP
-    limit = loop.law.robot.effort_limit
+    limit = loop.law.first.robot.effort_limit
     assert np.abs(effort - np.clip(jumped.effort, -limit, limit)).max() <= STEP + ROUNDING
 
 
@@ -106,7 +106,7 @@ def test_after_a_pause_efforts_of_a_second_source_are_not_believed() -> None:
     )
     effort = loop.cycle(foreign)
     assert loop.fault == Fault.JUMP
-    gravity = loop.law.robot.gravity(joint.position)
+    gravity = loop.law.first.robot.gravity(joint.position)
     assert np.abs(gravity - foreign.effort).max() > 2 * STEP, "gravity must weigh for this test to mean something"
     assert np.abs(effort - gravity).max() <= STEP + ROUNDING
 
@@ -147,7 +147,7 @@ def test_a_source_that_starts_anew_begins_a_new_trajectory_without_a_step() -> N
     """The clock of the joint states goes back: WAITING_INPUT for the samples that agree, then the path from here."""
     loop = Loop()
     last = loop.run(20)  # before it moves fast: without commands the bridge stops the arm, and the object would slide
-    begun_ns = int(loop.controller.state.law.start_ns)
+    begun_ns = int(loop.controller.task.start_ns)
     back_ns = 500_000_000_000
     modes = []
     for _ in range(60):
@@ -168,10 +168,10 @@ def test_a_source_that_starts_anew_begins_a_new_trajectory_without_a_step() -> N
             assert np.abs(result.command.effort - last).max() <= 5 * STEP
             last = result.command.effort
         modes.append(None if result is None else result.mode)
-    accept = loop.law.params.safety.inputs.accept_after
+    accept = loop.law.first.params.safety.inputs.accept_after
     assert modes[: accept - 1] == [None] * (accept - 1)  # stamps that jump are not answered
     assert modes[-1] in (Mode.ACTIVE, Mode.DEGRADED)
-    assert loop.controller.state.law.start_ns < begun_ns - back_ns // 2
+    assert loop.controller.task.start_ns < begun_ns - back_ns // 2
 
 
 def test_until_everything_was_seen_there_is_no_effort() -> None:
@@ -213,7 +213,7 @@ def test_with_late_s_stalls_below_the_age_limit_end_no_law_for_good(monkeypatch:
             "bridge.stop_after_duration=false",
         )  # fmt: skip
         scenario = load_scenario("paper_planar", mode="realtime", assignments=values)
-        law = Controller(scenario.controller, scenario.urdf, lockstep=False)
+        law = one_arm(scenario.controller, scenario.urdf, lockstep=False)
         monkeypatch.setattr(trials, "prepared", lambda *_, scenario=scenario, law=law: (scenario, law))
         outcome = run_trial(Plan(0, 1, "paper_planar", False, "vic", stalls))
         assert outcome.violations == []

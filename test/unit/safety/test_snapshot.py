@@ -14,9 +14,9 @@ from slip_core.params import build, flatten
 from slip_core.types import JointSample
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.safety.modes import Request
-from slip_vic_controller.session import ControllerSession
 from slip_vic_controller.snapshot import LAYOUT, cycle_of, from_text, to_text
 from test.support.made_up import LOAD, POSITION, SLIP, MadeUp, N
+from test.support.one_arm import OneArm
 
 KINDS = (
     {"gains__k_s": 100.0, "trajectory__kind": "quintic", "trajectory__displacement": (0.1, 0.0, 0.05)},
@@ -48,7 +48,7 @@ def test_a_session_goes_on_from_the_bytes_of_any_cycle() -> None:
         made_up, snapshots, results = MadeUp(**kind), [], []
         for k in range(CYCLES):
             if k == 15:  # a ramp is under way in what follows
-                values = flatten(made_up.controller.params) | {"object.mass": 0.6}
+                values = flatten(made_up.controller.first.params) | {"object.mass": 0.6}
                 made_up.session.retune(build(ControllerParams, values, "test"))
             snapshots.append((made_up.session.snapshot(), made_up.stamp_ns, made_up.now_ns, made_up.tick))
             results.append(disturbed_cycle(made_up, k))
@@ -67,7 +67,7 @@ def test_what_an_observer_does_not_use_any_more_is_not_in_a_snapshot() -> None:
     made_up = MadeUp(**KINDS[1])
     for k in range(60):
         disturbed_cycle(made_up, k % 30)
-    twin = ControllerSession(made_up.controller)
+    twin = OneArm(made_up.controller)
     twin.restore(made_up.session.snapshot())
     assert twin.snapshot().tobytes() == made_up.session.snapshot().tobytes()
     assert twin.buffer.tobytes() == made_up.session.snapshot().tobytes()

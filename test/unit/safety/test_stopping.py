@@ -53,7 +53,7 @@ class Path:
             if result.record.evaluated and result.ok:
                 self.path_s += 0.001 * sigma
                 planned, found = self.planned(self.path_s), result.record.reference
-                rate = float(self.made_up.state.path.rate)
+                rate = float(self.made_up.session.task.path.rate)
                 np.testing.assert_allclose(found.position, planned.position, atol=CLOSE)
                 np.testing.assert_allclose(found.rotation, planned.rotation, atol=CLOSE)
                 np.testing.assert_allclose(found.twist, sigma * planned.twist, atol=10 * CLOSE)
@@ -135,7 +135,7 @@ def test_a_reference_from_outside_is_slowed_down_as_well() -> None:
     made_up.session.request(Request.HOLD)
     for _ in range(100):
         result = made_up.run(1, **STILL)
-        sigma, rate = result.path_speed, made_up.state.path.rate
+        sigma, rate = result.path_speed, made_up.session.task.path.rate
         np.testing.assert_allclose(result.record.reference.twist, sigma * twist)
         np.testing.assert_allclose(result.record.reference.acceleration, (3.0 * sigma**2 + rate) * twist)
     assert sigma < 0.9

@@ -11,7 +11,7 @@ from slip_sim_bridge.sensors.slip import SlipMeasurement
 from slip_vic.presets import preset_names
 from slip_vic.presets.sensors import load_sensor
 from slip_vic_controller.arrival import is_silent, receive_joint_state, receive_slip, receive_wrench
-from slip_vic_controller.cycle import CONFIG, STATE, STATE_SIZE
+from slip_vic_controller.cycle import ARM_SIZE, ARM_STATE, CONFIG, TASK_SIZE
 from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.safety.faults import WORDS, Fault, Input, describe_fault
 from slip_vic_controller.safety.validation import vector_validity
@@ -36,9 +36,13 @@ class Validation:
 
     def __init__(self, lockstep: bool = False, quantum: float = 0.0) -> None:
         controller = controller_of(lockstep, slip_sensor__quantum_linear=quantum)
-        self.config, self.buffer, self.lockstep = controller.config, controller.new_state(), lockstep
-        self.state = record(self.buffer[:STATE_SIZE], STATE)
-        self.joints = JointReferee(controller.robot, INPUTS, lockstep=lockstep)
+        self.config, self.buffer, self.lockstep = (
+            controller.config,
+            controller.new_state()[TASK_SIZE:][:ARM_SIZE],
+            lockstep,
+        )
+        self.state = record(self.buffer, ARM_STATE)
+        self.joints = JointReferee(controller.first.robot, INPUTS, lockstep=lockstep)
         self.vectors = {
             False: VectorReferee(WRENCH, (WRENCH.force, WRENCH.torque), INPUTS.future_s, zero_is_normal=False),
             True: VectorReferee(SLIP, (SLIP.linear, SLIP.angular), INPUTS.future_s, zero_is_normal=True),
@@ -75,7 +79,7 @@ class Validation:
         return Fault(found)
 
     def validity(self, is_slip: bool, now_ns: int, joint_stamp_ns: int, arm_moves: bool = False) -> Fault:
-        config, state = record(self.config, CONFIG), record(self.buffer[:STATE_SIZE], STATE)
+        config, state = record(self.config, CONFIG), record(self.buffer, ARM_STATE)
         limits, vector = (config.slip, state.slip_inputs) if is_slip else (config.wrench, state.wrench_inputs)
         found = call(vector_validity, limits, vector[0], now_ns, joint_stamp_ns, arm_moves)
         assert found == self.vectors[is_slip].validity(now_ns, joint_stamp_ns, arm_moves)

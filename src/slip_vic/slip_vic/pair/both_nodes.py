@@ -6,13 +6,10 @@ import sys
 
 from slip_msgs_py.node_main import run_node
 from slip_vic.run.both_nodes import BothNodes
-from slip_vic_controller.team.node import TeamController
 
 
 class BothTeamNodes(BothNodes):
     """The nodes of two arms."""
-
-    CONTROLLER = TeamController
 
 
 def main() -> int:

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.types import CartesianReference, EffortCommand, SlipSample
+from slip_core.types import CartesianReference, DisplacementSample, EffortCommand
 from slip_sim_bridge.session import BridgeSession, TickOutputs
 from slip_vic.pair.scenario import PairScenario
-from slip_vic_controller.session import CycleResult, Manifest
-from slip_vic_controller.team.session import SIDES, TeamSession
+from slip_vic_controller.session import ControllerSession, CycleResult, Manifest
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +30,7 @@ class Leader:
         team: whose right arm is led.
     """
 
-    def __init__(self, team: TeamSession) -> None:
+    def __init__(self, team: ControllerSession) -> None:
         self._team = team
         self._apart: tuple[Array, Array] | None = None
 
@@ -44,7 +43,7 @@ class Leader:
         lever = R @ self._apart[0]
         v = np.concatenate((twist[:3] + np.cross(twist[3:], lever), twist[3:]))
         reference = CartesianReference(left.position + lever, R @ self._apart[1], v, np.zeros(6))
-        self._team.set_reference(1, reference)
+        self._team.arms[1].set_own_reference(reference)
 
 
 class TeamLoop:
@@ -52,24 +51,26 @@ class TeamLoop:
 
     def __init__(self, scenario: PairScenario) -> None:
         self.bridge: BridgeSession = scenario.bridge_session()
-        self.team: TeamSession = scenario.team()
+        self.team: ControllerSession = scenario.team()
         self._leader = Leader(self.team) if scenario.leader else None
 
     def control(self, outputs: TickOutputs) -> tuple[CycleResult, ...]:
         """Return the controller's answer to a tick's outputs."""
         team = self.team
-        for side, arm in enumerate(outputs.arms):
-            for wrench in arm.wrenches:
-                team.add_wrench(side, wrench)
-            for slip in arm.slips:
-                assert isinstance(slip, SlipSample), "slip_input of the team's arms is twist or flag"
-                team.add_slip(side, slip)
-        for side, arm in enumerate(outputs.arms):
-            team.add_joint(side, arm.joint)
+        for arm, sent in zip(team.arms, outputs.arms, strict=True):
+            for wrench in sent.wrenches:
+                arm.add_wrench(0, wrench)
+            for slip in sent.slips:
+                if isinstance(slip, DisplacementSample):
+                    arm.add_displacement(0, slip)
+                else:
+                    arm.add_slip(0, slip)
+        for arm, sent in zip(team.arms, outputs.arms, strict=True):
+            arm.add_joint(sent.joint)
         team.add_manifest(Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2]))
         results = team.cycle()
         answered = tuple(result for result in results if result is not None)
-        if len(answered) != len(SIDES):
+        if len(answered) != len(team.arms):
             raise RuntimeError("the controller did not answer a complete tick")
         if self._leader is not None:
             self._leader.lead(answered)

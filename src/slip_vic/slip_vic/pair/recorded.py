@@ -15,8 +15,7 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.incidents import Incident
 from slip_vic.pair.measures import LOST_PATH_M, LOST_SLIP_M, SETTLE_S, Judged
-from slip_vic.pair.scenario import PairScenario
-from slip_vic_controller.team.session import SIDES
+from slip_vic.pair.scenario import SIDES, PairScenario
 
 
 def judge_bag(

@@ -33,11 +33,10 @@ from slip_vic.scenarios import find_scenario, scenario_names, scenario_text
 from slip_vic.scenarios.scenario import BOUNDED, Mode, apply_sensor
 from slip_vic.scenarios.scenario import Law as OneArmLaw
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
-from slip_vic_controller.parameters.team_params import TeamParams
 
 if TYPE_CHECKING:
     from slip_sim_bridge.session import BridgeSession
-    from slip_vic_controller.team.session import TeamSession
+    from slip_vic_controller.session import ControllerSession
 
 SIDES = ("left", "right")
 
@@ -118,17 +117,16 @@ class PairScenario:
     """Whether the right pad is led by the left one; in one process only."""
     law: str = "internal"
     modules: ClassVar[dict[str, str]] = {
-        "controller": "slip_vic_controller.team.main",
+        "controller": "slip_vic_controller.main",
         "bridge": "slip_sim_bridge.main",
         "both": "slip_vic.pair.both_nodes",
     }
     """What runs as a process."""
 
     @property
-    def controller(self) -> TeamParams:
+    def controller(self) -> ParameterModel:
         """Parameters of the node that controls both."""
-        left, right = self.controllers
-        return TeamParams(left=left, right=right, left_base=self.bases[0], right_base=self.bases[1])
+        return params_of_arms(ControllerNodeParams, dict(zip(SIDES, self.controllers, strict=True)))
 
     @property
     def bridge(self) -> ParameterModel:
@@ -164,7 +162,7 @@ class PairScenario:
         self.team()
         self.bridge_session()
 
-    def run_parameters(self, peers: tuple[str, ...]) -> tuple[TeamParams, ParameterModel]:
+    def run_parameters(self, peers: tuple[str, ...]) -> tuple[ParameterModel, ParameterModel]:
         """Return the parameters of both nodes for a run with these peers."""
         controller = self.controller
         told = {"expected_subscribers": len(peers)}
@@ -182,14 +180,12 @@ class PairScenario:
 
         return BridgeSession(self.bridges, dict(zip(SIDES, self.urdfs, strict=True)))
 
-    def team(self) -> TeamSession:
+    def team(self) -> ControllerSession:
         """Return the controller of both arms, in lockstep."""
-        from slip_vic_controller.session import Controller
-        from slip_vic_controller.team.session import TeamSession
+        from slip_vic_controller.session import Controller, ControllerSession
 
-        return TeamSession(
-            [Controller(p, urdf, lockstep=True) for p, urdf in zip(self.controllers, self.believed, strict=True)]
-        )
+        params, urdfs = (dict(zip(SIDES, each, strict=True)) for each in (self.controllers, self.believed))
+        return ControllerSession(Controller(params, urdfs, lockstep=True))
 
 
 def load_pair(
@@ -239,7 +235,11 @@ def load_pair(
     values["right"]["controller"]["trajectory.start_s"] = (
         float(values["right"]["controller"].get("trajectory.start_s", 0.0)) + wrong.late_s
     )
-    controllers = tuple(build(ControllerNodeParams, values[side]["controller"], f"{origin}: {side}") for side in SIDES)
+    bases = outer.left.base, outer.right.base
+    controllers = tuple(
+        build(ControllerNodeParams, values[side]["controller"], f"{origin}: {side}").model_copy(update={"base": base})
+        for side, base in zip(SIDES, bases, strict=True)
+    )
     arms = [build(BridgeParams, values[side]["bridge"], f"{origin}: {side}") for side in SIDES]
     friction, grasped = arms[1].friction, arms[0].object
     arms[1] = arms[1].model_copy(
@@ -253,7 +253,6 @@ def load_pair(
         update={"mass": grasped.mass * wrong.mass, "inertia": tuple(wrong.mass * x for x in grasped.inertia)}
     )
     arms = [arm.model_copy(update={"object": heavier}) for arm in arms]
-    bases = outer.left.base, outer.right.base
     arms[1] = arms[1].model_copy(update={"base": _moved(arms[1].base, wrong)})
     bridges = dict(zip(SIDES, arms, strict=True))
     urdfs = tuple(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from slip_core.errors import InputError
 from slip_core.types import JointSample, PoseGoal, SlipSample, WrenchSample
-from slip_vic.replay.run_data import LedgerEntry, RecordedRun, TeamRun
+from slip_vic.replay.run_data import SIDES, LedgerEntry, RecordedRun, TeamRun
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.safety.reasons import JOINT_STATES
-from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Health
+from slip_vic_controller.session import ArmSession, Asked, Controller, ControllerSession, CycleResult, Health
 from slip_vic_controller.snapshot import from_text
-from slip_vic_controller.team.session import SIDES, Asked, TeamSession
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,14 +127,11 @@ def replay(run: RecordedRun, begin: int = 0) -> Iterator[Divergence | None]:
 
     The ledger gives the inputs, clock, verdicts and requests of every cycle; the rest is code.
     """
-    arm = _Arm(ControllerSession(_controller(run)), run, begin)
-    for index in range(begin, len(run.ledger)):
-        entry = arm.begin(index)
-        yield _compare(run, entry, run.efforts[index], arm.cycle(entry))
+    return _replay({"": run}, (begin,))
 
 
 def replay_team(run: TeamRun, from_s: float = 0.0) -> Iterator[Divergence | None]:
-    """Yield per cycle and arm what `replay` does; both arms ran in one controller.
+    """Yield per cycle and arm what `replay` does; all arms ran in one controller.
 
     Args:
         run: the run.
@@ -144,31 +140,35 @@ def replay_team(run: TeamRun, from_s: float = 0.0) -> Iterator[Divergence | None
     Raises:
         InputError: as of `replay`.
     """
-    team = TeamSession([_controller(side) for side in run.sides])
-    begins = team_begins(run, from_s)
-    arms = [_Arm(*each) for each in zip(team.sessions, run.sides, begins, strict=True)]
-    at = list(begins)
-    while any(index < len(side.ledger) for index, side in zip(at, run.sides, strict=True)):
-        entries = [
-            side.ledger[index] if index < len(side.ledger) else None for index, side in zip(at, run.sides, strict=True)
-        ]
-        turn = _turn(entries)
-        begun = {side: arms[side].begin(at[side]) for side in turn}
-        if len(turn) == len(arms):
-            answered = team.answer([arms[side].asked(entry, together=True) for side, entry in begun.items()])
-            results = dict(zip(turn, answered, strict=True))
-            for side, entry in begun.items():
-                arms[side].end(entry)
-        else:
-            results = {side: arms[side].cycle(entry) for side, entry in begun.items()}
-        for side, result in results.items():
-            found = _compare(run.sides[side], begun[side], run.sides[side].efforts[at[side]], result)
-            yield None if found is None else replace(found, topic=f"{SIDES[side]}/{found.topic}")
-            at[side] += 1
+    return _replay(dict(zip(SIDES, run.sides, strict=True)), team_begins(run, from_s))
 
 
-def _controller(run: RecordedRun) -> Controller:
-    return Controller(run.params, run.urdf, lockstep=run.params.mode == "lockstep")
+def _replay(runs: Mapping[str, RecordedRun], begins: Sequence[int]) -> Iterator[Divergence | None]:
+    params, urdfs = ({name: getattr(run, of) for name, run in runs.items()} for of in ("params", "urdf"))
+    lockstep = next(iter(params.values())).mode == "lockstep"
+    session = ControllerSession(Controller(params, urdfs, lockstep=lockstep))
+    arms = [_Arm(session, *each) for each in zip(session.arms, runs.values(), begins, strict=True)]
+    while any(arm.entry is not None for arm in arms):
+        turn = [arms[k] for k in _turn([arm.entry for arm in arms])]
+        for arm, entry, result in zip(turn, *_cycle(session, turn), strict=True):
+            found = _compare(arm.run, entry, arm.run.efforts[arm.at - 1], result)
+            prefix = f"{arm.name}/" if arm.name else ""
+            yield None if found is None else replace(found, topic=f"{prefix}{found.topic}")
+
+
+def _cycle(session: ControllerSession, turn: Sequence[_Arm]) -> tuple[list[LedgerEntry], list[CycleResult]]:
+    """Run the next cycle of some arms; return what was recorded of it, and the results."""
+    entries = [arm.begin() for arm in turn]
+    if len(turn) == 1:
+        silent = turn[0].watchdog(entries[0])
+        if silent is not None:
+            return entries, [silent]
+    together = len(turn) == len(session.arms)
+    asked = {arm.index: arm.asked(entry, together=together) for arm, entry in zip(turn, entries, strict=True)}
+    results = [result for result in session.answer(asked) if result is not None]
+    if any(arm.waited(entry) for arm, entry in zip(turn, entries, strict=True)):
+        session.set_active(session.active)  # as the run did
+    return entries, results
 
 
 def team_begins(run: TeamRun, from_s: float) -> tuple[int, ...]:
@@ -188,73 +188,76 @@ def team_begins(run: TeamRun, from_s: float) -> tuple[int, ...]:
 
 
 def _turn(entries: Sequence[LedgerEntry | None]) -> tuple[int, ...]:
-    """Return whose cycle is next: that of both, where they share a clock and no watchdog ran, or of the earlier one."""
-    left, right = entries
-    if left is None or right is None:
-        return (0,) if right is None else (1,)
-    if left.now_ns != right.now_ns:
-        return (0,) if left.now_ns < right.now_ns else (1,)
-    alone = any(Health.from_code(entry.health).joint == Fault.SILENT for entry in (left, right))
-    return (0,) if alone else (0, 1)
+    """Return whose cycle is next: of those with the earliest clock, one of the watchdog, or all others together."""
+    earliest = min(entry.now_ns for entry in entries if entry is not None)
+    now = {k: entry for k, entry in enumerate(entries) if entry is not None and entry.now_ns == earliest}
+    silent = [k for k, entry in now.items() if Health.from_code(entry.health).joint == Fault.SILENT]
+    return tuple(silent[:1] or now)
 
 
 class _Arm:
-    """One controller on its way through a ledger.
+    """One arm on its way through its ledger.
 
     Args:
-        session: of the controller.
+        session: of all arms.
+        arm: of the session.
         run: what was recorded.
         begin: index in the ledger.
     """
 
-    def __init__(self, session: ControllerSession, run: RecordedRun, begin: int) -> None:
-        self._session, self._run, self._samples = session, run, _Samples(run)
+    def __init__(self, session: ControllerSession, arm: ArmSession, run: RecordedRun, begin: int) -> None:
+        self._session, self._arm, self.run, self.at = session, arm, run, begin
+        self.name, self.index, self._samples = arm.name, arm.index, _Samples(run)
         self._changes = {change.index: change.params for change in run.changes}
         if begin > 0:
-            session.restore(from_text(run.states[run.ledger[begin].cycle]))
+            arm.restore(from_text(run.states[run.ledger[begin].cycle]))
             self._samples.previous(run.ledger[begin - 1])
             for index in [index for index in self._changes if index < begin]:
-                session.know(self._changes.pop(index))
+                arm.know(self._changes.pop(index))
 
-    def begin(self, index: int) -> LedgerEntry:
+    @property
+    def entry(self) -> LedgerEntry | None:
+        """What was recorded of the next cycle; None at the end."""
+        return self.run.ledger[self.at] if self.at < len(self.run.ledger) else None
+
+    def begin(self) -> LedgerEntry:
         """Take what had come since the cycle before, and return the entry of this one."""
-        entry = self._run.ledger[index]
-        if index in self._changes:
-            self._session.retune(self._changes[index])
-        _take(self._session, self._run, entry)
-        self._session.request(Request(entry.request))
+        entry = self.run.ledger[self.at]
+        if self.at in self._changes:
+            params = [arm.tuned for arm in self._session.arms]
+            params[self.index] = self._changes[self.at]
+            self._session.retune(params)
+        self.at += 1
+        _take(self._session, self.run, entry)
+        self._arm.request(Request(entry.request))
         return entry
 
-    def asked(self, entry: LedgerEntry, *, together: bool = False) -> Asked:
-        """Put the samples of a cycle in place, and return what it asks of this arm.
+    def asked(self, entry: LedgerEntry, *, together: bool) -> Asked:
+        """Put the samples of a cycle in place, and return what it answers for this arm.
 
-        together: a cycle of both arms, which finds anew whether one holds because of the other.
+        together: a cycle of all arms, which finds again whether one holds because of another.
         """
-        session, samples, health = self._session, self._samples, Health.from_code(entry.health)
+        arm, samples, health = self._arm, self._samples, Health.from_code(entry.health)
         if together and health.outside == Fault.OTHER_ARM:
             health = health._replace(outside=Fault.NONE)
         joint = samples.joint(entry)
         if samples.waits(entry):
-            session.give(joint, (), (), (), entry.now_ns)
+            arm.give(joint, (), (), (), entry.now_ns)
             return Asked(joint, health.joint, entry.now_ns, JOINT_STATES, health)
         new_slips = samples.new_slips(entry)
-        session.give(joint, samples.wrenches(entry), samples.slips(entry), new_slips, entry.now_ns)
+        arm.give(joint, samples.wrenches(entry), samples.slips(entry), new_slips, entry.now_ns)
         return Asked(joint, health.joint, entry.now_ns, 0, health)
 
-    def end(self, entry: LedgerEntry) -> None:
-        """Begin anew after a cycle that waited for an input, as the run did."""
-        if self._samples.waits(entry):
-            self._session.set_active(self._session.active)
+    def waited(self, entry: LedgerEntry) -> bool:
+        """Return whether a cycle waited for an input; what comes next begins again."""
+        return self._samples.waits(entry)
 
-    def cycle(self, entry: LedgerEntry) -> CycleResult:
-        """Run a cycle of this arm alone."""
-        session, newest = self._session, self._session.newest_joint
-        if Health.from_code(entry.health).joint == Fault.SILENT and session.begun and newest is not None:
-            # The watchdog's cycle: no joint state, so nothing of the input side takes part.
-            return session.without_joint_state(newest, entry.now_ns)[0]
-        result = session.answer(*self.asked(entry))
-        self.end(entry)
-        return result
+    def watchdog(self, entry: LedgerEntry) -> CycleResult | None:
+        """Run the cycle of the watchdog where the entry is of one: no joint state, so no input takes part."""
+        newest = self._arm.newest_joint
+        if Health.from_code(entry.health).joint != Fault.SILENT or not self._arm.begun or newest is None:
+            return None
+        return self._arm.without_joint_state(newest, entry.now_ns)[0]
 
 
 def _take(session: ControllerSession, run: RecordedRun, entry: LedgerEntry) -> None:
@@ -266,7 +269,7 @@ def _take(session: ControllerSession, run: RecordedRun, entry: LedgerEntry) -> N
     if entry.taken > len(run.given):
         got, expected = f"{len(run.given)} messages", f"the {entry.taken} that cycle {entry.cycle} knows"
         raise InputError("controller/reference_used", got=got, expected=expected)
-    for item in run.given[int(session.state.taken) : entry.taken]:
+    for item in run.given[int(session.task.taken) : entry.taken]:
         if isinstance(item, PoseGoal):
             session.set_goal(item)
         else:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from slip_bags.reader import Bag
 from slip_bags.series import Series
+from slip_core.arms import by_arm, model_of_arms
 from slip_core.arrays import readonly
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
@@ -27,11 +28,10 @@ from slip_msgs_py.messages.from_msgs import (
     slip_sample,
 )
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
-from slip_vic_controller.parameters.team_params import TeamParams
 from slip_vic_controller.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.snapshot import cycle_of
-from slip_vic_controller.team.session import SIDES
 
+SIDES: Final = ("left", "right")
 LEDGER: Final = "controller/ledger"
 STATE: Final = "controller/state"
 GIVEN: Final = "controller/reference_used"
@@ -124,14 +124,14 @@ def read_team(bag: Bag, overrides: dict[str, Any]) -> TeamRun:
     Raises:
         InputError: as of `read_run`.
     """
-    root, params = _team_namespace(bag), _parameters(bag, TeamParams, overrides)
+    root, params = _team_namespace(bag), _parameters(bag, model_of_arms(ControllerNodeParams, SIDES), overrides)
     left, right = (
         _read_arm(
             _Source(bag, root, f"{root}{side}/", f"{root}{NODE}", side),
             own,
             ["", f"../{other}/"][: len(own.contacts.position) // 3],
         )
-        for side, other, own in zip(SIDES, reversed(SIDES), params.arms, strict=True)
+        for side, other, own in zip(SIDES, reversed(SIDES), by_arm(params).values(), strict=True)
     )
     return TeamRun((left, right))
 
@@ -173,7 +173,7 @@ def _read_arm(source: _Source, params: ControllerNodeParams, contacts: Sequence[
         slips=tuple(_slips(bag, place, params) for place in places),
         efforts=_efforts(_complete(bag, f"{prefix}effort_command"), ledger_series, order),
         states=_states(bag, prefix + STATE),
-        given=_given(bag, prefix + GIVEN, params),
+        given=_given(bag, source.root + GIVEN, params),
     )
 
 

@@ -19,7 +19,7 @@ from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.reference.governor import GOVERNOR_CONFIG
-from slip_vic_controller.session import Controller
+from slip_vic_controller.session import ArmController
 
 
 def run_retime(
@@ -57,7 +57,7 @@ def run_retime(
     yield f"written: {out}"
 
 
-def governed(loaded: Scenario, timing: str) -> tuple[ControllerParams, Controller]:
+def governed(loaded: Scenario, timing: str) -> tuple[ControllerParams, ArmController]:
     """Return the parameters with a governor of this kind, and their controller.
 
     Raises:
@@ -74,10 +74,10 @@ def governed(loaded: Scenario, timing: str) -> tuple[ControllerParams, Controlle
             "trajectory": loaded.controller.trajectory.model_copy(update={"kind": "goal"}),
         }
     )
-    return params, Controller(params, loaded.urdf, lockstep=True)
+    return params, ArmController(params, loaded.urdf, lockstep=True)
 
 
-def governor_config(controller: Controller) -> Array:
+def governor_config(controller: ArmController) -> Array:
     """Return the GOVERNOR_CONFIG of a controller."""
     buffer = new(GOVERNOR_CONFIG)
     buffer.view(GOVERNOR_CONFIG)[0] = record(controller.config, CONFIG).governor

@@ -17,12 +17,11 @@ from slip_vic_controller.node import SlipVicController
 class BothNodes:
     """The bridge runs and spins the executor; the controller answers from its callbacks."""
 
-    CONTROLLER: type[SlipVicController] = SlipVicController
     BRIDGE: type[SlipSimBridge] = SlipSimBridge
 
     def __init__(self) -> None:
         executor = EventsExecutor()
-        self._controller = self.CONTROLLER(executor)
+        self._controller = SlipVicController(executor)
         self._bridge = self.BRIDGE(executor)
 
     def run(self, should_stop: Callable[[], bool]) -> None:

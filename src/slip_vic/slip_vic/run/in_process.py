@@ -63,7 +63,9 @@ class ClosedLoop:
 
     def __init__(self, scenario: Scenario) -> None:
         self.bridge = scenario.bridge_session()
-        self.controller = ControllerSession(Controller(scenario.controller, scenario.urdf, lockstep=True))
+        controller = Controller({"": scenario.controller}, {"": scenario.urdf}, lockstep=True)
+        self.session = ControllerSession(controller)
+        (self.controller,) = self.session.arms
 
     def observe(self) -> TickOutputs:
         """Return what the bridge measures now."""
@@ -80,8 +82,8 @@ class ClosedLoop:
             else:
                 controller.add_slip(0, slip)
         controller.add_joint(arm.joint)
-        controller.add_manifest(Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2]))
-        result = controller.cycle()
+        self.session.add_manifest(Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2]))
+        (result,) = self.session.cycle()
         if result is None:
             raise RuntimeError("the controller did not answer a complete tick")
         return result

@@ -12,9 +12,6 @@ from slip_core.params import ParameterInfo, ParameterModel, flatten, parameter_i
 from slip_core.topics import markdown_table
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import NODES, Law, load_scenario, ros_parameter_file
-from slip_vic_controller.parameters.team_params import TeamParams
-
-TWO_ARMS: dict[str, type[ParameterModel]] = {"slip_vic_controller": TeamParams}
 
 
 def config_files(scenarios: list[str] | None = None, *, complete: bool = False) -> dict[str, str]:
@@ -94,12 +91,9 @@ def parameter_page() -> str:
     for node_name, model in NODES.values():
         parts.append(f"## {node_name}\n\n{_table(model)}")
     parts.append(
-        "## Several arms\n\nThe bridge with `arms: [left, right]` has its parameters above for each arm, below\n"
-        "`left.` and `right.`; what describes the world is equal in all. The controller of two arms\n"
-        "(`slip_vic_controller_two_arms_node`) has those above below `left.` and `right.`, and these. It follows\n"
-        "built-in paths, with a constant grip."
+        "## Several arms\n\nBridge and controller with `arms: [left, right]` have their parameters above for each\n"
+        "arm, below `left.` and `right.`; what describes the world, and what one process does for all, is equal in all."
     )
-    parts += [f"### {name}\n\n{_table(model, skip=('left.', 'right.'))}" for name, model in TWO_ARMS.items()]
     return "\n\n".join(parts) + "\n"
 
 

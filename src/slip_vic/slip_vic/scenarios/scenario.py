@@ -178,7 +178,7 @@ class Scenario:
                 expected="1: the bridge simulates one arm",
                 fix="two arms that hold one object have scenarios of their own: docs/two_arms.md",
             )
-        Controller(self.controller, self.urdf, lockstep=True)
+        Controller({"": self.controller}, {"": self.urdf}, lockstep=True)
         self.bridge_session()
         self.check_arm()
 

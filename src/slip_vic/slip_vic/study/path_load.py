@@ -60,7 +60,7 @@ def path_load(scenario: Scenario) -> PathLoad:
         governed = result.record.governor
         places.append(Place(float(governed.load_commanded), float(governed.path_s), (x, y, z)))
         loop.bridge.advance([result.command])
-    planned = loop.controller.state.governor
+    planned = loop.session.task.governor
     heaviest_s = float(planned.heaviest_time)
     there = min(places, key=lambda place: abs(place.time_s - heaviest_s))
     return PathLoad(told, max(places), Place(float(planned.weight_load), heaviest_s, there.position))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pydantic import Field
+
+from slip_core.grasp_params import BaseParams
 from slip_core.params import parameter
 from slip_core.timing import TimingParams
 from slip_vic_controller.params import ControllerParams
@@ -21,4 +24,5 @@ class ControllerNodeParams(ControllerParams):
     publish_effort_array: bool = parameter(
         False, "also publish `effort_controller/commands` (Float64MultiArray) for ros2_control's effort controllers"
     )
+    base: BaseParams = Field(default_factory=BaseParams)
     timing: TimingParams = TimingParams()

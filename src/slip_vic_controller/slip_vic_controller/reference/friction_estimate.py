@@ -208,3 +208,30 @@ def allowed(config: Any, state: Any, margin: float) -> float:
     if config.friction == Friction.UNKNOWN:
         return min(state.certified + config.probe, margin * state.F_hat)
     return float(margin * state.F_hat)
+
+
+@part
+def weaker(estimate: Any, pad: Any) -> None:
+    """Let an ESTIMATE of all pads count with another pad where that one is weaker; each sensor sees its own pad."""
+    if pad.F_hat < estimate.F_hat:
+        estimate.F_hat, estimate.slipped_at = pad.F_hat, pad.slipped_at
+    estimate.certified = min(estimate.certified, pad.certified)
+    estimate.slipping, estimate.slip_ns = max(estimate.slipping, pad.slipping), max(estimate.slip_ns, pad.slip_ns)
+    if pad.suspected != 0:
+        known = estimate.suspected != 0
+        estimate.suspected_at = min(estimate.suspected_at, pad.suspected_at) if known else pad.suspected_at
+        estimate.suspected = 1
+
+
+@part
+def end_slip(config: Any, estimate: Any, now_ns: int) -> None:
+    """End the slip of several pads when no sample of any has shown one for so long [ns]."""
+    if estimate.slipping != 0 and now_ns - estimate.slip_ns >= config.quiet_ns + config.sensor_delay_ns:
+        estimate.slipping = 0
+
+
+@part
+def take_weakest(pad: Any, estimate: Any) -> None:
+    """Let a pad know what all pads together have: friction of the weakest one, and whether any slips."""
+    pad.F_hat, pad.slipped_at = estimate.F_hat, estimate.slipped_at
+    pad.slipping, pad.slip_ns = estimate.slipping, estimate.slip_ns

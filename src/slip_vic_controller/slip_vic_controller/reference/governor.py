@@ -22,6 +22,7 @@ from slip_vic_controller.reference.backward_pass import at_rest, range_of_u, ste
 from slip_vic_controller.reference.friction_estimate import (
     ESTIMATE,
     ESTIMATE_CONFIG,
+    LOAD_HISTORY,
     Friction,
     allowed,
     certain,
@@ -99,8 +100,7 @@ GOVERNOR = layout(
     phase=WHOLE, cursor=WHOLE, planned=WHOLE, urgent=WHOLE, search=WHOLE, search_pass=WHOLE,
     asked=REAL, pass_load=REAL, plan_load=REAL, low_load=REAL, high_load=REAL,
     infeasible=WHOLE, heaviest_time=REAL, weight_load=REAL, overrun=WHOLE, strained=WHOLE, halted=WHOLE, arrived=WHOLE,
-    led=WHOLE,
-    feedback=(REAL, (6,)), usable=REAL, ceiling=REAL, commanded=REAL, measured=REAL, guard=REAL, bound=REAL,
+    out_speed=REAL, out_bend=REAL, usable=REAL, ceiling=REAL, bound=REAL,
     grip=REAL, ring_count=WHOLE, ring=(REAL, (MAX_WINDOW, 3)), estimate=ESTIMATE,
 )  # fmt: skip
 """s, rate: where on the path, and sdot; time: the user's time there [s]; end: of s; out_*: the same after smoothing,
@@ -109,10 +109,15 @@ high_load: loads that are planned for, of the pass under way, of the plan in use
 infeasible: friction does not carry the weight everywhere on the path; heaviest_time, weight_load: where the weight
 loads most [s], and that load [N]; overrun: no load that is allowed stops on the path; strained: no sddot keeps the load
 of feedback and path within the limit; halted: the path rests, since the observer has found slip at a load less than
-what it asks from here on; feedback: a_C - a_d of the last cycle {w}; usable, ceiling: loads that path and
-guard may ask [N]; commanded, measured: loads of the last cycle [N]; guard: factor on a_C; grip: over the one
-for which F^ is told; bound: sdot^2 over K; ring: s, sdot, sddot; duration: of the path that is run through [s]; led:
-the step on the path is another arm's."""
+what it asks from here on; out_speed, out_bend: ds/dt of the first pad's path there, and its rate; usable, ceiling:
+loads that path and guard may ask [N]; grip: least of all pads, over the one for which F^ is configured; bound: sdot^2
+over K; ring: s, sdot, sddot; duration: of the path that is run through [s]; estimate: of the weakest pad."""
+
+PAD = layout(
+    feedback=(REAL, (6,)), commanded=REAL, measured=REAL, guard=REAL, grip=REAL, estimate=ESTIMATE, loads=LOAD_HISTORY,
+)  # fmt: skip
+"""What the governor keeps of each pad. feedback: a_C - a_d of the last cycle {w}; commanded, measured: loads of the
+last cycle [N]; guard: factor on a_C; grip: over the one for which F^ is configured; loads: of the last cycles."""
 
 
 @part
@@ -125,17 +130,24 @@ def start_path(config: Any, state: Any) -> None:
     state.asked = state.pass_load = state.plan_load = state.low_load = state.high_load = 0.0
     state.infeasible, state.heaviest_time, state.weight_load = 0, 0.0, 0.0
     state.overrun, state.strained, state.halted, state.arrived = 0, 0, 0, 0
-    state.bound, state.guard = 0.0, 1.0
+    state.bound = 0.0
     steady(config, state)
 
 
 @part
-def start_governor(config: Any, state: Any, history: Any, at_rest: float) -> None:
-    """Begin: nothing is known of friction beyond what is told; at_rest: load of the object at rest [N]."""
-    start_estimate(config.estimate, state.estimate, history, at_rest)
-    state.commanded = state.measured = at_rest
-    put_spatial(state.feedback, Spatial(Vec(0.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0)))
-    state.duration, state.grip = config.duration, 1.0
+def start_pad(config: Any, pad: Any, at_rest: float) -> None:
+    """Begin with a pad: nothing is known of friction beyond the configuration; at_rest: load of the object [N]."""
+    start_estimate(config.estimate, pad.estimate, pad.loads, at_rest)
+    pad.commanded = pad.measured = at_rest
+    pad.guard, pad.grip = 1.0, 1.0
+    put_spatial(pad.feedback, Spatial(Vec(0.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0)))
+
+
+@part
+def start_governor(config: Any, state: Any, pad: Any) -> None:
+    """Begin a path, with what is known of a pad."""
+    state.estimate = pad.estimate
+    state.duration, state.grip = config.duration, pad.grip
     start_path(config, state)
 
 
@@ -309,11 +321,12 @@ def allow(config: Any, state: Any) -> None:
 
 
 class Pad(NamedTuple):
-    """The pad {w}: x, as seen from a point of the path [m]; attitude R; twist v."""
+    """The pad {w}: x, as seen from a point of the path [m]; attitude R; twist v; feedback: a_C - a_d, last cycle."""
 
     x: Vec
     R: Mat
     v: Spatial
+    feedback: Spatial
 
 
 @part
@@ -367,7 +380,7 @@ def step_on(
     """
     weights, R_ee, w_ee = surface(spatial(config.slip_axes), config.radius), pad.R, pad.v.angular
     (K, slope), rate = ahead, state.rate
-    a = rate * rate * point.curve + spatial(state.feedback)
+    a = rate * rate * point.curve + pad.feedback
     b = drawn(held, weights, R_ee, a) + turning(held, weights, R_ee, w_ee)
     b = b + weight(held, weights, R_ee, vec(config.gravity))
     l_u = drawn(held, weights, R_ee, point.tangent)
@@ -461,26 +474,30 @@ def anchor(config: Any, state: Any, grid: Any, point: Along, x_e: Vec, v_ee: Spa
 
 
 @part
-def feel(config: Any, state: Any, history: Any, h_ee: Spatial, now_ns: int) -> None:
+def feel(config: Any, pad: Any, h_ee: Spatial, now_ns: int) -> None:
     """Remember the measured load; to be called before the slip samples of this cycle are taken.
 
     Args:
-        config, state, history: GOVERNOR_CONFIG, GOVERNOR, LOAD_HISTORY.
+        config, pad: GOVERNOR_CONFIG, PAD.
         h_ee: measured wrench {ee}.
         now_ns: stamp of this cycle's measurements [ns].
     """
     weights = surface(spatial(config.slip_axes), config.radius)
-    state.measured = size(weights * h_ee)
-    remember(history, now_ns, state.measured / state.grip, state.commanded / state.grip)
-    certify(config.estimate, state.estimate, history, now_ns)
+    pad.measured = size(weights * h_ee)
+    remember(pad.loads, now_ns, pad.measured / pad.grip, pad.commanded / pad.grip)
+    certify(config.estimate, pad.estimate, pad.loads, now_ns)
 
 
 @part
-def hold_back(config: Any, state: Any, held: Held, R_ee: Mat, w_ee: Vec, a_C: Spatial, a_d: Spatial) -> float:
+def hold_back(
+    config: Any, ceiling: float, pad: Any, held: Held, R_ee: Mat, w_ee: Vec, a_C: Spatial, a_d: Spatial
+) -> float:
     """Return the guard's factor on a_C, and keep the feedback and the load that are commanded.
 
     Args:
-        config, state: GOVERNOR_CONFIG, GOVERNOR.
+        config: GOVERNOR_CONFIG.
+        ceiling: load that the guard may ask [N].
+        pad: PAD.
         held: object on pad axes.
         R_ee, w_ee: the pad's attitude and turning {w} [rad/s].
         a_C, a_d: control acceleration of the law, and the reference's in it {w}.
@@ -491,8 +508,8 @@ def hold_back(config: Any, state: Any, held: Held, R_ee: Mat, w_ee: Vec, a_C: Sp
     l_a = drawn(held, weights, R_ee, a_C)
     l_0 = turning(held, weights, R_ee, w_ee) + weight(held, weights, R_ee, vec(config.gravity))
     k = 1.0
-    if config.mode != Governing.OFF and state.estimate.slipping == 0:
-        k = guard_factor(l_a, l_0, state.ceiling)
-    state.guard, state.commanded = k, size(k * l_a + l_0)
-    put_spatial(state.feedback, a_C - a_d)
+    if config.mode != Governing.OFF and pad.estimate.slipping == 0:
+        k = guard_factor(l_a, l_0, ceiling)
+    pad.guard, pad.commanded = k, size(k * l_a + l_0)
+    put_spatial(pad.feedback, a_C - a_d)
     return k

@@ -90,6 +90,12 @@ def along(config: Any, duration: float, time: float, rotation: Mat, twist: Spati
     a, alpha = acceleration.linear, config.length * acceleration.angular
     speed = math.sqrt(v.dot(v) + w.dot(w) + floor * floor)
     bend = (v.dot(a) + w.dot(alpha) + floor * floor_rate) / speed
+    return along_at(rotation, twist, acceleration, speed, bend)
+
+
+@part
+def along_at(rotation: Mat, twist: Spatial, acceleration: Spatial, speed: float, bend: float) -> Along:
+    """Return a point of a path over s, from its reference over the user's time, where ds/dt and its rate are known."""
     curve = (1.0 / (speed * speed)) * (acceleration - (bend / speed) * twist)
     return Along(rotation, (1.0 / speed) * twist, curve, speed, bend)
 

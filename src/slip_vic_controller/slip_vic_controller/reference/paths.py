@@ -23,6 +23,9 @@ from slip_vic_controller.sizes import MAX_SEGMENTS
 REFERENCE = layout(position=(REAL, (3,)), rotation=(REAL, (3, 3)), twist=(REAL, (6,)), acceleration=(REAL, (6,)))
 """Desired pose x_d [m] and R_d, twist [m/s, rad/s] and acceleration a_d [m/s^2, rad/s^2] of {ee}; {w}."""
 
+GRASP = layout(position=(REAL, (3,)), rotation=(REAL, (3, 3)))
+"""A pad as the first pad of the object sees it: position [m] and attitude on the first pad's axes."""
+
 PATH = layout(
     kind=WHOLE,
     segments=WHOLE,
@@ -101,6 +104,33 @@ def on_object(planned: Reference, start: Mat, lever: Vec) -> Reference:
         Spatial(planned.twist.linear + w.cross(r), w),
         Spatial(a + alpha.cross(r) + w.cross(w.cross(r)), alpha),
     )
+
+
+@part
+def relative(first: Any, other: Any, out: Any) -> None:
+    """Write how one pad sees another to a GRASP; first, other: with start_position [m], start_rotation {w}."""
+    R = mat(first.start_rotation).T()
+    put(out.position, R @ (vec(other.start_position) - vec(first.start_position)))
+    put_mat(out.rotation, R @ mat(other.start_rotation))
+
+
+@part
+def carried(reference: Reference, grasp: Any) -> Reference:
+    """Return the motion of a pad on an object whose first pad moves by a reference; GRASP of the pad."""
+    r, w = reference.rotation @ vec(grasp.position), reference.twist.angular
+    a, alpha = reference.acceleration.linear, reference.acceleration.angular
+    return Reference(
+        reference.position + r,
+        reference.rotation @ mat(grasp.rotation),
+        Spatial(reference.twist.linear + w.cross(r), w),
+        Spatial(a + alpha.cross(r) + w.cross(w.cross(r)), alpha),
+    )
+
+
+@part
+def read_reference(given: Any) -> Reference:
+    """Return a REFERENCE."""
+    return Reference(vec(given.position), mat(given.rotation), spatial(given.twist), spatial(given.acceleration))
 
 
 @part

@@ -15,8 +15,7 @@ from slip_core.compiled import BOOL, IN1, IN2, OUT1, REAL, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, record
 from slip_core.vectors import ZERO, Spatial, mat, spatial, vec
 from slip_vic_controller.reference import governor
-from slip_vic_controller.reference.friction_estimate import LOAD_HISTORY
-from slip_vic_controller.reference.governor import GOVERNOR, GOVERNOR_CONFIG
+from slip_vic_controller.reference.governor import GOVERNOR, GOVERNOR_CONFIG, PAD
 from slip_vic_controller.reference.load import ALONE, Held, load, size, surface
 from slip_vic_controller.reference.path_grid import PATH_GRID, along
 
@@ -43,7 +42,7 @@ class Step(Record):
 
 
 HELD_OBJECT, STEP, MEMORY = dtype_of(HeldObject), dtype_of(Step), np.dtype(
-    [("governor", GOVERNOR), ("grid", PATH_GRID), ("loads", LOAD_HISTORY)]
+    [("governor", GOVERNOR), ("grid", PATH_GRID), ("pad", PAD)]
 )  # fmt: skip
 
 
@@ -66,7 +65,8 @@ def begin_timing(config: Array, memory: Array, held: Array, rotation: Array) -> 
     c, m = record(config, GOVERNOR_CONFIG), record(memory, MEMORY)
     weights, rest = surface(spatial(c.slip_axes), c.radius), Spatial(ZERO, ZERO)
     at_rest = load(held_object(record(held, HELD_OBJECT)), weights, mat(rotation), ZERO, vec(c.gravity), rest)
-    governor.start_governor(c, m.governor, m.loads, size(at_rest))
+    governor.start_pad(c, m.pad, size(at_rest))
+    governor.start_governor(c, m.governor, m.pad)
 
 
 @kernel(REAL(IN1, OUT1))
@@ -107,7 +107,7 @@ def step_timing(
     c, m, o = record(config, GOVERNOR_CONFIG), record(memory, MEMORY), record(out, STEP)
     state, R = m.governor, mat(rotation)
     point = along(c, state.duration, state.time, R, spatial(twist), spatial(acceleration))
-    pad = governor.Pad(ZERO, R, state.rate * point.tangent)
+    pad = governor.Pad(ZERO, R, state.rate * point.tangent, Spatial(ZERO, ZERO))
     governor.run(c, state, m.grid, held_object(record(held, HELD_OBJECT)), point, pad, UNLIMITED, dt)
     o.time = state.out_time
     o.arrived = 1.0 if state.arrived == 1 and state.out_rate == 0.0 else 0.0

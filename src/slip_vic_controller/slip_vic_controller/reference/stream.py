@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from slip_core.compiled import part
 from slip_core.records import REAL, WHOLE, layout
-from slip_core.vectors import Mat, Spatial, Vec, mat, spatial, vec
+from slip_core.vectors import Mat, Spatial, Vec
 from slip_vic_controller.law.rotation import (
     exponential,
     left_jacobian,
@@ -23,7 +23,7 @@ from slip_vic_controller.law.rotation import (
 from slip_vic_controller.reference.backward_pass import most
 from slip_vic_controller.reference.load import Held
 from slip_vic_controller.reference.path_grid import GRID_POINT, Along, take_point
-from slip_vic_controller.reference.paths import REFERENCE, Reference, put_reference
+from slip_vic_controller.reference.paths import REFERENCE, Reference, put_reference, read_reference
 from slip_vic_controller.sizes import NEVER
 
 STREAM_POINTS: Final = 64
@@ -55,14 +55,6 @@ def rest_stream(stream: Any, position: Vec, rotation: Mat) -> None:
 
 
 @part
-def read(sample: Any) -> Reference:
-    """Return a REFERENCE."""
-    return Reference(
-        vec(sample.position), mat(sample.rotation), spatial(sample.twist), spatial(sample.acceleration)
-    )  # fmt: skip
-
-
-@part
 def take_queued(config: Any, stream: Any, state: Any, now_ns: int) -> bool:
     """Add what has come since the last cycle to the path, and return whether a new one begins.
 
@@ -86,7 +78,7 @@ def take_queued(config: Any, stream: Any, state: Any, now_ns: int) -> bool:
         if n == 0 or waits:
             if waits:
                 put_reference(stream.rests, at(stream, state.time))
-                rests = read(stream.rests)
+                rests = read_reference(stream.rests)
                 nothing = 0.0 * rests.twist
                 put_reference(stream.rests, Reference(rests.position, rests.rotation, nothing, nothing))
             stream.samples[0] = stream.rests
@@ -126,7 +118,7 @@ def plan_stream(
     again = stream.load > REPLAN * F or REPLAN * stream.load < F
     first = stream.fresh
     for i in range(first, n):
-        sample = read(stream.samples[i])
+        sample = read_reference(stream.samples[i])
         along = Along(sample.rotation, sample.twist, sample.acceleration, 1.0, 0.0)
         take_point(stream, i, stream.points[i].time, along, held, weights, gravity, limits)
     if first >= n and not again:
@@ -162,16 +154,16 @@ def at(stream: Any, time: float) -> Reference:
     """Return the reference at a time of the stream [s], over that time."""
     n = stream.count
     if n == 0:
-        return read(stream.rests)
+        return read_reference(stream.rests)
     last = stream.points[n - 1].time
     if time >= last:
-        end = read(stream.samples[n - 1])
+        end = read_reference(stream.samples[n - 1])
         turned = exponential((time - last) * end.twist.angular) @ end.rotation
         return Reference(end.position + (time - last) * end.twist.linear, turned, end.twist, 0.0 * end.twist)
     i = 0
     while i < n - 2 and stream.points[i + 1].time <= time:
         i += 1
-    begin, end = read(stream.samples[i]), read(stream.samples[i + 1])
+    begin, end = read_reference(stream.samples[i]), read_reference(stream.samples[i + 1])
     h, t = stream.points[i + 1].time - stream.points[i].time, time - stream.points[i].time
     phi = logarithm(end.rotation @ begin.rotation.T())
     rate = left_jacobian_inverse(phi, end.twist.angular)

@@ -123,8 +123,22 @@ class Configured(Protocol):
         ...
 
 
+class Shared(Protocol):
+    """What arbitration reads of the task of all arms."""
+
+    @property
+    def governor(self) -> GovernorVerdict:
+        """Return the state of the governor."""
+        ...
+
+    @property
+    def path(self) -> PathScale:
+        """Return the scaling of the path."""
+        ...
+
+
 class Judged(Protocol):
-    """What arbitration reads of the controller's state; `since` and `observed` change."""
+    """What arbitration reads of an arm's state; `since` and `observed` change."""
 
     now_ns: int
     mode: ModeState
@@ -134,18 +148,8 @@ class Judged(Protocol):
     slip_inputs: Records[VectorInput]
 
     @property
-    def governor(self) -> GovernorVerdict:
-        """Return the state of the governor."""
-        ...
-
-    @property
     def law(self) -> GivenUp:
         """Return the state of the law."""
-        ...
-
-    @property
-    def path(self) -> PathScale:
-        """Return the scaling of the path."""
         ...
 
 
@@ -222,7 +226,15 @@ def slides(config: ArbitrationConfig, inputs: Records[VectorInput], contacts: in
 
 @part
 def find_hold(
-    config: Configured, state: Judged, health: Health, level: int, fault: int, frozen: bool, contacts: int, now_ns: int
+    config: Configured,
+    task: Shared,
+    state: Judged,
+    health: Health,
+    level: int,
+    fault: int,
+    frozen: bool,
+    contacts: int,
+    now_ns: int,
 ) -> Reason:
     """Return why the law must not work now; arguments as of `arbitrate`, fault: of the slip velocity."""
     arbitration, at_work = config.arbitration, follows(state.mode.mode)
@@ -239,7 +251,7 @@ def find_hold(
         return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.FROZEN)
     if level == Level.HOLD or (unknown and not at_work):  # the levels are for a law that is at work
         return of_fault(Cause.INPUT, Input.SLIP, fault)
-    governor = state.governor
+    governor = task.governor
     if governor.infeasible != 0:
         where, carries = round(1e3 * governor.heaviest_time), config.governor.path_margin * governor.plan_load
         return Reason(Cause.PATH_TOO_HEAVY.value, where, 0, governor.weight_load, carries)
@@ -250,7 +262,7 @@ def find_hold(
 
 
 @part
-def find_degraded(config: Configured, state: Judged, level: int, fault: int, now_ns: int) -> Reason:
+def find_degraded(config: Configured, task: Shared, state: Judged, level: int, fault: int, now_ns: int) -> Reason:
     """Return why to be careful; arguments as of `arbitrate`, fault: of the slip velocity."""
     since = state.since
     if level == Level.OBSERVED:
@@ -261,25 +273,33 @@ def find_degraded(config: Configured, state: Judged, level: int, fault: int, now
         return because(Cause.STOPPING, 0)
     if since.saturated_ns != NEVER and now_ns - since.saturated_ns > config.arbitration.saturated_ns:
         return because(Cause.SATURATED, 0)
-    if state.governor.overrun != 0:
+    if task.governor.overrun != 0:
         return because(Cause.OVERRUNS, 0)
-    if state.governor.halted != 0:
+    if task.governor.halted != 0:
         return because(Cause.HALTED, 0)
     if state.law.given_up.given_up != 0:
         return because(Cause.GIVEN_UP, 0)
-    if state.observed.path_speed < 1.0 or state.path.scale < 1.0:
+    if state.observed.path_speed < 1.0 or task.path.scale < 1.0:
         return because(Cause.PATH_WAITS, 0)
     return NOTHING
 
 
 @part
 def arbitrate(
-    config: Configured, state: Judged, health: Health, frozen: bool, n: int, contacts: int, qd: Array, now_ns: int
+    config: Configured,
+    task: Shared,
+    state: Judged,
+    health: Health,
+    frozen: bool,
+    n: int,
+    contacts: int,
+    qd: Array,
+    now_ns: int,
 ) -> tuple[TransitionReasons, int]:
     """Return what speaks against the law in this cycle, and the degradation level of the slip velocity.
 
     Args:
-        config, state: of the controller; the times in state are changed.
+        config, task, state: of the controller, of all arms and of this one; the times in state are changed.
         health: of the inputs.
         frozen: whether the joint values have been equal to the last bit for long.
         n, contacts: numbers of joints and contacts.
@@ -293,7 +313,7 @@ def arbitrate(
         if fault.cause == Cause.NONE:
             fault = of_fault(Cause.INPUT, Input.EFFORT_COMMAND, health.outside)
     else:
-        hold = find_hold(config, state, health, level, slip, frozen, contacts, now_ns)
+        hold = find_hold(config, task, state, health, level, slip, frozen, contacts, now_ns)
     if hold.cause == Cause.NONE and health.outside == Fault.NONE:
-        degraded = find_degraded(config, state, level, slip, now_ns)
+        degraded = find_degraded(config, task, state, level, slip, now_ns)
     return TransitionReasons(NOTHING, fault, hold, degraded), level

@@ -5,57 +5,48 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
-from slip_core.errors import InputError
+from slip_core.arms import prefix_of
 from slip_core.topics import contact_topic
 from slip_core.types import DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
 from slip_msgs_py.messages import forms, from_msgs
 from slip_msgs_py.node_part import NodePart
-from slip_msgs_py.qos import create_publisher, create_subscription
-from slip_vic_controller.config import governed_stream
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.publishing import DiagnosticsPublisher, StatePublisher, TimingPublisher
-from slip_vic_controller.session import NO_EFFORT, ControllerSession, CycleResult
-from slip_vic_controller.team.crew import Seat
-from slip_vic_controller.topics.goal import GoalInterface
+from slip_vic_controller.session import NO_EFFORT, ArmSession, CycleResult
 from slip_vic_controller.topics.mode import ModeInterface
 
 STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only the newest state matters
 SLIP_DEPTH = 100  # every sample counts for the observer
 
 
-class Place(NamedTuple):
-    """An arm in its node.
-
-    prefix: of its topics; empty where it is the only one. seat: takes its samples. own_contacts: how many of its
-    contacts it subscribes to itself.
-    """
-
-    prefix: str
-    params: ControllerNodeParams
-    session: ControllerSession
-    seat: Seat
-    own_contacts: int
-
-
 class ArmTopics:
-    """What one arm's controller hears and says.
+    """Topics of one arm: below its name, where there are several; its pad is contact 0 then, the others are theirs.
 
     Args:
         node: owner of everything.
-        place: the arm.
+        params: of the arm.
+        arm: takes its samples.
         refusals: messages that could not be read, for the report.
         status: the node's publisher of /diagnostics.
         cycle: called when a sample has come with which a cycle may be complete.
     """
 
-    def __init__(self, node: Any, place: Place, refusals: Refusals, status: Any, cycle: Callable[[], None]) -> None:
-        self._node, self._place, self._refusals, self._cycle = NodePart(node, place.prefix), place, refusals, cycle
-        self.params, self.session, self._seat = place.params, place.session, place.seat
+    def __init__(
+        self,
+        node: Any,
+        params: ControllerNodeParams,
+        arm: ArmSession,
+        refusals: Refusals,
+        status: Any,
+        cycle: Callable[[], None],
+    ) -> None:
+        self._node, self._refusals, self._cycle = NodePart(node, prefix_of(arm.name)), refusals, cycle
+        self.params, self.arm = params, arm
         self._lockstep = self.params.mode == "lockstep"
-        part, names, contacts = self._node, self.params.joint_names, self.session.contacts
+        part, names, contacts = self._node, self.params.joint_names, arm.contacts
         self._send_effort = create_sender(part, "effort_command", forms.joint_state(names))
         self._send_array = (
             create_sender(part, "effort_controller/commands", forms.numbers(len(names)))
@@ -65,21 +56,13 @@ class ArmTopics:
         self._send_grip = (
             create_sender(part, "grip_command", forms.number()) if self.params.grip.control == "follow" else None
         )
-        numbers = 3 + 4 * contacts + 5 + self.session.controller.external
+        numbers = 3 + 4 * contacts + 5 + self.arm.controller.external
         self._send_ledger = create_sender(part, "controller/ledger", forms.whole_numbers(numbers))
         self._state_publisher = StatePublisher(part, self.params.control_period_s, in_background=not self._lockstep)
         self._diagnostics = DiagnosticsPublisher(part, self.params.diagnostics.decimation, status)
         self._timing = None if self._lockstep else TimingPublisher(part, self.params, status)
         self.inputs = self._create_inputs()
-        self._goals: GoalInterface | None = None
-        if self.session.controller.external:
-            self._used = create_publisher(part, "controller/reference_used")
-        if self.session.reference_from_topic:
-            create_subscription(part, "reference", self._on_reference, depth=10, reliable=False)
-        elif self.session.controller.external:
-            duration_s = self.params.trajectory.duration_s
-            self._goals = GoalInterface(part, self.session, refusals, self._used, duration_s)
-        self._mode = ModeInterface(part, place.prefix.rstrip("/"), self.session, refusals, status)
+        self._mode = ModeInterface(part, arm, refusals, status)
         self._mode.watch(self._send_effort.publisher.topic_name, self.inputs)
 
     @property
@@ -92,7 +75,6 @@ class ArmTopics:
             (self._send_ledger.publisher, recorders),
             (self._state_publisher.publisher, recorders),
             *([(self._send_grip.publisher, self.params.expected_subscribers)] if self._send_grip else []),
-            *([(self._used, recorders)] if self.session.controller.external else []),
             *((publisher, recorders) for publisher in published),
         ]
 
@@ -107,7 +89,7 @@ class ArmTopics:
 
     def say_no_command(self) -> None:
         """Say once that there is no command any more."""
-        newest = self.session.newest_joint
+        newest = self.arm.newest_joint
         if newest is not None and not self._lockstep:
             self._send_effort.send(newest.stamp_ns, newest.position, newest.velocity, NO_EFFORT)
 
@@ -126,10 +108,8 @@ class ArmTopics:
     def tell(self, result: CycleResult) -> None:
         """Publish what nobody waits for."""
         self._send_ledger.send(result.joint.stamp_ns, (*result.ledger, *result.decision))
-        self._state_publisher.publish(self.session)
+        self._state_publisher.publish(self.arm)
         self._mode.publish(result)
-        if self._goals is not None:
-            self._goals.publish()
         if len(result.command.effort):
             self._diagnostics.publish(result)
 
@@ -145,7 +125,7 @@ class ArmTopics:
         fields = ("position", "velocity", "effort")
         learn: Any = partial(from_msgs.joint_samples, order=order)
         inputs = [receive("joint_states", fields, learn, self._on_joint_state, depth=depth)]
-        for contact in range(self._place.own_contacts):
+        for contact in range(1 if self.arm.name else self.arm.contacts):
             for name, field, learn, deliver, keep in (
                 ("wrench", "wrench", self._in_frame(WrenchSample, contact), self._on_wrench, depth),
                 (*self._slip_input(contact), SLIP_DEPTH),
@@ -170,33 +150,23 @@ class ArmTopics:
     # -- callbacks ---------------------------------------------------------------------------------
 
     def _on_joint_state(self, sample: JointSample) -> None:
-        self._seat.add_joint(sample, self._now_ns())
+        self.arm.add_joint(sample, self._now_ns())
         self._cycle()
 
     def _on_wrench(self, contact: int, sample: WrenchSample) -> None:
-        self._seat.add_wrench(contact, sample, self._now_ns())
+        self.arm.add_wrench(contact, sample, self._now_ns())
         if self._lockstep:
             self._cycle()
 
     def _on_slip(self, contact: int, sample: SlipSample) -> None:
-        self._seat.add_slip(contact, sample, self._now_ns())
+        self.arm.add_slip(contact, sample, self._now_ns())
         if self._lockstep:
             self._cycle()
 
     def _on_displacement(self, contact: int, sample: DisplacementSample) -> None:
-        self._seat.add_displacement(contact, sample, self._now_ns())
+        self.arm.add_displacement(contact, sample, self._now_ns())
         if self._lockstep:
             self._cycle()
-
-    def _on_reference(self, message: Any) -> None:
-        try:
-            read = from_msgs.streamed_reference if governed_stream(self.params) else from_msgs.cartesian_reference
-            reference = read(message)
-        except InputError as error:
-            self._refusals.add("reference", error)
-            return
-        self._used.publish(message)
-        self.session.set_reference(reference)
 
     def _now_ns(self) -> int | None:
         """Return the controller's clock: steady time; in lockstep None, there it is the joint state's stamp."""

@@ -67,7 +67,7 @@ class GoalInterface:
 
     def changes(self) -> list[str]:
         """Return one line for each thing that has changed since the last call."""
-        goal, lines = self._session.state.goal, []
+        goal, lines = self._session.task.goal, []
         if goal.refused != self._last_refused:
             self._last_refused = int(goal.refused)
             lines.append(f"goal {self._last_refused} refused: {refusal_text(goal)}")

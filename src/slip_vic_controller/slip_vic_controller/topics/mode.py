@@ -17,8 +17,7 @@ from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.incidents import IncidentWatch
 from slip_vic_controller.publishing import DIAGNOSTICS_PERIOD_NS, MODE_PHASE
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session import ControllerSession, CycleResult
-from slip_vic_controller.team.crew import Crew
+from slip_vic_controller.session import ArmSession, ControllerSession, CycleResult
 
 PUBLISHERS_PERIOD_S = 0.02  # so long a foreign command may go unseen; a look takes some 30 us
 GO_ON = "; to go on call ~/reset_fault, then ~/enable"
@@ -30,11 +29,11 @@ class RequestServices:
 
     Args:
         node: owner of the services.
-        crew: what is asked.
+        session: what takes the requests.
     """
 
-    def __init__(self, node: Any, crew: Crew) -> None:
-        self._crew = crew
+    def __init__(self, node: Any, session: ControllerSession) -> None:
+        self._session = session
         for name, request in (
             ("enable", Request.ENABLE),
             ("hold", Request.HOLD),
@@ -43,14 +42,13 @@ class RequestServices:
             node.create_service(Trigger, f"~/{name}", lambda _, response, r=request: self._on_request(r, response))
 
     def _on_request(self, request: Request, response: Any) -> Any:
-        sessions = self._crew.sessions
-        faulty = next((session for session in sessions if session.mode == Mode.FAULT), None)
-        if not all(session.active for session in sessions):
+        faulty = next((arm for arm in self._session.arms if arm.mode == Mode.FAULT), None)
+        if not self._session.active:
             response.success, response.message = False, "not active"
         elif faulty is not None and request != Request.RESET_FAULT:
             response.success, response.message = False, f"in FAULT: {faulty.reason}{GO_ON}"
         else:
-            self._crew.request(request)
+            self._session.request(request)
             response.success, response.message = True, f"{request.name.lower()}: decided in the next cycle"
         return response
 
@@ -60,15 +58,13 @@ class ModeInterface:
 
     Args:
         node: owner of topic and timer.
-        arm: its name, where there are several; else empty.
-        session: what is told.
+        arm: whose mode it is.
         refusals: messages that could not be read, for the report.
         status: the node's publisher of /diagnostics.
     """
 
-    def __init__(self, node: Any, arm: str, session: ControllerSession, refusals: Refusals, status: Any) -> None:
+    def __init__(self, node: Any, arm: ArmSession, refusals: Refusals, status: Any) -> None:
         self._node, self._arm = node, arm
-        self._session = session
         self._refusals = refusals
         self._status = status
         self._topic = create_publisher(node, "controller/mode")
@@ -92,7 +88,8 @@ class ModeInterface:
             return
         incident = self._incidents.see(result)
         if incident is not None:
-            emit(replace(incident, text=f"{self._arm}: {incident.text}") if self._arm else incident)
+            name = self._arm.name
+            emit(replace(incident, text=f"{name}: {incident.text}") if name else incident)
         reason = result.reason + GO_ON if mode == Mode.FAULT else result.reason
         if now != self._last:
             self._topic.publish(to_msgs.string(f"{mode.name}: {reason}" if reason else mode.name))
@@ -103,17 +100,17 @@ class ModeInterface:
 
     def _values(self, mode: Mode) -> dict[str, object]:
         values: dict[str, object] = {"mode": mode.name}
-        for name, (period_s, jitter_s) in self._session.rates().items():
+        for name, (period_s, jitter_s) in self._arm.rates().items():
             values[f"{name} period_ms"] = f"{1e3 * period_s:.3f}"
             values[f"{name} jitter_ms"] = f"{1e3 * jitter_s:.3f}"
         refused = {f"{name} refused": count for name, count in self._refusals.counts.items()}
-        return values | self._session.counts() | refused
+        return values | self._arm.counts() | refused
 
     def _look_for_publishers(self) -> None:
         # Counting is quick; who they are takes a good part of a control period, and matters for two only.
         inputs = {item.topic_name: self._owners(item.topic_name, item.get_publisher_count()) for item in self._inputs}
         # Whoever is on our command topic is foreign, also under our name: a process that starts sees no ghosts.
-        self._session.set_publishers(inputs, self._node.count_publishers(self._command_topic))
+        self._arm.set_publishers(inputs, self._node.count_publishers(self._command_topic))
 
     def _owners(self, topic: str, publishers: int) -> int:
         """Return how many differently named nodes publish; a killed node's ghost lives on in discovery for a while."""

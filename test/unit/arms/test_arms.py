@@ -46,6 +46,14 @@ def not_finite(sample: JointSample) -> JointSample:
     return JointSample(sample.stamp_ns, np.full_like(sample.position, np.nan), sample.velocity, sample.effort)
 
 
+def carried_by(first, grasp) -> CartesianReference:
+    """Return the motion of a pad on an object whose first pad moves by a reference, in plain numpy."""
+    r, w, alpha = first.rotation @ grasp.position, first.twist[3:], first.acceleration[3:]
+    twist = np.concatenate((first.twist[:3] + np.cross(w, r), w))
+    acceleration = np.concatenate((first.acceleration[:3] + np.cross(alpha, r) + np.cross(w, np.cross(w, r)), alpha))
+    return CartesianReference(first.position + r, first.rotation @ grasp.rotation, twist, acceleration)
+
+
 def grasped(scenario: PairScenario, tick: TeamTick) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return where both pads are on the object and how they stand {w}: grasp and slip, without the pads' deflection."""
     object_, places, attitudes = tick.outputs.truth, [], []
@@ -100,16 +108,17 @@ def test_both_pads_are_led_along_the_path_of_the_object() -> None:
 def test_a_reference_of_the_object_leads_both_pads_as_its_path_does() -> None:
     loop = TeamLoop(load_pair(UPRIGHT, assignments=SOON))
     planned = [result.record.reference for result in list(ticks(loop, 300))[-1].results]
-    grasp = loop.team.sessions[0].controller.params.contacts
+    grasp = loop.team.arms[0].controller.params.contacts
     left = planned[0]
     R = left.rotation @ matrix_from_quat_xyzw(grasp.orientation_xyzw[:4]).T
     r = R @ np.array(grasp.position[:3])
     v, w, a, alpha = left.twist[:3], left.twist[3:], left.acceleration[:3], left.acceleration[3:]
     twist = np.concatenate((v - np.cross(w, r), w))
     acceleration = np.concatenate((a - np.cross(alpha, r) - np.cross(w, np.cross(w, r)), alpha))
-    loop.team.set_object_reference(CartesianReference(left.position - r, R, twist, acceleration))
-    for session, wanted in zip(loop.team.sessions, planned, strict=True):
-        given = session.state.reference
+    loop.team.set_reference(CartesianReference(left.position - r, R, twist, acceleration))
+    task = loop.team.task
+    for k, wanted in enumerate(planned):
+        given = task.reference if k == 0 else carried_by(task.reference, loop.team.arms[k].state.grasp)
         assert float(np.linalg.norm(wanted.twist)) > 0.05
         for name in ("position", "rotation", "twist", "acceleration"):
             np.testing.assert_allclose(getattr(given, name), getattr(wanted, name), atol=1e-8, err_msg=name)
@@ -121,7 +130,7 @@ def test_a_governed_team_is_on_one_path_and_counts_with_the_weaker_pad() -> None
     for k, tick in enumerate(ticks(loop, 400)):
         left, right = (result.record.governor for result in tick.results)
         if k == 5:
-            loop.team.sessions[1].state.governor.estimate.F_hat = 5.5  # one pad is known to be weaker
+            loop.team.arms[1].state.pad.estimate.F_hat = 5.5  # one pad is known to be weaker
         assert (left.path_s, left.path_rate) == (right.path_s, right.path_rate)
         slowed = slowed or (k > 20 and left.path_rate < 0.999)
         if k > 20:
@@ -137,7 +146,7 @@ def test_a_slip_of_one_pad_is_known_to_both_and_over_for_both() -> None:
     assert left.load_commanded > 0.05
     assert right.load_commanded == pytest.approx(left.load_commanded, rel=0.1)  # what each learns friction from
     now_ns = loop.bridge.simulation.stamp_ns
-    estimate = loop.team.sessions[1].state.governor.estimate
+    estimate = loop.team.arms[1].state.pad.estimate
     estimate.slipping, estimate.slip_ns = 1, now_ns  # what a slip sample of the right pad leaves
     seen = [[result.record.governor.slipping for result in tick.results] for tick in ticks(loop, 100)]
     assert seen[1] == [1.0, 1.0]
@@ -163,7 +172,7 @@ def test_one_arms_bad_joint_states_stop_both_in_the_same_cycle_and_both_go_on_to
 def test_a_latched_fault_of_one_arm_keeps_the_other_from_going_on() -> None:
     loop = TeamLoop(load_pair(UPRIGHT, assignments=(*SOON, "controller.safety.resume_after_s=0.05")))
     list(ticks(loop, 60))
-    loop.team.sessions[0].request(Request.FAILED)
+    loop.team.arms[0].request(Request.FAILED)
     modes = [tuple(result.mode for result in tick.results) for tick in ticks(loop, 300)]
     assert {mode for mode, _ in modes} == {Mode.FAULT}
     assert {mode for _, mode in modes} == {Mode.HOLD}
@@ -254,9 +263,9 @@ def test_a_drawn_world_depends_on_its_number_and_seed_and_is_small() -> None:
 def test_an_arm_whose_source_starts_anew_lets_both_begin_their_path_here() -> None:
     loop = TeamLoop(load_pair(UPRIGHT, assignments=(*SOON, "controller.safety.resume_after_s=0.05")))
     list(ticks(loop, 300))
-    loop.team.sessions[0].set_active(True)  # what it knew is void
+    loop.team.arms[0].state.law.known = 0  # as a restart of its source leaves it
     again = list(ticks(loop, 10))[-1]
     for side, result in enumerate(again.results):
         arm, wanted = result.arm.position, result.record.reference.position
         assert float(np.linalg.norm(arm - wanted)) < 5e-3, side
-    assert loop.team.sessions[0].state.law.start_ns == loop.team.sessions[1].state.law.start_ns
+    assert loop.team.task.begun

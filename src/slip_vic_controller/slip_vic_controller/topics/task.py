@@ -1,0 +1,57 @@
+"""Topics of what all arms do together: references or goals in, what was taken and what becomes of goals out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from slip_core.errors import InputError
+from slip_msgs_py.fast_io import Refusals
+from slip_msgs_py.messages import from_msgs
+from slip_msgs_py.qos import create_publisher, create_subscription
+from slip_vic_controller.config import governed_stream
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.session import ControllerSession
+from slip_vic_controller.topics.goal import GoalInterface
+
+REFERENCE_DEPTH = 10
+
+
+class TaskTopics:
+    """References or goals of the pad of a single arm; of several arms those of the object's centre of mass.
+
+    Args:
+        node: owner of the topics.
+        params: of the first arm.
+        session: what takes references and goals.
+        refusals: messages that could not be read, for the report.
+    """
+
+    def __init__(self, node: Any, params: ControllerNodeParams, session: ControllerSession, refusals: Refusals) -> None:
+        self._params, self._session, self._refusals = params, session, refusals
+        self._goals: GoalInterface | None = None
+        self._used = create_publisher(node, "controller/reference_used") if session.controller.external else None
+        if session.reference_from_topic:
+            create_subscription(node, "reference", self._on_reference, depth=REFERENCE_DEPTH, reliable=False)
+        elif session.controller.external:
+            self._goals = GoalInterface(node, session, refusals, self._used, params.trajectory.duration_s)
+
+    @property
+    def publishers(self) -> list[tuple[Any, int]]:
+        """Publishers, and how many subscribers each must have before the node is ready."""
+        return [] if self._used is None else [(self._used, self._params.expected_subscribers - 1)]
+
+    def publish(self) -> None:
+        """Publish what has changed in this cycle."""
+        if self._goals is not None:
+            self._goals.publish()
+
+    def _on_reference(self, message: Any) -> None:
+        assert self._used is not None
+        try:
+            read = from_msgs.streamed_reference if governed_stream(self._params) else from_msgs.cartesian_reference
+            reference = read(message)
+        except InputError as error:
+            self._refusals.add("reference", error)
+            return
+        self._used.publish(message)
+        self._session.set_reference(reference)
