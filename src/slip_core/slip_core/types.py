@@ -136,6 +136,33 @@ class EffortCommand:
 
 
 @dataclass(frozen=True, slots=True, init=False)
+class VelocityCommand:
+    """Joint velocity answering the joint state of the same stamp; (n,) [rad/s]."""
+
+    stamp_ns: int
+    velocity: Array
+
+    def __init__(self, stamp_ns: int, velocity: Array) -> None:
+        _set(self, "stamp_ns", stamp_ns)
+        _set(self, "velocity", _frozen(velocity))
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class PositionCommand:
+    """Joint position answering the joint state of the same stamp; (n,) [rad]."""
+
+    stamp_ns: int
+    position: Array
+
+    def __init__(self, stamp_ns: int, position: Array) -> None:
+        _set(self, "stamp_ns", stamp_ns)
+        _set(self, "position", _frozen(position))
+
+
+JointCommand = EffortCommand | VelocityCommand | PositionCommand
+
+
+@dataclass(frozen=True, slots=True, init=False)
 class ObjectTruth:
     """Ground truth of the grasp: object pose and twist {w}, slip s and v_s on pad axes.
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from slip_core.arrays import Array
-from slip_core.types import EffortCommand
+from slip_core.types import JointCommand
 from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
 from slip_msgs_py.messages import forms, from_msgs, to_msgs
 from slip_msgs_py.node_part import NodePart
@@ -31,11 +31,13 @@ class ArmTopics:
 
     def __init__(
         self, node: Any, prefix: str, params: BridgeParams, urdf: str, refusals: Refusals,
-        on_command: Callable[[EffortCommand], None], on_grip: Callable[[Any], None],
+        on_command: Callable[[JointCommand], None], on_grip: Callable[[Any], None],
         on_grip_command: Callable[[Any], None],
     ) -> None:  # fmt: skip
         self.prefix, self._lockstep = prefix, params.mode == "lockstep"
         part = NodePart(node, prefix)
+        interface = params.drive.interface
+        self.command_topic = f"{prefix}{interface}_command"
         names, frame, order = params.joint_names, params.ee_frame, from_msgs.JointOrder(params.joint_names)
 
         self._send_joint = create_sender(part, "joint_states", forms.joint_state(names))
@@ -51,9 +53,9 @@ class ArmTopics:
         create_publisher(part, "robot_description").publish(to_msgs.string(urdf))
         self.sub_command = create_receiver(
             part,
-            "effort_command",
+            f"{interface}_command",
             ("position", "velocity", "effort"),
-            lambda message: from_msgs.effort_commands(message, order),
+            lambda message: from_msgs.joint_commands(message, order, interface),
             on_command,
             refusals,
             depth=10,

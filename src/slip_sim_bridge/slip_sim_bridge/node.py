@@ -21,7 +21,7 @@ from slip_core.files.urdf_file import read_urdf
 from slip_core.incidents import Incident
 from slip_core.stamps import split_ns
 from slip_core.timing import Window, spread
-from slip_core.types import EffortCommand
+from slip_core.types import JointCommand
 from slip_msgs_py.endpoint_matching import EndpointMatching, wait_until
 from slip_msgs_py.events import Done, Progress, Started, emit
 from slip_msgs_py.executor import Spinner
@@ -76,6 +76,8 @@ class SlipSimBridge(LastResort, Node):
         self._peers_ready: set[str] = set()
         self._executor = executor or EventsExecutor()
         self._spinner = Spinner(self._executor)
+        for note in self.session.simulation.notes:
+            self.get_logger().warning(note)
         self._create_endpoints()
         self._executor.add_node(self)
 
@@ -114,7 +116,7 @@ class SlipSimBridge(LastResort, Node):
         self._send_total = None
         if len(self._arms) > 1:
             self._send_total = create_sender(self, "object/wrench", forms.wrench(to_msgs.WORLD))
-        self._commands: list[EffortCommand | None] = [None] * len(self._arms)
+        self._commands: list[JointCommand | None] = [None] * len(self._arms)
         self._answers, self._grips = [0] * len(self._arms), [0] * len(self._arms)
         for name in common.wait_for:
             self._watch_ready(name)
@@ -130,14 +132,14 @@ class SlipSimBridge(LastResort, Node):
 
     # -- callbacks ---------------------------------------------------------------------------------
 
-    def _on_command(self, arm: int, command: EffortCommand) -> None:
+    def _on_command(self, arm: int, command: JointCommand) -> None:
         self._commands[arm] = command
         if command.stamp_ns != self._stamp_ns:
             return
         self._answers[arm] += 1
         if self._lockstep:
             self._finish_if_answered()
-        elif self._pacer is not None and len(command.effort) and self._answered():
+        elif self._pacer is not None and len(getattr(command, self._common.drive.interface)) and self._answered():
             self._pacer.answered(time.monotonic())
 
     def _on_grip_force(self, arm: int, message: Any) -> None:
@@ -255,9 +257,9 @@ class SlipSimBridge(LastResort, Node):
         late = next(
             index for index, each in enumerate(self._commands) if each is None or each.stamp_ns != self._stamp_ns
         )
-        command, topic = self._commands[late], f"{self._arms[late].prefix}effort_command"
+        command, topic = self._commands[late], self._arms[late].command_topic
         last = "none" if command is None else f"stamp {command.stamp_ns} ns"
-        refused = self._refusals.last("effort_command")
+        refused = self._refusals.last(topic.rpartition("/")[2])
         return (
             f"lockstep: no {topic} for tick {self.session.tick} (stamp {self._stamp_ns} ns) within "
             f"{self._common.lockstep_timeout_s:g} s; last command: {last}" + (f"; {refused}" if refused else "")

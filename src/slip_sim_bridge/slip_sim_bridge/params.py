@@ -10,6 +10,7 @@ from slip_core.grasp_params import ArmParams, BaseParams, ContactParams, ObjectP
 from slip_core.grip_params import GripperModel
 from slip_core.params import ParameterModel, parameter
 from slip_core.sensor_params import SLIP_INPUT, SlipInput
+from slip_sim_bridge.drives.params import DriveParams
 from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.sensors.params import SensorsParams
 
@@ -135,6 +136,7 @@ class BridgeParams(ArmParams):
     substeps: int = parameter(
         0, "simulation steps per control period; 0 chooses what the friction law needs", ge=0, le=64
     )
+    drive: DriveParams = DriveParams()
     hold: HoldParams = HoldParams()
     grip: GripParams = GripParams()
     pad: PadParams = PadParams()
@@ -168,6 +170,7 @@ class BridgeParams(ArmParams):
             )
         if len(self.push.effort) not in (0, len(self.joint_names)):
             raise ValueError(f"push.effort: {len(self.push.effort)} numbers for {len(self.joint_names)} joints")
+        self.drive.check(len(self.joint_names))
         ticks = self.control_period_s * _CLOCK_TICKS_PER_S
         if abs(ticks - round(ticks)) > 1e-3:
             raise ValueError("control_period_s must be a whole number of nanoseconds")

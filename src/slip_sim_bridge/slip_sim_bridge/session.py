@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from slip_core.arrays import Array
+from slip_core.errors import InputError
 from slip_core.incidents import Incident
 from slip_core.stamps import seconds_to_ns
-from slip_core.types import DisplacementSample, EffortCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
+from slip_core.types import DisplacementSample, JointCommand, JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams, PushParams
 from slip_sim_bridge.sensors.params import SensorsParams
 from slip_sim_bridge.sensors.suite import SensorSuite
@@ -126,7 +127,7 @@ class BridgeSession:
         arms = tuple(self._measure(index) for index in range(len(self._arms)))
         return TickOutputs(self.tick, self.simulation.stamp_ns, tuple(self._counts), arms)
 
-    def advance(self, commands: Sequence[EffortCommand | None]) -> None:
+    def advance(self, commands: Sequence[JointCommand | None]) -> None:
         """Apply a command of each arm for one control period; None, an empty or a too old one holds that arm."""
         self.simulation.step([self._accepted(index, command) for index, command in enumerate(commands)])
         self.tick += 1
@@ -143,9 +144,22 @@ class BridgeSession:
         self._counts[2 * index + 1] += len(slips)
         return ArmOutputs(sensors.joint.update(readings.joint), wrenches, slips, readings)
 
-    def _accepted(self, index: int, command: EffortCommand | None) -> Array | None:
-        """Return the effort of a command that counts."""
-        if command is None or not len(command.effort):
+    def _accepted(self, index: int, command: JointCommand | None) -> Array | None:
+        """Return the numbers of a command that counts.
+
+        Raises:
+            InputError: a command of another interface than the arm's drives have.
+        """
+        if command is None:
+            return None
+        interface = self._arms[index].drive.interface
+        values: Array | None = getattr(command, interface, None)
+        if values is None:
+            raise InputError(
+                "parameter drive.interface", got=f"{interface}, and {type(command).__name__}",
+                expected="what the controller sends", fix="command.interface of the controller",
+            )  # fmt: skip
+        if not len(values):
             return None
         age_ns = self.simulation.stamp_ns - command.stamp_ns
-        return command.effort if 0 <= age_ns <= self._oldest_ns[index] else None
+        return values if 0 <= age_ns <= self._oldest_ns[index] else None

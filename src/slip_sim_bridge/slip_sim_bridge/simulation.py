@@ -8,15 +8,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_core.arms import shared
+from slip_core.arms import prefix_of, shared
 from slip_core.arrays import Array, readonly
 from slip_core.compiled import IN1, INT, OUT1, REAL, kernel
 from slip_core.errors import InputError
 from slip_core.types import JointSample, ObjectTruth, SlipSample, WrenchSample
+from slip_sim_bridge.drives.drive import Drives
 from slip_sim_bridge.gripper import Gripper
 from slip_sim_bridge.params import WORLD, BridgeParams
 from slip_sim_bridge.plant import DivergenceError, Movable, Plant, ReadOut
+from slip_sim_bridge.plant.joint_step import JOINT_DRIVE_SIZE
 from slip_sim_bridge.plant.loose import LoosePlant
+from slip_sim_bridge.plant.model import urdf_dynamics
 
 OBEYED, CLIPPED, NOT_FINITE = 0, 1, 2
 MakePlant = Callable[[Mapping[str, BridgeParams], Mapping[str, str]], Plant]
@@ -66,10 +69,12 @@ class Arm:
     Args:
         params: of this arm.
         limits: of its joint efforts; (n,) [N m].
+        dynamics: friction [N m] and damping [N m s/rad] of its URDF's joints; (n,) each.
     """
 
-    def __init__(self, params: BridgeParams, limits: Array) -> None:
+    def __init__(self, params: BridgeParams, limits: Array, dynamics: tuple[Array, Array]) -> None:
         self.params, self.limits, self.layout = params, limits, ReadOut(len(limits))
+        self.drives = Drives(params.drive, limits, dynamics, params.control_period_s)
         self.gripper = Gripper(params.grip, params.control_period_s)
         self.largest_change = params.effort_rate * params.control_period_s
         self.edge = 0.5 * params.grip.pad_size[0], 0.5 * params.grip.pad_size[1]
@@ -90,7 +95,19 @@ class Arm:
         """Hold a posture with the effort that holds it; (n,) [rad], [N m]."""
         self.posture = posture
         self.applied = readonly(np.clip(holding, -self.limits, self.limits))
+        self.drives.reset()
         self.has_lost = self.refused = self.saturated = False
+
+    def follow(self, command: Array | None, posture: Array) -> None:
+        """Let drives with loops of their own follow a command, or rest; (n,) [rad/s] or [rad], posture (n,) [rad]."""
+        finite = command is not None and bool(np.isfinite(command).all())
+        self.refused = command is not None and not finite
+        if finite:
+            self.posture = None
+        elif self.posture is None:
+            self.posture = posture
+        rest = self.posture if self.drives.takes_positions else np.zeros_like(self.limits)
+        self.drives.follow(command if finite and command is not None else rest)
 
     def obey(self, effort: Array) -> Array | None:
         """Return the effort that the drives apply; None where it is not finite. (n,) [N m]."""
@@ -133,9 +150,22 @@ class Simulation:
         self.plant: Movable = self._held
         self.loss: Loss | None = None
         """When and how the object left the first pad; None while all hold it."""
-        self.arms = tuple(
-            Arm(arm, limits) for arm, limits in zip(params.values(), self._held.effort_limits, strict=True)
+        dynamics = [urdf_dynamics(arm, urdfs[name]) for name, arm in params.items()]
+        self.arms = tuple(Arm(*each) for each in zip(params.values(), self._held.effort_limits, dynamics, strict=True))
+        self.notes = tuple(
+            f"{prefix_of(name)}friction and damping of the URDF's joints are not simulated: drive.urdf_dynamics"
+            for (name, arm), numbers in zip(params.items(), dynamics, strict=True)
+            if np.any(numbers) and arm.drive.urdf_dynamics == "leave_out"
         )
+        """What the simulation leaves out of its input, one line each."""
+        self._drives: Array | None = None
+        if any(arm.drives.act_on_joints for arm in self.arms):
+            self._drives = np.zeros((sum(len(arm.limits) for arm in self.arms), JOINT_DRIVE_SIZE))
+            at = 0
+            for arm in self.arms:
+                self._drives[at : at + len(arm.limits)] = arm.drives.rows
+                arm.drives.rows = self._drives[at : at + len(arm.limits)]
+                at += len(arm.limits)
         self._period_ns = self.arms[0].params.control_period_ns
         self._pushes = np.zeros((len(self.arms), 6))
         self._stamp_ns = 0
@@ -175,10 +205,11 @@ class Simulation:
         self._held.push(self._pushes)
         self.arms[arm].pushed = effort if effort.any() else None
 
-    def step(self, efforts: Sequence[Array | None]) -> None:
-        """Advance one control period under an effort of each arm; (n,) [N m], clipped to the URDF's limits.
+    def step(self, commands: Sequence[Array | None]) -> None:
+        """Advance one control period under a command of each arm, as its `drive.interface` takes it; None holds it.
 
-        None holds that arm. An effort at the joints changes no faster than `effort_rate`, as that of a drive.
+        Efforts (n,) [N m] are clipped to the URDF's limits and change no faster than `effort_rate`; velocities [rad/s]
+        and positions [rad] are followed by the drives' own loops within the effort limits.
 
         Raises:
             InputError: where an effort has the wrong size.
@@ -186,22 +217,25 @@ class Simulation:
         """
         if self._diverged:
             raise DivergenceError("simulation has diverged; reset it")
-        for arm, effort in zip(self.arms, efforts, strict=True):
-            if effort is not None and effort.shape != arm.limits.shape:
-                raise InputError("effort", got=f"{effort.size} numbers", expected=f"{arm.limits.size}, one per joint")
+        for arm, command in zip(self.arms, commands, strict=True):
+            if command is not None and command.shape != arm.limits.shape:
+                kind = arm.params.drive.interface
+                raise InputError(kind, got=f"{command.size} numbers", expected=f"{arm.limits.size}, one per joint")
         self._diverged = True  # until the step is over
-        applied = [self._apply(index, effort) for index, effort in enumerate(efforts)]
+        applied = [self._apply(index, command) for index, command in enumerate(commands)]
         for arm in self.arms:
             arm.gripper.step()
         if self.plant is self._held:
             self._look_at_contacts()
-        joints = [
-            each if arm.pushed is None else each + arm.pushed for arm, each in zip(self.arms, applied, strict=True)
-        ]
-        self.plant.advance(joints[0] if len(joints) == 1 else np.concatenate(joints), self._normal_forces())
+        joints = [self._at_joints(index, each) for index, each in enumerate(applied)]
+        efforts = joints[0] if len(joints) == 1 else np.concatenate(joints)
+        self.plant.advance(efforts, self._normal_forces(), self._drives)
         self._diverged = False
         for arm, each in zip(self.arms, applied, strict=True):
             arm.applied = each
+            if not arm.drives.takes_efforts:
+                arm.applied = readonly(arm.drives.efforts)
+                arm.saturated = bool((np.abs(arm.applied) >= arm.limits).any())
         self._stamp_ns += self._period_ns
 
     def reset(self) -> None:
@@ -228,10 +262,14 @@ class Simulation:
             at,
         )
 
-    def _apply(self, index: int, effort: Array | None) -> Array:
+    def _apply(self, index: int, command: Array | None) -> Array:
         """Return what the drives of an arm apply: the effort, or what holds the arm; (n,) [N m]."""
         arm = self.arms[index]
-        applied = None if effort is None else arm.obey(effort)
+        effort = arm.drives.arriving(command)
+        if not arm.drives.takes_efforts:
+            arm.follow(effort, self._posture(index))
+            return np.zeros_like(arm.limits)
+        applied = None if effort is None else arm.obey(arm.drives.lagging(effort, arm.applied))
         arm.refused = effort is not None and applied is None
         if applied is not None:
             arm.posture = None
@@ -243,6 +281,13 @@ class Simulation:
         if applied is None:
             raise DivergenceError("simulation diverged: no finite effort holds the arm; reset it")
         return applied
+
+    def _at_joints(self, index: int, effort: Array) -> Array:
+        """Return what the efforts of an arm's drives are at its joints, with the hand that pushes; (n,) [N m]."""
+        arm = self.arms[index]
+        if not arm.drives.is_exact:
+            effort = arm.drives.at_joints(effort, self._posture(index))
+        return effort if arm.pushed is None else effort + arm.pushed
 
     def _normal_forces(self) -> Array:
         """Return the force of each pad that friction gets; (N,) [N]."""

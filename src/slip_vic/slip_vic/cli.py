@@ -11,7 +11,19 @@ import click
 from slip_bags.cli import bag, run_command
 from slip_vic import __version__
 from slip_vic.exit_code import ALLOW_FAULT, end_with
-from slip_vic.options import ASSIGNMENTS, ESTIMATOR, LAW, PARAMS, SCENARIO, SCENARIOS, SEED, SENSOR, URDF, out_option
+from slip_vic.options import (
+    ASSIGNMENTS,
+    DRIVE,
+    ESTIMATOR,
+    LAW,
+    PARAMS,
+    SCENARIO,
+    SCENARIOS,
+    SEED,
+    SENSOR,
+    URDF,
+    out_option,
+)
 from slip_vic.page.cli import report, watch
 from slip_vic.pair.cli import pair, pair_study
 from slip_vic.replay.cli import references, verify
@@ -36,6 +48,7 @@ def cli() -> None:
 @click.option("--mode", type=click.Choice(["lockstep", "realtime"]), default="lockstep", show_default=True)
 @SEED
 @SENSOR
+@DRIVE
 @ESTIMATOR
 @PARAMS
 @click.option("--record", type=click.Path(path_type=Path), help="record a bag into this new folder")
@@ -56,6 +69,7 @@ def run(
     mode: Mode,
     seed: int,
     sensor: str,
+    drive: str,
     estimator: Estimator | None,
     params: Path | None,
     record: Path | None,
@@ -83,6 +97,7 @@ def run(
         mode=mode,
         seed=seed,
         sensor=sensor,
+        drive=drive,
         estimator=estimator,
         assignments=assignments,
         urdf_file=urdf,
@@ -124,6 +139,7 @@ def run(
 @SCENARIO
 @out_option("out", "output folder")
 @SEED
+@DRIVE
 @PARAMS
 @ASSIGNMENTS
 @URDF
@@ -133,6 +149,7 @@ def demo(
     scenario: str,
     out: Path,
     seed: int,
+    drive: str,
     params: Path | None,
     assignments: tuple[str, ...],
     urdf: Path | None,
@@ -146,7 +163,7 @@ def demo(
     from slip_vic.scenarios.scenario import read_parameters, urdf_assignment
 
     given = (*urdf_assignment(urdf), *assignments)
-    summary = run_demo(scenario, out, seed, given, domain_id, Console(stderr=True), read_parameters(params))
+    summary = run_demo(scenario, out, seed, given, domain_id, Console(stderr=True), read_parameters(params), drive)
     lines = (f"{kind}: {incident}" for kind, run in summary["runs"].items() for incident in run["incidents"])
     end_with(lines, allow_fault)
 

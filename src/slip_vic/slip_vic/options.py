@@ -43,6 +43,12 @@ def _sensor(context: click.Context, parameter: click.Parameter, value: str) -> s
     return value
 
 
+def _drive(context: click.Context, parameter: click.Parameter, value: str) -> str:
+    if value:
+        find_preset("drives", value)
+    return value
+
+
 def _package(context: click.Context, parameter: click.Parameter, values: tuple[str, ...]) -> None:
     for text in values:
         add_package(text)
@@ -75,6 +81,7 @@ LAW: Final = click.option(
     "--law", type=click.Choice(LAWS), default="governed", show_default=True, help="control law"
 )  # fmt: skip
 SENSOR: Final = click.option("--sensor", default="", callback=_sensor, help="name or .yaml file of a slip sensor")
+DRIVE: Final = click.option("--drive", default="", callback=_drive, help="name or .yaml file of the arm's drives")
 SENSORS: Final = click.option(
     "--sensor", "sensors", default="", callback=_sensors, help="names or .yaml files, comma separated; default all"
 )

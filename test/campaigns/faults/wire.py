@@ -41,7 +41,7 @@ class Wire:
         order = from_msgs.JointOrder(joint_names)
         learn: dict[str, Callable[[Any], Any]] = {
             JOINT: partial(from_msgs.joint_samples, order=order),
-            EFFORT: partial(from_msgs.effort_commands, order=order),
+            EFFORT: partial(from_msgs.joint_commands, order=order, interface="effort"),
             WRENCH: partial(from_msgs.in_frame, frame=frame, make=WrenchSample),
             SLIP: partial(from_msgs.in_frame, frame=frame, make=from_msgs.slip_sample),
         }

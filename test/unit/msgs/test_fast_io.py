@@ -45,7 +45,9 @@ def joint_receiver(names: tuple[str, ...] = NAMES) -> Receiver[JointSample]:
 
 def command_receiver() -> Receiver[EffortCommand]:
     order = from_msgs.JointOrder(NAMES)
-    return Receiver("sensor_msgs/msg/JointState", JOINT_FIELDS, partial(from_msgs.effort_commands, order=order))
+    return Receiver(
+        "sensor_msgs/msg/JointState", JOINT_FIELDS, partial(from_msgs.joint_commands, order=order, interface="effort")
+    )
 
 
 def joint_state(names: tuple[str, ...] = NAMES, **arrays: Any) -> bytes:

@@ -10,7 +10,17 @@ import numpy as np
 from slip_core.arrays import Array, matrix_from_quat_xyzw, readonly
 from slip_core.errors import InputError
 from slip_core.stamps import NS_PER_S
-from slip_core.types import CartesianReference, DisplacementSample, EffortCommand, JointSample, PoseGoal, SlipSample
+from slip_core.types import (
+    CartesianReference,
+    DisplacementSample,
+    EffortCommand,
+    JointCommand,
+    JointSample,
+    PoseGoal,
+    PositionCommand,
+    SlipSample,
+    VelocityCommand,
+)
 
 Sample = TypeVar("Sample")
 FLAG_UP = 0.5
@@ -79,22 +89,26 @@ def joint_samples(message: Any, order: JointOrder) -> Callable[[int, Array, Arra
     return make
 
 
-def effort_commands(message: Any, order: JointOrder) -> Callable[[int, Array, Array, Array], EffortCommand]:
+def joint_commands(
+    message: Any, order: JointOrder, interface: str
+) -> Callable[[int, Array, Array, Array], JointCommand]:
     """Check names and sizes of a command; return what makes commands of (stamp_ns, position, velocity, effort).
 
-    No effort at all means "no command for this stamp".
+    interface: which of the three counts. No number at all means "no command for this stamp".
 
     Raises:
-        InputError: wrong names, or not one effort per name.
+        InputError: wrong names, or not one number per name.
     """
-    index = order.indices(message.name)
-    if len(message.effort) not in (0, len(message.name)):
+    index, count = order.indices(message.name), len(getattr(message, interface))
+    if count not in (0, len(message.name)):
         raise InputError(
-            "effort command",
-            got=f"{len(message.name)} names, {len(message.effort)} efforts",
-            expected="one effort per name",
+            f"{interface} command", got=f"{len(message.name)} names, {count} numbers", expected="one number per name"
         )
-    pick = _picker(index if len(message.effort) else [])
+    pick = _picker(index if count else [])
+    if interface == "velocity":
+        return lambda stamp_ns, _position, velocity, _effort: VelocityCommand(stamp_ns, pick(velocity))
+    if interface == "position":
+        return lambda stamp_ns, position, _velocity, _effort: PositionCommand(stamp_ns, pick(position))
     return lambda stamp_ns, _position, _velocity, effort: EffortCommand(stamp_ns, pick(effort))
 
 

@@ -73,8 +73,10 @@ class Movable(Protocol):
     """Arms and object, held or not; joint vectors are in the order of `joint_names`, those of all arms one after the
     other."""
 
-    def advance(self, efforts: Array, normal_forces: Array) -> None:
+    def advance(self, efforts: Array, normal_forces: Array, drives: Array | None = None) -> None:
         """Advance one control period under constant efforts; (sum of n,) [N m], sum of pad forces of each arm (N,) [N].
+
+        drives: a JOINT_DRIVE per joint, whose torque and effort are written; None: nothing else acts on the joints.
 
         Raises:
             DivergenceError: where the state stopped being physical.

@@ -29,7 +29,8 @@ from slip_sim_bridge.plant.elastic_step import (
     elastic_step,
     read_elastic,
 )
-from slip_sim_bridge.plant.model import PAD, Divergence, effort_limits, free_object_model, name_of
+from slip_sim_bridge.plant.joint_step import AGREEMENT, DRIVE_PASSES, TORQUE, joint_step
+from slip_sim_bridge.plant.model import PAD, Divergence, effort_limits, free_object_model, name_of, tree_of
 
 LONGEST_STEP = 0.3
 """Largest step as a share of 1 / omega of the stiffest motion of object and pads; the spring is stable below 2."""
@@ -84,7 +85,7 @@ class ElasticPlant:
                     "about z: friction that falls faster with speed makes slip jump",
                 )
         self._sites = [model.site(name_of(name, PAD)).id for name in arms]
-        self._tree = np.concatenate((model.M_rowadr, model.M_rownnz, model.M_colind)).astype(np.int64)
+        self._tree = tree_of(model)
         self._sizes = [ReadOut(len(joints)).size for joints in names]
         self._levers: list[Array] = []
         self._qpos: Array = data.qpos
@@ -139,7 +140,7 @@ class ElasticPlant:
             self._rows[6 * i : 6 * i + 3] = -R.T @ self._jacobians[6 * i : 6 * i + 3]
             self._rows[6 * i + 3 : 6 * i + 6] = -R.T @ self._jacobians[6 * i + 3 : 6 * i + 6]
 
-    def advance(self, efforts: Array, normal_forces: Array) -> None:
+    def advance(self, efforts: Array, normal_forces: Array, drives: Array | None = None) -> None:
         """Advance one control period; (sum of n,) [N m], (N,) [N].
 
         Raises:
@@ -151,15 +152,42 @@ class ElasticPlant:
             self._look()
             if self._pushes is not None:
                 self._lean(self._pushes)
-            if not self._step(
-                data.qLD, data.qLDiagInv, self._tree, self._qvel, data.qfrc_bias, self._effort, self._frames,
-                self._jacobians, self._laws, normal_forces, dt, self._state, self._rows, data.qfrc_applied,
-            ):  # fmt: skip
-                raise DivergenceError("simulation diverged: the forces of the pads are not finite; reset it")
+            if drives is None:
+                self._grip(normal_forces)
+            else:
+                self._agree_with_drives(efforts, normal_forces, drives)
             mujoco.mj_step2(model, data)
             elastic_after(self._qvel, self._rows, normal_forces, dt, self._state)
             mujoco.mj_step1(model, data)
         self._divergence.check()
+
+    def _grip(self, normal_forces: Array) -> None:
+        """Write the joint forces of the coming step under the present efforts."""
+        data = self.data
+        if not self._step(
+            data.qLD, data.qLDiagInv, self._tree, self._qvel, data.qfrc_bias, self._effort, self._frames,
+            self._jacobians, self._laws, normal_forces, self.model.opt.timestep, self._state, self._rows,
+            data.qfrc_applied,
+        ):  # fmt: skip
+            raise DivergenceError("simulation diverged: the forces of the pads are not finite; reset it")
+
+    def _agree_with_drives(self, efforts: Array, normal_forces: Array, drives: Array) -> None:
+        """Repeat the forces of the pads and the torques of the drives in turn until both fit."""
+        data, dt, n, before = self.data, self.model.opt.timestep, self._arms, self._state.copy()
+        torque = np.zeros(n)
+        for _ in range(DRIVE_PASSES):
+            self._state[:] = before  # bristles advance once
+            self._effort[:n] = efforts + torque
+            self._grip(normal_forces)
+            force = data.qfrc_applied - data.qfrc_bias
+            force[:n] -= torque
+            if not joint_step(data.qLD, data.qLDiagInv, self._tree, self._qpos, self._qvel, force, dt, drives):
+                raise DivergenceError("simulation diverged: the torques of the drives are not finite; reset it")
+            change = drives[:, TORQUE] - torque
+            torque = drives[:, TORQUE].copy()
+            data.qfrc_applied[:n] += change
+            if np.abs(change).max() < AGREEMENT:
+                break
 
     def push(self, wrenches: Array) -> None:
         """Let hands push the object where each arm grips it from now on; (N, 6) [N, N m] {w}."""

@@ -14,8 +14,9 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.plant import ReadOut
-from slip_sim_bridge.plant.model import OBJECT, PAD, Divergence, free_object_model, name_of
+from slip_sim_bridge.plant import DivergenceError, ReadOut
+from slip_sim_bridge.plant.joint_step import TORQUE, joint_step
+from slip_sim_bridge.plant.model import OBJECT, PAD, Divergence, free_object_model, name_of, tree_of
 
 
 class LoosePlant:
@@ -25,6 +26,7 @@ class LoosePlant:
         self.model = free_object_model(arms, urdfs)
         self.data = mujoco.MjData(self.model)
         self._divergence = Divergence(self.data)
+        self._tree = tree_of(self.model)
         ends = np.cumsum([len(arm.joint_names) for arm in arms.values()]).tolist()
         self._joints = [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
         self._n, self._body = ends[-1], self.model.body(OBJECT).id
@@ -48,9 +50,15 @@ class LoosePlant:
         ]
         mujoco.mj_step1(self.model, data)
 
-    def advance(self, efforts: Array, _normal_forces: Array) -> None:
+    def advance(self, efforts: Array, _normal_forces: Array, drives: Array | None = None) -> None:
         """Advance one control period; (sum of n,) [N m]; no force of the pads reaches the object any more."""
-        self.data.qfrc_applied[: self._n] = efforts
+        data, n = self.data, self._n
+        data.qfrc_applied[:n] = efforts
+        if drives is not None:
+            force, dt = data.qfrc_applied - data.qfrc_bias, self.model.opt.timestep
+            if not joint_step(data.qLD, data.qLDiagInv, self._tree, data.qpos, data.qvel, force, dt, drives):
+                raise DivergenceError("simulation diverged: the torques of the drives are not finite; reset it")
+            data.qfrc_applied[:n] += drives[:, TORQUE]
         mujoco.mj_step2(self.model, self.data)
         mujoco.mj_step1(self.model, self.data)
         self._divergence.check()

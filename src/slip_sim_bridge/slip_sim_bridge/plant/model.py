@@ -14,7 +14,8 @@ import numpy as np
 
 from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw, readonly
 from slip_core.errors import InputError
-from slip_core.files.urdf import usable_urdf
+from slip_core.files.urdf import numbers_of, parse_urdf, usable_urdf
+from slip_core.records import WholeArray
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 
@@ -192,6 +193,22 @@ def effort_limits(model: mujoco.MjModel, joint_names: Sequence[str]) -> Array:
     """Return `effort` of the URDF's joint limits, inf where there is none; (n,) [N m]."""
     joints = [model.joint(name).id for name in joint_names]
     return readonly([model.jnt_actfrcrange[j, 1] if model.jnt_actfrclimited[j] else math.inf for j in joints])
+
+
+def urdf_dynamics(params: BridgeParams, urdf_text: str) -> tuple[Array, Array]:
+    """Return friction [N m] and damping [N m s/rad] of `<dynamics>` of each joint; (n,) each, 0 where there is none."""
+    joints = {joint.get("name"): joint.find("dynamics") for joint in parse_urdf(urdf_text).iter("joint")}
+    found = [joints.get(name) for name in params.joint_names]
+    friction, damping = (
+        np.array([0.0 if each is None else numbers_of(each, name, (0.0,))[0] for each in found])
+        for name in ("friction", "damping")
+    )
+    return friction, damping
+
+
+def tree_of(model: mujoco.MjModel) -> WholeArray:
+    """Return where a row of L of the mass matrix begins, how long it is, and the column of every entry."""
+    return np.concatenate((model.M_rowadr, model.M_rownnz, model.M_colind)).astype(np.int64)
 
 
 class Divergence:

@@ -18,7 +18,8 @@ from slip_core.records import new, record
 from slip_sim_bridge.friction import friction_law, law_names
 from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.params import BridgeParams
-from slip_sim_bridge.plant import ReadOut
+from slip_sim_bridge.plant import DivergenceError, ReadOut
+from slip_sim_bridge.plant.joint_step import AGREEMENT, DRIVE_PASSES, TORQUE, joint_step
 from slip_sim_bridge.plant.model import (
     OBJECT,
     PAD,
@@ -31,6 +32,7 @@ from slip_sim_bridge.plant.model import (
     push_object,
     sensor_address,
     set_object_inertia,
+    tree_of,
 )
 from slip_sim_bridge.plant.rigid_step import RIGID_CONTACT, RigidContact, read_out, rigid_step
 
@@ -119,12 +121,13 @@ class RigidPlant:
         self._root: Array = data.subtree_com[model.body_rootid[body]]
         self._option = model.opt
 
-        self._tree = np.concatenate((model.M_rowadr, model.M_rownnz, model.M_colind)).astype(np.int64)
+        self._tree = tree_of(model)
         self._size = ReadOut(n).size
         self._no_stops = np.zeros(model.nv)
         self._body, self._push, self._pushed = body, np.zeros(6), False
         self._outside = self._no_stops
         self._substeps = 1
+        self._drives: Array | None = None
         self._mass_matrix = np.zeros((model.nv, model.nv))
         self.reset(np.array([params.grip.force]))
 
@@ -141,18 +144,20 @@ class RigidPlant:
         mujoco.mj_resetData(model, data)
         self._qpos[: self._n] = self._initial
         self._state[:] = 0.0
+        self._drives = None
         self._split(1)
         mujoco.mj_step1(model, data)
         self._friction_step(self.holding_effort(0, self._initial, 0.0, 0.0), float(normal_forces[0]), 1)
         mujoco.mj_forward(model, data)
         self._state[:] = 0.0
 
-    def advance(self, efforts: Array, normal_forces: Array) -> None:
+    def advance(self, efforts: Array, normal_forces: Array, drives: Array | None = None) -> None:
         """Advance one control period; (n,) [N m], (1,) [N].
 
         mj_step1 of the next step runs at the end, so that all state belongs to the new stamp.
         """
         model, data, normal_force = self.model, self.data, float(normal_forces[0])
+        self._drives = drives
         substeps = self._friction_step(efforts, normal_force, self._fixed_substeps)
         if substeps != self._substeps:
             self._split(substeps)
@@ -195,6 +200,8 @@ class RigidPlant:
         """Put effort and the friction of the coming step on the joints; return into how many the period is split."""
         if self._pushed:
             self._lean()
+        if self._drives is not None:
+            return self._agree_with_drives(self._drives, effort, normal_force, substeps)
         if not self.data.nefc:
             return self._solve(effort, normal_force, substeps, self._outside, 1)
         substeps = self._solve(effort, normal_force, substeps, self._outside, 0)
@@ -214,6 +221,36 @@ class RigidPlant:
             self._factor, self._inverse_diagonal, self._tree, self._qpos, self._qvel, self._bias, stops,
             effort, self._law, self._pad, normal_force, substeps, keep, self._applied,
         )  # fmt: skip
+
+    def _agree_with_drives(self, drives: Array, effort: Array, normal_force: float, substeps: int) -> int:
+        """Repeat friction of the grasp, torques of the drives and forces of joint stops in turn until all fit."""
+        data, n, stops = self.data, self._n, np.zeros(self.model.nv)
+        substeps = self._solve(effort, normal_force, substeps, self._outside, 0)
+        dt, torque = self._period / substeps, np.zeros(n)
+        for _ in range(DRIVE_PASSES):
+            before = self._slip_tau.copy()
+            outside = stops + self._outside
+            outside[:n] += torque
+            self._solve(effort, normal_force, substeps, outside, 0)
+            outside[:n] -= torque
+            force = self._applied - self._bias + outside
+            if not joint_step(
+                self._factor, self._inverse_diagonal, self._tree, self._qpos, self._qvel, force, dt, drives
+            ):
+                raise DivergenceError("simulation diverged: the torques of the drives are not finite; reset it")
+            change = max(np.abs(drives[:, TORQUE] - torque).max(), np.abs(self._slip_tau - before).max())
+            torque = drives[:, TORQUE].copy()
+            self._applied[:n] = effort + torque
+            if data.nefc:
+                mujoco.mj_fwdActuation(self.model, data)
+                mujoco.mj_fwdAcceleration(self.model, data)
+                mujoco.mj_fwdConstraint(self.model, data)
+                change = max(change, np.abs(data.qfrc_constraint - stops).max())
+                stops = data.qfrc_constraint.copy()
+            if change < AGREEMENT:
+                break
+        self._state[:] = self._next_state
+        return substeps
 
     def _agree_with_joint_stops(self, effort: Array, normal_force: float, substeps: int) -> None:
         """Repeat friction and the forces of active joint stops in turn until both fit; a pass gains a factor of 40."""

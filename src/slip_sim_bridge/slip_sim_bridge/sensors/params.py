@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from slip_core.drive_params import JointSensorModel
 from slip_core.grasp_params import Six
 from slip_core.params import ParameterModel, parameter
 from slip_core.sensor_params import SlipSensorModel, WrenchSensorModel
@@ -63,17 +64,9 @@ class WrenchSensorParams(WrenchSensorModel):
     silent: bool = parameter(False, "publish nothing", runtime=True)
 
 
-class JointSensorParams(ParameterModel):
+class JointSensorParams(JointSensorModel):
     """Joint encoders. A joint state comes at every tick, because it starts the tick; its values may be old."""
 
-    rate_hz: float = parameter(
-        0.0, "how often positions and velocities are renewed; 0 at every tick", unit="Hz", ge=0.0
-    )
-    latency_s: float = parameter(
-        0.0, "age of the values, which their stamp does not tell: a driver's hidden delay", unit="s", ge=0.0
-    )
-    noise_position: float = parameter(0.0, "standard deviation of each joint position", unit="rad", ge=0.0)
-    noise_velocity: float = parameter(0.0, "standard deviation of each joint velocity", unit="rad/s", ge=0.0)
     bias_position: tuple[float, ...] = parameter((), "constant added to each position; empty = none", unit="rad")
 
 

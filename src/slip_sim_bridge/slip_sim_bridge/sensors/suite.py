@@ -5,12 +5,14 @@ Every sensor draws from a random stream of its own, so that switching one on doe
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from slip_core.arrays import Array
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.params import JointSensorParams, SensorsParams, WrenchSensorParams
@@ -96,7 +98,8 @@ class JointSensor:
         self._held = params.rate_hz > 0.0 or params.latency_s > 0.0
         self._bias = np.array(params.bias_position) if params.bias_position else None
         noisy = params.noise_position > 0.0 or params.noise_velocity > 0.0
-        self._ideal = not self._held and self._bias is None and not noisy
+        self._exact = params.quantum_position == 0.0 and params.velocity_filter_hz == 0.0
+        self._ideal = not self._held and self._bias is None and not noisy and self._exact
         self.reset()
 
     def reset(self) -> None:
@@ -106,11 +109,14 @@ class JointSensor:
             lambda truth, _rng: truth, self._params.rate_hz, self._params.latency_s, self._make_rng
         )
         self._newest: JointSample | None = None
+        self._before: tuple[int, Array] | None = None
+        self._filtered = np.zeros(0)
 
     def update(self, truth: JointSample) -> JointSample:
         """Return the measured joint state of this tick; the effort is the applied one.
 
-        White noise and bias on positions [rad], white noise on velocities [rad/s].
+        White noise, bias and quantum on positions [rad]; velocities [rad/s] by the filter from these positions, where
+        there is one, and with white noise.
         """
         if self._ideal:
             return truth
@@ -119,14 +125,32 @@ class JointSensor:
             self._newest = next(reversed(self._source.update(truth)), self._newest)
             source = truth if self._newest is None else self._newest
         noise_position, noise_velocity = self._params.noise_position, self._params.noise_velocity
-        if source is truth and self._bias is None and noise_position == 0.0 and noise_velocity == 0.0:
+        exact = self._exact and self._bias is None and noise_position == 0.0 and noise_velocity == 0.0
+        if source is truth and exact:
             return truth
         size = truth.position.size
         position = source.position + noise_position * self._rng.standard_normal(size)
-        velocity = source.velocity + noise_velocity * self._rng.standard_normal(size)
+        noise = noise_velocity * self._rng.standard_normal(size)
         if self._bias is not None:
             position += self._bias
+        if self._params.quantum_position > 0.0:
+            position = self._params.quantum_position * np.round(position / self._params.quantum_position)
+        velocity = source.velocity + noise
+        if self._params.velocity_filter_hz > 0.0:
+            velocity = self._filter(source.stamp_ns, position) + noise
         return JointSample(truth.stamp_ns, position, velocity, truth.effort)
+
+    def _filter(self, stamp_ns: int, position: Array) -> Array:
+        """Return the velocity of a first-order filter on differences of measured positions; from rest at first."""
+        if self._before is None:
+            self._before, self._filtered = (stamp_ns, position), np.zeros(position.size)
+        passed_s = (stamp_ns - self._before[0]) / _NS_PER_S
+        if passed_s > 0.0:
+            share = 1.0 - math.exp(-2.0 * math.pi * self._params.velocity_filter_hz * passed_s)
+            difference = (position - self._before[1]) / passed_s
+            self._filtered = self._filtered + share * (difference - self._filtered)
+            self._before = stamp_ns, position
+        return self._filtered
 
 
 class SensorSuite:

@@ -19,6 +19,7 @@ def load_any(
     mode: Mode = "lockstep",
     seed: int = 0,
     sensor: str = "",
+    drive: str = "",
     estimator: Estimator | None = None,
     assignments: Iterable[str] = (),
     urdf_file: Path | None = None,
@@ -36,13 +37,16 @@ def load_any(
                 fix="--set left.controller.NAME=VALUE, and the same for right",
             )  # fmt: skip
         given = (*urdf_assignment(urdf_file), *assignments)
-        return load_pair(name_or_path, law=BY_LAW[law], mode=mode, seed=seed, sensor=sensor, assignments=given)
+        return load_pair(
+            name_or_path, law=BY_LAW[law], mode=mode, seed=seed, sensor=sensor, drive=drive, assignments=given
+        )
     return load_scenario(
         name_or_path,
         law=law,
         mode=mode,
         seed=seed,
         sensor=sensor,
+        drive=drive,
         estimator=estimator,
         assignments=assignments,
         urdf_file=urdf_file,

@@ -28,9 +28,10 @@ from slip_core.params import (
     validate,
 )
 from slip_sim_bridge.params import BridgeParams, PadParams
+from slip_vic.presets.drives import load_drive
 from slip_vic.presets.sensors import load_sensor
 from slip_vic.scenarios import find_scenario, scenario_names, scenario_text
-from slip_vic.scenarios.scenario import BOUNDED, Mode, apply_sensor
+from slip_vic.scenarios.scenario import BOUNDED, Mode, apply_drive, apply_sensor
 from slip_vic.scenarios.scenario import Law as OneArmLaw
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 
@@ -195,6 +196,7 @@ def load_pair(
     mode: Mode = "lockstep",
     seed: int = 0,
     sensor: str = "",
+    drive: str = "",
     assignments: Iterable[str] = (),
 ) -> PairScenario:
     """Read a scenario with two arms by name or path and apply assignments.
@@ -227,6 +229,8 @@ def load_pair(
             node["controller"] |= {"governor.mode": "slow_down"} | BOUNDED
         if sensor:
             apply_sensor(node, load_sensor(sensor))
+        if drive:
+            apply_drive(node, load_drive(drive))
     for assignment in assignments:
         _assign(values, mismatch, *parse_assignment(assignment))
     wrong = build(Mismatch, mismatch, f"{origin}: mismatch")

@@ -43,6 +43,7 @@ def run_demo(
     domain: int | None,
     console: Console,
     parameters: Mapping[str, Any] = MappingProxyType({}),
+    drive: str = "",
 ) -> dict[str, Any]:
     """Run all controllers, write page, ``summary.json``, ``report.png`` and the bags into `out`, return the summary.
 
@@ -52,7 +53,7 @@ def run_demo(
         InputError: bad scenario or parameter, or an output folder that cannot be written.
     """
     assert set(ORDER) == set(get_args(Law))
-    loaded = all_kinds(scenario, seed, assignments, parameters)
+    loaded = all_kinds(scenario, seed, assignments, parameters, drive)
     for made in loaded.values():
         made.check()
     staging = _staging_folder(out)
@@ -102,11 +103,14 @@ def run_demo(
 
 
 def all_kinds(
-    scenario: str, seed: int, assignments: tuple[str, ...], parameters: Mapping[str, Any]
+    scenario: str, seed: int, assignments: tuple[str, ...], parameters: Mapping[str, Any], drive: str = ""
 ) -> dict[Law, Scenario | PairScenario]:
     """Return the scenario with each controller; all get the same `parameters`, without those in which they differ."""
     common = {name: value for name, value in parameters.items() if name not in ("controller", *GOVERNED)}
-    return {kind: load_any(scenario, law=kind, seed=seed, assignments=assignments, parameters=common) for kind in ORDER}
+    return {
+        kind: load_any(scenario, law=kind, seed=seed, drive=drive, assignments=assignments, parameters=common)
+        for kind in ORDER
+    }
 
 
 def _sum_up_pair(

@@ -53,6 +53,7 @@ def _absent(controller: ControllerNodeParams) -> set[str]:
         absent.add("controller/reference_used")
     if controller.grip.control != "follow":
         absent.add("grip_command")
+    absent |= {f"{kind}_{name}" for kind in ("velocity", "position") for name in ("command", "controller/commands")}
     if not controller.publish_effort_array:
         absent.add("effort_controller/commands")
     return absent

@@ -28,6 +28,7 @@ from slip_core.params import (
     validate,
 )
 from slip_sim_bridge.params import BridgeParams
+from slip_vic.presets.drives import DrivePreset, load_drive
 from slip_vic.presets.sensors import SensorPreset, load_sensor
 from slip_vic.scenarios import find_scenario, scenario_text
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
@@ -210,6 +211,7 @@ class Texts:
 
     scenarios: Mapping[str, str] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
+    drives: Mapping[str, str] = field(default_factory=dict)
     urdfs: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -225,6 +227,7 @@ def load_scenario(
     assignments: Iterable[str] = (),
     urdf_file: Path | None = None,
     sensor: str = "",
+    drive: str = "",
     estimator: Estimator | None = None,
     texts: Texts = NO_TEXTS,
     parameters: Mapping[str, Any] = MappingProxyType({}),
@@ -233,7 +236,8 @@ def load_scenario(
 
     An assignment names a node's parameter (``controller.gains.k_s=500``, ``bridge.grip.force=0.6``) or,
     without prefix, one that both nodes share (``object.mass=0.6``). Real time brings `BOUNDED`. A
-    `sensor` (name or file) gives both nodes what a slip sensor is, and the controller settings that suit it;
+    `sensor` (name or file) gives both nodes what a slip sensor is, and the controller settings that suit it, `drive`
+    what the arm's drives and encoders are;
     `parameters` of the controller, `estimator` and assignments come after it, in this order. Files whose contents stand
     in `texts` are not opened.
 
@@ -258,6 +262,8 @@ def load_scenario(
             node["robot_description_file"] = str(urdf_file)
     if sensor:
         apply_sensor(values, load_sensor(sensor, texts.sensors.get(sensor)))
+    if drive:
+        apply_drive(values, load_drive(drive, texts.drives.get(drive)))
     if parameters:  # gains are the file's, the mode and a sensor that was named are those of the command
         known = values["controller"]
         named = {key: value for key, value in known.items() if key == "mode" or (sensor and "_sensor." in key)}
@@ -305,6 +311,46 @@ def apply_sensor(values: dict[str, dict[str, Any]], preset: SensorPreset) -> Non
             f"{part}_sensor.{name}": value for name, value in flat.items() if f"{part}_sensor.{name}" in known
         }
     values["controller"] |= flat_names(preset.controller)
+
+
+def apply_drive(values: dict[str, dict[str, Any]], preset: DrivePreset) -> None:
+    """Put drives and encoders into the values of both nodes: the bridge simulates them, the controller knows of them.
+
+    Raises:
+        InputError: drives that take what the controller does not send.
+    """
+    joints = len(values["bridge"].get("joint_names", BridgeParams.model_fields["joint_names"].default))
+    known = {info.name for info in parameter_infos(ControllerNodeParams)}
+    for part, group in (("drive", "drive"), ("joint", "sensors.joint")):
+        flat = {name: _of_joints(value, joints) for name, value in flatten(getattr(preset, part)).items()}
+        values["bridge"] |= {f"{group}.{name}": value for name, value in flat.items()}
+        own = "joint_sensor" if part == "joint" else part
+        values["controller"] |= {f"{own}.{name}": value for name, value in flat.items() if f"{own}.{name}" in known}
+    interface = preset.drive.interface
+    if "command.interface" in known:
+        values["controller"]["command.interface"] = interface
+    elif interface != "effort":
+        raise InputError(f"drive with interface {interface}", got="a controller that sends efforts", expected="effort")
+
+
+def drive_assignments(drive: str, scenario: str, assignments: Iterable[str]) -> tuple[str, ...]:
+    """Return the ``--set`` assignments that ``--drive`` stands for, for the arm of a scenario; none without a name."""
+    if not drive:
+        return ()
+    before = load_scenario(scenario, assignments=assignments)
+    values: dict[str, dict[str, Any]] = {"controller": {}, "bridge": {"joint_names": before.bridge.joint_names}}
+    apply_drive(values, load_drive(drive))
+    del values["bridge"]["joint_names"]
+    return tuple(
+        f"{node}.{name}={json.dumps(value)}" for node, known in values.items() for name, value in known.items()
+    )
+
+
+def _of_joints(value: Any, joints: int) -> Any:
+    """Return a list for an arm with this number of joints; one number stays one for all."""
+    if not isinstance(value, list) or len(value) < 2:
+        return value
+    return [*value[:joints], *[value[-1]] * (joints - len(value))]
 
 
 def _tell_friction(values: dict[str, dict[str, Any]], origin: str) -> None:

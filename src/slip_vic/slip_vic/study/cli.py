@@ -14,6 +14,7 @@ import click
 from slip_vic.exit_code import ALLOW_FAULT, end_with
 from slip_vic.options import (
     ASSIGNMENTS,
+    DRIVE,
     ESTIMATOR,
     LAW,
     PARAMS,
@@ -60,6 +61,7 @@ def workers(command: click.decorators.FC) -> click.decorators.FC:
 @workers
 @click.option("--shard", default="1/1", callback=_shard, metavar="I/N", help="every N-th case from the I-th on")
 @click.option("--resume", "go_on", is_flag=True, help="go on with all that --out was asked for")
+@DRIVE
 @ASSIGNMENTS
 @URDF
 @click.option(
@@ -79,6 +81,7 @@ def study(
     engine: EngineName,
     shard: tuple[int, int],
     go_on: bool,
+    drive: str,
     assignments: tuple[str, ...],
     urdf: Path | None,
     drawn: int,
@@ -94,7 +97,7 @@ def study(
         return
     from slip_vic.presets import preset_names
     from slip_vic.scenarios import scenario_names
-    from slip_vic.scenarios.scenario import urdf_assignment
+    from slip_vic.scenarios.scenario import drive_assignments, urdf_assignment
     from slip_vic.study.cases import MISMATCHES, Asked
     from slip_vic.study.command import resume, run_study
 
@@ -106,7 +109,9 @@ def study(
     wrong = MISMATCHES if mismatches == "all" else names(mismatches)
     wanted = sensors or tuple(preset_names("sensors"))
     asked = Asked(scenarios or tuple(scenario_names(1)), wanted, names(estimators), wrong, seeds, shard)
-    done = run_study([asked], (*urdf_assignment(urdf), *assignments), out, engine, jobs)
+    given = (*urdf_assignment(urdf), *assignments)
+    given = (*drive_assignments(drive, asked.scenarios[0], given), *given)
+    done = run_study([asked], given, out, engine, jobs)
     click.echo(done.line)
     end_with(done.bad, allow_fault)
 

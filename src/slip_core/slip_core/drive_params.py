@@ -1,0 +1,46 @@
+"""What both nodes are configured with of an arm's drives and encoders: the bridge simulates it, the controller counts
+on it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from slip_core.params import ParameterModel, parameter
+
+
+class DriveModel(ParameterModel):
+    """Drives of the joints: what is known of them; the launcher fills it from the drive's preset."""
+
+    interface: Literal["effort", "velocity", "position"] = parameter(
+        "effort", "what the drives take: effort [N m], or velocity [rad/s] or position [rad] with a loop of their own"
+    )
+    delay_s: float = parameter(
+        0.0, "time from a command to its effect, which no stamp tells; whole control periods", unit="s", ge=0.0, le=0.1
+    )
+    lag_s: float = parameter(
+        0.0, "interface effort: time constant with which the effort follows its command; 0 = at once", unit="s", ge=0.0
+    )
+    bandwidth: float = parameter(
+        300.0, "interfaces velocity and position: rate with which the joint follows its command", unit="rad/s", gt=0.0
+    )
+
+
+class JointSensorModel(ParameterModel):
+    """Joint encoders: what is known of them."""
+
+    rate_hz: float = parameter(
+        0.0, "how often positions and velocities are renewed; 0 at every tick", unit="Hz", ge=0.0
+    )
+    latency_s: float = parameter(
+        0.0, "age of the values, which their stamp does not tell: a driver's hidden delay", unit="s", ge=0.0
+    )
+    noise_position: float = parameter(0.0, "standard deviation of each joint position", unit="rad", ge=0.0)
+    noise_velocity: float = parameter(0.0, "standard deviation of each joint velocity", unit="rad/s", ge=0.0)
+    quantum_position: float = parameter(0.0, "step of each joint position; 0 = none", unit="rad", ge=0.0)
+    velocity_filter_hz: float = parameter(
+        0.0,
+        "corner of the first-order filter by which velocities come from differences of measured positions; 0: "
+        "velocities are measured on their own",
+        unit="Hz",
+        ge=0.0,
+    )

@@ -1,0 +1,1 @@
+"""Simulated drives between a command and the joints: interface, dead time, lag, scale, offset, ripple, friction."""

@@ -1,0 +1,52 @@
+"""Parameters of the simulated drives; the defaults are ideal: they do exactly what is commanded."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from slip_core.drive_params import DriveModel
+from slip_core.params import parameter
+
+EACH = "one number for all joints or one per joint, empty = none"
+
+
+class DriveParams(DriveModel):
+    """Drives of an arm."""
+
+    coulomb: tuple[float, ...] = parameter((), f"Coulomb friction of the joints; {EACH}", unit="N m")
+    viscous: tuple[float, ...] = parameter((), f"viscous friction of the joints; {EACH}", unit="N m s/rad")
+    offset: tuple[float, ...] = parameter(
+        (), f"interface effort: constant added to the effort at the joint; {EACH}", unit="N m"
+    )
+    gain: float = parameter(1.0, "interface effort: effort at the joint over effort of the drive", ge=0.1, le=10.0)
+    ripple: float = parameter(
+        0.0, "interface effort: amplitude of a torque that goes as the sine of the joint's position", unit="N m", ge=0.0
+    )
+    ripple_cycles: float = parameter(6.0, "cycles of the ripple per turn of the joint", gt=0.0)
+    urdf_dynamics: Literal["leave_out", "add"] = parameter(
+        "leave_out",
+        "friction and damping of `<dynamics>` in the URDF. leave_out: not simulated, which the bridge reports where "
+        "they are not zero; add: added to coulomb and viscous",
+    )
+
+    def of_joints(self, name: str, joints: int) -> tuple[float, ...]:
+        """Return coulomb, viscous or offset of each joint.
+
+        Raises:
+            ValueError: neither one number nor one per joint.
+        """
+        values: tuple[float, ...] = getattr(self, name) or (0.0,)
+        if len(values) not in (1, joints):
+            raise ValueError(f"drive.{name}: {len(values)} numbers for {joints} joints; one for all, or one per joint")
+        return values * joints if len(values) == 1 else values
+
+    def check(self, joints: int) -> None:
+        """See that the lists fit an arm.
+
+        Raises:
+            ValueError: a list of another length, or negative friction.
+        """
+        for name in ("coulomb", "viscous", "offset"):
+            values = self.of_joints(name, joints)
+            if name != "offset" and min(values) < 0.0:
+                raise ValueError(f"drive.{name} {list(values)}: friction is not negative")

@@ -1,0 +1,254 @@
+"""Simulated drives against closed forms: stick, decay, lag, dead time, loops of their own; and encoders."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_core.types import EffortCommand, JointSample, VelocityCommand
+from slip_description import urdf_text
+from slip_sim_bridge.drives.drive import Drives
+from slip_sim_bridge.drives.params import DriveParams
+from slip_sim_bridge.plant.joint_step import JOINT_DRIVE, JOINT_DRIVE_SIZE, TORQUE, joint_step
+from slip_sim_bridge.plant.model import tree_of
+from slip_sim_bridge.sensors.params import JointSensorParams
+from slip_sim_bridge.sensors.suite import JointSensor
+from slip_sim_bridge.session import BridgeSession
+from test.support.every import every
+from test.unit.bridge.one_arm import OneArm
+from test.unit.bridge.scenes import scenario_params, scene
+
+DT = 1e-3
+LOCKED = (0.0, *(1e3,) * 6)
+"""Friction that lets the first joint move alone: its inertia is constant then."""
+STEP = 2e-4  # rad: a larger one would ask for more than the drives' effort
+PLANTS = ("rigid", "elastic")
+FIRST = np.eye(7)[0]
+
+
+def weightless(plant: str = "rigid", **values: Any) -> OneArm:
+    """The arm in free space with an object that sticks in its grasp."""
+    return scene(
+        plant=plant, gravity=(0.0, 0.0, 0.0), grip__force=1e4, friction__model="coulomb", **values,
+    )  # fmt: skip
+
+
+def inertia(simulation: OneArm) -> float:
+    """Return the inertia about the first joint [kg m^2]; of the elastic plant that of arm and object together."""
+    plant = simulation.plant
+    M = np.zeros((plant.model.nv, plant.model.nv))
+    mujoco.mj_fullM(plant.model, plant.data, M)
+    return float(M[0, 0])
+
+
+@every("plant", PLANTS)
+def test_a_joint_below_its_friction_does_not_creep_and_breaks_away_at_the_limit(plant: str) -> None:
+    limits = np.array((1.0, 1.0, 0.8, 0.8, 0.4, 0.4, 0.3))
+    simulation = weightless(plant, drive__coulomb=tuple(limits.tolist()))
+    start = simulation.observe().joint.position.copy()
+    for k in range(300):
+        simulation.step(limits * (0.95 + 0.049 * math.sin(0.05 * k)))
+    assert np.abs(simulation.observe().joint.position - start).max() < 1e-12
+    for joint in range(7):
+        simulation = weightless(plant, drive__coulomb=tuple(limits.tolist()))
+        share = 0.998
+        while np.abs(simulation.observe().joint.velocity).max() < 1e-9:
+            share += 2e-4
+            simulation.step(share * limits * np.eye(7)[joint])
+            assert share < 1.1
+        assert share == pytest.approx(1.0, abs=1e-3)
+
+
+def test_the_joints_together_are_the_solution_of_the_convex_problem() -> None:
+    """Against scipy's bounded least squares: min |L^T tau + L^-1 v|^2 in the bounds, A = L L^T."""
+    simulation, rng = weightless(), np.random.default_rng(3)
+    plant = simulation.plant
+    M, drives = np.zeros((10, 10)), np.zeros((7, JOINT_DRIVE_SIZE))
+    mujoco.mj_fullM(plant.model, plant.data, M)
+    data, sliding = plant.data, 0
+    for _ in range(200):
+        force, v = rng.normal(size=10) * 5.0, rng.normal(size=10) * rng.choice((0.0, 0.01))
+        bounds = rng.uniform(0.1, 5.0, 7)
+        drives[:] = 0.0
+        drives[:, (JOINT_DRIVE.names or ()).index("coulomb")] = bounds
+        assert joint_step(data.qLD, data.qLDiagInv, tree_of(plant.model), data.qpos, v, force, DT, drives)
+        A = DT * np.linalg.inv(M)[:7, :7]
+        v_free = (v + DT * np.linalg.solve(M, force))[:7]
+        L = np.linalg.cholesky(A)
+        found = lsq_linear(L.T, -np.linalg.solve(L, v_free), (-bounds, bounds), method="bvls", tol=1e-14)
+        np.testing.assert_allclose(drives[:, TORQUE], found.x, rtol=1e-6, atol=1e-7)
+        sliding += int((np.abs(drives[:, TORQUE]) > bounds * (1.0 - 1e-9)).sum())
+    assert 200 < sliding < 1200
+
+
+def moving(simulation: OneArm, speed: float) -> OneArm:
+    simulation.plant.data.qvel[0] = speed
+    mujoco.mj_step1(simulation.plant.model, simulation.plant.data)
+    return simulation
+
+
+def test_a_joint_decays_by_viscous_and_stops_by_coulomb_friction() -> None:
+    b = 0.7
+    simulation = moving(weightless(drive__coulomb=LOCKED, drive__viscous=(b, *(0.0,) * 6)), 0.3)
+    share = 1.0 / (1.0 + b * DT / inertia(simulation))
+    for k in range(300):
+        assert simulation.observe().joint.velocity[0] == pytest.approx(0.3 * share**k, rel=1e-9)
+        simulation.step(np.zeros(7))
+    friction = 2.0
+    simulation = moving(weightless(drive__coulomb=(friction, *(1e3,) * 6)), 0.3)
+    slower = friction * DT / inertia(simulation)
+    for k in range(round(0.3 / slower) + 100):
+        assert simulation.observe().joint.velocity[0] == pytest.approx(max(0.0, 0.3 - slower * k), abs=1e-9)
+        simulation.step(np.zeros(7))
+
+
+@every("friction", (0.0, 3.0))
+@every("plant", PLANTS)
+def test_a_velocity_drive_follows_with_a_lag_of_first_order_whatever_rubs(plant: str, friction: float) -> None:
+    simulation = weightless(
+        plant, drive__interface="velocity", drive__bandwidth=40.0, drive__coulomb=(friction,), drive__viscous=(0.5,)
+    )
+    for k in range(200):
+        velocity = simulation.observe().joint.velocity
+        assert velocity[0] == pytest.approx(0.1 * (1.0 - math.exp(-40.0 * DT * k)), abs=1e-10)
+        assert np.abs(velocity[1:]).max() < 1e-10
+        simulation.step(0.1 * FIRST)
+    assert not simulation.holding
+    effort = simulation.observe().joint.effort
+    assert effort[0] > friction, "the drive's effort carries friction and acceleration"
+    simulation.step(np.full(7, np.nan))
+    assert simulation.command_refused
+    assert simulation.holding
+    for _ in range(400):
+        simulation.step(None)
+    assert np.abs(simulation.observe().joint.velocity).max() < 1e-6
+
+
+def test_a_velocity_drive_accelerates_no_more_than_its_effort_limit_allows() -> None:
+    simulation = weightless(drive__interface="velocity", drive__bandwidth=1000.0)
+    limits, before = simulation.arm.limits, simulation.observe().joint.velocity[0]
+    for _ in range(5):
+        simulation.step(2.0 * FIRST)
+        velocity = simulation.observe().joint.velocity[0]
+        assert (velocity - before) * inertia(simulation) / DT <= 3.0 * limits[0]
+        assert np.abs(simulation.observe().joint.effort).max() <= limits.max()
+        before = velocity
+    assert simulation.effort_saturated
+    assert before < 1.9
+
+
+def test_a_position_drive_comes_with_a_lag_of_first_order_and_holds_its_posture() -> None:
+    simulation = weightless(drive__interface="position", drive__bandwidth=30.0, drive__coulomb=(1.0,))
+    start = simulation.observe().joint.position.copy()
+    for k in range(300):
+        left = STEP * math.exp(-30.0 * DT * k)
+        assert simulation.observe().joint.position[0] - start[0] == pytest.approx(STEP - left, abs=1e-12)
+        simulation.step(start + STEP * FIRST)
+    for _ in range(300):
+        simulation.step(None)
+    np.testing.assert_allclose(simulation.observe().joint.position, start + STEP * FIRST, atol=1e-7)
+
+
+@every("delay", (0, 1, 4))
+def test_a_command_takes_effect_whole_periods_later(delay: int) -> None:
+    prompt, late = scene(), scene(drive__delay_s=delay * DT)
+    hold = prompt.observe().joint.effort.copy()
+    efforts = [hold + 0.1 * np.sin(0.1 * k) for k in range(30)]
+    for k in range(30):
+        late.step(efforts[k])
+        if k >= delay:
+            assert np.array_equal(late.observe().joint.effort, efforts[k - delay])
+        else:
+            assert late.holding
+    late.reset()
+    late.step(efforts[0])
+    assert late.holding == (delay > 0), "a reset forgets what is under way"
+
+
+def test_efforts_lag_and_are_scaled_and_offset() -> None:
+    simulation = scene(drive__lag_s=0.005)
+    hold = simulation.observe().joint.effort.copy()
+    for k in range(20):
+        np.testing.assert_allclose(
+            simulation.observe().joint.effort, hold + 0.2 * (1.0 - math.exp(-DT * k / 0.005)), rtol=0.0, atol=1e-12
+        )
+        simulation.step(hold + 0.2)
+    params = DriveParams(gain=0.95, offset=(0.1,), ripple=0.02, ripple_cycles=8.0)
+    drives = Drives(params, np.full(2, 10.0), (np.zeros(2), np.zeros(2)), DT)
+    position = np.array((0.1, -0.3))
+    np.testing.assert_allclose(
+        drives.at_joints(np.array((1.0, -2.0)), position), np.array((1.05, -1.8)) + 0.02 * np.sin(8.0 * position)
+    )
+
+
+def test_a_torque_offset_below_friction_moves_nothing_and_above_it_accelerates() -> None:
+    stuck = weightless(drive__coulomb=(0.2,), drive__offset=(0.19,))
+    for _ in range(100):
+        stuck.step(np.zeros(7))
+    assert np.abs(stuck.observe().joint.velocity).max() < 1e-12
+    moves = weightless(drive__coulomb=LOCKED, drive__offset=(0.19, *(0.0,) * 6))
+    for _ in range(100):
+        moves.step(np.zeros(7))
+    assert moves.observe().joint.velocity[0] == pytest.approx(0.19 * 0.1 / inertia(moves), rel=1e-9)
+
+
+def test_ideal_drives_are_not_there_and_friction_outlasts_the_object() -> None:
+    assert scene().all._drives is None
+    simulation = scene(drive__coulomb=(200.0,))
+    simulation.set_grip_force(0.0)
+    start = simulation.observe().joint.position.copy()
+    for _ in range(100):
+        simulation.step(np.zeros(7))
+    assert simulation.loss is not None
+    assert np.abs(simulation.observe().joint.position - start).max() < 1e-12
+    assert simulation.observe().truth.twist[2] < -0.9
+
+
+def test_the_friction_of_the_urdf_is_used_or_named() -> None:
+    text = urdf_text().replace('<dynamics damping="0" friction="0"/>', '<dynamics damping="0.1" friction="0.5"/>')
+    left_out = OneArm(scenario_params(), text)
+    assert left_out.all.notes == ("friction and damping of the URDF's joints are not simulated: drive.urdf_dynamics",)
+    assert left_out.all._drives is None
+    assert scene().all.notes == ()
+    added = OneArm(scenario_params(drive__urdf_dynamics="add", drive__coulomb=(0.25,)), text)
+    assert added.all.notes == ()
+    rows = added.arm.drives.rows
+    assert set(rows[:, 3]) == {0.75}
+    assert set(rows[:, 4]) == {0.1}
+
+
+def test_a_command_of_another_interface_is_named() -> None:
+    session = BridgeSession({"": scenario_params(drive__interface="velocity")}, {"": urdf_text()})
+    session.advance([VelocityCommand(0, np.zeros(7))])
+    with pytest.raises(InputError, match=r"drive\.interface"):
+        session.advance([EffortCommand(0, np.zeros(7))])
+
+
+@every("values", [{"coulomb": (1.0, 2.0)}, {"coulomb": (-1.0,)}, {"viscous": (0.1,) * 6}, {"gain": 0.0}])
+def test_lists_that_do_not_fit_are_refused(values: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="drive"):
+        scenario_params(**{f"drive__{name}": value for name, value in values.items()})
+
+
+def measured(params: JointSensorParams, positions: Array) -> list[JointSample]:
+    sensor = JointSensor(params, lambda: np.random.default_rng(0))
+    zero = np.zeros(1)
+    return [sensor.update(JointSample(round(1e6 * k), np.array([q]), zero, zero)) for k, q in enumerate(positions)]
+
+
+def test_encoders_have_a_quantum_and_velocities_come_by_a_filter() -> None:
+    time = DT * np.arange(400)
+    found = measured(JointSensorParams(quantum_position=1e-3), 0.01 * np.sin(5.0 * time))
+    read = np.array([sample.position[0] for sample in found])
+    np.testing.assert_allclose(read / 1e-3, np.round(read / 1e-3), atol=1e-9)
+    assert np.abs(read - 0.01 * np.sin(5.0 * time)).max() <= 0.5e-3 + 1e-12
+    found = measured(JointSensorParams(velocity_filter_hz=20.0), 0.3 * time)
+    velocity = np.array([sample.velocity[0] for sample in found])
+    np.testing.assert_allclose(velocity, 0.3 * (1.0 - np.exp(-2.0 * np.pi * 20.0 * time)), atol=1e-12)
