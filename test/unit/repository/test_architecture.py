@@ -45,6 +45,7 @@ ALLOWED = {
     "slip_vic_controller.slip_displacement": {"numpy", "slip_core"},
     "slip_vic_controller.snapshot": {"numpy", "slip_core"},
     "slip_sim_bridge": SHELLS,
+    "slip_sim_bridge.drives": {"numpy", "pydantic", "slip_core"},
     "slip_sim_bridge.friction": {"numpy", "pydantic", "slip_core"},
     "slip_sim_bridge.plant": {"numpy", "mujoco", "slip_core"},  # no other file knows MuJoCo
     "slip_sim_bridge.sensors": {"numpy", "pydantic", "slip_core"},
@@ -84,6 +85,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
     },
     "slip_vic_controller.slip_displacement": {"slip_vic_controller.law.rotation"},
     "slip_vic_controller.snapshot": {"slip_vic_controller.cycle", "slip_vic_controller.observer"},
+    "slip_sim_bridge.drives": {"slip_sim_bridge.drives", "slip_sim_bridge.plant.joint_step"},
     "slip_sim_bridge.friction": {"slip_sim_bridge.friction"},
     "slip_sim_bridge.plant": {f"slip_sim_bridge.{part}" for part in ("plant", "friction", "params")},
     "slip_sim_bridge.sensors": {"slip_sim_bridge.sensors", "slip_sim_bridge.params"},

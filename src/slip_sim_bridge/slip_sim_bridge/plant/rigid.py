@@ -7,6 +7,7 @@ pad, and its force is applied on the relative joints; `rigid_step` has the formu
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -19,7 +20,8 @@ from slip_sim_bridge.friction import friction_law, law_names
 from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError, ReadOut
-from slip_sim_bridge.plant.joint_step import AGREEMENT, DRIVE_PASSES, TORQUE, joint_step
+from slip_sim_bridge.plant.fixed_point import fixed_point
+from slip_sim_bridge.plant.joint_step import AGREEMENT, TORQUE, joint_step
 from slip_sim_bridge.plant.model import (
     OBJECT,
     PAD,
@@ -223,34 +225,51 @@ class RigidPlant:
         )  # fmt: skip
 
     def _agree_with_drives(self, drives: Array, effort: Array, normal_force: float, substeps: int) -> int:
-        """Repeat friction of the grasp, torques of the drives and forces of joint stops in turn until all fit."""
-        data, n, stops = self.data, self._n, np.zeros(self.model.nv)
+        """Find friction of the grasp, torques of the drives and forces of joint stops that fit; the grasp is last."""
+        data = self.data
         substeps = self._solve(effort, normal_force, substeps, self._outside, 0)
-        dt, torque = self._period / substeps, np.zeros(n)
-        for _ in range(DRIVE_PASSES):
-            before = self._slip_tau.copy()
+        stops = np.zeros(self.model.nv)
+        for _ in range(STOP_PASSES):
             outside = stops + self._outside
-            outside[:n] += torque
-            self._solve(effort, normal_force, substeps, outside, 0)
-            outside[:n] -= torque
-            force = self._applied - self._bias + outside
-            if not joint_step(
-                self._factor, self._inverse_diagonal, self._tree, self._qpos, self._qvel, force, dt, drives
-            ):
-                raise DivergenceError("simulation diverged: the torques of the drives are not finite; reset it")
-            change = max(np.abs(drives[:, TORQUE] - torque).max(), np.abs(self._slip_tau - before).max())
-            torque = drives[:, TORQUE].copy()
-            self._applied[:n] = effort + torque
-            if data.nefc:
-                mujoco.mj_fwdActuation(self.model, data)
-                mujoco.mj_fwdAcceleration(self.model, data)
-                mujoco.mj_fwdConstraint(self.model, data)
-                change = max(change, np.abs(data.qfrc_constraint - stops).max())
-                stops = data.qfrc_constraint.copy()
-            if change < AGREEMENT:
+            parts = partial(
+                self._grip_of,
+                outside=outside,
+                drives=drives,
+                effort=effort,
+                normal_force=normal_force,
+                substeps=substeps,
+            )
+            fixed_point(parts, self._slip_tau.copy(), AGREEMENT)
+            if not data.nefc:
+                break
+            mujoco.mj_fwdActuation(self.model, data)
+            mujoco.mj_fwdAcceleration(self.model, data)
+            mujoco.mj_fwdConstraint(self.model, data)
+            change = np.abs(data.qfrc_constraint - stops).max()
+            stops = data.qfrc_constraint.copy()
+            if change < STOP_AGREEMENT:
                 break
         self._state[:] = self._next_state
         return substeps
+
+    def _grip_of(self, given: tuple[Array, Array, Array, float, int], slip: Array) -> Array:
+        """Return the grasp's forces on the relative joints under the torques that the drives have with these; (3,).
+
+        given: what else acts on the joints, drives, efforts, normal force, sub-steps. Writes all joint forces of the
+        coming step.
+        """
+        outside, drives, effort, normal_force, substeps = given
+        n, force = self._n, outside - self._bias
+        force[:n] += effort
+        force[n:] += slip
+        if not joint_step(
+            self._factor, self._inverse_diagonal, self._tree, self._qpos, self._qvel, force, self._period / substeps,
+            drives,
+        ):  # fmt: skip
+            raise DivergenceError("simulation diverged: the torques of the drives are not finite; reset it")
+        torque = drives[:, TORQUE]
+        self._solve(effort + torque, normal_force, substeps, outside, 0)
+        return self._slip_tau.copy()
 
     def _agree_with_joint_stops(self, effort: Array, normal_force: float, substeps: int) -> None:
         """Repeat friction and the forces of active joint stops in turn until both fit; a pass gains a factor of 40."""

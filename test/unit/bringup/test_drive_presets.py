@@ -1,0 +1,72 @@
+"""Named drives: every file loads, both nodes get what they know, and an arm of any size can have them."""
+
+from __future__ import annotations
+
+import pytest
+from click.testing import CliRunner
+
+from slip_core.errors import InputError, UnknownName
+from slip_core.params import flatten, parameter_infos
+from slip_vic.cli import cli
+from slip_vic.pair.scenario import load_pair
+from slip_vic.presets import preset_names
+from slip_vic.presets.drives import load_drive
+from slip_vic.scenarios.scenario import apply_drive, drive_assignments, load_scenario
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from test.support.every import every
+
+NAMES = preset_names("drives")
+BY_EFFORT = [name for name in NAMES if load_drive(name).drive.interface == "effort"]
+KNOWN = {info.name for info in parameter_infos(ControllerNodeParams)}
+
+
+def test_the_names_are_those_of_the_page() -> None:
+    assert set(NAMES) == {"ideal", "torque_joint", "motor_current", "velocity_500", "velocity_125", "position_250"}
+
+
+@every("name", NAMES)
+def test_every_preset_says_what_it_is_and_where_its_numbers_are_from(name: str) -> None:
+    preset = load_drive(name)
+    assert preset.description.endswith(".")
+    assert name == "ideal" or "assumed" in preset.sources
+
+
+def test_ideal_drives_are_the_defaults() -> None:
+    assert load_scenario("paper_planar", drive="ideal") == load_scenario("paper_planar")
+
+
+@every("name", BY_EFFORT)
+def test_both_nodes_are_configured(name: str) -> None:
+    loaded, preset = load_scenario("paper_planar", drive=name), load_drive(name)
+    assert loaded.bridge.drive == preset.drive
+    assert loaded.bridge.sensors.joint == preset.joint
+    known = flatten(loaded.controller)
+    for part, values in (("drive", preset.drive), ("joint_sensor", preset.joint)):
+        for key, value in flatten(values).items():
+            assert f"{part}.{key}" not in KNOWN or known[f"{part}.{key}"] == value
+    assert load_scenario("paper_planar", assignments=drive_assignments(name, "paper_planar", ())) == loaded
+    pair = load_pair("pane_two_arms_flat", drive=name)
+    assert all(arm.drive == preset.drive for arm in pair.bridges.values())
+
+
+@every("joints", (5, 6, 7, 9))
+def test_lists_fit_an_arm_of_any_size(joints: int) -> None:
+    values = {"controller": {}, "bridge": {"joint_names": [f"joint_{i}" for i in range(joints)]}}
+    apply_drive(values, load_drive("motor_current"))
+    coulomb = values["bridge"]["drive.coulomb"]
+    assert len(coulomb) == joints
+    assert coulomb[:5] == [3.0, 3.0, 2.4, 2.4, 1.2]
+    assert values["bridge"]["drive.viscous"] == [1.0]
+
+
+@pytest.mark.skipif("command.interface" in KNOWN, reason="the controller takes the interface of the drives")
+def test_drives_that_take_no_efforts_are_refused_where_the_controller_sends_nothing_else() -> None:
+    with pytest.raises(InputError, match="interface velocity"):
+        load_scenario("paper_planar", drive="velocity_500")
+
+
+def test_a_mistyped_name_is_answered() -> None:
+    with pytest.raises(UnknownName, match="velocity_500"):
+        load_drive("velocity_50")
+    result = CliRunner().invoke(cli, ["run", "--drive", "motor"], standalone_mode=False)
+    assert isinstance(result.exception, UnknownName)
