@@ -169,7 +169,7 @@ def test_bad_joint_states_are_refused_with_a_reason(data: bytes, reason: str, wa
 
 def test_an_effort_missing_is_refused_and_no_effort_means_no_command() -> None:
     receive = command_receiver()
-    with pytest.raises(InputError, match="3 names, 2 efforts"):
+    with pytest.raises(InputError, match="3 names, 2 numbers"):
         receive(joint_state(effort=[0.0, 0.0]))
     assert receive(joint_state(position=[1.0] * 3)).effort.size == 0
     command = receive(joint_state(("ccc", "a", "bb"), effort=[3.0, 1.0, 2.0]))
