@@ -56,6 +56,7 @@ def contents(folder: Path, topic: str) -> list[bytes]:
         return [message.data for message in opened.raw([topic])]
 
 
+@pytest.mark.smoke
 def test_what_was_recorded_is_played(processes, bag, tmp_path):
     recorder = start_recorder(processes, tmp_path / "again", "/a", "/b")
     output = play(processes, bag, "--wait-for-subscribers")

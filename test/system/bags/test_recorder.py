@@ -75,6 +75,7 @@ def wait_received(recorder, count: int) -> None:
     wait_until(lambda: received(recorder) >= count, f"{count} messages in the recorder")
 
 
+@pytest.mark.smoke
 def test_everything_after_ready_is_recorded(processes, ros_node, tmp_path):
     one, two = Sender(ros_node, "/one", RELIABLE), Sender(ros_node, "/two", BEST_EFFORT)
     (tmp_path / "arm.urdf").write_text("<robot/>")

@@ -56,6 +56,7 @@ def test_runs_over_dds_are_identical(name, request):
     assert found.cycles > 0
 
 
+@pytest.mark.smoke
 def test_command_and_exit_codes(tmp_path):
     recorded = tmp_path / "bag"
     record_run(recorded, scenario(cycles=SLIPPING_CYCLES))

@@ -6,6 +6,8 @@ import signal
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from slip_vic.scenarios.scenario import load_scenario, read_parameters
 from slip_vic.setup.bringup.hands import simulated_hand
 from slip_vic.setup.bringup.walk import Walk
@@ -24,6 +26,7 @@ def run_bringup(processes: Processes, out: Path) -> tuple[int, str]:
     return int(child.exit_code or 0), child.tail()
 
 
+@pytest.mark.smoke
 def test_a_healthy_system_is_led_to_its_first_motion_and_an_error_is_found(
     processes: Processes, ros_node: Any, tmp_path: Path
 ) -> None:

@@ -39,6 +39,7 @@ def test_what_the_controller_gave_up_for_is_said(words: tuple[str, ...], kind: s
     assert reason in said[0]
 
 
+@pytest.mark.smoke
 def test_a_run_that_goes_well_says_nothing() -> None:
     done = slip_vic("run", "--set", "bridge.duration_s=0.3")
     assert done.returncode == 0

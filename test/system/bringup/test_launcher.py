@@ -85,6 +85,7 @@ def test_a_killed_child_is_named_and_the_others_end(module: str, words: str, tmp
     wait_until(lambda: not shared_memory.orphans(shared_memory.segments() - before), "no shared memory left")
 
 
+@pytest.mark.smoke
 def test_a_signal_ends_the_run_and_keeps_a_whole_bag(tmp_path: Path) -> None:
     scenario = load_scenario("paper_planar", assignments=["bridge.duration_s=1000.0"])
 

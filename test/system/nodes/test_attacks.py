@@ -201,6 +201,7 @@ def test_nothing_that_arrives_ends_the_nodes(watcher: Watcher, start: Any) -> No
     watcher.wait_law()
 
 
+@pytest.mark.smoke
 def test_a_second_controller_is_a_fault_at_once_and_says_how_to_go_on(watcher: Watcher, start: Any) -> None:
     from sensor_msgs.msg import JointState
 

@@ -108,6 +108,7 @@ CONTROLLER_SLOW = ("controller.control_period_s=0.004", "controller.gains.k_s=50
 BRIDGE_ENDLESS = ("bridge.stop_after_duration=false", "bridge.control_period_s=0.004")
 
 
+@pytest.mark.smoke
 def test_services_move_the_mode(watcher: Watcher, start) -> None:
     start("controller", *CONTROLLER_SLOW)
     start("bridge", *BRIDGE_ENDLESS)
@@ -153,6 +154,7 @@ def test_watchdog_bites_when_the_clock_of_the_bridge_stops(watcher: Watcher, sta
     watcher.wait_law()
 
 
+@pytest.mark.smoke
 def test_a_bridge_that_starts_again_is_taken_up(watcher: Watcher, start, processes: Processes) -> None:
     start("controller", *CONTROLLER_SLOW)
     bridge = start("bridge", *BRIDGE_ENDLESS)

@@ -26,6 +26,7 @@ def params(tmp_path: Path):
     return write
 
 
+@pytest.mark.smoke
 def test_a_run_in_lockstep_ends_by_itself(processes: Processes, params) -> None:
     controller = processes.python("controller", "-m", CONTROLLER, *params("controller"))
     bridge = processes.python("bridge", "-m", BRIDGE, *params("bridge", "bridge.duration_s=0.2"))
@@ -35,6 +36,7 @@ def test_a_run_in_lockstep_ends_by_itself(processes: Processes, params) -> None:
     assert controller.results["cycles"] == 200
 
 
+@pytest.mark.smoke
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
 def test_both_nodes_end_cleanly_on_a_signal_while_running(processes: Processes, params, number: int) -> None:
     controller = processes.python("controller", "-m", CONTROLLER, *params("controller"))
@@ -78,6 +80,7 @@ def test_a_node_ends_on_a_signal_at_any_moment_of_its_start(
     assert processes.stop(node, number) in (0, -number), node.tail()
 
 
+@pytest.mark.smoke
 def test_help_is_printed_and_starts_nothing(processes: Processes) -> None:
     for module in (BRIDGE, CONTROLLER):
         node = processes.python("help", "-m", module, "--help")
@@ -93,6 +96,7 @@ def test_a_node_without_peers_ends_cleanly_on_a_signal(processes: Processes, mod
     assert processes.stop(node, number) == 0, node.tail()
 
 
+@pytest.mark.smoke
 def test_the_bridge_names_the_missing_controller(processes: Processes, params) -> None:
     bridge = processes.python("bridge", "-m", BRIDGE, *params("bridge", "bridge.peer_timeout_s=0.5"))
     assert processes.wait_end(bridge) == 1
@@ -146,6 +150,7 @@ BAD = [
 ]
 
 
+@pytest.mark.smoke
 def test_a_bad_parameter_is_one_line_and_exit_code_2(processes: Processes) -> None:
     """All at once: each ends by itself, before it has a node."""
     nodes = [processes.python(argument, "-m", module, "--ros-args", "-p", argument) for module, argument, _ in BAD]

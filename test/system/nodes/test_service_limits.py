@@ -46,6 +46,7 @@ def refusals(node: Any) -> list[str]:
     return [line for line in node.lines if "calls of services refused" in line]
 
 
+@pytest.mark.smoke
 def test_a_storm_of_transitions_and_parameters_does_not_end_the_controller(controller: Any, watcher: Watcher) -> None:
     """Any transition, those that end the process too: once a storm is there, none of them is taken."""
     rng, node = random.Random(28), watcher.node
@@ -110,6 +111,7 @@ SERVICES = {
 }  # fmt: skip
 
 
+@pytest.mark.smoke
 def test_giant_requests_are_refused_and_small_ones_answered(controller: Any, watcher: Watcher) -> None:
     for kind, fields in GIANTS:
         answer = watcher.call(kind, f"{CONTROLLER}/{SERVICES[kind]}", kind.Request(**fields))

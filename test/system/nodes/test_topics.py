@@ -26,6 +26,7 @@ def run(noisy_run: Recording) -> dict[str, list[Any]]:
         return {name: [message.value for message in opened.messages(name)] for name in opened.topics}
 
 
+@pytest.mark.smoke
 def test_every_topic_of_the_table_is_in_the_bag(noisy_run: Recording) -> None:
     listed = {f"/{name.lstrip('/')}" for name, _ in recorded_topics(noisy_run.scenario)}
     assert listed | {"/tf"} == topics_of(noisy_run.bag)  # which the recorder itself writes
@@ -36,6 +37,7 @@ def topics_of(bag: Path) -> set[str]:
         return set(opened.topics)
 
 
+@pytest.mark.smoke
 def test_every_state_is_answered_under_its_own_stamp(run: dict[str, list[Any]]) -> None:
     states = run["/joint_states"]
     commands = run["/effort_command"]

@@ -39,6 +39,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[PairScenario, Pa
     return scenario, bag
 
 
+@pytest.mark.smoke
 def test_dds_equals_in_process(recorded: tuple[PairScenario, Path]) -> None:
     scenario, path = recorded
     ticks = list(run_pair(scenario))

@@ -3,7 +3,6 @@
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -88,6 +87,16 @@ def called(tmp_path: Path) -> dict[str, str]:
                 "ruff check .",
                 "mypy ",
                 f"python -m pytest {FAST}",
+                "python -m pytest test/system -m smoke -n 2 --dist loadfile",
+            ],
+        ),
+        (
+            ("--all",),
+            [
+                "ruff format --check .",
+                "ruff check .",
+                "mypy ",
+                f"python -m pytest {FAST}",
                 f"python -m pytest test/system -n 2 --dist loadfile {' '.join(f'--ignore={path}' for path in ALONE)}",
                 f"python -m pytest {' '.join(ALONE)}",
             ],
@@ -103,26 +112,3 @@ def test_the_checks_of_each_tier(called: dict[str, str], arguments: tuple[str, .
     )
     found = [line.removeprefix("called ") for line in done.stdout.splitlines() if line.startswith("called ")]
     assert [line.strip() for line in found] == [line.strip() for line in calls]
-
-
-HANGING = """
-import time
-
-def test_hangs():
-    time.sleep(3600)
-
-def test_goes_on():
-    pass
-"""
-
-
-def test_a_test_that_hangs_fails_and_the_next_one_runs(tmp_path: Path) -> None:
-    """With the repository's own settings, except for the time."""
-    (tmp_path / "test_hanging.py").write_text(HANGING)
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-c", ROOT / "pyproject.toml", "--rootdir", tmp_path, "--timeout", "2",
-         tmp_path / "test_hanging.py"],
-        cwd=tmp_path, capture_output=True, text=True, timeout=100, check=False,
-    )  # fmt: skip
-    assert "1 failed, 1 passed" in done.stdout, done.stdout + done.stderr
-    assert "Timeout (>2.0s)" in done.stdout
