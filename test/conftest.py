@@ -5,7 +5,14 @@ import os
 import hypothesis
 
 from slip_msgs_py.last_resort import LOUD_VARIABLE
-from test.support.ros import processes, ros_domain, ros_node  # noqa: F401  # fixtures are found by name
+from test.support.ros import (  # noqa: F401  # fixtures are found by name
+    processes,
+    ros_domain,
+    ros_node,
+    shared_domain,
+    shared_node,
+    shared_processes,
+)
 
 os.environ.setdefault(LOUD_VARIABLE, "1")  # a bug that a node outlives is none that a test may miss
 

@@ -91,19 +91,17 @@ class Processes:
         return self.wait_end(child)
 
 
-@pytest.fixture
-def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    """A DDS domain of the test's own on this machine, set in the environment of this process too."""
-    with domain_id() as domain:
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+@contextlib.contextmanager
+def _domain() -> Iterator[int]:
+    with domain_id() as domain, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(domain))
+        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         yield domain
 
 
-@pytest.fixture
-def processes(ros_domain: int) -> Iterator[Processes]:
-    """Child processes in the test's domain; ended, and their shared memory removed, with the test."""
-    environment = child_environment(ros_domain)
+@contextlib.contextmanager
+def _processes(domain: int) -> Iterator[Processes]:
+    environment = child_environment(domain)
     roots = sorted(str(path) for path in (Path(__file__).parents[2] / "src").iterdir() if path.is_dir())
     environment["PYTHONPATH"] = os.pathsep.join([*roots, environment.get("PYTHONPATH", "")]).rstrip(os.pathsep)
     before = shared_memory.segments()
@@ -114,20 +112,61 @@ def processes(ros_domain: int) -> Iterator[Processes]:
     shared_memory.remove_orphans(shared_memory.segments() - before)
 
 
-@pytest.fixture
-def ros_node(ros_domain: int) -> Iterator[object]:
-    """An rclpy node in this process, in the test's domain and a context of its own."""
+@contextlib.contextmanager
+def _node(domain: int) -> Iterator[object]:
     import rclpy
     from rclpy.node import Node
 
     context = rclpy.Context()
-    rclpy.init(args=[], context=context, domain_id=ros_domain)
+    rclpy.init(args=[], context=context, domain_id=domain)
     node = Node("test_node", context=context, start_parameter_services=False, enable_rosout=False)
     try:
         yield node
     finally:
         node.destroy_node()
         rclpy.try_shutdown(context=context)
+
+
+@pytest.fixture
+def ros_domain() -> Iterator[int]:
+    """A DDS domain of the test's own on this machine, set in the environment of this process too."""
+    with _domain() as domain:
+        yield domain
+
+
+@pytest.fixture
+def processes(ros_domain: int) -> Iterator[Processes]:
+    """Child processes in the test's domain; ended, and their shared memory removed, with the test."""
+    with _processes(ros_domain) as started:
+        yield started
+
+
+@pytest.fixture
+def ros_node(ros_domain: int) -> Iterator[object]:
+    """An rclpy node in this process, in the test's domain and a context of its own."""
+    with _node(ros_domain) as node:
+        yield node
+
+
+@pytest.fixture(scope="module")
+def shared_domain() -> Iterator[int]:
+    """As `ros_domain`, for all tests of a file."""
+    with _domain() as domain:
+        yield domain
+
+
+@pytest.fixture(scope="module")
+def shared_processes(shared_domain: int) -> Iterator[Processes]:
+    """As `processes`, for all tests of a file: what they need not start themselves."""
+    with _processes(shared_domain) as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def shared_node(shared_domain: int) -> Iterator[object]:
+    """As `ros_node`, for all tests of a file."""
+    with _node(shared_domain) as node:
+        yield node
 
 
 def call_service(node: Any, kind: Any, name: str, request: Any, wait: Callable[[Callable[[], bool], str], None]) -> Any:

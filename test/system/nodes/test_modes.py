@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -84,18 +85,37 @@ class Watcher:
         return bool(self.call(ChangeState, "/slip_vic_controller/change_state", request).success)
 
 
+Start = Callable[..., Any]
+
+
 @pytest.fixture
 def watcher(ros_node: Any) -> Watcher:
     return Watcher(ros_node)
 
 
 @pytest.fixture
-def start(processes: Processes, tmp_path: Path):
+def start(processes: Processes, tmp_path: Path) -> Start:
     """Start a node of paper_planar in real time, with assignments."""
+    return starter(processes, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def shared_watcher(shared_node: Any) -> Watcher:
+    return Watcher(shared_node)
+
+
+@pytest.fixture(scope="module")
+def shared_start(shared_processes: Processes, tmp_path_factory: pytest.TempPathFactory) -> Start:
+    """As `start`, for nodes of all tests of a file."""
+    return starter(shared_processes, tmp_path_factory.mktemp("nodes"))
+
+
+def starter(processes: Processes, folder: Path) -> Start:
+    """Return what starts nodes; their parameter files lie in `folder`."""
 
     def run(name: str, *assignments: str, script: Path | None = None) -> Any:
         scenario = load_scenario("paper_planar", mode="realtime", assignments=assignments)
-        path = tmp_path / f"{name}.yaml"
+        path = folder / f"{name}.yaml"
         path.write_text(ros_parameter_file(getattr(scenario, name), NODES[name][0]))
         node = [script] if script else ["-m", {"controller": CONTROLLER, "bridge": BRIDGE}[name]]
         return processes.python(name, *node, "--ros-args", "--params-file", path)
@@ -108,10 +128,22 @@ CONTROLLER_SLOW = ("controller.control_period_s=0.004", "controller.gains.k_s=50
 BRIDGE_ENDLESS = ("bridge.stop_after_duration=false", "bridge.control_period_s=0.004")
 
 
+class System(NamedTuple):
+    """Nodes in real time, and who watches them; each test leaves the law at work."""
+
+    watcher: Watcher
+    controller: Any
+    bridge: Any
+
+
+@pytest.fixture(scope="module")
+def nodes(shared_watcher: Watcher, shared_start: Start) -> System:
+    return System(shared_watcher, shared_start("controller", *CONTROLLER_SLOW), shared_start("bridge", *BRIDGE_ENDLESS))
+
+
 @pytest.mark.smoke
-def test_services_move_the_mode(watcher: Watcher, start) -> None:
-    start("controller", *CONTROLLER_SLOW)
-    start("bridge", *BRIDGE_ENDLESS)
+def test_services_move_the_mode(nodes: System) -> None:
+    watcher = nodes.watcher
     watcher.wait_law()
     assert watcher.trigger("hold").success
     watcher.wait_mode("HOLD", "asked")
@@ -144,9 +176,8 @@ def test_a_managed_node_waits_for_its_transitions(watcher: Watcher, start, proce
     assert processes.wait_end(controller) == 0, controller.tail()
 
 
-def test_watchdog_bites_when_the_clock_of_the_bridge_stops(watcher: Watcher, start) -> None:
-    start("controller", *CONTROLLER_SLOW)
-    bridge = start("bridge", *BRIDGE_ENDLESS)
+def test_watchdog_bites_when_the_clock_of_the_bridge_stops(nodes: System) -> None:
+    watcher, bridge = nodes.watcher, nodes.bridge
     watcher.wait_law()
     bridge.send(signal.SIGSTOP)
     watcher.wait_mode("HOLD", "joint state is silent")
@@ -165,11 +196,10 @@ def test_a_bridge_that_starts_again_is_taken_up(watcher: Watcher, start, process
     watcher.wait_law()
 
 
-def test_somebody_else_on_the_command_topic_is_a_fault_that_latches(watcher: Watcher, start) -> None:
+def test_somebody_else_on_the_command_topic_is_a_fault_that_latches(nodes: System) -> None:
     from sensor_msgs.msg import JointState
 
-    start("controller", *CONTROLLER_SLOW)
-    start("bridge", *BRIDGE_ENDLESS)
+    watcher = nodes.watcher
     watcher.wait_law()
     foreign = watcher.node.create_publisher(JointState, "effort_command", 1)
     watcher.wait_mode("FAULT", "somebody else")
