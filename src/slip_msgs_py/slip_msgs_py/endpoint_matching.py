@@ -9,6 +9,9 @@ from typing import Any
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
 from slip_core.errors import ProtocolError
+from slip_msgs_py.starting import somebody_starts
+
+FIRST_SAID_S, SAID_AGAIN_S = 1.0, 10.0
 
 
 class EndpointMatching:
@@ -48,6 +51,25 @@ class EndpointMatching:
         return ""
 
 
+class Waiting:
+    """Says in the log for what a node waits: after a moment, and again every so often while that goes on.
+
+    Args:
+        report: takes the line.
+    """
+
+    def __init__(self, report: Callable[[str], Any]) -> None:
+        self._report = report
+        self._next_s = time.monotonic() + FIRST_SAID_S
+
+    def tell(self, missing: Callable[[], str]) -> None:
+        """Say what is missing, where it is time to."""
+        if time.monotonic() >= self._next_s:
+            self._next_s = time.monotonic() + SAID_AGAIN_S
+            compiles = "; another node is still starting, and compiles its formulas the first time"
+            self._report(f"waits: {missing()}{compiles if somebody_starts() else ''}")
+
+
 def wait_until(
     condition: Callable[[], bool],
     *,
@@ -55,17 +77,22 @@ def wait_until(
     should_stop: Callable[[], bool],
     timeout_s: float,
     explain: Callable[[], str],
+    waiting: Waiting,
 ) -> bool:
     """Spin until `condition` holds; return False where the process was asked to stop first.
 
     Raises:
-        ProtocolError: after `timeout_s` on the steady clock, with what `explain` says.
+        ProtocolError: after `timeout_s` on the steady clock in which no other node was starting, with what `explain`
+            says.
     """
     deadline = time.monotonic() + timeout_s
     while not condition():
         if should_stop():
             return False
+        waiting.tell(explain)
         if time.monotonic() > deadline:
-            raise ProtocolError(f"waited {timeout_s:g} s: {explain()}")
+            if not somebody_starts():
+                raise ProtocolError(f"waited {timeout_s:g} s: {explain()}")
+            deadline = time.monotonic() + timeout_s
         spin_once(0.01)
     return True

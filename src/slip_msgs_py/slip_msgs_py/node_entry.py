@@ -6,6 +6,7 @@ import importlib
 import os
 import sys
 
+from slip_msgs_py.starting import starting
 from slip_msgs_py.stop_flag import StopFlag, ending_at_once
 
 HELP = """usage: {name} [--ros-args [--params-file FILE] [-p NAME:=VALUE]... [-r FROM:=TO]...]
@@ -32,7 +33,7 @@ def main_of(module: str, node: str, name: str, about: str) -> int:
         print(HELP.format(name=name, about=about), end="")
         return 0
     StopFlag().install()
-    with ending_at_once(0):
+    with ending_at_once(0), starting():
         run_node = importlib.import_module("slip_msgs_py.node_main").run_node
         factory = getattr(importlib.import_module(module), node)
     code: int = run_node(factory)

@@ -22,7 +22,7 @@ from slip_core.incidents import Incident
 from slip_core.stamps import split_ns
 from slip_core.timing import Window, spread
 from slip_core.types import JointCommand
-from slip_msgs_py.endpoint_matching import EndpointMatching, wait_until
+from slip_msgs_py.endpoint_matching import EndpointMatching, Waiting, wait_until
 from slip_msgs_py.events import Done, Progress, Started, emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_sender
@@ -177,6 +177,7 @@ class SlipSimBridge(LastResort, Node):
             return
         set_up_interpreter()
         emit(Started())
+        self.get_logger().info("matched: time runs")
         self._started_wall = time.monotonic()
         self._progress_wall = 0.0
         if self._lockstep:
@@ -208,6 +209,7 @@ class SlipSimBridge(LastResort, Node):
             subscriptions=[arm.sub_command for arm in self._arms],
         )
         wanted = set(self._common.wait_for)
+        self.get_logger().info(f"started in {self._common.mode}" + f", waits for {', '.join(wanted)}" * bool(wanted))
         if not self._lockstep and not wanted:
             return True
         return wait_until(
@@ -218,6 +220,7 @@ class SlipSimBridge(LastResort, Node):
             explain=lambda: "; ".join(
                 [*(f"{name} is not ready" for name in sorted(wanted - self._peers_ready)), *peers.missing()]
             ),
+            waiting=Waiting(self.get_logger().info),
         )
 
     def _run_lockstep(self, should_stop: Callable[[], bool]) -> None:

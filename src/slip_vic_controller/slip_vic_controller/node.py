@@ -23,7 +23,7 @@ from slip_core.errors import SlipVicError
 from slip_core.files.placed_urdf import placed_urdf
 from slip_core.files.urdf_file import read_urdf
 from slip_core.grasp_params import BaseParams
-from slip_msgs_py.endpoint_matching import EndpointMatching
+from slip_msgs_py.endpoint_matching import EndpointMatching, Waiting
 from slip_msgs_py.events import Done, Ready, emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_receiver
@@ -83,6 +83,7 @@ class SlipVicController(LastResort, LifecycleNode):
         self._peers: EndpointMatching | None = None
         self._finished_at: float | None = None
         self._ready = False
+        self._waiting = Waiting(self.get_logger().info)
         self._failures = Failures(self.get_logger().error)
         self._failed_transition: Exception | None = None
         self._service_change_state.callback = self.answering("change_state", self._guarded(self._service_change_state))
@@ -153,6 +154,7 @@ class SlipVicController(LastResort, LifecycleNode):
                 self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
         self._failure = None
+        self.get_logger().info(f"configured in {self._common.mode}")
         self.session.set_active(False)
         self._create_endpoints()
         return TransitionCallbackReturn.SUCCESS
@@ -184,6 +186,7 @@ class SlipVicController(LastResort, LifecycleNode):
             self._say_no_command()
             self._destroy_endpoints()
         self._finished_at = time.monotonic()
+        self.get_logger().info("shut down by a transition: the process ends")
         return TransitionCallbackReturn.SUCCESS
 
     def _destroy_endpoints(self) -> None:
@@ -263,11 +266,16 @@ class SlipVicController(LastResort, LifecycleNode):
 
     def announce_when_ready(self) -> None:
         """Tell once that every peer is matched."""
-        if not self._ready and self._peers is not None and not self._peers.missing():
-            set_up_interpreter()
-            self._ready = True
-            self._pub_ready.publish(to_msgs.string("controller"))
-            emit(Ready())
+        if self._ready or self._peers is None:
+            return
+        if missing := self._peers.missing():
+            self._waiting.tell(lambda: "; ".join(missing))
+            return
+        set_up_interpreter()
+        self._ready = True
+        self._pub_ready.publish(to_msgs.string("controller"))
+        emit(Ready())
+        self.get_logger().info("matched: every input has a publisher, and the efforts have a subscriber")
 
     def run(self, should_stop: Callable[[], bool]) -> None:
         """Run until asked to stop."""

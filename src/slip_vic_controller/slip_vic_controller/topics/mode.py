@@ -92,11 +92,24 @@ class ModeInterface:
             emit(replace(incident, text=f"{name}: {incident.text}") if name else incident)
         reason = result.reason + GO_ON if mode == Mode.FAULT else result.reason
         if now != self._last:
-            self._topic.publish(to_msgs.string(f"{mode.name}: {reason}" if reason else mode.name))
+            line = f"{mode.name}: {reason}" if reason else mode.name
+            self._topic.publish(to_msgs.string(line))
+            if self._last is None or mode != self._last[0]:
+                self._log(mode, line)
         self._last = now
         name = f"{self._node.get_fully_qualified_name().removeprefix('/')}: mode"
         text = reason or mode.name
         self._status.publish(to_msgs.diagnostics(stamp_ns, name, LEVELS[mode], text, self._values(mode)))
+
+    def _log(self, mode: Mode, line: str) -> None:
+        """Write a change of mode to the ROS log; another reason for the same mode is on the topic alone."""
+        log, line = self._node.get_logger(), f"{self._arm}: {line}" if self._arm else line
+        if LEVELS[mode] == 0:
+            log.info(line)
+        elif LEVELS[mode] == 1:
+            log.warning(line)
+        else:
+            log.error(line)
 
     def _values(self, mode: Mode) -> dict[str, object]:
         values: dict[str, object] = {"mode": mode.name}
