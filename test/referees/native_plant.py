@@ -203,11 +203,12 @@ class NativePlant:
         data.qfrc_applied[self._arm] = self.holding_effort(0, self._initial, 0.0, 0.0)
         mujoco.mj_forward(model, data)
 
-    def advance(self, efforts: Array, normal_forces: Array) -> None:
+    def advance(self, efforts: Array, normal_forces: Array, drives: Array | None = None) -> None:
         """Advance one control period; (n,) [N m], [N].
 
         mj_step1 of the next step runs at the end, so that all state belongs to the new stamp.
         """
+        assert drives is None, "ideal drives only"
         self.data.qfrc_applied[self._arm] = efforts
         for _ in range(self._substeps):
             self._step(float(normal_forces[0]))

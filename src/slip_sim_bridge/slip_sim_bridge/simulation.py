@@ -100,14 +100,13 @@ class Arm:
 
     def follow(self, command: Array | None, posture: Array) -> None:
         """Let drives with loops of their own follow a command, or rest; (n,) [rad/s] or [rad], posture (n,) [rad]."""
-        finite = command is not None and bool(np.isfinite(command).all())
-        self.refused = command is not None and not finite
-        if finite:
-            self.posture = None
-        elif self.posture is None:
-            self.posture = posture
-        rest = self.posture if self.drives.takes_positions else np.zeros_like(self.limits)
-        self.drives.follow(command if finite and command is not None else rest)
+        if command is not None and np.isfinite(command).all():
+            self.posture, self.refused = None, False
+            self.drives.follow(command)
+            return
+        self.refused = command is not None
+        self.posture = posture if self.posture is None else self.posture
+        self.drives.follow(self.posture if self.drives.takes_positions else np.zeros_like(self.limits))
 
     def obey(self, effort: Array) -> Array | None:
         """Return the effort that the drives apply; None where it is not finite. (n,) [N m]."""

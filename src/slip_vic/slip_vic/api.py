@@ -20,6 +20,7 @@ def load(
     *,
     law: Law = "governed",
     sensor: str | Path = "",
+    drive: str | Path = "",
     estimator: Estimator | None = None,
     seed: int = 0,
     mode: Mode = "lockstep",
@@ -38,6 +39,7 @@ def load(
         name_or_file: see `scenario_names()`, or a YAML file.
         law: classical, vic or governed.
         sensor: slip sensor, see `preset_names("sensors")`, or a YAML file; empty: the scenario's own.
+        drive: the arm's drives and encoders, see `preset_names("drives")`, or a YAML file; empty: ideal.
         estimator: of the slip: measured or observer; None: what suits the sensor.
         seed: of the sensors' noise.
         mode: lockstep, or realtime for nodes.
@@ -58,6 +60,7 @@ def load(
         str(name_or_file),
         law=law,
         sensor=str(sensor),
+        drive=str(drive),
         estimator=estimator,
         seed=seed,
         mode=mode,

@@ -230,16 +230,8 @@ class RigidPlant:
         substeps = self._solve(effort, normal_force, substeps, self._outside, 0)
         stops = np.zeros(self.model.nv)
         for _ in range(STOP_PASSES):
-            outside = stops + self._outside
-            parts = partial(
-                self._grip_of,
-                outside=outside,
-                drives=drives,
-                effort=effort,
-                normal_force=normal_force,
-                substeps=substeps,
-            )
-            fixed_point(parts, self._slip_tau.copy(), AGREEMENT)
+            given = (stops + self._outside, drives, effort, normal_force, substeps)
+            fixed_point(partial(self._grip_of, given), self._slip_tau.copy(), AGREEMENT)
             if not data.nefc:
                 break
             mujoco.mj_fwdActuation(self.model, data)
