@@ -25,6 +25,24 @@ LAW_PHASE, MODE_PHASE, TIMING_PHASE, STATE_PHASE = 0.0, 0.25, 0.5, 0.75
 OK, WARN, ERROR = 0, 1, 2
 
 
+class StatusPublisher:
+    """Publishes the statuses of one arm on /diagnostics.
+
+    Args:
+        publisher: the node's.
+        robot: name of the robot in its URDF.
+        arm: name of the arm; empty where it is the only one.
+    """
+
+    def __init__(self, publisher: Any, robot: str, arm: str) -> None:
+        self._publisher = publisher
+        self._hardware_id = f"{robot}/{arm}" if arm else robot
+
+    def publish(self, stamp_ns: int, name: str, level: int, text: str, values: Mapping[str, object]) -> None:
+        """Publish one status; level 0 OK, 1 WARN, 2 ERROR."""
+        self._publisher.publish(to_msgs.diagnostics(stamp_ns, name, level, text, values, self._hardware_id))
+
+
 class DiagnosticsPublisher:
     """Publishers of the diagnostic topics; every `decimation`-th cycle, and /diagnostics about once a second.
 
@@ -34,7 +52,7 @@ class DiagnosticsPublisher:
         status: the node's publisher of /diagnostics; a second one would make losses uncountable.
     """
 
-    def __init__(self, node: Any, decimation: int, status: Any) -> None:
+    def __init__(self, node: Any, decimation: int, status: StatusPublisher) -> None:
         self._decimation = decimation
         self._name = node.get_fully_qualified_name().removeprefix("/")
         self._scalars: Sender | None = None
@@ -72,7 +90,7 @@ class DiagnosticsPublisher:
         level = ERROR if not result.ok else WARN if near or saturated else OK
         values = {"cycle": result.cycle, "near_singular": ", ".join(near), "saturated_joints": saturated}
         text = result.reason or ("ok" if result.ok else "bridged")
-        self._status.publish(to_msgs.diagnostics(stamp_ns, f"{self._name}: law", level, text, values))
+        self._status.publish(stamp_ns, f"{self._name}: law", level, text, values)
 
     def _publish_scalars(self, stamp_ns: int, values: Mapping[str, float]) -> None:
         if self._scalars is None:  # the names are the same in every cycle, and known with the first
@@ -94,10 +112,10 @@ class TimingPublisher:
     Args:
         node: owner of the publisher.
         params: of the controller.
-        status: the node's publisher of /diagnostics.
+        status: the arm's publisher of /diagnostics.
     """
 
-    def __init__(self, node: Any, params: ControllerNodeParams, status: Any) -> None:
+    def __init__(self, node: Any, params: ControllerNodeParams, status: StatusPublisher) -> None:
         self._timing = CycleTiming(params.control_period_s, params.timing)
         self._name = node.get_fully_qualified_name().removeprefix("/")
         self._numbers = create_sender(node, "controller/timing", forms.scalars(SCALARS))
@@ -117,7 +135,7 @@ class TimingPublisher:
         self._numbers.send(wall_ns, numbers)
         if self._each_second.due(wall_ns):
             level, text, values = self._timing.status()
-            self._status.publish(to_msgs.diagnostics(wall_ns, f"{self._name}: timing", level, text, values))
+            self._status.publish(wall_ns, f"{self._name}: timing", level, text, values)
 
 
 class StatePublisher:

@@ -37,6 +37,7 @@ class Robot:
             raise InputError("joint_names", got=f"{len(names)} joints", expected=f"at most {MAX_JOINTS}")
         model = _parse(usable_urdf(urdf_text, ee_frame, names))
         model.gravity.linear = vector(gravity, 3, "gravity")
+        self.name = str(model.name)
         self.joint_names = names
         self.effort_limit = readonly(model.effortLimit)
         self.velocity_limit = readonly(model.velocityLimit)

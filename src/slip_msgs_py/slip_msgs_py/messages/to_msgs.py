@@ -97,13 +97,15 @@ def string(text: str) -> String:
     return String(data=text)
 
 
-def diagnostics(stamp_ns: int, name: str, level: int, message: str, values: Mapping[str, object]) -> DiagnosticArray:
-    """Return one diagnostic status; level 0 OK, 1 WARN, 2 ERROR, 3 STALE."""
+def diagnostics(
+    stamp_ns: int, name: str, level: int, message: str, values: Mapping[str, object], hardware_id: str
+) -> DiagnosticArray:
+    """Return one diagnostic status; level 0 OK, 1 WARN, 2 ERROR, 3 STALE; hardware_id: robot and arm."""
     status = DiagnosticStatus(
         level=bytes([level]),
         name=name,
         message=message,
-        hardware_id="slip_vic",
+        hardware_id=hardware_id,
         values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
     )
     return DiagnosticArray(header=header(stamp_ns, ""), status=[status])

@@ -14,7 +14,7 @@ from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
 from slip_msgs_py.messages import forms, from_msgs
 from slip_msgs_py.node_part import NodePart
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
-from slip_vic_controller.publishing import DiagnosticsPublisher, StatePublisher, TimingPublisher
+from slip_vic_controller.publishing import DiagnosticsPublisher, StatePublisher, StatusPublisher, TimingPublisher
 from slip_vic_controller.session import NO_EFFORT, ArmSession, CycleResult
 from slip_vic_controller.topics.mode import ModeInterface
 
@@ -59,10 +59,11 @@ class ArmTopics:
         numbers = 3 + 4 * contacts + 5 + self.arm.controller.external
         self._send_ledger = create_sender(part, "controller/ledger", forms.whole_numbers(numbers))
         self._state_publisher = StatePublisher(part, self.params.control_period_s, in_background=not self._lockstep)
-        self._diagnostics = DiagnosticsPublisher(part, self.params.diagnostics.decimation, status)
-        self._timing = None if self._lockstep else TimingPublisher(part, self.params, status)
+        own = StatusPublisher(status, arm.controller.robot.name, arm.name)
+        self._diagnostics = DiagnosticsPublisher(part, self.params.diagnostics.decimation, own)
+        self._timing = None if self._lockstep else TimingPublisher(part, self.params, own)
         self.inputs = self._create_inputs()
-        self._mode = ModeInterface(part, arm, refusals, status)
+        self._mode = ModeInterface(part, arm, refusals, own)
         self._mode.watch(self._send_effort.publisher.topic_name, self.inputs)
 
     @property

@@ -15,7 +15,7 @@ from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.once_every import OnceEvery
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.incidents import IncidentWatch
-from slip_vic_controller.publishing import DIAGNOSTICS_PERIOD_NS, MODE_PHASE
+from slip_vic_controller.publishing import DIAGNOSTICS_PERIOD_NS, MODE_PHASE, StatusPublisher
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import ArmSession, ControllerSession, CycleResult
 
@@ -60,10 +60,10 @@ class ModeInterface:
         node: owner of topic and timer.
         arm: whose mode it is.
         refusals: messages that could not be read, for the report.
-        status: the node's publisher of /diagnostics.
+        status: the arm's publisher of /diagnostics.
     """
 
-    def __init__(self, node: Any, arm: ArmSession, refusals: Refusals, status: Any) -> None:
+    def __init__(self, node: Any, arm: ArmSession, refusals: Refusals, status: StatusPublisher) -> None:
         self._node, self._arm = node, arm
         self._refusals = refusals
         self._status = status
@@ -99,7 +99,7 @@ class ModeInterface:
         self._last = now
         name = f"{self._node.get_fully_qualified_name().removeprefix('/')}: mode"
         text = reason or mode.name
-        self._status.publish(to_msgs.diagnostics(stamp_ns, name, LEVELS[mode], text, self._values(mode)))
+        self._status.publish(stamp_ns, name, LEVELS[mode], text, self._values(mode))
 
     def _log(self, mode: Mode, line: str) -> None:
         """Write a change of mode to the ROS log; another reason for the same mode is on the topic alone."""
