@@ -9,9 +9,10 @@ of the two lines is; the largest admissible one of these is taken, and where rou
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Final
 
 from slip_core.compiled import part
+from slip_vic_controller.reference.path_grid import GridPoint, PathGrid
 
 INSIDE: Final = 1.0 - 1e-10
 """Share of a root that is tried, so that rounding does not put it outside."""
@@ -42,7 +43,7 @@ def range_of_u(uu: float, ub: float, bb: float, F: float) -> tuple[float, float,
 
 
 @part
-def admissible(point: Any, x: float, F: float, twice: float, after: float) -> bool:
+def admissible(point: GridPoint, x: float, F: float, twice: float, after: float) -> bool:
     """Return whether the path can be run from this point at sdot^2 = x; twice: 2 D; after: K of the next point."""
     low, high, any_u = range_of_u(
         point.uu, point.ux * x + point.uc, (point.xx * x + 2.0 * point.xc) * x + point.cc, F
@@ -61,7 +62,7 @@ def larger_root(a: float, b: float, c: float) -> float:
 
 
 @part
-def on_line(point: Any, F: float, twice: float, after: float) -> float:
+def on_line(point: GridPoint, F: float, twice: float, after: float) -> float:
     """Return the largest x of the ellipse on the line x + 2 D u = after."""
     k, m = after / twice, -1.0 / twice
     a = point.uu * m * m + 2.0 * point.ux * m + point.xx
@@ -70,7 +71,7 @@ def on_line(point: Any, F: float, twice: float, after: float) -> float:
 
 
 @part
-def edge(point: Any, F: float) -> float:
+def edge(point: GridPoint, F: float) -> float:
     """Return the largest x of the ellipse, whatever u."""
     c = point.cc - F * F
     if point.uu <= NEGLIGIBLE:
@@ -80,7 +81,7 @@ def edge(point: Any, F: float) -> float:
 
 
 @part
-def most(point: Any, F: float, way: float, after: float) -> float:
+def most(point: GridPoint, F: float, way: float, after: float) -> float:
     """Return K of a point; -1 where friction does not carry the weight there.
 
     Args:
@@ -112,13 +113,13 @@ def most(point: Any, F: float, way: float, after: float) -> float:
 
 
 @part
-def at_rest(point: Any, F: float) -> bool:
+def at_rest(point: GridPoint, F: float) -> bool:
     """Return whether the user's path rests at a point, so that sdot is free there: u costs no load."""
     return bool(point.uu <= REST * F * F)
 
 
 @part
-def step_back(grid: Any, i: int, F: float, free_end: bool) -> float:
+def step_back(grid: PathGrid, i: int, F: float, free_end: bool) -> float:
     """Write K_next of point i from that of point i + 1; return it, -1 where the weight is too much.
 
     Args:
@@ -127,7 +128,7 @@ def step_back(grid: Any, i: int, F: float, free_end: bool) -> float:
         F: load that may be asked [N].
         free_end: whether sdot need not be 0 at the end of a path that itself ends at rest.
     """
-    point, last = grid.points[i], grid.points.shape[0] - 1
+    point, last = grid.points[i], len(grid.points) - 1
     if i == last:
         K = point.cap if free_end and at_rest(point, F) else 0.0
         K = -1.0 if point.cc > F * F else K

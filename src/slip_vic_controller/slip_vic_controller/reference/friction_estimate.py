@@ -11,10 +11,10 @@ law is not told, and the guard holds nothing back for it, until the slip sensor 
 from __future__ import annotations
 
 from enum import IntEnum, unique
-from typing import Any, Final
+from typing import Annotated, Final
 
 from slip_core.compiled import part
-from slip_core.records import REAL, WHOLE, layout
+from slip_core.records import Real, Record, Records, Whole, dtype_of
 from slip_vic_controller.sizes import NEVER
 
 LOADS: Final = 256
@@ -32,41 +32,62 @@ class Friction(IntEnum):
     UNKNOWN = 2
 
 
-LOAD = layout(stamp_ns=WHOLE, measured=REAL, commanded=REAL)
-"""At a stamp: |S^-1 Sigma h_ee|, and |l(a_C)| of the command that led to it, which is that of the cycle before [N]."""
-LOAD_HISTORY = layout(count=WHOLE, loads=(LOAD, (LOADS,)))
-ESTIMATE_CONFIG = layout(
-    friction=WHOLE,
-    told=REAL,
-    kept=REAL,
-    least=REAL,
-    probe=REAL,
-    threshold=REAL,
-    witnesses=WHOLE,
-    quiet_ns=WHOLE,
-    sensor_delay_ns=WHOLE,
-    trust=REAL,
-)
-"""friction: Friction; told: mu N as told, or the most that is ever probed [N]; kept: share of the load at which it
-slipped; least: floor of F^ [N]; probe: eps, load beyond the certified one [N]; threshold: slip speed |S v_s| that
-counts [m/s]; witnesses: how many samples in a row must show it; quiet_ns: without slip for so long, it holds again;
-sensor_delay_ns: age at which a cycle's load is known to have been carried; trust: least that the model's load may be of
-the measured one: below it, the model is not believed (an object lighter than told by more than this)."""
-ESTIMATE = layout(
-    F_hat=REAL, slipped_at=REAL, certified=REAL, slipping=WHOLE, slip_ns=WHOLE, events=WHOLE, event_ns=WHOLE,
-    suspected=WHOLE, suspected_at=REAL, suspected_ns=WHOLE, suspected_speed=REAL, claimed_ns=WHOLE, found=WHOLE,
-    said=WHOLE, said_ns=WHOLE,
-)  # fmt: skip
-"""F^ [N]; slipped_at: smallest load at which it has slipped, in the model's units, 0 before [N]; certified: largest
-load carried without slip [N]; slipping, slip_ns: whether, and the stamp of the newest slip sample; events, event_ns:
-how often F^ was made smaller, and the stamp of the last time. suspected, suspected_at: whether the observer alone has
-told of a slip, and the load at which it did [N]; suspected_ns, suspected_speed: when that was looked at last, and
-its speed of slip then [m/s]; claimed_ns: stamp since when it says that the slip sensor must see it; found: whether it
-finds slip now. said, said_ns: how many samples in a row say slip, and the stamp of the first of them."""
+class Load(Record):
+    """The load at a stamp."""
+
+    stamp_ns: Whole
+    measured: Real  # N, |S^-1 Sigma h_ee|
+    commanded: Real  # N, |l(a_C)| of the command that led to it, which is that of the cycle before
+
+
+class LoadHistory(Record):
+    """Loads of the last cycles."""
+
+    count: Whole
+    loads: Annotated[Records[Load], LOADS]
+
+
+class EstimateConfig(Record):
+    """How friction is estimated."""
+
+    friction: Whole  # Friction
+    told: Real  # N, mu N as configured, or the most that is ever probed
+    kept: Real  # share of the load at which it slipped
+    least: Real  # N, floor of F^
+    probe: Real  # N, eps: load beyond the certified one
+    threshold: Real  # m/s, slip speed |S v_s| that counts
+    witnesses: Whole  # samples in a row that must show it
+    quiet_ns: Whole  # without slip for so long, it holds again
+    sensor_delay_ns: Whole  # age at which a cycle's load is known to have been carried
+    trust: Real  # least that the model's load may be of the measured one; below it the model is not used
+
+
+class Estimate(Record):
+    """What friction is taken to be."""
+
+    F_hat: Real  # N, F^
+    slipped_at: Real  # N, smallest load at which it has slipped, in the model's units; 0 before
+    certified: Real  # N, largest load carried without slip
+    slipping: Whole
+    slip_ns: Whole  # stamp of the newest slip sample
+    events: Whole  # how often F^ was made smaller
+    event_ns: Whole  # stamp of the last time
+    suspected: Whole  # whether the observer alone has found a slip
+    suspected_at: Real  # N, the load at which it did
+    suspected_ns: Whole  # when that was checked last
+    suspected_speed: Real  # m/s, its speed of slip then
+    claimed_ns: Whole  # stamp since when the slip sensor must see it
+    found: Whole  # whether the observer finds slip now
+    said: Whole  # samples in a row that show slip
+    said_ns: Whole  # stamp of the first of them
+
+
+LOAD, LOAD_HISTORY = dtype_of(Load), dtype_of(LoadHistory)
+ESTIMATE_CONFIG, ESTIMATE = dtype_of(EstimateConfig), dtype_of(Estimate)
 
 
 @part
-def start_estimate(config: Any, state: Any, history: Any, at_rest: float) -> None:
+def start_estimate(config: EstimateConfig, state: Estimate, history: LoadHistory, at_rest: float) -> None:
     """Begin with what is told, or with what the object's weight shows; at_rest: load at rest [N]."""
     state.F_hat, state.slipped_at = config.told, 0.0
     state.certified = min(at_rest + config.probe, config.told)
@@ -78,7 +99,7 @@ def start_estimate(config: Any, state: Any, history: Any, at_rest: float) -> Non
 
 
 @part
-def remember(history: Any, stamp_ns: int, measured: float, commanded: float) -> None:
+def remember(history: LoadHistory, stamp_ns: int, measured: float, commanded: float) -> None:
     """Add the load measured at a stamp, and what the cycle before had commanded [N]."""
     place = history.loads[history.count % LOADS]
     place.stamp_ns, place.measured, place.commanded = stamp_ns, measured, commanded
@@ -86,7 +107,7 @@ def remember(history: Any, stamp_ns: int, measured: float, commanded: float) -> 
 
 
 @part
-def index_at(history: Any, stamp_ns: int) -> int:
+def index_at(history: LoadHistory, stamp_ns: int) -> int:
     """Return the place of the newest load that is not younger than a stamp, else of the oldest; -1: there is none."""
     newest = history.count - 1
     oldest = max(history.count - LOADS, 0)
@@ -98,7 +119,7 @@ def index_at(history: Any, stamp_ns: int) -> int:
 
 
 @part
-def certify(config: Any, state: Any, history: Any, now_ns: int) -> None:
+def certify(config: EstimateConfig, state: Estimate, history: LoadHistory, now_ns: int) -> None:
     """Let the load of a cycle count as carried, once the slip sensor would have told otherwise."""
     if state.slipping != 0:
         return
@@ -108,13 +129,15 @@ def certify(config: Any, state: Any, history: Any, now_ns: int) -> None:
 
 
 @part
-def carried(config: Any, load: Any) -> float:
+def carried(config: EstimateConfig, load: Load) -> float:
     """Return the load [N] of a LOAD that counts where the contact slipped at it."""
     return float(max(min(load.measured, load.commanded), config.trust * load.measured))
 
 
 @part
-def slip_sample(config: Any, state: Any, history: Any, stamp_ns: int, speed: float, found: bool) -> bool:
+def slip_sample(
+    config: EstimateConfig, state: Estimate, history: LoadHistory, stamp_ns: int, speed: float, found: bool
+) -> bool:
     """Take a slip sample; return whether F^ has become smaller.
 
     A single sample may be an outlier: it takes several in a row, or one that the observer confirms. Only the first
@@ -160,7 +183,13 @@ def slip_sample(config: Any, state: Any, history: Any, stamp_ns: int, speed: flo
 
 @part
 def suspect(
-    config: Any, state: Any, history: Any, stamp_ns: int, found: bool, speed: float, weight_load: float
+    config: EstimateConfig,
+    state: Estimate,
+    history: LoadHistory,
+    stamp_ns: int,
+    found: bool,
+    speed: float,
+    weight_load: float,
 ) -> None:
     """Take the observer's word: whether it finds slip at this stamp, and how fast, |S v_s| [m/s].
 
@@ -187,7 +216,7 @@ def suspect(
 
 
 @part
-def provisional(config: Any, state: Any) -> tuple[float, float]:
+def provisional(config: EstimateConfig, state: Estimate) -> tuple[float, float]:
     """Return F^ and the load at which it slipped [N], the observer's word included."""
     if state.suspected == 0:
         return float(state.F_hat), float(state.slipped_at)
@@ -196,14 +225,14 @@ def provisional(config: Any, state: Any) -> tuple[float, float]:
 
 
 @part
-def certain(config: Any, state: Any, margin: float) -> float:
+def certain(config: EstimateConfig, state: Estimate, margin: float) -> float:
     """Return the load with which braking is planned [N]; margin: beta."""
     F, _ = provisional(config, state)
     return min(state.certified, margin * F) if config.friction == Friction.UNKNOWN else margin * F
 
 
 @part
-def allowed(config: Any, state: Any, margin: float) -> float:
+def allowed(config: EstimateConfig, state: Estimate, margin: float) -> float:
     """Return the load that may be asked now [N]: with unknown friction a little more than what is certain."""
     if config.friction == Friction.UNKNOWN:
         return min(state.certified + config.probe, margin * state.F_hat)
@@ -211,7 +240,7 @@ def allowed(config: Any, state: Any, margin: float) -> float:
 
 
 @part
-def weaker(estimate: Any, pad: Any) -> None:
+def weaker(estimate: Estimate, pad: Estimate) -> None:
     """Let an ESTIMATE of all pads count with another pad where that one is weaker; each sensor sees its own pad."""
     if pad.F_hat < estimate.F_hat:
         estimate.F_hat, estimate.slipped_at = pad.F_hat, pad.slipped_at
@@ -224,14 +253,14 @@ def weaker(estimate: Any, pad: Any) -> None:
 
 
 @part
-def end_slip(config: Any, estimate: Any, now_ns: int) -> None:
+def end_slip(config: EstimateConfig, estimate: Estimate, now_ns: int) -> None:
     """End the slip of several pads when no sample of any has shown one for so long [ns]."""
     if estimate.slipping != 0 and now_ns - estimate.slip_ns >= config.quiet_ns + config.sensor_delay_ns:
         estimate.slipping = 0
 
 
 @part
-def take_weakest(pad: Any, estimate: Any) -> None:
+def take_weakest(pad: Estimate, estimate: Estimate) -> None:
     """Let a pad know what all pads together have: friction of the weakest one, and whether any slips."""
     pad.F_hat, pad.slipped_at = estimate.F_hat, estimate.slipped_at
     pad.slipping, pad.slip_ns = estimate.slipping, estimate.slip_ns

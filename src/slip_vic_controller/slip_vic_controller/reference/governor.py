@@ -13,17 +13,18 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum, unique
-from typing import Any, Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
+from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_core.records import REAL, WHOLE, layout
+from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
 from slip_core.vectors import Mat, Spatial, Vec, put_spatial, spatial, vec
 from slip_vic_controller.reference.backward_pass import at_rest, range_of_u, step_back
 from slip_vic_controller.reference.friction_estimate import (
-    ESTIMATE,
-    ESTIMATE_CONFIG,
-    LOAD_HISTORY,
+    Estimate,
+    EstimateConfig,
     Friction,
+    LoadHistory,
     allowed,
     certain,
     certify,
@@ -38,6 +39,7 @@ from slip_vic_controller.reference.path_grid import (
     GRID_POINTS,
     Along,
     Governing,
+    PathGrid,
     along,
     bound,
     bound_next,
@@ -84,44 +86,85 @@ class Search(IntEnum):
     LAST = 3
 
 
-GOVERNOR_CONFIG = layout(
-    mode=WHOLE, margin=REAL, path_margin=REAL, given_up=REAL, radius=REAL, slip_axes=(REAL, (6,)), gravity=(REAL, (3,)),
-    duration=REAL, length=REAL, floor=REAL, most_grip=REAL, most_speed=REAL, most_turning=REAL, points_per_cycle=WHOLE,
-    window=WHOLE, estimate=ESTIMATE_CONFIG,
-)  # fmt: skip
-"""mode: Governing; margin: beta, share of F^ that may be asked; path_margin: share of that in the backward pass, 0.97;
-given_up: share of the load at which it slipped that may be asked where nothing less stops on the path, 0.985; radius:
-rho [m]; slip_axes: Sigma, 0 or 1, {ee}; gravity [m/s^2] {w}; duration of the user's path [s]; length: L [m] and floor
-[m/s] of the path's length; most_grip: largest grip over the one that is told; most_speed [m/s], most_turning [rad/s] of
-the pad; points_per_cycle: of planning; window: cycles of the moving average."""
+class GovernorConfig(Record):
+    """How the path is governed."""
 
-GOVERNOR = layout(
-    duration=REAL, s=REAL, rate=REAL, time=REAL, end=REAL, out_s=REAL, out_rate=REAL, out_u=REAL, out_time=REAL,
-    phase=WHOLE, cursor=WHOLE, planned=WHOLE, urgent=WHOLE, search=WHOLE, search_pass=WHOLE,
-    asked=REAL, pass_load=REAL, plan_load=REAL, low_load=REAL, high_load=REAL,
-    infeasible=WHOLE, heaviest_time=REAL, weight_load=REAL, overrun=WHOLE, strained=WHOLE, halted=WHOLE, arrived=WHOLE,
-    out_speed=REAL, out_bend=REAL, usable=REAL, ceiling=REAL, bound=REAL,
-    grip=REAL, ring_count=WHOLE, ring=(REAL, (MAX_WINDOW, 3)), estimate=ESTIMATE,
-)  # fmt: skip
-"""s, rate: where on the path, and sdot; time: the user's time there [s]; end: of s; out_*: the same after smoothing,
-out_u = sddot. phase, cursor, planned, urgent, search, search_pass: the planning; asked, pass_load, plan_load, low_load,
-high_load: loads that are planned for, of the pass under way, of the plan in use, and between which the search is [N].
-infeasible: friction does not carry the weight everywhere on the path; heaviest_time, weight_load: where the weight
-loads most [s], and that load [N]; overrun: no load that is allowed stops on the path; strained: no sddot keeps the load
-of feedback and path within the limit; halted: the path rests, since the observer has found slip at a load less than
-what it asks from here on; out_speed, out_bend: ds/dt of the first pad's path there, and its rate; usable, ceiling:
-loads that path and guard may ask [N]; grip: least of all pads, over the one for which F^ is configured; bound: sdot^2
-over K; ring: s, sdot, sddot; duration: of the path that is run through [s]; estimate: of the weakest pad."""
+    mode: Whole  # Governing
+    margin: Real  # beta, share of F^ that a motion may use
+    path_margin: Real  # share of that in the backward pass
+    given_up: Real  # share of the load at which it slipped that may be used where nothing less stops on the path
+    radius: Real  # m, rho
+    slip_axes: Vec6  # Sigma, 0 or 1, {ee}
+    gravity: Vec3  # m/s^2 {w}
+    duration: Real  # s, of the user's path
+    length: Real  # m, L: makes turning a length
+    floor: Real  # m/s, of the path's length
+    most_grip: Real  # largest grip over the configured one
+    most_speed: Real  # m/s, of the pad
+    most_turning: Real  # rad/s
+    points_per_cycle: Whole  # of planning
+    window: Whole  # cycles of the moving average
+    estimate: EstimateConfig
 
-PAD = layout(
-    feedback=(REAL, (6,)), commanded=REAL, measured=REAL, guard=REAL, grip=REAL, estimate=ESTIMATE, loads=LOAD_HISTORY,
-)  # fmt: skip
-"""What the governor keeps of each pad. feedback: a_C - a_d of the last cycle {w}; commanded, measured: loads of the
-last cycle [N]; guard: factor on a_C; grip: over the one for which F^ is configured; loads: of the last cycles."""
+
+class Governor(Record):
+    """Where on the path the object is, and the planning."""
+
+    duration: Real  # s, of the path that is run through
+    s: Real
+    rate: Real  # sdot
+    time: Real  # s, the user's time at s
+    end: Real  # of s
+    out_s: Real  # the same after smoothing
+    out_rate: Real
+    out_u: Real  # sddot
+    out_time: Real  # s
+    phase: Whole  # Phase
+    cursor: Whole  # of the sampling or the pass
+    planned: Whole  # whether there is a plan
+    urgent: Whole  # whether a smaller F^ is being planned for
+    search: Whole  # Search
+    search_pass: Whole
+    asked: Real  # N, that is planned for
+    pass_load: Real  # N, of the pass under way
+    plan_load: Real  # N, of the plan in use
+    low_load: Real  # N, between which the search is
+    high_load: Real  # N
+    infeasible: Whole  # friction does not carry the weight everywhere on the path
+    heaviest_time: Real  # s, where the weight loads most
+    weight_load: Real  # N, that load
+    overrun: Whole  # no allowed load stops on the path
+    strained: Whole  # no sddot keeps the load of feedback and path within the limit
+    halted: Whole  # the path rests, since the observer has found slip at a load below what it needs from here on
+    arrived: Whole
+    out_speed: Real  # ds/dt of the first pad's path at out_time
+    out_bend: Real  # its rate
+    usable: Real  # N, load that the path may use
+    ceiling: Real  # N, load that the guard lets pass
+    bound: Real  # sdot^2 over K
+    grip: Real  # least of all pads, over the one for which F^ is configured
+    ring_count: Whole
+    ring: Annotated[Array, (MAX_WINDOW, 3)]  # s, sdot, sddot
+    estimate: Estimate  # of the weakest pad
+
+
+class GovernedPad(Record):
+    """What the governor keeps of each pad."""
+
+    feedback: Vec6  # a_C - a_d of the last cycle {w}
+    commanded: Real  # N, load of the last cycle
+    measured: Real  # N
+    guard: Real  # factor on a_C
+    grip: Real  # over the one for which F^ is configured
+    estimate: Estimate
+    loads: LoadHistory  # of the last cycles
+
+
+GOVERNOR_CONFIG, GOVERNOR, PAD = dtype_of(GovernorConfig), dtype_of(Governor), dtype_of(GovernedPad)
 
 
 @part
-def start_path(config: Any, state: Any) -> None:
+def start_path(config: GovernorConfig, state: Governor) -> None:
     """Begin a path: it has to be sampled. What is known of friction stays."""
     state.s = state.rate = state.end = 0.0
     state.time = sample_time(config.mode, 0, state.duration)
@@ -135,7 +178,7 @@ def start_path(config: Any, state: Any) -> None:
 
 
 @part
-def start_pad(config: Any, pad: Any, at_rest: float) -> None:
+def start_pad(config: GovernorConfig, pad: GovernedPad, at_rest: float) -> None:
     """Begin with a pad: nothing is known of friction beyond the configuration; at_rest: load of the object [N]."""
     start_estimate(config.estimate, pad.estimate, pad.loads, at_rest)
     pad.commanded = pad.measured = at_rest
@@ -144,7 +187,7 @@ def start_pad(config: Any, pad: Any, at_rest: float) -> None:
 
 
 @part
-def start_governor(config: Any, state: Any, pad: Any) -> None:
+def start_governor(config: GovernorConfig, state: Governor, pad: GovernedPad) -> None:
     """Begin a path, with what is known of a pad."""
     state.estimate = pad.estimate
     state.duration, state.grip = config.duration, pad.grip
@@ -152,7 +195,7 @@ def start_governor(config: Any, state: Any, pad: Any) -> None:
 
 
 @part
-def steady(config: Any, state: Any) -> None:
+def steady(config: GovernorConfig, state: Governor) -> None:
     """Let the moving average begin anew where the path is now."""
     for i in range(config.window):
         state.ring[i, 0], state.ring[i, 1], state.ring[i, 2] = state.s, state.rate, 0.0
@@ -164,20 +207,26 @@ def steady(config: Any, state: Any) -> None:
 
 
 @part
-def wants_points(state: Any) -> bool:
+def wants_points(state: Governor) -> bool:
     """Return whether the path is still being sampled."""
     return bool(state.phase == Phase.SAMPLING)
 
 
 @part
-def wanted_time(config: Any, state: Any) -> float:
+def wanted_time(config: GovernorConfig, state: Governor) -> float:
     """Return the user's time of the point that is sampled next [s]."""
     return sample_time(config.mode, state.cursor, state.duration)
 
 
 @part
 def next_point(
-    config: Any, state: Any, grid: Any, held: Held, rotation: Mat, twist: Spatial, acceleration: Spatial
+    config: GovernorConfig,
+    state: Governor,
+    grid: PathGrid,
+    held: Held,
+    rotation: Mat,
+    twist: Spatial,
+    acceleration: Spatial,
 ) -> None:
     """Take the path's point at `wanted_time`; after the last the first backward pass begins.
 
@@ -202,20 +251,20 @@ def next_point(
 
 
 @part
-def begin_plan(state: Any, F: float) -> None:
+def begin_plan(state: Governor, F: float) -> None:
     """Begin to plan for a load F [N], whatever was under way."""
     state.asked, state.search = F, Search.NO
     begin_pass(state, F)
 
 
 @part
-def begin_pass(state: Any, F: float) -> None:
+def begin_pass(state: Governor, F: float) -> None:
     """Begin a backward pass for a load F [N]."""
     state.phase, state.cursor, state.pass_load = Phase.BACKWARD, GRID_POINTS - 1, F
 
 
 @part
-def with_weight(config: Any, state: Any, F: float) -> float:
+def with_weight(config: GovernorConfig, state: Governor, F: float) -> float:
     """Return a load [N], at least what the weight alone asks on the path, where that is to be tried.
 
     On the way there is nothing better than to go on slowly: a stop throws what hardly holds, and the weight is there
@@ -228,13 +277,13 @@ def with_weight(config: Any, state: Any, F: float) -> float:
 
 
 @part
-def planned_load(config: Any, state: Any) -> float:
+def planned_load(config: GovernorConfig, state: Governor) -> float:
     """Return the load that the path is to be planned for [N]."""
     return with_weight(config, state, config.most_grip * certain(config.estimate, state.estimate, config.margin))
 
 
 @part
-def plan(config: Any, state: Any, grid: Any) -> None:
+def plan(config: GovernorConfig, state: Governor, grid: PathGrid) -> None:
     """Do a cycle's share of the planning, and begin anew where F^ has changed."""
     if state.phase == Phase.SAMPLING:
         return
@@ -254,7 +303,7 @@ def plan(config: Any, state: Any, grid: Any) -> None:
 
 
 @part
-def end_pass(config: Any, state: Any, grid: Any) -> None:
+def end_pass(config: GovernorConfig, state: Governor, grid: PathGrid) -> None:
     """Take the plan if the pad can still stop under it; otherwise give up margin first, and the path's end last.
 
     The least load in [asked, given_up * slipped_at] that stops on the path is looked for, by bisection.
@@ -290,7 +339,7 @@ def end_pass(config: Any, state: Any, grid: Any) -> None:
 
 
 @part
-def take_plan(config: Any, state: Any, grid: Any) -> None:
+def take_plan(config: GovernorConfig, state: Governor, grid: PathGrid) -> None:
     """Use the pass that has just ended."""
     for i in range(GRID_POINTS):
         grid.points[i].K = grid.points[i].K_next
@@ -310,7 +359,7 @@ def take_plan(config: Any, state: Any, grid: Any) -> None:
 
 
 @part
-def allow(config: Any, state: Any) -> None:
+def allow(config: GovernorConfig, state: Governor) -> None:
     """Write which loads path and guard may ask now."""
     F, plan_load = state.grip * state.estimate.F_hat, state.plan_load * (state.grip / config.most_grip)
     state.usable = with_weight(config, state, state.grip * allowed(config.estimate, state.estimate, config.margin))
@@ -330,7 +379,16 @@ class Pad(NamedTuple):
 
 
 @part
-def run(config: Any, state: Any, grid: Any, held: Held, point: Along, pad: Pad, most_rate: float, dt: float) -> None:
+def run(
+    config: GovernorConfig,
+    state: Governor,
+    grid: PathGrid,
+    held: Held,
+    point: Along,
+    pad: Pad,
+    most_rate: float,
+    dt: float,
+) -> None:
     """Do a cycle's planning and its step on the path: writes out_s, out_rate, out_u, out_time.
 
     Args:
@@ -371,7 +429,14 @@ def range_or_least(uu: float, ub: float, bb: float, F: float) -> tuple[float, fl
 
 @part
 def step_on(
-    config: Any, state: Any, ahead: tuple[float, float], held: Held, point: Along, pad: Pad, most_rate: float, dt: float
+    config: GovernorConfig,
+    state: Governor,
+    ahead: tuple[float, float],
+    held: Held,
+    point: Along,
+    pad: Pad,
+    most_rate: float,
+    dt: float,
 ) -> float:
     """Return sddot of this cycle; ahead: K and its slope where the path will be.
 
@@ -411,14 +476,14 @@ def step_on(
 
 
 @part
-def pace(config: Any, point: Along) -> float:
+def pace(config: GovernorConfig, point: Along) -> float:
     """Return the square of the pad's speed over sdot, turning as a length."""
     p, w = point.tangent.linear, config.length * point.tangent.angular
     return p.dot(p) + w.dot(w)
 
 
 @part
-def smooth(config: Any, state: Any, grid: Any, u: float) -> None:
+def smooth(config: GovernorConfig, state: Governor, grid: PathGrid, u: float) -> None:
     """Average s, sdot and sddot over the window alike: the mean of admissible accelerations is admissible."""
     place = state.ring_count % config.window
     state.ring[place, 0], state.ring[place, 1], state.ring[place, 2] = state.s, state.rate, u
@@ -433,13 +498,13 @@ def smooth(config: Any, state: Any, grid: Any, u: float) -> None:
 
 
 @part
-def time_at(config: Any, state: Any, grid: Any, s: float) -> float:
+def time_at(config: GovernorConfig, state: Governor, grid: PathGrid, s: float) -> float:
     """Return the user's time at s [s]; where the path has been run through, its end."""
     return float(state.duration) if s >= state.end else path_time(grid, s)
 
 
 @part
-def governed(state: Any, point: Along) -> tuple[Spatial, Spatial]:
+def governed(state: Governor, point: Along) -> tuple[Spatial, Spatial]:
     """Return twist and acceleration of the reference {w}; point: the path at state.out_time, from `along`.
 
     While the contact slips a_d = 0: the object leads, and a reference would drag it.
@@ -451,7 +516,7 @@ def governed(state: Any, point: Along) -> tuple[Spatial, Spatial]:
 
 
 @part
-def on_pad(config: Any, point: Along, x_e: Vec, v_ee: Spatial) -> tuple[float, float]:
+def on_pad(config: GovernorConfig, point: Along, x_e: Vec, v_ee: Spatial) -> tuple[float, float]:
     """Return sdot of the pad along the path, and how far ahead of the point it is; arguments as of `run`."""
     p, w = point.tangent.linear, config.length * point.tangent.angular
     square = pace(config, point) + config.floor * config.floor
@@ -459,7 +524,9 @@ def on_pad(config: Any, point: Along, x_e: Vec, v_ee: Spatial) -> tuple[float, f
 
 
 @part
-def anchor(config: Any, state: Any, grid: Any, point: Along, x_e: Vec, v_ee: Spatial, dt: float) -> None:
+def anchor(
+    config: GovernorConfig, state: Governor, grid: PathGrid, point: Along, x_e: Vec, v_ee: Spatial, dt: float
+) -> None:
     """Let s follow the pad while the contact slips; arguments as of `run`."""
     rate, ahead = on_pad(config, point, x_e, v_ee)
     cap = grid.points[cell(grid, state.s)].cap
@@ -474,7 +541,7 @@ def anchor(config: Any, state: Any, grid: Any, point: Along, x_e: Vec, v_ee: Spa
 
 
 @part
-def feel(config: Any, pad: Any, h_ee: Spatial, now_ns: int) -> None:
+def feel(config: GovernorConfig, pad: GovernedPad, h_ee: Spatial, now_ns: int) -> None:
     """Remember the measured load; to be called before the slip samples of this cycle are taken.
 
     Args:
@@ -490,7 +557,14 @@ def feel(config: Any, pad: Any, h_ee: Spatial, now_ns: int) -> None:
 
 @part
 def hold_back(
-    config: Any, ceiling: float, pad: Any, held: Held, R_ee: Mat, w_ee: Vec, a_C: Spatial, a_d: Spatial
+    config: GovernorConfig,
+    ceiling: float,
+    pad: GovernedPad,
+    held: Held,
+    R_ee: Mat,
+    w_ee: Vec,
+    a_C: Spatial,
+    a_d: Spatial,
 ) -> float:
     """Return the guard's factor on a_C, and keep the feedback and the load that are commanded.
 

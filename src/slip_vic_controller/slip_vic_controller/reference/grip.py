@@ -10,27 +10,42 @@ grows and shrinks with that.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from slip_core.compiled import part
-from slip_core.records import REAL, WHOLE, layout
-from slip_vic_controller.reference.path_grid import GRID_POINTS
+from slip_core.records import Real, Record, Whole, dtype_of
+from slip_vic_controller.reference.path_grid import GRID_POINTS, PathGrid
 
-GRIP_CONFIG = layout(follow=WHOLE, told=REAL, most=REAL, rate=REAL, lag_s=REAL, preview_s=REAL, margin=REAL)
-"""follow: whether the grip is commanded; told: grip for which friction is told, and never less than this; most: cap
-[N]; rate: of the command [N/s]; lag_s: of the gripper; preview_s; margin: share of friction that the load may take."""
-GRIP = layout(command=REAL, actual=REAL)
-"""What is commanded, and what the gripper is taken to hold with [N]."""
+
+class GripConfig(Record):
+    """How the grip may be commanded."""
+
+    follow: Whole  # whether it is commanded
+    told: Real  # N, for which friction is configured; never less than this
+    most: Real  # N
+    rate: Real  # N/s, of the command
+    lag_s: Real  # s, of the gripper
+    preview_s: Real  # s
+    margin: Real  # share of friction that the load may take
+
+
+class Grip(Record):
+    """The grip as it is commanded and modelled."""
+
+    command: Real  # N
+    actual: Real  # N, what the gripper is taken to hold with
+
+
+GRIP_CONFIG, GRIP = dtype_of(GripConfig), dtype_of(Grip)
 
 
 @part
-def start_grip(config: Any, grip: Any) -> None:
+def start_grip(config: GripConfig, grip: Grip) -> None:
     """Begin with the grip that is told; GRIP_CONFIG, GRIP."""
     grip.command = grip.actual = config.told
 
 
 @part
-def load_ahead(grid: Any, time: float, preview_s: float) -> float:
+def load_ahead(grid: PathGrid, time: float, preview_s: float) -> float:
     """Return the largest load of the path as it is planned, from a time of it on [N].
 
     Args:
@@ -55,7 +70,7 @@ def load_ahead(grid: Any, time: float, preview_s: float) -> float:
 
 
 @part
-def follow_load(config: Any, grip: Any, load: float, F_told: float, dt: float) -> None:
+def follow_load(config: GripConfig, grip: Grip, load: float, F_told: float, dt: float) -> None:
     """Move the command towards what a load needs, and the gripper towards its command.
 
     Args:

@@ -11,12 +11,15 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum, unique
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Final, NamedTuple, Protocol
 
 from slip_core.compiled import part
-from slip_core.records import REAL, layout
+from slip_core.records import Real, Record, Records, dtype_of
 from slip_core.vectors import Mat, Spatial, Vec
 from slip_vic_controller.reference.load import Held, drawn, turning, weight
+
+if TYPE_CHECKING:
+    from slip_vic_controller.reference.governor import GovernorConfig
 
 GRID_POINTS: Final = 200
 FASTEST: Final = 1e6
@@ -37,14 +40,39 @@ class Governing(IntEnum):
     TIME_OPTIMAL = 2
 
 
-GRID_POINT = layout(
-    time=REAL, s=REAL, speed=REAL, bend=REAL,
-    uu=REAL, ux=REAL, uc=REAL, xx=REAL, xc=REAL, cc=REAL, cap=REAL, K=REAL, K_next=REAL,
-)  # fmt: skip
-"""time [s] of the user's path; s and ds/dt and its rate; uu = l_u . l_u, ux = l_u . l_x, ... [N^2 ...]; cap: largest
-sdot^2 for velocity limits; K: largest sdot^2 from which the rest of the path can be run; K_next: that of a pass under
-way."""
-PATH_GRID = layout(points=(GRID_POINT, (GRID_POINTS,)))
+class GridPoint(Record):
+    """A point of the path; uu = l_u . l_u, ux = l_u . l_x and so on: products of the parts of its load."""
+
+    time: Real  # s, of the user's path
+    s: Real
+    speed: Real  # ds/dt
+    bend: Real  # its rate
+    uu: Real
+    ux: Real
+    uc: Real
+    xx: Real
+    xc: Real
+    cc: Real  # N^2
+    cap: Real  # largest sdot^2 for velocity limits
+    K: Real  # largest sdot^2 from which the rest of the path can be run
+    K_next: Real  # that of a pass under way
+
+
+class PathGrid(Record):
+    """The sampled path."""
+
+    points: Annotated[Records[GridPoint], GRID_POINTS]
+
+
+GRID_POINT, PATH_GRID = dtype_of(GridPoint), dtype_of(PathGrid)
+
+
+class Sampled(Protocol):
+    """A record with points: the grid of a path, or a stream."""
+
+    @property
+    def points(self) -> Records[GridPoint]:
+        """The points, in order."""
 
 
 class Along(NamedTuple):
@@ -72,7 +100,9 @@ INSIDE: Final = 0.2
 
 
 @part
-def along(config: Any, duration: float, time: float, rotation: Mat, twist: Spatial, acceleration: Spatial) -> Along:
+def along(
+    config: GovernorConfig, duration: float, time: float, rotation: Mat, twist: Spatial, acceleration: Spatial
+) -> Along:
     """Return a point of the path over s from its reference over the user's time.
 
     Args:
@@ -102,7 +132,7 @@ def along_at(rotation: Mat, twist: Spatial, acceleration: Spatial, speed: float,
 
 @part
 def take_point(
-    grid: Any, i: int, time: float, at: Along, held: Held, weights: Spatial, gravity: Vec,
+    grid: Sampled, i: int, time: float, at: Along, held: Held, weights: Spatial, gravity: Vec,
     limits: tuple[float, float, float],
 ) -> None:  # fmt: skip
     """Write point i of the grid; the points before it are known.
@@ -147,7 +177,7 @@ def square(value: float) -> float:
 
 
 @part
-def cell(grid: Any, s: float) -> int:
+def cell(grid: PathGrid, s: float) -> int:
     """Return the point before s: i with s_i <= s < s_(i+1), held to the grid."""
     low, high = 0, GRID_POINTS - 1
     while high - low > 1:
@@ -160,7 +190,7 @@ def cell(grid: Any, s: float) -> int:
 
 
 @part
-def path_time(grid: Any, s: float) -> float:
+def path_time(grid: PathGrid, s: float) -> float:
     """Return the user's time [s] at s: the inverse of the cubic between two points."""
     i = cell(grid, s)
     a, b = grid.points[i], grid.points[i + 1]
@@ -188,7 +218,7 @@ def path_time(grid: Any, s: float) -> float:
 
 
 @part
-def bound(grid: Any, s: float) -> tuple[float, float]:
+def bound(grid: PathGrid, s: float) -> tuple[float, float]:
     """Return K and its slope dK/ds at s; between points K is linear, as x is under a constant u."""
     i = cell(grid, s)
     a, b = grid.points[i], grid.points[i + 1]
@@ -200,7 +230,7 @@ def bound(grid: Any, s: float) -> tuple[float, float]:
 
 
 @part
-def bound_next(grid: Any, s: float) -> float:
+def bound_next(grid: PathGrid, s: float) -> float:
     """Return K of the pass that has just ended, at s."""
     i = cell(grid, s)
     a, b = grid.points[i], grid.points[i + 1]

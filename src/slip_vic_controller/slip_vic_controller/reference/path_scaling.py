@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from slip_core.compiled import part
-from slip_core.records import REAL, layout
+from slip_core.records import Real, Record, dtype_of
 from slip_vic_controller.reference.paths import Reference
 
-PATH_SCALING = layout(scale=REAL, rate=REAL)
-"""scale: speed along the path, 1 = as planned; rate: its rate of change [1/s]."""
+
+class PathScaling(Record):
+    """Speed along the path."""
+
+    scale: Real  # 1 = as planned
+    rate: Real  # 1/s, of the scale
+
+
+PATH_SCALING = dtype_of(PathScaling)
 
 
 @part
-def advance(scaling: Any, wanted: float, dt: float, slow_down_s: float) -> None:
+def advance(scaling: PathScaling, wanted: float, dt: float, slow_down_s: float) -> None:
     """Move the scale of a PATH_SCALING towards `wanted`, at most from 1 to 0 in `slow_down_s`; dt [s].
 
     The reference brakes in a known time, and never jumps.
@@ -35,7 +40,7 @@ def scale_for_error(linear: float, angular: float, bound_linear: float, bound_an
 
 
 @part
-def scaled(reference: Reference, scaling: Any) -> Reference:
+def scaled(reference: Reference, scaling: PathScaling) -> Reference:
     """Return the reference of a path that is run through at another speed: the chain rule; PATH_SCALING.
 
     Twist sigma v, acceleration sigma^2 a + sigma_dot v.
@@ -50,6 +55,6 @@ def scaled(reference: Reference, scaling: Any) -> Reference:
 
 
 @part
-def lost_ns(scaling: Any, dt_ns: int) -> int:
+def lost_ns(scaling: PathScaling, dt_ns: int) -> int:
     """Return by how much the start of the trajectory moves later in a tick of dt_ns [ns]; 0 at full speed, exactly."""
     return 0 if scaling.scale == 1.0 else round((1.0 - scaling.scale) * dt_ns)

@@ -7,42 +7,62 @@ before 0 and after its end; the reference is made from it in one place, so angul
 from __future__ import annotations
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Annotated, Final, NamedTuple, Protocol
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, OUT2, VOID, kernel, part
 from slip_core.errors import InputError
-from slip_core.records import REAL, WHOLE, layout, new, record
+from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
 from slip_core.vectors import NOTHING, Mat, Spatial, Vec, mat, put, put_mat, put_spatial, spatial, vec
 from slip_vic_controller.law.rotation import exponential, left_jacobian, left_jacobian_rate
 from slip_vic_controller.params import TrajectoryParams
 from slip_vic_controller.sizes import MAX_SEGMENTS
 
-REFERENCE = layout(position=(REAL, (3,)), rotation=(REAL, (3, 3)), twist=(REAL, (6,)), acceleration=(REAL, (6,)))
-"""Desired pose x_d [m] and R_d, twist [m/s, rad/s] and acceleration a_d [m/s^2, rad/s^2] of {ee}; {w}."""
 
-GRASP = layout(position=(REAL, (3,)), rotation=(REAL, (3, 3)))
-"""A pad as the first pad of the object sees it: position [m] and attitude on the first pad's axes."""
+class DesiredMotion(Record):
+    """Desired motion of {ee}; {w}."""
 
-PATH = layout(
-    kind=WHOLE,
-    segments=WHOLE,
-    knot=(REAL, (MAX_SEGMENTS + 1,)),
-    polynomial=(REAL, (MAX_SEGMENTS, 6, 6)),
-    end=(REAL, (6,)),
-    speed=REAL,
-    ramp=REAL,
-    duration=REAL,
-    along=(REAL, (6,)),
-    across=(REAL, (6,)),
-    carries=WHOLE,
-    lever=(REAL, (3,)),
-)
-"""A path. Polynomial segments: knots [s]; polynomial[segment, coordinate, power] in the time since the segment's knot;
-end: where the last one ends. Circle, lemniscate: phase speed [rad/s], ramp and duration [s], vectors of the curve.
-carries: whether it is the object's; then lever is the pad as seen from its centre of mass [m] {ee}."""
+    position: Vec3  # m, x_d
+    rotation: Mat3  # R_d
+    twist: Vec6  # m/s, rad/s
+    acceleration: Vec6  # m/s^2, rad/s^2, a_d
+
+
+class Grasp(Record):
+    """A pad as seen from the first pad of the object, on that pad's axes."""
+
+    position: Vec3  # m
+    rotation: Mat3
+
+
+class Path(Record):
+    """A path: polynomial segments, a circle or a lemniscate."""
+
+    kind: Whole
+    segments: Whole
+    knot: Annotated[Array, MAX_SEGMENTS + 1]  # s
+    polynomial: Annotated[Array, (MAX_SEGMENTS, 6, 6)]  # [segment, coordinate, power], time since the segment's knot
+    end: Vec6  # where the last segment ends
+    speed: Real  # rad/s, phase speed of a curve
+    ramp: Real  # s
+    duration: Real  # s
+    along: Vec6  # vectors of the curve
+    across: Vec6
+    carries: Whole  # whether it is the object's
+    lever: Vec3  # m, then the pad as seen from its centre of mass {ee}
+
+
+REFERENCE, GRASP, PATH = dtype_of(DesiredMotion), dtype_of(Grasp), dtype_of(Path)
+
+
+class Started(Protocol):
+    """A record that has the pose of a pad where the path began: position [m] and attitude {w}."""
+
+    start_position: Array
+    start_rotation: Array
+
 
 HOLD: Final = 0
 POLYNOMIALS: Final = 1
@@ -70,7 +90,7 @@ class Reference(NamedTuple):
 
 
 @part
-def reference_at(path: Any, t: float, start_position: Array, start_rotation: Array) -> Reference:
+def reference_at(path: Path, t: float, start_position: Array, start_rotation: Array) -> Reference:
     """Return the desired motion at time t [s] of a PATH from a pose (3,) [m], (3, 3) {w}.
 
     R_d = exp(phi) R_0, omega_d = J_l phi_dot, alpha_d = J_l phi_ddot + Jdot_l phi_dot.
@@ -107,7 +127,7 @@ def on_object(planned: Reference, start: Mat, lever: Vec) -> Reference:
 
 
 @part
-def relative(first: Any, other: Any, out: Any) -> None:
+def relative(first: Started, other: Started, out: Grasp) -> None:
     """Write how one pad sees another to a GRASP; first, other: with start_position [m], start_rotation {w}."""
     R = mat(first.start_rotation).T()
     put(out.position, R @ (vec(other.start_position) - vec(first.start_position)))
@@ -115,7 +135,7 @@ def relative(first: Any, other: Any, out: Any) -> None:
 
 
 @part
-def carried(reference: Reference, grasp: Any) -> Reference:
+def carried(reference: Reference, grasp: Grasp) -> Reference:
     """Return the motion of a pad on an object whose first pad moves by a reference; GRASP of the pad."""
     r, w = reference.rotation @ vec(grasp.position), reference.twist.angular
     a, alpha = reference.acceleration.linear, reference.acceleration.angular
@@ -128,13 +148,13 @@ def carried(reference: Reference, grasp: Any) -> Reference:
 
 
 @part
-def read_reference(given: Any) -> Reference:
+def read_reference(given: DesiredMotion) -> Reference:
     """Return a REFERENCE."""
     return Reference(vec(given.position), mat(given.rotation), spatial(given.twist), spatial(given.acceleration))
 
 
 @part
-def put_reference(out: Any, reference: Reference) -> None:
+def put_reference(out: DesiredMotion, reference: Reference) -> None:
     """Write a reference to a REFERENCE."""
     put(out.position, reference.position)
     put_mat(out.rotation, reference.rotation)
@@ -143,7 +163,7 @@ def put_reference(out: Any, reference: Reference) -> None:
 
 
 @part
-def point_at(path: Any, t: float) -> PathPoint:
+def point_at(path: Path, t: float) -> PathPoint:
     """Return the point of a PATH at time t [s]."""
     if path.kind == POLYNOMIALS:
         return polynomial_point(path, t)
@@ -153,7 +173,7 @@ def point_at(path: Any, t: float) -> PathPoint:
 
 
 @part
-def polynomial_point(path: Any, t: float) -> PathPoint:
+def polynomial_point(path: Path, t: float) -> PathPoint:
     """Return the point of quintic segments with common velocity and acceleration at the knots, so C2; t [s]."""
     if t <= 0.0:
         return PathPoint(NOTHING, NOTHING, NOTHING)
@@ -204,7 +224,7 @@ def curve(c: Array, u: float) -> float:
 
 
 @part
-def curve_point(path: Any, t: float) -> PathPoint:
+def curve_point(path: Path, t: float) -> PathPoint:
     """Return the point of a closed curve in a plane, run through with a phase p that starts and stops smoothly; t [s].
 
     Circle: r (sin p, 1 - cos p); lemniscate (Gerono): r (sin p, sin 2p / 2); rotation: amplitude * sin p.
@@ -283,7 +303,7 @@ def make_path(params: TrajectoryParams) -> Array:
     return buffer
 
 
-def fill_segments(path: Any, times: Array, values: Array, rates: Array, rate_rates: Array) -> None:
+def fill_segments(path: Path, times: Array, values: Array, rates: Array, rate_rates: Array) -> None:
     """Write quintic segments through given points to a PATH; knots (k,) [s] that grow from 0, points (k, 6) each.
 
     Raises:

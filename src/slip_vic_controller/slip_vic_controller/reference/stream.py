@@ -8,10 +8,10 @@ braked for. A stream that ends in motion is gone on with, in a straight line, wh
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Annotated, Final
 
 from slip_core.compiled import part
-from slip_core.records import REAL, WHOLE, layout
+from slip_core.records import Real, Record, Records, Whole, dtype_of
 from slip_core.vectors import Mat, Spatial, Vec
 from slip_vic_controller.law.rotation import (
     exponential,
@@ -21,9 +21,10 @@ from slip_vic_controller.law.rotation import (
     logarithm,
 )
 from slip_vic_controller.reference.backward_pass import most
+from slip_vic_controller.reference.governor import Governor
 from slip_vic_controller.reference.load import Held
-from slip_vic_controller.reference.path_grid import GRID_POINT, Along, take_point
-from slip_vic_controller.reference.paths import REFERENCE, Reference, put_reference, read_reference
+from slip_vic_controller.reference.path_grid import Along, GridPoint, take_point
+from slip_vic_controller.reference.paths import DesiredMotion, Reference, put_reference, read_reference
 from slip_vic_controller.sizes import NEVER
 
 STREAM_POINTS: Final = 64
@@ -33,21 +34,41 @@ LAX_S: Final = 1.0
 REPLAN: Final = 1.002
 """Change of the load that may be asked that is worth a new backward pass."""
 
-STREAM_CONFIG = layout(on=WHOLE, preview_s=REAL, spacing_s=REAL)
-"""on: whether the reference is a governed stream; preview_s: how much later it is followed; spacing_s: samples that are
-closer are thinned."""
-QUEUED_REFERENCE = layout(stamp_ns=WHOLE, reference=REFERENCE)
-STREAM = layout(
-    queued=WHOLE, queue=(QUEUED_REFERENCE, QUEUED), count=WHOLE, fresh=WHOLE, first_ns=WHOLE, load=REAL,
-    rests=REFERENCE, samples=(REFERENCE, STREAM_POINTS), points=(GRID_POINT, STREAM_POINTS),
-)  # fmt: skip
-"""queued, queue: samples since the last cycle, stamp 0 where they have none; count, samples, points: the path, and the
-load of it; fresh: the first point whose load is not known yet; first_ns: when the stream's time is 0; load: that the
-pass was made for [N]; rests: the pose while there is nothing to follow."""
+
+class StreamConfig(Record):
+    """How a stream of references is followed."""
+
+    on: Whole  # whether the reference is a governed stream
+    preview_s: Real  # s, how much later it is followed
+    spacing_s: Real  # s, samples that are closer are thinned
+
+
+class QueuedReference(Record):
+    """A reference as it came."""
+
+    stamp_ns: Whole  # 0 where it has none
+    reference: DesiredMotion
+
+
+class Stream(Record):
+    """What has been received and not yet run through."""
+
+    queued: Whole
+    queue: Annotated[Records[QueuedReference], QUEUED]  # since the last cycle
+    count: Whole
+    fresh: Whole  # the first point whose load is not known yet
+    first_ns: Whole  # when the stream's time is 0
+    load: Real  # N, that the pass was made for
+    rests: DesiredMotion  # the pose while there is nothing to follow
+    samples: Annotated[Records[DesiredMotion], STREAM_POINTS]
+    points: Annotated[Records[GridPoint], STREAM_POINTS]
+
+
+STREAM_CONFIG, QUEUED_REFERENCE, STREAM = dtype_of(StreamConfig), dtype_of(QueuedReference), dtype_of(Stream)
 
 
 @part
-def rest_stream(stream: Any, position: Vec, rotation: Mat) -> None:
+def rest_stream(stream: Stream, position: Vec, rotation: Mat) -> None:
     """Forget what was received, and rest at a pose [m] {w}."""
     nothing = Spatial(Vec(0.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0))
     put_reference(stream.rests, Reference(position, rotation, nothing, nothing))
@@ -55,7 +76,7 @@ def rest_stream(stream: Any, position: Vec, rotation: Mat) -> None:
 
 
 @part
-def take_queued(config: Any, stream: Any, state: Any, now_ns: int) -> bool:
+def take_queued(config: StreamConfig, stream: Stream, state: Governor, now_ns: int) -> bool:
     """Add what has come since the last cycle to the path, and return whether a new one begins.
 
     A sample without a stamp has that of the cycle.
@@ -99,7 +120,7 @@ def take_queued(config: Any, stream: Any, state: Any, now_ns: int) -> bool:
 
 
 @part
-def drop_passed(stream: Any, time: float) -> None:
+def drop_passed(stream: Stream, time: float) -> None:
     """Forget what has been run through."""
     while stream.count > 2 and stream.points[1].time <= time:
         for i in range(stream.count - 1):
@@ -111,7 +132,7 @@ def drop_passed(stream: Any, time: float) -> None:
 
 @part
 def plan_stream(
-    stream: Any, held: Held, weights: Spatial, gravity: Vec, limits: tuple[float, float, float], F: float
+    stream: Stream, held: Held, weights: Spatial, gravity: Vec, limits: tuple[float, float, float], F: float
 ) -> None:
     """Find how fast each point may be passed; F: load that may be asked [N]. Arguments as of `take_point`."""
     n = stream.count
@@ -136,7 +157,7 @@ def plan_stream(
 
 
 @part
-def stream_bound(stream: Any, time: float) -> tuple[float, float]:
+def stream_bound(stream: Stream, time: float) -> tuple[float, float]:
     """Return K and its slope at a time of the stream; behind its end the pad shall stop."""
     n = stream.count
     if time >= stream.points[n - 1].time:
@@ -150,7 +171,7 @@ def stream_bound(stream: Any, time: float) -> tuple[float, float]:
 
 
 @part
-def at(stream: Any, time: float) -> Reference:
+def at(stream: Stream, time: float) -> Reference:
     """Return the reference at a time of the stream [s], over that time."""
     n = stream.count
     if n == 0:
@@ -195,6 +216,6 @@ def between(h: float, t: float, v0: Vec, a0: Vec, p1: Vec, v1: Vec, a1: Vec) -> 
 
 
 @part
-def waiting(stream: Any, time: float) -> float:
+def waiting(stream: Stream, time: float) -> float:
     """Return how much of the stream has been received and not yet run through [s]."""
     return max(stream.points[stream.count - 1].time - time, 0.0) if stream.count > 0 else 0.0
