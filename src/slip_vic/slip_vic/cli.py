@@ -30,6 +30,7 @@ from slip_vic.replay.cli import references, verify
 from slip_vic.retime.cli import retime
 from slip_vic.setup.arm.cli import arm
 from slip_vic.setup.bringup.cli import bringup
+from slip_vic.setup.cli import identify
 from slip_vic.study.cli import check, merge, study, tune
 
 if TYPE_CHECKING:
@@ -190,6 +191,7 @@ cli.add_command(arm)
 cli.add_command(bag)
 cli.add_command(bringup)
 cli.add_command(check)
+cli.add_command(identify)
 cli.add_command(merge)
 cli.add_command(report)
 cli.add_command(retime)

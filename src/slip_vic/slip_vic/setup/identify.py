@@ -1,0 +1,206 @@
+"""What a recorded slow motion shows of drives and encoders: noise, quantum, friction and offset of each joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.table import Table
+
+from slip_bags.reader import Bag
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_core.records import new, record
+from slip_vic_controller.law.arm import ARM, Arm
+from slip_vic_controller.robot import Robot
+
+LEAST_SAMPLES = 200
+LEAST_SPEED = 0.01
+"""Speed [rad/s] below which a joint is not moving for certain, and above the sixfold noise."""
+WINDOW_S = 0.1
+"""Over which velocities are smoothed, and accelerations taken."""
+LEAST_SHARE = 0.05
+"""Of the samples, which a direction needs."""
+STEPS = 0.99
+"""Share of position steps that are whole multiples of the smallest: then it is a quantum."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointNumbers:
+    """One joint. Friction and offset are NaN where it does not move both ways, viscous where its speed hardly varies.
+
+    noise_position [rad], noise_velocity [rad/s]: standard deviations; quantum [rad], 0 where there is none; coulomb
+    [N m], viscous [N m s/rad], offset [N m]; residual: root mean square of what these leave of the effort [N m].
+    """
+
+    name: str
+    noise_position: float
+    noise_velocity: float
+    quantum: float
+    coulomb: float
+    viscous: float
+    offset: float
+    residual: float
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """A recorded motion of an arm: times (N,) [s], positions, velocities, efforts (N, n), load: J^T h (N, n) [N m]."""
+
+    names: tuple[str, ...]
+    times: Array
+    position: Array
+    velocity: Array
+    effort: Array
+    load: Array
+
+
+def read_motion(path: Path, robot_frame: str) -> tuple[Motion, Robot]:
+    """Read joint states, URDF and, where there is one, the wrench at `robot_frame` from a bag.
+
+    Raises:
+        InputError: no bag, or one without joint states, efforts or a description of the arm.
+    """
+    with Bag(path) as bag:
+        states, wrenches = (_topic(bag, name) for name in ("joint_states", "wrench"))
+        if states is None or bag.topics[states].message_count < LEAST_SAMPLES:
+            raise InputError(f"bag {path}", got="no joint states", expected=f"at least {LEAST_SAMPLES} of them")
+        series = bag.series(states)
+        if series["effort"].shape != series["position"].shape or series.stamp_ns is None:
+            raise InputError(f"bag {path}", got="joint states without efforts", expected="one effort per joint")
+        names = tuple(map(str, series["name"][0]))
+        robot = Robot(_urdf(bag), robot_frame, names)
+        q, qd, times = series["position"], series["velocity"], 1e-9 * (series.stamp_ns - series.stamp_ns[0])
+        load = np.zeros_like(q)
+        if wrenches is not None and bag.topics[wrenches].message_count:
+            felt = bag.series(wrenches)
+            h = np.stack([felt[f"wrench.{part}.{axis}"] for part in ("force", "torque") for axis in "xyz"], axis=1)
+            at = np.clip(np.searchsorted(felt.stamp_ns, series.stamp_ns, side="right") - 1, 0, len(h) - 1)
+            load = _loads(robot, q, h[at])
+    return Motion(names, times, q, qd, series["effort"], load), robot
+
+
+def identify(motion: Motion, robot: Robot) -> list[JointNumbers]:
+    """Return the numbers of each joint by least squares over the motion.
+
+    effort = M qdd + C qd + g - J^T h + coulomb sign(qd) + viscous qd - offset, with velocities smoothed over 0.1 s.
+    """
+    q, v, dt = motion.position, motion.velocity, float(np.median(np.diff(motion.times)))
+    smooth, acceleration = _smoothed(v, dt)
+    model, buffer, n = np.empty_like(q), new(ARM), q.shape[1]
+    arm: Arm = record(buffer, ARM)
+    for k in range(len(q)):
+        robot.terms(q[k], smooth[k], buffer)
+        model[k] = arm.M[:n, :n] @ acceleration[k] + arm.bias[:n]
+    rest = motion.effort - model + motion.load
+    noise_v = np.std(np.diff(v, n=2, axis=0), axis=0) / np.sqrt(6.0)  # differences in which the motion itself cancels
+    noise_q = np.std(np.diff(q, n=3, axis=0), axis=0) / np.sqrt(20.0)
+    found = []
+    for j, name in enumerate(motion.names):
+        speed = smooth[:, j]
+        moves = np.abs(speed) > max(LEAST_SPEED, 6.0 * noise_v[j] / np.sqrt(max(1.0, WINDOW_S / dt)))
+        share = min(float(np.mean(moves & (speed > 0.0))), float(np.mean(moves & (speed < 0.0))))
+        coulomb = viscous = offset = residual = float("nan")
+        if share >= LEAST_SHARE:
+            y, x = rest[moves, j], speed[moves]
+            columns = [np.sign(x), np.ones_like(x)]
+            if np.std(np.abs(x)) > 0.1 * np.mean(np.abs(x)):
+                columns.append(x)
+            A = np.stack(columns, axis=1)
+            solved = np.linalg.lstsq(A, y, rcond=None)[0]
+            coulomb, offset = float(solved[0]), -float(solved[1])
+            viscous = float(solved[2]) if len(solved) > 2 else float("nan")
+            residual = float(np.sqrt(np.mean((y - A @ solved) ** 2)))
+        found.append(
+            JointNumbers(
+                name, float(noise_q[j]), float(noise_v[j]), _quantum(q[:, j]), coulomb, viscous, offset, residual
+            )
+        )
+    return found
+
+
+def table(numbers: list[JointNumbers]) -> Table:
+    """Return the numbers for a terminal."""
+    made = Table(title="drives and encoders")
+    for name in ("joint", "noise q [rad]", "noise qd [rad/s]", "quantum [rad]", "coulomb [N m]", "viscous [N m s/rad]",
+                 "offset [N m]", "left over [N m]"):  # fmt: skip
+        made.add_column(name, justify="left" if name == "joint" else "right")
+    for one in numbers:
+        values = (one.coulomb, one.viscous, one.offset, one.residual)
+        made.add_row(
+            one.name, f"{one.noise_position:.2g}", f"{one.noise_velocity:.2g}", f"{one.quantum:.3g}",
+            *("-" if np.isnan(value) else f"{value:.3f}" for value in values),
+        )  # fmt: skip
+    return made
+
+
+def preset(numbers: list[JointNumbers], source: str) -> str:
+    """Return a drive file for ``--drive`` with these numbers; what was not seen is left out."""
+    import yaml
+
+    drive = {
+        name: [round(max(0.0, getattr(one, name)) if name != "offset" else one.offset, 4) for one in numbers]
+        for name in ("coulomb", "viscous", "offset")
+        if not any(np.isnan(getattr(one, name)) for one in numbers)
+    }
+    joint = {
+        "noise_position": max(one.noise_position for one in numbers),
+        "noise_velocity": max(one.noise_velocity for one in numbers),
+        "quantum_position": max(one.quantum for one in numbers),
+    }
+    if joint["quantum_position"] > 0.0:
+        joint["noise_position"] = 0.0  # what differences show of it is the quantum's
+    content = {
+        "description": "An arm as measured.",
+        "sources": source,
+        "drive": drive,
+        "joint": {name: float(f"{value:.3g}") for name, value in joint.items()},
+    }
+    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
+
+
+def _smoothed(velocity: Array, dt: float) -> tuple[Array, Array]:
+    """Return smoothed velocities and their derivative; (N, n) [rad/s], [rad/s^2]."""
+    from scipy.signal import savgol_filter
+
+    length = max(5, 2 * (round(WINDOW_S / dt) // 2) + 1)
+    smooth = savgol_filter(velocity, length, 2, axis=0)
+    return smooth, savgol_filter(velocity, length, 2, deriv=1, delta=dt, axis=0)
+
+
+def _quantum(position: Array) -> float:
+    """Return the step of the readings [rad]; 0 where their differences are no multiples of one."""
+    steps = np.abs(np.diff(position))
+    steps = steps[steps > 1e-9]
+    if len(steps) < 10:
+        return 0.0
+    least = float(steps.min())
+    whole = np.abs(steps / least - np.round(steps / least)) < 0.01
+    return least if np.mean(whole) >= STEPS and np.mean(steps < 1.5 * least) > 0.01 else 0.0
+
+
+def _loads(robot: Robot, q: Array, h: Array) -> Array:
+    """Return J^T h of wrenches on the axes of the pad; (N, n) [N m]."""
+    loads, still, buffer, n = np.empty_like(q), np.zeros(q.shape[1]), new(ARM), q.shape[1]
+    arm: Arm = record(buffer, ARM)
+    for k in range(len(q)):
+        robot.terms(q[k], still, buffer)
+        R, J = arm.rotation, arm.J[:, :n]
+        loads[k] = J.T @ np.concatenate((R @ h[k, :3], R @ h[k, 3:]))
+    return loads
+
+
+def _topic(bag: Bag, name: str) -> str | None:
+    return next((topic for topic in bag.topics if topic.rpartition("/")[2] == name), None)
+
+
+def _urdf(bag: Bag) -> str:
+    if "arm.urdf" in bag.attachments:
+        return bag.attachments["arm.urdf"].decode()
+    topic = _topic(bag, "robot_description")
+    if topic is None or not bag.topics[topic].message_count:
+        raise InputError(
+            f"bag {bag.path}", got="no robot_description", expected="the arm's URDF, as topic or attachment"
+        )
+    return str(bag.series(topic)["data"][0])

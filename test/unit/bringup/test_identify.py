@@ -1,0 +1,76 @@
+"""Friction, offset, noise and quantum of a simulated arm, found again in its slow motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from slip_core.arrays import Array
+from slip_description import urdf_text
+from slip_vic.cli import cli
+from slip_vic.presets.drives import load_drive
+from slip_vic.setup.identify import Motion, identify
+from slip_vic_controller.robot import Robot
+from test.unit.bridge.scenes import scene
+
+COULOMB = (0.8, 0.6, 0.5, 0.5, 0.3, 0.3, 0.2)
+VISCOUS, OFFSET = 0.4, (0.1, -0.1, 0.05, 0.0, 0.05, -0.05, 0.02)
+BAG = Path(__file__).parents[3] / "bags" / "paper_planar_classical"
+
+
+def slow_motion(seconds: float = 8.0) -> tuple[Motion, Robot]:
+    """Let all joints go to and fro at up to 0.08 rad/s, with an empty hand, and record without noise."""
+    simulation = scene(drive__coulomb=COULOMB, drive__viscous=(VISCOUS,), drive__offset=OFFSET)
+    simulation.set_grip_force(0.0)
+    simulation.step(None)
+    params = simulation.params
+    robot = Robot(urdf_text(), params.ee_frame, params.joint_names)
+    start, wave = (
+        simulation.observe().joint.position.copy(),
+        2.0 * np.pi / np.array((3.0, 3.5, 4.0, 2.5, 3.2, 2.8, 3.7)),
+    )
+    rows: list[tuple[Array, Array, Array]] = []
+    for k in range(round(1e3 * seconds)):
+        t = 1e-3 * k
+        target = start + 0.08 / wave * (1.0 - np.cos(wave * t))
+        speed = 0.08 * np.sin(wave * t)
+        state = simulation.observe().joint
+        ahead = simulation.holding_effort(target, 900.0, 60.0) + 60.0 * speed * 0.2
+        simulation.step(ahead + np.array(COULOMB) * np.tanh(speed / 0.01))
+        rows.append((state.position, state.velocity, simulation.observe().joint.effort))
+    q, v, effort = (np.array(column) for column in zip(*rows, strict=True))
+    return Motion(params.joint_names, 1e-3 * np.arange(len(q)), q, v, effort, np.zeros_like(q)), robot
+
+
+def test_friction_and_offset_are_found_again() -> None:
+    found = identify(*slow_motion())
+    for one, coulomb, offset in zip(found, COULOMB, OFFSET, strict=True):
+        assert one.coulomb == pytest.approx(coulomb, abs=0.01), one
+        assert one.viscous == pytest.approx(VISCOUS, abs=0.08), one
+        assert one.offset == pytest.approx(offset, abs=0.005), one
+
+
+def test_noise_and_quantum_are_found_again_and_a_joint_at_rest_has_no_friction_to_be_seen() -> None:
+    rng, time = np.random.default_rng(1), 1e-3 * np.arange(4000)
+    q = np.zeros((4000, 7))
+    q[:, 0] = 0.05 * np.sin(time)
+    robot = Robot(urdf_text(), "ee", scene().params.joint_names)
+    v = 0.05 * np.cos(time)[:, None] * np.eye(7)[0] + 0.003 * rng.standard_normal((4000, 7))
+    step = 2e-5
+    motion = Motion(robot.joint_names, time, step * np.round(q / step), v, np.zeros_like(q), np.zeros_like(q))
+    found = identify(motion, robot)
+    assert found[0].quantum == pytest.approx(step, rel=1e-6)
+    assert all(one.noise_position < step for one in found)
+    assert all(one.noise_velocity == pytest.approx(0.003, rel=0.05) for one in found)
+    assert np.isnan(found[3].coulomb)
+
+
+def test_the_command_reads_a_bag_and_writes_a_drive_file(tmp_path: Path) -> None:
+    file = tmp_path / "my_arm.yaml"
+    result = CliRunner().invoke(cli, ["identify", str(BAG), "--out", str(file)], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    assert "arm_joint7" in result.output
+    assert load_drive(str(file)).drive.interface == "effort"
