@@ -177,6 +177,18 @@ def test_an_effort_missing_is_refused_and_no_effort_means_no_command() -> None:
     assert command.stamp_ns == STAMP_NS
 
 
+@pytest.mark.parametrize("interface", ["velocity", "position"])
+def test_drives_that_take_velocities_or_positions_get_theirs(interface: str) -> None:
+    learn = partial(from_msgs.joint_commands, order=from_msgs.JointOrder(NAMES), interface=interface)
+    receive: Receiver[Any] = Receiver("sensor_msgs/msg/JointState", JOINT_FIELDS, learn)
+    command = receive(joint_state(("ccc", "a", "bb"), **{interface: [3.0, 1.0, 2.0]}))
+    assert getattr(command, interface).tolist() == [1.0, 2.0, 3.0]
+    assert command.stamp_ns == STAMP_NS
+    assert getattr(receive(joint_state(effort=[1.0] * 3)), interface).size == 0
+    with pytest.raises(InputError, match=f"{interface} command: got 3 names, 2 numbers"):
+        receive(joint_state(**{interface: [0.0, 0.0]}))
+
+
 def test_each_new_fault_is_reported_once_and_every_message_counted() -> None:
     lines: list[str] = []
     refusals = Refusals(lines.append)
