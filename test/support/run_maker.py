@@ -114,7 +114,7 @@ def run(scenario: Scenario, retune: Mapping[int, Mapping[str, float]], goals: Ma
             else:
                 controller.set_reference(cartesian_reference(goals[outputs.tick]))
         result = loop.control(outputs)
-        yield Tick(outputs, result)
+        yield Tick(outputs, (result,))
         loop.bridge.advance([result.command])
 
 

@@ -25,7 +25,6 @@ from slip_vic.options import (
     out_option,
 )
 from slip_vic.page.cli import report, watch
-from slip_vic.pair.cli import pair, pair_study
 from slip_vic.replay.cli import references, verify
 from slip_vic.retime.cli import retime
 from slip_vic.setup.arm.cli import arm
@@ -89,10 +88,9 @@ def run(
 
     Exit code 1 where the controller gave up, the object was lost, the path could not be followed or the arm saturated.
     """
-    from slip_vic.pair.any_scenario import load_any
-    from slip_vic.scenarios.scenario import read_parameters
+    from slip_vic.scenarios.scenario import load_scenario, read_parameters
 
-    loaded = load_any(
+    loaded = load_scenario(
         scenario,
         law=law,
         mode=mode,
@@ -195,8 +193,6 @@ cli.add_command(identify)
 cli.add_command(merge)
 cli.add_command(report)
 cli.add_command(retime)
-cli.add_command(pair)
-cli.add_command(pair_study)
 cli.add_command(study)
 cli.add_command(tune)
 cli.add_command(watch)

@@ -8,11 +8,13 @@ from typing import Any, Final
 
 import click
 
+from slip_core.errors import UnknownName
 from slip_core.files.resources import add_package
 from slip_vic.presets import find_preset
 from slip_vic.scenarios import find_scenario
 
-LAWS: Final = ("classical", "vic", "governed")
+ALL_LAWS: Final = ("classical", "vic", "governed", "leader_follower", "classical_internal", "printed", "shared")
+"""The last four are of several arms."""
 
 
 def names(text: str) -> tuple[str, ...]:
@@ -77,8 +79,20 @@ SCENARIOS: Final = click.option(
     callback=_scenarios,
     help="names or .yaml files, comma separated; default all",
 )
+
+
+def _laws(context: click.Context, parameter: click.Parameter, value: str) -> tuple[str, ...]:
+    for name in names(value):
+        if name not in ALL_LAWS:
+            raise UnknownName("law", name, ALL_LAWS)
+    return names(value)
+
+
+LAWS_OPTION: Final = click.option(
+    "--law", "laws", default="classical,vic,governed", show_default=True, callback=_laws, help="comma separated"
+)
 LAW: Final = click.option(
-    "--law", type=click.Choice(LAWS), default="governed", show_default=True, help="control law"
+    "--law", type=click.Choice(ALL_LAWS), default="governed", show_default=True, help="control law"
 )  # fmt: skip
 SENSOR: Final = click.option("--sensor", default="", callback=_sensor, help="name or .yaml file of a slip sensor")
 DRIVE: Final = click.option("--drive", default="", callback=_drive, help="name or .yaml file of the arm's drives")

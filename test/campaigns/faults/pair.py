@@ -13,7 +13,8 @@ import numpy as np
 from slip_core.types import EffortCommand
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
-from slip_vic.pair.scenario import SIDES, PairScenario, load_pair
+from slip_vic.replay.run_data import SIDES
+from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session import Controller, ControllerSession, Results
 from test.campaigns.faults.carriers import SampleCarrier
@@ -54,9 +55,9 @@ def make_plan(seed: int, trial: int) -> tuple[str, tuple[Fault, ...]]:
 
 
 @cache
-def prepared(name: str) -> tuple[PairScenario, Controller]:
+def prepared(name: str) -> tuple[Scenario, Controller]:
     """Return a scenario as the campaign runs it, and its controller."""
-    scenario = load_pair(
+    scenario = load_scenario(
         name,
         assignments=[
             f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
@@ -64,8 +65,7 @@ def prepared(name: str) -> tuple[PairScenario, Controller]:
             f"controller.trajectory.duration_s={DURATION_S}", "controller.mode=realtime", "bridge.mode=realtime",
         ],
     )  # fmt: skip
-    params, urdfs = (dict(zip(SIDES, each, strict=True)) for each in (scenario.controllers, scenario.believed))
-    return scenario, Controller(params, urdfs, lockstep=False)
+    return scenario, Controller(scenario.controllers, scenario.placed, lockstep=False)
 
 
 @dataclass
@@ -101,13 +101,13 @@ class PairTrial:
         self.scenario, self._controller = prepared(scenario)
         self._channels = {}
         for i, name in enumerate(f"{side}/{topic}" for side in SIDES for topic in TOPICS):
-            controller = self.scenario.controllers[i // len(TOPICS)]
+            controller = list(self.scenario.controllers.values())[i // len(TOPICS)]
             self._channels[name] = Channel(
                 SampleCarrier(Wire(name.partition("/")[2], controller.joint_names, controller.ee_frame)),
                 tuple(fault for fault in faults if fault.target == name),
                 np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial, 2 + i))),
             )
-        safety = self.scenario.controllers[0].safety
+        safety = next(iter(self.scenario.controllers.values())).safety
         limits, inputs = safety.limits, safety.inputs
         self.commands = [
             CommandMonitor(

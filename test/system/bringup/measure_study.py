@@ -41,7 +41,7 @@ KILLED_AFTER, LONGEST_S = 4, 120.0
 def overhead(folder: Path) -> None:
     """Print what a task that does nothing costs, next to a case; in turns, as the machine may have other work."""
     names: list[EngineName] = ["pool", *(["ray"] if importlib.util.find_spec("ray") else [])]
-    case = Case("paper_planar", "vision_25", "observer", "none", 0)
+    case = Case("paper_planar", "vic", "vision_25", "observer", "none", 0)
     contents = gather([case.scenario], [case.sensor], ())
     run_on_worker(contents, case)
     spent = dict.fromkeys(("case", "row", *names), 0.0)
@@ -80,7 +80,7 @@ def rows_of(folder: Path) -> int:
 def kills(folder: Path) -> None:
     """Kill workers, a node and the client of a study on a head and three nodes; compare with a study on the pool."""
     study = [sys.executable, "-m", "slip_vic.cli", "study"]
-    asked = ["--sensor", "ideal,vision_25,event_1000", "--estimators", "observer,classical", "--seeds", "6"]
+    asked = ["--sensor", "ideal,vision_25,event_1000", "--law", "vic,classical", "--seeds", "6"]
     short = ["--set", "bridge.duration_s=0.5"]
     on_ray = [*study, "--engine", "ray", "--out", str(folder / "ray")]
     killed: list[str] = []
@@ -121,7 +121,7 @@ def kills(folder: Path) -> None:
 def beside(folder: Path) -> None:
     """Kill the Ray node that the command is attached to, go on on another cluster, compare with the pool."""
     study = [sys.executable, "-m", "slip_vic.cli", "study"]
-    asked = ["--sensor", "ideal,vision_25", "--estimators", "observer", "--scenario", "paper_planar", "--seeds", "6"]
+    asked = ["--sensor", "ideal,vision_25", "--law", "vic", "--scenario", "paper_planar", "--seeds", "6"]
     short = ["--set", "bridge.duration_s=0.5"]
     on_ray = [*study, "--engine", "ray", "--out", str(folder / "ray")]
     with rays.ray_cluster(2) as cluster:

@@ -56,7 +56,7 @@ def test_the_demo_says_it_of_each_run_and_keeps_everything(tmp_path: Path) -> No
 
 
 def test_the_study_says_it_of_each_case(tmp_path: Path) -> None:
-    words = ("study", "--scenario", "glass_transport", "--sensor", "ideal", "--estimators", "classical")
+    words = ("study", "--scenario", "glass_transport", "--sensor", "ideal", "--law", "classical")
     end = (*NO_GRIP, "--seeds", "1", "--jobs", "1", "--out", tmp_path / "study")
     done = slip_vic(*words, *end)
     assert done.returncode == 1

@@ -27,7 +27,16 @@ from slip_vic.study.runner import run_cases
 SHORT = ("bridge.duration_s=0.05",)
 SUPPORT = Path(__file__).parents[2] / "support"
 
-SIX = ["--scenario", "paper_planar", "--sensor", "ideal,vision_25", "--estimators", "classical,measured,observer"]
+SIX = [
+    "--scenario",
+    "paper_planar",
+    "--sensor",
+    "ideal,vision_25",
+    "--law",
+    "classical,vic",
+    "--estimator",
+    "measured,observer",
+]
 SIX += ["--seeds", "1"]
 
 
@@ -88,7 +97,7 @@ def test_what_a_task_raises_ends_the_run(pool: PoolEngine, tasks: ModuleType) ->
 
 
 def test_a_case_that_kills_its_workers_is_a_row(pool: PoolEngine, tasks: ModuleType) -> None:
-    cases = [Case("paper_planar", "event_1000", "observer", "none", seed) for seed in range(4)]
+    cases = [Case("paper_planar", "vic", "event_1000", "observer", "none", seed) for seed in range(4)]
     contents = gather(["paper_planar"], ["event_1000"], ())
     results = {r.case.seed: r for r in run_cases(cases, contents, pool, tasks.deadly_case)}
     assert sorted(results) == [0, 1, 2, 3]
@@ -148,7 +157,7 @@ def test_rows_are_the_same_whatever_kills_orders_or_parts_a_study(tmp_path: Path
     with (tmp_path / "two/study.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert {(row["sensor"], row["estimator"]) for row in rows} == {
-        (sensor, estimator) for sensor in ("ideal", "vision_25") for estimator in ("classical", "measured", "observer")
+        (sensor, estimator) for sensor in ("ideal", "vision_25") for estimator in ("none", "measured", "observer")
     }
     assert (tmp_path / "two/study.png").stat().st_size > 10_000
     assert "6 of 6 cases were there already" in study("two")

@@ -14,15 +14,14 @@ import pytest
 
 from slip_bags.reader import Bag
 from slip_msgs_py.events import Started
-from slip_vic.pair.measures import Judged
-from slip_vic.pair.recorded import judge_bag
-from slip_vic.pair.scenario import SIDES, PairScenario, load_pair
-from slip_vic.replay.run_data import read_team
+from slip_vic.replay.run_data import SIDES, read_team
 from slip_vic.replay.verify import verify_run
+from slip_vic.run.judge import Verdict, judge_bag
 from slip_vic.run.node_command import parameter_arguments, run_parameters
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child
 from slip_vic.run.recording import recorder_command
+from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.safety.modes import Mode
 from test.support.ros import Processes, call_service, wait_until
 from test.system.nodes.test_modes import LATCHED
@@ -105,7 +104,7 @@ def modes_of(bag: Bag, side: str) -> dict[int, Mode]:
     return {row[1] * 1_000_000_000 + row[2]: Mode(row[-3]) for row in rows}
 
 
-def start_nodes(scenario: PairScenario, processes: Processes, folder: Path, recording: bool) -> tuple[Child, Child]:
+def start_nodes(scenario: Scenario, processes: Processes, folder: Path, recording: bool) -> tuple[Child, Child]:
     """Start controller and bridge, and wait until the run begins."""
     nodes = []
     for name, params in zip(("controller", "bridge"), run_parameters(scenario, recording), strict=True):
@@ -140,22 +139,22 @@ def stop_and_go_on(operator: Operator) -> None:
 
 
 @pytest.fixture
-def recorded(operator: Operator, processes: Processes, tmp_path: Path) -> tuple[Path, Judged]:
+def recorded(operator: Operator, processes: Processes, tmp_path: Path) -> tuple[Path, Verdict]:
     """Run both nodes in lockstep with a recorder, while an operator stops them in every way."""
     prepare()
-    scenario = load_pair("pane_two_arms_upright", assignments=ASSIGNMENTS)
+    scenario = load_scenario("pane_two_arms_upright", assignments=ASSIGNMENTS)
     bag = tmp_path / "bag"
     recorder = processes.start("recorder", recorder_command(scenario, bag, tmp_path, ""))
     controller, bridge = start_nodes(scenario, processes, tmp_path, recording=True)
     stop_and_go_on(operator)
     for child in (bridge, controller, recorder):
         assert processes.stop(child, signal.SIGINT) == 0, child.tail()
-    return bag, judge_bag(bag, scenario)[0]
+    return bag, judge_bag(bag, scenario)
 
 
 @pytest.mark.timeout(600)
 def test_what_stops_one_arm_stops_both_in_the_same_cycle_and_the_pane_is_not_torn(
-    recorded: tuple[Path, Judged],
+    recorded: tuple[Path, Verdict],
 ) -> None:
     path, judged = recorded
     with Bag(path) as bag:
@@ -166,8 +165,8 @@ def test_what_stops_one_arm_stops_both_in_the_same_cycle_and_the_pane_is_not_tor
         assert {Mode.HOLD, Mode.FAULT} <= set(left.values())
         assert Mode.FAULT not in right.values()
         assert verify_run(read_team(bag, {})).identical
-    assert max(judged.slip) < 1e-4
-    assert judged.internal < 0.6  # N: a tenth of what friction of one pad bears
+    assert judged.worst("slip_linear_peak_m") < 1e-4
+    assert judged.together["internal_peak_n"] < 0.6  # N: a tenth of what friction of one pad bears
 
 
 def test_both_hold_when_the_world_stands_still(operator: Operator, processes: Processes, tmp_path: Path) -> None:
@@ -177,7 +176,7 @@ def test_both_hold_when_the_world_stands_still(operator: Operator, processes: Pr
     stays: the other arm must fall silent then.
     """
     prepare()
-    scenario = load_pair(
+    scenario = load_scenario(
         "pane_two_arms_upright", mode="realtime", assignments=(*ASSIGNMENTS, "control_period_s=0.02", *GENTLE)
     )
     controller, bridge = start_nodes(scenario, processes, tmp_path, recording=False)

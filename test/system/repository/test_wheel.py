@@ -97,7 +97,7 @@ def test_one_arm_waits_for_nothing_of_two() -> None:
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=DEADLINE_S
     )
-    assert "slip_vic.pair.scenario" in done.stdout.split()
+    assert "slip_vic.scenarios.scenario" in done.stdout.split()
     assert [name for name in done.stdout.split() if name.startswith(NOT_IN_A_RUN) and name in compiled()] == []
 
 

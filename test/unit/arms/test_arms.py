@@ -13,30 +13,31 @@ from slip_core.arrays import matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.types import CartesianReference, JointSample
 from slip_sim_bridge.internal import internal_wrenches
-from slip_vic.pair.inprocess import TeamLoop, TeamTick, run_pair
-from slip_vic.pair.scenario import LAWS, Mismatch, PairScenario, load_pair
-from slip_vic.pair.study import draw
+from slip_vic.run.in_process import ClosedLoop, Tick, run_in_process
+from slip_vic.scenarios.scenario import LAWS, Mismatch, Scenario, load_scenario
+from slip_vic.study.lottery import draw_arms
 from slip_vic_controller.law.bounds import internal_gain_limit
 from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.session import Controller
 
 UPRIGHT, FLAT = "pane_two_arms_upright", "pane_two_arms_flat"
 SOON = ("controller.trajectory.start_s=0.0",)
 Spoil = Callable[[int, JointSample], JointSample]
 
 
-def ticks(loop: TeamLoop, count: int, spoil: Spoil | None = None) -> Iterator[TeamTick]:
+def ticks(loop: ClosedLoop, count: int, spoil: Spoil | None = None) -> Iterator[Tick]:
     """Run a loop for some ticks; `spoil` changes the joint state of the left arm by the number of the tick."""
     for k in range(count):
         outputs = loop.bridge.observe()
         if spoil is not None:
             left, right = outputs.arms
             outputs = outputs._replace(arms=(left._replace(joint=spoil(k, left.joint)), right))
-        results = loop.control(outputs)
-        yield TeamTick(outputs, results)
+        results = loop.answer(outputs)
+        yield Tick(outputs, results)
         loop.bridge.advance([result.command for result in results])
 
 
-def slipped(loop: TeamLoop) -> list[float]:
+def slipped(loop: ClosedLoop) -> list[float]:
     """Return how far each pad has slipped [m]."""
     truths = [loop.bridge.simulation.observe(side).truth for side in range(2)]
     return [float(np.linalg.norm(truth.slip_displacement[:3])) for truth in truths]
@@ -54,7 +55,7 @@ def carried_by(first, grasp) -> CartesianReference:
     return CartesianReference(first.position + r, first.rotation @ grasp.rotation, twist, acceleration)
 
 
-def grasped(scenario: PairScenario, tick: TeamTick) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def grasped(scenario: Scenario, tick: Tick) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return where both pads are on the object and how they stand {w}: grasp and slip, without the pads' deflection."""
     object_, places, attitudes = tick.outputs.truth, [], []
     for arm, reading in zip(scenario.bridges.values(), [arm.readings for arm in tick.outputs.arms], strict=True):
@@ -67,9 +68,9 @@ def grasped(scenario: PairScenario, tick: TeamTick) -> tuple[list[np.ndarray], l
 
 def test_perfect_sensors_show_the_true_internal_wrench() -> None:
     for name in (UPRIGHT, FLAT):
-        scenario = load_pair(name, assignments=(*SOON, "controller.trajectory.duration_s=0.8"))
+        scenario = load_scenario(name, assignments=(*SOON, "controller.trajectory.duration_s=0.8"))
         worst, largest = 0.0, 0.0
-        for k, tick in enumerate(run_pair(scenario)):
+        for k, tick in enumerate(run_in_process(scenario)):
             readings = [arm.readings for arm in tick.outputs.arms]
             wrenches, centre = [reading.wrench.wrench for reading in readings], tick.outputs.truth.position
             _, true = internal_wrenches(wrenches, *grasped(scenario, tick), centre, 0.015)
@@ -86,9 +87,9 @@ def test_perfect_sensors_show_the_true_internal_wrench() -> None:
 
 
 def test_both_pads_are_led_along_the_path_of_the_object() -> None:
-    scenario = load_pair(UPRIGHT, assignments=SOON)
+    scenario = load_scenario(UPRIGHT, assignments=SOON)
     start, far, way = None, 0.0, []
-    for k, tick in enumerate(run_pair(scenario)):
+    for k, tick in enumerate(run_in_process(scenario)):
         left, right = (result.record.reference for result in tick.results)
         apart = left.rotation.T @ (right.position - left.position)
         turned = left.rotation.T @ right.rotation
@@ -106,31 +107,33 @@ def test_both_pads_are_led_along_the_path_of_the_object() -> None:
 
 
 def test_a_reference_of_the_object_leads_both_pads_as_its_path_does() -> None:
-    loop = TeamLoop(load_pair(UPRIGHT, assignments=SOON))
+    loop = ClosedLoop(load_scenario(UPRIGHT, assignments=SOON))
     planned = [result.record.reference for result in list(ticks(loop, 300))[-1].results]
-    grasp = loop.team.arms[0].controller.params.contacts
+    grasp = loop.session.arms[0].controller.params.contacts
     left = planned[0]
     R = left.rotation @ matrix_from_quat_xyzw(grasp.orientation_xyzw[:4]).T
     r = R @ np.array(grasp.position[:3])
     v, w, a, alpha = left.twist[:3], left.twist[3:], left.acceleration[:3], left.acceleration[3:]
     twist = np.concatenate((v - np.cross(w, r), w))
     acceleration = np.concatenate((a - np.cross(alpha, r) - np.cross(w, np.cross(w, r)), alpha))
-    loop.team.set_reference(CartesianReference(left.position - r, R, twist, acceleration))
-    task = loop.team.task
+    loop.session.set_reference(CartesianReference(left.position - r, R, twist, acceleration))
+    task = loop.session.task
     for k, wanted in enumerate(planned):
-        given = task.reference if k == 0 else carried_by(task.reference, loop.team.arms[k].state.grasp)
+        given = task.reference if k == 0 else carried_by(task.reference, loop.session.arms[k].state.grasp)
         assert float(np.linalg.norm(wanted.twist)) > 0.05
         for name in ("position", "rotation", "twist", "acceleration"):
             np.testing.assert_allclose(getattr(given, name), getattr(wanted, name), atol=1e-8, err_msg=name)
 
 
 def test_a_governed_team_is_on_one_path_and_counts_with_the_weaker_pad() -> None:
-    loop = TeamLoop(load_pair(UPRIGHT, law="governed", assignments=(*SOON, "controller.trajectory.duration_s=1.2")))
+    loop = ClosedLoop(
+        load_scenario(UPRIGHT, law="governed", assignments=(*SOON, "controller.trajectory.duration_s=1.2"))
+    )
     slowed = False
     for k, tick in enumerate(ticks(loop, 400)):
         left, right = (result.record.governor for result in tick.results)
         if k == 5:
-            loop.team.arms[1].state.pad.estimate.F_hat = 5.5  # one pad is known to be weaker
+            loop.session.arms[1].state.pad.estimate.F_hat = 5.5  # one pad is known to be weaker
         assert (left.path_s, left.path_rate) == (right.path_s, right.path_rate)
         slowed = slowed or (k > 20 and left.path_rate < 0.999)
         if k > 20:
@@ -141,12 +144,12 @@ def test_a_governed_team_is_on_one_path_and_counts_with_the_weaker_pad() -> None
 
 
 def test_a_slip_of_one_pad_is_known_to_both_and_over_for_both() -> None:
-    loop = TeamLoop(load_pair(FLAT, law="governed", assignments=SOON))
+    loop = ClosedLoop(load_scenario(FLAT, law="governed", assignments=SOON))
     left, right = (result.record.governor for result in list(ticks(loop, 150))[-1].results)
     assert left.load_commanded > 0.05
     assert right.load_commanded == pytest.approx(left.load_commanded, rel=0.1)  # what each learns friction from
     now_ns = loop.bridge.simulation.stamp_ns
-    estimate = loop.team.arms[1].state.pad.estimate
+    estimate = loop.session.arms[1].state.pad.estimate
     estimate.slipping, estimate.slip_ns = 1, now_ns  # what a slip sample of the right pad leaves
     seen = [[result.record.governor.slipping for result in tick.results] for tick in ticks(loop, 100)]
     assert seen[1] == [1.0, 1.0]
@@ -155,7 +158,7 @@ def test_a_slip_of_one_pad_is_known_to_both_and_over_for_both() -> None:
 
 
 def test_one_arms_bad_joint_states_stop_both_in_the_same_cycle_and_both_go_on_together() -> None:
-    loop = TeamLoop(load_pair(UPRIGHT, assignments=(*SOON, "controller.safety.resume_after_s=0.1")))
+    loop = ClosedLoop(load_scenario(UPRIGHT, assignments=(*SOON, "controller.safety.resume_after_s=0.1")))
     modes, reasons = [], set()
     for tick in ticks(loop, 500, lambda k, joint: not_finite(joint) if 100 <= k < 200 else joint):
         modes.append(tuple(result.mode for result in tick.results))
@@ -170,22 +173,22 @@ def test_one_arms_bad_joint_states_stop_both_in_the_same_cycle_and_both_go_on_to
 
 
 def test_a_latched_fault_of_one_arm_keeps_the_other_from_going_on() -> None:
-    loop = TeamLoop(load_pair(UPRIGHT, assignments=(*SOON, "controller.safety.resume_after_s=0.05")))
+    loop = ClosedLoop(load_scenario(UPRIGHT, assignments=(*SOON, "controller.safety.resume_after_s=0.05")))
     list(ticks(loop, 60))
-    loop.team.arms[0].request(Request.FAILED)
+    loop.session.arms[0].request(Request.FAILED)
     modes = [tuple(result.mode for result in tick.results) for tick in ticks(loop, 300)]
     assert {mode for mode, _ in modes} == {Mode.FAULT}
     assert {mode for _, mode in modes} == {Mode.HOLD}
-    loop.team.request(Request.RESET_FAULT)
+    loop.session.request(Request.RESET_FAULT)
     list(ticks(loop, 2))
-    loop.team.request(Request.ENABLE)
+    loop.session.request(Request.ENABLE)
     assert all(result.mode.follows for result in list(ticks(loop, 3))[-1].results)
 
 
 def test_a_user_holds_both_and_the_path_comes_to_rest_before() -> None:
-    loop = TeamLoop(load_pair(UPRIGHT, assignments=SOON))
+    loop = ClosedLoop(load_scenario(UPRIGHT, assignments=SOON))
     list(ticks(loop, 300))
-    loop.team.request(Request.HOLD)
+    loop.session.request(Request.HOLD)
     seen = [tuple(result.mode for result in tick.results) for tick in ticks(loop, 1500)]
     assert all(a == b for a, b in seen)
     assert seen[10][0] == Mode.DEGRADED
@@ -195,29 +198,29 @@ def test_a_user_holds_both_and_the_path_comes_to_rest_before() -> None:
 
 def test_kappa_is_lowered_to_what_late_wrenches_allow_and_refused_beyond_the_period() -> None:
     late = ("bridge.sensors.wrench.latency_s=0.008",)
-    loop = TeamLoop(load_pair(UPRIGHT, assignments=late))
+    loop = ClosedLoop(load_scenario(UPRIGHT, assignments=late))
     record = list(ticks(loop, 60))[-1].results[0].record
     assert record.gains.gains.kappa == pytest.approx(internal_gain_limit(0.4, 1.0e4, 0.009))
     assert record.gains.gains.kappa < 0.2
     with pytest.raises(InputError, match=r"gains\.kappa"):
-        load_pair(UPRIGHT, assignments=("controller.gains.kappa=16.0",)).team()
+        load_scenario(UPRIGHT, assignments=("controller.gains.kappa=16.0",)).check()
 
 
 def test_laws_know_the_contacts_and_gains_that_their_names_say() -> None:
     for law, name in itertools.product(LAWS, (FLAT, UPRIGHT)):
-        scenario = load_pair(name, law=law)
-        left, right = scenario.controllers
+        scenario = load_scenario(name, law=law)
+        left, right = scenario.controllers.values()
         both = law not in ("classical", "leader_follower", "printed")
         assert len(left.contacts.position) == (6 if both else 3)
         assert (left.gains.spin == "bounded") == (law == "governed" or name == FLAT)
-        assert (left.gains.kappa > 0.0) == (law in ("internal", "classical_internal", "governed"))
+        assert (left.gains.kappa > 0.0) == (law in ("vic", "classical_internal", "governed"))
         if both:
             assert left.contacts.position[:3] == right.contacts.position[3:]
-        scenario.team()
+        Controller(scenario.controllers, scenario.placed, lockstep=True)
 
 
 def test_a_led_arm_keeps_to_the_other_pad_and_not_to_the_path() -> None:
-    loop = TeamLoop(load_pair(UPRIGHT, law="leader_follower", assignments=SOON))
+    loop = ClosedLoop(load_scenario(UPRIGHT, law="leader_follower", assignments=SOON))
     run = list(ticks(loop, 400))
     before, now = run[-2].results, run[-1].results[1].record.reference
     apart = run[0].results[1].arm.position - run[0].results[0].arm.position
@@ -228,44 +231,45 @@ def test_a_led_arm_keeps_to_the_other_pad_and_not_to_the_path() -> None:
 
 
 def test_a_mismatch_is_in_the_world_alone() -> None:
-    plain = load_pair(FLAT)
-    wrong = load_pair(
+    plain = load_scenario(FLAT)
+    wrong = load_scenario(
         FLAT,
         assignments=[
             "mismatch.base_rotation=[0.0, 0.0, 0.005]", "mismatch.late_s=0.01", "mismatch.friction=0.87",
             "mismatch.mass=1.1",
         ],
     )  # fmt: skip
-    assert wrong.believed == plain.believed
-    assert wrong.controllers[0] == plain.controllers[0]
-    assert wrong.controllers[1].trajectory.start_s == pytest.approx(plain.controllers[1].trajectory.start_s + 0.01)
-    assert wrong.controllers[1].object == plain.controllers[1].object
+    assert wrong.placed == plain.placed
+    assert wrong.controllers["left"] == plain.controllers["left"]
+    late, soon = (one.controllers["right"].trajectory.start_s for one in (wrong, plain))
+    assert late == pytest.approx(soon + 0.01)
+    assert wrong.controllers["right"].object == plain.controllers["right"].object
     assert wrong.bridges["right"].friction.mu_s == pytest.approx(0.435)
     assert wrong.bridges["left"].friction.mu_s == 0.5
     assert wrong.bridges["left"].object.mass == pytest.approx(1.1)
     assert wrong.bridges["right"].base.rotation[2] == pytest.approx(0.862)
     for bad in ("mismatch.colour=1", "controller.nothing=1", "pad.hue=2"):
         with pytest.raises(InputError):
-            load_pair(FLAT, assignments=[bad])
+            load_scenario(FLAT, assignments=[bad])
     with pytest.raises(InputError):
-        load_pair("pane_three_arms")
+        load_scenario("pane_three_arms")
 
 
 def test_a_drawn_world_depends_on_its_number_and_seed_and_is_small() -> None:
-    assert draw(3, 1, (FLAT,)) == draw(3, 1, (FLAT,))
-    assert draw(3, 1, (FLAT,)) != draw(4, 1, (FLAT,))
+    assert draw_arms(3, 1, FLAT) == draw_arms(3, 1, FLAT)
+    assert draw_arms(3, 1, FLAT) != draw_arms(4, 1, FLAT)
     for number in range(20):
-        scenario = load_pair(FLAT, assignments=draw(number, 0, (FLAT,)).assignments)
+        scenario = load_scenario(FLAT, assignments=draw_arms(number, 0, FLAT).world)
         assert 0.43 < scenario.bridges["right"].friction.mu_s <= 0.5
         assert Mismatch().mass * 0.9 <= scenario.bridges["left"].object.mass <= 1.1
 
 
 def test_an_arm_whose_source_starts_anew_lets_both_begin_their_path_here() -> None:
-    loop = TeamLoop(load_pair(UPRIGHT, assignments=(*SOON, "controller.safety.resume_after_s=0.05")))
+    loop = ClosedLoop(load_scenario(UPRIGHT, assignments=(*SOON, "controller.safety.resume_after_s=0.05")))
     list(ticks(loop, 300))
-    loop.team.arms[0].state.law.known = 0  # as a restart of its source leaves it
+    loop.session.arms[0].state.law.known = 0  # as a restart of its source leaves it
     again = list(ticks(loop, 10))[-1]
     for side, result in enumerate(again.results):
         arm, wanted = result.arm.position, result.record.reference.position
         assert float(np.linalg.norm(arm - wanted)) < 5e-3, side
-    assert loop.team.task.begun
+    assert loop.session.task.begun

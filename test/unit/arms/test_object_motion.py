@@ -10,8 +10,8 @@ from slip_core.arrays import matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.types import CartesianReference, JointSample, PoseGoal, SlipSample, WrenchSample
-from slip_vic.pair.inprocess import TeamLoop
-from slip_vic.pair.scenario import Law, load_pair
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import Law, load_scenario
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.reference.goals import GoalPhase
 from slip_vic_controller.safety.modes import Mode, Request
@@ -27,8 +27,8 @@ class Run:
     """Two arms that carry the pane by topic; results and slip of every tick."""
 
     def __init__(self, law: Law, kind: str, *assignments: str) -> None:
-        self.loop = TeamLoop(
-            load_pair(UPRIGHT, law=law, assignments=(f"controller.trajectory.kind={kind}", *assignments))
+        self.loop = ClosedLoop(
+            load_scenario(UPRIGHT, law=law, assignments=(f"controller.trajectory.kind={kind}", *assignments))
         )
         self.results: list[tuple[CycleResult, ...]] = []
         self.slip_m = 0.0
@@ -38,14 +38,14 @@ class Run:
     def tick(self, count: int = 1) -> None:
         for _ in range(count):
             outputs = self.loop.bridge.observe()
-            self.results.append(self.loop.control(outputs))
+            self.results.append(self.loop.answer(outputs))
             for arm in outputs.arms:
                 self.slip_m = max(self.slip_m, float(np.linalg.norm(arm.readings.truth.slip_displacement[:3])))
             self.loop.bridge.advance([result.command for result in self.results[-1]])
 
     def object_pose(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the object's pose as the first arm's grasp and pad have it."""
-        grasp, arm = self.loop.team.arms[0].controller.params.contacts, self.results[-1][0].arm
+        grasp, arm = self.loop.session.arms[0].controller.params.contacts, self.results[-1][0].arm
         R = np.array(arm.rotation) @ matrix_from_quat_xyzw(grasp.orientation_xyzw[:4]).T
         return np.array(arm.position) - R @ np.array(grasp.position[:3]), R
 
@@ -74,12 +74,12 @@ def test_a_goal_of_the_object_is_reached_by_both_pads(law: Law) -> None:
     run = Run(law, "goal")
     run.tick(20)
     goal = run.moved(1.0)
-    run.loop.team.set_goal(PoseGoal(*goal, 0.6))
+    run.loop.session.set_goal(PoseGoal(*goal, 0.6))
     run.tick(300)
     run.check_grasps()
     assert float(np.linalg.norm(run.results[-1][1].record.reference.twist)) > 0.01
     run.tick(700)
-    assert run.loop.team.task.goal.phase == GoalPhase.REACHED
+    assert run.loop.session.task.goal.phase == GoalPhase.REACHED
     x, R = run.object_pose()
     assert np.abs(x - goal[0]).max() < 2e-3
     assert np.abs(R - goal[1]).max() < 4e-3
@@ -101,7 +101,7 @@ def test_references_of_the_object_lead_both_pads(law: Law) -> None:
         )
         if k % 10 == 0:
             x, R = run.moved(p)
-            run.loop.team.set_reference(CartesianReference(x, R, v * six, a * six, (5000 + k) * MS))
+            run.loop.session.set_reference(CartesianReference(x, R, v * six, a * six, (5000 + k) * MS))
         run.tick()
         if k == 300:
             run.check_grasps()
@@ -117,11 +117,11 @@ def test_references_of_the_object_lead_both_pads(law: Law) -> None:
 def test_a_goal_while_an_arm_holds_is_refused_for_all() -> None:
     run = Run("internal", "goal")
     run.tick(20)
-    run.loop.team.arms[1].request(Request.FAILED)
+    run.loop.session.arms[1].request(Request.FAILED)
     run.tick(2)
-    run.loop.team.set_goal(PoseGoal(*run.moved(1.0), 0.6))
+    run.loop.session.set_goal(PoseGoal(*run.moved(1.0), 0.6))
     run.tick(2)
-    goal = run.loop.team.task.goal
+    goal = run.loop.session.task.goal
     assert (goal.pending, goal.refused, goal.phase) == (0, 1, GoalPhase.RESTS)
 
 

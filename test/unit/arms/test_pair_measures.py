@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from slip_sim_bridge.internal import internal_wrenches
-from slip_vic.pair.measures import COLUMNS, LOST_SLIP_M, judge
-from slip_vic.pair.picture import write_series
-from slip_vic.pair.scenario import load_pair
-from slip_vic.pair.study import World, run_draws, summary, write_results
+from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.study.lottery import Entry, draw_of, lottery_table, play, write_lottery
 
 SHORT = ("left.bridge.duration_s=0.03", "right.bridge.duration_s=0.03")
 UPRIGHT = "pane_two_arms_upright"
@@ -32,33 +30,32 @@ def test_internal_wrenches_balance_and_the_rest_moves_the_object() -> None:
     )
 
 
-def test_a_run_leaves_a_picture_and_its_numbers(tmp_path: Path) -> None:
-    rows: list[tuple[float, ...]] = []
-    judged = judge(load_pair(UPRIGHT, assignments=SHORT), 0, rows)
-    assert judged.outcome == "ok"
-    assert len(rows) == 30
-    assert max(row[COLUMNS.index("load_left")] for row in rows) == judged.load[0]
-    write_series(tmp_path / "pair", "two arms", {"internal": rows})
-    with (tmp_path / "pair" / "internal.csv").open() as file:
-        read = list(csv.reader(file))
-    assert tuple(read[0]) == COLUMNS
-    assert len(read) == 31
-    assert (tmp_path / "pair" / "pair.png").stat().st_size > 10_000
+def test_a_run_of_two_arms_has_the_numbers_of_both(tmp_path: Path) -> None:
+    run = load_scenario(UPRIGHT, assignments=SHORT).run()
+    assert run.outcome == "ok"
+    assert list(run.summary) == ["left", "right"]
+    assert len(run.frame("right")) == 30
+    assert 0.0 <= run.internal_force_n < 1e-3
+    assert 0.3 < run.summary["left"]["load_peak"] < 0.5  # half of the weight each: 4.9 of 12 N
+    text = run.page(tmp_path / "run.html").read_text()
+    assert "vic left" in text
+    assert "vic right" in text
 
 
 def test_a_pane_that_slides_out_is_lost() -> None:
-    judged = judge(load_pair(UPRIGHT, assignments=("bridge.friction.mu_s=0.1", "bridge.friction.mu_k=0.1")))
-    assert judged.outcome in ("lost", "fault")
-    assert judged.reason
-    assert max(judged.slip) < 2.0 * LOST_SLIP_M
+    run = load_scenario(UPRIGHT, assignments=("bridge.friction.mu_s=0.1", "bridge.friction.mu_k=0.1")).run()
+    assert run.outcome in ("lost", "fault")
+    assert run.reason
+    assert run.slip_mm < 60.0
 
 
-def test_a_study_runs_every_law_in_every_world_and_counts(tmp_path: Path) -> None:
-    results = list(run_draws(2, 0, [UPRIGHT], ["classical", "internal"], 1, SHORT))
-    assert [(world.number, law) for world, law, _ in results] == [
-        (0, "classical"), (0, "internal"), (1, "classical"), (1, "internal"),
-    ]  # fmt: skip
-    assert isinstance(results[0][0], World)
-    assert summary(results).row_count == 2
-    write_results(tmp_path / "pair_study.csv", results)
-    assert len((tmp_path / "pair_study.csv").read_text().splitlines()) == 5
+def test_a_lottery_runs_every_law_in_every_world_and_counts(tmp_path: Path) -> None:
+    tickets = [draw_of(number, 0, [UPRIGHT, "pane_two_arms_flat"]) for number in range(2)]
+    assert [ticket.scenario for ticket in tickets] == [UPRIGHT, "pane_two_arms_flat"]
+    short = [replace(ticket, world=(*ticket.world, *SHORT)) for ticket in tickets]
+    laws = (Entry("classical", "classical"), Entry("vic"))
+    played = [(ticket, {law.name: play(ticket, law) for law in laws}) for ticket in short]
+    assert {drawn.outcome for _, by_law in played for drawn in by_law.values()} == {"ok"}
+    assert lottery_table(played).row_count == 3
+    write_lottery(tmp_path / "lottery.csv", played)
+    assert len((tmp_path / "lottery.csv").read_text().splitlines()) == 5

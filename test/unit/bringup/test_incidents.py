@@ -73,11 +73,11 @@ def test_a_path_that_waits_for_the_arm_is_unreachable_only_when_it_waits_long() 
 
 
 def test_a_study_names_the_outcome() -> None:
-    case = Case("vertical_plane", "ideal", "classical", "none", 0)
+    case = Case("vertical_plane", "classical", "ideal", "none", "none", 0)
     result = run_case(case, ("bridge.grip.force=1.0", "bridge.duration_s=1.0"))
     assert result.outcome in ("lost", "fault")
     assert result.reason.startswith(KINDS[result.outcome])
-    well = run_case(Case("glass_transport", "ideal", "governed", "none", 0), ("bridge.duration_s=1.5",))
+    well = run_case(Case("glass_transport", "governed", "ideal", "observer", "none", 0), ("bridge.duration_s=1.5",))
     assert well.outcome == "ok"
     assert well.metrics["slip_linear_peak_m"] < 1e-7
     assert 0.7 < well.metrics["arrival_s"] < 1.0

@@ -19,7 +19,6 @@ from slip_core.arms import model_of_arms
 from slip_core.errors import InputError
 from slip_core.params import ParameterModel, build, flatten
 from slip_sim_bridge.params import BridgeParams
-from slip_vic.pair.scenario import load_pair
 from slip_vic.run.launcher import Launcher
 from slip_vic.run.node_command import LaunchPlan, launch_plan, run_parameters
 from slip_vic.run.recording import recorder_command
@@ -170,7 +169,7 @@ def test_the_plan_is_that_of_slip_vic_run(tmp_path: Path) -> None:
 
 def test_the_plan_of_two_arms_is_that_of_slip_vic_run(tmp_path: Path) -> None:
     made = plan(tmp_path, scenario="pane_two_arms_upright", assignments=["object.mass=0.9"], namespace="")
-    scenario = load_pair("pane_two_arms_upright", law="classical", seed=3, assignments=["object.mass=0.9"])
+    scenario = load_scenario("pane_two_arms_upright", law="classical", seed=3, assignments=["object.mass=0.9"])
     controller, bridge = run_parameters(scenario, recording=True)
     assert made.two_arms
     assert made.bridge is not None

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from slip_core.params import flatten
-from slip_vic.pair.any_scenario import load_any
 from slip_vic.run.demo import all_kinds
 from slip_vic.scenarios.scenario import load_scenario, read_parameters, ros_parameter_file
 
@@ -28,12 +27,14 @@ def file(tmp_path: Path) -> Path:
 
 def test_what_was_measured_reaches_the_run_and_the_command_has_the_last_word(file: Path) -> None:
     found = read_parameters(file)
-    run = load_any("paper_planar", law="governed", parameters=found).controller
+    run = load_scenario("paper_planar", law="governed", parameters=found).controller
     assert (run.slip_sensor.rate_hz, run.governor.friction_limit, run.governor.mode) == (30.0, 0.2, "slow_down")
     assert run.mode == "lockstep"
     named = load_scenario("paper_planar", sensor="vision_25", parameters=found).controller
     assert named.slip_sensor.rate_hz == 25.0
-    told = load_any("paper_planar", law="vic", parameters=found, assignments=("controller.slip_sensor.rate_hz=50.0",))
+    told = load_scenario(
+        "paper_planar", law="vic", parameters=found, assignments=("controller.slip_sensor.rate_hz=50.0",)
+    )
     assert told.controller.slip_sensor.rate_hz == 50.0
 
 

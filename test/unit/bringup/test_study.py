@@ -27,14 +27,14 @@ from slip_vic.study.summary import spread, write_picture
 from slip_vic.study.table import COLUMNS, Settings, StudyTable, merge
 
 ISSUE_COLUMNS = (
-    "scenario,controller,sensor,estimator,mismatch,seed,outcome,slip_linear_m,slip_angular_rad,slip_speed_peak_m_s,"
+    "scenario,law,sensor,estimator,mismatch,seed,outcome,slip_linear_m,slip_angular_rad,slip_speed_peak_m_s,"
     "tracking_rms_m,final_error_m,final_error_rad,attitude_excursion_rad"
 )
 SHORT = ("bridge.duration_s=0.05",)
 
 
 def case(seed: int = 0, estimator: str = "observer", mismatch: str = "none", sensor: str = "event_1000") -> Case:
-    return Case("paper_planar", sensor, estimator, mismatch, seed)
+    return Case("paper_planar", "vic", sensor, estimator, mismatch, seed)
 
 
 def result(of: Case, value: float = 1.0) -> CaseResult:
@@ -141,7 +141,7 @@ def test_a_folder_is_for_one_study_at_a_time(tmp_path: Path) -> None:
         pass
 
 
-ASKED = Asked(("paper_planar",), ("ideal", "vision_25"), ("classical", "observer"), ("none",), 5)
+ASKED = Asked(("paper_planar",), ("classical", "vic"), ("ideal", "vision_25"), ("observer",), ("none",), 5)
 
 
 def test_what_was_asked_comes_back_from_the_file(tmp_path: Path) -> None:
@@ -191,7 +191,7 @@ def test_a_case_runs_from_texts_alone(tmp_path: Path) -> None:
         files, (scenario_text("paper_planar"), preset_text("sensors", "event_1000"), urdf_text()), strict=True
     ):
         file.write_text(text)
-    own = Case(str(files[0]), str(files[1]), "observer", "mass+", 3)
+    own = Case(str(files[0]), "vic", str(files[1]), "observer", "mass+", 3)
     arm = (f"bridge.robot_description_file={files[2]}",)
     contents = gather([own.scenario], [own.sensor], arm)
     before = own.load(arm)
@@ -257,7 +257,7 @@ def test_check_gives_the_bound_and_the_exit_code() -> None:
     [
         (["study", "--resume", "--out", "nothing"], "nothing/study.json"),
         (["study", "--shard", "4/3"], "4/3 is not i/n"),
-        (["study", "--estimators", "guess"], "estimator guess"),
+        (["study", "--estimator", "guess"], "unknown estimator 'guess'"),
         (["study", "--sensor", "vision_26"], "vision_25"),
         (["merge", "nowhere", "--out", "all"], "nowhere"),
     ],

@@ -26,7 +26,7 @@ from slip_vic.study.tune.command import check_time
 from slip_vic.study.tune.page import Found, page
 from slip_vic.study.tune.search import Search, Trial, best_of, run_search, run_sets
 
-ASKED = Asked(("paper_planar",), ("vision_25",), ("observer",), ("none", "mass+"), 2)
+ASKED = Asked(("paper_planar",), ("vic",), ("vision_25",), ("observer",), ("none", "mass+"), 2)
 SPACE = (Range("gains.k_s", 50.0, 1000.0, True, 1000.0), Range("governor.margin", 0.7, 1.0, False, 0.95))
 SEARCH = Search(ASKED, SPACE, Bounds(1.2, 0.3), seed=0, batch=4)
 CONTENTS = Contents(Texts(), (), {"numpy": "2.0"})
@@ -157,9 +157,9 @@ def test_a_set_whose_runs_fail_has_rows_all_the_same(tmp_path: Path) -> None:
 
 def test_what_is_searched_depends_on_the_estimator() -> None:
     names = {}
-    for estimator in ("measured", "observer", "governed"):
-        loaded = Case("paper_planar", "optical_flow_120", estimator, "none", 0).load()
-        space = {one.name: one for one in search_space(loaded, estimator)}
+    for law, estimator in (("vic", "measured"), ("vic", "observer"), ("governed", "observer")):
+        loaded = Case("paper_planar", law, "optical_flow_120", estimator, "none", 0).load()
+        space = {one.name: one for one in search_space(loaded, law, estimator)}
         assert all(one.low <= one.default <= one.high for one in space.values())
         names[estimator] = set(space)
         if estimator == "measured":

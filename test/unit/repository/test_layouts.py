@@ -12,14 +12,14 @@ import pytest
 from slip_bags.reader import Bag
 from slip_bags.series import Series
 from slip_core.topics import TOPICS
-from slip_vic.pair.scenario import load_pair
 from slip_vic.run.recording import recorded_topics
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.governing import GOVERNED
 from slip_vic_controller.law.symbols import published
 
 ROOT = Path(__file__).parents[3]
 LAYOUTS = ROOT / "config" / "layouts"
-TWO_ARMS = dict(recorded_topics(load_pair("pane_two_arms_upright")))
+TWO_ARMS = dict(recorded_topics(load_scenario("pane_two_arms_upright")))
 GOVERNOR_S = frozenset(GOVERNED.names or ())
 """Numbers that a run without the governor does not have: `test_named_numbers_of_the_controller_are_there`."""
 

@@ -8,29 +8,28 @@ import shlex
 import shutil
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from slip_core.errors import InputError
 from slip_vic.page.page import write_page
-from slip_vic.pair.any_scenario import load_any
-from slip_vic.pair.measures import Judged, verdicts
-from slip_vic.pair.picture import write_picture
-from slip_vic.pair.recorded import judge_bag
-from slip_vic.pair.scenario import PairScenario, is_pair
-from slip_vic.run.launcher import Launcher, RunResult
-from slip_vic.run.metrics import summarise, summary_rows
+from slip_vic.run.judge import Verdict, judge_incidents, measured
+from slip_vic.run.launcher import Launcher
+from slip_vic.run.metrics import summary_rows
 from slip_vic.run.picture import write_report
 from slip_vic.run.progress import run_progress
 from slip_vic.run.recording import versions
 from slip_vic.run.series import RunSeries, read_series
-from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario
+from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario, load_scenario
+
+if TYPE_CHECKING:
+    from slip_vic.run.run import Run
 
 ORDER: tuple[Law, ...] = ("classical", "vic", "governed")
 
@@ -43,6 +42,7 @@ def run_demo(
     domain: int | None,
     console: Console,
     parameters: Mapping[str, Any] = MappingProxyType({}),
+    sensor: str = "",
     drive: str = "",
 ) -> dict[str, Any]:
     """Run all controllers, write page, ``summary.json``, ``report.png`` and the bags into `out`, return the summary.
@@ -52,81 +52,121 @@ def run_demo(
     Raises:
         InputError: bad scenario or parameter, or an output folder that cannot be written.
     """
-    assert set(ORDER) == set(get_args(Law))
-    loaded = all_kinds(scenario, seed, assignments, parameters, drive)
+    loaded = all_laws(scenario, seed, assignments, parameters, sensor, drive)
     for made in loaded.values():
         made.check()
     staging = _staging_folder(out)
     runs: dict[str, dict[str, Any]] = {}
-    results: dict[Law, RunResult] = {}
+    series: dict[str, RunSeries] = {}
     try:
         with run_progress(console) as progress:
-            bars = {kind: progress.add_run(f"{scenario} {kind}", loaded[kind].duration_s) for kind in ORDER}
-            for kind in ORDER:
-                bag = staging / kind
-                result = Launcher(loaded[kind], bag=bag, wanted_domain=domain).run(bars[kind])
-                results[kind] = result
-                runs[kind] = {
+            bars = {law: progress.add_run(f"{scenario} {law}", loaded[law].duration_s) for law in ORDER}
+            for law in ORDER:
+                bag = staging / law
+                result = Launcher(loaded[law], bag=bag, wanted_domain=domain).run(bars[law])
+                read = [read_series(bag, arm) for arm in loaded[law].controllers]
+                series |= {f"{law} {one.arm}".strip(): one for one in read}
+                runs[law] = {
+                    **numbers_of(measured(loaded[law], read, *judge_incidents(result.incidents))),
                     "ticks": result.ticks,
                     "real_time_factor": result.real_time_factor,
                     "messages": result.messages,
                     "messages_lost": result.lost,
                     "incidents": [str(incident) for incident in result.incidents],
-                    "bag": str(out / kind),
+                    "bag": str(out / law),
                 }
-        bags: dict[str, Path] = {kind: staging / kind for kind in ORDER}
-        title = f"{loaded['vic'].name}: {loaded['vic'].description}"
-        if is_pair(scenario):
-            table = _sum_up_pair(staging, loaded, results, runs)
-        else:
-            series: dict[str, RunSeries] = {kind: read_series(bag) for kind, bag in bags.items()}
-            runs = {kind: {**summarise(series[kind]), **runs[kind]} for kind in ORDER}
-            write_report(staging / "report.png", title, series)
-            table = comparison_table(loaded["vic"].name, runs)
-        summary = {"scenario": loaded["vic"].name, "seed": seed, "versions": versions(), "runs": runs}
+        name, description = loaded["vic"].name, loaded["vic"].description
+        write_report(staging / "report.png", f"{name}: {description}", series)
+        table = comparison_table(name, runs)
+        summary = {"scenario": name, "seed": seed, "versions": versions(), "runs": runs}
         write_page(
             staging / "report.html",
-            bags,
+            {law: staging / law for law in ORDER},
             command=shlex.join(["slip-vic", *sys.argv[1:]]),
-            title=loaded["vic"].name,
-            description=loaded["vic"].description,
+            title=name,
+            description=description,
         )
         (staging / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         _move_in(staging, out)
     finally:
         shutil.rmtree(staging, ignore_errors=True)
-    console_out = Console(width=150) if is_pair(scenario) else Console()
+    console_out = Console()
     console_out.print(table)
     files = {"page": "report.html", "summary": "summary.json", "picture": "report.png"}
     console_out.print("\n".join(f"{what}: {out / name}" for what, name in files.items()), soft_wrap=True)
     return summary
 
 
-def all_kinds(
-    scenario: str, seed: int, assignments: tuple[str, ...], parameters: Mapping[str, Any], drive: str = ""
-) -> dict[Law, Scenario | PairScenario]:
-    """Return the scenario with each controller; all get the same `parameters`, without those in which they differ."""
+def run_demo_in_process(
+    scenario: str,
+    out: Path,
+    seed: int,
+    assignments: tuple[str, ...],
+    console: Console,
+    parameters: Mapping[str, Any] = MappingProxyType({}),
+    sensor: str = "",
+    drive: str = "",
+) -> dict[str, Any]:
+    """Do what `run_demo` does in this process, without DDS and bags: seconds instead of a minute.
+
+    Raises:
+        InputError: bad scenario or parameter, or an output folder that cannot be written.
+    """
+    from slip_vic.page.page import write_runs
+
+    loaded = all_laws(scenario, seed, assignments, parameters, sensor, drive)
+    for made in loaded.values():
+        made.check()
+    staging = _staging_folder(out)
+    try:
+        done = {}
+        for law in ORDER:
+            with console.status(f"{scenario} {law}"):
+                done[law] = loaded[law].run()
+        runs: dict[str, dict[str, Any]] = {law: numbers_of(run.verdict) | _ticks(run) for law, run in done.items()}
+        name, description = loaded["vic"].name, loaded["vic"].description
+        pictured = {f"{law} {s.arm}".strip(): s for law, run in done.items() for s in run.track.series()}
+        write_report(staging / "report.png", f"{name}: {description}", pictured)
+        summary = {"scenario": name, "seed": seed, "versions": versions(), "runs": runs}
+        command = shlex.join(["slip-vic", *sys.argv[1:]])
+        write_runs(staging / "report.html", done, command=command, title=name, description=description)
+        (staging / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        _move_in(staging, out)
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+    console_out = Console()
+    console_out.print(comparison_table(name, runs))
+    files = {"page": "report.html", "summary": "summary.json", "picture": "report.png"}
+    console_out.print("\n".join(f"{what}: {out / name}" for what, name in files.items()), soft_wrap=True)
+    return summary
+
+
+def _ticks(run: Run) -> dict[str, Any]:
+    incidents = [run.reason] if run.outcome != "ok" else []
+    return {"ticks": run.track.ticks, "incidents": incidents}
+
+
+def numbers_of(verdict: Verdict) -> dict[str, Any]:
+    """Return the numbers of a run for a table and for summary.json: of several arms those of the worst, and of each."""
+    arms = list(verdict.arms.values())
+    numbers: dict[str, Any] = {"outcome": verdict.outcome, "reason": verdict.reason, **verdict.together}
+    for name in arms[0] if arms else ():
+        values = [arm[name] for arm in arms]
+        numbers[name] = max(values, key=lambda value: float(np.linalg.norm(value)))
+    if len(arms) > 1:
+        numbers["arms"] = {name: dict(own) for name, own in verdict.arms.items()}
+    return numbers
+
+
+def all_laws(
+    scenario: str, seed: int, assignments: tuple[str, ...], parameters: Mapping[str, Any], sensor: str = "", drive: str = ""
+) -> dict[Law, Scenario]:
+    """Return the scenario with each law; all get the same `parameters`, without those in which they differ."""
     common = {name: value for name, value in parameters.items() if name not in ("controller", *GOVERNED)}
     return {
-        kind: load_any(scenario, law=kind, seed=seed, drive=drive, assignments=assignments, parameters=common)
-        for kind in ORDER
+        law: load_scenario(scenario, law=law, seed=seed, sensor=sensor, drive=drive, assignments=assignments, parameters=common)
+        for law in ORDER
     }
-
-
-def _sum_up_pair(
-    folder: Path,
-    loaded: Mapping[Law, Any],
-    results: Mapping[Law, RunResult],
-    runs: dict[str, Any],
-) -> Table:
-    """Write the picture of runs with two arms and put their numbers into `runs`; return the table."""
-    judged: dict[str, Judged] = {}
-    rows: dict[str, list[tuple[float, ...]]] = {}
-    for kind, result in results.items():
-        judged[kind], rows[kind] = judge_bag(folder / kind, loaded[kind], result.incidents)
-        runs[kind] |= asdict(judged[kind])
-    write_picture(folder / "report.png", loaded["vic"].name, rows)
-    return verdicts(loaded["vic"].name, judged)
 
 
 def _staging_folder(out: Path) -> Path:
@@ -161,5 +201,8 @@ def comparison_table(scenario: str, runs: Mapping[str, Mapping[str, Any]]) -> Ta
         ratio = f"{first / second:.1f}" if row.key.startswith("slip_") and second > 0.0 else ""
         table.add_row(escape(row.label), *row.texts, ratio)
     table.add_row("ticks", *(f"{run['ticks']:d}" for run in runs.values()), "")
-    table.add_row("simulated / wall time", *(f"{run['real_time_factor']:.2f}" for run in runs.values()), "")
+    if all("real_time_factor" in run for run in runs.values()):
+        table.add_row("simulated / wall time", *(f"{run['real_time_factor']:.2f}" for run in runs.values()), "")
+    if any(run["outcome"] != "ok" for run in runs.values()):
+        table.add_row("outcome", *(str(run["outcome"]) for run in runs.values()), "")
     return table

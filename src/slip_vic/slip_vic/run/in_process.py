@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.incidents import Incident
-from slip_core.types import DisplacementSample, EffortCommand
+from slip_core.types import CartesianReference, DisplacementSample, EffortCommand
 from slip_sim_bridge.session import TickOutputs
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.incidents import IncidentWatch
@@ -21,7 +22,7 @@ class Tick:
 
     Args:
         outputs: what the bridge measured.
-        result: what the controller answered.
+        results: what the controller answered, of each arm.
         incidents: what went wrong.
 
     Attributes:
@@ -30,8 +31,10 @@ class Tick:
 
     __slots__ = ("efforts", "incidents", "outputs", "results")
 
-    def __init__(self, outputs: TickOutputs, result: CycleResult, incidents: tuple[Incident, ...] = ()) -> None:
-        self.outputs, self.results, self.incidents = outputs, (result,), incidents
+    def __init__(
+        self, outputs: TickOutputs, results: tuple[CycleResult, ...], incidents: tuple[Incident, ...] = ()
+    ) -> None:
+        self.outputs, self.results, self.incidents = outputs, results, incidents
         self.efforts: list[Array] = [one.command.effort for one in self.results]
 
     @property
@@ -63,30 +66,61 @@ class ClosedLoop:
 
     def __init__(self, scenario: Scenario) -> None:
         self.bridge = scenario.bridge_session()
-        controller = Controller({"": scenario.controller}, {"": scenario.urdf}, lockstep=True)
-        self.session = ControllerSession(controller)
-        (self.controller,) = self.session.arms
+        self.session = ControllerSession(Controller(scenario.controllers, scenario.placed, lockstep=True))
+        self.controller = self.session.arms[0]
+        self._leader = Leader(self.session) if scenario.law == "leader_follower" else None
 
     def observe(self) -> TickOutputs:
         """Return what the bridge measures now."""
         return self.bridge.observe()
 
-    def control(self, outputs: TickOutputs) -> CycleResult:
-        """Return the controller's answer to a tick's outputs."""
-        controller, (arm,) = self.controller, outputs.arms
-        for wrench in arm.wrenches:
-            controller.add_wrench(0, wrench)
-        for slip in arm.slips:
-            if isinstance(slip, DisplacementSample):
-                controller.add_displacement(0, slip)
-            else:
-                controller.add_slip(0, slip)
-        controller.add_joint(arm.joint)
+    def answer(self, outputs: TickOutputs) -> tuple[CycleResult, ...]:
+        """Return the controller's answer to a tick's outputs, of each arm."""
+        for arm, sent in zip(self.session.arms, outputs.arms, strict=True):
+            for wrench in sent.wrenches:
+                arm.add_wrench(0, wrench)
+            for slip in sent.slips:
+                if isinstance(slip, DisplacementSample):
+                    arm.add_displacement(0, slip)
+                else:
+                    arm.add_slip(0, slip)
+        for arm, sent in zip(self.session.arms, outputs.arms, strict=True):
+            arm.add_joint(sent.joint)
         self.session.add_manifest(Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2]))
-        (result,) = self.session.cycle()
-        if result is None:
+        results = tuple(result for result in self.session.cycle() if result is not None)
+        if len(results) != len(self.session.arms):
             raise RuntimeError("the controller did not answer a complete tick")
+        if self._leader is not None:
+            self._leader.lead(results)
+        return results
+
+    def control(self, outputs: TickOutputs) -> CycleResult:
+        """Return the controller's answer to a tick's outputs, of the only arm."""
+        (result,) = self.answer(outputs)
         return result
+
+
+class Leader:
+    """Leads the second pad by the first one: as far away as at first, with its velocity, one cycle later.
+
+    Args:
+        session: whose second arm is led.
+    """
+
+    def __init__(self, session: ControllerSession) -> None:
+        self._session = session
+        self._apart: tuple[Array, Array] | None = None
+
+    def lead(self, results: tuple[CycleResult, ...]) -> None:
+        """Set the second arm's reference of the next cycle from where the first arm is in this one."""
+        left, right = (result.arm for result in results)
+        R, twist = np.array(left.rotation), np.array(left.twist)
+        if self._apart is None:
+            self._apart = R.T @ (right.position - left.position), R.T @ right.rotation
+        lever = R @ self._apart[0]
+        v = np.concatenate((twist[:3] + np.cross(twist[3:], lever), twist[3:]))
+        reference = CartesianReference(left.position + lever, R @ self._apart[1], v, np.zeros(6))
+        self._session.arms[1].set_own_reference(reference)
 
 
 def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:
@@ -95,16 +129,25 @@ def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:
     late_ticks: control periods that every command is on its way, which neither side can see from stamps.
     """
     loop = ClosedLoop(scenario)
-    on_the_way = deque[EffortCommand | None]([None] * late_ticks)
-    watch, lost = IncidentWatch(), False
+    nothing: list[EffortCommand | None] = [None] * len(scenario.controllers)
+    on_the_way = deque([nothing] * late_ticks)
+    watches, lost = {name: IncidentWatch() for name in scenario.controllers}, False
     while not loop.bridge.finished:
         outputs = loop.observe()
-        result = loop.control(outputs)
-        found = (loop.bridge.lost if not lost else None, watch.see(result))
-        lost |= found[0] is not None
-        tick = Tick(outputs, result, tuple(incident for incident in found if incident is not None))
+        results = loop.answer(outputs)
+        found = [] if lost or loop.bridge.lost is None else [loop.bridge.lost]
+        lost |= bool(found)
+        for (name, watch), result in zip(watches.items(), results, strict=True):
+            seen = watch.see(result)
+            if seen is not None:
+                found.append(replace(seen, text=f"{name}: {seen.text}") if name else seen)
+        tick = Tick(outputs, results, tuple(found))
         yield tick
-        if scenario.bridge.grip.control == "follow":
-            loop.bridge.set_grip_force(0, result.grip)
-        on_the_way.append(EffortCommand(result.command.stamp_ns, tick.effort))
-        loop.bridge.advance([on_the_way.popleft()])
+        for k, (params, result) in enumerate(zip(scenario.bridges.values(), results, strict=True)):
+            if params.grip.control == "follow":
+                loop.bridge.set_grip_force(k, result.grip)
+        commands: list[EffortCommand | None] = [
+            EffortCommand(result.command.stamp_ns, effort) for result, effort in zip(results, tick.efforts, strict=True)
+        ]
+        on_the_way.append(commands)
+        loop.bridge.advance(on_the_way.popleft())

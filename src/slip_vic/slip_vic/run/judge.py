@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Final, Literal
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
 from slip_core.incidents import Incident
+from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_vic.run.in_process import Tick
 from slip_vic.run.metrics import summarise
+from slip_vic.run.series import RunSeries, read_series
 from slip_vic.run.track import Track
+from slip_vic.scenarios.scenario import Scenario
 
 Outcome = Literal["ok", "lost", "fault", "refused", "saturated", "held", "crashed"]
 """lost: the object left a pad, the pad left its path, or the simulation has no numbers any more. fault: the controller
@@ -24,6 +31,8 @@ LOST_ERROR_M: Final = 1.0
 OF_INCIDENT: Final[Mapping[str, Outcome]] = {
     "lost": "lost", "fault": "fault", "unreachable": "refused", "saturated": "saturated"
 }  # fmt: skip
+SETTLE_S: Final = 0.5
+"""Time at the end over which the internal force counts as steady [s]."""
 _ENDS: Final = ("lost", "fault")
 """Outcomes after which a run has nothing more to show."""
 _MILD: Final = ("ok", "held")
@@ -35,12 +44,13 @@ class Verdict:
     """How a run went.
 
     outcome, reason: see `Outcome`; reason is empty where all is well. arms: the numbers of each arm by its name, as of
-    `summarise`; empty where nothing ran.
+    `summarise` and `share_of_friction`; empty where nothing ran. together: what they do to the object, see there.
     """
 
     outcome: Outcome
     reason: str
     arms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    together: Mapping[str, float] = field(default_factory=dict)
 
     def worst(self, name: str) -> float:
         """Return the largest of a number over the arms; NaN where there is none."""
@@ -85,11 +95,52 @@ class Judge:
         """Return how the run went."""
         if not self._track.ticks:
             return Verdict(self.outcome, self.reason)
-        arms = {series.arm: dict(summarise(series)) for series in self._track.series()}
-        if self.outcome in _ENDS:
-            for numbers in arms.values():
-                numbers["arrival_s"] = math.nan
-        return Verdict(self.outcome, self.reason, arms)
+        return measured(self._track.scenario, self._track.series(), self.outcome, self.reason)
+
+
+def measured(scenario: Scenario, series: Sequence[RunSeries], outcome: Outcome, reason: str) -> Verdict:
+    """Return the verdict on a run from its arrays, wherever they are from; series: of each arm."""
+    arms = {one.arm: {**summarise(one), **share_of_friction(one, scenario.bridges[one.arm])} for one in series}
+    if outcome in _ENDS:
+        for numbers in arms.values():
+            numbers["arrival_s"] = math.nan
+    return Verdict(outcome, reason, arms, together(scenario, series))
+
+
+def share_of_friction(series: RunSeries, params: BridgeParams) -> dict[str, float]:
+    """Return the largest share of the friction limit that the load of a pad took: load_peak."""
+    if not series.wrench.size:
+        return {"load_peak": math.nan}
+    h, radius = series.wrench, params.friction.torsional_radius
+    load = np.sqrt(h[:, 0] ** 2 + h[:, 1] ** 2 + (h[:, 5] / radius) ** 2)
+    limit = params.friction.mu_s * params.grip.force
+    return {"load_peak": float(load.max() / limit) if limit > 0.0 else math.nan}
+
+
+def together(scenario: Scenario, series: Sequence[RunSeries]) -> dict[str, float]:
+    """Return what all arms do to the object.
+
+    object_error_m: largest distance of the object from where the path of the first pad has it, but for where it hangs
+    at first. Of several arms also internal_peak_n and internal_steady_n: the largest force with which they work against
+    each other in the slip plane, over the run and in its last half second.
+    """
+    first = series[0]
+    grasp = next(iter(scenario.controllers.values())).contacts
+    lever = Rotation.from_quat(grasp.orientation_xyzw[:4]).inv().apply(grasp.position[:3])
+    desired = first.law_six("desired")
+    known = np.isfinite(desired).all(axis=1)
+    found = {"object_error_m": math.nan}
+    if known.any() and first.object_position.size:
+        wanted = desired[known, :3] - Rotation.from_rotvec(desired[known, 3:]).apply(lever)
+        at = np.clip(np.searchsorted(first.time, first.law_time[known] - 1e-9), 0, len(first.time) - 1)
+        apart = first.object_position[at] - wanted
+        found["object_error_m"] = float(np.linalg.norm(apart - apart[0], axis=1).max())
+    if all(one.internal.size for one in series) and scenario.several:
+        size = np.max([np.linalg.norm(one.internal[:, :2], axis=1) for one in series], axis=0)
+        steady = first.time >= scenario.duration_s - SETTLE_S
+        found["internal_peak_n"] = float(size.max())
+        found["internal_steady_n"] = float(size[steady].max(initial=0.0))
+    return found
 
 
 def judge(ticks: Iterable[Tick], track: Track) -> Verdict:
@@ -118,3 +169,13 @@ def judge_incidents(incidents: Iterable[Incident]) -> tuple[Outcome, str]:
         if outcome in _MILD or found in _ENDS:
             outcome, reason = found, str(incident)
     return outcome, reason
+
+
+def judge_bag(path: Path, scenario: Scenario, incidents: Iterable[Incident] = ()) -> Verdict:
+    """Return the verdict on the recorded run of a scenario; incidents: what its processes reported.
+
+    Raises:
+        InputError: the bag lacks a topic that a run has.
+    """
+    series = [read_series(path, arm) for arm in scenario.controllers]
+    return measured(scenario, series, *judge_incidents(incidents))

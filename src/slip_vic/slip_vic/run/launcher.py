@@ -19,7 +19,8 @@ from slip_vic.run.domain import check_domain, domain_from_environment, domain_id
 from slip_vic.run.node_command import parameter_arguments, run_parameters
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child, ProcessGroup, child_environment, python_module
-from slip_vic.run.recording import AnyScenario, recorder_command
+from slip_vic.run.recording import recorder_command
+from slip_vic.scenarios.scenario import Scenario
 
 READY_TIMEOUT_S = 60.0
 NO_OPTIONS = ProcessOptions()
@@ -79,7 +80,7 @@ class Launcher:
 
     def __init__(
         self,
-        scenario: AnyScenario,
+        scenario: Scenario,
         *,
         bag: Path | None = None,
         wanted_domain: int | None = None,
@@ -98,6 +99,10 @@ class Launcher:
         self._incidents: list[Incident] = []
         self._stop = StopFlag()
         check_ros()
+        if scenario.law == "leader_follower":
+            raise InputError(
+                "--law leader_follower", got="nodes on DDS", expected="both sides in one process", fix="--in-process"
+            )
         scenario.check()
         if one_process and scenario.arms[0][1].mode == "realtime":
             raise InputError(
@@ -241,7 +246,7 @@ def check_ros() -> None:
     if importlib.util.find_spec("rclpy") is None:
         raise InputError(
             "ROS 2", got="no rclpy in this Python", expected="ROS 2 Jazzy",
-            fix="pip install 'slip-vic[ros]', or source /opt/ros/jazzy/setup.bash before the start",
+            fix="pip install '.[ros]' in a clone, or source /opt/ros/jazzy/setup.bash before the start",
         )  # fmt: skip
 
 

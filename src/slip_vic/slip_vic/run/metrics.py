@@ -90,6 +90,7 @@ def summary_rows(runs: Sequence[Mapping[str, Any]]) -> list[SummaryRow]:
     return [
         SummaryRow(key, label, values, tuple(pattern.format(value) for value in values))
         for key, label, number, pattern in _ROWS
+        if not (key in _OPTIONAL and any(key not in run for run in runs))
         for values in [tuple(number(run) for run in runs)]
     ]
 
@@ -103,6 +104,8 @@ def _size(key: str, part: slice, scale: float) -> Callable[[Mapping[str, Any]], 
 
 
 _DEG = 180.0 / math.pi
+_OPTIONAL = ("internal_peak_n", "internal_steady_n", "load_peak", "object_error_m")
+"""Rows of runs that have these numbers: those that were judged with their scenario."""
 _ROWS: tuple[tuple[str, str, Callable[[Mapping[str, Any]], float], str], ...] = (
     ("slip_linear_m", "slip at the end [mm]", _number("slip_linear_m", 1e3), "{:.2f}"),
     ("slip_angular_rad", "slip at the end [deg]", _number("slip_angular_rad", _DEG), "{:.2f}"),
@@ -113,5 +116,9 @@ _ROWS: tuple[tuple[str, str, Callable[[Mapping[str, Any]], float], str], ...] = 
     ("final_mm", "final error [mm]", _size("final_error", slice(0, 3), 1e3), "{:.3f}"),
     ("final_deg", "final error [deg]", _size("final_error", slice(3, 6), _DEG), "{:.3f}"),
     ("arrival_s", "arrives after [s]", _number("arrival_s"), "{:.2f}"),
+    ("internal_peak_n", "internal force, peak [N]", _number("internal_peak_n"), "{:.2f}"),
+    ("internal_steady_n", "internal force, at rest [N]", _number("internal_steady_n"), "{:.2f}"),
+    ("load_peak", "load / friction limit, peak", _number("load_peak"), "{:.2f}"),
+    ("object_error_m", "object off its path, peak [mm]", _number("object_error_m", 1e3), "{:.1f}"),
     ("effort_peak_nm", "peak effort [N m]", _number("effort_peak_nm"), "{:.1f}"),
 )

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slip_core.params import ParameterModel
-from slip_vic.pair.any_scenario import load_any
-from slip_vic.pair.scenario import PairScenario
 from slip_vic.run.processes import python_module
-from slip_vic.run.recording import AnyScenario, recorder_command
-from slip_vic.scenarios.scenario import NODES, Law, Mode, ros_parameter_file
+from slip_vic.run.recording import recorder_command
+from slip_vic.scenarios.scenario import NODES, Law, Mode, Scenario, load_scenario, ros_parameter_file
 
 
 def node_module(name: str) -> str:
@@ -29,7 +27,7 @@ def node_command(name: str, params: ParameterModel, folder: Path, *words: str) -
     return python_module(node_module(name), "--ros-args", *parameter_arguments(name, params, folder), *words)
 
 
-def run_parameters(scenario: AnyScenario, recording: bool) -> tuple[ParameterModel, ParameterModel]:
+def run_parameters(scenario: Scenario, recording: bool) -> tuple[ParameterModel, ParameterModel]:
     """Return the parameters of controller and bridge, each of which waits for the others of the run."""
     return scenario.run_parameters(("controller", "recorder") if recording else ("controller",))
 
@@ -64,9 +62,9 @@ def launch_plan(
     """Write the files of one run into `folder`; the arguments are those of ``slip_vic.launch.py``.
 
     Raises:
-        InputError: as `load_any`, or parameters and URDF that do not fit.
+        InputError: as `load_scenario`, or parameters and URDF that do not fit.
     """
-    loaded = load_any(
+    loaded = load_scenario(
         scenario,
         law=law,
         mode=mode,
@@ -80,7 +78,7 @@ def launch_plan(
         controller=_parameter_file("controller", controller_params, folder),
         bridge=_parameter_file("bridge", bridge_params, folder) if with_bridge else None,
         recorder=recorder_command(loaded, Path(bag), folder, namespace) if bag else [],
-        two_arms=isinstance(loaded, PairScenario),
+        two_arms=loaded.several,
     )
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from slip_bags.provenance import PACKAGES
 from slip_bags.provenance import versions as installed_versions
 from slip_core.topics import TOPICS
-from slip_vic.pair.scenario import PairScenario
 from slip_vic.run.processes import python_module
 from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
@@ -27,13 +26,10 @@ VERSIONED = (
 )
 
 
-AnyScenario = Scenario | PairScenario
-
-
-def recorded_topics(scenario: AnyScenario) -> list[tuple[str, str]]:
+def recorded_topics(scenario: Scenario) -> list[tuple[str, str]]:
     """Return (name, type) of every topic that this scenario's processes publish."""
     rows = [row for row in TOPICS.values() if row.recorded and row.publisher != "user"]
-    if isinstance(scenario, Scenario):
+    if not scenario.several:
         rows = [row for row in rows if not row.several]
     found = []
     for row in rows:
@@ -64,7 +60,7 @@ def versions() -> dict[str, str]:
     return installed_versions(VERSIONED)
 
 
-def recorder_command(scenario: AnyScenario, bag: Path, folder: Path, namespace: str) -> list[str]:
+def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str) -> list[str]:
     """Return the command of the recorder process; attachments are written into `folder` first."""
     attachments = {**scenario.descriptions, "scenario.yaml": scenario.text}
     for key, params in (("controller", scenario.controller), ("bridge", scenario.bridge)):

@@ -72,6 +72,11 @@ class Run:
         return max((float(one["arrival_s"]) for one in self.verdict.arms.values()), default=math.nan)
 
     @property
+    def internal_force_n(self) -> float:
+        """The largest force with which several arms work against each other in the slip plane [N]; NaN of one arm."""
+        return float(self.verdict.together.get("internal_peak_n", math.nan))
+
+    @property
     def modes(self) -> dict[str, tuple[tuple[float, str], ...]]:
         """The changes of mode of each arm: from when on [s], mode and reason."""
         return self.track.modes()

@@ -29,7 +29,7 @@ class RunSeries:
     and grasp_rotation (N, 3, 3): the frame {p} that is fixed in the object, {w}; grasp_twist (N, 6) {w};
     effort (N, n) [N m], NaN without a command; law_time (M,) [s] and law: the controller's scalars by name, (M,) each.
     arm: its name; wrench (N, 6) of the object on the pad {ee}; object_position (N, 3) [m], object_rotation (N, 3, 3)
-    {w}.
+    {w}; internal (N, 6): the wrench with which several arms work against each other, on pad axes; empty with one.
     """
 
     time: Array
@@ -45,6 +45,7 @@ class RunSeries:
     wrench: Array = field(default_factory=_nothing)
     object_position: Array = field(default_factory=_nothing)
     object_rotation: Array = field(default_factory=_nothing)
+    internal: Array = field(default_factory=_nothing)
 
     def law_six(self, name: str) -> Array:
         """Return six scalars of the law as columns; (M, 6)."""
@@ -63,8 +64,7 @@ def read_series(path: Path, arm: str = "") -> RunSeries:
         commands = _series(bag, "effort_command", arm)
         scalars = _series(bag, "controller/scalars", arm)
         ee_pose = _series(bag, "controller/ee_pose", arm)
-        full = next((name for name in bag.topics if name.endswith(f"/{arm}/wrench" if arm else "/wrench")), None)
-        bag_wrench = bag.series(full) if full else None
+        bag_wrench, internal = (_maybe(bag, topic, arm) for topic in ("wrench", "internal_wrench"))
     # A recorder on a busy machine may miss a message of one topic: the two go together by their stamps.
     stamps, of_truth, of_object = np.intersect1d(_stamps(truth), _stamps(odometry), return_indices=True)
     if not stamps.size:
@@ -92,6 +92,7 @@ def read_series(path: Path, arm: str = "") -> RunSeries:
         law={name: table[:, i] for i, name in enumerate(names)},
         arm=arm,
         wrench=_held_wrench(bag_wrench, stamps),
+        internal=_held_wrench(internal, stamps),
         object_position=object_position,
         object_rotation=object_rotation,
     )
@@ -129,6 +130,11 @@ def _series(bag: Bag, topic: str, arm: str = "") -> Series:
     if found is None or not found.count:
         raise InputError(f"bag {bag.path}", got=f"no message on {topic}", expected="a recorded run of this suite")
     return found
+
+
+def _maybe(bag: Bag, topic: str, arm: str) -> Series | None:
+    full = next((name for name in bag.topics if name.endswith(f"/{arm}/{topic}" if arm else f"/{topic}")), None)
+    return bag.series(full) if full else None
 
 
 def _stamps(series: Series) -> NDArray[np.int64]:

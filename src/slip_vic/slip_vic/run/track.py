@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
+from slip_sim_bridge.internal import internal_wrenches
 from slip_vic.run.in_process import Tick
 from slip_vic.run.series import AXES, RunSeries, grasp_in_object
+from slip_vic.scenarios.scenario import Scenario
 
 SIX = tuple(f"_{axis}" for axis in AXES)
 _PARTS = {
@@ -23,12 +24,14 @@ class Track:
     """Collects the ticks of a run.
 
     Args:
-        arms: names of its arms.
+        scenario: what runs.
         whole: whether every symbol of the law is kept too, of every tick; else what a judge needs.
     """
 
-    def __init__(self, arms: Sequence[str], *, whole: bool) -> None:
-        self.arms = tuple(arms)
+    def __init__(self, scenario: Scenario, *, whole: bool) -> None:
+        self.scenario, self.arms = scenario, tuple(scenario.controllers)
+        self._radius = scenario.first.friction.torsional_radius
+        self._internal: list[list[Array]] = [[] for _ in self.arms]
         self._whole = whole
         self._times: list[float] = []
         self._rows: list[list[Array]] = [[] for _ in self.arms]
@@ -42,6 +45,13 @@ class Track:
         """Take a tick in, with the effort that is applied."""
         now = tick.time_s
         self._times.append(now)
+        if self.scenario.several:
+            readings = [arm.readings for arm in tick.outputs.arms]
+            positions, rotations = zip(*(reading.pad for reading in readings), strict=True)
+            wrenches = [reading.wrench.wrench for reading in readings]
+            _, parts = internal_wrenches(wrenches, positions, rotations, readings[0].truth.position, self._radius)
+            for kept, internal in zip(self._internal, parts, strict=True):
+                kept.append(np.array(internal))
         for k, (outputs, result, effort) in enumerate(zip(tick.outputs.arms, tick.results, tick.efforts, strict=True)):
             truth, record, arm = outputs.readings.truth, result.record, result.arm
             self._rows[k].append(
@@ -112,6 +122,7 @@ class Track:
             wrench=places["wrench"],
             object_position=position,
             object_rotation=rotation,
+            internal=np.array(self._internal[k]),
         )
 
     def _law(self, k: int, places: dict[str, Array], evaluated: Any) -> dict[str, Array]:

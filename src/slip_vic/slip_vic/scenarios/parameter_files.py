@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import get_args
 
 from slip_core.errors import InputError
 from slip_core.params import ParameterInfo, ParameterModel, flatten, parameter_infos
 from slip_core.topics import markdown_table
 from slip_vic.scenarios import scenario_names
-from slip_vic.scenarios.scenario import NODES, Law, load_scenario, ros_parameter_file
+from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
 
 
 def config_files(scenarios: list[str] | None = None, *, complete: bool = False) -> dict[str, str]:
@@ -25,7 +24,9 @@ def config_files(scenarios: list[str] | None = None, *, complete: bool = False) 
     """
     files = {}
     for name in scenarios or scenario_names(1):
-        made = {f"controller_{kind}": load_scenario(name, law=kind).controller for kind in get_args(Law)}
+        made = {
+            f"controller_{kind}": load_scenario(name, law=kind).controller for kind in ("classical", "vic", "governed")
+        }
         made["controller_vic_realtime"] = load_scenario(name, mode="realtime").controller
         for file, params in {**made, "bridge": load_scenario(name).bridge}.items():
             node = NODES["bridge" if file == "bridge" else "controller"][0]

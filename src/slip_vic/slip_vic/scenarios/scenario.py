@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar, get_args
 
 import yaml
 from pydantic import Field
 
+from slip_core.arms import ONE_ARM, params_of_arms, prefix_of
 from slip_core.errors import InputError, UnknownName
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf_file import read_urdf
+from slip_core.grasp_params import BaseParams, Three
 from slip_core.params import (
     ParameterModel,
     build,
@@ -23,6 +26,7 @@ from slip_core.params import (
     is_name,
     load_yaml,
     nested_names,
+    parameter,
     parameter_infos,
     parse_assignment,
     validate,
@@ -39,8 +43,20 @@ if TYPE_CHECKING:
     from slip_vic.run.in_process import Tick
     from slip_vic.run.run import Run
 
-Law = Literal["vic", "classical", "governed"]
-"""The paper's law, classical impedance control, and the paper's law below the reference governor."""
+Law = Literal[
+    "classical", "vic", "governed", "leader_follower", "classical_internal", "printed", "shared"
+]  # fmt: skip
+"""classical: impedance control without slip; vic: the paper's law; governed: that below the reference governor. Of
+several arms: vic has the wrenches of all in h_o, and internal feedback; leader_follower: classical, the last pad
+follows the first one instead of the path; classical_internal: classical with internal feedback; printed: the paper's
+law, each arm with its own wrench; shared: the wrenches of all, without internal feedback."""
+LAWS: tuple[Law, ...] = get_args(Law)
+OF_SEVERAL: Final = ("leader_follower", "classical_internal", "printed", "shared")
+"""Laws that only several arms have."""
+CLASSICAL: Final = ("classical", "leader_follower", "classical_internal")
+OWN_WRENCH: Final = ("classical", "leader_follower", "printed")
+"""Laws in which each arm has its own contact only."""
+WITHOUT_INTERNAL: Final = (*OWN_WRENCH, "shared")
 Estimator = Literal["measured", "observer"]
 Mode = Literal["lockstep", "realtime"]
 NODES: dict[str, tuple[str, type[ParameterModel]]] = {
@@ -56,8 +72,37 @@ GOVERNED: dict[str, Any] = {"governor.mode": "slow_down", "gains.spin": "bounded
 """Of the controller that is governed: the law below it bounds spin, and gives the compensation up where it fails."""
 
 
+class GraspFile(ParameterModel):
+    """Where and how an arm holds the object."""
+
+    position: Three
+    orientation_xyzw: tuple[float, float, float, float]
+
+
+class ArmFile(ParameterModel):
+    """What belongs to one of several arms alone."""
+
+    base: BaseParams = BaseParams()
+    grasp: GraspFile
+    controller: dict[str, Any] = Field(default_factory=dict)
+    bridge: dict[str, Any] = Field(default_factory=dict)
+
+
+class Mismatch(ParameterModel):
+    """What the simulated world has and the controllers do not know; of several arms the last one differs."""
+
+    base_rotation: Three = parameter((0.0, 0.0, 0.0), "error of the base's attitude, rotation vector", unit="rad")
+    base_position: Three = parameter((0.0, 0.0, 0.0), "error of the base's position", unit="m")
+    late_s: float = parameter(0.0, "how much later the arm's reference runs", unit="s", ge=0.0)
+    friction: float = parameter(1.0, "friction of the pad over what is configured", gt=0.0)
+    mass: float = parameter(1.0, "mass of the object over what is configured", gt=0.0)
+
+
 class ScenarioFile(ParameterModel):
-    """The file's outer form; the inner values are checked by the nodes' own parameter models."""
+    """The file's outer form; the inner values are checked by the nodes' own parameter models.
+
+    shared, controller, bridge are those of every arm; several arms are below `arms`, each with its base and grasp.
+    """
 
     name: str
     description: str
@@ -66,38 +111,50 @@ class ScenarioFile(ParameterModel):
     shared: dict[str, Any] = Field(default_factory=dict)
     controller: dict[str, Any] = Field(default_factory=dict)
     bridge: dict[str, Any] = Field(default_factory=dict)
+    arms: dict[str, ArmFile] = Field(default_factory=dict)
+    mismatch: Mismatch = Field(default_factory=Mismatch)
 
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """A scenario with all overrides applied: validated parameters of both nodes and the arm's URDF."""
+    """A scenario with all overrides applied: one object, and the arms that hold it; "" is the name of an only arm.
+
+    controllers, bridges: validated parameters of each arm by its name; urdfs: of each arm, without a base; placed: on
+    the bases that the controllers are configured with.
+    """
 
     name: str
     description: str
     text: str
-    controller: ControllerNodeParams
-    bridge: BridgeParams
-    urdf: str
-    law: Law = "vic"
+    law: Law
+    controllers: Mapping[str, ControllerNodeParams]
+    bridges: Mapping[str, BridgeParams]
+    urdfs: Mapping[str, str]
+    placed: Mapping[str, str]
     modules: ClassVar[dict[str, str]] = {
         "controller": "slip_vic_controller.main", "bridge": "slip_sim_bridge.main", "both": "slip_vic.run.both_nodes"
     }  # fmt: skip
     """What runs as a process."""
 
     @property
-    def controllers(self) -> Mapping[str, ControllerNodeParams]:
-        """Parameters of the controller of each arm by its name."""
-        return {"": self.controller}
+    def several(self) -> bool:
+        """Whether several arms hold the object."""
+        return len(self.controllers) > 1
 
     @property
-    def bridges(self) -> Mapping[str, BridgeParams]:
-        """Parameters of the bridge of each arm by its name."""
-        return {"": self.bridge}
+    def controller(self) -> Any:
+        """Parameters of the controller node; of several arms, those of each below its name."""
+        return params_of_arms(ControllerNodeParams, self.controllers)
 
     @property
-    def urdfs(self) -> Mapping[str, str]:
-        """The URDF of each arm by its name."""
-        return {"": self.urdf}
+    def bridge(self) -> Any:
+        """Parameters of the bridge node; of several arms, those of each below its name."""
+        return params_of_arms(BridgeParams, self.bridges)
+
+    @property
+    def urdf(self) -> str:
+        """The URDF of the first arm."""
+        return next(iter(self.urdfs.values()))
 
     def ticks(self) -> Iterator[Tick]:
         """Run in this process and yield every tick, with the next effort in your hands.
@@ -116,7 +173,7 @@ class Scenario:
         """Run in this process to the end, or until the object is lost; return what came of it.
 
         Args:
-            law: a control law of one's own: takes each tick, returns the effort of the arm (n,) [N m]. None: the
+            law: a control law of one's own: takes each tick, returns the effort of the first arm (n,) [N m]. None: the
                 controller's.
 
         Raises:
@@ -132,54 +189,61 @@ class Scenario:
                     tick.effort = law(tick)
                 yield tick
 
-        track = Track(tuple(self.controllers), whole=True)
+        track = Track(self, whole=True)
         return Run(self, judge(driven(), track), track)
 
     @property
     def arms(self) -> tuple[tuple[str, ControllerNodeParams], ...]:
-        """Prefix of the topics, and parameters of the controller, of each arm: there is one."""
-        return (("", self.controller),)
+        """Prefix of the topics, and parameters of the controller, of each arm."""
+        return tuple((prefix_of(name), params) for name, params in self.controllers.items())
+
+    @property
+    def first(self) -> BridgeParams:
+        """Parameters of the first arm in the bridge; those of the world are equal for all."""
+        return next(iter(self.bridges.values()))
 
     @property
     def duration_s(self) -> float:
         """Simulated time of a run [s]."""
-        return self.bridge.duration_s
+        return self.first.duration_s
 
     @property
     def seed(self) -> int:
         """Seed of the sensors' noise."""
-        return self.bridge.seed
+        return self.first.seed
 
     @property
     def descriptions(self) -> dict[str, str]:
-        """The URDF by the name of its file in a bag."""
-        return {"arm.urdf": self.urdf}
+        """URDFs as the controllers have them, by the name of the file in a bag."""
+        return {f"{name or 'arm'}.urdf": urdf for name, urdf in self.placed.items()}
 
-    def run_parameters(self, peers: tuple[str, ...]) -> tuple[ControllerNodeParams, BridgeParams]:
+    def run_parameters(self, peers: tuple[str, ...]) -> tuple[ParameterModel, ParameterModel]:
         """Return the parameters of both nodes for a run with these peers."""
-        return (
-            self.controller.model_copy(update={"expected_subscribers": len(peers)}),
-            self.bridge.model_copy(update={"wait_for": peers}),
+        ready = dataclasses.replace(
+            self,
+            controllers=_updated(self.controllers, {"expected_subscribers": len(peers)}),
+            bridges=_updated(self.bridges, {"wait_for": peers}),
         )
+        return ready.controller, ready.bridge
 
     def check(self) -> None:
         """Make controller and simulation once, so that what does not fit is said before any process starts.
 
         Raises:
             InputError: e.g. a URDF without the frame, joints missing or in another order, a path out of reach;
-                more contacts than the bridge simulates.
+                more contacts than arms.
         """
         from slip_vic_controller.session import Controller
 
-        contacts = len(self.controller.contacts.position) // 3
-        if contacts != 1:
-            raise InputError(
-                "parameter contacts.position",
-                got=f"{contacts} contacts",
-                expected="1: the bridge simulates one arm",
-                fix="two arms that hold one object have scenarios of their own: docs/two_arms.md",
-            )
-        Controller({"": self.controller}, {"": self.urdf}, lockstep=True)
+        for params in self.controllers.values():
+            contacts = len(params.contacts.position) // 3
+            if contacts not in (1, len(self.controllers)):
+                raise InputError(
+                    "parameter contacts.position", got=f"{contacts} contacts",
+                    expected=f"one for each arm, {len(self.controllers)}",
+                    fix="several arms that hold one object are below `arms` in the scenario: docs/two_arms.md",
+                )  # fmt: skip
+        Controller(self.controllers, self.placed, lockstep=True)
         self.bridge_session()
         self.check_arm()
 
@@ -187,10 +251,10 @@ class Scenario:
         """Return simulation and sensors of a run."""
         from slip_sim_bridge.session import BridgeSession
 
-        return BridgeSession({"": self.bridge}, {"": self.urdf})
+        return BridgeSession(self.bridges, self.urdfs)
 
     def check_arm(self) -> None:
-        """Look whether the arm can start where the scenario says, and follow its path.
+        """Check that every arm can start where the scenario says, and follow its path.
 
         Raises:
             InputError: it cannot; or a URDF that does not fit.
@@ -198,8 +262,16 @@ class Scenario:
         from slip_vic.scenarios.reach import check_start
         from slip_vic_controller.robot import Robot
 
-        known = self.controller
-        check_start(Robot(self.urdf, known.ee_frame, known.joint_names, known.gravity), known, self.bridge)
+        for name, known in self.controllers.items():
+            robot = Robot(self.placed[name], known.ee_frame, known.joint_names, known.gravity)
+            check_start(robot, known, self.bridges[name])
+
+
+Params = TypeVar("Params", bound=ParameterModel)
+
+
+def _updated(arms: Mapping[str, Params], update: Mapping[str, Any]) -> dict[str, Params]:
+    return {name: params.model_copy(update=dict(update)) for name, params in arms.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,40 +318,137 @@ def load_scenario(
     """
     text, origin = read_scenario(name_or_path, texts)
     outer = validate(ScenarioFile, read_yaml(text), origin)
-    values = _values(outer)
-    _find_arm(values, name_or_path)
-    values["bridge"]["duration_s"] = outer.duration_s
-    values["controller"]["controller"] = "vic" if law == "governed" else law
-    if law == "governed":
-        values["controller"] |= GOVERNED
-    for node in values.values():
-        node["mode"] = mode
-    if mode == "realtime":
-        values["controller"] |= BOUNDED
-    values["bridge"]["seed"] = seed
-    if urdf_file is not None:
-        for node in values.values():
-            node["robot_description_file"] = str(urdf_file)
-    if sensor:
-        apply_sensor(values, load_sensor(sensor, texts.sensors.get(sensor)))
-    if drive:
-        apply_drive(values, load_drive(drive, texts.drives.get(drive)))
-    if parameters:  # gains are the file's, the mode and a sensor that was named are those of the command
-        known = values["controller"]
-        named = {key: value for key, value in known.items() if key == "mode" or (sensor and "_sensor." in key)}
-        known |= flat_names(dict(parameters)) | named
-    if estimator is not None:
-        values["controller"]["slip_estimator"] = estimator
-    _tell_friction(values, origin)
+    values = {name: _values(outer, name) for name in outer.arms or (ONE_ARM,)}
+    mismatch = dict(outer.mismatch.model_dump())
+    for own in values.values():
+        _find_arm(own, name_or_path)
+        own["bridge"]["duration_s"] = outer.duration_s
+        own["bridge"]["seed"] = seed
+        for node in own.values():
+            node["mode"] = mode
+            if urdf_file is not None:
+                node["robot_description_file"] = str(urdf_file)
+        own["controller"] |= law_settings(law, len(values))
+        if mode == "realtime":
+            own["controller"] |= BOUNDED
+        if sensor:
+            apply_sensor(own, load_sensor(sensor, texts.sensors.get(sensor)))
+        if drive:
+            apply_drive(own, load_drive(drive, texts.drives.get(drive)))
+    _apply_parameters(values, parameters, keep_sensor=bool(sensor))
+    for own in values.values():
+        if estimator is not None:
+            own["controller"]["slip_estimator"] = estimator
+        _tell_friction(own, origin)
     for assignment in assignments:
-        _assign(values, *parse_assignment(assignment))
-    controller_params = build(ControllerNodeParams, values["controller"], f"{origin}: controller")
-    bridge_params = build(BridgeParams, values["bridge"], f"{origin}: bridge")
-    file = bridge_params.robot_description_file
-    urdf = (
-        bridge_params.robot_description or texts.urdfs.get(file) or read_urdf(file, "parameter robot_description_file")
-    )
-    return Scenario(outer.name, outer.description, text, controller_params, bridge_params, urdf, law)
+        _assign(values, mismatch, *parse_assignment(assignment))
+    return _made(outer, text, law, values, build(Mismatch, mismatch, f"{origin}: mismatch"), texts, origin)
+
+
+def law_settings(law: Law, arms: int) -> dict[str, Any]:
+    """Return what a law sets in the controller of each of so many arms.
+
+    Raises:
+        InputError: a law of several arms for one.
+    """
+    if law not in LAWS:
+        raise UnknownName("law", law, LAWS)
+    if law in OF_SEVERAL and arms == 1:
+        raise InputError(f"--law {law}", got="a scenario with one arm", expected="classical, vic or governed")
+    settings: dict[str, Any] = {"controller": "classical" if law in CLASSICAL else "vic"}
+    if law in WITHOUT_INTERNAL and arms > 1:
+        settings["gains.kappa"] = 0.0
+    if law == "governed":
+        settings |= {k: v for k, v in GOVERNED.items() if arms == 1 or k != "gains.give_up"}
+    return settings
+
+
+def _made(
+    outer: ScenarioFile,
+    text: str,
+    law: Law,
+    values: dict[str, dict[str, dict[str, Any]]],
+    wrong: Mismatch,
+    texts: Texts,
+    origin: str,
+) -> Scenario:
+    """Return the scenario of these values, with the mismatch in the world alone."""
+    controllers, bridges, urdfs, placed = {}, {}, {}, {}
+    for name, own in values.items():
+        last, called = name == list(values)[-1], f"{origin}: {name}" if name else origin
+        _own_contacts(own, law)
+        if last and wrong.late_s:
+            start = float(own["controller"].get("trajectory.start_s", 0.0))
+            own["controller"]["trajectory.start_s"] = start + wrong.late_s
+        controllers[name] = build(ControllerNodeParams, own["controller"], f"{called}: controller")
+        params = build(BridgeParams, own["bridge"], f"{called}: bridge")
+        file = params.robot_description_file
+        urdfs[name] = (
+            params.robot_description or texts.urdfs.get(file) or read_urdf(file, "parameter robot_description_file")
+        )
+        placed[name] = _placed(urdfs[name], params.base)
+        bridges[name] = _mismatched(params, wrong, last=last)
+    return Scenario(outer.name, outer.description, text, law, controllers, bridges, urdfs, placed)
+
+
+def _placed(urdf: str, base: BaseParams) -> str:
+    if not any((*base.position, *base.rotation)):
+        return urdf
+    from slip_core.files.placed_urdf import placed_urdf
+
+    return placed_urdf(urdf, base.position, base.rotation)
+
+
+def _mismatched(params: BridgeParams, wrong: Mismatch, *, last: bool) -> BridgeParams:
+    """Return the parameters of an arm in the world as it is."""
+    update: dict[str, Any] = {}
+    if wrong.mass != 1.0:
+        grasped = params.object
+        update["object"] = grasped.model_copy(
+            update={"mass": grasped.mass * wrong.mass, "inertia": tuple(wrong.mass * x for x in grasped.inertia)}
+        )
+    if last and wrong.friction != 1.0:
+        known = params.friction
+        update["friction"] = known.model_copy(
+            update={"mu_s": known.mu_s * wrong.friction, "mu_k": known.mu_k * wrong.friction}
+        )
+    if last and any((*wrong.base_position, *wrong.base_rotation)):
+        update["base"] = _moved(params.base, wrong)
+    return params.model_copy(update=update) if update else params
+
+
+def _moved(base: BaseParams, wrong: Mismatch) -> BaseParams:
+    """Return where a base really is."""
+    from scipy.spatial.transform import Rotation
+
+    rotation = (Rotation.from_rotvec(wrong.base_rotation) * Rotation.from_rotvec(base.rotation)).as_rotvec()
+    position = [a + b for a, b in zip(base.position, wrong.base_position, strict=True)]
+    return BaseParams(position=tuple(position), rotation=tuple(rotation.tolist()))
+
+
+def _own_contacts(own: dict[str, dict[str, Any]], law: Law) -> None:
+    """Let the bridge have its own contact only, and the controller too where the law has its own wrench alone."""
+    for node in ("bridge", "controller") if law in OWN_WRENCH else ("bridge",):
+        for key, count in (("position", 3), ("orientation_xyzw", 4), ("slip_axes", 6)):
+            if f"contacts.{key}" in own[node]:
+                own[node][f"contacts.{key}"] = own[node][f"contacts.{key}"][:count]
+
+
+def _apply_parameters(
+    values: dict[str, dict[str, dict[str, Any]]], parameters: Mapping[str, Any], *, keep_sensor: bool
+) -> None:
+    """Put parameters of the controller over those of the scenario; of several arms, those below an arm's name too."""
+    given = flat_names(dict(parameters))
+    prefixes = tuple(f"{name}." for name in values if name)
+    common = {key: v for key, v in given.items() if not key.startswith(prefixes)} if prefixes else given
+    common = {key: v for key, v in common.items() if not (prefixes and (key == "arms" or "_base." in key))}
+    for name, own in values.items():
+        # gains are the file's; the mode and a sensor that was named are those of the command
+        known = own["controller"]
+        kept = {key: v for key, v in known.items() if key == "mode" or (keep_sensor and "_sensor." in key)}
+        mine = {key.removeprefix(f"{name}."): v for key, v in given.items() if name and key.startswith(f"{name}.")}
+        if common or mine:
+            known |= common | mine | kept
 
 
 def read_parameters(file: Path | None) -> dict[str, Any]:
@@ -387,24 +556,49 @@ def read_scenario(name_or_path: str, texts: Texts = NO_TEXTS) -> tuple[str, str]
     return path.read_text(encoding="utf-8"), f"scenario {path}"
 
 
-def _values(outer: ScenarioFile) -> dict[str, dict[str, Any]]:
-    """Return what a scenario sets, per node, under dotted names."""
-    inner: dict[str, dict[str, Any]] = {"controller": outer.controller, "bridge": outer.bridge}
-    return {node: flat_names(outer.shared) | flat_names(inner[node]) for node in NODES}
+def _values(outer: ScenarioFile, arm: str) -> dict[str, dict[str, Any]]:
+    """Return what a scenario sets for one arm, per node, under dotted names."""
+    own = outer.arms.get(arm)
+    common: dict[str, dict[str, Any]] = {"controller": outer.controller, "bridge": outer.bridge}
+    values = {node: flat_names(outer.shared) | flat_names(common[node]) for node in NODES}
+    if own is None:
+        return values
+    grasps = [own.grasp, *(other.grasp for name, other in outer.arms.items() if name != arm)]
+    axes = values["controller"].get("contacts.slip_axes")
+    contacts: dict[str, Any] = {
+        "contacts.position": [x for grasp in grasps for x in grasp.position],
+        "contacts.orientation_xyzw": [x for grasp in grasps for x in grasp.orientation_xyzw],
+    }
+    if axes is not None:
+        contacts["contacts.slip_axes"] = [*axes] * len(grasps)
+    for node, inner in (("controller", own.controller), ("bridge", own.bridge)):
+        values[node] |= contacts | flat_names(inner)
+    for node in NODES:
+        values[node] |= {f"base.{name}": value for name, value in flatten(own.base).items()}
+    return values
 
 
-def _assign(values: dict[str, dict[str, Any]], key: str, value: Any) -> None:
-    node, _, rest = key.partition(".")
-    if node in values and is_name(NODES[node][1], rest):
-        owners, name = [node], rest
+def _assign(values: dict[str, dict[str, dict[str, Any]]], mismatch: dict[str, Any], key: str, value: Any) -> None:
+    """Apply an assignment: to every arm, to one below whose name it is, or to the mismatch."""
+    first, _, rest = key.partition(".")
+    if first == "mismatch":
+        if rest not in Mismatch.model_fields:
+            raise UnknownName("parameter", key, [f"mismatch.{name}" for name in Mismatch.model_fields], where="--set")
+        mismatch[rest] = value
+        return
+    chosen, name = ([first], rest) if first and first in values else (list(values), key)
+    node, _, inner = name.partition(".")
+    if node in NODES and is_name(NODES[node][1], inner):
+        owners, name = [node], inner
     else:
-        owners, name = [node for node in values if is_name(NODES[node][1], key)], key
+        owners = [node for node in NODES if is_name(NODES[node][1], name)]
     if not owners:
         names = {node: {info.name for info in parameter_infos(model)} for node, (_, model) in NODES.items()}
-        known = {f"{node}.{name}" for node in values for name in names[node]} | (names["controller"] & names["bridge"])
+        known = {f"{node}.{name}" for node in names for name in names[node]} | (names["controller"] & names["bridge"])
         raise UnknownName("parameter", key, known, where="--set")
-    for owner in owners:
-        values[owner] |= {name: value}
+    for arm in chosen:
+        for owner in owners:
+            values[arm][owner] |= {name: value}
 
 
 def urdf_assignment(urdf: Path | None) -> tuple[str, ...]:

@@ -5,16 +5,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Self, cast
 
 from slip_core.errors import UnknownName
-from slip_vic.scenarios.scenario import NO_TEXTS, Estimator, Law, Scenario, Texts, load_scenario
+from slip_vic.scenarios.scenario import CLASSICAL, LAWS, NO_TEXTS, Estimator, Law, Scenario, Texts, load_scenario
 
-CLASSICAL, MEASURED, OBSERVER, GOVERNED = "classical", "measured", "observer", "governed"
-ESTIMATORS = (CLASSICAL, MEASURED, OBSERVER, GOVERNED)
-SLIP_FROM: dict[str, Estimator | None] = {
-    CLASSICAL: None, MEASURED: "measured", OBSERVER: "observer", GOVERNED: "observer"
-}  # fmt: skip
+ESTIMATORS = ("measured", "observer")
+NO_ESTIMATOR = "none"
+"""Of a law that reads no slip sensor."""
 SHARE = 0.2
 NO_MISMATCH = "none"
 MISMATCHES = (
@@ -25,37 +23,32 @@ MISMATCHES = (
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One run. estimator "classical" is classical impedance control, which reads no slip sensor; "governed" is the
-    reference governor above the law with the observer.
+    """One run: a scenario under a law, with a slip sensor and what makes a slip velocity of it.
+
+    estimator: measured, observer, or "none" of classical impedance control, which reads no slip sensor.
     """
 
     scenario: str
+    law: Law
     sensor: str
     estimator: str
     mismatch: str
     seed: int
 
     @property
-    def controller(self) -> Law:
-        """Which control law."""
-        if self.estimator == CLASSICAL:
-            return "classical"
-        return "governed" if self.estimator == GOVERNED else "vic"
-
-    @property
     def key(self) -> tuple[str, ...]:
         """The leading columns of the table."""
-        return (self.scenario, self.controller, self.sensor, self.estimator, self.mismatch, str(self.seed))
+        return (self.scenario, self.law, self.sensor, self.estimator, self.mismatch, str(self.seed))
 
     def load(self, assignments: Sequence[str] = (), texts: Texts = NO_TEXTS) -> Scenario:
         """Return the scenario of this run: only the simulated world has the mismatch, the controller knows nothing."""
         known = load_scenario(self.scenario, sensor=self.sensor, seed=self.seed, assignments=assignments, texts=texts)
         return load_scenario(
             self.scenario,
-            law=self.controller,
+            law=self.law,
             sensor=self.sensor,
             seed=self.seed,
-            estimator=SLIP_FROM[self.estimator],
+            estimator=cast(Estimator, self.estimator) if self.estimator in ESTIMATORS else None,
             assignments=(*assignments, *mismatch_assignments(self.mismatch, known)),
             texts=texts,
         )
@@ -74,6 +67,7 @@ def check_names(what: str, given: Iterable[str], known: Sequence[str]) -> None:
 
 def all_cases(
     scenarios: Sequence[str],
+    laws: Sequence[Law],
     sensors: Sequence[str],
     estimators: Sequence[str],
     mismatches: Sequence[str],
@@ -82,13 +76,15 @@ def all_cases(
     """Return every combination; the seed runs slowest, so that a study that is stopped early has all kinds of cases.
 
     Raises:
-        InputError: an unknown estimator or mismatch.
+        InputError: an unknown law, estimator or mismatch.
     """
+    check_names("law", laws, LAWS)
     check_names("estimator", estimators, ESTIMATORS)
     check_names("mismatch", mismatches, MISMATCHES)
-    product = itertools.product(seeds, scenarios, mismatches, sensors, estimators)
     return [
-        Case(scenario, sensor, estimator, mismatch, seed) for seed, scenario, mismatch, sensor, estimator in product
+        Case(scenario, law, sensor, estimator, mismatch, seed)
+        for seed, scenario, mismatch, sensor, law in itertools.product(seeds, scenarios, mismatches, sensors, laws)
+        for estimator in ((NO_ESTIMATOR,) if law in CLASSICAL else estimators)
     ]
 
 
@@ -100,6 +96,7 @@ class Asked:
     """
 
     scenarios: tuple[str, ...]
+    laws: tuple[Law, ...]
     sensors: tuple[str, ...]
     estimators: tuple[str, ...]
     mismatches: tuple[str, ...]
@@ -110,22 +107,22 @@ class Asked:
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> Self:
         """Return what was asked from its fields as JSON has them."""
-        scenarios, sensors, estimators, mismatches = (
-            tuple(values[name]) for name in ("scenarios", "sensors", "estimators", "mismatches")
+        scenarios, laws, sensors, estimators, mismatches = (
+            tuple(values[name]) for name in ("scenarios", "laws", "sensors", "estimators", "mismatches")
         )
         first, shards = values["shard"]
         seeds, first_seed = int(values["seeds"]), int(values["first_seed"])
-        return cls(scenarios, sensors, estimators, mismatches, seeds, (int(first), int(shards)), first_seed)
+        return cls(scenarios, laws, sensors, estimators, mismatches, seeds, (int(first), int(shards)), first_seed)
 
     def cases(self) -> list[Case]:
         """Return the cases in their order.
 
         Raises:
-            InputError: an unknown estimator or mismatch.
+            InputError: an unknown law, estimator or mismatch.
         """
         first, shards = self.shard
         seeds = range(self.first_seed, self.first_seed + self.seeds)
-        whole = all_cases(self.scenarios, self.sensors, self.estimators, self.mismatches, seeds)
+        whole = all_cases(self.scenarios, self.laws, self.sensors, self.estimators, self.mismatches, seeds)
         return whole[first - 1 :: shards]
 
 
@@ -134,14 +131,17 @@ def mismatch_assignments(name: str, known: Scenario) -> list[str]:
     if name == NO_MISMATCH:
         return []
     what, factor = name[:-1], 1.0 + SHARE * (1.0 if name[-1] == "+" else -1.0)
-    bridge = known.bridge
+    bridge = known.first
     if what == "mass":
         return [f"bridge.object.mass={bridge.object.mass * factor}"]
     if what == "inertia":
         return [f"bridge.object.inertia={[value * factor for value in bridge.object.inertia]}"]
     if what == "com":
-        own = [value * factor for value in bridge.contacts.position[:3]]
-        return [f"bridge.contacts.position={own + list(bridge.contacts.position[3:])}"]
+        return [
+            f"{name}.bridge.contacts.position={own}" if name else f"bridge.contacts.position={own}"
+            for name, params in known.bridges.items()
+            for own in [[value * factor for value in params.contacts.position[:3]]]
+        ]
     if what == "friction":
         friction = bridge.friction
         return [f"bridge.friction.mu_s={friction.mu_s * factor}", f"bridge.friction.mu_k={friction.mu_k * factor}"]

@@ -17,7 +17,6 @@ from slip_vic.study.path_load import PathLoad, path_load
 from slip_vic.study.run_case import run_scenario
 from slip_vic_controller.law.bounds import GainReport
 from slip_vic_controller.law.gains import gain_report
-from slip_vic_controller.params import ControllerParams
 
 
 class Corner(NamedTuple):
@@ -62,7 +61,7 @@ class Question:
 
     def gains(self) -> GainReport:
         """Return the verdict on the gains, without refusing them."""
-        return gain_report(self.load().controller, refuse=False)
+        return gain_report(next(iter(self.load().controllers.values())), refuse=False)
 
     def path(self) -> PathLoad:
         """Return what the path takes of the friction."""
@@ -82,8 +81,9 @@ class Question:
                 return
 
 
-def gain_table(params: ControllerParams, report: GainReport, sensor: str) -> Table:
+def gain_table(scenario: Scenario, report: GainReport, sensor: str) -> Table:
     """Return the conditions on the gains, each with its reason."""
+    params = next(iter(scenario.controllers.values()))  # the law is the same in all arms
     title = f"k_s asked {report.asked:g}, used {report.used:.6g} 1/s ({params.gains.k_s_mode}, {params.slip_estimator}"
     table = Table(title=f"{title}{', ' + sensor if sensor else ''})")
     for name in ("condition", "value", "limit", "margin", "verdict", "reason"):

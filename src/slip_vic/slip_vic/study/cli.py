@@ -17,6 +17,7 @@ from slip_vic.options import (
     DRIVE,
     ESTIMATOR,
     LAW,
+    LAWS_OPTION,
     PARAMS,
     SCENARIO,
     SCENARIOS,
@@ -54,7 +55,8 @@ def workers(command: click.decorators.FC) -> click.decorators.FC:
 @click.command()
 @SCENARIOS
 @SENSORS
-@click.option("--estimators", default="classical,observer,governed", show_default=True)
+@LAWS_OPTION
+@click.option("--estimator", "estimators", default="observer", show_default=True, help="measured, observer, or both")
 @click.option("--mismatch", "mismatches", default="none", show_default=True, help="names, comma separated, or all")
 @click.option("--seeds", type=click.IntRange(1), default=5, show_default=True, help="how many seeds, from 0")
 @out_option("study", "folder")
@@ -73,6 +75,7 @@ def study(
     *,
     scenarios: tuple[str, ...],
     sensors: tuple[str, ...],
+    laws: tuple[Law, ...],
     estimators: str,
     mismatches: str,
     seeds: int,
@@ -88,12 +91,12 @@ def study(
     seed: int,
     allow_fault: bool,
 ) -> None:
-    """Run scenario x sensor x estimator x mismatch over seeds: study.csv, study.png; goes on where it stopped.
+    """Run scenario x law x sensor x mismatch over seeds: study.csv, study.png; goes on where it stopped.
 
     Says every case that did not end well in a line, and ends with exit code 1 where there is one.
     """
     if drawn:
-        _lottery(drawn, seed, out, jobs)
+        _lottery(drawn, seed, scenarios, laws, assignments, out, jobs)
         return
     from slip_vic.presets import preset_names
     from slip_vic.scenarios import scenario_names
@@ -108,7 +111,7 @@ def study(
         return
     wrong = MISMATCHES if mismatches == "all" else names(mismatches)
     wanted = sensors or tuple(preset_names("sensors"))
-    asked = Asked(scenarios or tuple(scenario_names(1)), wanted, names(estimators), wrong, seeds, shard)
+    asked = Asked(scenarios or tuple(scenario_names(1)), laws, wanted, names(estimators), wrong, seeds, shard)
     given = (*urdf_assignment(urdf), *assignments)
     given = (*drive_assignments(drive, asked.scenarios[0], given), *given)
     done = run_study([asked], given, out, engine, jobs)
@@ -126,7 +129,10 @@ def merge(folders: tuple[Path, ...], out: Path) -> None:
     click.echo(merge_studies(folders, out))
 
 
-def _lottery(cases: int, seed: int, out: Path, jobs: int) -> None:
+def _lottery(
+    cases: int, seed: int, scenarios: tuple[str, ...], laws: tuple[Law, ...], assignments: tuple[str, ...], out: Path,
+    jobs: int,
+) -> None:  # fmt: skip
     """Draw cases, run each with every law, and say how the laws compare."""
     from rich.console import Console
     from rich.progress import Progress
@@ -138,7 +144,7 @@ def _lottery(cases: int, seed: int, out: Path, jobs: int) -> None:
     console = Console(stderr=True)
     with Progress(console=console, disable=not console.is_terminal) as progress:
         task = progress.add_task("lottery", total=cases)
-        for result in lottery(cases, seed, jobs):
+        for result in lottery(cases, seed, jobs, scenarios, laws, assignments):
             results.append(result)
             progress.update(task, completed=result[0].number + 1)
     write_lottery(out / "lottery.csv", results)
@@ -184,7 +190,7 @@ def check(
     loaded, report = asked.load(), asked.gains()
     loaded.check_arm()
     console = Console(width=150)
-    console.print(gain_table(loaded.controller, report, sensor))
+    console.print(gain_table(loaded, report, sensor))
     if not report.hold:
         raise click.exceptions.Exit(2)
     loaded.check()
@@ -206,9 +212,8 @@ def check(
 @click.command()
 @SCENARIO
 @SENSOR
-@click.option(
-    "--estimator", type=click.Choice(["measured", "observer", "governed"]), default="observer", show_default=True
-)
+@click.option("--law", type=click.Choice(["vic", "governed"]), default="vic", show_default=True, help="control law")
+@click.option("--estimator", type=click.Choice(["measured", "observer"]), default="observer", show_default=True)
 @click.option("--mismatch", "mismatches", default="none,mass+,mass-,friction+,friction-", show_default=True)
 @click.option("--seeds", type=click.IntRange(1), default=2, show_default=True, help="seeds that the search sees")
 @click.option(
@@ -229,7 +234,8 @@ def tune(
     *,
     scenario: str,
     sensor: str,
-    estimator: str,
+    law: Law,
+    estimator: Estimator,
     mismatches: str,
     seeds: int,
     unseen: int,
@@ -250,5 +256,5 @@ def tune(
 
     wrong = MISMATCHES if mismatches == "all" else names(mismatches)
     bounds = Bounds(effort_rate, later)
-    wanted = Wanted(scenario, sensor, estimator, wrong, seeds, unseen, bounds, trials, batch, seed, assignments)
+    wanted = Wanted(scenario, law, sensor, estimator, wrong, seeds, unseen, bounds, trials, batch, seed, assignments)
     click.echo(run_tune(wanted, out, engine, jobs, shlex.join(["slip-vic", *sys.argv[1:]])))

@@ -46,8 +46,9 @@ def gather(scenarios: Iterable[str], sensors: Iterable[str], assignments: Sequen
     """
     scenarios = list(scenarios)
     files = {
-        load_scenario(name, assignments=assignments).bridge.robot_description_file
+        params.robot_description_file
         for name in scenarios
+        for params in load_scenario(name, assignments=assignments).bridges.values()
     }  # fmt: skip
     texts = Texts(
         scenarios={name: read_scenario(name)[0] for name in scenarios},

@@ -7,15 +7,12 @@ trouble of the wrench sensor. A configuration is a list of assignments, so laws 
 from __future__ import annotations
 
 import csv
-import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
-from multiprocessing import get_context
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from rich.table import Table
@@ -27,6 +24,7 @@ from slip_vic.run.judge import Outcome, judge
 from slip_vic.run.track import Track
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import Estimator, Law, Scenario, load_scenario
+from slip_vic.study.engines import Died, open_engine
 
 SPREAD = 0.3
 """Largest relative error of what the controller is told: mass, inertia, friction, centre of mass."""
@@ -70,7 +68,7 @@ class Ticket:
             law=law.law,
             sensor=self.sensor,
             seed=self.seed,
-            estimator=law.estimator,
+            estimator=law.estimator if self.sensor else None,
             assignments=(*self.world, *law.assignments),
         )
 
@@ -89,6 +87,12 @@ CLASSICAL = Entry("classical", "classical", None)
 OBSERVER = Entry("law + observer")
 GOVERNED = Entry("governed + observer", "governed")
 LAWS = (CLASSICAL, OBSERVER, GOVERNED)
+OF_LAW = {"classical": CLASSICAL, "vic": OBSERVER, "governed": GOVERNED}
+BASE_RAD, BASE_M, LATE_S = 0.3 * np.pi / 180.0, 0.002, 0.01
+WEAKEST, MASS = 0.87, 0.1
+FASTEST_S, SLOWEST_S = 1.2, 2.0
+"""Of several arms: error of the last base, lateness of its reference, its friction over that of the first, error of the
+mass, time of the motion."""
 
 
 class Drawn(NamedTuple):
@@ -111,8 +115,40 @@ REFUSED = Drawn("refused", "", math.nan, math.nan, math.nan, math.nan, math.nan)
 
 def draw(number: int, seed: int) -> Ticket:
     """Return case `number` of the lottery with this seed: the same one whatever else is drawn."""
-    rng = np.random.default_rng((seed, number))
-    scenario = str(rng.choice(scenario_names(1)))
+    return _draw(number, np.random.default_rng((seed, number)), "")
+
+
+def draw_of(number: int, seed: int, scenarios: Sequence[str]) -> Ticket:
+    """Return case `number` of a lottery among some scenarios; with several arms its world is that of `draw_arms`."""
+    scenario = scenarios[number % len(scenarios)]
+    if len(load_scenario(scenario).controllers) > 1:
+        return draw_arms(number, seed, scenario)
+    return _draw(number, np.random.default_rng((seed, number)), scenario)
+
+
+def draw_arms(number: int, seed: int, scenario: str) -> Ticket:
+    """Return a world of several arms that their controllers do not know: its numbers depend on number and seed alone.
+
+    Base of the last arm within 0.3 deg about every axis and 2 mm, its reference up to 10 ms late, friction of its pad
+    0.87 to 1 of the others', mass within 10 %, motion in 1.2 to 2 s.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
+    turn, shift = rng.uniform(-BASE_RAD, BASE_RAD, 3), rng.uniform(-BASE_M, BASE_M, 3)
+    late, weak, mass = rng.uniform(0.0, LATE_S), rng.uniform(WEAKEST, 1.0), rng.uniform(1.0 - MASS, 1.0 + MASS)
+    world = (
+        f"mismatch.base_rotation={turn.tolist()}",
+        f"mismatch.base_position={shift.tolist()}",
+        f"mismatch.late_s={late}",
+        f"mismatch.friction={weak}",
+        f"mismatch.mass={mass}",
+        f"controller.trajectory.duration_s={rng.uniform(FASTEST_S, SLOWEST_S)}",
+    )
+    wrong = {"mass": mass - 1.0, "friction": weak - 1.0}
+    return Ticket(number, scenario, "scenario", "", 0, world, wrong, "none", True)
+
+
+def _draw(number: int, rng: np.random.Generator, wanted: str) -> Ticket:
+    scenario = wanted or str(rng.choice(scenario_names(1)))
     sensor, kind = str(rng.choice(preset_names("sensors"))), str(rng.choice(KINDS))
     known = load_scenario(scenario, sensor=sensor)
     wrong = {
@@ -206,23 +242,59 @@ def play(ticket: Ticket, law: Entry) -> Drawn:
 
 
 def _play(scenario: Scenario) -> Drawn:
-    verdict = judge(run_in_process(scenario), Track(tuple(scenario.controllers), whole=False))
+    verdict = judge(run_in_process(scenario), Track(scenario, whole=False))
     kept = verdict.outcome not in ("lost", "fault")
     numbers = ("slip_linear_m", "slip_angular_rad", "slip_speed_peak_m_s", "error_peak_m", "arrival_s")
     return Drawn("ok" if kept else verdict.outcome, "" if kept else verdict.reason, *map(verdict.worst, numbers))
 
 
-def lottery(cases: int, seed: int, jobs: int) -> Iterator[tuple[Ticket, dict[str, Drawn]]]:
-    """Yield every feasible case of a lottery with what each law makes of it, in their order; `cases` are drawn."""
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        for ticket, results in pool.map(_drawn_and_played, range(cases), itertools.repeat(seed)):
-            if results:
-                yield ticket, results
+def lottery(
+    cases: int,
+    seed: int,
+    jobs: int,
+    scenarios: Sequence[str] = (),
+    laws: Sequence[str] = tuple(OF_LAW),
+    assignments: Sequence[str] = (),
+) -> Iterator[tuple[Ticket, dict[str, Drawn]]]:
+    """Yield every feasible case of a lottery with what each law makes of it, in their order; `cases` are drawn.
+
+    Args:
+        cases: how many are drawn.
+        seed: of the lottery.
+        jobs: worker processes.
+        scenarios: which take turns; none: one with one arm is drawn.
+        laws: which take part.
+        assignments: overrides of every case.
+    """
+    shared = _Shared(seed, tuple(scenarios), tuple(laws), tuple(assignments))
+    with open_engine("pool", jobs) as engine:
+        waiting: dict[int, tuple[Ticket, dict[str, Drawn]]] = {}
+        wanted = 0
+        for number, result in engine.run(_drawn_and_played, shared, range(cases)):
+            if isinstance(result, Died):
+                raise SlipVicError(f"case {number} of the lottery: {result.reason}")
+            waiting[number] = result
+            while wanted in waiting:
+                ticket, results = waiting.pop(wanted)
+                wanted += 1
+                if results:
+                    yield ticket, results
 
 
-def _drawn_and_played(number: int, seed: int) -> tuple[Ticket, dict[str, Drawn]]:
-    ticket = draw(number, seed)
-    return ticket, {law.name: play(ticket, law) for law in LAWS} if ticket.feasible else {}
+class _Shared(NamedTuple):
+    """What all cases of a lottery share."""
+
+    seed: int
+    scenarios: tuple[str, ...]
+    laws: tuple[str, ...]
+    assignments: tuple[str, ...]
+
+
+def _drawn_and_played(shared: _Shared, number: int) -> tuple[Ticket, dict[str, Drawn]]:
+    ticket = draw_of(number, shared.seed, shared.scenarios) if shared.scenarios else draw(number, shared.seed)
+    ticket = replace(ticket, world=(*ticket.world, *shared.assignments))
+    entries = [OF_LAW.get(law) or Entry(law, cast(Law, law)) for law in shared.laws]
+    return ticket, {entry.name: play(ticket, entry) for entry in entries} if ticket.feasible else {}
 
 
 class Score(NamedTuple):
@@ -242,7 +314,7 @@ class Score(NamedTuple):
 
 def score(results: Sequence[tuple[Ticket, Mapping[str, Drawn]]], law: str) -> Score:
     """Return the score of a law."""
-    pairs = [(by_law[CLASSICAL.name], by_law[law]) for _, by_law in results]
+    pairs = [(by_law.get(CLASSICAL.name, by_law[law]), by_law[law]) for _, by_law in results]
     ratios = [
         (a.slip / max(b.slip, 1e-9)) if b.outcome == "ok" else 0.0
         for a, b in pairs
@@ -263,12 +335,14 @@ def lottery_table(results: Sequence[tuple[Ticket, Mapping[str, Drawn]]]) -> Tabl
     table = Table(title="lottery: laws against classical control in equal worlds")
     for name in ("scenario", "law", "cases", "lost", "classical lost", "lost alone", "worse", "median ratio"):
         table.add_column(name, justify="left" if name in ("scenario", "law") else "right")
-    for scenario in (*scenario_names(1), "all"):
+    names = dict.fromkeys(ticket.scenario for ticket, _ in results)
+    entries = dict.fromkeys(name for _, by_law in results for name in by_law if name != CLASSICAL.name)
+    for scenario in (*sorted(names), "all"):
         chosen = [result for result in results if scenario in ("all", result[0].scenario)]
-        for law in LAWS[1:] if chosen else ():
-            found = score(chosen, law.name)
+        for law in entries:
+            found = score(chosen, law)
             counts = (found.cases, found.lost, found.classical_lost, found.lost_alone, found.worse)
-            table.add_row(scenario, law.name, *map(str, counts), f"{found.ratio:.3g}")
+            table.add_row(scenario, law, *map(str, counts), f"{found.ratio:.3g}")
     return table
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 from typing import NamedTuple
 
+from slip_sim_bridge.params import BridgeParams
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import Scenario
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
 
 FIRM = 1e4
 """Factor on the grip and on the friction that is told: nothing slips, and nothing is slowed down."""
@@ -37,30 +39,41 @@ class PathLoad(NamedTuple):
 
 
 def path_load(scenario: Scenario) -> PathLoad:
-    """Return what the path as planned asks of the contact; a motion that comes by topic is taken as rest."""
-    known, world = scenario.controller, scenario.bridge
-    told = known.governor.friction_limit
-    governor = known.governor.model_copy(
-        update={"mode": "slow_down", "friction": "known", "friction_limit": FIRM * told}
-    )  # the governor counts the load, and has no reason to do more
-    grip = world.grip.model_copy(update={"force": FIRM * world.grip.force})
-    # friction that fell with speed, times FIRM, would divide every step of the simulation into dozens
-    friction = world.friction.model_copy(update={"mu_k": world.friction.mu_s})
+    """Return what the path as planned asks of the contact, of several arms of the most loaded one.
+
+    A motion that comes by topic is taken as rest.
+    """
     firm = dataclasses.replace(
         scenario,
-        controller=known.model_copy(update={"controller": "classical", "governor": governor}),
-        bridge=world.model_copy(update={"grip": grip, "friction": friction}),
+        controllers={name: _counting(params) for name, params in scenario.controllers.items()},
+        bridges={name: _firm(params) for name, params in scenario.bridges.items()},
     )
-    loop, places = ClosedLoop(firm), list[Place]()
-    path = known.trajectory
+    loop, places = ClosedLoop(firm), [list[Place]() for _ in scenario.controllers]
+    path = next(iter(scenario.controllers.values())).trajectory
     while loop.bridge.elapsed_s < path.start_s + path.duration_s + AFTER_S:
-        outputs = loop.observe()
-        result = loop.control(outputs)
-        x, y, z = result.arm.position.tolist()
-        governed = result.record.governor
-        places.append(Place(float(governed.load_commanded), float(governed.path_s), (x, y, z)))
-        loop.bridge.advance([result.command])
-    planned = loop.session.task.governor
-    heaviest_s = float(planned.heaviest_time)
-    there = min(places, key=lambda place: abs(place.time_s - heaviest_s))
-    return PathLoad(told, max(places), Place(float(planned.weight_load), heaviest_s, there.position))
+        results = loop.answer(loop.observe())
+        for visited, result in zip(places, results, strict=True):
+            x, y, z = result.arm.position.tolist()
+            governed = result.record.governor
+            visited.append(Place(float(governed.load_commanded), float(governed.path_s), (x, y, z)))
+        loop.bridge.advance([result.command for result in results])
+    planned, params = loop.session.task.governor, next(iter(scenario.controllers.values()))
+    heaviest_s, weight = float(planned.heaviest_time), float(planned.weight_load)
+    visited = max(places, key=max)
+    there = min(visited, key=lambda place: abs(place.time_s - heaviest_s))
+    return PathLoad(params.governor.friction_limit, max(visited), Place(weight, heaviest_s, there.position))
+
+
+def _counting(params: ControllerNodeParams) -> ControllerNodeParams:
+    """Return parameters with which the governor counts the load, and has no reason to do more."""
+    limit = FIRM * params.governor.friction_limit
+    governor = params.governor.model_copy(update={"mode": "slow_down", "friction": "known", "friction_limit": limit})
+    return params.model_copy(update={"controller": "classical", "governor": governor})
+
+
+def _firm(params: BridgeParams) -> BridgeParams:
+    """Return the world with pads that cannot slip."""
+    grip = params.grip.model_copy(update={"force": FIRM * params.grip.force})
+    # friction that fell with speed, times FIRM, would divide every step of the simulation into dozens
+    friction = params.friction.model_copy(update={"mu_k": params.friction.mu_s})
+    return params.model_copy(update={"grip": grip, "friction": friction})

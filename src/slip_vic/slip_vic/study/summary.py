@@ -15,12 +15,16 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from slip_vic.study.cases import ESTIMATORS, NO_MISMATCH
+from slip_vic.scenarios.scenario import LAWS
+from slip_vic.study.cases import ESTIMATORS, NO_ESTIMATOR, NO_MISMATCH
 from slip_vic.study.table import Row
 
 CONFIDENCE = 0.95
 RESAMPLES = 2000
-COLOURS = {"classical": "#c44e52", "measured": "#dd8452", "observer": "#1f6fb2", "governed": "#55a868"}
+COLOURS = {
+    "classical": "#c44e52", "vic measured": "#dd8452", "vic observer": "#1f6fb2", "governed observer": "#55a868"
+}  # fmt: skip
+OTHERS = ("#8172b3", "#937860", "#da8bc3", "#8c8c8c", "#ccb974", "#64b5cd")
 SHOWN = (
     ("slip_linear_m", 1e3, "slip displacement [mm]"),
     ("tracking_rms_m", 1e3, "tracking error, rms [mm]"),
@@ -54,15 +58,15 @@ def numbers(rows: Sequence[Row], metric: str) -> list[float]:
 
 
 def summary_table(rows: Sequence[Row]) -> Table:
-    """Return medians [95 % interval] and worst cases per scenario, mismatch, sensor and estimator."""
+    """Return medians [95 % interval] and worst cases per scenario, mismatch, sensor, law and estimator."""
     table = Table(title="median [95 % interval], worst")
-    for name in ("scenario", "mismatch", "sensor", "estimator", "runs", "not ok"):
+    for name in ("scenario", "mismatch", "sensor", "law", "estimator", "runs", "not ok"):
         table.add_column(name)
     for _, _, label in SHOWN:
         table.add_column(escape(label), justify="right")
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
-        groups.setdefault(tuple(row[k] for k in ("scenario", "mismatch", "sensor", "estimator")), []).append(row)
+        groups.setdefault(tuple(row[k] for k in ("scenario", "mismatch", "sensor", "law", "estimator")), []).append(row)
     for key, members in groups.items():
         bad = sum(row["outcome"] != "ok" for row in members)
         cells = []
@@ -74,34 +78,33 @@ def summary_table(rows: Sequence[Row]) -> Table:
 
 
 def write_picture(path: Path, rows: Sequence[Row]) -> None:
-    """Write slip, tracking and attitude per sensor and estimator: bars are medians, lines intervals, dots worst."""
+    """Write slip, tracking and attitude per sensor and law: bars are medians, lines intervals, dots worst."""
     sides = [("no mismatch", [row for row in rows if row["mismatch"] == NO_MISMATCH])]
     wrong = [row for row in rows if row["mismatch"] != NO_MISMATCH]
     if wrong:
         sides.append(("every mismatch", wrong))
     sensors = list(dict.fromkeys(row["sensor"] for row in rows))
-    estimators = [name for name in ESTIMATORS if any(row["estimator"] == name for row in rows)]
+    there = {label_of(row) for row in rows}
+    labels = [label for label in ORDER if label in there]
     figure, axes = plt.subplots(
         len(SHOWN), len(sides), figsize=(4.0 + 1.4 * len(sensors) * len(sides), 11.0), squeeze=False,
         constrained_layout=True,
     )  # fmt: skip
     for column, (title, members) in enumerate(sides):
-        for line, (metric, scale, label) in enumerate(SHOWN):
+        for line, (metric, scale, title_of) in enumerate(SHOWN):
             axis = axes[line, column]
-            for k, estimator in enumerate(estimators):
+            for k, label in enumerate(labels):
                 spreads = [
-                    spread([scale * v for v in numbers(_of(members, sensor, estimator), metric)]) for sensor in sensors
+                    spread([scale * v for v in numbers(_of(members, sensor, label), metric)]) for sensor in sensors
                 ]
-                x = np.arange(len(sensors)) + 0.8 * (k - 0.5 * (len(estimators) - 1)) / len(estimators)
+                x = np.arange(len(sensors)) + 0.8 * (k - 0.5 * (len(labels) - 1)) / len(labels)
                 median = np.array([s.median for s in spreads])
                 reach = np.array([[s.median - s.low for s in spreads], [s.high - s.median for s in spreads]])
-                colour = COLOURS[estimator]
-                axis.bar(
-                    x, median, 0.75 / len(estimators), yerr=np.abs(reach), color=colour, label=estimator, capsize=3
-                )
+                colour = COLOURS.get(label) or OTHERS[k % len(OTHERS)]
+                axis.bar(x, median, 0.75 / len(labels), yerr=np.abs(reach), color=colour, label=label, capsize=3)
                 axis.plot(x, [s.worst for s in spreads], ".", color="black", markersize=5)
             axis.set_yscale("symlog", linthresh=0.1)
-            axis.set_ylabel(label)
+            axis.set_ylabel(title_of)
             axis.set_xticks(range(len(sensors)), sensors, rotation=15)
             axis.grid(axis="y", alpha=0.3)
         axes[0, column].set_title(f"{title} (dots: worst case)")
@@ -110,5 +113,17 @@ def write_picture(path: Path, rows: Sequence[Row]) -> None:
     plt.close(figure)
 
 
-def _of(rows: Sequence[Row], sensor: str, estimator: str) -> list[Row]:
-    return [row for row in rows if row["sensor"] == sensor and row["estimator"] == estimator]
+def label_of(row: Row) -> str:
+    """Return what a row is drawn as: its law, and the estimator where it has one."""
+    return row["law"] if row["estimator"] == NO_ESTIMATOR else f"{row['law']} {row['estimator']}"
+
+
+ORDER = [
+    law if estimator == NO_ESTIMATOR else f"{law} {estimator}"
+    for law in LAWS
+    for estimator in (NO_ESTIMATOR, *ESTIMATORS)
+]
+
+
+def _of(rows: Sequence[Row], sensor: str, label: str) -> list[Row]:
+    return [row for row in rows if row["sensor"] == sensor and label_of(row) == label]

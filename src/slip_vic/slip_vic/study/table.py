@@ -20,7 +20,7 @@ from slip_vic.study.cases import Asked
 from slip_vic.study.contents import Contents, difference
 from slip_vic.study.run_case import METRICS, CaseResult
 
-KEY = ("scenario", "controller", "sensor", "estimator", "mismatch", "seed")
+KEY = ("scenario", "law", "sensor", "estimator", "mismatch", "seed")
 COLUMNS = (*KEY, "outcome", *METRICS, "reason")
 Row = dict[str, str]
 Key = tuple[str, ...]

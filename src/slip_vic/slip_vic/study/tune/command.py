@@ -10,8 +10,8 @@ from rich.console import Console
 
 from slip_core.errors import InputError, SlipVicError
 from slip_vic.run.prepare import prepare
-from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
-from slip_vic.study.cases import SLIP_FROM, Asked
+from slip_vic.scenarios.scenario import NODES, Estimator, Law, Scenario, ros_parameter_file
+from slip_vic.study.cases import Asked
 from slip_vic.study.check import Question, gain_table
 from slip_vic.study.contents import gather
 from slip_vic.study.engines import EngineName, open_engine
@@ -29,8 +29,9 @@ class Wanted:
     """
 
     scenario: str
+    law: Law
     sensor: str
-    estimator: str
+    estimator: Estimator
     mismatches: tuple[str, ...]
     seeds: int
     unseen: int
@@ -48,14 +49,17 @@ def run_tune(wanted: Wanted, out: Path, engine: EngineName, jobs: int, command: 
         InputError: an unknown name, a bad override, a folder that holds another search; runs that are too short.
         SlipVicError: the parameters that were found are refused by `check`.
     """
-    asked = Asked((wanted.scenario,), (wanted.sensor,), (wanted.estimator,), wanted.mismatches, wanted.seeds)
+    names = (wanted.scenario,), (wanted.law,), (wanted.sensor,), (wanted.estimator,)
+    asked = Asked(*names, wanted.mismatches, wanted.seeds)
     unseen = replace(asked, first_seed=wanted.seeds, seeds=wanted.unseen)
     contents = gather([wanted.scenario], [wanted.sensor], wanted.overrides)
     case = asked.cases()[0]
     prepare()
     loaded = case.load(contents.assignments, contents.texts)
     loaded.check()
-    search = Search(asked, tuple(search_space(loaded, wanted.estimator)), wanted.bounds, wanted.seed, wanted.batch)
+    search = Search(
+        asked, tuple(search_space(loaded, wanted.law, wanted.estimator)), wanted.bounds, wanted.seed, wanted.batch
+    )
     runs = len(asked.cases())
     total = runs * wanted.trials + 2 * len(unseen.cases())
     with progress("tune", total, 0, Console(stderr=True)) as report, open_engine(engine, jobs) as workers:
@@ -70,13 +74,13 @@ def run_tune(wanted: Wanted, out: Path, engine: EngineName, jobs: int, command: 
     found = Found(trials, best, *rows.values())
     tuned = case.load((*contents.assignments, *assignments(best.values)), contents.texts)
     (out / "controller.yaml").write_text(_parameter_file(tuned), encoding="utf-8")
-    title = f"{wanted.scenario}, {wanted.sensor}, {wanted.estimator}: gains"
+    title = f"{wanted.scenario}, {wanted.law}, {wanted.sensor}, {wanted.estimator}: gains"
     (out / "tune.html").write_text(page(search, found, title, command), encoding="utf-8")
-    question = Question(wanted.scenario, "vic", wanted.sensor, SLIP_FROM[wanted.estimator], out / "controller.yaml")
+    question = Question(wanted.scenario, wanted.law, wanted.sensor, wanted.estimator, out / "controller.yaml")
     verdict = question.gains()
     question.load().check_arm()
     if not verdict.hold:
-        Console(width=150).print(gain_table(question.load().controller, verdict, wanted.sensor))
+        Console(width=150).print(gain_table(question.load(), verdict, wanted.sensor))
         raise SlipVicError(f"{out / 'controller.yaml'}: check refuses what was found")
     return (
         f"trial {best.number} of {len(trials)}: worst slip {trials[0].cost:.3g} -> {best.cost:.3g} mm, on unseen seeds "

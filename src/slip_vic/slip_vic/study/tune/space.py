@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from slip_core.params import flatten
 from slip_vic.scenarios.scenario import Scenario
-from slip_vic.study.cases import GOVERNED, MEASURED
 from slip_vic.study.table import Row
 from slip_vic_controller.law.gains import gain_report
 
@@ -40,14 +39,15 @@ class Range(NamedTuple):
     default: float
 
 
-def search_space(scenario: Scenario, estimator: str) -> list[Range]:
+def search_space(scenario: Scenario, law: str, estimator: str) -> list[Range]:
     """Return what is searched around the parameters of a scenario."""
-    values = flatten(scenario.controller)
-    allowed = gain_report(scenario.controller, refuse=False).used
+    params = next(iter(scenario.controllers.values()))  # what is searched is the same for all arms
+    values = flatten(params)
+    allowed = gain_report(params, refuse=False).used
     space = [Range("gains.k_s", allowed / K_S_RANGE, allowed, True, min(values["gains.k_s"], allowed))]
-    around = (*GAMMAS, *(() if estimator == MEASURED else NOISES))
+    around = (*GAMMAS, *(() if estimator == "measured" else NOISES))
     space += [Range(n, values[n] / DECADE, values[n] * DECADE, True, values[n]) for n in around if values[n] > 0.0]
-    if estimator == GOVERNED:
+    if law == "governed":
         space.append(Range("governor.margin", *MARGIN, False, values["governor.margin"]))
     return space
 
