@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import sys
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from slip_bags.cli import bag, run_command
+from slip_core.errors import InputError
 from slip_vic import __version__
 from slip_vic.exit_code import ALLOW_FAULT, end_with
 from slip_vic.options import (
     ASSIGNMENTS,
     DRIVE,
     ESTIMATOR,
+    IN_PROCESS,
     LAW,
     PARAMS,
     SCENARIO,
@@ -33,6 +37,7 @@ from slip_vic.setup.cli import identify
 from slip_vic.study.cli import check, merge, study, tune
 
 if TYPE_CHECKING:
+    from slip_vic.run.judge import Verdict
     from slip_vic.scenarios.scenario import Estimator, Law, Mode
 
 
@@ -61,6 +66,8 @@ def cli() -> None:
 @click.option("--lock-memory", is_flag=True, help="keep their memory in RAM, where permitted")
 @click.option("--awake/--no-awake", default=True, help="keep the cores from sleeping; default: yes")
 @click.option("--one-process", is_flag=True, help="bridge and controller in one process; topics stay real")
+@IN_PROCESS
+@click.option("--page", type=click.Path(path_type=Path), help="write the page of the run")
 @ALLOW_FAULT
 def run(
     *,
@@ -82,9 +89,13 @@ def run(
     lock_memory: bool,
     awake: bool,
     one_process: bool,
+    in_process: bool,
+    page: Path | None,
     allow_fault: bool,
 ) -> None:
     """Run one scenario: bridge, controller and, with --record, recorder as processes on DDS.
+
+    Ends with slip, final error, arrival and changes of mode: with --record, or --in-process, which needs no ROS.
 
     Exit code 1 where the controller gave up, the object was lost, the path could not be followed or the arm saturated.
     """
@@ -105,6 +116,21 @@ def run(
 
     from rich.console import Console
 
+    if in_process:
+        if mode == "realtime" or record is not None:
+            given = "--record" if record is not None else "--mode realtime"
+            raise InputError("--in-process", got=given, expected="lockstep without DDS: there is nothing to record")
+        with Console(stderr=True).status(f"{loaded.name} {law}"):
+            done = loaded.run()
+        for line in summary_lines(done.verdict, done.modes):
+            click.echo(line)
+        if page is not None:
+            click.echo(f"page: {done.page(page)}")
+        end_with([] if done.outcome == "ok" else [done.reason], allow_fault)
+        return
+    if page is not None and record is None:
+        raise InputError("--page", got="no --record", expected="a bag to draw", fix="--record BAG, or --in-process")
+
     from slip_msgs_py.realtime import ProcessOptions, parse_cores
     from slip_vic.run.launcher import Launcher
     from slip_vic.run.progress import run_progress
@@ -114,7 +140,10 @@ def run(
         loaded, bag=record, wanted_domain=domain_id, namespace=namespace, process=process, one_process=one_process
     )
     with run_progress(Console(stderr=True)) as progress:
-        result = launcher.run(progress.add_run(f"{loaded.name} {law}", loaded.duration_s))
+        result = launcher.run(
+            progress.add_run(f"{loaded.name} {law}", loaded.duration_s),
+            lambda domain: click.echo(f"ROS domain {domain}; slip-vic watch shows the run", err=True),
+        )
     click.echo(
         f"{result.ticks} ticks, {result.sim_time_s:.3f} s simulated in {result.wall_time_s:.2f} s "
         f"({result.real_time_factor:.2f} x real time)"
@@ -130,8 +159,36 @@ def run(
     for line in result.warnings:
         click.echo(f"warning: {line}", err=True)
     if result.bag is not None:
+        from slip_vic.run.judge import judge_bag, modes_of_bag
+
+        for line in summary_lines(judge_bag(result.bag, loaded, result.incidents), modes_of_bag(result.bag, loaded)):
+            click.echo(line)
         click.echo(f"bag: {result.bag} ({result.messages} messages, {result.lost} lost)")
+        if page is not None:
+            from slip_vic.page.page import write_page
+
+            write_page(page, {law: result.bag}, command="slip-vic run", title=loaded.name)
+        click.echo(f"page: {page}" if page else f"page: slip-vic report {result.bag} -o report.html")
+    else:
+        click.echo("slip, error and arrival: with --record BAG, or --in-process")
     end_with(map(str, result.incidents), allow_fault)
+
+
+def summary_lines(verdict: Verdict, modes: Mapping[str, Sequence[tuple[float, str]]]) -> Iterator[str]:
+    """Yield what is said of a run at its end: a line for each arm, and one for each change of its mode."""
+    for name, numbers in verdict.arms.items():
+        arrival = numbers["arrival_s"]
+        error = 1e3 * math.hypot(*numbers["final_error"][:3])
+        yield (
+            f"{name + ': ' if name else ''}slip {1e3 * numbers['slip_linear_m']:.2f} mm, "
+            f"{math.degrees(numbers['slip_angular_rad']):.2f} deg; final error {error:.3f} mm; "
+            + ("does not arrive" if math.isnan(arrival) else f"arrives after {arrival:.2f} s")
+        )
+        changes = modes.get(name, ())
+        if [text for _, text in changes] not in ([], ["ACTIVE"]):
+            yield f"{name + ': ' if name else ''}modes: " + ", ".join(f"{text} from {at:.2f} s" for at, text in changes)
+    if "internal_peak_n" in verdict.together:
+        yield f"internal force at most {verdict.together['internal_peak_n']:.2f} N"
 
 
 @cli.command()
@@ -142,9 +199,12 @@ def run(
 @PARAMS
 @ASSIGNMENTS
 @URDF
+@SENSOR
+@IN_PROCESS
 @click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
 @ALLOW_FAULT
 def demo(
+    *,
     scenario: str,
     out: Path,
     seed: int,
@@ -152,17 +212,26 @@ def demo(
     params: Path | None,
     assignments: tuple[str, ...],
     urdf: Path | None,
+    sensor: str,
+    in_process: bool,
     domain_id: int | None,
     allow_fault: bool,
 ) -> None:
     """Compare classical, variable and governed impedance on one scenario: table, report.html, summary.json, bags."""
+    from slip_vic.scenarios.scenario import load_scenario, read_parameters, urdf_assignment
+
+    load_scenario(scenario, sensor=sensor, drive=drive, assignments=(*urdf_assignment(urdf), *assignments))  # a typo ends here
+
     from rich.console import Console
 
-    from slip_vic.run.demo import run_demo
-    from slip_vic.scenarios.scenario import read_parameters, urdf_assignment
+    from slip_vic.run.demo import run_demo, run_demo_in_process
 
     given = (*urdf_assignment(urdf), *assignments)
-    summary = run_demo(scenario, out, seed, given, domain_id, Console(stderr=True), read_parameters(params), drive)
+    console, common = Console(stderr=True), read_parameters(params)
+    if in_process:
+        summary = run_demo_in_process(scenario, out, seed, given, console, common, sensor, drive)
+    else:
+        summary = run_demo(scenario, out, seed, given, domain_id, console, common, sensor, drive)
     lines = (f"{kind}: {incident}" for kind, run in summary["runs"].items() for incident in run["incidents"])
     end_with(lines, allow_fault)
 

@@ -118,6 +118,9 @@ PACKAGE: Final = click.option(
     help="folder behind package://NAME and $(find NAME) of a URDF or xacro file; repeatable",
 )
 _URDF: Final = click.option("--urdf", type=click.Path(path_type=Path), help="another arm: URDF or xacro file")
+IN_PROCESS: Final = click.option(
+    "--in-process", is_flag=True, help="bridge and controller in this process, without DDS: seconds, and no ROS"
+)
 SEED: Final = click.option(
     "--seed", type=click.IntRange(0), default=0, show_default=True, help="seed of the sensor noise"
 )

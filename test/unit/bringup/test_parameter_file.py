@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from slip_core.params import flatten
-from slip_vic.run.demo import all_kinds
+from slip_vic.run.demo import all_laws
 from slip_vic.scenarios.scenario import load_scenario, read_parameters, ros_parameter_file
 
 MEASURED = """
@@ -35,7 +35,7 @@ def test_what_was_measured_reaches_the_run_and_the_command_has_the_last_word(fil
     told = load_scenario(
         "paper_planar", law="vic", parameters=found, assignments=("controller.slip_sensor.rate_hz=50.0",)
     )
-    assert told.controller.slip_sensor.rate_hz == 50.0
+    assert told.slip_sensor.rate_hz == 50.0
 
 
 def test_it_replaces_what_the_scenario_file_tells_of_the_sensor(file: Path, tmp_path: Path) -> None:
@@ -48,8 +48,8 @@ def test_it_replaces_what_the_scenario_file_tells_of_the_sensor(file: Path, tmp_
 
 def test_the_controllers_of_a_demo_stay_what_they_are(file: Path) -> None:
     governed = {"controller": "vic", "governor.mode": "slow_down", "gains.spin": "bounded"}
-    found = all_kinds("paper_planar", 0, (), read_parameters(file) | governed)
-    plain = all_kinds("paper_planar", 0, (), {})
+    found = all_laws("paper_planar", 0, (), read_parameters(file) | governed)
+    plain = all_laws("paper_planar", 0, (), {})
     for kind, scenario in found.items():
         measured = {"slip_sensor.rate_hz": 30.0, "governor.friction_limit": 0.2}
         assert flatten(scenario.controller) == flatten(plain[kind].controller) | measured, kind

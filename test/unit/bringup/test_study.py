@@ -46,10 +46,11 @@ def test_columns_are_the_promised_ones() -> None:
 
 
 def test_every_combination_once() -> None:
-    cases = all_cases(["paper_planar"], ["ideal", "vision_25"], ["classical", "observer"], ["none", "mass+"], range(3))
-    assert len(cases) == len(set(cases)) == 24
+    laws, sensors = ["classical", "vic"], ["ideal", "vision_25"]
+    cases = all_cases(["paper_planar"], laws, sensors, ["measured", "observer"], ["none", "mass+"], range(3))
+    assert len(cases) == len(set(cases)) == 36  # classical impedance control has no estimator
     with pytest.raises(InputError, match=r"mass\+"):
-        all_cases(["paper_planar"], ["ideal"], ["observer"], ["mass"], range(1))
+        all_cases(["paper_planar"], ["vic"], ["ideal"], ["observer"], ["mass"], range(1))
 
 
 @pytest.mark.parametrize("mismatch", MISMATCHES)

@@ -37,7 +37,7 @@ def report(bags: tuple[Path, ...], out: Path, title: str, video: Path | None) ->
 
 @click.command()
 @click.option("--namespace", default="", help="of the arm; default: every namespace with joint states")
-@click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID")
+@click.option("--domain-id", type=int, help="default ROS_DOMAIN_ID, else that of the newest `slip-vic run`, else 0")
 @click.option(
     "--host", default="127.0.0.1", show_default=True, help="address to listen on; others may watch if it is not local"
 )
@@ -46,11 +46,12 @@ def report(bags: tuple[Path, ...], out: Path, title: str, video: Path | None) ->
 @click.option("--duration", type=click.FloatRange(0.0), default=0.0, help="end after so many seconds")
 def watch(namespace: str, domain_id: int | None, host: str, port: int, rate: float, duration: float) -> None:
     """Show in the browser what runs now: the same picture and plots, from the topics."""
-    import os
     import time
 
-    if domain_id is not None:
-        os.environ["ROS_DOMAIN_ID"] = str(domain_id)
+    from slip_vic.run.launcher import check_ros
+
+    check_ros()
+    click.echo(choose_domain(domain_id), err=True)
     from slip_bags.ros_node import ros_node
     from slip_msgs_py.stop_flag import StopFlag
     from slip_vic.page.audience import Audience
@@ -64,3 +65,20 @@ def watch(namespace: str, domain_id: int | None, host: str, port: int, rate: flo
             run_watch(node, audience, namespace, rate, lambda: stop() or time.monotonic() >= end)
     finally:
         audience.close()
+
+
+def choose_domain(wanted: int | None) -> str:
+    """Set ROS_DOMAIN_ID by the rule of `slip-vic run`, and return what is watched."""
+    import os
+
+    from slip_vic.run.domain import check_domain, domain_from_environment, domains_in_use
+
+    domain, runs = wanted if wanted is not None else domain_from_environment(), domains_in_use()
+    if domain is None and runs:
+        domain = runs[0]
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    os.environ["ROS_DOMAIN_ID"] = str(check_domain(domain or 0))
+    others = [str(one) for one in runs if one != (domain or 0)]
+    here = "a run of slip-vic" if domain in runs else "joint_states and robot_description"
+    more = f"; runs are in domain {', '.join(others)} too (--domain-id)" if others else ""
+    return f"watching ROS domain {domain or 0} for {here}{more}"

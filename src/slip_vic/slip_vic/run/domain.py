@@ -30,7 +30,7 @@ def domain_id(wanted: int | None = None) -> Iterator[int]:
     if wanted is not None:
         yield check_domain(wanted)
         return
-    folder = Path(tempfile.gettempdir()) / f"slip_vic_domains.{os.getuid()}"
+    folder = _folder()
     folder.mkdir(mode=0o700, exist_ok=True)
     if folder.lstat().st_uid != os.geteuid():
         raise ProtocolError(f"{folder} belongs to somebody else; give --domain-id")
@@ -42,9 +42,29 @@ def domain_id(wanted: int | None = None) -> Iterator[int]:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 continue
+            os.utime(lock.fileno())
             yield candidate
             return
     raise ProtocolError(f"all ROS domain ids from {FIRST} to {LAST} are in use by other runs; give --domain-id")
+
+
+def domains_in_use() -> list[int]:
+    """Return the domain ids that runs of this suite on this machine hold, the newest first."""
+    folder = _folder()
+    found = []
+    for path in folder.iterdir() if folder.is_dir() else ():
+        if not path.name.isdigit():
+            continue
+        with contextlib.suppress(OSError), path.open("r+") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                found.append((path.stat().st_mtime, int(path.name)))
+    return [domain for _, domain in sorted(found, reverse=True)]
+
+
+def _folder() -> Path:
+    return Path(tempfile.gettempdir()) / f"slip_vic_domains.{os.getuid()}"
 
 
 def check_domain(wanted: int) -> int:

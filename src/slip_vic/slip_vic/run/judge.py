@@ -11,6 +11,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from slip_bags.reader import Bag
 from slip_core.incidents import Incident
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
@@ -179,3 +180,22 @@ def judge_bag(path: Path, scenario: Scenario, incidents: Iterable[Incident] = ()
     """
     series = [read_series(path, arm) for arm in scenario.controllers]
     return measured(scenario, series, *judge_incidents(incidents))
+
+
+def modes_of_bag(path: Path, scenario: Scenario) -> dict[str, tuple[tuple[float, str], ...]]:
+    """Return the changes of mode of each arm in a bag: from when on [s], mode and reason."""
+    found = {}
+    with Bag(path) as bag:
+        for name in scenario.controllers:
+            end = f"/{name}/controller/mode" if name else "/controller/mode"
+            topic = next((one for one in bag.topics if one.endswith(end)), None)
+            own = f"/{name}/joint_states" if name else "/joint_states"
+            states = bag.series(next(one for one in bag.topics if one.endswith(own)))
+            changes = []
+            for message in bag.messages(topic) if topic else ():
+                place = max(0, int(np.searchsorted(states.log_time_ns, message.log_time_ns, side="right")) - 1)
+                stamps = states.stamp_ns
+                at = 0.0 if stamps is None else 1e-9 * float(stamps[place] - stamps[0])
+                changes.append((at, str(message.value.data)))
+            found[name] = tuple(changes)
+    return found

@@ -111,8 +111,16 @@ class Launcher:
         if bag is not None:
             _check_new_folder(bag)
 
-    def run(self, on_progress: Callable[[float], None] = lambda _: None) -> RunResult:
+    def run(
+        self,
+        on_progress: Callable[[float], None] = lambda _: None,
+        on_domain: Callable[[int], None] = lambda _: None,
+    ) -> RunResult:
         """Run to the end; `on_progress` is called with the simulated time [s], from a reader thread.
+
+        Args:
+            on_progress: see above.
+            on_domain: is called with the ROS domain id, before anything is started.
 
         Raises:
             ProtocolError: the first child that failed, with its exit code and last lines, or a missed deadline.
@@ -126,6 +134,7 @@ class Launcher:
             tempfile.TemporaryDirectory(prefix="slip_vic_") as folder,
             ProcessGroup() as group,
         ):
+            on_domain(domain)
             return self._supervise(group, domain, Path(folder))
 
     def _supervise(self, group: ProcessGroup, domain: int, folder: Path) -> RunResult:

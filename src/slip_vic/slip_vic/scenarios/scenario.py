@@ -507,7 +507,7 @@ def drive_assignments(drive: str, scenario: str, assignments: Iterable[str]) -> 
     if not drive:
         return ()
     before = load_scenario(scenario, assignments=assignments)
-    values: dict[str, dict[str, Any]] = {"controller": {}, "bridge": {"joint_names": before.bridge.joint_names}}
+    values: dict[str, dict[str, Any]] = {"controller": {}, "bridge": {"joint_names": before.first.joint_names}}
     apply_drive(values, load_drive(drive))
     del values["bridge"]["joint_names"]
     return tuple(
