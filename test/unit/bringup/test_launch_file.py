@@ -135,14 +135,14 @@ def test_defaults_and_choices_are_those_of_the_scenario() -> None:
     arguments = {ast.literal_eval(call.args[0]): keywords(call) for call in calls(tree, "DeclareLaunchArgument")}
     defaults = {name: ast.literal_eval(given["default_value"]) for name, given in arguments.items()}
     assert all(ast.literal_eval(given["description"]) for given in arguments.values())
-    for controller in ast.literal_eval(arguments["controller"]["choices"]):
+    for law in ast.literal_eval(arguments["law"]["choices"]):
         for mode in ast.literal_eval(arguments["mode"]["choices"]):
-            load_scenario(defaults["scenario"], law=controller, mode=mode, seed=int(defaults["seed"]))
+            load_scenario(defaults["scenario"], law=law, mode=mode, seed=int(defaults["seed"]))
 
 
 def plan(folder: Path, **changes: object) -> LaunchPlan:
     given = {
-        "scenario": "glass_transport", "controller": "classical", "mode": "lockstep", "seed": 3,
+        "scenario": "glass_transport", "law": "classical", "mode": "lockstep", "seed": 3,
         "assignments": ["object.mass=0.2"], "urdf": "", "namespace": "/left", "bag": str(folder / "bag"),
         "with_bridge": True, **changes,
     }  # fmt: skip

@@ -35,7 +35,7 @@ def test_what_was_measured_reaches_the_run_and_the_command_has_the_last_word(fil
     told = load_scenario(
         "paper_planar", law="vic", parameters=found, assignments=("controller.slip_sensor.rate_hz=50.0",)
     )
-    assert told.slip_sensor.rate_hz == 50.0
+    assert told.controller.slip_sensor.rate_hz == 50.0
 
 
 def test_it_replaces_what_the_scenario_file_tells_of_the_sensor(file: Path, tmp_path: Path) -> None:
