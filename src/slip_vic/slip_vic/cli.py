@@ -220,13 +220,14 @@ def demo(
     """Compare classical, variable and governed impedance on one scenario: table, report.html, summary.json, bags."""
     from slip_vic.scenarios.scenario import load_scenario, read_parameters, urdf_assignment
 
-    load_scenario(scenario, sensor=sensor, drive=drive, assignments=(*urdf_assignment(urdf), *assignments))  # a typo ends here
+    load_scenario(
+        scenario, sensor=sensor, drive=drive, assignments=(*urdf_assignment(urdf), *assignments)
+    )  # a typo ends here
 
     from rich.console import Console
 
     from slip_vic.run.demo import run_demo, run_demo_in_process
 
-    given = (*urdf_assignment(urdf), *assignments)
     console, common = Console(stderr=True), read_parameters(params)
     if in_process:
         summary = run_demo_in_process(scenario, out, seed, given, console, common, sensor, drive)

@@ -159,12 +159,19 @@ def numbers_of(verdict: Verdict) -> dict[str, Any]:
 
 
 def all_laws(
-    scenario: str, seed: int, assignments: tuple[str, ...], parameters: Mapping[str, Any], sensor: str = "", drive: str = ""
+    scenario: str,
+    seed: int,
+    assignments: tuple[str, ...],
+    parameters: Mapping[str, Any],
+    sensor: str = "",
+    drive: str = "",
 ) -> dict[Law, Scenario]:
     """Return the scenario with each law; all get the same `parameters`, without those in which they differ."""
     common = {name: value for name, value in parameters.items() if name not in ("controller", *GOVERNED)}
     return {
-        law: load_scenario(scenario, law=law, seed=seed, sensor=sensor, drive=drive, assignments=assignments, parameters=common)
+        law: load_scenario(
+            scenario, law=law, seed=seed, sensor=sensor, drive=drive, assignments=assignments, parameters=common
+        )
         for law in ORDER
     }
 
