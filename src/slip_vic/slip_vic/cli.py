@@ -142,7 +142,7 @@ def run(
     with run_progress(Console(stderr=True)) as progress:
         result = launcher.run(
             progress.add_run(f"{loaded.name} {law}", loaded.duration_s),
-            lambda domain: click.echo(f"ROS domain {domain}; slip-vic watch shows the run", err=True),
+            lambda domain: click.echo(f"ROS domain {domain}; slip-vic watch shows the run"),
         )
     click.echo(
         f"{result.ticks} ticks, {result.sim_time_s:.3f} s simulated in {result.wall_time_s:.2f} s "
@@ -220,9 +220,8 @@ def demo(
     """Compare classical, variable and governed impedance on one scenario: table, report.html, summary.json, bags."""
     from slip_vic.scenarios.scenario import load_scenario, read_parameters, urdf_assignment
 
-    load_scenario(
-        scenario, sensor=sensor, drive=drive, assignments=(*urdf_assignment(urdf), *assignments)
-    )  # a typo ends here
+    given = (*urdf_assignment(urdf), *assignments)
+    load_scenario(scenario, sensor=sensor, drive=drive, assignments=given)  # a typo ends here
 
     from rich.console import Console
 

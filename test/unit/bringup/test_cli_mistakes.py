@@ -54,10 +54,6 @@ MISTAKES = {
         ["--params", "bridge.yaml"],
         ["bridge.yaml", "/**/slip_sim_bridge", "slip_vic_controller"],
     ),
-    "parameter file for two arms": (
-        ["--scenario", "pane_two_arms_flat", "--params", "gains.yaml"],
-        ["--params", "two arms", "left.controller"],
-    ),
     "bag folder exists": (["--record", "taken"], ["taken", "exists"]),
     "bag folder cannot be written": (["--record", "/proc/bag"], ["/proc"]),
 }

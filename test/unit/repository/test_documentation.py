@@ -111,7 +111,7 @@ def test_every_command_on_every_page_is_understood() -> None:
         ("slip-vic bag inspect out/mine", "No such command 'inspect'"),
         ("./run run --speed 2", "No such option"),
         ("./run demo --seed -1", "x>=0"),
-        ("./run run --controller pid", "'pid' is not one of"),
+        ("./run run --law pid", "'pid' is not one of"),
         ("python test/system/bags/measure.py loud", "knows"),
         ("python test/system/bags/measures.py load", "no file"),
         ("pytest test/bags/test_nothing.py", "no file"),

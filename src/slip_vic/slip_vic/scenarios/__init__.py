@@ -16,7 +16,8 @@ __all__ = ["find_scenario", "scenario_names", "scenario_text"]
 
 _FILES: Final = importlib.resources.files(__name__)
 _SUFFIX: Final = ".yaml"
-_TWO_ARMS: Final = re.compile(r"^right:", re.MULTILINE)
+_ARMS: Final = re.compile(r"^arms:\n((?:[ #].*\n|\n)*)", re.MULTILINE)
+_ARM: Final = re.compile(r"^  \w+:", re.MULTILINE)
 
 
 def scenario_names(arms: int = 0) -> list[str]:
@@ -43,7 +44,8 @@ def scenario_text(name: str) -> str:
 
 def number_of_arms(text: str) -> int:
     """Return how many arms a scenario has, from its text."""
-    return 2 if _TWO_ARMS.search(text) else 1
+    block = _ARMS.search(text)
+    return len(_ARM.findall(block[1])) if block else 1
 
 
 def find_scenario(name_or_path: str) -> Path | None:
