@@ -20,6 +20,7 @@ SAID = {
     "own_friction.py": r"as the scenario has it +\d.*LuGre.*small pad",
     "own_sensor.py": r"ideal +ok.*my_sensor +ok.*vision_25",
     "own_arm.py": r"governed: ok, slip 0\.\d\d mm",
+    "two_arms.py": r"classical +\w+ +slip.*vic +ok +slip.*governed +ok +slip",
     "read_bag.py": r"slips faster than 1 mm/s for [01]\.\d\d of 2\.00 s",
 }
 

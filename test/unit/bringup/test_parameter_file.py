@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from slip_core.errors import InputError
 from slip_core.params import flatten
 from slip_vic.run.demo import all_laws
+from slip_vic.scenarios.parameter_files import check_writable
 from slip_vic.scenarios.scenario import load_scenario, read_parameters, ros_parameter_file
 
 MEASURED = """
@@ -61,3 +63,14 @@ def test_the_file_of_a_whole_controller_gives_that_controller(tmp_path: Path) ->
     path.write_text(ros_parameter_file(scenario.controller, "slip_vic_controller", complete=False))
     again = load_scenario("vertical_plane", law="governed", parameters=read_parameters(path))
     assert again.controller == scenario.controller
+
+
+def test_a_file_that_cannot_be_written_is_found_before_and_one_that_is_there_stays(tmp_path: Path) -> None:
+    there = tmp_path / "there.yaml"
+    there.write_text("kept")
+    check_writable(there)
+    check_writable(tmp_path / "new" / "file.yaml")
+    assert there.read_text() == "kept"
+    assert not (tmp_path / "new" / "file.yaml").exists()
+    with pytest.raises(InputError, match="a file that can be written"):
+        check_writable(Path("/proc/bringup.yaml"))

@@ -134,6 +134,11 @@ def _page(
     )
 
 
+LAWS: Final = {
+    "classical": "impedance control that follows the path and does not use the slip.",
+    "vic": "the paper's law: stiffness fades with slip, and the pad follows the object until the slip is gone.",
+    "governed": "the paper's law below a governor that slows the path before the pad slips.",
+}
 _FACTS: Final = {"scenario": "scenario", "seed": "seed", "git_revision": "revision"}
 
 
@@ -175,8 +180,9 @@ def _table(numbers: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _words(numbers: Mapping[str, Mapping[str, Any]]) -> str:
-    """The table's content in sentences."""
-    sentences = []
+    """What the laws are, and the table's content, in sentences."""
+    shown = dict.fromkeys(word for label in numbers for word in label.split()[:1])
+    sentences = [f"<b>{law}</b>: {LAWS[law]}" for law in shown if law in LAWS]
     for label, rows in ((label, summary_rows([run])) for label, run in numbers.items()):
         text = {row.key: row.texts[0] for row in rows}
         sentences.append(

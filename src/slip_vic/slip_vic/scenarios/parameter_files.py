@@ -44,6 +44,24 @@ def _head(name: str, complete: bool) -> str:
     )
 
 
+def check_writable(file: Path) -> None:
+    """Check that a file can be written; one that is there stays as it is.
+
+    Raises:
+        InputError: it cannot.
+    """
+    there = file.exists()
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with file.open("a", encoding="utf-8"):
+            pass
+        if not there:
+            file.unlink()
+    except OSError as error:
+        got = error.strerror or str(error)
+        raise InputError(f"output {file}", got=got, expected="a file that can be written") from None
+
+
 def write_files(folder: Path, files: dict[str, str]) -> None:
     """Write files below `folder`.
 

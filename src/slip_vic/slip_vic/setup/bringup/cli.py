@@ -7,12 +7,14 @@ from pathlib import Path
 
 import click
 
+from slip_vic.options import out_option
+
 
 @click.command()
 @click.option("--namespace", default="", help="ROS namespace of the controller")
 @click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID")
 @click.option("--simulated", is_flag=True, help="ask nobody: the hand of the simulated arm pushes")
-@click.option("--out", type=click.Path(path_type=Path), default=Path("bringup.yaml"), show_default=True)
+@out_option("bringup.yaml", "parameter file")
 def bringup(namespace: str, domain_id: int | None, simulated: bool, out: Path) -> None:
     """Bring a controller and its drivers up, step by step, from topics and signs to a first governed motion.
 
@@ -23,8 +25,14 @@ def bringup(namespace: str, domain_id: int | None, simulated: bool, out: Path) -
     """
     if domain_id is not None:
         os.environ["ROS_DOMAIN_ID"] = str(domain_id)
-    from slip_bags.ros_node import ros_node
+    from slip_vic.run.launcher import check_ros
     from slip_vic.scenarios.parameter_files import write_files
+
+    check_ros()
+    write_files(
+        out.parent, {out.name: "# slip-vic bringup has not reached its end.\n"}
+    )  # before the walk, not after it
+    from slip_bags.ros_node import ros_node
     from slip_vic.setup.bringup.hands import Hands, Person, simulated_hand
     from slip_vic.setup.bringup.ros_system import RosSystem
     from slip_vic.setup.bringup.walk import Walk
