@@ -273,3 +273,14 @@ def test_an_arm_whose_source_starts_anew_lets_both_begin_their_path_here() -> No
         arm, wanted = result.arm.position, result.record.reference.position
         assert float(np.linalg.norm(arm - wanted)) < 5e-3, side
     assert loop.session.task.begun
+
+
+def test_the_fast_pane_is_the_upright_one_in_a_wrong_world() -> None:
+    wrong = (
+        "mismatch.base_rotation=[0.005236,0.0,0.0]", "mismatch.late_s=0.01", "mismatch.friction=0.87",
+        "controller.trajectory.duration_s=1.2",
+    )  # fmt: skip
+    fast, made = load_scenario("pane_two_arms_fast"), load_scenario(UPRIGHT, assignments=wrong)
+    assert fast.controllers == made.controllers
+    assert fast.bridges == made.bridges
+    assert fast.placed == made.placed
