@@ -12,6 +12,7 @@ from slip_core import grasp_params
 from slip_core.grasp_params import ArmParams, Six, Three
 from slip_core.params import RANGES, ParameterModel, parameter, parameter_unit
 from slip_core.sensor_params import SLIP_INPUT, SlipInput, SlipSensorModel
+from slip_vic_controller.parameters.arm_params import DisturbanceParams, JointSensorModel
 from slip_vic_controller.parameters.interface_params import EffortParams, GripParams, WrenchParams
 from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.parameters.slip_params import MeasuredParams, ObserverParams, WrenchSensorModel
@@ -236,6 +237,8 @@ class ControllerParams(ArmParams):
     )
     slip_sensor: SlipSensorModel = Field(default_factory=SlipSensorModel)
     wrench_sensor: WrenchSensorModel = Field(default_factory=WrenchSensorModel)
+    joint_sensor: JointSensorModel = Field(default_factory=JointSensorModel)
+    disturbance: DisturbanceParams = Field(default_factory=DisturbanceParams)
     wrench: WrenchParams = Field(default_factory=WrenchParams)
     effort: EffortParams = Field(default_factory=EffortParams)
     grip: GripParams = Field(default_factory=GripParams)

@@ -1,0 +1,124 @@
+"""From parameters to the joint state estimator: gains and covariance from the discrete Riccati equation."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_discrete_are
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_core.records import new, record
+from slip_vic_controller.arm.estimator import ESTIMATOR_CONFIG, MAX_LATENCY, EstimatorConfig, transition
+from slip_vic_controller.params import ControllerParams
+
+DEVIATIONS: Final = 6.0
+"""Standard deviations of noise that are no difference between position and velocity."""
+COMPARED_S: Final = 0.5
+
+
+class Noise(NamedTuple):
+    """Standard deviations of noise: position [rad], velocity [rad/s], acceleration in a period and its drift [rad/s^2].
+
+    The drift is that of the disturbance after one second.
+    """
+
+    position: float
+    velocity: float
+    model: float
+    drift: float
+
+
+class SteadyState(NamedTuple):
+    """A Kalman filter in steady state.
+
+    F (3, 3); Q (3, 3); H (m, 3); predicted, updated: covariance before and after a sample (3, 3); gain (3, m).
+    """
+
+    F: Array
+    Q: Array
+    H: Array
+    predicted: Array
+    updated: Array
+    gain: Array
+
+    @property
+    def change_variance(self) -> float:
+        """Variance that the corrections add to the velocity in every period [(rad/s)^2]: (K S K^T)_vv."""
+        return float((self.predicted - self.updated)[1, 1])
+
+
+def process(noise: Noise, bandwidth: float, period: float) -> tuple[Array, Array]:
+    """Return F and Q of (q, v, d) over a period [s]; bandwidth of a velocity drive [rad/s], 0 = efforts."""
+    step = transition(bandwidth, period)
+    F = np.array([[1.0, step.qv, step.qd], [0.0, step.vv, step.vd], [0.0, 0.0, 1.0]])
+    white = noise.model * np.array([step.qd, step.vd, 0.0])
+    return F, np.outer(white, white) + np.diag([0.0, 0.0, noise.drift**2 * period])
+
+
+def steady_state(noise: Noise, bandwidth: float, period: float) -> SteadyState:
+    """Return the filter of position and velocity."""
+    F, Q = process(noise, bandwidth, period)
+    return _filter(F, Q, np.eye(3)[:2], np.diag([noise.position**2, noise.velocity**2]))
+
+
+def _filter(F: Array, Q: Array, H: Array, R: Array) -> SteadyState:
+    P = solve_discrete_are(F.T, H.T, Q, R)
+    gain = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+    kept = np.eye(len(F)) - gain @ H
+    return SteadyState(F, Q, H, P, kept @ P @ kept.T + gain @ R @ gain.T, gain)
+
+
+def predicted_covariance(steady: SteadyState, noise: Noise, bandwidth: float, period: float, ahead_s: float) -> Array:
+    """Return the covariance of the estimate predicted `ahead_s` [s] beyond the last sample; (3, 3)."""
+    P, (ticks, rest) = steady.updated, divide(ahead_s, period)
+    for dt in (*([rest] if rest > 0.0 else []), *([period] * ticks)):
+        F, Q = process(noise, bandwidth, dt)
+        P = F @ P @ F.T + Q
+    return P
+
+
+def divide(latency_s: float, period: float) -> tuple[int, float]:
+    """Return whole control periods in a latency, and what is left of it [s]."""
+    ticks = math.floor(latency_s / period + 1e-6)
+    rest = latency_s - ticks * period
+    return ticks, rest if rest > 1e-6 * period else 0.0
+
+
+def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
+    """Return the EstimatorConfig buffer; effort_limit (n,) [N m].
+
+    Raises:
+        InputError: the latency is more than MAX_LATENCY control periods.
+    """
+    buffer = new(ESTIMATOR_CONFIG)
+    config: EstimatorConfig = record(buffer, ESTIMATOR_CONFIG)
+    sensor, model, period, n = params.joint_sensor, params.disturbance, params.control_period_s, len(effort_limit)
+    config.joints, config.period = n, period
+    if sensor.noise_velocity == 0.0:
+        return buffer
+    config.on = 1
+    config.late_ticks, config.late_rest = divide(sensor.latency_s, period)
+    if config.late_ticks + 1 > MAX_LATENCY:
+        raise InputError(
+            "parameter joint_sensor.latency_s", got=sensor.latency_s, expected=f"below {MAX_LATENCY * period:g} s",
+            fix="raise control_period_s",
+        )  # fmt: skip
+    noise = Noise(sensor.noise_position, sensor.noise_velocity, model.model_noise, model.drift)
+    both = steady_state(noise, config.bandwidth, period)
+    F, Q, H = both.F, both.Q, both.H
+    config.gain[:] = both.gain
+    config.gain_position[:] = _filter(F, Q, H[:1], np.array([[noise.position**2]])).gain[:, 0]
+    # Position is not observable from velocity: it is integrated, v and d are filtered.
+    config.gain_velocity[1:] = _filter(F[1:, 1:], Q[1:, 1:], np.eye(2)[:1], np.array([[noise.velocity**2]])).gain[:, 0]
+    ahead = predicted_covariance(both, noise, config.bandwidth, period, sensor.latency_s)
+    config.velocity_variance, config.change_variance = ahead[1, 1], both.change_variance
+    spread = math.hypot(math.sqrt(2.0) * noise.position, math.sqrt(COMPARED_S * period) * noise.velocity)
+    config.difference = max(sensor.difference, DEVIATIONS * spread)
+    config.compensates = int(model.compensate)
+    config.bound[:n], config.rate[:n] = model.limit * effort_limit, model.rate * effort_limit
+    config.collision[:n] = model.collision * effort_limit
+    config.collision_s, config.disturbed_s = model.collision_s, model.sustained_s
+    return buffer

@@ -1,0 +1,356 @@
+"""Joint state estimator: position, velocity and disturbance of every joint, from noisy samples and the arm's model.
+
+Per joint a Kalman filter in steady state. Its state is x = (q, v, d); d is the acceleration that the model leaves out:
+friction, torque offset, a push. Its input u is what the joint is known to do. With efforts that is the acceleration
+
+    u = M^-1 (tau_sent - C qd - g + J^T h_ee)
+
+with a velocity drive the commanded velocity, which the drive follows with bandwidth b:
+
+    q' = v,   v' = u + d  (efforts, b = 0),   v' = b (u - v) + d  (velocity drive),   d' = noise.
+
+Measured are q and v, by a sensor that is late by a known latency: the filter runs at the time of measurement, with the
+inputs of that time, and its estimate is predicted to now with the inputs since then. Everything that follows in a cycle
+works with this prediction.
+
+Position and velocity are compared with each other as well: where their difference grows beyond noise, one of them is
+wrong, and the joint goes on with the other.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum, unique
+from typing import Annotated, Final, NamedTuple
+
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.records import Real, Record, Whole, dtype_of
+from slip_vic_controller.sizes import MAX_JOINTS, Joints, WholeJoints
+
+MAX_LATENCY: Final = 32
+"""Control periods by which the joint sensor may be late."""
+LONGEST_STEP: Final = 5.0
+"""Control periods after which a sample begins the estimate again: what the arm did in between is not known."""
+MEMORY_S: Final = 0.5
+"""Time over which position and velocity are compared [s]."""
+LATELY: Final = 3.0
+"""Control periods over which it is judged which of the two is wrong."""
+STUCK: Final = 3
+"""Samples in a row that are equal to the last bit while the other quantity moves: then the sensor is stuck."""
+SLOW_S: Final = 0.2
+"""Time constant of the disturbance that is no collision [s]."""
+
+
+@unique
+class Trust(IntEnum):
+    """Which measurement of a joint is used."""
+
+    BOTH = 0
+    POSITION = 1
+    VELOCITY = 2
+
+
+@unique
+class Finding(IntEnum):
+    """What is wrong with a joint."""
+
+    NONE = 0
+    VELOCITY_SIGN = 1  # velocity and position move in opposite directions
+    VELOCITY_STUCK = 2
+    POSITION_STUCK = 3
+    POSITION_DRIFTS = 4  # position moves more than velocity explains
+    VELOCITY_BIASED = 5  # velocity says more than position moves
+    COLLISION = 6  # the disturbance has jumped
+    DISTURBED = 7  # the disturbance stays above its bound
+
+
+class EstimatorConfig(Record):
+    """What does not change while the controller runs."""
+
+    on: Whole  # 0: samples are used as they are
+    joints: Whole
+    period: Real  # s; of control
+    bandwidth: Real  # rad/s; of velocity drives, 0 = efforts
+    late_ticks: Whole  # latency of the sensor, whole control periods
+    late_rest: Real  # s; and what is left of it
+    gain: Annotated[Array, (3, 2)]  # of (q, v, d) for innovations of position and velocity
+    gain_position: Annotated[Array, 3]  # where velocity is not used
+    gain_velocity: Annotated[Array, 3]  # where position is not used
+    velocity_variance: Real  # (rad/s)^2; of the predicted velocity
+    change_variance: Real  # (rad/s)^2; noise of its change over a period
+    difference: Real  # rad; between position and integrated velocity that is no noise
+    compensates: Whole  # whether the disturbance is taken off the effort
+    bound: Joints  # N m; most that is taken off
+    rate: Joints  # N m/s; of what is taken off
+    collision: Joints  # N m; jump of the disturbance that is a collision
+    collision_s: Real  # s; that it must last
+    disturbed_s: Real  # s; that a disturbance may stay beyond its bound
+
+
+class JointEstimate(Record):
+    """The estimate, and what it needs of the past."""
+
+    started: Whole
+    stamp_ns: Whole  # of the last sample
+    q: Joints  # rad; when the last sample was measured
+    v: Joints  # rad/s
+    d: Joints  # rad/s^2; disturbance
+    position: Joints  # rad; now
+    velocity: Joints  # rad/s; now
+    newest: Whole  # place of the last input in its ring
+    inputs: Annotated[Array, (MAX_LATENCY + 2, MAX_JOINTS)]  # rad/s^2 or rad/s; one per control period
+    measured_position: Joints  # rad; of the last sample
+    measured_velocity: Joints  # rad/s
+    moved: Joints  # rad; way that position shows, faded
+    swept: Joints  # rad; way that velocity shows, faded
+    moved_lately: Joints  # rad; the same of the last samples
+    swept_lately: Joints  # rad
+    same_position: WholeJoints  # samples in a row that are equal to the last bit
+    same_velocity: WholeJoints
+    trust: WholeJoints  # Trust
+    effort: Joints  # N m; disturbance
+    slow_effort: Joints  # N m; its low-pass
+    taken_off: Joints  # N m; added to the effort against it
+    jumped_s: Joints  # s; for how long the disturbance has been off its low-pass
+    beyond_s: Joints  # s; for how long it has been beyond its bound
+    finding: Whole  # Finding, the first one; kept until `clear_findings`
+    joint: Whole  # its joint
+    value: Real  # rad or N m
+    limit: Real  # rad or N m
+
+
+ESTIMATOR_CONFIG, JOINT_ESTIMATE = dtype_of(EstimatorConfig), dtype_of(JointEstimate)
+
+
+class Transition(NamedTuple):
+    """q <- q + qv v + qd d + qu u, v <- vv v + vd d + vu u over a time."""
+
+    qv: float
+    qd: float
+    qu: float
+    vv: float
+    vd: float
+    vu: float
+
+
+@part
+def transition(bandwidth: float, dt: float) -> Transition:
+    """Return the exact transition of a joint over `dt` [s] with constant input and disturbance; bandwidth [rad/s]."""
+    if bandwidth == 0.0:
+        return Transition(dt, 0.5 * dt * dt, 0.5 * dt * dt, 1.0, dt, dt)
+    kept = math.exp(-bandwidth * dt)
+    qv = (1.0 - kept) / bandwidth
+    return Transition(qv, (dt - qv) / bandwidth, dt - qv, kept, qv, 1.0 - kept)
+
+
+@part
+def start_estimate(config: EstimatorConfig, state: JointEstimate, stamp_ns: int, q: Array, qd: Array) -> None:
+    """Begin at a sample; (n,) [rad], [rad/s]. The disturbance stays: friction and offset outlast a pause."""
+    state.started, state.stamp_ns, state.newest = 1, stamp_ns, 0
+    state.inputs[:] = 0.0
+    for j in range(config.joints):
+        state.q[j] = state.position[j] = state.measured_position[j] = q[j]
+        state.v[j] = state.velocity[j] = state.measured_velocity[j] = qd[j]
+        state.moved[j] = state.swept[j] = state.moved_lately[j] = state.swept_lately[j] = 0.0
+        state.same_position[j] = state.same_velocity[j] = 0
+        if config.bandwidth > 0.0:
+            for k in range(MAX_LATENCY + 2):
+                state.inputs[k, j] = qd[j]
+
+
+@part
+def forget_disturbance(state: JointEstimate) -> None:
+    """Forget what the model left out, as at the beginning."""
+    state.d[:] = 0.0
+    state.effort[:] = 0.0
+    state.slow_effort[:] = 0.0
+    state.taken_off[:] = 0.0
+    clear_findings(state)
+
+
+@part
+def clear_findings(state: JointEstimate) -> None:
+    """Forget what was wrong: both measurements of every joint are used again."""
+    state.finding, state.joint, state.value, state.limit = 0, 0, 0.0, 0.0
+    state.trust[:] = 0
+    state.moved[:] = 0.0
+    state.swept[:] = 0.0
+    state.jumped_s[:] = 0.0
+    state.beyond_s[:] = 0.0
+
+
+@part
+def input_of(state: JointEstimate, ago: int, j: int) -> float:
+    """Return the input of joint j that was at work `ago` periods before the last one."""
+    k = state.newest - ago
+    return state.inputs[k if k >= 0 else k + MAX_LATENCY + 2, j]
+
+
+@part
+def remember_input(config: EstimatorConfig, state: JointEstimate, u: Array) -> None:
+    """Keep what the joints do from now on; (n,) [rad/s^2], with velocity drives [rad/s]."""
+    state.newest = state.newest + 1 if state.newest + 1 < MAX_LATENCY + 2 else 0
+    for j in range(config.joints):
+        state.inputs[state.newest, j] = u[j]
+
+
+@part
+def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int, q: Array, qd: Array) -> None:
+    """Take a sample in; the estimate of now is `position` and `velocity` of the state.
+
+    Args:
+        config: what does not change.
+        state: changed.
+        stamp_ns: of the sample.
+        q, qd: measured; (n,) [rad], [rad/s].
+
+    Implements: ours; the filter is Kalman's in steady state, as in R. E. Kalman, 1960.
+    """
+    dt = (stamp_ns - state.stamp_ns) * 1e-9
+    if state.started == 0 or not 0.0 < dt <= LONGEST_STEP * config.period:
+        start_estimate(config, state, stamp_ns, q, qd)
+        return
+    compare_measurements(config, state, dt, q, qd)
+    state.stamp_ns = stamp_ns
+    m, rest = config.late_ticks, min(config.late_rest, dt)
+    older, newer = transition(config.bandwidth, rest), transition(config.bandwidth, dt - rest)
+    whole = transition(config.bandwidth, config.period)
+    for j in range(config.joints):
+        x_q, x_v, x_d = state.q[j], state.v[j], state.d[j]
+        if rest > 0.0:
+            u = input_of(state, m + 1, j)
+            x_q, x_v = (
+                x_q + older.qv * x_v + older.qd * x_d + older.qu * u,
+                (older.vv * x_v + older.vd * x_d + older.vu * u),
+            )
+        u = input_of(state, m, j)
+        x_q, x_v = (
+            x_q + newer.qv * x_v + newer.qd * x_d + newer.qu * u,
+            (newer.vv * x_v + newer.vd * x_d + newer.vu * u),
+        )
+        of_q, of_v, trust = q[j] - x_q, qd[j] - x_v, state.trust[j]
+        if trust == Trust.BOTH:
+            K = config.gain
+            x_q, x_v, x_d = (
+                x_q + K[0, 0] * of_q + K[0, 1] * of_v,
+                x_v + K[1, 0] * of_q + K[1, 1] * of_v,
+                x_d + K[2, 0] * of_q + K[2, 1] * of_v,
+            )
+        elif trust == Trust.POSITION:
+            k = config.gain_position
+            x_q, x_v, x_d = x_q + k[0] * of_q, x_v + k[1] * of_q, x_d + k[2] * of_q
+        else:
+            k = config.gain_velocity
+            x_q, x_v, x_d = x_q + k[0] * of_v, x_v + k[1] * of_v, x_d + k[2] * of_v
+        state.q[j], state.v[j], state.d[j] = x_q, x_v, x_d
+        if rest > 0.0:
+            u = input_of(state, m, j)
+            x_q, x_v = (
+                x_q + older.qv * x_v + older.qd * x_d + older.qu * u,
+                (older.vv * x_v + older.vd * x_d + older.vu * u),
+            )
+        for ago in range(m - 1, -1, -1):
+            u = input_of(state, ago, j)
+            x_q, x_v = (
+                x_q + whole.qv * x_v + whole.qd * x_d + whole.qu * u,
+                (whole.vv * x_v + whole.vd * x_d + whole.vu * u),
+            )
+        state.position[j], state.velocity[j] = x_q, x_v
+
+
+@part
+def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: float, q: Array, qd: Array) -> None:
+    """Compare the way that positions show with that of the velocities, both faded over MEMORY_S.
+
+    Where they differ, the joint goes on with the measurement that is not to blame: one that is equal to the last bit
+    while the other moves is stuck, one that moves against the other has a wrong sign, one that moves alone drifts.
+    """
+    fade, fade_lately = math.exp(-dt / MEMORY_S), math.exp(-dt / (LATELY * config.period))
+    for j in range(config.joints):
+        before_q, before_v = state.measured_position[j], state.measured_velocity[j]
+        way_q, way_v = q[j] - before_q, 0.5 * dt * (qd[j] + before_v)
+        state.moved[j], state.swept[j] = fade * state.moved[j] + way_q, fade * state.swept[j] + way_v
+        state.moved_lately[j] = fade_lately * state.moved_lately[j] + way_q
+        state.swept_lately[j] = fade_lately * state.swept_lately[j] + way_v
+        state.same_position[j] = state.same_position[j] + 1 if q[j] == before_q else 0
+        state.same_velocity[j] = state.same_velocity[j] + 1 if qd[j] == before_v else 0
+        state.measured_position[j], state.measured_velocity[j] = q[j], qd[j]
+        moved, swept = state.moved_lately[j], state.swept_lately[j]
+        difference = abs(state.moved[j] - state.swept[j])
+        if state.trust[j] != Trust.BOTH or not difference > config.difference:
+            continue
+        finding, trust = Finding.VELOCITY_BIASED.value, Trust.POSITION.value
+        if state.same_velocity[j] >= STUCK:
+            finding = Finding.VELOCITY_STUCK.value
+        elif state.same_position[j] >= STUCK:
+            finding, trust = Finding.POSITION_STUCK.value, Trust.VELOCITY.value
+        elif moved * swept < 0.0 and abs(moved + swept) < 0.5 * abs(moved - swept):
+            finding = Finding.VELOCITY_SIGN.value
+        elif abs(moved) > abs(swept):
+            finding, trust = Finding.POSITION_DRIFTS.value, Trust.VELOCITY.value
+        state.trust[j] = trust
+        find(state, finding, j, difference, config.difference)
+
+
+@part
+def find(state: JointEstimate, finding: int, j: int, value: float, limit: float) -> None:
+    """Note what is wrong with joint j; the first finding stays."""
+    if state.finding == Finding.NONE:
+        state.finding, state.joint, state.value, state.limit = finding, j, value, limit
+
+
+@part
+def oppose_disturbance(config: EstimatorConfig, state: JointEstimate, M: Array, dt: float, torque: Array) -> None:
+    """Take the disturbance off the effort, inside its bound and rate, and look for jumps and lasting excess.
+
+    Args:
+        config: what does not change.
+        state: changed.
+        M: inertia (n, n) [kg m2].
+        dt: since the cycle before [s].
+        torque: changed; (n,) [N m].
+
+    Implements: ours: tau -= M d.
+    """
+    n, weight = config.joints, 1.0 - math.exp(-dt / SLOW_S)
+    for j in range(n):
+        effort = 0.0
+        for k in range(n):
+            effort += M[j, k] * state.d[k]
+        state.effort[j] = effort
+        bound, step = config.bound[j], config.rate[j] * dt
+        wanted = min(max(-effort, -bound), bound) if config.compensates != 0 else 0.0
+        before = state.taken_off[j]
+        state.taken_off[j] = min(max(wanted, before - step), before + step)
+        torque[j] += state.taken_off[j]
+        jump = effort - state.slow_effort[j]
+        state.slow_effort[j] += weight * jump
+        state.jumped_s[j] = state.jumped_s[j] + dt if abs(jump) > config.collision[j] else 0.0
+        state.beyond_s[j] = state.beyond_s[j] + dt if abs(effort) > bound else 0.0
+        if state.jumped_s[j] > config.collision_s:
+            find(state, Finding.COLLISION.value, j, jump, config.collision[j])
+        elif state.beyond_s[j] > config.disturbed_s:
+            find(state, Finding.DISTURBED.value, j, effort, bound)
+
+
+@part
+def pad_variances(config: EstimatorConfig, n: int, J: Array, R: Array, velocity: Array, change: Array) -> None:
+    """Write the variances of the pad's twist and of the noise in its change over a period, on pad axes; (6,), (6,).
+
+    Args:
+        config: variances of the joint velocities, alike and independent.
+        n: number of joints.
+        J: Jacobian (6, n) {w}.
+        R: attitude of the pad (3, 3).
+        velocity, change: result [m/s, rad/s]^2.
+
+    Implements: ours: diag(A A^T) sigma^2 with A = R^T J.
+    """
+    for i in range(6):
+        total, first = 0.0, 3 if i >= 3 else 0
+        axis = i - first
+        for j in range(n):
+            a = R[0, axis] * J[first, j] + R[1, axis] * J[first + 1, j] + R[2, axis] * J[first + 2, j]
+            total += a * a
+        velocity[i], change[i] = total * config.velocity_variance, total * config.change_variance

@@ -1,0 +1,54 @@
+"""Parameters of the joint state estimator: the joint sensor, and what the model of the arm leaves out."""
+
+from __future__ import annotations
+
+from slip_core.params import ParameterModel, parameter
+
+
+class JointSensorModel(ParameterModel):
+    """Joint sensor, as configured; the launcher fills it from the drive's preset."""
+
+    noise_position: float = parameter(
+        2e-5, "standard deviation of each joint position, quantum included", unit="rad", gt=0.0, le=0.1
+    )
+    noise_velocity: float = parameter(
+        0.0,
+        "standard deviation of each joint velocity; 0 = the samples are used as they are, without an estimator",
+        unit="rad/s",
+        ge=0.0,
+        le=10.0,
+    )
+    latency_s: float = parameter(
+        0.0, "time by which joint states are older than their stamps; the estimate is predicted forward by it",
+        unit="s", ge=0.0, le=0.1,
+    )  # fmt: skip
+    difference: float = parameter(
+        5e-3, "difference between position and integrated velocity of half a second that is still no fault", unit="rad",
+        gt=0.0, le=1.0,
+    )  # fmt: skip
+
+
+class DisturbanceParams(ParameterModel):
+    """Joint accelerations that the model of the arm leaves out: friction, torque offset, a push."""
+
+    compensate: bool = parameter(True, "take the estimated disturbance off the effort")
+    model_noise: float = parameter(
+        0.1, "standard deviation of the joint acceleration that the model leaves out, white, in every control period",
+        unit="rad/s^2", gt=0.0, le=1e3,
+    )  # fmt: skip
+    drift: float = parameter(
+        30.0, "random walk of the disturbance: its standard deviation after one second", unit="rad/s^2", gt=0.0, le=1e4
+    )
+    limit: float = parameter(
+        0.25, "most that is taken off the effort, as a share of the joint's effort limit", ge=0.0, le=1.0
+    )
+    rate: float = parameter(
+        10.0, "how fast that may change, as a share of the joint's effort limit per second", unit="1/s", gt=0.0, le=1e4
+    )
+    sustained_s: float = parameter(
+        0.3, "time that a disturbance may stay beyond the limit before it is a fault", unit="s", gt=0.0, le=60.0
+    )
+    collision: float = parameter(
+        0.3, "jump of the disturbance that is a collision, as a share of the joint's effort limit", gt=0.0, le=10.0
+    )
+    collision_s: float = parameter(0.003, "time that a jump must last to be a collision", unit="s", ge=0.0, le=1.0)

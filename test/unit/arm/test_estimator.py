@@ -1,0 +1,272 @@
+"""The joint state estimator against matrices, the full Riccati recursion, closed forms and simulated joints."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slip_core.errors import InputError
+from slip_core.params import build
+from slip_core.records import new, record
+from slip_vic_controller.arm.config import Noise, estimator_config, predicted_covariance, process, steady_state
+from slip_vic_controller.arm.estimator import (
+    ESTIMATOR_CONFIG,
+    JOINT_ESTIMATE,
+    MAX_LATENCY,
+    Finding,
+    Trust,
+    clear_findings,
+    estimate_joints,
+    oppose_disturbance,
+    pad_variances,
+    remember_input,
+    transition,
+)
+from slip_vic_controller.params import ControllerParams
+from test.referees import joint_filter
+from test.support.call import call
+
+MS, T, N = 1_000_000, 1e-3, 3
+LIMIT = np.array([87.0, 50.0, 12.0])
+NOISE = Noise(2e-5, 3e-3, 0.1, 30.0)
+EXACT = 1e-12  # the same numbers by two ways
+CONVERGED = 1e-6  # the recursion's distance from its limit, relative
+
+
+def configuration(**values: Any) -> Any:
+    """Return the record for N joints; the names of parameters with __ for the dot."""
+    given = {"joint_sensor.noise_velocity": 3e-3, **{name.replace("__", "."): v for name, v in values.items()}}
+    return record(estimator_config(build(ControllerParams, given, "test"), LIMIT), ESTIMATOR_CONFIG)
+
+
+class Joints:
+    """What runs, sample by sample."""
+
+    def __init__(self, config: Any) -> None:
+        self.config, self.state, self.k = config, record(new(JOINT_ESTIMATE), JOINT_ESTIMATE), 0
+
+    def act(self, u: Any) -> None:
+        call(remember_input, self.config, self.state, np.broadcast_to(np.asarray(u, float), (N,)))
+
+    def sample(self, q: Any, qd: Any) -> tuple[np.ndarray, np.ndarray]:
+        q, qd = (np.broadcast_to(np.asarray(x, float), (N,)).copy() for x in (q, qd))
+        call(estimate_joints, self.config, self.state, self.k * MS, q, qd)
+        self.k += 1
+        return self.state.position[:N].copy(), self.state.velocity[:N].copy()
+
+
+def test_transition_is_the_matrix_exponential() -> None:
+    for bandwidth in (0.0, 40.0, 300.0):
+        for dt in (1e-4, 1e-3, 0.02):
+            F, G = joint_filter.matrices(bandwidth, dt)
+            s = call(transition, bandwidth, dt)
+            np.testing.assert_allclose([s.qv, s.qd, s.vv, s.vd], [F[0, 1], F[0, 2], F[1, 1], F[1, 2]], rtol=1e-9)
+            np.testing.assert_allclose([s.qu, s.vu], G[:2], rtol=1e-9)
+
+
+def test_gains_are_the_limit_of_the_full_recursion() -> None:
+    for noise, bandwidth in ((NOISE, 0.0), (Noise(1e-4, 0.01, 0.3, 100.0), 0.0), (NOISE, 100.0)):
+        steady = steady_state(noise, bandwidth, T)
+        predicted, updated, gain = joint_filter.covariances(*noise, bandwidth, T)
+        np.testing.assert_allclose(steady.predicted, predicted, rtol=CONVERGED)
+        np.testing.assert_allclose(steady.updated, updated, rtol=CONVERGED, atol=1e-18)
+        np.testing.assert_allclose(steady.gain, gain, rtol=CONVERGED)
+        assert steady.change_variance == pytest.approx(float((predicted - updated)[1, 1]), rel=CONVERGED)
+
+
+def test_each_sample_is_used_at_its_time_of_measurement() -> None:
+    """Against a filter that integrates its inputs between any two times, with latencies of parts of a period."""
+    for late_ms in (0.0, 0.4, 1.0, 3.0, 7.3):
+        config = configuration(joint_sensor__latency_s=late_ms * 1e-3, joint_sensor__difference=1.0)
+        rng, joints = np.random.default_rng(1), Joints(config)
+        plain = joint_filter.Delayed(np.array(config.gain), 0.0, T, late_ms * 1e-3, 0.3, 0.1)
+        joints.sample(0.3, 0.1)
+        plain.x, plain.at = np.array([0.3, 0.1, 0.0]), -late_ms * 1e-3
+        for k in range(1, 60):
+            u, q, v = rng.normal(), 0.3 + 1e-3 * rng.normal(), 0.1 + 1e-2 * rng.normal()
+            joints.act(u)
+            plain.act((k - 1) * T, u)
+            found = joints.sample(q, v)
+            expected = plain.sample(k * T, q, v)
+            np.testing.assert_allclose([found[0][1], found[1][1]], expected[:2], atol=1e-9)
+
+
+def simulate(config: Any, d: float, late: int = 0, bandwidth: float = 0.0, steps: int = 4000) -> tuple[Any, Any, Any]:
+    """Return the estimate, and the true q and v, of a joint with a constant disturbance and an input that swings."""
+    joints, F_G = Joints(config), joint_filter.matrices(bandwidth, T)
+    x, past = np.array([0.2, 0.0, d]), []
+    for k in range(steps):
+        past.append(x.copy())
+        old = past[max(0, k - late)]
+        joints.sample(old[0], old[1])
+        u = math.sin(0.01 * k)
+        joints.act(u)
+        x = F_G[0] @ x + F_G[1] * u
+    return joints.state, *past[-1][:2]
+
+
+def test_a_constant_disturbance_is_found_exactly() -> None:
+    for late in (0, 4):
+        config = configuration(joint_sensor__latency_s=late * T, joint_sensor__difference=1.0)
+        state, q, v = simulate(config, -1.7, late)
+        np.testing.assert_allclose(state.d[:N], -1.7, atol=1e-8)
+        np.testing.assert_allclose(state.position[:N], q, atol=1e-9)
+        np.testing.assert_allclose(state.velocity[:N], v, atol=1e-9)
+
+
+def test_a_velocity_drive_is_predicted_by_its_bandwidth() -> None:
+    config = configuration(joint_sensor__difference=1.0)
+    config.bandwidth = 100.0
+    config.gain[:] = steady_state(NOISE, 100.0, T).gain
+    state, q, v = simulate(config, 0.8, bandwidth=100.0)
+    np.testing.assert_allclose(state.d[:N], 0.8, atol=1e-8)
+    np.testing.assert_allclose([state.position[0], state.velocity[0]], [q, v], atol=1e-9)
+
+
+def test_covariance_is_that_of_simulated_joints() -> None:
+    """Monte Carlo: 4000 joints that move as the model says, measured as the sensor does, estimated with the gains."""
+    rng, count = np.random.default_rng(3), 4000
+    steady = steady_state(NOISE, 0.0, T)
+    F, _ = process(NOISE, 0.0, T)
+    white = NOISE.model * F[:, 2] * [1.0, 1.0, 0.0]
+    x, estimate = np.zeros((count, 3)), np.zeros((count, 3))
+    before = estimate
+    for _ in range(600):
+        x = x @ F.T + rng.normal(size=(count, 1)) * white
+        x[:, 2] += NOISE.drift * math.sqrt(T) * rng.normal(size=count)
+        predicted = estimate @ F.T
+        z = x[:, :2] + rng.normal(size=(count, 2)) * [NOISE.position, NOISE.velocity]
+        before, estimate = predicted, predicted + (z - predicted[:, :2]) @ steady.gain.T
+    error = estimate - x
+    five_deviations = 5.0 * math.sqrt(2.0 / count)
+    np.testing.assert_allclose(np.var(error, axis=0), np.diag(steady.updated), rtol=five_deviations)
+    assert np.var((estimate - before)[:, 1]) == pytest.approx(steady.change_variance, rel=five_deviations)
+    ahead = predicted_covariance(steady, NOISE, 0.0, T, 2.4e-3)
+    assert (np.diag(ahead) > np.diag(steady.updated)).all()
+
+
+def test_it_filters_velocity_noise() -> None:
+    """The variance of the estimate is far below that of the samples."""
+    for velocity in (0.01, 0.03):
+        steady = steady_state(Noise(2e-5, velocity, 0.1, 30.0), 0.0, T)
+        assert math.sqrt(steady.updated[1, 1]) < 0.5 * velocity
+
+
+def moving(change: Any, steps: int = 400, seed: int = 1) -> tuple[Any, int, float]:
+    """Return the state, the sample after the change at which joint 1 is found, and the velocity error from then on."""
+    joints, rng, found, error = Joints(configuration()), np.random.default_rng(seed), -1, 0.0
+    memory: dict[str, float] = {}
+    for k in range(200 + steps):
+        t = k * T
+        q, v, a = 0.3 * math.sin(2.0 * t), 0.6 * math.cos(2.0 * t), -1.2 * math.sin(2.0 * t)
+        z = q + 2e-5 * rng.normal(), v + 3e-3 * rng.normal()
+        positions, velocities = np.full(N, z[0]), np.full(N, z[1])
+        if k >= 200:
+            positions[1], velocities[1] = change(z[0], z[1], t, memory)
+        _, velocity = joints.sample(positions, velocities)
+        joints.act(a)
+        if found >= 0:
+            error = max(error, abs(velocity[1] - v))
+        if found < 0 and joints.state.finding != Finding.NONE:
+            found = k - 200
+    return joints.state, found, error
+
+
+def test_position_and_velocity_that_contradict_each_other_are_found_within_milliseconds() -> None:
+    """Wrong sign, stuck, biased: the joint goes on with the other measurement."""
+    cases = [
+        (lambda q, v, t, m: (q, -v), Finding.VELOCITY_SIGN, Trust.POSITION, 10),
+        (lambda q, v, t, m: (q, 0.0), Finding.VELOCITY_STUCK, Trust.POSITION, 15),
+        (lambda q, v, t, m: (m.setdefault("q", q), v), Finding.POSITION_STUCK, Trust.VELOCITY, 15),
+        (lambda q, v, t, m: (q, v + 0.5), Finding.VELOCITY_BIASED, Trust.POSITION, 15),
+    ]
+    for change, finding, trust, most in cases:
+        state, found, error = moving(change)
+        assert (Finding(state.finding), state.joint, Trust(state.trust[1])) == (finding, 1, trust)
+        assert 0 <= found <= most
+        assert error < 0.6, finding
+        assert list(state.trust[[0, 2]]) == [Trust.BOTH, Trust.BOTH]
+
+
+def test_a_position_that_drifts_at_rest_is_found_and_not_followed() -> None:
+    joints, rng = Joints(configuration()), np.random.default_rng(2)
+    for k in range(3000):
+        drift = 0.03 * max(0, k - 500) * T
+        q = 0.4 + 2e-5 * rng.normal(size=N) + np.array([0.0, 0.0, drift])
+        joints.sample(q, 3e-3 * rng.normal(size=N))
+        joints.act(0.0)
+    state = joints.state
+    assert (Finding(state.finding), state.joint) == (Finding.POSITION_DRIFTS, 2)
+    assert abs(state.position[2] - 0.4) < 0.02
+    call(clear_findings, state)
+    assert state.finding == Finding.NONE
+    assert not state.trust.any()
+
+
+def test_noise_and_motion_alone_are_no_fault() -> None:
+    for seed in range(5):
+        state, found, _ = moving(lambda q, v, t, m: (q, v), steps=2000, seed=seed)
+        assert found == -1
+        assert state.finding == Finding.NONE
+
+
+def opposed(d: Any, steps: int, **values: Any) -> tuple[Any, np.ndarray]:
+    config, state = configuration(**values), record(new(JOINT_ESTIMATE), JOINT_ESTIMATE)
+    root = np.random.default_rng(1).normal(size=(N, N))
+    M = root @ root.T + np.eye(N)
+    torque = np.zeros(N)
+    for k in range(steps):
+        state.d[:N] = np.linalg.solve(M, d(k * T))
+        torque = np.ones(N)
+        call(oppose_disturbance, config, state, M, T, torque)
+    return state, torque - 1.0
+
+
+def test_a_disturbance_inside_its_bound_is_taken_off_whole() -> None:
+    effort = np.array([3.0, -2.0, 1.0])
+    state, added = opposed(lambda t: effort, 500)
+    np.testing.assert_allclose(added, -effort, atol=1e-9)
+    assert state.finding == Finding.NONE
+    _, added = opposed(lambda t: effort, 5)
+    np.testing.assert_allclose(np.abs(added), np.minimum(np.abs(effort), 5 * T * 10.0 * LIMIT), atol=1e-9)
+    _, added = opposed(lambda t: effort, 500, disturbance__compensate=False)
+    assert not added.any()
+
+
+def test_more_than_the_bound_is_not_taken_off_and_is_found_when_it_lasts() -> None:
+    def slow(t: float) -> np.ndarray:
+        return np.array([0.0, 0.0, 5.0 * (1.0 - math.exp(-t / 0.5))])
+
+    state, added = opposed(slow, 1500)
+    assert added[2] == pytest.approx(-0.25 * 12.0)
+    assert (Finding(state.finding), state.joint, state.limit) == (Finding.DISTURBED, 2, pytest.approx(3.0))
+    assert opposed(slow, 600)[0].finding == Finding.NONE
+
+
+def test_a_jump_is_a_collision_and_friction_that_reverses_is_none() -> None:
+    def step(size: float) -> Any:
+        return lambda t: np.array([0.0, size if t > 0.1 else 0.0, 0.0])
+
+    state, _ = opposed(step(20.0), 110)
+    assert (Finding(state.finding), state.joint) == (Finding.COLLISION, 1)
+    assert state.value > state.limit == pytest.approx(15.0)
+    assert opposed(step(10.0), 400)[0].finding == Finding.NONE
+
+
+def test_variances_of_the_pad_are_those_of_the_matrices() -> None:
+    config, rng = configuration(), np.random.default_rng(1)
+    J, R = rng.normal(size=(6, N)), np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    velocity, change = np.empty(6), np.empty(6)
+    call(pad_variances, config, N, J, R, velocity, change)
+    A = np.kron(np.eye(2), R.T) @ J
+    np.testing.assert_allclose(velocity, np.diag(A @ A.T) * config.velocity_variance, rtol=EXACT * 1e3)
+    np.testing.assert_allclose(change, np.diag(A @ A.T) * config.change_variance, rtol=EXACT * 1e3)
+
+
+def test_without_configured_noise_it_is_off_and_a_latency_is_bounded() -> None:
+    assert configuration(joint_sensor__noise_velocity=0.0).on == 0
+    with pytest.raises(InputError, match=r"joint_sensor\.latency_s"):
+        configuration(joint_sensor__latency_s=(MAX_LATENCY + 1) * T)
