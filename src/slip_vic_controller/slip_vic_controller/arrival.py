@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from slip_core.arrays import Array
-from slip_core.compiled import BOOL, IN1, INT, OUT1, kernel
+from slip_core.compiled import BOOL, IN1, INT, OUT1, VOID, kernel
 from slip_core.records import record
+from slip_vic_controller.arm.estimator import use_estimate
 from slip_vic_controller.cycle import ARM_STATE, CONFIG
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.validation import (
@@ -77,3 +78,10 @@ def is_silent(config: Array, state: Array, now_ns: int) -> bool:
     """Return whether no good joint state has come for the age limit."""
     c, s = record(config, CONFIG), record(state, ARM_STATE)
     return silent(c.joint, s.joint, now_ns)
+
+
+@kernel(VOID(IN1, OUT1))
+def estimate_joint_state(config: Array, state: Array) -> None:
+    """Put the estimate of now in the place of the joint state that waits for an answer; CONFIG, ARM_STATE."""
+    c, s = record(config, CONFIG), record(state, ARM_STATE)
+    use_estimate(c.estimator, s.estimate, s.joint.answers)

@@ -11,6 +11,8 @@ from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_core.stamps import seconds_to_ns
+from slip_vic_controller.arm.config import estimator_config
+from slip_vic_controller.arm.estimator import ESTIMATOR_CONFIG
 from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import INTERNAL_BOUND, ROUNDING, internal_gain_limit
@@ -68,6 +70,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     _copy(config, "gains", gains, config.gains.dtype)
     if params.slip_estimator == "observer":
         _copy(config, "observer", observer_config(params), OBSERVER_CONFIG)
+    _copy(config, "estimator", estimator_config(params, robot.effort_limit), ESTIMATOR_CONFIG)
     safety = params.safety
     _fill_cycle(config.cycle, params, len(robot.joint_names))
     _fill_inputs(config, params, robot, lockstep=lockstep)

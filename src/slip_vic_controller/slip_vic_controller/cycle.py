@@ -25,6 +25,17 @@ from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import REAL, WHOLE, layout, record, records
 from slip_core.vectors import IDENTITY, ZERO, Mat, Spatial, Vec, mat, put, put_mat, put_spatial, spatial, vec
+from slip_vic_controller.arm.command import joint_acceleration
+from slip_vic_controller.arm.estimator import (
+    ESTIMATOR_CONFIG,
+    JOINT_ESTIMATE,
+    PUBLISHED_JOINTS,
+    clear_findings,
+    oppose_disturbance,
+    pad_variances,
+    publish_joints,
+    remember_input,
+)
 from slip_vic_controller.governing import (
     GOVERNED,
     agree_on_friction,
@@ -164,7 +175,7 @@ CONFIG = layout(
     law=LAW_CONFIG, gains=LAW_GAINS, giving_up=GIVING_UP, path=PATH, observer=OBSERVER_CONFIG, cycle=CYCLE_CONFIG,
     joint=JOINT_LIMITS, wrench=VECTOR_LIMITS, slip=VECTOR_LIMITS, modes=MODE_POLICY, arbitration=ARBITRATION,
     drop=DROP_DETECTION, motion=MOTION_LIMITS, hold=HOLD_CONFIG, governor=GOVERNOR_CONFIG,
-    wrench_sensor=WRENCH_SENSOR, grip=GRIP_CONFIG, goals=GOALS, stream=STREAM_CONFIG,
+    wrench_sensor=WRENCH_SENSOR, grip=GRIP_CONFIG, goals=GOALS, stream=STREAM_CONFIG, estimator=ESTIMATOR_CONFIG,
 )  # fmt: skip
 """All that does not change while the controller runs."""
 
@@ -192,6 +203,7 @@ ARM_STATE = layout(
     wrench_inputs=(VECTOR_INPUT, MAX_CONTACTS), slip_inputs=(VECTOR_INPUT, MAX_CONTACTS), queue=SLIP_QUEUE,
     mode=MODE, since=SINCE, observed=OBSERVED, latency=LATENCY, limiter=LIMITER, hold=HOLD, tuned=RAMP, law=LAW_STATE,
     observer=OBSERVER, pad=PAD, grip=GRIP, grasp=GRASP, reference_known=WHOLE, reference=REFERENCE,
+    estimate=JOINT_ESTIMATE,
 )  # fmt: skip
 """What is remembered of one arm. grasp: its pad as the first arm's pad saw it when the law began; reference: of this
 pad alone, where it does not keep to the object."""
@@ -214,6 +226,8 @@ been seen; request, fault: for the mode machine; level: degradation level; enter
 whether the joint state is frozen; works: whether the law does, or its last effort is repeated; cause: why the law could
 not be evaluated; before: mode before the cycle."""
 
+LONGEST_PAUSE = 5
+"""Control periods that count at most as time between two cycles."""
 LEDGER = 3 + 4 * MAX_CONTACTS + 5 + 1
 OUTPUTS = layout(
     answered=WHOLE, evaluated=WHOLE, ok=WHOLE, ledger=(WHOLE, LEDGER), effort=(REAL, MAX_JOINTS),
@@ -221,6 +235,7 @@ OUTPUTS = layout(
     path_scale=REAL, governor=GOVERNED, wanted=(REAL, MAX_JOINTS),
     samples=(CONTACT_SAMPLE, MAX_CONTACTS), slips=(SLIP, MAX_CONTACTS), follow_error=(REAL, 6), gains=LAW_GAINS,
     reference=REFERENCE, motion=MOTION, law=EVALUATION, estimate=SLIP_ESTIMATE, decision=DECISION,
+    joints=PUBLISHED_JOINTS,
 )  # fmt: skip
 """What a cycle gives an arm. answered: 0 = no effort, something is missing; evaluated: `law` holds; ok: the law's
 effort went out; effort [N m]; grip: commanded [N]; limited: joints at the rate limit; wanted: before limit avoidance.
@@ -304,6 +319,7 @@ def _wait(config: Any, state: Any, inputs: Any, missing: Reason, keep_limiter: i
     next_mode(config.modes, state.mode, reasons, inputs.request, inputs.now_ns)
     state.limiter.started, state.now_ns, state.hold.known = keep_limiter, inputs.now_ns, 0
     state.hold.load_error[:] = 0.0
+    state.estimate.started = 0
     forget_latency(state.latency)
 
 
@@ -414,6 +430,8 @@ def _decide(config: Any, task: Any, state: Any, inputs: Any, outputs: Any) -> No
     reasons, level = arbitrate(config, task, state, outputs.health, freezes, n, contacts, sample.velocity, now_ns)
     decision.entered = state.mode.mode
     next_mode(config.modes, state.mode, reasons, request, now_ns)
+    if request == Request.RESET_FAULT:
+        clear_findings(state.estimate)
     decision.step, decision.request, decision.level = Step.ANSWER.value, request, level
     decision.freezes = 1 if freezes else 0
     put_reason(decision.fault, reasons.fault)
@@ -715,6 +733,8 @@ def sense(config: Any, task: Any, state: Any, history: Array, inputs: Any, outpu
         observer, queue, motion = state.observer, state.queue, outputs.motion
         if not predict_motion(config.law, outputs.gains, inputs.arm, samples, law.slips, observer.twist, motion):
             return Cause.NO_ESTIMATE.value
+        if config.estimator.on != 0:
+            pad_variances(config.estimator, inputs.arm, motion)
         if not observe(config.observer, observer, history, motion, sample.stamp_ns, queue.samples, queue.count):
             return Cause.NO_ESTIMATE.value
         _put_estimate(observer, outputs.estimate)
@@ -834,8 +854,13 @@ def _finish(
         start_limiter(config.motion.drive, state.limiter, n, felt, state.law.gravity, now_ns)
     torque, clipped = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64)
     torque[:n] = outputs.wanted[:n]
+    if config.estimator.on != 0:
+        _oppose_disturbance(config, state, inputs, torque)
     avoid_limits(config.motion, n, q, qd, inputs.arm, law_at_work, torque)
     finite = limit_effort(config.motion.drive, state.limiter, n, torque, now_ns, clipped, outputs.limited)
+    if config.estimator.on != 0:
+        _remember_input(config, state, inputs)
+        publish_joints(state.estimate, outputs.joints)
     saturated = 0
     for j in range(n):
         outputs.effort[j] = state.limiter.effort[j]
@@ -850,6 +875,29 @@ def _finish(
     state.now_ns = now_ns
     outputs.answered = 1
     outputs.ok = 1 if law_at_work and finite else 0
+
+
+@part
+def _oppose_disturbance(config: Any, state: Any, inputs: Any, torque: Array) -> None:
+    """Take what the model of the arm leaves out off the effort; without a good joint state as in the cycle before."""
+    if inputs.arm.M[0, 0] > 0.0:
+        dt = min(max(inputs.now_ns - state.now_ns, 0), LONGEST_PAUSE * config.cycle.period_ns) * 1e-9
+        oppose_disturbance(config.estimator, state.estimate, inputs.arm.M, dt, torque)
+    else:
+        for j in range(config.law.joints):
+            torque[j] += state.estimate.taken_off[j]
+
+
+@part
+def _remember_input(config: Any, state: Any, inputs: Any) -> None:
+    """Keep the acceleration that the effort gives the joints."""
+    u, h, arm = np.zeros(MAX_JOINTS), np.zeros(6), inputs.arm
+    if arm.M[0, 0] > 0.0:
+        R_ee = mat(arm.rotation)
+        put_spatial(h, R_ee @ wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, R_ee))
+        if not joint_acceleration(config.law.joints, arm.M, arm.bias, arm.J, h, state.limiter.effort, u):
+            u[:] = 0.0
+    remember_input(config.estimator, state.estimate, u)
 
 
 @part

@@ -50,9 +50,10 @@ class DiagnosticsPublisher:
         node: owner of the publishers.
         decimation: how many cycles per publication.
         status: the node's publisher of /diagnostics; a second one would make losses uncountable.
+        estimated: names of the joints whose state is estimated, none where the samples are used as they are.
     """
 
-    def __init__(self, node: Any, decimation: int, status: StatusPublisher) -> None:
+    def __init__(self, node: Any, decimation: int, status: StatusPublisher, estimated: Sequence[str]) -> None:
         self._decimation = decimation
         self._name = node.get_fully_qualified_name().removeprefix("/")
         self._scalars: Sender | None = None
@@ -62,9 +63,12 @@ class DiagnosticsPublisher:
         self._ee_pose = create_sender(node, "controller/ee_pose", forms.pose())
         self._reference_pose = create_sender(node, "controller/reference_pose", forms.pose())
         self._reference_twist = create_sender(node, "controller/reference_twist", forms.twist(to_msgs.WORLD))
-        self._status = status
+        self._joints = (
+            [create_sender(node, "controller/joint_estimate", forms.joint_state(estimated))] if estimated else []
+        )
+        self._status, self._joint_count = status, len(estimated)
         senders = (self._stiffness, self._damping, self._ee_pose, self._reference_pose, self._reference_twist)
-        self.publishers = (self._scalars_publisher, *(sender.publisher for sender in senders))
+        self.publishers = (self._scalars_publisher, *(sender.publisher for sender in (*senders, *self._joints)))
         self._last_status: tuple[bool, tuple[int, ...]] | None = None
         self._each_second = OnceEvery(DIAGNOSTICS_PERIOD_NS, LAW_PHASE)
 
@@ -76,6 +80,9 @@ class DiagnosticsPublisher:
             mode, speed = float(result.mode), result.path_speed
             self._publish_scalars(stamp_ns, scalars | {"mode": mode, "path_speed": speed})
             record = result.record
+            for sender in self._joints:
+                joints, n = record.joints, self._joint_count
+                sender.send(stamp_ns, joints.position[:n], joints.velocity[:n], joints.disturbance[:n])
             if record.evaluated:
                 self._publish_poses(stamp_ns, result, record, scalars)
         status = (result.ok, result.reason_key)

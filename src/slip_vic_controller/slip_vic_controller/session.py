@@ -26,7 +26,13 @@ from slip_core.types import (
     SlipSample,
     WrenchSample,
 )
-from slip_vic_controller.arrival import is_silent, receive_joint_state, receive_slip, receive_wrench
+from slip_vic_controller.arrival import (
+    estimate_joint_state,
+    is_silent,
+    receive_joint_state,
+    receive_slip,
+    receive_wrench,
+)
 from slip_vic_controller.config import governed_stream, make_config, renew_config
 from slip_vic_controller.cycle import (
     ARM_SIZE,
@@ -321,6 +327,7 @@ class ArmSession:
         self.overdue = False  # its own next joint state has come while one waited for another arm
         self._joints = len(self.controller.robot.joint_names)
         self._slip_delay_ns = int(record(self.config, CONFIG).cycle.slip_delay_ns)
+        self._estimates = bool(record(self.config, CONFIG).estimator.on)
         self._whole = self.row.view(np.int64)
         self._joint: JointSample | None = None
         self._joint_fault = Fault.NONE
@@ -330,6 +337,11 @@ class ArmSession:
         self._request = Request.NONE
         self._tuned: ControllerParams | None = None
         self._outside_counts: Counter[str] = Counter()
+
+    @property
+    def estimated_joints(self) -> tuple[str, ...]:
+        """Names of the joints whose state is estimated; none where the samples are used as they are."""
+        return self.controller.robot.joint_names if self._estimates else ()
 
     @property
     def task(self) -> Any:
@@ -510,7 +522,12 @@ class ArmSession:
             given = record(inputs, INPUTS)
             given.health_given, given.health = 1, tuple(int(part) for part in asked.health)
         if _GOOD[asked.fault]:
-            self.controller.robot.terms(asked.joint.position, asked.joint.velocity, inputs[_ARM])
+            q, qd = asked.joint.position, asked.joint.velocity
+            if self._estimates:
+                estimate_joint_state(self.config, self.row)
+                answers, n = self.state.joint.answers, self._joints
+                q, qd = answers.position[:n].copy(), answers.velocity[:n].copy()
+            self.controller.robot.terms(q, qd, inputs[_ARM])
 
     def fill(self, inputs: Array, now_ns: int, missing: int) -> None:
         """Fill clock and request of the INPUTS of this arm."""

@@ -25,6 +25,8 @@ from slip_vic_controller.arm.estimator import (
     remember_input,
     transition,
 )
+from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.observer.layouts import MOTION
 from slip_vic_controller.params import ControllerParams
 from test.referees import joint_filter
 from test.support.call import call
@@ -81,6 +83,7 @@ def test_each_sample_is_used_at_its_time_of_measurement() -> None:
     """Against a filter that integrates its inputs between any two times, with latencies of parts of a period."""
     for late_ms in (0.0, 0.4, 1.0, 3.0, 7.3):
         config = configuration(joint_sensor__latency_s=late_ms * 1e-3, joint_sensor__difference=1.0)
+        config.significant = math.inf
         rng, joints = np.random.default_rng(1), Joints(config)
         plain = joint_filter.Delayed(np.array(config.gain), 0.0, T, late_ms * 1e-3, 0.3, 0.1)
         joints.sample(0.3, 0.1)
@@ -120,7 +123,7 @@ def test_a_constant_disturbance_is_found_exactly() -> None:
 def test_a_velocity_drive_is_predicted_by_its_bandwidth() -> None:
     config = configuration(joint_sensor__difference=1.0)
     config.bandwidth = 100.0
-    config.gain[:] = steady_state(NOISE, 100.0, T).gain
+    config.gain[:] = config.gain_quick[:] = steady_state(NOISE, 100.0, T).gain
     state, q, v = simulate(config, 0.8, bandwidth=100.0)
     np.testing.assert_allclose(state.d[:N], 0.8, atol=1e-8)
     np.testing.assert_allclose([state.position[0], state.velocity[0]], [q, v], atol=1e-9)
@@ -187,7 +190,7 @@ def test_position_and_velocity_that_contradict_each_other_are_found_within_milli
         state, found, error = moving(change)
         assert (Finding(state.finding), state.joint, Trust(state.trust[1])) == (finding, 1, trust)
         assert 0 <= found <= most
-        assert error < 0.6, finding
+        assert error < 0.8, finding
         assert list(state.trust[[0, 2]]) == [Trust.BOTH, Trust.BOTH]
 
 
@@ -226,12 +229,14 @@ def opposed(d: Any, steps: int, **values: Any) -> tuple[Any, np.ndarray]:
 
 
 def test_a_disturbance_inside_its_bound_is_taken_off_whole() -> None:
-    effort = np.array([3.0, -2.0, 1.0])
+    effort = np.array([3.0, -2.0, 0.5])
     state, added = opposed(lambda t: effort, 500)
-    np.testing.assert_allclose(added, -effort, atol=1e-9)
+    np.testing.assert_allclose(added, -effort, atol=1e-3)
     assert state.finding == Finding.NONE
     _, added = opposed(lambda t: effort, 5)
-    np.testing.assert_allclose(np.abs(added), np.minimum(np.abs(effort), 5 * T * 10.0 * LIMIT), atol=1e-9)
+    np.testing.assert_allclose(added, -effort * (1.0 - math.exp(-1.0)), atol=1e-9)
+    _, added = opposed(lambda t: effort, 5, disturbance__rate=0.1)
+    np.testing.assert_allclose(np.abs(added), 5.0 * T * 0.1 * LIMIT, atol=1e-9)
     _, added = opposed(lambda t: effort, 500, disturbance__compensate=False)
     assert not added.any()
 
@@ -241,7 +246,7 @@ def test_more_than_the_bound_is_not_taken_off_and_is_found_when_it_lasts() -> No
         return np.array([0.0, 0.0, 5.0 * (1.0 - math.exp(-t / 0.5))])
 
     state, added = opposed(slow, 1500)
-    assert added[2] == pytest.approx(-0.25 * 12.0)
+    assert added[2] == pytest.approx(-0.25 * 12.0, rel=1e-6)
     assert (Finding(state.finding), state.joint, state.limit) == (Finding.DISTURBED, 2, pytest.approx(3.0))
     assert opposed(slow, 600)[0].finding == Finding.NONE
 
@@ -256,11 +261,32 @@ def test_a_jump_is_a_collision_and_friction_that_reverses_is_none() -> None:
     assert opposed(step(10.0), 400)[0].finding == Finding.NONE
 
 
+def test_friction_that_reverses_is_followed_fast_and_noise_alone_is_not() -> None:
+    """The quick filter: the disturbance is found within 30 ms of a step, and without one the estimate is calm."""
+    for step, calm in ((0.0, 0.6), (8.0, None)):
+        joints, rng, x = Joints(configuration()), np.random.default_rng(4), np.zeros(3)
+        F, _ = joint_filter.matrices(0.0, T)
+        largest = 0.0
+        for k in range(1500):
+            if k == 1400:
+                x[2] += step
+            joints.sample(x[0] + 2e-5 * rng.normal(), x[1] + 3e-3 * rng.normal())
+            largest = max(largest, abs(joints.state.d[0])) if k < 1400 else largest
+            joints.act(0.0)
+            x = F @ x
+            if k == 1430 and step:
+                assert joints.state.d[0] == pytest.approx(step, rel=0.3)
+        if calm:
+            assert largest < calm
+
+
 def test_variances_of_the_pad_are_those_of_the_matrices() -> None:
     config, rng = configuration(), np.random.default_rng(1)
     J, R = rng.normal(size=(6, N)), np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    velocity, change = np.empty(6), np.empty(6)
-    call(pad_variances, config, N, J, R, velocity, change)
+    arm, motion = record(new(ARM), ARM), record(new(MOTION), MOTION)
+    arm.J[:, :N], arm.rotation[:] = J, R
+    call(pad_variances, config, arm, motion)
+    velocity, change = motion.velocity_variance, motion.change_variance
     A = np.kron(np.eye(2), R.T) @ J
     np.testing.assert_allclose(velocity, np.diag(A @ A.T) * config.velocity_variance, rtol=EXACT * 1e3)
     np.testing.assert_allclose(change, np.diag(A @ A.T) * config.change_variance, rtol=EXACT * 1e3)

@@ -17,6 +17,8 @@ from slip_vic_controller.params import ControllerParams
 DEVIATIONS: Final = 6.0
 """Standard deviations of noise that are no difference between position and velocity."""
 COMPARED_S: Final = 0.5
+MEAN_S, QUICK_S, SIGNIFICANT = 0.01, 0.03, 4.5
+"""Time over which innovations are averaged, for which the quick filter stays, and deviations that begin it."""
 
 
 class Noise(NamedTuple):
@@ -110,6 +112,11 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     both = steady_state(noise, config.bandwidth, period)
     F, Q, H = both.F, both.Q, both.H
     config.gain[:] = both.gain
+    quick = steady_state(noise._replace(drift=max(model.quick_drift, model.drift)), config.bandwidth, period)
+    config.gain_quick[:], config.quick_ticks = quick.gain, max(1, round(QUICK_S / period))
+    S = H @ both.predicted @ H.T + np.diag([noise.position**2, noise.velocity**2])
+    config.scale[:], config.weight = 1.0 / np.sqrt(np.diag(S)), 1.0 - math.exp(-period / MEAN_S)
+    config.significant = SIGNIFICANT * math.sqrt(config.weight / (2.0 - config.weight))
     config.gain_position[:] = _filter(F, Q, H[:1], np.array([[noise.position**2]])).gain[:, 0]
     # Position is not observable from velocity: it is integrated, v and d are filtered.
     config.gain_velocity[1:] = _filter(F[1:, 1:], Q[1:, 1:], np.eye(2)[:1], np.array([[noise.velocity**2]])).gain[:, 0]
@@ -117,7 +124,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.velocity_variance, config.change_variance = ahead[1, 1], both.change_variance
     spread = math.hypot(math.sqrt(2.0) * noise.position, math.sqrt(COMPARED_S * period) * noise.velocity)
     config.difference = max(sensor.difference, DEVIATIONS * spread)
-    config.compensates = int(model.compensate)
+    config.compensates, config.settling = int(model.compensate), model.settling_s
     config.bound[:n], config.rate[:n] = model.limit * effort_limit, model.rate * effort_limit
     config.collision[:n] = model.collision * effort_limit
     config.collision_s, config.disturbed_s = model.collision_s, model.sustained_s

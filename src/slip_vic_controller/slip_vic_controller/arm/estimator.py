@@ -9,6 +9,9 @@ with a velocity drive the commanded velocity, which the drive follows with bandw
 
     q' = v,   v' = u + d  (efforts, b = 0),   v' = b (u - v) + d  (velocity drive),   d' = noise.
 
+The disturbance is slow, except where friction turns round or something touches the arm: then innovations of one sign
+come in a row, and a filter with a faster drift takes over.
+
 Measured are q and v, by a sensor that is late by a known latency: the filter runs at the time of measurement, with the
 inputs of that time, and its estimate is predicted to now with the inputs since then. Everything that follows in a cycle
 works with this prediction.
@@ -21,11 +24,12 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum, unique
-from typing import Annotated, Final, NamedTuple
+from typing import Annotated, Final, NamedTuple, Protocol
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole, dtype_of
+from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.sizes import MAX_JOINTS, Joints, WholeJoints
 
 MAX_LATENCY: Final = 32
@@ -75,6 +79,11 @@ class EstimatorConfig(Record):
     late_ticks: Whole  # latency of the sensor, whole control periods
     late_rest: Real  # s; and what is left of it
     gain: Annotated[Array, (3, 2)]  # of (q, v, d) for innovations of position and velocity
+    gain_quick: Annotated[Array, (3, 2)]  # the same, while the disturbance changes fast
+    quick_ticks: Whole  # control periods that it is used after the innovations have said so
+    scale: Annotated[Array, 2]  # 1/rad, s/rad; over the standard deviation of an innovation
+    weight: Real  # of a new innovation in their mean
+    significant: Real  # mean of scaled innovations that is no noise
     gain_position: Annotated[Array, 3]  # where velocity is not used
     gain_velocity: Annotated[Array, 3]  # where position is not used
     velocity_variance: Real  # (rad/s)^2; of the predicted velocity
@@ -83,6 +92,7 @@ class EstimatorConfig(Record):
     compensates: Whole  # whether the disturbance is taken off the effort
     bound: Joints  # N m; most that is taken off
     rate: Joints  # N m/s; of what is taken off
+    settling: Real  # s; time constant with which it follows the estimate
     collision: Joints  # N m; jump of the disturbance that is a collision
     collision_s: Real  # s; that it must last
     disturbed_s: Real  # s; that a disturbance may stay beyond its bound
@@ -102,6 +112,9 @@ class JointEstimate(Record):
     inputs: Annotated[Array, (MAX_LATENCY + 2, MAX_JOINTS)]  # rad/s^2 or rad/s; one per control period
     measured_position: Joints  # rad; of the last sample
     measured_velocity: Joints  # rad/s
+    mean_q: Joints  # mean of scaled innovations of position
+    mean_v: Joints  # and of velocity
+    quick: WholeJoints  # control periods for which `gain_quick` is used still
     moved: Joints  # rad; way that position shows, faded
     swept: Joints  # rad; way that velocity shows, faded
     moved_lately: Joints  # rad; the same of the last samples
@@ -120,7 +133,31 @@ class JointEstimate(Record):
     limit: Real  # rad or N m
 
 
+class PublishedJoints(Record):
+    """What is published of the estimate; zeros without one."""
+
+    position: Joints  # rad
+    velocity: Joints  # rad/s
+    disturbance: Joints  # N m
+
+
 ESTIMATOR_CONFIG, JOINT_ESTIMATE = dtype_of(EstimatorConfig), dtype_of(JointEstimate)
+PUBLISHED_JOINTS = dtype_of(PublishedJoints)
+
+
+class PadVariances(Protocol):
+    """Variances of a pad's twist and of the noise in its change over a period; (6,) [m/s, rad/s]^2."""
+
+    velocity_variance: Array
+    change_variance: Array
+
+
+class JointSampleLike(Protocol):
+    """A joint state: stamp [ns], position [rad] and velocity [rad/s]."""
+
+    stamp_ns: int
+    position: Array
+    velocity: Array
 
 
 class Transition(NamedTuple):
@@ -154,6 +191,7 @@ def start_estimate(config: EstimatorConfig, state: JointEstimate, stamp_ns: int,
         state.v[j] = state.velocity[j] = state.measured_velocity[j] = qd[j]
         state.moved[j] = state.swept[j] = state.moved_lately[j] = state.swept_lately[j] = 0.0
         state.same_position[j] = state.same_velocity[j] = 0
+        state.mean_q[j], state.mean_v[j], state.quick[j] = 0.0, 0.0, 0
         if config.bandwidth > 0.0:
             for k in range(MAX_LATENCY + 2):
                 state.inputs[k, j] = qd[j]
@@ -230,8 +268,14 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
             (newer.vv * x_v + newer.vd * x_d + newer.vu * u),
         )
         of_q, of_v, trust = q[j] - x_q, qd[j] - x_v, state.trust[j]
+        state.mean_q[j] += config.weight * (config.scale[0] * of_q - state.mean_q[j])
+        state.mean_v[j] += config.weight * (config.scale[1] * of_v - state.mean_v[j])
+        if max(abs(state.mean_q[j]), abs(state.mean_v[j])) > config.significant:
+            state.quick[j] = config.quick_ticks
+        elif state.quick[j] > 0:
+            state.quick[j] -= 1
         if trust == Trust.BOTH:
-            K = config.gain
+            K = config.gain_quick if state.quick[j] > 0 else config.gain
             x_q, x_v, x_d = (
                 x_q + K[0, 0] * of_q + K[0, 1] * of_v,
                 x_v + K[1, 0] * of_q + K[1, 1] * of_v,
@@ -257,6 +301,14 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
                 (whole.vv * x_v + whole.vd * x_d + whole.vu * u),
             )
         state.position[j], state.velocity[j] = x_q, x_v
+
+
+@part
+def use_estimate(config: EstimatorConfig, state: JointEstimate, sample: JointSampleLike) -> None:
+    """Take a joint state in, and put the estimate of now in its place."""
+    n = config.joints
+    estimate_joints(config, state, sample.stamp_ns, sample.position[:n], sample.velocity[:n])
+    sample.position[:n], sample.velocity[:n] = state.position[:n], state.velocity[:n]
 
 
 @part
@@ -301,6 +353,12 @@ def find(state: JointEstimate, finding: int, j: int, value: float, limit: float)
 
 
 @part
+def publish_joints(state: JointEstimate, out: PublishedJoints) -> None:
+    """Write what is published."""
+    out.position[:], out.velocity[:], out.disturbance[:] = state.position, state.velocity, state.effort
+
+
+@part
 def oppose_disturbance(config: EstimatorConfig, state: JointEstimate, M: Array, dt: float, torque: Array) -> None:
     """Take the disturbance off the effort, inside its bound and rate, and look for jumps and lasting excess.
 
@@ -313,7 +371,7 @@ def oppose_disturbance(config: EstimatorConfig, state: JointEstimate, M: Array, 
 
     Implements: ours: tau -= M d.
     """
-    n, weight = config.joints, 1.0 - math.exp(-dt / SLOW_S)
+    n, weight, follow = config.joints, 1.0 - math.exp(-dt / SLOW_S), 1.0 - math.exp(-dt / config.settling)
     for j in range(n):
         effort = 0.0
         for k in range(n):
@@ -322,7 +380,7 @@ def oppose_disturbance(config: EstimatorConfig, state: JointEstimate, M: Array, 
         bound, step = config.bound[j], config.rate[j] * dt
         wanted = min(max(-effort, -bound), bound) if config.compensates != 0 else 0.0
         before = state.taken_off[j]
-        state.taken_off[j] = min(max(wanted, before - step), before + step)
+        state.taken_off[j] = min(max(before + follow * (wanted - before), before - step), before + step)
         torque[j] += state.taken_off[j]
         jump = effort - state.slow_effort[j]
         state.slow_effort[j] += weight * jump
@@ -335,22 +393,22 @@ def oppose_disturbance(config: EstimatorConfig, state: JointEstimate, M: Array, 
 
 
 @part
-def pad_variances(config: EstimatorConfig, n: int, J: Array, R: Array, velocity: Array, change: Array) -> None:
+def pad_variances(config: EstimatorConfig, arm: Arm, out: PadVariances) -> None:
     """Write the variances of the pad's twist and of the noise in its change over a period, on pad axes; (6,), (6,).
 
     Args:
         config: variances of the joint velocities, alike and independent.
-        n: number of joints.
-        J: Jacobian (6, n) {w}.
-        R: attitude of the pad (3, 3).
-        velocity, change: result [m/s, rad/s]^2.
+        arm: at this joint state.
+        out: result.
 
     Implements: ours: diag(A A^T) sigma^2 with A = R^T J.
     """
+    J, R = arm.J, arm.rotation
     for i in range(6):
         total, first = 0.0, 3 if i >= 3 else 0
         axis = i - first
-        for j in range(n):
+        for j in range(config.joints):
             a = R[0, axis] * J[first, j] + R[1, axis] * J[first + 1, j] + R[2, axis] * J[first + 2, j]
             total += a * a
-        velocity[i], change[i] = total * config.velocity_variance, total * config.change_variance
+        out.velocity_variance[i] = total * config.velocity_variance
+        out.change_variance[i] = total * config.change_variance

@@ -56,6 +56,8 @@ class Motion(Record):
     force: Vec6  # m/s^2, rad/s^2; the part of it that the wrench gives, without gravity
     drag: Vec3  # m/s^2; acceleration that the pad gives to the centre of mass
     w_o: Vec3  # rad/s; turning of the object
+    velocity_variance: Vec6  # {ee}; of v_ee, zeros without an estimate of the joint state
+    change_variance: Vec6  # {ee}; of the noise in the change of v_ee since the tick before
 
 
 MOTION = dtype_of(Motion)
@@ -98,6 +100,8 @@ class Row(Record):
     drag: Vec3  # m/s^2
     step: Axes  # change of the slip velocity as the uncorrected model has it
     force: Axes  # specific force
+    velocity_variance: Axes  # of the pad's velocity
+    change_variance: Axes  # of the noise in `step`
     time: Real  # s; in stick: dt added up since its beginning
     steps: Axes  # in stick: step added up
     impulses: Axes  # in stick: dt force added up

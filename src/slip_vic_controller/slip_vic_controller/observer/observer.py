@@ -107,6 +107,7 @@ def describe_tick(config: ObserverConfig, state: Observer, motion: Motion, dt: f
     put(row.drag, filtered(config, drag).linear)
     put_spatial(row.step, filtered(config, to_pad @ step))
     put_spatial(row.force, force_on_pad(config, motion))
+    row.velocity_variance[:], row.change_variance[:] = motion.velocity_variance, motion.change_variance
 
 
 @part

@@ -53,7 +53,7 @@ def predict_tick(config: ObserverConfig, ahead: Records[AxisRecord], row: Row) -
     for i in range(AXES):
         if config.axes[i]:
             step = row.step[i] - row.dt * component(turning, i)
-            q_v, q_b = config.process_variance[i], config.drift_variance[i]
+            q_v, q_b = config.process_variance[i] + row.change_variance[i], config.drift_variance[i]
             put_axis(row.axes[i], predict(read_axis(ahead[i]), step, row.force[i], row.dt, q_v, q_b))
 
 

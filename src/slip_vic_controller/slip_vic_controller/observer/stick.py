@@ -38,7 +38,7 @@ def learn_model_errors(config: ObserverConfig, state: Observer, row: Row) -> Non
     """Learn the model's errors from a tick that has passed as stick."""
     for i in range(AXES):
         if config.axes[i]:
-            q_v, q_b = config.process_variance[i], config.drift_variance[i]
+            q_v, q_b = config.process_variance[i] + row.change_variance[i], config.drift_variance[i]
             x = zero_velocity_update(read_axis(state.axes[i]), row.step[i], row.force[i], row.dt, q_v, q_b)
             put_axis(state.axes[i], x)
 
@@ -58,7 +58,8 @@ def normalised_innovation_squared(config: ObserverConfig, state: Observer, rows:
             impulse = last.impulses[i] - first.impulses[i] + first.dt * first.force[i]
             v = last.steps[i] - first.steps[i] + first.step[i] - time * x.b - impulse * x.c
             S = time * time * x.P_bb + 2.0 * time * impulse * x.P_bc + impulse * impulse * x.P_cc
-            total += v * v / (S + state.rows * config.process_variance[i] + config.floor_variance[i])
+            S += state.rows * config.process_variance[i] + config.floor_variance[i]
+            total += v * v / (S + first.velocity_variance[i] + last.velocity_variance[i])
     return total
 
 

@@ -37,14 +37,22 @@ class DisturbanceParams(ParameterModel):
         unit="rad/s^2", gt=0.0, le=1e3,
     )  # fmt: skip
     drift: float = parameter(
-        30.0, "random walk of the disturbance: its standard deviation after one second", unit="rad/s^2", gt=0.0, le=1e4
+        3.0, "random walk of the disturbance: its standard deviation after one second", unit="rad/s^2", gt=0.0, le=1e4
     )
+    quick_drift: float = parameter(
+        100.0, "the same while innovations show that the disturbance changes fast, as friction does at reversal",
+        unit="rad/s^2", gt=0.0, le=1e4,
+    )  # fmt: skip
     limit: float = parameter(
         0.25, "most that is taken off the effort, as a share of the joint's effort limit", ge=0.0, le=1.0
     )
     rate: float = parameter(
         10.0, "how fast that may change, as a share of the joint's effort limit per second", unit="1/s", gt=0.0, le=1e4
     )
+    settling_s: float = parameter(
+        0.005, "time constant with which what is taken off follows the estimate: its noise shall not shake the arm",
+        unit="s", gt=0.0, le=10.0,
+    )  # fmt: skip
     sustained_s: float = parameter(
         0.3, "time that a disturbance may stay beyond the limit before it is a fault", unit="s", gt=0.0, le=60.0
     )

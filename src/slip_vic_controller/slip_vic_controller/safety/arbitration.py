@@ -14,6 +14,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Whole, dtype_of
 from slip_core.vectors import spatial, vec
+from slip_vic_controller.arm.estimator import Finding, JointEstimate
 from slip_vic_controller.law.giving_up import CompensationState
 from slip_vic_controller.safety.drop_detection import BLIND, DropDetectionConfig, ObservedMotion
 from slip_vic_controller.safety.faults import Fault, Input
@@ -144,6 +145,7 @@ class Judged(Protocol):
     mode: ModeState
     since: Since
     observed: ObservedMotion
+    estimate: JointEstimate
     latency: Latency
     slip_inputs: Records[VectorInput]
 
@@ -192,7 +194,7 @@ def degradation_level(config: ArbitrationConfig, since: Since, fault: int, now_n
 
 @part
 def find_fault(config: Configured, state: Judged, n: int, qd: Array, now_ns: int) -> Reason:
-    """Return what must latch: a speed that is too high for long, or an object that falls.
+    """Return what must latch: a speed too high for long, a joint whose measurements are wrong, an object that falls.
 
     Args:
         config: of the controller.
@@ -208,6 +210,9 @@ def find_fault(config: Configured, state: Judged, n: int, qd: Array, now_ns: int
         state.since.too_fast_ns = now_ns
     if found.cause != Cause.NONE and now_ns - state.since.too_fast_ns > FAST_NS:
         return found
+    if state.estimate.finding != Finding.NONE:
+        finding = state.estimate
+        return Reason(Cause.JOINT.value, finding.joint + 256 * finding.finding, 0, finding.value, finding.limit)
     if state.observed.fall_speed > config.drop.drop_speed:
         return Reason(Cause.FALLS.value, 0, 0, state.observed.fall_speed, 0.0)
     return NOTHING

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole, dtype_of
+from slip_vic_controller.arm.estimator import Finding
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.sizes import MAX_CONTACTS
 
@@ -41,6 +42,7 @@ class Cause(IntEnum):
     OVERRUNS = 22
     GIVEN_UP = 23
     HALTED = 24
+    JOINT = 25  # detail: joint + 256 * Finding of the estimator; value, limit [rad] or [N m]
 
 
 @unique
@@ -149,11 +151,31 @@ def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> st
     if cause == Cause.PATH_TOO_HEAVY:
         load = f"its weight asks {value:.3f} N, friction may be asked {limit:.3f} N"
         return f"friction cannot carry the object where the path is at {1e-3 * reason.detail:.3f} s: {load}"
+    if cause == Cause.JOINT:
+        finding, joint = divmod(reason.detail, 256)
+        return finding_text(Finding(finding), joint_names[joint], value, limit)
     if cause == Cause.FALLS:
         return f"the object falls: it slips, and moves down {value:.2f} m/s faster than the reference"
     return _WORDS[cause]
 
 
+def finding_text(finding: Finding, joint: str, value: float, limit: float) -> str:
+    """Return what is wrong with a joint, in words."""
+    if finding == Finding.COLLISION:
+        return f"collision: a torque of {value:.1f} N m on {joint} has come at once, the limit is {limit:.1f}"
+    if finding == Finding.DISTURBED:
+        return f"{joint} feels {value:.1f} N m more than the model of the arm, at most {limit:.1f} are taken off"
+    differ = f"position and integrated velocity differ by {value:.4f} rad, the limit is {limit:.4f}"
+    return f"{joint}: {_OF_JOINT[finding]}: {differ}"
+
+
+_OF_JOINT = {
+    Finding.VELOCITY_SIGN: "its velocity has the wrong sign",
+    Finding.VELOCITY_STUCK: "its velocity is stuck",
+    Finding.POSITION_STUCK: "its position is stuck",
+    Finding.POSITION_DRIFTS: "its position drifts",
+    Finding.VELOCITY_BIASED: "its velocity is biased",
+}
 _OF_FAULT = {Cause.INPUT: "", Cause.PREDICTED: ": predicting it from the wrench", Cause.SLOWING: ": slowing down"}
 _WORDS = {
     Cause.NONE: "",

@@ -60,7 +60,8 @@ class ArmTopics:
         self._send_ledger = create_sender(part, "controller/ledger", forms.whole_numbers(numbers))
         self._state_publisher = StatePublisher(part, self.params.control_period_s, in_background=not self._lockstep)
         own = StatusPublisher(status, arm.controller.robot.name, arm.name)
-        self._diagnostics = DiagnosticsPublisher(part, self.params.diagnostics.decimation, own)
+        decimation = self.params.diagnostics.decimation
+        self._diagnostics = DiagnosticsPublisher(part, decimation, own, arm.estimated_joints)
         self._timing = None if self._lockstep else TimingPublisher(part, self.params, own)
         self.inputs = self._create_inputs()
         self._mode = ModeInterface(part, arm, refusals, own)

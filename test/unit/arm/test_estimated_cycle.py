@@ -1,0 +1,123 @@
+"""The joint state estimator in the control cycle: noise, wrong sensors, a push, and its place in the state."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slip_core.types import EffortCommand, JointSample
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.arm.estimator import Finding
+from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.session import CycleResult
+
+NOISE = 0.003
+TOLD = (
+    f"bridge.sensors.joint.noise_velocity={NOISE}", "bridge.sensors.joint.noise_position=1e-5",
+    f"controller.joint_sensor.noise_velocity={NOISE}",
+)  # fmt: skip
+SIGNS = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0])
+
+
+class Run:
+    """A closed loop whose joint states and efforts can be made wrong on their way."""
+
+    def __init__(self, *assignments: str, law: Any = "governed", name: str = "paper_planar") -> None:
+        scenario = load_scenario(name, law=law, sensor="event_1000", seed=5, assignments=(*TOLD, *assignments))
+        self.loop = ClosedLoop(scenario)
+        (self.arm,) = self.loop.controller.arms
+
+    def cycles(self, count: int, change: Any = None, push: Any = None) -> CycleResult:
+        """Return the last result; change(q, qd): of the joint states; push: added to every effort [N m]."""
+        for _ in range(count):
+            outputs = self.loop.observe()
+            if change is not None:
+                (arm,) = outputs.arms
+                joint = arm.joint
+                q, qd = change(joint.position.copy(), joint.velocity.copy())
+                outputs = outputs._replace(arms=(arm._replace(joint=JointSample(joint.stamp_ns, q, qd, joint.effort)),))
+            result = self.loop.control(outputs)
+            command = result.command
+            if push is not None and len(command.effort):
+                command = EffortCommand(command.stamp_ns, command.effort + push)
+            self.loop.bridge.advance([command])
+        return result
+
+    @property
+    def speed(self) -> float:
+        """Largest true joint velocity [rad/s]."""
+        return float(np.abs(self.loop.bridge.simulation.observe(0).joint.velocity).max())
+
+
+def test_the_law_works_with_the_estimate() -> None:
+    run = Run()
+    run.cycles(400)
+    estimate, answers = run.arm.state.estimate, run.arm.state.joint.answers
+    assert estimate.started == 1
+    np.testing.assert_array_equal(estimate.position[:7], answers.position[:7])
+    np.testing.assert_array_equal(estimate.velocity[:7], answers.velocity[:7])
+    assert (estimate.velocity[:7] != run.arm.state.joint.last.velocity[:7]).all()
+
+
+def test_a_torque_offset_is_found_and_taken_off() -> None:
+    run = Run()
+    offset = 0.2 * SIGNS
+    run.cycles(600, push=offset)
+    estimate = run.arm.state.estimate
+    taken_off = []
+    for _ in range(100):
+        run.cycles(1, push=offset)
+        taken_off.append(estimate.taken_off[:7].copy())
+    np.testing.assert_allclose(np.mean(taken_off, axis=0), -offset, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("joint", "change", "finding"),
+    [
+        (1, lambda q, qd: -qd, Finding.VELOCITY_SIGN),
+        (3, lambda q, qd: 0.0 * qd, Finding.VELOCITY_STUCK),
+        (3, lambda q, qd: qd + 0.5, Finding.VELOCITY_BIASED),
+    ],
+)
+def test_a_wrong_velocity_is_a_fault_with_the_joint_s_name_and_the_arm_rests(joint: int, change: Any, finding) -> None:
+    run = Run()
+    run.cycles(500)
+
+    def wrong(q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        qd[joint] = change(q[joint], qd[joint])
+        return q, qd
+
+    result = run.cycles(1500, wrong)
+    assert result.mode == Mode.FAULT
+    name = run.arm.controller.robot.joint_names[joint]
+    assert result.reason.startswith(f"{name}: its velocity ")
+    assert run.arm.state.estimate.finding == finding
+    run.cycles(1)
+    assert run.speed < 0.1
+
+
+def test_a_push_is_a_collision() -> None:
+    run = Run()
+    run.cycles(600)
+    push = np.array([0.0, 35.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    result = run.cycles(30, push=push)
+    assert result.mode == Mode.FAULT
+    assert result.reason.startswith("collision: a torque of ")
+    assert run.arm.controller.robot.joint_names[1] in result.reason
+
+
+def test_the_estimate_is_part_of_the_state() -> None:
+    """A session that is restored from a snapshot gives the same efforts to the last bit."""
+    run = Run()
+    run.cycles(300)
+    kept = run.loop.controller.snapshot()
+    assert record_bytes(run, kept) == record_bytes(run, kept)
+
+
+def record_bytes(run: Run, kept: np.ndarray) -> bytes:
+    run.loop.controller.restore(kept)
+    outputs = run.loop.observe()
+    return run.loop.control(outputs).record.effort.tobytes() + run.loop.controller.snapshot().tobytes()
