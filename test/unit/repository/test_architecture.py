@@ -65,7 +65,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.part_compiler": set(),
     "slip_core.records": {"slip_core.arrays"},
     "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},
-    "slip_vic_controller.arm": {"slip_vic_controller.arm", *SHARED},
+    "slip_vic_controller.arm": {"slip_vic_controller.arm", "slip_vic_controller.law.arm", *SHARED},
     "slip_vic_controller.arrival": CYCLE | {"slip_vic_controller.cycle"},
     "slip_vic_controller.config": CYCLE
     | {f"slip_vic_controller.{part}" for part in ("cycle", "parameters.interface_params", "interfaces", "robot")},
@@ -75,10 +75,22 @@ OWN = {  # layers inside a package: what of the own package a part may import
     },
     "slip_vic_controller.interfaces": {"slip_vic_controller.robot", *SHARED},
     "slip_vic_controller.law": {"slip_vic_controller.law", *SHARED},
-    "slip_vic_controller.observer": {"slip_vic_controller.observer", *SHARED},
+    "slip_vic_controller.observer": {"slip_vic_controller.observer", "slip_vic_controller.law.contact", *SHARED},
     "slip_vic_controller.reference": {"slip_vic_controller.reference", "slip_vic_controller.law.rotation", *SHARED},
     "slip_vic_controller.robot": {"slip_vic_controller.law.arm", *SHARED},
-    "slip_vic_controller.safety": {"slip_vic_controller.safety", "slip_vic_controller.reference.path_scaling", *SHARED},
+    "slip_vic_controller.safety": {
+        f"slip_vic_controller.{part}"
+        for part in (
+            "safety",
+            "reference.path_scaling",
+            "law.arm",
+            "law.contact",
+            "law.giving_up",
+            "law.law",
+            "arm.estimator",
+        )
+    }
+    | SHARED,
     "slip_vic_controller.session": CYCLE
     | {
         f"slip_vic_controller.{part}"
