@@ -65,7 +65,8 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.part_compiler": set(),
     "slip_core.records": {"slip_core.arrays"},
     "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},
-    "slip_vic_controller.arm": {"slip_vic_controller.arm", "slip_vic_controller.law.arm", *SHARED},
+    "slip_vic_controller.arm": {f"slip_vic_controller.{part}" for part in ("arm", "law.arm", "parameters.arm_params")}
+    | SHARED,
     "slip_vic_controller.arrival": CYCLE | {"slip_vic_controller.cycle"},
     "slip_vic_controller.config": CYCLE
     | {f"slip_vic_controller.{part}" for part in ("cycle", "parameters.interface_params", "interfaces", "robot")},

@@ -50,7 +50,7 @@ def _absent(controller: ControllerNodeParams) -> set[str]:
     if controller.grip.control != "follow":
         absent.add("grip_command")
     absent |= {f"{kind}_{name}" for kind in ("velocity", "position") for name in ("command", "controller/commands")}
-    if controller.joint_sensor.noise_velocity == 0.0:
+    if not controller.joint_sensor.estimates:
         absent.add("controller/joint_estimate")
     if not controller.publish_effort_array:
         absent.add("effort_controller/commands")

@@ -12,11 +12,16 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_vic_controller.arm.estimator import ESTIMATOR_CONFIG, MAX_LATENCY, EstimatorConfig, transition
+from slip_vic_controller.parameters.arm_params import JointSensorModel
 from slip_vic_controller.params import ControllerParams
 
 DEVIATIONS: Final = 6.0
 """Standard deviations of noise that are no difference between position and velocity."""
 COMPARED_S: Final = 0.5
+LEAST_POSITION, LEAST_VELOCITY = 2e-5, 1e-4
+"""What is assumed of a sensor without noise [rad], [rad/s]."""
+LAG_ACCELERATION: Final = 5.0
+"""Acceleration at which the lag of a velocity filter counts as noise [rad/s^2]."""
 MEAN_S, QUICK_S, SIGNIFICANT = 0.01, 0.03, 4.5
 """Time over which innovations are averaged, for which the quick filter stays, and deviations that begin it."""
 
@@ -89,6 +94,23 @@ def divide(latency_s: float, period: float) -> tuple[int, float]:
     return ticks, rest if rest > 1e-6 * period else 0.0
 
 
+def sensor_noise(sensor: JointSensorModel, period: float) -> tuple[float, float]:
+    """Return the standard deviations of position [rad] and velocity [rad/s] that a sensor's numbers come to.
+
+    A count is uniform noise. A velocity that is made of counts has the noise of their difference, less by its filter,
+    and the filter's lag at LAG_ACCELERATION.
+    """
+    quantum = sensor.quantum_position / math.sqrt(12.0)
+    position = max(math.hypot(sensor.noise_position, quantum), LEAST_POSITION)
+    velocity = sensor.noise_velocity
+    if sensor.velocity_filter_hz > 0.0:
+        time = 1.0 / (2.0 * math.pi * sensor.velocity_filter_hz)
+        weight = 1.0 - math.exp(-period / time)
+        counted = math.sqrt(2.0) * quantum / period * weight / math.sqrt(2.0 - weight)
+        velocity = math.hypot(velocity, counted, LAG_ACCELERATION * time)
+    return position, max(velocity, LEAST_VELOCITY)
+
+
 def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     """Return the EstimatorConfig buffer; effort_limit (n,) [N m].
 
@@ -99,7 +121,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config: EstimatorConfig = record(buffer, ESTIMATOR_CONFIG)
     sensor, model, period, n = params.joint_sensor, params.disturbance, params.control_period_s, len(effort_limit)
     config.joints, config.period = n, period
-    if sensor.noise_velocity == 0.0:
+    if not sensor.estimates:
         return buffer
     config.on = 1
     config.late_ticks, config.late_rest = divide(sensor.latency_s, period)
@@ -108,7 +130,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
             "parameter joint_sensor.latency_s", got=sensor.latency_s, expected=f"below {MAX_LATENCY * period:g} s",
             fix="raise control_period_s",
         )  # fmt: skip
-    noise = Noise(sensor.noise_position, sensor.noise_velocity, model.model_noise, model.drift)
+    noise = Noise(*sensor_noise(sensor, period), model.model_noise, model.drift)
     both = steady_state(noise, config.bandwidth, period)
     F, Q, H = both.F, both.Q, both.H
     config.gain[:] = both.gain

@@ -8,16 +8,19 @@ from slip_core.params import ParameterModel, parameter
 class JointSensorModel(ParameterModel):
     """Joint sensor, as configured; the launcher fills it from the drive's preset."""
 
-    noise_position: float = parameter(
-        2e-5, "standard deviation of each joint position, quantum included", unit="rad", gt=0.0, le=0.1
-    )
+    noise_position: float = parameter(0.0, "standard deviation of each joint position", unit="rad", ge=0.0, le=0.1)
     noise_velocity: float = parameter(
         0.0,
-        "standard deviation of each joint velocity; 0 = the samples are used as they are, without an estimator",
+        "standard deviation of each joint velocity; 0, and no quantum = the samples are used as they are, no estimator",
         unit="rad/s",
         ge=0.0,
         le=10.0,
     )
+    quantum_position: float = parameter(0.0, "step of the positions, of an encoder's count", unit="rad", ge=0.0, le=0.1)
+    velocity_filter_hz: float = parameter(
+        0.0, "corner frequency of the filter of velocities that are differences of counts; 0 = they are not",
+        unit="Hz", ge=0.0, le=1e5,
+    )  # fmt: skip
     latency_s: float = parameter(
         0.0, "time by which joint states are older than their stamps; the estimate is predicted forward by it",
         unit="s", ge=0.0, le=0.1,
@@ -26,6 +29,11 @@ class JointSensorModel(ParameterModel):
         5e-3, "difference between position and integrated velocity of half a second that is still no fault", unit="rad",
         gt=0.0, le=1.0,
     )  # fmt: skip
+
+    @property
+    def estimates(self) -> bool:
+        """Whether the joint state is estimated: where something is known of the noise."""
+        return self.noise_velocity > 0.0 or self.quantum_position > 0.0
 
 
 class DisturbanceParams(ParameterModel):
