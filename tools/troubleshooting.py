@@ -43,6 +43,8 @@ TO_DO = {
     Cause.PATH_TOO_HEAVY: "More grip, a lighter object, or another attitude: at that place friction cannot carry the weight.",
     Cause.OVERRUNS: "The friction fell while it moved. More grip; `governor.margin` leaves more room.",
     Cause.HALTED: "More grip or friction, a lighter object or another path. Where it cannot be: `governor.friction: known`.",
+    Cause.JOINT: "Check this joint's encoder, its sign and its driver; after a collision clear the arm. `joint_state.md` lists "
+    "what is found and by which limit. Then `~/reset_fault`.",
     Cause.GIVEN_UP: "Object or contact are not as told: check `object.mass`, `contacts.position` and the wrench's frame.",
 }
 """What a user does about a reason."""

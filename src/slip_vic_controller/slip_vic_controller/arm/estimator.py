@@ -42,6 +42,10 @@ LATELY: Final = 3.0
 """Control periods over which it is judged which of the two is wrong."""
 STUCK: Final = 3
 """Samples in a row that are equal to the last bit while the other quantity moves: then the sensor is stuck."""
+SAME_SIZE: Final = 0.2
+"""How much two ways of opposite sign may differ in size, over their difference, and be one way with a wrong sign."""
+DOUBTFUL: Final = 0.3
+"""Share of the difference between position and velocity from which a jump may be a wrong measurement."""
 SLOW_S: Final = 0.2
 """Time constant of the disturbance that is no collision [s]."""
 
@@ -337,7 +341,7 @@ def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: floa
             finding = Finding.VELOCITY_STUCK.value
         elif state.same_position[j] >= STUCK:
             finding, trust = Finding.POSITION_STUCK.value, Trust.VELOCITY.value
-        elif moved * swept < 0.0 and abs(moved + swept) < 0.5 * abs(moved - swept):
+        elif moved * swept < 0.0 and abs(moved + swept) < SAME_SIZE * abs(moved - swept):
             finding = Finding.VELOCITY_SIGN.value
         elif abs(moved) > abs(swept):
             finding, trust = Finding.POSITION_DRIFTS.value, Trust.VELOCITY.value
@@ -384,7 +388,8 @@ def oppose_disturbance(config: EstimatorConfig, state: JointEstimate, M: Array, 
         torque[j] += state.taken_off[j]
         jump = effort - state.slow_effort[j]
         state.slow_effort[j] += weight * jump
-        state.jumped_s[j] = state.jumped_s[j] + dt if abs(jump) > config.collision[j] else 0.0
+        doubtful = state.trust[j] != Trust.BOTH or abs(state.moved[j] - state.swept[j]) > DOUBTFUL * config.difference
+        state.jumped_s[j] = state.jumped_s[j] + dt if abs(jump) > config.collision[j] and not doubtful else 0.0
         state.beyond_s[j] = state.beyond_s[j] + dt if abs(effort) > bound else 0.0
         if state.jumped_s[j] > config.collision_s:
             find(state, Finding.COLLISION.value, j, jump, config.collision[j])

@@ -5,6 +5,8 @@ v_s[k+1] = v_s[k] + dv_ee - T (G^T a_o + Phi1' v_s + Phi2), with the model's err
 
 from __future__ import annotations
 
+import math
+
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Records
@@ -21,7 +23,7 @@ from slip_vic_controller.observer.axis import (
     read_axis,
     robust_variance,
 )
-from slip_vic_controller.observer.history import drop_oldest, insert, row_at
+from slip_vic_controller.observer.history import drop_oldest, insert, newest_tick, row_at
 from slip_vic_controller.observer.layouts import AXES, SAMPLE_ROW, TICK_ROW, Observer, ObserverConfig, Row
 
 LEAST_SHARE = 1e-3
@@ -135,7 +137,7 @@ def normalised_innovation_squared(config: ObserverConfig, state: Observer) -> fl
 
 
 @part
-def is_confirmed(config: ObserverConfig, state: Observer) -> bool:
+def is_confirmed(config: ObserverConfig, state: Observer, row: Row) -> bool:
     """Return whether the estimate is known well enough to be believed when it says rest.
 
     Doubt is not rest: control holds the estimate near zero, so only a model that has been confirmed can tell. Nor is an
@@ -145,7 +147,14 @@ def is_confirmed(config: ObserverConfig, state: Observer) -> bool:
     for i in range(AXES):
         if config.axes[i]:
             x = state.axes[i]
-            confirmed = confirmed and x.P_bb < config.stick_P_bb[i] and x.P_vv < config.stick_P_vv[i]
+            # Noise of the joints leaves this much doubt, however long it is at rest.
+            noise, time = row.velocity_variance[i], config.window_ticks * row.dt
+            doubt = noise + math.sqrt(row.change_variance[i] * config.measurement_variance[i])
+            confirmed = confirmed and x.P_vv < config.stick_P_vv[i] + doubt
+            if noise > 0.0:
+                confirmed = confirmed and x.P_bb * time * time < config.stick_P_bb[i] * time * time + 2.0 * noise
+            else:
+                confirmed = confirmed and x.P_bb < config.stick_P_bb[i]
     return confirmed
 
 
@@ -257,7 +266,8 @@ def observe_slip(
     if since >= 0:
         believe_samples(config, state, rows, since)
     state.significance = normalised_innovation_squared(config, state)
-    at_rest = is_confirmed(config, state) and state.significance < config.nis_stick
+    newest = row_at(state, rows, newest_tick(state, rows))
+    at_rest = is_confirmed(config, state, newest) and state.significance < config.nis_stick
     state.quiet = state.quiet + 1 if at_rest else 0
     if state.quiet >= config.dwell_ticks:
         begin_stick(config, state)

@@ -67,4 +67,4 @@ class DisturbanceParams(ParameterModel):
     collision: float = parameter(
         0.3, "jump of the disturbance that is a collision, as a share of the joint's effort limit", gt=0.0, le=10.0
     )
-    collision_s: float = parameter(0.003, "time that a jump must last to be a collision", unit="s", ge=0.0, le=1.0)
+    collision_s: float = parameter(0.01, "time that a jump must last to be a collision", unit="s", ge=0.0, le=1.0)

@@ -170,6 +170,7 @@ def finding_text(finding: Finding, joint: str, value: float, limit: float) -> st
 
 
 _OF_JOINT = {
+    Finding.NONE: "its measurements contradict each other",
     Finding.VELOCITY_SIGN: "its velocity has the wrong sign",
     Finding.VELOCITY_STUCK: "its velocity is stuck",
     Finding.POSITION_STUCK: "its position is stuck",
