@@ -255,7 +255,7 @@ def test_a_jump_is_a_collision_and_friction_that_reverses_is_none() -> None:
     def step(size: float) -> Any:
         return lambda t: np.array([0.0, size if t > 0.1 else 0.0, 0.0])
 
-    state, _ = opposed(step(20.0), 110)
+    state, _ = opposed(step(20.0), 130)
     assert (Finding(state.finding), state.joint) == (Finding.COLLISION, 1)
     assert state.value > state.limit == pytest.approx(15.0)
     assert opposed(step(10.0), 400)[0].finding == Finding.NONE
