@@ -60,3 +60,10 @@ def test_a_lottery_runs_every_law_in_every_world_and_counts(tmp_path: Path) -> N
     assert lottery_table(played).row_count == 3
     write_lottery(tmp_path / "lottery.csv", played)
     assert len((tmp_path / "lottery.csv").read_text().splitlines()) == 5
+
+
+def test_both_arms_have_a_slip_observer_of_their_own_contact() -> None:
+    run = load_scenario(UPRIGHT, sensor="vision_60", estimator="observer", assignments=SHORT).run()
+    assert run.outcome == "ok"
+    assert {params.slip_estimator for params in run.scenario.controllers.values()} == {"observer"}
+    assert run.slip_mm < 1e-6

@@ -155,7 +155,7 @@ def shown(run: run_module.Run, label: str, times: Array) -> Run:
         at = np.clip(np.searchsorted(series.time, times + 1e-9, side="right") - 1, 0, None)
         past = times > series.time[-1] + times[min(1, len(times) - 1)]
 
-        def held(rows: Array, at: Array = at, past: Array = past) -> Array:
+        def held(rows: Array, at: Any = at, past: Any = past) -> Array:
             found = np.array(rows[at], dtype=np.float64)
             found[past] = np.nan
             return found

@@ -119,7 +119,7 @@ def run_demo_in_process(
         made.check()
     staging = _staging_folder(out)
     try:
-        done = {}
+        done: dict[str, Run] = {}
         for law in ORDER:
             with console.status(f"{scenario} {law}"):
                 done[law] = loaded[law].run()

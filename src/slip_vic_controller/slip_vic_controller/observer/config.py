@@ -77,7 +77,7 @@ def observer_config(params: ControllerParams) -> Array:
     for name, (linear, angular) in deviations.items():
         of_axes = getattr(config, name)
         of_axes[:3], of_axes[3:] = linear**2, angular**2
-    config.axes[:] = params.contacts.slip_axes
+    config.axes[:] = params.contacts.slip_axes[:6]  # of the own contact
     config.onset_gain[:3], config.onset_gain[3:] = lever * onset, onset
     config.dead_band[:3], config.dead_band[3:] = sensor.dead_band_linear, sensor.dead_band_angular
     count = max(int(np.sum(config.axes)), 1)
