@@ -73,6 +73,7 @@ class BridgeSession:
         self._duration_ns = seconds_to_ns(self._arms[0].duration_s)
         self._oldest_ns = [seconds_to_ns(arm.command_timeout_s) for arm in self._arms]
         self._counts = [0] * (2 * len(self._arms))
+        self._interfaces = [arm.drive.interface for arm in self._arms]
         self._reset_wanted = False
         self.tick = 0
 
@@ -124,7 +125,7 @@ class BridgeSession:
             self.simulation.reset()
             for sensors in self._sensors:
                 sensors.reset()
-        arms = tuple(self._measure(index) for index in range(len(self._arms)))
+        arms = tuple([self._measure(index) for index in range(len(self._arms))])
         return TickOutputs(self.tick, self.simulation.stamp_ns, tuple(self._counts), arms)
 
     def advance(self, commands: Sequence[JointCommand | None]) -> None:
@@ -152,7 +153,7 @@ class BridgeSession:
         """
         if command is None:
             return None
-        interface = self._arms[index].drive.interface
+        interface = self._interfaces[index]
         values: Array | None = getattr(command, interface, None)
         if values is None:
             raise InputError(

@@ -78,12 +78,13 @@ class Arm:
         self.gripper = Gripper(params.grip, params.control_period_s)
         self.largest_change = params.effort_rate * params.control_period_s
         self.edge = 0.5 * params.grip.pad_size[0], 0.5 * params.grip.pad_size[1]
-        self.falls_in_ns = round(1e9 * params.friction.falls_at_s)
+        self.falls_in_ns, self.falls_to = round(1e9 * params.friction.falls_at_s), params.friction.falls_to
         self.pushed: Array | None = None
         """Effort of a hand on the joints."""
         self.posture: Array | None = None
         """What the arm holds; None where it obeys."""
-        self.applied = np.zeros_like(limits)
+        self.applied = self.coming = np.zeros_like(limits)
+        """Efforts of the drives in the step that just ended, and in that which is being made."""
         self.has_lost = self.refused = self.saturated = False
 
     @property
@@ -166,7 +167,7 @@ class Simulation:
                 arm.drives.rows = self._drives[at : at + len(arm.limits)]
                 at += len(arm.limits)
         self._period_ns = self.arms[0].params.control_period_ns
-        self._pushes = np.zeros((len(self.arms), 6))
+        self._pushes, self._normal_forces = np.zeros((len(self.arms), 6)), np.zeros(len(self.arms))
         self._stamp_ns = 0
         for index, arm in enumerate(self.arms):
             self.push(index, np.array(arm.params.push.wrench), np.array(arm.params.push.effort))
@@ -221,17 +222,21 @@ class Simulation:
                 kind = arm.params.drive.interface
                 raise InputError(kind, got=f"{command.size} numbers", expected=f"{arm.limits.size}, one per joint")
         self._diverged = True  # until the step is over
-        applied = [self._apply(index, command) for index, command in enumerate(commands)]
-        for arm in self.arms:
+        joints = []
+        for index, arm in enumerate(self.arms):
+            arm.coming = effort = self._apply(index, commands[index])
+            if not arm.drives.is_exact:
+                effort = arm.drives.at_joints(effort, self._posture(index))
+            joints.append(effort if arm.pushed is None else effort + arm.pushed)
             arm.gripper.step()
         if self.plant is self._held:
             self._look_at_contacts()
-        joints = [self._at_joints(index, each) for index, each in enumerate(applied)]
+        self._set_normal_forces()
         efforts = joints[0] if len(joints) == 1 else np.concatenate(joints)
-        self.plant.advance(efforts, self._normal_forces(), self._drives)
+        self.plant.advance(efforts, self._normal_forces, self._drives)
         self._diverged = False
-        for arm, each in zip(self.arms, applied, strict=True):
-            arm.applied = each
+        for arm in self.arms:
+            arm.applied = arm.coming
             if not arm.drives.takes_efforts:
                 arm.applied = readonly(arm.drives.efforts)
                 arm.saturated = bool((np.abs(arm.applied) >= arm.limits).any())
@@ -264,12 +269,15 @@ class Simulation:
     def _apply(self, index: int, command: Array | None) -> Array:
         """Return what the drives of an arm apply: the effort, or what holds the arm; (n,) [N m]."""
         arm = self.arms[index]
-        effort = arm.drives.arriving(command)
-        if not arm.drives.takes_efforts:
-            arm.follow(effort, self._posture(index))
-            return np.zeros_like(arm.limits)
-        applied = None if effort is None else arm.obey(arm.drives.lagging(effort, arm.applied))
-        arm.refused = effort is not None and applied is None
+        if not arm.drives.is_prompt:
+            command = arm.drives.arriving(command)
+            if not arm.drives.takes_efforts:
+                arm.follow(command, self._posture(index))
+                return np.zeros_like(arm.limits)
+            if command is not None:
+                command = arm.drives.lagging(command, arm.applied)
+        applied = None if command is None else arm.obey(command)
+        arm.refused = command is not None and applied is None
         if applied is not None:
             arm.posture = None
             return applied
@@ -281,24 +289,17 @@ class Simulation:
             raise DivergenceError("simulation diverged: no finite effort holds the arm; reset it")
         return applied
 
-    def _at_joints(self, index: int, effort: Array) -> Array:
-        """Return what the efforts of an arm's drives are at its joints, with the hand that pushes; (n,) [N m]."""
-        arm = self.arms[index]
-        if not arm.drives.is_exact:
-            effort = arm.drives.at_joints(effort, self._posture(index))
-        return effort if arm.pushed is None else effort + arm.pushed
-
-    def _normal_forces(self) -> Array:
-        """Return the force of each pad that friction gets; (N,) [N]."""
-        now, forces = self._stamp_ns - self._started_ns, np.empty(len(self.arms))
+    def _set_normal_forces(self) -> None:
+        """Write the force of each pad that friction gets."""
+        now = self._stamp_ns - self._started_ns
         for index, arm in enumerate(self.arms):
             force = 0.0 if arm.has_lost else arm.gripper.force
             # Friction is mu N in every law: less of mu is, for the pads, less of N.
-            forces[index] = force * arm.params.friction.falls_to if now >= arm.falls_in_ns else force
-        return forces
+            self._normal_forces[index] = force * arm.falls_to if now >= arm.falls_in_ns else force
 
     def _look_at_contacts(self) -> None:
         """Let the object leave pads that do not hold it any more, and fall where there is none left."""
+        released = False
         for index, arm in enumerate(self.arms):
             if arm.has_lost:
                 continue
@@ -309,10 +310,10 @@ class Simulation:
                 how = f"it has slid over the pad's edge, {1e3 * math.hypot(x, y):.0f} mm from where it was gripped"
             else:
                 continue
-            arm.has_lost = True
+            arm.has_lost = released = True
             who = f"{self.names[index]}: " if self.names[index] else ""
             self.loss = self.loss or Loss(self._stamp_ns, f"{who}the object is lost: {how}")
-        if all(arm.has_lost for arm in self.arms):
+        if released and all(arm.has_lost for arm in self.arms):
             self._loose.take_over([self._held.read(index) for index in range(len(self.arms))])
             self.plant = self._loose
 

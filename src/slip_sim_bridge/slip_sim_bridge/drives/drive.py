@@ -43,6 +43,8 @@ class Drives:
         if params.urdf_dynamics == "add":
             coulomb, viscous = coulomb + dynamics[0], viscous + dynamics[1]
         self.takes_efforts, self.takes_positions = params.interface == "effort", params.interface == "position"
+        self.is_prompt = self.takes_efforts and params.delay_s == 0.0 and params.lag_s == 0.0
+        """Whether a command is the effort of its own period."""
         self._params, self._delay = params, round(params.delay_s / period_s)
         self._share = 1.0 - math.exp(-period_s / params.lag_s) if params.lag_s > 0.0 else 1.0
         self.is_exact = params.gain == 1.0 and params.ripple == 0.0 and not self._offset.any()

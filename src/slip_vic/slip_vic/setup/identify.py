@@ -75,6 +75,7 @@ def read_motion(path: Path, robot_frame: str) -> tuple[Motion, Robot]:
         load = np.zeros_like(q)
         if wrenches is not None and bag.topics[wrenches].message_count:
             felt = bag.series(wrenches)
+            assert felt.stamp_ns is not None, "a wrench has a header"
             h = np.stack([felt[f"wrench.{part}.{axis}"] for part in ("force", "torque") for axis in "xyz"], axis=1)
             at = np.clip(np.searchsorted(felt.stamp_ns, series.stamp_ns, side="right") - 1, 0, len(h) - 1)
             load = _loads(robot, q, h[at])
