@@ -68,14 +68,37 @@ def predict(run: Path) -> None:
 
 
 @main.command()
+@click.option("--refit", is_flag=True, help="fit the ensembles anew first; some minutes")
 @click.option("--members", default=40, show_default=True, help="of each ensemble")
 @click.option("--processes", default=2, show_default=True)
-def cross(members: int, processes: int) -> None:
-    """Predict every run from the others; some minutes."""
-    from tools.real_data.cross import leave_one_out
+def cross(refit: bool, members: int, processes: int) -> None:
+    """Predict every run from the others."""
+    from tools.real_data import cross
 
-    for line in leave_one_out(members, processes):
-        click.echo(line)
+    if refit:
+        cross.leave_one_out(members, processes)
+    click.echo("\n".join(cross.table()))
+
+
+@main.command()
+def detect() -> None:
+    """Score slip detectors, learnt from the other runs, against the marker."""
+    from tools.real_data import detect
+
+    click.echo("\n".join(detect.table()))
+
+
+@main.command()
+@click.option("--picture/--no-picture", default=True, help="draw docs/pictures/real_runs.png too")
+def limit(picture: bool) -> None:
+    """Learn friction from the first slip, and time the path of the run that lost the object below it."""
+    from tools.real_data import limit
+    from tools.real_data import picture as drawing
+
+    found = limit.timings()
+    click.echo("\n".join(limit.table(found)))
+    if picture:
+        drawing.draw(found)
 
 
 if __name__ == "__main__":

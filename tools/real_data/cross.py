@@ -2,28 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
 
 import numpy as np
 
-from tools.real_data.calibrate import Member, fit
+from tools.real_data.calibrate import fit
 from tools.real_data.predict import DISCREPANCY, Discrepancy, Prediction, predict
-from tools.real_data.table import Run, read_table
+from tools.real_data.table import DATA, Run, read_table
+
+ENSEMBLES = DATA / "real_runs_cross.json"
 
 
-def leave_one_out(members: int, processes: int) -> Iterator[str]:
-    """Yield a line of a table per run, and what they say together."""
+def leave_one_out(members: int, processes: int) -> None:
+    """Fit an ensemble without each run, and write all of them."""
     runs = read_table()
-    yield "| run left out | kept | predicted (P) | max deg | predicted, 80 % | min deg | predicted, 80 % | rms deg |"
-    yield "|---|---|---|---|---|---|---|---|"
+    found = {}
     for index, run in enumerate(runs):
         others = [other for other in runs if other is not run]
-        yield row(run, judge(run, fit(others, members, seed=index + 1, processes=processes), DISCREPANCY))
+        ensemble = fit(others, members, seed=index + 1, processes=processes)
+        found[run.name] = [np.round(member.standard, 4).tolist() for member in ensemble]
+    lines = ",\n".join(f"{json.dumps(name)}:{json.dumps(one, separators=(',', ':'))}" for name, one in found.items())
+    ENSEMBLES.write_text(f"{{{lines}}}\n")
 
 
-def judge(run: Run, found: list[Member], discrepancy: Discrepancy) -> Prediction:
-    """Predict one run of the table with an ensemble that was fitted without it."""
-    return predict(run.pads(), [member.standard for member in found], discrepancy)
+def predictions(discrepancy: Discrepancy = DISCREPANCY) -> list[tuple[Run, Prediction]]:
+    """Return every run with what is predicted of it by the ensemble that never saw it."""
+    ensembles = json.loads(ENSEMBLES.read_text())
+    return [(run, predict(run.pads(), np.array(ensembles[run.name]), discrepancy)) for run in read_table()]
+
+
+def table() -> list[str]:
+    """Return the lines of the table."""
+    return [
+        "| run left out | kept | predicted (P) | max deg | predicted, 80 % | min deg | predicted, 80 % | rms deg |",
+        "|---|---|---|---|---|---|---|---|",
+        *(row(run, prediction) for run, prediction in predictions()),
+    ]
 
 
 def rms_deg(run: Run, prediction: Prediction) -> float:
