@@ -4,6 +4,7 @@ python tools/real_runs.py table RAW_DIR [OUT]   the committed table, from the da
 python tools/real_runs.py fit                   the calibrated grasp, from the table
 python tools/real_runs.py cross                 every run predicted from the others
 python tools/real_runs.py predict RUN_DIR       JSON, from RUN_DIR/robot_state.csv and nothing else of it
+python tools/real_runs.py bag RUN_DIR OUT       the run as a bag that `slip-vic bag info` and `slip-vic report` read
 python tools/real_runs.py detect                slip detectors learnt from the other runs, against the marker
 python tools/real_runs.py limit                 friction learnt from the first slip, and the timing below it
 
@@ -68,6 +69,17 @@ def predict(run: Path) -> None:
 
 
 @main.command()
+@click.argument("run", type=click.Path(path_type=Path))
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option("--urdf", type=click.Path(path_type=Path), help="of the arm; default: the suite's own")
+def bag(run: Path, out: Path, urdf: Path | None) -> None:
+    """Write a run of the data set as a bag."""
+    from tools.real_data.bag import write_bag
+
+    click.echo(f"{out}: {write_bag(run, out, urdf)} messages")
+
+
+@main.command()
 @click.option("--refit", is_flag=True, help="fit the ensembles anew first; some minutes")
 @click.option("--members", default=40, show_default=True, help="of each ensemble")
 @click.option("--processes", default=2, show_default=True)
@@ -89,16 +101,17 @@ def detect() -> None:
 
 
 @main.command()
-@click.option("--picture/--no-picture", default=True, help="draw docs/pictures/real_runs.png too")
+@click.option("--picture", is_flag=True, help="draw docs/pictures/real_runs.png too; after cross --refit")
 def limit(picture: bool) -> None:
     """Learn friction from the first slip, and time the path of the run that lost the object below it."""
     from tools.real_data import limit
-    from tools.real_data import picture as drawing
 
     found = limit.timings()
     click.echo("\n".join(limit.table(found)))
     if picture:
-        drawing.draw(found)
+        from tools.real_data.picture import draw
+
+        draw(found)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 
+from slip_core.errors import InputError
 from tools.real_data.calibrate import fit
 from tools.real_data.predict import DISCREPANCY, Discrepancy, Prediction, predict
 from tools.real_data.table import DATA, Run, read_table
@@ -26,7 +27,13 @@ def leave_one_out(members: int, processes: int) -> None:
 
 
 def predictions(discrepancy: Discrepancy = DISCREPANCY) -> list[tuple[Run, Prediction]]:
-    """Return every run with what is predicted of it by the ensemble that never saw it."""
+    """Return every run with what is predicted of it by the ensemble that never saw it.
+
+    Raises:
+        InputError: the ensembles have not been fitted.
+    """
+    if not ENSEMBLES.is_file():
+        raise InputError(f"fits {ENSEMBLES}", got="no such file", expected="an ensemble per run", fix="cross --refit")
     ensembles = json.loads(ENSEMBLES.read_text())
     return [(run, predict(run.pads(), np.array(ensembles[run.name]), discrepancy)) for run in read_table()]
 
