@@ -9,11 +9,19 @@ The bars below were written down before the first run, and stay as they are. `do
 
 from __future__ import annotations
 
+import itertools
 from typing import Final
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+
+from slip_bringup.inprocess import run_in_process
+from slip_bringup.scenario import load_scenario
+from slip_core.arrays import matrix_from_quat_xyzw
 
 pytest.importorskip("pydrake", reason="Drake is not installed: pip install 'slip-vic[referee]'")
+from .drake_world import DrakePlant  # needs Drake
 
 pytestmark = pytest.mark.referee
 
@@ -34,3 +42,113 @@ the largest distance at any time, of displacement as of angle, over the largest 
 GOVERNED_M: Final = 0.1e-3
 """A governed run whose governor is configured with 10 % less friction than there is slips by less at any time, in Drake
 too: displacement, and angle times the torsional radius."""
+
+HAND = np.zeros(3), np.eye(3)
+LOADS: Final = {
+    "force_x": (0.0, 0.0),
+    "force_y": (0.0, 90.0),
+    "torque": (90.0, 0.0),
+    "30": (30.0, 0.0),
+    "60": (60.0, 0.0),
+}
+"""Degrees from force towards torque in the scaled plane, and of the force on the pads."""
+
+
+def scenario(controller, *assignments, duration=3.0):
+    """`paper_planar` with Coulomb friction."""
+    coulomb = ("bridge.friction.model=coulomb", "bridge.friction.mu_s=0.4", f"bridge.duration_s={duration}")
+    return load_scenario("paper_planar", controller=controller, assignments=(*coulomb, *assignments))
+
+
+def load(params, name, share):
+    """Wrench on the plate at the pads that uses this share of our limit surface; (6,) [N, N m]."""
+    towards, on = np.radians(LOADS[name])
+    size = share * params.friction.mu_k * params.grip.force
+    force, torque = size * np.cos(towards), size * np.sin(towards) * params.friction.torsional_radius
+    return np.array([force * np.cos(on), force * np.sin(on), 0.0, 0.0, 0.0, torque])
+
+
+def scaled(params, three):
+    """Motion x, y, turning as one number: turning counts times the torsional radius."""
+    return float(np.hypot(np.hypot(three[0], three[1]), params.friction.torsional_radius * three[2]))
+
+
+def recorded(scenario):
+    """Poses of the hand [m] {w} and slip (x, y, angle) [m, rad] {p} at every tick of a run of ours."""
+    o_R_p = matrix_from_quat_xyzw(scenario.bridge.contacts.orientation_xyzw[:4])
+    o_x_p = np.array(scenario.bridge.contacts.position[:3])
+    hands, slips = [], []
+    for tick in run_in_process(scenario):
+        truth = tick.outputs.truth
+        R_p = truth.rotation @ o_R_p
+        x_p, slip = truth.position + truth.rotation @ o_x_p, truth.slip_displacement
+        hands.append((x_p + R_p @ slip[:3], R_p @ Rotation.from_rotvec(slip[3:]).as_matrix()))
+        slips.append(slip[[0, 1, 5]])
+    return hands, np.array(slips)
+
+
+def carried(scenario, hands):
+    """Slip (x, y, angle) [m, rad] {p} of Drake's plate in a hand that moves along these poses."""
+    world = DrakePlant(scenario.bridge)
+    world.take(hands[0], scenario.bridge.grip.force)
+    slips = [world.slip()]
+    for here, there in itertools.pairwise(hands):
+        world.follow(here, there, scenario.bridge.grip.force)
+        slips.append(world.slip())
+    return np.array(slips)
+
+
+@pytest.mark.parametrize("name", ["force_x", "force_y", "torque"])
+def test_creep_below_the_limit(name):
+    params = scenario("classical").bridge
+    world = DrakePlant(params)
+    world.push(load(params, name, 0.9))
+    for _ in range(1000):
+        world.follow(HAND, HAND, params.grip.force)
+    start = world.slip()
+    for _ in range(1000):
+        world.follow(HAND, HAND, params.grip.force)
+    creep = scaled(params, world.slip() - start)
+    print(f"creep, {name}: {1e6 * creep:.3f} um/s")
+    assert creep < CREEP_M_S
+
+
+@pytest.mark.parametrize("name", LOADS)
+def test_break_away_is_on_our_limit_surface(name):
+    params = scenario("classical").bridge
+    world = DrakePlant(params)
+    for k in range(2000):
+        share = 0.8 + 0.4 * k / 2000
+        world.push(load(params, name, share))
+        world.follow(HAND, HAND, params.grip.force)
+        if k > 50 and scaled(params, world.slip_rate()) > 5 * CREEP_M_S:
+            break
+    print(f"break-away, {name}: {share:.3f} of our limit")
+    assert share == pytest.approx(1.0, abs=BREAK_AWAY)
+
+
+def test_slip_path_of_the_classical_law():
+    run = scenario("classical")
+    hands, ours = recorded(run)
+    theirs = carried(run, hands)
+    far, turned = np.hypot(ours[:, 0], ours[:, 1]), np.abs(ours[:, 2])
+    off = theirs - ours
+    apart, angle_apart = np.hypot(off[:, 0], off[:, 1]), np.abs(off[:, 2])
+    for name, end, of in (("ours", ours[-1], far), ("Drake", theirs[-1], np.hypot(theirs[:, 0], theirs[:, 1]))):
+        print(f"{name}: {1e3 * np.hypot(*end[:2]):.2f} mm, {np.degrees(end[2]):.2f} deg, peak {1e3 * of.max():.2f} mm")
+    print(f"apart: {1e3 * apart.max():.2f} mm, {np.degrees(angle_apart.max()):.2f} deg")
+    assert np.hypot(*theirs[-1, :2]) == pytest.approx(far[-1], rel=PATH)
+    assert theirs[-1, 2] == pytest.approx(ours[-1, 2], rel=PATH)
+    assert apart.max() < PATH * far.max()
+    assert angle_apart.max() < PATH * turned.max()
+
+
+def test_governed_path_does_not_slip():
+    run = scenario("governed", "controller.governor.friction_limit=0.18", duration=5.0)
+    hands, _ = recorded(run)
+    theirs = carried(run, hands)
+    peak = max(float(np.hypot(theirs[:, 0], theirs[:, 1]).max()), 0.03 * float(np.abs(theirs[:, 2]).max()))
+    way = np.linalg.norm(hands[-1][0] - hands[0][0])
+    print(f"governed: way {way:.3f} m, slip at most {1e3 * peak:.4f} mm")
+    assert way > 0.49, "the path of 0.5 m is over"
+    assert peak < GOVERNED_M

@@ -1,0 +1,280 @@
+"""Referee: the grasp a second time, in Drake: two compliant pads, a rigid plate, patch contact (hydroelastic), SAP.
+
+The plate has the object's mass and inertia, and its frame {p} is the one the bridge calls so. Friction is Coulomb's in
+every point of both patches; a limit surface is what comes of it. The pads are discs of 1.5 torsional radii, so that
+uniform pressure gives that radius. One pad is fixed to the hand, the other one is a jaw, pressed with half of the grip.
+
+What the bridge takes for granted is granted here, too: on the axes that cannot slip the hand carries the plate. The
+part of the weight along the pads' normal acts on the hand, not on the plate, and counts as measured.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from typing import Final
+
+import numpy as np
+from pydrake.common import MemoryFile
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddContactMaterial,
+    AddRigidHydroelasticProperties,
+    Cylinder,
+    InMemoryMesh,
+    Mesh,
+    ProximityProperties,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.math import SpatialForce, SpatialVelocity
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    CoulombFriction,
+    ExternallyAppliedSpatialForce,
+    MultibodyPlantConfig,
+)
+from pydrake.multibody.tree import JacobianWrtVariable, PrismaticJoint, SpatialInertia, UnitInertia
+from pydrake.systems.framework import DiagramBuilder
+from scipy.spatial.transform import Rotation
+
+from slip_core.arrays import inertia_from_six, matrix_from_quat_xyzw
+from slip_sim_bridge.plant import DivergenceError, ReadOut
+
+PAD_THICKNESS: Final = 0.01  # m
+MODULUS: Final = 1e4  # Pa: soft foam; the pads are pressed in by 0.02 mm under the weakest grip
+RELAXATION_S: Final = 0.01  # of the pads
+PAD_MESH: Final = 0.01  # m, edges along the pads' rim
+PLATE_MESH: Final = 0.015  # m, grid on the plate's faces
+PLATE: Final = (0.3, 0.014)  # m, edge and thickness: the pads never come to an edge
+SETTLING: Final = 50  # steps
+HAND_KG: Final = 1.0  # of a hand without an arm, whose motion is put
+JAW_KG: Final = 1e-3
+
+
+def plate_mesh() -> Mesh:
+    """Both faces of the plate as grids of triangles: the finer, the more points the patch has friction in."""
+    edge, thickness = PLATE
+    n = round(edge / PLATE_MESH)
+    marks = np.linspace(-0.5 * edge, 0.5 * edge, n + 1)
+    vertices = [(x, y, side * 0.5 * thickness) for side in (-1, 1) for x in marks for y in marks]
+    faces = []
+    for side, first in ((-1, 1), (1, 1 + (n + 1) ** 2)):
+        for corner in (first + i * (n + 1) + j for i in range(n) for j in range(n)):
+            across = corner + n + 2
+            for triangle in ((corner, corner + n + 1, across), (corner, across, corner + 1)):
+                faces.append(triangle[::side])
+    lines = ["v {:.9g} {:.9g} {:.9g}".format(*v) for v in vertices] + ["f {} {} {}".format(*f) for f in faces]
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile("\n".join(lines), ".obj", "plate")))
+
+
+def surface(mu: float, *, rigid: bool) -> ProximityProperties:
+    """Friction of a surface, and what it is made of."""
+    made = ProximityProperties()
+    AddContactMaterial(friction=CoulombFriction(mu, mu), properties=made)
+    made.AddProperty("material", "relaxation_time", RELAXATION_S)
+    if rigid:
+        AddRigidHydroelasticProperties(made)
+    else:
+        AddCompliantHydroelasticProperties(PAD_MESH, MODULUS, made)
+    return made
+
+
+def without_shapes(robot: ET.Element) -> str:
+    """The arm's URDF without what is drawn, and without MuJoCo's own element."""
+    for parent, names in [(robot, ("material", "mujoco")), *((link, ("visual", "collision")) for link in robot)]:
+        for found in [child for child in parent if child.tag in names]:
+            parent.remove(found)
+    return ET.tostring(robot, encoding="unicode")
+
+
+class DrakePlant:
+    """Hand, pads and plate of the bridge's parameters; on the arm of `urdf` it is a `Plant` of the bridge."""
+
+    def __init__(self, params, urdf: str | None = None) -> None:
+        self.dt, self.mass, self.gravity = params.control_period_s, params.object.mass, np.array(params.gravity)
+        self.o_R_p = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
+        self.com = -self.o_R_p.T @ np.array(params.contacts.position[:3])  # on {p}
+        mu, radius = params.friction.mu_k, 1.5 * params.friction.torsional_radius
+        self.pressed_in = 0.25 * params.grip.force * PAD_THICKNESS / (MODULUS * np.pi * radius**2)
+
+        builder = DiagramBuilder()
+        config = MultibodyPlantConfig(
+            time_step=self.dt, contact_model="hydroelastic", discrete_contact_approximation="sap"
+        )
+        self.plant, _ = plant, _ = AddMultibodyPlant(config, builder)
+        plant.mutable_gravity_field().set_gravity_vector(params.gravity)
+        grasp, plates = plant.AddModelInstance("grasp"), plant.AddModelInstance("plate")
+        self.names, limits = [], {}
+        if urdf is None:
+            self.hand = plant.AddRigidBody("hand", grasp, SpatialInertia.SolidSphereWithMass(HAND_KG, 0.1))
+        else:
+            robot = ET.fromstring(urdf)
+            limits = {joint.get("name"): float(joint.find("limit").get("effort")) for joint in robot.iter("joint")
+                      if joint.find("limit") is not None}  # fmt: skip
+            (arm,) = Parser(plant).AddModelsFromString(without_shapes(robot), "urdf")
+            plant.WeldFrames(plant.world_frame(), plant.GetBodyByName(robot.find("link").get("name")).body_frame())
+            self.hand, self.names = plant.GetBodyByName(params.ee_frame, arm), list(params.joint_names)
+        jaw = plant.AddRigidBody("jaw", grasp, SpatialInertia.SolidSphereWithMass(JAW_KG, 0.01))
+        sliding = PrismaticJoint("jaw", self.hand.body_frame(), jaw.body_frame(), [0.0, 0.0, 1.0])
+        self.jaw = plant.AddJoint(sliding)
+        self.plate = plant.AddRigidBody("plate", plates, self._plate_inertia(params))
+        for instance in (grasp, plates):
+            plant.set_gravity_enabled(instance, False)
+        away, disc = 0.5 * (PLATE[1] + PAD_THICKNESS), Cylinder(radius, PAD_THICKNESS)
+        plant.RegisterCollisionGeometry(self.plate, RigidTransform(), plate_mesh(), "plate", surface(mu, rigid=True))
+        for body, z in ((self.hand, self.pressed_in - away), (jaw, away)):
+            plant.RegisterCollisionGeometry(body, RigidTransform([0, 0, z]), disc, "pad", surface(mu, rigid=False))
+        plant.Finalize()
+
+        self.diagram = builder.Build()
+        self.root = self.diagram.CreateDefaultContext()
+        self.context = plant.GetMyMutableContextFromRoot(self.root)
+        joints = [plant.GetJointByName(name) for name in self.names]
+        self.q_at = np.array([joint.position_start() for joint in joints], int)
+        self.v_at = np.array([joint.velocity_start() for joint in joints], int)
+        self.effort_limit = np.array([limits[name] for name in self.names])
+        self.at = ReadOut(len(joints))
+        self.contact_port = plant.get_generalized_contact_forces_output_port(plates)
+        self.pushed, self.contact = np.zeros(6), np.zeros(6)
+        self.start = np.zeros(3), np.eye(3)
+        self.initial = np.array(params.initial_position[: len(joints)])
+        self.reset(params.grip.force)
+
+    def _plate_inertia(self, params) -> SpatialInertia:
+        J = self.o_R_p.T @ inertia_from_six(params.object.inertia) @ self.o_R_p / self.mass
+        J = J + self.com @ self.com * np.eye(3) - np.outer(self.com, self.com)  # about {p}
+        unit = UnitInertia(J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
+        return SpatialInertia(self.mass, self.com, unit)
+
+    # Poses and twists [m, rad] {w}, of hand or plate.
+    def pose(self, body) -> tuple[np.ndarray, np.ndarray]:
+        """Position (3,) and rotation (3, 3)."""
+        at = body.EvalPoseInWorld(self.context)
+        return at.translation(), at.rotation().matrix()
+
+    def twist(self, body) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity (3,) of the origin, and angular velocity (3,)."""
+        moving = body.EvalSpatialVelocityInWorld(self.context)
+        return moving.translational(), moving.rotational()
+
+    def put(self, body, position, rotation, velocity=(0.0, 0.0, 0.0), turning=(0.0, 0.0, 0.0)) -> None:
+        """Put a free body somewhere, in motion."""
+        at = RigidTransform(RotationMatrix.ProjectToRotationMatrix(rotation), position)
+        self.plant.SetFreeBodyPose(self.context, body, at)
+        self.plant.SetFreeBodySpatialVelocity(self.context, body, SpatialVelocity(w=turning, v=velocity))
+
+    # The bridge's interface of a plant.
+    @property
+    def gripped_at(self) -> tuple[float, float]:
+        (x_h, R_h), (x_p, _) = self.pose(self.hand), self.pose(self.plate)
+        x, y, _ = R_h.T @ (x_p - x_h)
+        return float(x), float(y)
+
+    def reset(self, normal_force: float) -> None:
+        plant, context = self.plant, self.context
+        plant.SetVelocities(context, np.zeros(plant.num_velocities()))
+        self.jaw.set_translation(context, -self.pressed_in)
+        for k in range(SETTLING):
+            self._hold_still()
+            if k == 0:
+                self.put(self.plate, *self.pose(self.hand))
+            self._step(np.zeros(len(self.names)), normal_force)
+        self._hold_still()
+
+    def take(self, pose, normal_force: float) -> None:
+        """Begin with a hand without an arm at a pose (position (3,), rotation (3, 3)) {w}, at rest."""
+        self.start = pose
+        self.reset(normal_force)
+
+    def _hold_still(self) -> None:
+        if not self.names:
+            self.put(self.hand, *self.start)
+            return
+        q, v = self.plant.GetPositions(self.context), self.plant.GetVelocities(self.context)
+        q[self.q_at], v[self.v_at] = self.initial, 0.0
+        self.plant.SetPositions(self.context, q)
+        self.plant.SetVelocities(self.context, v)
+
+    def advance(self, effort, normal_force: float) -> None:
+        self._step(effort, normal_force)
+        if not np.isfinite(self.plant.GetPositionsAndVelocities(self.context)).all():
+            raise DivergenceError("Drake diverged")
+
+    def push(self, wrench) -> None:
+        self.pushed = wrench
+
+    def holding_effort(self, target, stiffness: float, damping: float):
+        """Of the arm and the weight it carries, without the plate's inertia."""
+        plant, context, at = self.plant, self.context, self.v_at
+        M = plant.CalcMassMatrix(context)[np.ix_(at, at)]
+        q, v = plant.GetPositions(context)[self.q_at], plant.GetVelocities(context)[at]
+        bias = (plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context))[at]
+        x_p, R_p = self.pose(self.plate)
+        hand, world, point = self.hand.body_frame(), plant.world_frame(), self._on(self.hand, x_p + R_p @ self.com)
+        J = plant.CalcJacobianTranslationalVelocity(context, JacobianWrtVariable.kV, hand, point, world, world)[:, at]
+        return bias - J.T @ (self.mass * self.gravity) + M @ (stiffness * (target - q) - damping * v)
+
+    def read(self):
+        (x_h, R_h), (x_p, R_p) = self.pose(self.hand), self.pose(self.plate)
+        (v_h, w_h), (v_p, w_p) = self.twist(self.hand), self.twist(self.plate)
+        x_c, carried, at, out = x_p + R_p @ self.com, self._carried(R_h), self.at, np.empty(self.at.size)
+        torque, force = self.contact[:3], self.contact[3:]  # on the plate, about {p}
+        turning = np.cross(x_c - x_h, carried) - torque - np.cross(x_p - x_h, force)
+        out[at.wrench] = np.concatenate((R_h.T @ (carried - force), R_h.T @ turning))
+        rotation = Rotation.from_matrix(R_p.T @ R_h).as_rotvec()
+        out[at.slip_displacement] = np.concatenate((R_p.T @ (x_h - x_p), rotation))
+        under = v_p + np.cross(w_p, x_h - x_p)
+        out[at.slip_velocity] = np.concatenate((R_h.T @ (v_h - under), R_h.T @ (w_h - w_p)))
+        out[at.object_position], out[at.object_rotation] = x_c, (R_p @ self.o_R_p.T).ravel()
+        out[at.object_twist] = np.concatenate((v_p + np.cross(w_p, x_c - x_p), w_p))
+        out[at.position] = self.plant.GetPositions(self.context)[self.q_at]
+        out[at.velocity] = self.plant.GetVelocities(self.context)[self.v_at]
+        return out
+
+    def slip(self) -> np.ndarray:
+        """Pad on the plate: x, y [m] and angle [rad]; (3,) {p}."""
+        return self.read()[self.at.slip_displacement][[0, 1, 5]]
+
+    def slip_rate(self) -> np.ndarray:
+        """Pad over the plate's material: x, y [m/s] and turning [rad/s]; (3,) {ee}."""
+        return self.read()[self.at.slip_velocity][[0, 1, 5]]
+
+    def follow(self, pose, pose_next, normal_force: float) -> None:
+        """Move a hand without an arm from one pose to the next in a step; (position (3,), rotation (3, 3)) {w}."""
+        velocity = (pose_next[0] - pose[0]) / self.dt
+        turning = Rotation.from_matrix(pose_next[1] @ pose[1].T).as_rotvec() / self.dt
+        self.put(self.hand, *pose, velocity, turning)
+        self._step(np.zeros(0), normal_force)
+        self.put(self.hand, *pose_next, velocity, turning)
+
+    def _carried(self, R_h) -> np.ndarray:
+        """The part of the weight along the pads' normal; (3,) [N] {w}."""
+        normal = R_h[:, 2]
+        return normal * (normal @ (self.mass * self.gravity))
+
+    def _on(self, body, point) -> np.ndarray:
+        x, R = self.pose(body)
+        return R.T @ (point - x)
+
+    def _step(self, effort, normal_force: float) -> None:
+        plant, force = self.plant, np.zeros(self.plant.num_velocities())
+        force[self.v_at] = effort
+        force[self.jaw.velocity_start()] = -0.5 * normal_force
+        plant.get_applied_generalized_force_input_port().FixValue(self.context, force)
+        x_p, R_p = self.pose(self.plate)
+        x_c, carried = x_p + R_p @ self.com, self._carried(self.pose(self.hand)[1])
+        weight = self.mass * self.gravity - carried
+        acting = [(self.plate, x_c, weight, np.zeros(3)), (self.plate, x_p, self.pushed[:3], self.pushed[3:])]
+        if self.names:
+            acting.append((self.hand, x_c, carried, np.zeros(3)))
+        else:  # the step's load, as it was in the last one, would push a hand that has no arm out of its way
+            acting.append((self.hand, x_p, self.contact[3:], self.contact[:3]))
+        applied = []
+        for body, point, f, tau in acting:
+            one = ExternallyAppliedSpatialForce()
+            one.body_index, one.p_BoBq_B = body.index(), self._on(body, point)
+            one.F_Bq_W = SpatialForce(tau=tau, f=f)
+            applied.append(one)
+        plant.get_applied_spatial_force_input_port().FixValue(self.context, applied)
+        self.diagram.ExecuteForcedEvents(self.root)
+        self.contact = self.contact_port.Eval(self.context)
