@@ -41,10 +41,12 @@ from slip_core.arrays import inertia_from_six, matrix_from_quat_xyzw
 from slip_sim_bridge.plant import DivergenceError, ReadOut
 
 PAD_THICKNESS: Final = 0.01  # m
-MODULUS: Final = 1e4  # Pa: soft foam; the pads are pressed in by 0.02 mm under the weakest grip
-RELAXATION_S: Final = 0.01  # of the pads
+MODULUS: Final = 400.0  # Pa
+"""Of the pads' foam: the weakest grip presses them in by 0.5 mm. SAP lets a contact that slides glide on a film of
+mu v (dt + relaxation time), here up to 0.1 mm; pads that are pressed in by less than that lift off and chatter."""
+RELAXATION_S: Final = 0.001  # of the pads: a step
 PAD_MESH: Final = 0.01  # m, edges along the pads' rim
-PLATE_MESH: Final = 0.015  # m, grid on the plate's faces
+PLATE_MESH: Final = 0.03  # m, grid on the plate's faces
 PLATE: Final = (0.3, 0.014)  # m, edge and thickness: the pads never come to an edge
 SETTLING: Final = 50  # steps
 HAND_KG: Final = 1.0  # of a hand without an arm, whose motion is put
