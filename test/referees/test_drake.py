@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from slip_bringup.inprocess import run_in_process
-from slip_bringup.scenario import load_scenario
 from slip_core.arrays import matrix_from_quat_xyzw
+from slip_vic.run.in_process import run_in_process
+from slip_vic.scenarios.scenario import load_scenario
 
 pytest.importorskip("pydrake", reason="Drake is not installed: pip install 'slip-vic[referee]'")
 from .drake_world import DrakePlant  # needs Drake
