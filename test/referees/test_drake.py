@@ -17,6 +17,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import matrix_from_quat_xyzw
+from slip_sim_bridge import simulation
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.scenario import load_scenario
 
@@ -43,8 +44,14 @@ GOVERNED_M: Final = 0.1e-3
 """A governed run whose governor is configured with 10 % less friction than there is slips by less at any time, in Drake
 too: displacement, and angle times the torsional radius."""
 
+LOOP_VIC: Final = 0.1, 1e-3
+"""The whole loop, the controller against Drake's arm, pads and plate. Classical: the bars of PATH at the end, and
+GOVERNED_M where friction is configured 10 % low. The law (vic): peak slip below this share of classical's, and within
+this many metres of the peak that the bridge has."""
+
 MINUTES: Final = 1200
 """[s]: thousands of steps of 10 ms each, on a machine that is not idle."""
+RHO_M: Final = 0.03
 HAND = np.zeros(3), np.eye(3)
 LOADS: Final = {
     "force_x": (0.0, 0.0),
@@ -151,8 +158,51 @@ def test_governed_path_does_not_slip():
     run = scenario("governed", "controller.governor.friction_limit=0.18", duration=5.0)
     hands, _ = recorded(run)
     theirs = carried(run, hands)
-    peak = max(float(np.hypot(theirs[:, 0], theirs[:, 1]).max()), 0.03 * float(np.abs(theirs[:, 2]).max()))
+    peak = max(float(np.hypot(theirs[:, 0], theirs[:, 1]).max()), RHO_M * float(np.abs(theirs[:, 2]).max()))
     way = np.linalg.norm(hands[-1][0] - hands[0][0])
     print(f"governed: way {way:.3f} m, slip at most {1e3 * peak:.4f} mm")
     assert way > 0.49, "the path of 0.5 m is over"
     assert peak < GOVERNED_M
+
+
+LOOPS: Final = {
+    "classical": ("classical",),
+    "vic": ("vic",),
+    "governed": ("governed",),
+    "governed, friction 10 % low": ("governed", "controller.governor.friction_limit=0.18"),
+}
+
+
+@pytest.fixture(scope="module")
+def peaks():
+    """Peak slip [m] of the loops that have run, by engine and name."""
+    return {}
+
+
+@pytest.mark.timeout(MINUTES)
+@pytest.mark.parametrize("name", LOOPS)
+def test_whole_loop(name, peaks, monkeypatch):
+    run = scenario(*LOOPS[name], duration=5.0 if "governed" in name else 3.0)
+    hands, slips = {}, {}
+    hands["MuJoCo"], slips["MuJoCo"] = recorded(run)
+    monkeypatch.setattr(simulation, "make_plant", DrakePlant)
+    hands["Drake"], slips["Drake"] = recorded(run)
+    for engine, slip in slips.items():
+        far, turned = np.hypot(slip[:, 0], slip[:, 1]), np.abs(slip[:, 2])
+        peaks[engine, name] = max(far.max(), RHO_M * turned.max())
+        print(
+            f"\n{name}, {engine}: slip at the end {1e3 * far[-1]:.4f} mm, {np.degrees(slip[-1, 2]):.3f} deg, "
+            f"peak {1e3 * far.max():.4f} mm, {np.degrees(turned.max()):.3f} deg"
+        )
+    apart = max(np.linalg.norm(ours[0] - theirs[0]) for ours, theirs in zip(*hands.values(), strict=True))
+    print(f"{name}: hands at most {1e3 * apart:.3f} mm apart")
+    ours, theirs = slips["MuJoCo"][-1], slips["Drake"][-1]
+    if name == "classical":
+        assert np.hypot(*theirs[:2]) == pytest.approx(np.hypot(*ours[:2]), rel=PATH)
+        assert theirs[2] == pytest.approx(ours[2], rel=PATH)
+    elif name == "vic":
+        share, apart = LOOP_VIC
+        assert peaks["Drake", "vic"] < share * peaks["Drake", "classical"]
+        assert peaks["Drake", "vic"] == pytest.approx(peaks["MuJoCo", "vic"], abs=apart)
+    elif name != "governed":
+        assert peaks["Drake", name] < GOVERNED_M
