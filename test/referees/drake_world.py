@@ -45,8 +45,8 @@ MODULUS: Final = 400.0  # Pa
 """Of the pads' foam: the weakest grip presses them in by 0.5 mm. SAP lets a contact that slides glide on a film of
 mu v (dt + relaxation time), here up to 0.1 mm; pads that are pressed in by less than that lift off and chatter."""
 RELAXATION_S: Final = 0.001  # of the pads: a step
-PAD_MESH: Final = 0.01  # m, edges along the pads' rim
-PLATE_MESH: Final = 0.03  # m, grid on the plate's faces
+RIM: Final = 20  # edges of the polygon that stands for a pad
+PLATE_MESH: Final = 0.05  # m, grid on the plate's faces
 PLATE: Final = (0.3, 0.014)  # m, edge and thickness: the pads never come to an edge
 SETTLING: Final = 50  # steps
 HAND_KG: Final = 1.0  # of a hand without an arm, whose motion is put
@@ -69,15 +69,21 @@ def plate_mesh() -> Mesh:
     return Mesh(InMemoryMesh(mesh_file=MemoryFile("\n".join(lines), ".obj", "plate")))
 
 
-def surface(mu: float, *, rigid: bool) -> ProximityProperties:
-    """Friction of a surface, and what it is made of."""
+def polygon(radius: float) -> tuple[float, float]:
+    """Radius of a cylinder that Drake makes a prism of with the area of the disc, and the edges that it has [m]."""
+    outer = radius * np.sqrt(np.pi / (0.5 * RIM * np.sin(2.0 * np.pi / RIM)))
+    return outer, 2.0 * np.pi * outer / (RIM - 0.5)
+
+
+def surface(mu: float, edge: float | None = None) -> ProximityProperties:
+    """Friction of a surface, and what it is made of: rigid, or soft with a mesh of these edges [m]."""
     made = ProximityProperties()
     AddContactMaterial(friction=CoulombFriction(mu, mu), properties=made)
     made.AddProperty("material", "relaxation_time", RELAXATION_S)
-    if rigid:
+    if edge is None:
         AddRigidHydroelasticProperties(made)
     else:
-        AddCompliantHydroelasticProperties(PAD_MESH, MODULUS, made)
+        AddCompliantHydroelasticProperties(edge, MODULUS, made)
     return made
 
 
@@ -122,10 +128,11 @@ class DrakePlant:
         self.plate = plant.AddRigidBody("plate", plates, self._plate_inertia(params))
         for instance in (grasp, plates):
             plant.set_gravity_enabled(instance, False)
-        away, disc = 0.5 * (PLATE[1] + PAD_THICKNESS), Cylinder(radius, PAD_THICKNESS)
-        plant.RegisterCollisionGeometry(self.plate, RigidTransform(), plate_mesh(), "plate", surface(mu, rigid=True))
+        away, (outer, edge) = 0.5 * (PLATE[1] + PAD_THICKNESS), polygon(radius)
+        disc = Cylinder(outer, PAD_THICKNESS)
+        plant.RegisterCollisionGeometry(self.plate, RigidTransform(), plate_mesh(), "plate", surface(mu))
         for body, z in ((self.hand, self.pressed_in - away), (jaw, away)):
-            plant.RegisterCollisionGeometry(body, RigidTransform([0, 0, z]), disc, "pad", surface(mu, rigid=False))
+            plant.RegisterCollisionGeometry(body, RigidTransform([0, 0, z]), disc, "pad", surface(mu, edge))
         plant.Finalize()
 
         self.diagram = builder.Build()
