@@ -89,6 +89,8 @@ def recorded(scenario):
     o_x_p = np.array(scenario.bridge.contacts.position[:3])
     hands, slips = [], []
     for tick in run_in_process(scenario):
+        for incident in tick.incidents:
+            print(f"\n{incident}")
         truth = tick.outputs.truth
         R_p = truth.rotation @ o_R_p
         x_p, slip = truth.position + truth.rotation @ o_x_p, truth.slip_displacement
