@@ -95,6 +95,12 @@ def without_shapes(robot: ET.Element) -> str:
     return ET.tostring(robot, encoding="unicode")
 
 
+def drake_plant(params, urdfs) -> DrakePlant:
+    """Make the plant for a `Simulation` of one arm."""
+    (one,), (urdf,) = params.values(), urdfs.values()
+    return DrakePlant(one, urdf)
+
+
 class DrakePlant:
     """Hand, pads and plate of the bridge's parameters; on the arm of `urdf` it is a `Plant` of the bridge."""
 
@@ -141,13 +147,13 @@ class DrakePlant:
         joints = [plant.GetJointByName(name) for name in self.names]
         self.q_at = np.array([joint.position_start() for joint in joints], int)
         self.v_at = np.array([joint.velocity_start() for joint in joints], int)
-        self.effort_limit = np.array([limits[name] for name in self.names])
+        self.effort_limits = (np.array([limits[name] for name in self.names]),)
         self.at = ReadOut(len(joints))
         self.contact_port = plant.get_generalized_contact_forces_output_port(plates)
         self.pushed, self.contact = np.zeros(6), np.zeros(6)
         self.start = np.zeros(3), np.eye(3)
         self.initial = np.array(params.initial_position[: len(joints)])
-        self.reset(params.grip.force)
+        self.reset([params.grip.force])
 
     def _plate_inertia(self, params) -> SpatialInertia:
         J = self.o_R_p.T @ inertia_from_six(params.object.inertia) @ self.o_R_p / self.mass
@@ -173,13 +179,12 @@ class DrakePlant:
         self.plant.SetFreeBodySpatialVelocity(self.context, body, SpatialVelocity(w=turning, v=velocity))
 
     # The bridge's interface of a plant.
-    @property
-    def gripped_at(self) -> tuple[float, float]:
+    def gripped_at(self, _arm: int) -> tuple[float, float]:
         (x_h, R_h), (x_p, _) = self.pose(self.hand), self.pose(self.plate)
         x, y, _ = R_h.T @ (x_p - x_h)
         return float(x), float(y)
 
-    def reset(self, normal_force: float) -> None:
+    def reset(self, normal_forces) -> None:
         plant, context = self.plant, self.context
         plant.SetVelocities(context, np.zeros(plant.num_velocities()))
         self.jaw.set_translation(context, -self.pressed_in)
@@ -187,13 +192,13 @@ class DrakePlant:
             self._hold_still()
             if k == 0:
                 self.put(self.plate, *self.pose(self.hand))
-            self._step(np.zeros(len(self.names)), normal_force)
+            self._step(np.zeros(len(self.names)), float(normal_forces[0]))
         self._hold_still()
 
     def take(self, pose, normal_force: float) -> None:
         """Begin with a hand without an arm at a pose (position (3,), rotation (3, 3)) {w}, at rest."""
         self.start = pose
-        self.reset(normal_force)
+        self.reset([normal_force])
 
     def _hold_still(self) -> None:
         if not self.names:
@@ -204,15 +209,15 @@ class DrakePlant:
         self.plant.SetPositions(self.context, q)
         self.plant.SetVelocities(self.context, v)
 
-    def advance(self, effort, normal_force: float) -> None:
-        self._step(effort, normal_force)
+    def advance(self, efforts, normal_forces) -> None:
+        self._step(efforts, float(normal_forces[0]))
         if not np.isfinite(self.plant.GetPositionsAndVelocities(self.context)).all():
             raise DivergenceError("Drake diverged")
 
-    def push(self, wrench) -> None:
-        self.pushed = wrench
+    def push(self, wrenches) -> None:
+        self.pushed = wrenches[0]
 
-    def holding_effort(self, target, stiffness: float, damping: float):
+    def holding_effort(self, _arm: int, target, stiffness: float, damping: float):
         """Of the arm and the weight it carries, without the plate's inertia."""
         plant, context, at = self.plant, self.context, self.v_at
         M = plant.CalcMassMatrix(context)[np.ix_(at, at)]
@@ -223,7 +228,7 @@ class DrakePlant:
         J = plant.CalcJacobianTranslationalVelocity(context, JacobianWrtVariable.kV, hand, point, world, world)[:, at]
         return bias - J.T @ (self.mass * self.gravity) + M @ (stiffness * (target - q) - damping * v)
 
-    def read(self):
+    def read(self, _arm: int = 0):
         (x_h, R_h), (x_p, R_p) = self.pose(self.hand), self.pose(self.plate)
         (v_h, w_h), (v_p, w_p) = self.twist(self.hand), self.twist(self.plate)
         x_c, carried, at, out = x_p + R_p @ self.com, self._carried(R_h), self.at, np.empty(self.at.size)
@@ -235,6 +240,7 @@ class DrakePlant:
         under = v_p + np.cross(w_p, x_h - x_p)
         out[at.slip_velocity] = np.concatenate((R_h.T @ (v_h - under), R_h.T @ (w_h - w_p)))
         out[at.object_position], out[at.object_rotation] = x_c, (R_p @ self.o_R_p.T).ravel()
+        out[at.pad_position], out[at.pad_rotation] = x_h, R_h.ravel()
         out[at.object_twist] = np.concatenate((v_p + np.cross(w_p, x_c - x_p), w_p))
         out[at.position] = self.plant.GetPositions(self.context)[self.q_at]
         out[at.velocity] = self.plant.GetVelocities(self.context)[self.v_at]

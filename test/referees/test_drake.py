@@ -15,15 +15,13 @@ from typing import Final
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
-from slip_core.arrays import matrix_from_quat_xyzw
 from slip_sim_bridge import simulation
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.scenario import load_scenario
 
 pytest.importorskip("pydrake", reason="Drake is not installed: pip install 'slip-vic[referee]'")
-from .drake_world import DrakePlant  # needs Drake
+from .drake_world import DrakePlant, drake_plant  # needs Drake
 
 pytestmark = pytest.mark.referee
 
@@ -85,17 +83,13 @@ def scaled(params, three):
 
 def recorded(scenario):
     """Poses of the hand [m] {w} and slip (x, y, angle) [m, rad] {p} at every tick of a run of ours."""
-    o_R_p = matrix_from_quat_xyzw(scenario.bridge.contacts.orientation_xyzw[:4])
-    o_x_p = np.array(scenario.bridge.contacts.position[:3])
     hands, slips = [], []
     for tick in run_in_process(scenario):
         for incident in tick.incidents:
             print(f"\n{incident}")
-        truth = tick.outputs.truth
-        R_p = truth.rotation @ o_R_p
-        x_p, slip = truth.position + truth.rotation @ o_x_p, truth.slip_displacement
-        hands.append((x_p + R_p @ slip[:3], R_p @ Rotation.from_rotvec(slip[3:].copy()).as_matrix()))
-        slips.append(slip[[0, 1, 5]])
+        (arm,) = tick.outputs.arms
+        hands.append(arm.readings.pad)
+        slips.append(arm.readings.truth.slip_displacement[[0, 1, 5]])
     return hands, np.array(slips)
 
 
@@ -114,7 +108,7 @@ def carried(scenario, hands):
 def test_creep_below_the_limit(name):
     params = scenario("classical").bridge
     world = DrakePlant(params)
-    world.push(load(params, name, 0.9))
+    world.push([load(params, name, 0.9)])
     for _ in range(1000):
         world.follow(HAND, HAND, params.grip.force)
     start = world.slip()
@@ -131,7 +125,7 @@ def test_break_away_is_on_our_limit_surface(name):
     world = DrakePlant(params)
     for k in range(2000):
         share = 0.8 + 0.4 * k / 2000
-        world.push(load(params, name, share))
+        world.push([load(params, name, share)])
         world.follow(HAND, HAND, params.grip.force)
         if k > 50 and scaled(params, world.slip_rate()) > 5 * CREEP_M_S:
             break
@@ -183,7 +177,7 @@ def loop(name, engine):
     run = scenario(*LOOPS[name], duration=5.0 if "governed" in name else 3.0)
     with pytest.MonkeyPatch.context() as patch:
         if engine == "Drake":
-            patch.setattr(simulation, "make_plant", DrakePlant)
+            patch.setattr(simulation, "make_plant", drake_plant)
         hands, slips = recorded(run)
     far, turned = np.hypot(slips[:, 0], slips[:, 1]), np.abs(slips[:, 2])
     print(
