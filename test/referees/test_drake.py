@@ -19,6 +19,7 @@ import pytest
 from slip_sim_bridge import simulation
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.scenario import load_scenario
+from test.referees.native_plant import NativePlant
 
 pytest.importorskip("pydrake", reason="Drake is not installed: pip install 'slip-vic[referee]'")
 from .drake_world import DrakePlant, drake_plant  # needs Drake
@@ -171,13 +172,16 @@ LOOPS: Final = {
 }
 
 
+ENGINES: Final = {"bridge": simulation.make_plant, "native": NativePlant, "Drake": drake_plant}
+"""The bridge itself, MuJoCo with its own contacts, Drake."""
+
+
 @functools.cache
 def loop(name, engine):
-    """Hand and slip, as of `recorded`, of our controller against MuJoCo or Drake."""
+    """Hand and slip, as of `recorded`, of our controller against one of the engines."""
     run = scenario(*LOOPS[name], duration=5.0 if "governed" in name else 3.0)
     with pytest.MonkeyPatch.context() as patch:
-        if engine == "Drake":
-            patch.setattr(simulation, "make_plant", drake_plant)
+        patch.setattr(simulation, "make_plant", ENGINES[engine])
         hands, slips = recorded(run)
     far, turned = np.hypot(slips[:, 0], slips[:, 1]), np.abs(slips[:, 2])
     print(
@@ -189,20 +193,20 @@ def loop(name, engine):
 
 @pytest.mark.long
 @pytest.mark.timeout(MINUTES)
+@pytest.mark.parametrize("engine", ["native", "Drake"])
 @pytest.mark.parametrize("name", LOOPS)
-def test_whole_loop(name):
-    (hands, slips, peak), (their_hands, their_slips, their_peak) = (
-        loop(name, engine) for engine in ("MuJoCo", "Drake")
-    )
+def test_whole_loop(name, engine):
+    hands, slips, peak = loop(name, "bridge")
+    their_hands, their_slips, their_peak = loop(name, engine)
     apart = max(np.linalg.norm(ours[0] - theirs[0]) for ours, theirs in zip(hands, their_hands, strict=True))
-    print(f"{name}: hands at most {1e3 * apart:.3f} mm apart")
+    print(f"{name}, {engine}: hands at most {1e3 * apart:.3f} mm from the bridge's")
     ours, theirs = slips[-1], their_slips[-1]
     if name == "classical":
         assert np.hypot(*theirs[:2]) == pytest.approx(np.hypot(*ours[:2]), rel=PATH)
         assert theirs[2] == pytest.approx(ours[2], rel=PATH)
     elif name.startswith("vic"):
         share, metres = LOOP_VIC
-        assert their_peak < share * loop("classical", "Drake")[2]
+        assert their_peak < share * loop("classical", engine)[2]
         assert their_peak == pytest.approx(peak, abs=metres)
     elif name == "governed, friction 10 % low":
         assert their_peak < GOVERNED_M
