@@ -63,10 +63,10 @@ LOADS: Final = {
 """Degrees from force towards torque in the scaled plane, and of the force on the pads."""
 
 
-def scenario(controller, *assignments, duration=3.0):
+def scenario(law, *assignments, duration=3.0):
     """`paper_planar` with Coulomb friction."""
     coulomb = ("bridge.friction.model=coulomb", "bridge.friction.mu_s=0.4", f"bridge.duration_s={duration}")
-    return load_scenario("paper_planar", controller=controller, assignments=(*coulomb, *assignments))
+    return load_scenario("paper_planar", law=law, assignments=(*coulomb, *assignments))
 
 
 def load(params, name, share):
