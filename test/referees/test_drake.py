@@ -19,7 +19,6 @@ import pytest
 from slip_sim_bridge import simulation
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.scenario import load_scenario
-from test.referees.native_plant import NativePlant
 
 pytest.importorskip("pydrake", reason="Drake is not installed: pip install 'slip-vic[referee]'")
 from .drake_world import DrakePlant, drake_plant  # needs Drake
@@ -49,9 +48,14 @@ LOOP_VIC: Final = 0.1, 1e-3
 GOVERNED_M where friction is configured 10 % low. The law (vic): peak slip below this share of classical's, and within
 this many metres of the peak that the bridge has."""
 
-MINUTES: Final = 1200
+LOOP_GOVERNED_M: Final = 1e-3
+"""Governed, friction configured as it is, peak slip in the loop: a disc carries force with torque up to 6.4 % less than
+the ellipsoid that the governor counts on, so that it may slip before it has learnt."""
+
+MINUTES: Final = 800
 """[s]: thousands of steps of 10 ms each, on a machine that is not idle."""
 RHO_M: Final = 0.03
+DURATION_S: Final = 3.0  # the path takes 2 s, governed 2.4 s; the object spins on until 2.8 s
 HAND = np.zeros(3), np.eye(3)
 LOADS: Final = {
     "force_x": (0.0, 0.0),
@@ -63,9 +67,9 @@ LOADS: Final = {
 """Degrees from force towards torque in the scaled plane, and of the force on the pads."""
 
 
-def scenario(law, *assignments, duration=3.0):
+def scenario(law, *assignments):
     """`paper_planar` with Coulomb friction."""
-    coulomb = ("bridge.friction.model=coulomb", "bridge.friction.mu_s=0.4", f"bridge.duration_s={duration}")
+    coulomb = ("bridge.friction.model=coulomb", "bridge.friction.mu_s=0.4", f"bridge.duration_s={DURATION_S}")
     return load_scenario("paper_planar", law=law, assignments=(*coulomb, *assignments))
 
 
@@ -153,7 +157,7 @@ def test_slip_path_of_the_classical_law():
 
 @pytest.mark.timeout(MINUTES)
 def test_governed_path_does_not_slip():
-    run = scenario("governed", "controller.governor.friction_limit=0.18", duration=5.0)
+    run = scenario("governed", "controller.governor.friction_limit=0.18")
     hands, _ = recorded(run)
     theirs = carried(run, hands)
     peak = max(float(np.hypot(theirs[:, 0], theirs[:, 1]).max()), RHO_M * float(np.abs(theirs[:, 2]).max()))
@@ -172,14 +176,13 @@ LOOPS: Final = {
 }
 
 
-ENGINES: Final = {"bridge": simulation.make_plant, "native": NativePlant, "Drake": drake_plant}
-"""The bridge itself, MuJoCo with its own contacts, Drake."""
+ENGINES: Final = {"bridge": simulation.make_plant, "Drake": drake_plant}
 
 
 @functools.cache
 def loop(name, engine):
     """Hand and slip, as of `recorded`, of our controller against one of the engines."""
-    run = scenario(*LOOPS[name], duration=5.0 if "governed" in name else 3.0)
+    run = scenario(*LOOPS[name])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulation, "make_plant", ENGINES[engine])
         hands, slips = recorded(run)
@@ -191,22 +194,24 @@ def loop(name, engine):
     return hands, slips, max(far.max(), RHO_M * turned.max())
 
 
+SPINS: Final = pytest.mark.xfail(strict=True, reason="the printed law follows any spin: docs/fidelity.md")
+
+
 @pytest.mark.long
 @pytest.mark.timeout(MINUTES)
-@pytest.mark.parametrize("engine", ["native", "Drake"])
-@pytest.mark.parametrize("name", LOOPS)
-def test_whole_loop(name, engine):
+@pytest.mark.parametrize("name", [pytest.param(name, marks=SPINS if name == "vic" else ()) for name in LOOPS])
+def test_whole_loop(name):
     hands, slips, peak = loop(name, "bridge")
-    their_hands, their_slips, their_peak = loop(name, engine)
+    their_hands, their_slips, their_peak = loop(name, "Drake")
     apart = max(np.linalg.norm(ours[0] - theirs[0]) for ours, theirs in zip(hands, their_hands, strict=True))
-    print(f"{name}, {engine}: hands at most {1e3 * apart:.3f} mm from the bridge's")
+    print(f"{name}: hands at most {1e3 * apart:.3f} mm apart")
     ours, theirs = slips[-1], their_slips[-1]
     if name == "classical":
         assert np.hypot(*theirs[:2]) == pytest.approx(np.hypot(*ours[:2]), rel=PATH)
         assert theirs[2] == pytest.approx(ours[2], rel=PATH)
     elif name.startswith("vic"):
         share, metres = LOOP_VIC
-        assert their_peak < share * loop("classical", engine)[2]
+        assert their_peak < share * loop("classical", "Drake")[2]
         assert their_peak == pytest.approx(peak, abs=metres)
-    elif name == "governed, friction 10 % low":
-        assert their_peak < GOVERNED_M
+    else:
+        assert their_peak < (LOOP_GOVERNED_M if name == "governed" else GOVERNED_M)
