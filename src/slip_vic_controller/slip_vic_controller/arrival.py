@@ -6,7 +6,6 @@ from slip_core.arrays import Array
 from slip_core.compiled import BOOL, IN1, INT, OUT1, VOID, kernel
 from slip_core.records import record
 from slip_vic_controller.arm.estimator import use_estimate
-from slip_vic_controller.cycle import ARM_STATE, CONFIG
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.validation import (
     await_answer,
@@ -18,6 +17,7 @@ from slip_vic_controller.safety.validation import (
     silent,
     unanswered,
 )
+from slip_vic_controller.state import ARM_STATE, CONFIG
 
 
 @kernel(INT(IN1, OUT1, INT, IN1, IN1, IN1, BOOL, INT, BOOL))

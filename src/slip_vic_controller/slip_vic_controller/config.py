@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from slip_core.records import new, record
 from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.arm.config import estimator_config
 from slip_vic_controller.arm.estimator import ESTIMATOR_CONFIG
-from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import INTERNAL_BOUND, ROUNDING, internal_gain_limit
 from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
@@ -25,11 +23,17 @@ from slip_vic_controller.parameters.interface_params import GripParams
 from slip_vic_controller.parameters.safety_params import InputParams, SafetyParams, WatchParams
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.reference.friction_estimate import Friction
-from slip_vic_controller.reference.governor import MAX_WINDOW
+from slip_vic_controller.reference.goals import GoalsConfig
+from slip_vic_controller.reference.governor import MAX_WINDOW, GovernorConfig
+from slip_vic_controller.reference.grip import GripConfig
 from slip_vic_controller.reference.path_grid import Governing
 from slip_vic_controller.reference.paths import PATH, make_path
 from slip_vic_controller.robot import Robot
+from slip_vic_controller.safety.drop_detection import DropDetectionConfig
+from slip_vic_controller.safety.hold import HoldConfig
 from slip_vic_controller.safety.limit_avoidance import BRAKED_FROM
+from slip_vic_controller.safety.validation import VectorLimits
+from slip_vic_controller.state import CONFIG, ControllerConfig, CycleConfig
 
 PATH_MARGIN, GIVEN_UP, KEPT = 0.97, 0.985, 0.95
 """Shares of a load: in the backward pass; of that at which it slipped, where nothing less stops; kept of it."""
@@ -90,7 +94,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     return buffer
 
 
-def renew_config(config: Any, params: ControllerParams) -> None:
+def renew_config(config: ControllerConfig, params: ControllerParams) -> None:
     """Take changed parameters into a CONFIG: what HOLD holds, and with which stiffness. Gains and payload of the law
     ramp, see `Ramp`; a change in HOLD is bounded by the effort limiter."""
     fill_contacts(params.contacts, config.law.contact)
@@ -124,18 +128,18 @@ def gate_shut(params: ControllerParams) -> bool:
     return params.slip_input == "flag" or params.grip.control == "follow"
 
 
-def _copy(config: Any, name: str, buffer: Array, layout: np.dtype[np.void]) -> None:
+def _copy(config: ControllerConfig, name: str, buffer: Array, layout: np.dtype[np.void]) -> None:
     config[name] = buffer.view(layout)[0]
 
 
-def _fill_giving_up(config: Any, params: ControllerParams) -> None:
+def _fill_giving_up(config: ControllerConfig, params: ControllerParams) -> None:
     given, gains = config.giving_up, params.gains
     given.on, given.witness = int(gains.give_up), int(config.governor.mode != Governing.OFF)
     given.longest_s, given.error = gains.give_up_after_s, gains.give_up_error_m
     given.fall = FALL_SHARE * params.safety.load.drop_speed
 
 
-def _fill_cycle(cycle: Any, params: ControllerParams, joints: int) -> None:
+def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> None:
     safety, posture, dead_band = params.safety, params.nullspace.posture, params.measured
     if posture and len(posture) != joints:
         raise InputError("parameter nullspace.posture", got=f"{len(posture)} values", expected=f"{joints} or none")
@@ -155,7 +159,7 @@ def _fill_cycle(cycle: Any, params: ControllerParams, joints: int) -> None:
     cycle.k_s_adapts, cycle.k_s_margin = int(params.gains.k_s_mode != "fixed"), params.gains.k_s_margin
 
 
-def _fill_inputs(config: Any, params: ControllerParams, robot: Robot, *, lockstep: bool) -> None:
+def _fill_inputs(config: ControllerConfig, params: ControllerParams, robot: Robot, *, lockstep: bool) -> None:
     inputs = params.safety.inputs
     n, joint, limits = len(robot.joint_names), inputs.joint, config.joint
     limits.lower[:n], limits.upper[:n] = (
@@ -177,7 +181,7 @@ def _fill_inputs(config: Any, params: ControllerParams, robot: Robot, *, lockste
 
 
 def _fill_vector(
-    limits: Any,
+    limits: VectorLimits,
     inputs: InputParams,
     params: WatchParams,
     largest: tuple[float, float],
@@ -191,7 +195,7 @@ def _fill_vector(
     limits.zero_after = zero_after
 
 
-def _fill_modes(config: Any, params: ControllerParams) -> None:
+def _fill_modes(config: ControllerConfig, params: ControllerParams) -> None:
     safety, arbitration = params.safety, config.arbitration
     config.modes.auto_enable, config.modes.auto_resume = int(safety.auto_enable), int(safety.auto_resume)
     config.modes.resume_after_ns = seconds_to_ns(safety.resume_after_s)
@@ -205,7 +209,7 @@ def _fill_modes(config: Any, params: ControllerParams) -> None:
     arbitration.resume_slip_angular = safety.resume_slip_angular
 
 
-def _fill_limits(config: Any, safety: SafetyParams, robot: Robot, period_s: float) -> None:
+def _fill_limits(config: ControllerConfig, safety: SafetyParams, robot: Robot, period_s: float) -> None:
     n, limits, motion, drive = len(robot.joint_names), safety.limits, config.motion, config.motion.drive
     velocity = robot.velocity_limit * limits.velocity_scale
     motion.near_lower[:n] = robot.position_lower + limits.position_margin
@@ -218,7 +222,7 @@ def _fill_limits(config: Any, safety: SafetyParams, robot: Robot, period_s: floa
     drive.restart_after_ns = seconds_to_ns(limits.restart_after_s)
 
 
-def _fill_drop(drop: Any, params: ControllerParams) -> None:
+def _fill_drop(drop: DropDetectionConfig, params: ControllerParams) -> None:
     safety, g = params.safety, math.hypot(*params.gravity)
     if g > 0.0:  # without gravity nothing falls
         drop.down[:] = np.array(params.gravity) / g
@@ -227,7 +231,7 @@ def _fill_drop(drop: Any, params: ControllerParams) -> None:
     drop.evidence = math.inf if gate_shut(params) else safety.fallback.evidence
 
 
-def _fill_hold(hold: Any, params: ControllerParams, joints: int) -> None:
+def _fill_hold(hold: HoldConfig, params: ControllerParams, joints: int) -> None:
     safety, share = params.safety, 1.0 / (len(params.contacts.position) // 3)
     hold.joints = joints
     hold.stiffness, hold.damping, hold.load_s = safety.hold_stiffness, safety.hold_damping, safety.hold_load_s
@@ -236,7 +240,7 @@ def _fill_hold(hold: Any, params: ControllerParams, joints: int) -> None:
     hold.weight[:] = hold.mass * np.array(params.gravity)
 
 
-def _fill_goals(goals: Any, params: ControllerParams) -> None:
+def _fill_goals(goals: GoalsConfig, params: ControllerParams) -> None:
     goals.on = int(params.trajectory.kind == "goal")
     if params.governor.mode == "off":  # the governor slows down what is too fast; without it such a goal is refused
         limits = params.safety.limits
@@ -244,14 +248,14 @@ def _fill_goals(goals: Any, params: ControllerParams) -> None:
         goals.most_turning = BRAKED_FROM * limits.speed_angular
 
 
-def _fill_grip(grip: Any, given: GripParams) -> None:
+def _fill_grip(grip: GripConfig, given: GripParams) -> None:
     grip.follow, grip.told, grip.most = int(given.control == "follow"), given.told_force, given.force_limit
     grip.rate, grip.lag_s, grip.preview_s, grip.margin = (
         given.command_rate, given.lag_s, given.preview_s, given.margin
     )  # fmt: skip
 
 
-def _fill_governor(governor: Any, params: ControllerParams) -> None:
+def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     given, path, sensor, limits = params.governor, params.trajectory, params.slip_sensor, params.safety.limits
     governed = path.kind != "hold"
     governor.mode = Governing[given.mode.upper()] if governed else Governing.OFF

@@ -17,19 +17,15 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum, unique
-from typing import Any
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
-from slip_core.records import REAL, WHOLE, layout, record, records
+from slip_core.records import Records, record, records
 from slip_core.vectors import IDENTITY, ZERO, Mat, Spatial, Vec, mat, put, put_mat, put_spatial, spatial, vec
 from slip_vic_controller.arm.command import joint_acceleration
 from slip_vic_controller.arm.estimator import (
-    ESTIMATOR_CONFIG,
-    JOINT_ESTIMATE,
-    PUBLISHED_JOINTS,
     clear_findings,
     oppose_disturbance,
     pad_variances,
@@ -37,7 +33,6 @@ from slip_vic_controller.arm.estimator import (
     remember_input,
 )
 from slip_vic_controller.governing import (
-    GOVERNED,
     agree_on_friction,
     begin_governing,
     begin_pad,
@@ -47,39 +42,32 @@ from slip_vic_controller.governing import (
     guard,
     held,
     put_governed,
+    rest_after_hold,
     rest_on_path,
     screen,
     step_on_path,
 )
-from slip_vic_controller.interfaces import WRENCH_SENSOR, wrench_at_pad
-from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.interfaces import wrench_at_pad
 from slip_vic_controller.law.bounds import held_sample_limit, internal_gain_limit
-from slip_vic_controller.law.config import LAW_CONFIG
 from slip_vic_controller.law.contact import (
-    CONTACT_SAMPLE,
-    SLIP,
     beyond_dead_band,
     contact_arm,
     integrate_slips,
     pad_rotation,
     slip_velocity,
 )
-from slip_vic_controller.law.gains import LAW_GAINS, RAMP, gains_at
-from slip_vic_controller.law.giving_up import GIVEN_UP, GIVING_UP, judge_compensation, start_giving_up
+from slip_vic_controller.law.gains import gains_at
+from slip_vic_controller.law.giving_up import judge_compensation, start_giving_up
 from slip_vic_controller.law.internal import mean_arm
-from slip_vic_controller.law.law import EVALUATION, evaluate, predict_motion, scale_acceleration
-from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, no_symbols, symbols
-from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE
+from slip_vic_controller.law.law import evaluate, predict_motion, scale_acceleration
+from slip_vic_controller.law.symbols import SYMBOLS, SlipEstimate, no_symbols, symbols
+from slip_vic_controller.observer.layouts import ROW_SIZE, Observer
 from slip_vic_controller.observer.observer import observe, reset
-from slip_vic_controller.reference.goals import GOAL, GOALS, rest_at
-from slip_vic_controller.reference.governor import GOVERNOR, GOVERNOR_CONFIG, PAD
-from slip_vic_controller.reference.grip import GRIP, GRIP_CONFIG, start_grip
-from slip_vic_controller.reference.path_grid import PATH_GRID, Governing
-from slip_vic_controller.reference.path_scaling import PATH_SCALING, advance, lost_ns, scaled
+from slip_vic_controller.reference.goals import rest_at
+from slip_vic_controller.reference.grip import start_grip
+from slip_vic_controller.reference.path_grid import Governing
+from slip_vic_controller.reference.path_scaling import advance, lost_ns, scaled
 from slip_vic_controller.reference.paths import (
-    GRASP,
-    PATH,
-    REFERENCE,
     Reference,
     carried,
     put_reference,
@@ -87,27 +75,20 @@ from slip_vic_controller.reference.paths import (
     reference_at,
     relative,
 )
-from slip_vic_controller.reference.stream import STREAM, STREAM_CONFIG
 from slip_vic_controller.safety.arbitration import (
-    ARBITRATION,
-    HEALTH,
-    SINCE,
     Level,
     arbitrate,
     clear_since,
     watch_for_blindness,
 )
-from slip_vic_controller.safety.drop_detection import DROP_DETECTION, OBSERVED, forget, observe_motion
+from slip_vic_controller.safety.drop_detection import forget, observe_motion
 from slip_vic_controller.safety.effort_limiter import (
-    LIMITER,
     limit_effort,
     needs_restart,
     start_limiter,
 )
 from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.hold import (
-    HOLD,
-    HOLD_CONFIG,
     believable_arm,
     carry_load,
     hold_effort,
@@ -115,17 +96,13 @@ from slip_vic_controller.safety.hold import (
     update_load_error,
 )
 from slip_vic_controller.safety.latency import (
-    LATENCY,
-    SLIP_LATENCY,
     forget_latency,
     measure_latency,
     measure_slip_latency,
     whole_cycles,
 )
-from slip_vic_controller.safety.limit_avoidance import MOTION_LIMITS, avoid_limits
+from slip_vic_controller.safety.limit_avoidance import avoid_limits
 from slip_vic_controller.safety.modes import (
-    MODE,
-    MODE_POLICY,
     NOTHING,
     Mode,
     Request,
@@ -137,7 +114,6 @@ from slip_vic_controller.safety.modes import (
 from slip_vic_controller.safety.reasons import (
     FIRST_WRENCH,
     GOOD_JOINT_STATE,
-    REASON,
     Cause,
     Reason,
     because,
@@ -146,11 +122,6 @@ from slip_vic_controller.safety.reasons import (
     read_reason,
 )
 from slip_vic_controller.safety.validation import (
-    JOINT_INPUT,
-    JOINT_LIMITS,
-    SLIP_QUEUE,
-    VECTOR_INPUT,
-    VECTOR_LIMITS,
     all_finite,
     fine,
     frozen,
@@ -159,90 +130,23 @@ from slip_vic_controller.safety.validation import (
     vector_validity,
 )
 from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS, NEVER
-
-CYCLE_CONFIG = layout(
-    period_ns=WHOLE, bridge_ns=WHOLE, late_ns=WHOLE, slow_down_s=REAL, joint_damping=REAL, start_s=REAL,
-    posture_given=WHOLE, posture=(REAL, MAX_JOINTS), has_observer=WHOLE, corrects_follow=WHOLE, dead_band_linear=REAL,
-    dead_band_angular=REAL, k_s_adapts=WHOLE, k_s_margin=REAL, pad_stiffness=REAL, slip_delay_ns=WHOLE, gate_shut=WHOLE,
-    leaves_gravity=WHOLE,
-)  # fmt: skip
-"""bridge_ns: gap of good joint states that is bridged; late_ns: what is too late for the law, 0 = nothing;
-slow_down_s: time in which the path comes to rest; start_s: of the trajectory; k_s_adapts: whether k_s follows the
-measured delays; pad_stiffness: for the bound on kappa [N/m]; slip_delay_ns: by which the stamps of slip samples are too
-late; gate_shut: whether the law takes the object as held; leaves_gravity: whether the arm carries its own weight."""
-
-CONFIG = layout(
-    law=LAW_CONFIG, gains=LAW_GAINS, giving_up=GIVING_UP, path=PATH, observer=OBSERVER_CONFIG, cycle=CYCLE_CONFIG,
-    joint=JOINT_LIMITS, wrench=VECTOR_LIMITS, slip=VECTOR_LIMITS, modes=MODE_POLICY, arbitration=ARBITRATION,
-    drop=DROP_DETECTION, motion=MOTION_LIMITS, hold=HOLD_CONFIG, governor=GOVERNOR_CONFIG,
-    wrench_sensor=WRENCH_SENSOR, grip=GRIP_CONFIG, goals=GOALS, stream=STREAM_CONFIG, estimator=ESTIMATOR_CONFIG,
-)  # fmt: skip
-"""All that does not change while the controller runs."""
-
-TASK_STATE = layout(
-    begun=WHOLE, start_ns=WHOLE, taken=WHOLE, path=PATH_SCALING, reference_known=WHOLE, reference=REFERENCE,
-    desired=REFERENCE, governor=GOVERNOR, grid=PATH_GRID, goal=GOAL, stream=STREAM,
-)  # fmt: skip
-"""What is remembered of the motion of the object that all arms hold; poses are those of the first arm's pad, and the
-others keep to it as they held the object when the law began. begun: whether the law of all arms began in one cycle;
-start_ns: when the trajectory did, in the time of the first arm's joint states; taken: how many references or goals have
-come; reference: by topic, where it is known; desired: of the last cycle."""
-
-LAW_STATE = layout(
-    known=WHOLE, stamp_ns=WHOLE, start_position=(REAL, 3), start_rotation=(REAL, (3, 3)),
-    posture=(REAL, MAX_JOINTS), position=(REAL, MAX_JOINTS), gravity=(REAL, MAX_JOINTS), e_previous=(REAL, 3),
-    slips=(SLIP, MAX_CONTACTS), ramp=RAMP, slip_latency=SLIP_LATENCY, held=WHOLE, late=WHOLE, k_s_limit=REAL,
-    given_up=GIVEN_UP,
-)  # fmt: skip
-"""What the law needs of the past. stamp_ns: of the last joint state; start_*: pose of the pad when the law began;
-position, gravity: the last finite joint position and g there; held, late, k_s_limit: delays in cycles, and the k_s for
-them; given_up: whether the compensation is."""
-
-ARM_STATE = layout(
-    cycles=WHOLE, begun=WHOLE, now_ns=WHOLE, outside=WHOLE, joint=JOINT_INPUT,
-    wrench_inputs=(VECTOR_INPUT, MAX_CONTACTS), slip_inputs=(VECTOR_INPUT, MAX_CONTACTS), queue=SLIP_QUEUE,
-    mode=MODE, since=SINCE, observed=OBSERVED, latency=LATENCY, limiter=LIMITER, hold=HOLD, tuned=RAMP, law=LAW_STATE,
-    observer=OBSERVER, pad=PAD, grip=GRIP, grasp=GRASP, reference_known=WHOLE, reference=REFERENCE,
-    estimate=JOINT_ESTIMATE,
-)  # fmt: skip
-"""What is remembered of one arm. grasp: its pad as the first arm's pad saw it when the law began; reference: of this
-pad alone, where it does not keep to the object."""
-
-TASK_SIZE, ARM_SIZE = TASK_STATE.itemsize // 8, ARM_STATE.itemsize // 8
-"""A state is the task, the rows of all arms, then each arm's history of the observer."""
-
-INPUTS = layout(
-    present=WHOLE, now_ns=WHOLE, request=WHOLE, missing=WHOLE, health_given=WHOLE, health=HEALTH, arm=ARM
-)  # fmt: skip
-"""present: whether this arm is answered in this cycle; now_ns: the controller's clock; missing: bits of what else is
-missing; health: of the inputs where it is given, by a replay; arm: at the joint state that is answered."""
-
-DECISION = layout(
-    step=WHOLE, never_seen=WHOLE, request=WHOLE, level=WHOLE, entered=WHOLE, freezes=WHOLE, works=WHOLE, cause=WHOLE,
-    fault=REASON, before=MODE,
-)  # fmt: skip
-"""What a cycle has found for an arm. step: what comes next, see `Step`; never_seen: bits of the inputs that have never
-been seen; request, fault: for the mode machine; level: degradation level; entered: mode before arbitration; freezes:
-whether the joint state is frozen; works: whether the law does, or its last effort is repeated; cause: why the law could
-not be evaluated; before: mode before the cycle."""
+from slip_vic_controller.state import (
+    ARM_SIZE,
+    ARM_STATE,
+    CONFIG,
+    INPUTS,
+    OUTPUTS,
+    TASK_SIZE,
+    TASK_STATE,
+    ArmState,
+    ControllerConfig,
+    CycleInputs,
+    CycleOutputs,
+    TaskState,
+)
 
 LONGEST_PAUSE = 5
 """Control periods that count at most as time between two cycles."""
-LEDGER = 3 + 4 * MAX_CONTACTS + 5 + 1
-OUTPUTS = layout(
-    answered=WHOLE, evaluated=WHOLE, ok=WHOLE, ledger=(WHOLE, LEDGER), effort=(REAL, MAX_JOINTS),
-    limited=(WHOLE, MAX_JOINTS), saturated=(WHOLE, MAX_JOINTS), grip=REAL, health=HEALTH, mode=MODE,
-    path_scale=REAL, governor=GOVERNED, wanted=(REAL, MAX_JOINTS),
-    samples=(CONTACT_SAMPLE, MAX_CONTACTS), slips=(SLIP, MAX_CONTACTS), follow_error=(REAL, 6), gains=LAW_GAINS,
-    reference=REFERENCE, motion=MOTION, law=EVALUATION, estimate=SLIP_ESTIMATE, decision=DECISION,
-    joints=PUBLISHED_JOINTS,
-)  # fmt: skip
-"""What a cycle gives an arm. answered: 0 = no effort, something is missing; evaluated: `law` holds; ok: the law's
-effort went out; effort [N m]; grip: commanded [N]; limited: joints at the rate limit; wanted: before limit avoidance.
-
-ledger: all that the cycle depends on: its number, stamp of the joint state, then stamps of the newest wrench and slip
-velocity of each contact (none where they were not used); behind them the controller's clock, mode, health, request, and
-how many references or goals have been taken. Times are seconds and nanoseconds."""
 
 
 @unique
@@ -255,7 +159,7 @@ class Step(IntEnum):
 
 
 @part
-def _put_estimate(observer: Any, out: Any) -> None:
+def _put_estimate(observer: Observer, out: SlipEstimate) -> None:
     """Write what an observer publishes to a SLIP_ESTIMATE."""
     out.sliding, out.significance = observer.sliding, observer.significance
     for k in range(6):
@@ -263,7 +167,15 @@ def _put_estimate(observer: Any, out: Any) -> None:
 
 
 @part
-def _begin(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, stamp_ns: int, lead: bool) -> None:
+def _begin(
+    config: ControllerConfig,
+    task: TaskState,
+    state: ArmState,
+    inputs: CycleInputs,
+    outputs: CycleOutputs,
+    stamp_ns: int,
+    lead: bool,
+) -> None:
     """Begin a cycle of an arm; the first one begins the controller. lead: whether it is the first arm."""
     if state.begun == 0:
         state.begun, state.now_ns = 1, inputs.now_ns
@@ -288,7 +200,9 @@ def _put_time(ledger: Array, at: int, time_ns: int) -> None:
 
 
 @part
-def _end(config: Any, task: Any, state: Any, inputs: Any, outputs: Any) -> None:
+def _end(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs
+) -> None:
     """Write mode and the end of the ledger."""
     outputs.mode = state.mode
     outputs.path_scale, outputs.grip = task.path.scale, state.grip.command
@@ -301,7 +215,7 @@ def _end(config: Any, task: Any, state: Any, inputs: Any, outputs: Any) -> None:
 
 
 @part
-def _never_seen(config: Any, state: Any) -> int:
+def _never_seen(config: ControllerConfig, state: ArmState) -> int:
     """Return the bits of the inputs that have never been seen: no command before every input was seen once."""
     bits = 0
     for k in range(config.law.contacts):
@@ -313,7 +227,7 @@ def _never_seen(config: Any, state: Any) -> int:
 
 
 @part
-def _wait(config: Any, state: Any, inputs: Any, missing: Reason, keep_limiter: int) -> None:
+def _wait(config: ControllerConfig, state: ArmState, inputs: CycleInputs, missing: Reason, keep_limiter: int) -> None:
     """Give no effort. Without a command the arm may move, so HOLD restarts from the pose found then."""
     reasons = TransitionReasons(missing, NOTHING, NOTHING, NOTHING)
     next_mode(config.modes, state.mode, reasons, inputs.request, inputs.now_ns)
@@ -324,7 +238,9 @@ def _wait(config: Any, state: Any, inputs: Any, missing: Reason, keep_limiter: i
 
 
 @part
-def _classify_inputs(config: Any, state: Any, inputs: Any, outputs: Any, fault: int, alone: bool) -> None:
+def _classify_inputs(
+    config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, fault: int, alone: bool
+) -> None:
     """Write the fault of each input in this cycle, and the stamps of the samples that it uses.
 
     alone: whether another arm is not answered in this cycle.
@@ -345,7 +261,9 @@ def _classify_inputs(config: Any, state: Any, inputs: Any, outputs: Any, fault: 
 
 
 @part
-def begin_law(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead: bool) -> None:
+def begin_law(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
+) -> None:
     """Begin the law: the arm where it is, no slip; of the first arm also the trajectory, starting here and now."""
     law, sample, n = state.law, state.joint.answers, config.law.joints
     law.known, law.stamp_ns = 1, sample.stamp_ns
@@ -372,7 +290,7 @@ def begin_law(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lea
 
 
 @part
-def _begin_task(config: Any, task: Any, state: Any, inputs: Any) -> None:
+def _begin_task(config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs) -> None:
     """Begin the object's motion with the law of the first arm."""
     arm = inputs.arm
     task.start_ns = state.joint.answers.stamp_ns
@@ -385,7 +303,15 @@ def _begin_task(config: Any, task: Any, state: Any, inputs: Any) -> None:
 
 
 @part
-def _look(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead: bool, alone: bool) -> None:
+def _look(
+    config: ControllerConfig,
+    task: TaskState,
+    state: ArmState,
+    inputs: CycleInputs,
+    outputs: CycleOutputs,
+    lead: bool,
+    alone: bool,
+) -> None:
     """Look at the inputs of an arm and decide; the mode is that of this cycle then.
 
     lead: whether it is the first arm; alone: whether another arm is not answered in this cycle.
@@ -393,6 +319,8 @@ def _look(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead: b
     decision = outputs.decision
     decision.step, decision.request = Step.NONE.value, inputs.request
     decision.before = state.mode
+    if inputs.request == Request.RESET_FAULT:
+        task.forgets = 1
     fault = inputs.health.joint if inputs.health_given != 0 else state.joint.pending_fault
     state.joint.pending = 0
     _begin(config, task, state, inputs, outputs, state.joint.answers.stamp_ns, lead)
@@ -414,7 +342,9 @@ def _look(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead: b
 
 
 @part
-def _decide(config: Any, task: Any, state: Any, inputs: Any, outputs: Any) -> None:
+def _decide(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs
+) -> None:
     """Find what speaks against the law, and go to the mode of this cycle."""
     sample, fault, now_ns, decision = state.joint.answers, outputs.health.joint, inputs.now_ns, outputs.decision
     if not (usable(fault) or fault == Fault.NOT_RUN):
@@ -438,17 +368,17 @@ def _decide(config: Any, task: Any, state: Any, inputs: Any, outputs: Any) -> No
 
 
 @part
-def _begin_together(task: Any, states: Any, inputs: Any) -> bool:
+def _begin_together(task: TaskState, states: Records[ArmState], inputs: Records[CycleInputs]) -> bool:
     """Let the law of all arms begin in the same cycle, on one path; return whether an arm is not answered in this one.
 
     An arm that begins without the others holds until they begin with it.
     """
     alone, begins = False, task.begun == 0
-    for k in range(states.shape[0]):
+    for k in range(len(states)):
         alone = alone or inputs[k].present == 0
         begins = begins or states[k].law.known == 0 or (inputs[k].present != 0 and _restarts(states[k], inputs[k]))
-    if states.shape[0] > 1 and not alone:
-        for k in range(states.shape[0]):
+    if len(states) > 1 and not alone:
+        for k in range(len(states)):
             if begins and not _restarts(states[k], inputs[k]):
                 states[k].law.known = 0
     if begins:
@@ -457,16 +387,23 @@ def _begin_together(task: Any, states: Any, inputs: Any) -> bool:
 
 
 @part
-def _restarts(state: Any, inputs: Any) -> bool:
+def _restarts(state: ArmState, inputs: CycleInputs) -> bool:
     """Return whether the source of an arm's joint states has restarted."""
     fault = inputs.health.joint if inputs.health_given != 0 else state.joint.pending_fault
     return bool(fault == Fault.RESTARTED)
 
 
 @part
-def _agree(configs: Any, task: Any, states: Any, inputs: Any, outputs: Any, alone: bool) -> None:
+def _agree(
+    configs: Records[ControllerConfig],
+    task: TaskState,
+    states: Records[ArmState],
+    inputs: Records[CycleInputs],
+    outputs: Records[CycleOutputs],
+    alone: bool,
+) -> None:
     """Let the law work for all arms or for none; take down how they hold the object where it begins for all."""
-    n = states.shape[0]
+    n = len(states)
     begun, any_works, all_work = not alone, False, not alone
     for k in range(n):
         if inputs[k].present != 0:
@@ -485,7 +422,7 @@ def _agree(configs: Any, task: Any, states: Any, inputs: Any, outputs: Any, alon
 
 
 @part
-def _works(config: Any, state: Any, inputs: Any, outputs: Any) -> bool:
+def _works(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> bool:
     """Return whether the law works in this cycle, or its last effort is repeated."""
     step = outputs.decision.step
     if step == Step.BRIDGE and not bridges(config, state, inputs.now_ns):
@@ -494,7 +431,9 @@ def _works(config: Any, state: Any, inputs: Any, outputs: Any) -> bool:
 
 
 @part
-def _hold_with_the_others(config: Any, state: Any, inputs: Any, outputs: Any) -> None:
+def _hold_with_the_others(
+    config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs
+) -> None:
     """Hold because another arm does; all count again from here until they may resume, so they resume together."""
     decision = outputs.decision
     if decision.works != 0:
@@ -508,13 +447,15 @@ def _hold_with_the_others(config: Any, state: Any, inputs: Any, outputs: Any) ->
 
 
 @part
-def _at_work(state: Any, outputs: Any) -> bool:
+def _at_work(state: ArmState, outputs: CycleOutputs) -> bool:
     """Return whether the law is to be evaluated in this cycle."""
     return bool(outputs.decision.step == Step.ANSWER and follows(state.mode.mode))
 
 
 @part
-def _prepare(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead: bool) -> None:
+def _prepare(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
+) -> None:
     """Do what comes before the law in this cycle, or instead of it."""
     decision = outputs.decision
     if decision.step == Step.BRIDGE:
@@ -526,6 +467,8 @@ def _prepare(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead
         if lead:
             task.path.scale, task.path.rate = (1.0 if decision.entered == Mode.WAITING_INPUT else 0.0), 0.0
             rest_on_path(config, task, inputs.arm)
+            if decision.entered != Mode.WAITING_INPUT:
+                rest_after_hold(config, task, inputs.arm)
         state.hold.known, state.hold.load_error[:] = 0, 0.0
         forget(state.observed, state.observed.blind_since_ns)
         if config.cycle.has_observer != 0:
@@ -533,7 +476,7 @@ def _prepare(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead
 
 
 @part
-def _stop_first(config: Any, state: Any, request: int, now_ns: int) -> int:
+def _stop_first(config: ControllerConfig, state: ArmState, request: int, now_ns: int) -> int:
     """Let a user's HOLD begin when the path has come to rest: a sudden stop throws a weakly gripped object."""
     stays = request == Request.ENABLE or request == Request.RESET_FAULT or request == Request.FAILED
     if stays or not follows(state.mode.mode):
@@ -549,7 +492,7 @@ def _stop_first(config: Any, state: Any, request: int, now_ns: int) -> int:
 
 
 @part
-def bridges(config: Any, state: Any, now_ns: int) -> bool:
+def bridges(config: ControllerConfig, state: ArmState, now_ns: int) -> bool:
     """Return whether a bad joint state is bridged with the last effort: shortly, and not after a pause."""
     # After a pause the last effort is old, however young the sample.
     ran = now_ns - state.now_ns <= config.arbitration.gap_ns
@@ -558,7 +501,9 @@ def bridges(config: Any, state: Any, now_ns: int) -> bool:
 
 
 @part
-def _bridge(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, fault: int) -> None:
+def _bridge(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, fault: int
+) -> None:
     """Bridge a short gap of good joint states with the last effort, then let it go to gravity compensation."""
     n, now_ns = config.law.joints, inputs.now_ns
     if state.since.joint_bad_ns == NEVER:
@@ -581,7 +526,7 @@ def _bridge(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, fault
 
 
 @part
-def _arm_of_load(config: Any, state: Any, pad: Mat) -> Vec:
+def _arm_of_load(config: ControllerConfig, state: ArmState, pad: Mat) -> Vec:
     """Return r = x_c - x_o at which the load pulls, on the axes of the pad whose attitude is `pad` [m] {ee}."""
     slips, own, told = state.law.slips, config.law.contact[0], ZERO
     # The levers of several shares of the weight cancel, as far as they can.
@@ -595,7 +540,15 @@ def _arm_of_load(config: Any, state: Any, pad: Mat) -> Vec:
 
 
 @part
-def _hold(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, wrench_good: bool, lead: bool) -> None:
+def _hold(
+    config: ControllerConfig,
+    task: TaskState,
+    state: ArmState,
+    inputs: CycleInputs,
+    outputs: CycleOutputs,
+    wrench_good: bool,
+    lead: bool,
+) -> None:
     """Keep the posture in which HOLD began; what the wrench has told of the load stays until the law begins."""
     law, sample, n = state.law, state.joint.answers, config.law.joints
     # After a pause something else has held the arm.
@@ -622,7 +575,7 @@ def _hold(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, wrench_
 
 
 @part
-def keep_law(config: Any, state: Any, inputs: Any, outputs: Any) -> None:
+def keep_law(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
     """Keep what the next evaluation of the law needs of this one."""
     state.law.e_previous[:] = outputs.law.e[3:]
     for k in range(config.law.contacts):
@@ -631,7 +584,7 @@ def keep_law(config: Any, state: Any, inputs: Any, outputs: Any) -> None:
 
 
 @part
-def _keep_joints(config: Any, state: Any, inputs: Any) -> None:
+def _keep_joints(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
     """Keep stamp and position of a good joint state, and gravity there.
 
     With other arms on the object its share of the weight belongs to it: an arm that loses sight must not let them
@@ -646,25 +599,25 @@ def _keep_joints(config: Any, state: Any, inputs: Any) -> None:
 
 
 @part
-def _stops(state: Any, outputs: Any) -> bool:
+def _stops(state: ArmState, outputs: CycleOutputs) -> bool:
     """Return whether an arm needs the path to come to rest."""
     return bool(outputs.decision.level == Level.SLOWING or state.since.stopping_ns != NEVER)
 
 
 @part
-def _path_speed(states: Any, outputs: Any) -> float:
+def _path_speed(states: Records[ArmState], outputs: Records[CycleOutputs]) -> float:
     """Return how fast the path may be run through for other reasons than friction: as the slowest arm can follow it."""
     speed = states[0].observed.path_speed
-    for k in range(states.shape[0]):
+    for k in range(len(states)):
         speed = min(speed, states[k].observed.path_speed)
-    for k in range(states.shape[0]):
+    for k in range(len(states)):
         if _at_work(states[k], outputs[k]) and _stops(states[k], outputs[k]):
             speed = 0.0
     return float(speed)
 
 
 @part
-def _move_on(config: Any, task: Any, state: Any, path_speed: float) -> None:
+def _move_on(config: ControllerConfig, task: TaskState, state: ArmState, path_speed: float) -> None:
     """Move on along the path, in the time of the first arm's joint states; state: of the first arm."""
     dt_ns = max(state.joint.answers.stamp_ns - state.law.stamp_ns, 0)
     screen(config, task, state, True)
@@ -677,7 +630,9 @@ def _move_on(config: Any, task: Any, state: Any, path_speed: float) -> None:
 
 
 @part
-def _follow(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead: bool) -> None:
+def _follow(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
+) -> None:
     """Let the law command the arm, on what `sense` has found."""
     sample, n = state.joint.answers, config.law.joints
     dt_ns = max(sample.stamp_ns - state.law.stamp_ns, 0)
@@ -694,7 +649,9 @@ def _follow(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead:
 
 
 @part
-def _hold_without_law(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, cause: int) -> None:
+def _hold_without_law(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, cause: int
+) -> None:
     """Hold because the law could not be evaluated: gravity compensation with damping in this cycle, and HOLD."""
     law, sample, n = state.law, state.joint.answers, config.law.joints
     _keep_joints(config, state, inputs)
@@ -703,13 +660,23 @@ def _hold_without_law(config: Any, task: Any, state: Any, inputs: Any, outputs: 
         outputs.wanted[j] = min(max(torque, -config.law.effort_limit[j]), config.law.effort_limit[j])
     reasons = TransitionReasons(NOTHING, NOTHING, because(cause, 0), NOTHING)
     next_mode(config.modes, state.mode, reasons, Request.NONE.value, inputs.now_ns)
+    if cause == Cause.BAD_REFERENCE or cause == Cause.NO_TORQUE:
+        task.forgets = 1
     task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 1
     state.hold.posture[:n] = sample.position[:n]
     _finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, False)
 
 
 @part
-def sense(config: Any, task: Any, state: Any, history: Array, inputs: Any, outputs: Any, slip_unknown: bool) -> int:
+def sense(
+    config: ControllerConfig,
+    task: TaskState,
+    state: ArmState,
+    history: Array,
+    inputs: CycleInputs,
+    outputs: CycleOutputs,
+    slip_unknown: bool,
+) -> int:
     """Find slip, gains and load of an arm in this cycle; return why it could not be, Cause.NONE where it could.
 
     slip_unknown: there is no slip sample; an observer continues with the model alone.
@@ -758,7 +725,9 @@ def sense(config: Any, task: Any, state: Any, history: Array, inputs: Any, outpu
 
 
 @part
-def command(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead: bool) -> int:
+def command(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
+) -> int:
     """Evaluate the law on what `sense` has found; return why it could not be, Cause.NONE where it could."""
     law, sample = state.law, state.joint.answers
     dt, slipping = (sample.stamp_ns - law.stamp_ns) * 1e-9, state.pad.estimate.slipping
@@ -772,7 +741,7 @@ def command(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead:
     judge_compensation(config.giving_up, law.given_up, outputs.gains.gains, v_s, slipping, error, fall, dt)
     integrate_slips(config.law, outputs.samples, law.slips, dt, outputs.slips)
     evaluate(config.law, inputs.arm, sample, law, outputs)
-    if config.governor.mode != Governing.OFF:
+    if config.governor.mode != Governing.OFF and outputs.law.ok != 0:
         factor = guard(config, task, state, inputs.arm, outputs, held(config, state, outputs.gains))
         if factor < 1.0:
             scale_acceleration(config.law, inputs.arm, sample, law, factor, outputs)
@@ -781,7 +750,7 @@ def command(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead:
 
 
 @part
-def _adapt_slip_gain(config: Any, state: Any, outputs: Any) -> None:
+def _adapt_slip_gain(config: ControllerConfig, state: ArmState, outputs: CycleOutputs) -> None:
     """Lower k_s to what the measured delays allow, where it is free to be chosen."""
     if config.cycle.k_s_adapts == 0:
         return
@@ -793,7 +762,7 @@ def _adapt_slip_gain(config: Any, state: Any, outputs: Any) -> None:
 
 
 @part
-def _limit_internal_gain(config: Any, state: Any, outputs: Any) -> None:
+def _limit_internal_gain(config: ControllerConfig, state: ArmState, outputs: CycleOutputs) -> None:
     """Lower kappa to what the measured delay from a wrench to its answer allows."""
     gains, late_ns = outputs.gains.gains, 0
     for k in range(config.law.contacts):
@@ -804,7 +773,7 @@ def _limit_internal_gain(config: Any, state: Any, outputs: Any) -> None:
 
 
 @part
-def _reference(config: Any, task: Any, state: Any, outputs: Any, lead: bool) -> bool:
+def _reference(config: ControllerConfig, task: TaskState, state: ArmState, outputs: CycleOutputs, lead: bool) -> bool:
     """Write the desired motion of this cycle; return whether it is finite.
 
     A path by topic or towards a goal is that of the first pad; the other pads keep to the object as they held it when
@@ -839,7 +808,14 @@ def _reference(config: Any, task: Any, state: Any, outputs: Any, lead: bool) -> 
 
 @part
 def _finish(
-    config: Any, state: Any, inputs: Any, outputs: Any, q: Array, qd: Array, felt: Array, law_at_work: bool
+    config: ControllerConfig,
+    state: ArmState,
+    inputs: CycleInputs,
+    outputs: CycleOutputs,
+    q: Array,
+    qd: Array,
+    felt: Array,
+    law_at_work: bool,
 ) -> None:
     """Add limit avoidance, pass the effort limiter, and write the outcome.
 
@@ -878,7 +854,7 @@ def _finish(
 
 
 @part
-def _oppose_disturbance(config: Any, state: Any, inputs: Any, torque: Array) -> None:
+def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: CycleInputs, torque: Array) -> None:
     """Take what the model of the arm leaves out off the effort; without a good joint state as in the cycle before."""
     if inputs.arm.M[0, 0] > 0.0:
         dt = min(max(inputs.now_ns - state.now_ns, 0), LONGEST_PAUSE * config.cycle.period_ns) * 1e-9
@@ -889,7 +865,7 @@ def _oppose_disturbance(config: Any, state: Any, inputs: Any, torque: Array) -> 
 
 
 @part
-def _remember_input(config: Any, state: Any, inputs: Any) -> None:
+def _remember_input(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
     """Keep the acceleration that the effort gives the joints."""
     u, h, arm = np.zeros(MAX_JOINTS), np.zeros(6), inputs.arm
     if arm.M[0, 0] > 0.0:
@@ -901,9 +877,16 @@ def _remember_input(config: Any, state: Any, inputs: Any) -> None:
 
 
 @part
-def _sense_all(configs: Any, task: Any, states: Any, history: Array, inputs: Any, outputs: Any) -> None:
+def _sense_all(
+    configs: Records[ControllerConfig],
+    task: TaskState,
+    states: Records[ArmState],
+    history: Array,
+    inputs: Records[CycleInputs],
+    outputs: Records[CycleOutputs],
+) -> None:
     """Let every arm at work sense; where one cannot, it and the others hold."""
-    n, failed = states.shape[0], False
+    n, failed = len(states), False
     rows = history.shape[0] // n
     for k in range(n):
         if _at_work(states[k], outputs[k]):
@@ -918,7 +901,9 @@ def _sense_all(configs: Any, task: Any, states: Any, history: Array, inputs: Any
 
 
 @part
-def _give_way(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lead: bool) -> None:
+def _give_way(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
+) -> None:
     """Hold an arm because it, or another one, could not sense."""
     if outputs.decision.cause != Cause.NONE:
         _hold_without_law(config, task, state, inputs, outputs, outputs.decision.cause)
@@ -928,9 +913,9 @@ def _give_way(config: Any, task: Any, state: Any, inputs: Any, outputs: Any, lea
 
 
 @part
-def _share_speed(states: Any, outputs: Any) -> None:
+def _share_speed(states: Records[ArmState], outputs: Records[CycleOutputs]) -> None:
     """Let all arms count as the one that follows worst, where the law has worked for all."""
-    speed, n = states[0].observed.path_speed, states.shape[0]
+    speed, n = states[0].observed.path_speed, len(states)
     for k in range(n):
         if outputs[k].decision.works == 0:
             return
@@ -952,7 +937,7 @@ def cycle(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outpu
     configs, inputs, outputs = (
         records(config_buffer, CONFIG), records(inputs_buffer, INPUTS), records(outputs_buffer, OUTPUTS)
     )  # fmt: skip
-    n = configs.shape[0]
+    n = len(configs)
     end = TASK_SIZE + n * ARM_SIZE
     task, states = record(state_buffer[:TASK_SIZE], TASK_STATE), records(state_buffer[TASK_SIZE:end], ARM_STATE)
     history = state_buffer[end:].reshape(-1, ROW_SIZE)

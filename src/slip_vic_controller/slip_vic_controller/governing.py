@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from slip_core.arrays import Array
 from slip_core.compiled import part
-from slip_core.records import REAL, layout
+from slip_core.records import Records
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, spatial, vec
-from slip_vic_controller.law.contact import contact_arm, pad_rotation
+from slip_vic_controller.law.arm import Arm
+from slip_vic_controller.law.contact import Contact, Slip, contact_arm, pad_rotation
+from slip_vic_controller.law.gains import LawGains
 from slip_vic_controller.law.internal import sharing
 from slip_vic_controller.reference import governor
 from slip_vic_controller.reference.friction_estimate import (
@@ -29,10 +31,11 @@ from slip_vic_controller.reference.goals import (
     screen_goal,
     standing,
 )
+from slip_vic_controller.reference.governor import GovernedPad, Governor, GovernorConfig
 from slip_vic_controller.reference.grip import follow_load, load_ahead
 from slip_vic_controller.reference.load import ALONE, Held, Shared, load, size, surface
 from slip_vic_controller.reference.path_grid import Along, Governing, along, along_at
-from slip_vic_controller.reference.paths import Reference, reference_at
+from slip_vic_controller.reference.paths import Reference, put_reference, reference_at
 from slip_vic_controller.reference.stream import (
     at,
     drop_passed,
@@ -42,17 +45,8 @@ from slip_vic_controller.reference.stream import (
     take_queued,
     waiting,
 )
+from slip_vic_controller.state import ArmState, ControllerConfig, CycleOutputs, Governed, TaskState
 
-GOVERNED = layout(
-    path_s=REAL, path_rate=REAL, friction_limit=REAL, load_commanded=REAL, load_measured=REAL, load_ratio=REAL,
-    guard=REAL, friction_events=REAL, given_up=REAL, margin=REAL, friction_share=REAL, slipping=REAL,
-    grip_command=REAL, grip_force=REAL, stream_waits=REAL, goal=REAL, goal_phase=REAL, goal_progress=REAL,
-)  # fmt: skip
-"""What is published of the governor: where on the path and how fast; F^, loads commanded and measured [N], commanded
-load over F^; the guard's factor on a_C; how often F^ was made smaller; whether the compensation is given up; margin:
-load that may be asked over F^; friction_share: measured load over F^; slipping: 1 while the slip input says so; grip:
-commanded, and as the gripper is taken to follow [N]; stream_waits: how much of a stream of references has been received
-and is not run through yet [s]; number of the goal under way, its GoalPhase, and which share of its path is done."""
 UNLIMITED = 1e3
 """A speed along the path that limits nothing."""
 OBSERVED = 0.5
@@ -64,7 +58,7 @@ SAMPLES_PER_CYCLE = 10
 
 
 @part
-def held_by(mass: float, inertia: Mat, position: Vec, contact: Any, slip: Any) -> Held:
+def held_by(mass: float, inertia: Mat, position: Vec, contact: Contact, slip: Slip) -> Held:
     """Return the object on the axes of the pad that holds it.
 
     Args:
@@ -77,7 +71,7 @@ def held_by(mass: float, inertia: Mat, position: Vec, contact: Any, slip: Any) -
 
 
 @part
-def held(config: Any, state: Any, gains: Any) -> Held:
+def held(config: ControllerConfig, state: ArmState, gains: LawGains) -> Held:
     """Return the object as the own pad holds it."""
     grasped, position = gains.object, vec(gains.contact_position)
     own = held_by(grasped.mass, mat(grasped.inertia), position, config.law.contact[0], state.law.slips[0])
@@ -90,7 +84,7 @@ def held(config: Any, state: Any, gains: Any) -> Held:
 
 
 @part
-def begin_pad(config: Any, state: Any, arm: Any, gains: Any) -> None:
+def begin_pad(config: ControllerConfig, state: ArmState, arm: Arm, gains: LawGains) -> None:
     """Begin with a pad: its load is that of the object at rest."""
     weights = surface(spatial(config.governor.slip_axes), config.governor.radius)
     nothing = Spatial(ZERO, ZERO)
@@ -100,13 +94,13 @@ def begin_pad(config: Any, state: Any, arm: Any, gains: Any) -> None:
 
 
 @part
-def begin_governing(config: Any, task: Any, state: Any) -> None:
+def begin_governing(config: ControllerConfig, task: TaskState, state: ArmState) -> None:
     """Begin the object's path with what is known of the first pad."""
     governor.start_governor(config.governor, task.governor, state.pad)
 
 
 @part
-def rest_on_path(config: Any, task: Any, arm: Any) -> None:
+def rest_on_path(config: ControllerConfig, task: TaskState, arm: Arm) -> None:
     """Continue from rest where the path is; of a stream, where the first pad is."""
     if config.stream.on != 0:
         rest_stream(task.stream, vec(arm.position), mat(arm.rotation))
@@ -115,7 +109,23 @@ def rest_on_path(config: Any, task: Any, arm: Any) -> None:
 
 
 @part
-def path_at(config: Any, task: Any, state: Any, time: float) -> Reference:
+def rest_after_hold(config: ControllerConfig, task: TaskState, arm: Arm) -> None:
+    """Rest where the first pad is after a HOLD, until a reference comes; a goal is continued unless it is given up.
+
+    It is given up after a reset, and where the law could not be evaluated on the way: whatever the goal was, the arm
+    can be enabled again.
+    """
+    here = Reference(vec(arm.position), mat(arm.rotation), Spatial(ZERO, ZERO), Spatial(ZERO, ZERO))
+    if task.reference_known != 0:
+        put_reference(task.reference, here)
+    if task.forgets != 0 and config.goals.on != 0:
+        rest_at(task.goal, here)
+        governor.start_path(config.governor, task.governor)
+    task.forgets = 0
+
+
+@part
+def path_at(config: ControllerConfig, task: TaskState, state: ArmState, time: float) -> Reference:
     """Return the trajectory as planned at its own time [s]: the built-in one, or that of the goal."""
     if config.goals.on != 0:
         return goal_at(task.goal, time)
@@ -123,13 +133,13 @@ def path_at(config: Any, task: Any, state: Any, time: float) -> Reference:
 
 
 @part
-def along_path(config: Any, task: Any, planned: Reference, time: float) -> Along:
+def along_path(config: ControllerConfig, task: TaskState, planned: Reference, time: float) -> Along:
     """Return a point of the first pad's path over s."""
     return along(config.governor, task.governor.duration, time, planned.rotation, planned.twist, planned.acceleration)
 
 
 @part
-def squeeze(config: Any, task: Any, state: Any, dt: float) -> None:
+def squeeze(config: ControllerConfig, task: TaskState, state: ArmState, dt: float) -> None:
     """Let the grip of a pad follow the path that is planned, and what the law and the wrench show of it now."""
     pad = state.pad
     load = max(pad.commanded, pad.measured)
@@ -141,7 +151,7 @@ def squeeze(config: Any, task: Any, state: Any, dt: float) -> None:
 
 
 @part
-def take_governed_goal(config: Any, task: Any) -> bool:
+def take_governed_goal(config: ControllerConfig, task: TaskState) -> bool:
     """Begin the goal that waits, once the pad is at rest; return whether there is a path to run through."""
     path, goal = task.governor, task.goal
     if goal.pending != 0:
@@ -155,7 +165,7 @@ def take_governed_goal(config: Any, task: Any) -> bool:
 
 
 @part
-def judge_governed_goal(config: Any, task: Any) -> None:
+def judge_governed_goal(config: ControllerConfig, task: TaskState) -> None:
     """Refuse a goal that friction cannot carry the object to, and say when one is reached."""
     path, goal = task.governor, task.goal
     if goal.phase == GoalPhase.PLANS and path.planned != 0:
@@ -170,7 +180,7 @@ def judge_governed_goal(config: Any, task: Any) -> None:
 
 
 @part
-def goal_progress(config: Any, task: Any, state: Any) -> float:
+def goal_progress(config: ControllerConfig, task: TaskState, state: ArmState) -> float:
     """Return which share of the time of its path a goal has behind it."""
     goal = task.goal
     if goal.phase == GoalPhase.REACHED:
@@ -183,13 +193,13 @@ def goal_progress(config: Any, task: Any, state: Any) -> float:
 
 
 @part
-def goal_time(task: Any, state: Any) -> float:
+def goal_time(task: TaskState, state: ArmState) -> float:
     """Return the time since the goal's path has begun, where no governor has it [s]."""
     return (state.joint.answers.stamp_ns - task.start_ns) * 1e-9
 
 
 @part
-def screen(config: Any, task: Any, state: Any, at_work: bool) -> None:
+def screen(config: ControllerConfig, task: TaskState, state: ArmState, at_work: bool) -> None:
     """Refuse the goal that waits where it cannot be begun; config, state: of the first arm."""
     if config.goals.on != 0 and task.goal.pending != 0:
         governed = config.governor.mode != Governing.OFF
@@ -198,7 +208,7 @@ def screen(config: Any, task: Any, state: Any, at_work: bool) -> None:
 
 
 @part
-def follow_goal(task: Any, state: Any) -> Reference:
+def follow_goal(task: TaskState, state: ArmState) -> Reference:
     """Return the reference towards the goal, not governed: a new one continues from the reference, with its motion."""
     goal = task.goal
     reference = goal_at(goal, goal_time(task, state))
@@ -211,14 +221,21 @@ def follow_goal(task: Any, state: Any) -> Reference:
 
 
 @part
-def rate_limit(config: Any, path: Any, path_speed: float) -> float:
+def rate_limit(config: ControllerConfig, path: Governor, path_speed: float) -> float:
     """Return the largest sdot for other reasons; 0 = come to rest."""
     return UNLIMITED if path_speed >= 1.0 else path_speed * max(path.rate, config.governor.floor)
 
 
 @part
 def follow_stream(
-    config: Any, task: Any, pad: Any, arm: Any, now_ns: int, grasped: Held, path_speed: float, dt: float
+    config: ControllerConfig,
+    task: TaskState,
+    pad: GovernedPad,
+    arm: Arm,
+    now_ns: int,
+    grasped: Held,
+    path_speed: float,
+    dt: float,
 ) -> None:
     """Do a governed stream's cycle: what has been received, how fast it may be run through, and the step on it."""
     path, stream, limits_of = task.governor, task.stream, config.governor
@@ -254,14 +271,14 @@ def follow_stream(
 
 
 @part
-def seen_from(planned: Reference, arm: Any, pad: Any) -> governor.Pad:
+def seen_from(planned: Reference, arm: Arm, pad: GovernedPad) -> governor.Pad:
     """Return the first pad as seen from a point of its path."""
     x = vec(arm.position) - planned.position
     return governor.Pad(x, mat(arm.rotation), spatial(arm.twist), spatial(pad.feedback))
 
 
 @part
-def slip_speed(config: Any, twist: Any) -> float:
+def slip_speed(config: GovernorConfig, twist: Array) -> float:
     """Return |S v_s| of a slip twist on the slip axes, turning as a speed at the torsional radius [m/s]."""
     v = spatial(config.slip_axes) * spatial(twist)
     turning = config.radius * v.angular.norm()
@@ -269,7 +286,7 @@ def slip_speed(config: Any, twist: Any) -> float:
 
 
 @part
-def feel_pad(config: Any, task: Any, state: Any, outputs: Any, dt: float) -> None:
+def feel_pad(config: ControllerConfig, task: TaskState, state: ArmState, outputs: CycleOutputs, dt: float) -> None:
     """Take what a cycle shows of load and slip at one pad, and let its grip follow; dt: since the cycle before [s]."""
     if config.grip.follow != 0:
         squeeze(config, task, state, dt)
@@ -288,9 +305,9 @@ def feel_pad(config: Any, task: Any, state: Any, outputs: Any, dt: float) -> Non
 
 
 @part
-def agree_on_friction(config: Any, task: Any, states: Any) -> None:
+def agree_on_friction(config: ControllerConfig, task: TaskState, states: Records[ArmState]) -> None:
     """Let the path count with the weakest pad, and every pad know when one of them slips; config: of the first arm."""
-    path, n = task.governor, states.shape[0]
+    path, n = task.governor, len(states)
     path.estimate, path.grip = states[0].pad.estimate, states[0].pad.grip
     if n == 1:
         return
@@ -303,7 +320,14 @@ def agree_on_friction(config: Any, task: Any, states: Any) -> None:
 
 
 @part
-def step_on_path(config: Any, task: Any, states: Any, arm: Any, outputs: Any, path_speed: float) -> None:
+def step_on_path(
+    config: ControllerConfig,
+    task: TaskState,
+    states: Records[ArmState],
+    arm: Arm,
+    outputs: CycleOutputs,
+    path_speed: float,
+) -> None:
     """Do the path's cycle: planning, and the step on the path of the first pad.
 
     Args:
@@ -323,12 +347,14 @@ def step_on_path(config: Any, task: Any, states: Any, arm: Any, outputs: Any, pa
     else:
         follow_path(config, task, first, arm, grasped, path_speed, dt)
     if path.estimate.suspected == 0:
-        for k in range(states.shape[0]):
+        for k in range(len(states)):
             states[k].pad.estimate.suspected = 0
 
 
 @part
-def follow_path(config: Any, task: Any, state: Any, arm: Any, grasped: Held, path_speed: float, dt: float) -> None:
+def follow_path(
+    config: ControllerConfig, task: TaskState, state: ArmState, arm: Arm, grasped: Held, path_speed: float, dt: float
+) -> None:
     """Plan the built-in path or that of a goal, and take the step on it; state: of the first arm."""
     path = task.governor
     if config.goals.on != 0 and task.goal.pending != 0:
@@ -351,7 +377,7 @@ def follow_path(config: Any, task: Any, state: Any, arm: Any, grasped: Held, pat
 
 
 @part
-def governed_reference(config: Any, task: Any, state: Any, lead: bool) -> Reference:
+def governed_reference(config: ControllerConfig, task: TaskState, state: ArmState, lead: bool) -> Reference:
     """Return the reference of a pad where the governor has the path; lead: of the first pad, whose path is governed."""
     path = task.governor
     planned = at(task.stream, path.out_time) if config.stream.on != 0 else path_at(config, task, state, path.out_time)
@@ -365,7 +391,9 @@ def governed_reference(config: Any, task: Any, state: Any, lead: bool) -> Refere
 
 
 @part
-def guard(config: Any, task: Any, state: Any, arm: Any, outputs: Any, grasped: Held) -> float:
+def guard(
+    config: ControllerConfig, task: TaskState, state: ArmState, arm: Arm, outputs: CycleOutputs, grasped: Held
+) -> float:
     """Return the factor on a_C with which friction carries the object, and keep what the next cycle needs of it."""
     a_C, a_d, v_ee = spatial(outputs.law.a_C), spatial(outputs.law.a_d), spatial(arm.twist)
     R, pad, ceiling = mat(arm.rotation), state.pad, task.governor.ceiling
@@ -380,7 +408,7 @@ def guard(config: Any, task: Any, state: Any, arm: Any, outputs: Any, grasped: H
 
 
 @part
-def put_governed(config: Any, task: Any, state: Any, out: Any) -> None:
+def put_governed(config: ControllerConfig, task: TaskState, state: ArmState, out: Governed) -> None:
     """Write what is published of the governor to a GOVERNED."""
     path, pad = task.governor, state.pad
     out.path_s, out.path_rate, out.guard = path.out_s, path.out_rate, pad.guard

@@ -34,19 +34,8 @@ from slip_vic_controller.arrival import (
     receive_wrench,
 )
 from slip_vic_controller.config import governed_stream, make_config, renew_config
-from slip_vic_controller.cycle import (
-    ARM_SIZE,
-    ARM_STATE,
-    CONFIG,
-    INPUTS,
-    OUTPUTS,
-    TASK_SIZE,
-    TASK_STATE,
-    cycle,
-    watchdog,
-)
+from slip_vic_controller.cycle import cycle, watchdog
 from slip_vic_controller.cycle import describe as describe_cycle
-from slip_vic_controller.governing import GOVERNED
 from slip_vic_controller.law.gains import (
     LAW_GAINS,
     RAMP,
@@ -68,6 +57,19 @@ from slip_vic_controller.safety.reasons import ACTIVATION, describe
 from slip_vic_controller.safety.validation import mean_period_s
 from slip_vic_controller.sizes import MAX_FRESH
 from slip_vic_controller.slip_displacement import SlipFromDisplacement
+from slip_vic_controller.state import (
+    ARM_SIZE,
+    ARM_STATE,
+    CONFIG,
+    GOVERNED,
+    INPUTS,
+    OUTPUTS,
+    TASK_SIZE,
+    TASK_STATE,
+    ArmState,
+    ControllerConfig,
+    TaskState,
+)
 
 RETUNABLE = ("gains.", "object.", "contacts.position", "safety.hold_stiffness")
 """Parameters that ramp while the law runs."""
@@ -321,7 +323,7 @@ class ArmSession:
         rows = session.controller.rows
         begin = TASK_SIZE + len(session.controller.arms) * ARM_SIZE + index * rows * ROW_SIZE
         self.history = session.buffer[begin : begin + rows * ROW_SIZE]
-        self.state: Any = record(self.row, ARM_STATE)
+        self.state: ArmState = record(self.row, ARM_STATE)
         self.config = session.config_of(index)
         self.routes: tuple[tuple[tuple[ArmSession, int], ...], ...] = ()
         self.overdue = False  # its own next joint state has come while one waited for another arm
@@ -344,7 +346,7 @@ class ArmSession:
         return self.controller.robot.joint_names if self._estimates else ()
 
     @property
-    def task(self) -> Any:
+    def task(self) -> TaskState:
         """What is remembered of the object's motion, by name."""
         return self._session.task
 
@@ -663,7 +665,7 @@ class ControllerSession:
         self.controller = controller
         self.buffer = controller.new_state()
         self.active = True
-        self.task: Any = record(self.buffer[:TASK_SIZE], TASK_STATE)
+        self.task: TaskState = record(self.buffer[:TASK_SIZE], TASK_STATE)
         self._lockstep, self._config = controller.lockstep, controller.config
         self._governed_stream = governed_stream(controller.first.params)
         self._ahead: frozenset[int] = frozenset()  # answered for joint states that other arms have yet to bring
@@ -688,7 +690,7 @@ class ControllerSession:
         """Return the CONFIG of an arm."""
         return self._config[index * _CONFIG_SIZE :][:_CONFIG_SIZE]
 
-    def configure(self, index: int, change: Callable[[Any], None]) -> None:
+    def configure(self, index: int, change: Callable[[ControllerConfig], None]) -> None:
         """Change the CONFIG of an arm; sessions that share the controller keep theirs."""
         config = self._config.copy()
         change(records(config, CONFIG)[index])

@@ -13,9 +13,9 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import place
-from slip_vic_controller.cycle import ARM_SIZE, ARM_STATE, TASK_SIZE, TASK_STATE
 from slip_vic_controller.observer.config import MOST_ROWS
 from slip_vic_controller.observer.layouts import ROW, ROW_SIZE
+from slip_vic_controller.state import ARM_SIZE, ARM_STATE, TASK_SIZE, TASK_STATE
 
 LAYOUT = hashlib.sha256(repr((TASK_STATE.descr, ARM_STATE.descr, ROW.descr)).encode()).hexdigest()[:16]
 """Which software a state is of."""

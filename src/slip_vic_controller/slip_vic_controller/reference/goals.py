@@ -8,13 +8,12 @@ velocity and acceleration that the reference has.
 from __future__ import annotations
 
 from enum import IntEnum, unique
-from typing import Any
 
 from slip_core.compiled import part
-from slip_core.records import REAL, WHOLE, layout
+from slip_core.records import Mat3, Real, Record, Vec3, Whole, dtype_of
 from slip_core.vectors import NOTHING, Spatial, mat, put, put_mat, vec
 from slip_vic_controller.law.rotation import logarithm
-from slip_vic_controller.reference.paths import HOLD, PATH, POLYNOMIALS, Reference, reference_at
+from slip_vic_controller.reference.paths import HOLD, POLYNOMIALS, Path, Reference, reference_at
 
 
 @unique
@@ -37,25 +36,50 @@ class Refusal(IntEnum):
     TOO_HEAVY = 2
     TOO_FAST = 3
     TURNS_TOO_FAST = 4
+    TOO_FAR = 5
 
 
-GOALS = layout(on=WHOLE, most_speed=REAL, most_turning=REAL)
-"""on: whether goals are the reference; the pad's largest speed, where no governor keeps it [m/s], [rad/s]; else 0."""
-GOAL = layout(
-    received=WHOLE, pending=WHOLE, number=WHOLE, phase=WHOLE, refused=WHOLE, refusal=WHOLE, where=REAL, value=REAL,
-    limit=REAL, to_position=(REAL, 3), to_rotation=(REAL, (3, 3)), duration=REAL, position=(REAL, 3),
-    rotation=(REAL, (3, 3)), path=PATH,
-)  # fmt: skip
-"""received: how many goals have come, and the number of the newest; pending: it waits; to_*, duration: what it asks
-[m], [s]; number, phase: of the one under way; refused: number of the last that was refused, refusal, where [s], value
-and limit: why. position, rotation, path: the motion, relative to a pose {w}."""
+class GoalsConfig(Record):
+    """Whether goals are the reference, and the pad's largest speed where no governor keeps it, else 0."""
 
+    on: Whole
+    most_speed: Real  # m/s
+    most_turning: Real  # rad/s
+
+
+GOALS = dtype_of(GoalsConfig)
+
+
+class Goal(Record):
+    """The newest goal, and the motion towards the one under way; {w}."""
+
+    received: Whole  # how many have come, and the number of the newest
+    pending: Whole  # whether it waits
+    number: Whole  # of the one under way
+    phase: Whole  # its GoalPhase
+    refused: Whole  # number of the last that was refused
+    refusal: Whole  # why: Refusal
+    where: Real  # s; on its path
+    value: Real
+    limit: Real
+    to_position: Vec3  # m; what the newest asks for
+    to_rotation: Mat3
+    duration: Real  # s
+    position: Vec3  # m; where the motion begins
+    rotation: Mat3
+    path: Path  # relative to that pose
+
+
+GOAL = dtype_of(Goal)
+
+FARTHEST = 10.0
+"""[m] Way to a goal that no arm has; farther ones are errors of a unit or a frame."""
 PEAK = 1.875
 """Largest speed of a quintic from rest to rest, over way / duration."""
 
 
 @part
-def goal_at(goal: Any, time: float) -> Reference:
+def goal_at(goal: Goal, time: float) -> Reference:
     """Return the motion towards a GOAL at a time of its path [s]."""
     return reference_at(goal.path, time, goal.position, goal.rotation)
 
@@ -67,7 +91,7 @@ def standing(reference: Reference) -> Reference:
 
 
 @part
-def rest_at(goal: Any, reference: Reference) -> None:
+def rest_at(goal: Goal, reference: Reference) -> None:
     """Rest at the pose of a reference."""
     put(goal.position, reference.position)
     put_mat(goal.rotation, reference.rotation)
@@ -75,13 +99,13 @@ def rest_at(goal: Any, reference: Reference) -> None:
 
 
 @part
-def refuse_goal(goal: Any, why: int, where: float, value: float, limit: float) -> None:
+def refuse_goal(goal: Goal, why: int, where: float, value: float, limit: float) -> None:
     """Refuse the newest goal, or the one that is being planned; where [s] on its path."""
     goal.refused, goal.refusal, goal.where, goal.value, goal.limit = goal.number, 0 + why, where, value, limit
 
 
 @part
-def begin_goal(goal: Any, now: Reference) -> None:
+def begin_goal(goal: Goal, now: Reference) -> None:
     """Begin the goal that waits, from a reference and with its motion."""
     put(goal.position, now.position)
     put_mat(goal.rotation, now.rotation)
@@ -97,7 +121,7 @@ def begin_goal(goal: Any, now: Reference) -> None:
 
 
 @part
-def quintic_to(path: Any, i: int, h: float, p: float, v: float, a: float) -> None:
+def quintic_to(path: Path, i: int, h: float, p: float, v: float, a: float) -> None:
     """Write coordinate i of a quintic from 0, with velocity v and acceleration a, to rest at p after h [s]."""
     c = path.polynomial[0, i]
     d, dv, da = p - h * v - 0.5 * h * h * a, -(v + h * a) * h, -a * h * h
@@ -109,7 +133,7 @@ def quintic_to(path: Any, i: int, h: float, p: float, v: float, a: float) -> Non
 
 
 @part
-def screen_goal(goals: Any, goal: Any, now: Reference, at_work: bool) -> None:
+def screen_goal(goals: GoalsConfig, goal: Goal, now: Reference, at_work: bool) -> None:
     """Refuse a goal that waits and cannot be begun; goals: GOALS; now: where the reference is."""
     if goal.pending == 0:
         return
@@ -118,6 +142,8 @@ def screen_goal(goals: Any, goal: Any, now: Reference, at_work: bool) -> None:
     why, value, limit = Refusal.NO.value, 0.0, 0.0
     if not at_work:
         why = Refusal.NOT_AT_WORK.value
+    elif not way <= FARTHEST:
+        why, value, limit = Refusal.TOO_FAR.value, way, FARTHEST
     elif goals.most_speed > 0.0 and speed > goals.most_speed:
         why, value, limit = Refusal.TOO_FAST.value, speed, float(goals.most_speed)
     elif goals.most_turning > 0.0 and turning > goals.most_turning:

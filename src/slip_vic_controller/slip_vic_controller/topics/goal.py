@@ -26,6 +26,8 @@ def refusal_text(goal: Any) -> str:
     if why == Refusal.TOO_HEAVY:
         load = f"its weight asks {value:.3f} N, friction may be asked {limit:.3f} N"
         return f"friction cannot carry the object where its path is at {float(goal.where):.3f} s: {load}"
+    if why == Refusal.TOO_FAR:
+        return f"it is {value:.4g} m away, at most {limit:g} are taken: check unit and frame"
     if why == Refusal.TOO_FAST:
         return f"it asks for {value:.2f} m/s, the limit is {limit:.2f}: give it more time"
     if why == Refusal.TURNS_TOO_FAST:

@@ -1,0 +1,253 @@
+"""The records of the control cycle: what is configured, what is remembered, what goes in and what comes out."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, WholeArray, dtype_of
+from slip_vic_controller.arm.estimator import EstimatorConfig, JointEstimate, PublishedJoints
+from slip_vic_controller.interfaces import WrenchSensor
+from slip_vic_controller.law.arm import Arm
+from slip_vic_controller.law.config import LawConfig
+from slip_vic_controller.law.contact import ContactSample, Slip
+from slip_vic_controller.law.gains import LawGains, Ramp
+from slip_vic_controller.law.giving_up import CompensationState, GivingUpConfig
+from slip_vic_controller.law.law import Evaluation
+from slip_vic_controller.law.symbols import SlipEstimate
+from slip_vic_controller.observer.layouts import Motion, Observer, ObserverConfig
+from slip_vic_controller.reference.goals import Goal, GoalsConfig
+from slip_vic_controller.reference.governor import GovernedPad, Governor, GovernorConfig
+from slip_vic_controller.reference.grip import Grip, GripConfig
+from slip_vic_controller.reference.path_grid import PathGrid
+from slip_vic_controller.reference.path_scaling import PathScaling
+from slip_vic_controller.reference.paths import DesiredMotion, Grasp, Path
+from slip_vic_controller.reference.stream import Stream, StreamConfig
+from slip_vic_controller.safety.arbitration import ArbitrationConfig, Health, Since
+from slip_vic_controller.safety.drop_detection import DropDetectionConfig, ObservedMotion
+from slip_vic_controller.safety.effort_limiter import EffortLimiter
+from slip_vic_controller.safety.hold import Hold, HoldConfig
+from slip_vic_controller.safety.latency import Latency, SlipLatency
+from slip_vic_controller.safety.limit_avoidance import MotionLimits
+from slip_vic_controller.safety.modes import ModePolicy, ModeState
+from slip_vic_controller.safety.reasons import ReasonRecord
+from slip_vic_controller.safety.validation import JointInput, JointLimits, SlipQueue, VectorInput, VectorLimits
+from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS, Joints
+
+LEDGER = 3 + 4 * MAX_CONTACTS + 5 + 1
+
+
+class CycleConfig(Record):
+    """What the cycle itself needs to be configured."""
+
+    period_ns: Whole
+    bridge_ns: Whole  # gap of good joint states that is bridged
+    late_ns: Whole  # what is too late for the law, 0 = nothing
+    slow_down_s: Real  # s; time in which the path comes to rest
+    joint_damping: Real  # N m s/rad
+    start_s: Real  # s; of the trajectory
+    posture_given: Whole
+    posture: Joints  # rad
+    has_observer: Whole
+    corrects_follow: Whole
+    dead_band_linear: Real  # m/s
+    dead_band_angular: Real  # rad/s
+    k_s_adapts: Whole  # whether k_s follows the measured delays
+    k_s_margin: Real
+    pad_stiffness: Real  # N/m; for the bound on kappa
+    slip_delay_ns: Whole  # by which the stamps of slip samples are too late
+    gate_shut: Whole  # whether the law takes the object as held
+    leaves_gravity: Whole  # whether the arm carries its own weight
+
+
+class ControllerConfig(Record):
+    """All that does not change while the controller of an arm runs."""
+
+    law: LawConfig
+    gains: LawGains
+    giving_up: GivingUpConfig
+    path: Path
+    observer: ObserverConfig
+    cycle: CycleConfig
+    joint: JointLimits
+    wrench: VectorLimits
+    slip: VectorLimits
+    modes: ModePolicy
+    arbitration: ArbitrationConfig
+    drop: DropDetectionConfig
+    motion: MotionLimits
+    hold: HoldConfig
+    governor: GovernorConfig
+    wrench_sensor: WrenchSensor
+    grip: GripConfig
+    goals: GoalsConfig
+    stream: StreamConfig
+    estimator: EstimatorConfig
+
+
+CONFIG = dtype_of(ControllerConfig)
+
+
+class TaskState(Record):
+    """What is remembered of the motion of the object that all arms hold.
+
+    Poses are those of the first arm's pad; the others keep to it as they held the object when the law began.
+    """
+
+    begun: Whole  # whether the law of all arms began in one cycle
+    start_ns: Whole  # when the trajectory did, in the time of the first arm's joint states
+    taken: Whole  # how many references or goals have come
+    forgets: Whole  # whether the goal is given up when the law works again
+    path: PathScaling
+    reference_known: Whole
+    reference: DesiredMotion  # by topic
+    desired: DesiredMotion  # of the last cycle
+    governor: Governor
+    grid: PathGrid
+    goal: Goal
+    stream: Stream
+
+
+TASK_STATE = dtype_of(TaskState)
+
+
+class LawState(Record):
+    """What the law needs of the past."""
+
+    known: Whole
+    stamp_ns: Whole  # of the last joint state
+    start_position: Vec3  # m {w}; pose of the pad when the law began
+    start_rotation: Mat3
+    posture: Joints  # rad
+    position: Joints  # rad; the last finite joint position
+    gravity: Joints  # N m; g there
+    e_previous: Vec3  # rad
+    slips: Annotated[Records[Slip], MAX_CONTACTS]
+    ramp: Ramp
+    slip_latency: SlipLatency
+    held: Whole  # delays in cycles
+    late: Whole
+    k_s_limit: Real  # 1/s; the k_s for them
+    given_up: CompensationState
+
+
+class ArmState(Record):
+    """What is remembered of one arm."""
+
+    cycles: Whole
+    begun: Whole
+    now_ns: Whole
+    outside: Whole  # Fault: who else publishes
+    joint: JointInput
+    wrench_inputs: Annotated[Records[VectorInput], MAX_CONTACTS]
+    slip_inputs: Annotated[Records[VectorInput], MAX_CONTACTS]
+    queue: SlipQueue
+    mode: ModeState
+    since: Since
+    observed: ObservedMotion
+    latency: Latency
+    limiter: EffortLimiter
+    hold: Hold
+    tuned: Ramp
+    law: LawState
+    observer: Observer
+    pad: GovernedPad
+    grip: Grip
+    grasp: Grasp  # its pad as the first arm's pad saw it when the law began
+    reference_known: Whole
+    reference: DesiredMotion  # of this pad alone, where it does not keep to the object
+    estimate: JointEstimate
+
+
+ARM_STATE = dtype_of(ArmState)
+TASK_SIZE, ARM_SIZE = TASK_STATE.itemsize // 8, ARM_STATE.itemsize // 8
+"""A state is the task, the rows of all arms, then each arm's history of the observer."""
+
+
+class CycleInputs(Record):
+    """What a cycle takes for one arm."""
+
+    present: Whole  # whether the arm is answered in this cycle
+    now_ns: Whole  # the controller's clock
+    request: Whole  # Request
+    missing: Whole  # bits of what else is missing
+    health_given: Whole
+    health: Health  # of the inputs where it is given, by a replay
+    arm: Arm  # at the joint state that is answered
+
+
+INPUTS = dtype_of(CycleInputs)
+
+
+class Decision(Record):
+    """What a cycle has found for an arm."""
+
+    step: Whole  # what comes next, see `Step`
+    never_seen: Whole  # bits of the inputs that have never been seen
+    request: Whole  # for the mode machine
+    level: Whole  # degradation level
+    entered: Whole  # mode before arbitration
+    freezes: Whole  # whether the joint state is frozen
+    works: Whole  # whether the law does, or its last effort is repeated
+    cause: Whole  # why the law could not be evaluated
+    fault: ReasonRecord  # for the mode machine
+    before: ModeState  # before the cycle
+
+
+class Governed(Record):
+    """What is published of the governor; loads in N."""
+
+    path_s: Real  # where on the path
+    path_rate: Real  # and how fast
+    friction_limit: Real  # N; F^
+    load_commanded: Real  # N
+    load_measured: Real  # N
+    load_ratio: Real  # commanded load over F^
+    guard: Real  # factor on a_C
+    friction_events: Real  # how often F^ was made smaller
+    given_up: Real  # whether the compensation is
+    margin: Real  # load that may be asked over F^
+    friction_share: Real  # measured load over F^
+    slipping: Real  # 1 while the slip input shows slip
+    grip_command: Real  # N
+    grip_force: Real  # N; as the gripper is taken to follow
+    stream_waits: Real  # s; of a stream that has been received and is not run through yet
+    goal: Real  # number of the goal under way
+    goal_phase: Real  # its GoalPhase
+    goal_progress: Real  # share of its path that is done
+
+
+GOVERNED = dtype_of(Governed)
+
+
+class CycleOutputs(Record):
+    """What a cycle gives an arm."""
+
+    answered: Whole  # 0 = no effort, something is missing
+    evaluated: Whole  # whether `law` holds
+    ok: Whole  # whether the law's effort went out
+    ledger: Annotated[WholeArray, LEDGER]
+    """All that the cycle depends on: its number, stamp of the joint state, then stamps of the newest wrench and slip
+    velocity of each contact (none where they were not used); behind them the controller's clock, mode, health, request,
+    and how many references or goals have been taken. Times are seconds and nanoseconds."""
+    effort: Joints  # N m
+    limited: Annotated[WholeArray, MAX_JOINTS]  # joints at the rate limit
+    saturated: Annotated[WholeArray, MAX_JOINTS]
+    grip: Real  # N; commanded
+    health: Health
+    mode: ModeState
+    path_scale: Real
+    governor: Governed
+    wanted: Joints  # N m; before limit avoidance
+    samples: Annotated[Records[ContactSample], MAX_CONTACTS]
+    slips: Annotated[Records[Slip], MAX_CONTACTS]
+    follow_error: Vec6  # m/s^2, rad/s^2 {ee}
+    gains: LawGains
+    reference: DesiredMotion
+    motion: Motion
+    law: Evaluation
+    estimate: SlipEstimate
+    decision: Decision
+    joints: PublishedJoints
+
+
+OUTPUTS = dtype_of(CycleOutputs)
