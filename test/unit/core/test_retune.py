@@ -12,6 +12,7 @@ from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import CycleResult
 from test.support.one_arm import OneArm, one_arm
 from test.support.small_arm import HOME, small_arm_urdf
@@ -105,3 +106,23 @@ def test_a_sample_that_is_late_once_is_forgotten_slowly() -> None:
         step(session, k)
     assert latency.latency_ns == 0.0
     assert latency.period_ns < 1.01 * MS
+
+
+def test_hold_uses_mass_inertia_and_contact_position_of_a_live_change() -> None:
+    """Its torque is that of a controller that was started with the new values; before, it kept those of the start."""
+    new = {
+        "object__mass": 0.9, "object__inertia": (4e-3, 5e-3, 6e-3, 0.0, 0.0, 0.0),
+        "contacts__position": (0.03, -0.02, 0.01), "safety__hold_stiffness": 100.0,
+    }  # fmt: skip
+    changed, started, kept = new_session(), new_session(**new), new_session()
+    for session in (changed, started, kept):
+        step(session, 0)
+        session.request(Request.HOLD)
+    efforts = []
+    for k in range(1, 1500):
+        if k == 1200:
+            changed.retune(params(**new))
+        efforts = [step(session, k).command.effort for session in (changed, started, kept)]
+    assert all(session.mode == Mode.HOLD for session in (changed, started, kept))
+    assert np.abs(efforts[2] - efforts[1]).max() > 0.1, "the change matters"
+    np.testing.assert_allclose(efforts[0], efforts[1], atol=1e-9)

@@ -1,0 +1,90 @@
+"""Goals and references with wild values: whatever was accepted, the arm can be enabled again; planning is bounded."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from slip_core.types import CartesianReference, PoseGoal
+from slip_vic_controller.reference.goals import GoalPhase, Refusal
+from slip_vic_controller.safety.modes import Mode, Request
+from test.support.made_up import MadeUp, N, law_at_work
+from test.support.one_arm import OneArm
+
+WILD = (np.nan, np.inf, -1e300, 1e200, 1e30, 1e6, 5e-324, -0.0)
+STILL = {"joint": {"velocity": np.zeros(N)}, "slip": np.zeros(6)}
+CALM = {"safety__fallback__evidence": 10.0, "safety__load__drop_speed": 10.0, "safety__inputs__joint__frozen_s": 5.0}
+"""An arm that stands still whatever its effort is taken for what it is."""
+
+
+def recovers(made_up: MadeUp) -> bool:
+    """Return whether reset and enable bring the law back, with good inputs and no further reference or goal."""
+    session: OneArm = made_up.session
+    for request in (Request.HOLD, Request.RESET_FAULT):
+        session.request(request)
+        made_up.run(5, **STILL)
+    made_up.run(1100, **STILL)
+    for _ in range(3):
+        session.request(Request.ENABLE)
+        made_up.run(5, **STILL)
+    result = made_up.run(200, **STILL)
+    finite = bool(np.isfinite(result.command.effort).all()) and len(result.command.effort) == N
+    return result.mode == Mode.ACTIVE and finite
+
+
+@pytest.mark.parametrize("mode", ["off", "slow_down", "time_optimal"])
+def test_after_any_reference_the_law_comes_back_by_enable(mode: str) -> None:
+    rng = np.random.default_rng(3)
+    made_up = law_at_work(trajectory__kind="topic", governor__mode=mode, **CALM)
+    for value, part in itertools.product(WILD, ("position", "twist", "acceleration", "stamp")):
+        pose = np.array(made_up.run(1, **STILL).arm.position)
+        twist, acceleration, stamp_ns = np.zeros(6), np.zeros(6), made_up.stamp_ns
+        for wild in (pose, twist, acceleration):
+            if part == {id(pose): "position", id(twist): "twist", id(acceleration): "acceleration"}[id(wild)]:
+                wild[rng.integers(len(wild))] = value
+        if part == "stamp":
+            stamp_ns = int(rng.choice([2**62, -(2**62), 1, 0]))
+        for _ in range(3):
+            made_up.session.set_reference(CartesianReference(pose, np.eye(3), twist, acceleration, stamp_ns))
+            made_up.run(5, **STILL)
+        assert recovers(made_up), (value, part)
+
+
+@pytest.mark.parametrize("mode", ["off", "slow_down", "time_optimal"])
+def test_after_any_goal_the_law_comes_back_by_reset_and_enable(mode: str) -> None:
+    made_up = law_at_work(trajectory__kind="goal", governor__mode=mode, **CALM)
+    for value, duration_s in itertools.product(WILD, (1e-9, 1.0, 2.0**31)):
+        pose = np.array(made_up.run(1, **STILL).arm.position)
+        pose[1] += value
+        made_up.session.set_goal(PoseGoal(pose, np.eye(3), duration_s))
+        made_up.run(60, **STILL)
+        assert recovers(made_up), (value, duration_s)
+
+
+def test_a_goal_farther_than_any_arm_reaches_is_refused() -> None:
+    made_up = law_at_work(trajectory__kind="goal", governor__mode="slow_down", **CALM)
+    made_up.session.set_goal(PoseGoal(np.array([0.0, 0.0, 11.0]), np.eye(3), 1.0))
+    made_up.run(2, **STILL)
+    goal = made_up.session.task.goal
+    assert (goal.pending, goal.refused, goal.refusal, goal.phase) == (0, 1, Refusal.TOO_FAR, GoalPhase.RESTS)
+
+
+@pytest.mark.parametrize("duration_s", [1e-9, 1e-3, 2.0, 2.0**31])
+def test_no_cycle_plans_more_than_its_share_of_a_goal(duration_s: float) -> None:
+    """Points that are sampled and points of the backward pass, counted in every cycle."""
+    made_up = law_at_work(trajectory__kind="goal", governor__mode="slow_down", **CALM)
+    path = made_up.session.task.governor
+    pose = np.array(made_up.run(1, **STILL).arm.position) + np.array([0.05, 0.1, 0.0])
+    made_up.session.set_goal(PoseGoal(pose, np.eye(3), duration_s))
+    steps, planned_after = [], 0
+    for k in range(200):
+        phase, cursor = int(path.phase), int(path.cursor)
+        made_up.run(1, **STILL)
+        if phase == path.phase:
+            steps.append(abs(int(path.cursor) - cursor))
+        if path.planned and not planned_after:
+            planned_after = k
+    assert planned_after >= 200 // 10 + 200 // 25 - 2, "a path of 200 points takes so many cycles"
+    assert max(steps) <= 25
