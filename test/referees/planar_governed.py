@@ -147,7 +147,7 @@ def run(
             factor = G.after(six[0], six[1], R, w)
             a_C = factor * a_C if guard else a_C
             overrun |= bool(G.state.overrun)
-            worst = max(worst, float(G.state.commanded) / float(G.state.ceiling))
+            worst = max(worst, float(G.pad.commanded) / float(G.state.ceiling))
             if extra:
                 extra(k, G)
         # -- hand and object

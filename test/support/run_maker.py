@@ -108,7 +108,7 @@ def run(scenario: Scenario, retune: Mapping[int, Mapping[str, float]], goals: Ma
             values |= retune[outputs.tick]
             loop.session.retune((build(ControllerNodeParams, values, "test"),))
         if outputs.tick in goals:
-            controller, trajectory = loop.controller, scenario.controller.trajectory
+            controller, trajectory = loop.session, scenario.controller.trajectory
             if trajectory.kind == "goal":
                 controller.set_goal(pose_goal(goals[outputs.tick], trajectory.duration_s))
             else:

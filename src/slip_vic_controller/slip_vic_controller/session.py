@@ -704,6 +704,9 @@ class ControllerSession:
 
     def add_manifest(self, manifest: Manifest) -> None:
         """Take the list of what belongs to the current lockstep cycle: the pads' samples, in the order of the arms."""
+        if len(self.arms) == 1:
+            self.arms[0].add_manifest(manifest)
+            return
         for arm in self.arms:
             order = [arm.index, *(k for k in range(len(manifest.wrench_counts)) if k != arm.index)][: arm.contacts]
             wrenches, slips = (

@@ -319,7 +319,7 @@ def test_one_sample_ahead_is_its_own_fault_and_two_are_not() -> None:
 
 def test_a_wrench_of_zeros_counts_as_invalid_from_the_one_in_a_row_on_that_is_told() -> None:
     controller = controller_of(False, wrench__zero_after=3)
-    state = controller.new_state()
+    state = controller.new_state()[TASK_SIZE:][:ARM_SIZE]
 
     def take(k: int, value: float) -> Fault:
         later = k * PERIOD_NS
