@@ -128,7 +128,7 @@ def gate_shut(params: ControllerParams) -> bool:
     return params.slip_input == "flag" or params.grip.control == "follow"
 
 
-def _copy(config: ControllerConfig, name: str, buffer: Array, layout: np.dtype[np.void]) -> None:
+def _copy(config: Any, name: str, buffer: Array, layout: np.dtype[np.void]) -> None:
     config[name] = buffer.view(layout)[0]
 
 

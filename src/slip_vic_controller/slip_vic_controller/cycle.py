@@ -22,7 +22,7 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
-from slip_core.records import Records, record, records
+from slip_core.records import Records, WholeArray, record, records
 from slip_core.vectors import IDENTITY, ZERO, Mat, Spatial, Vec, mat, put, put_mat, put_spatial, spatial, vec
 from slip_vic_controller.arm.command import joint_acceleration
 from slip_vic_controller.arm.estimator import (
@@ -194,7 +194,7 @@ def _begin(
 
 
 @part
-def _put_time(ledger: Array, at: int, time_ns: int) -> None:
+def _put_time(ledger: WholeArray, at: int, time_ns: int) -> None:
     """Write a time [ns] as seconds and nanoseconds."""
     ledger[at], ledger[at + 1] = time_ns // 1_000_000_000, time_ns % 1_000_000_000
 

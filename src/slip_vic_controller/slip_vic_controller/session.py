@@ -54,7 +54,7 @@ from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.safety.reasons import ACTIVATION, describe
-from slip_vic_controller.safety.validation import mean_period_s
+from slip_vic_controller.safety.validation import JointInput, VectorInput, mean_period_s
 from slip_vic_controller.sizes import MAX_FRESH
 from slip_vic_controller.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.state import (
@@ -630,7 +630,7 @@ class ArmSession:
     def counts(self) -> dict[str, int]:
         """Return every fault that was seen, as "input fault", with how often."""
         state, found = self.state, {}
-        inputs = [("joint state", state.joint)]
+        inputs: list[tuple[str, JointInput | VectorInput]] = [("joint state", state.joint)]
         for kind, each in (("wrench", state.wrench_inputs), ("slip", state.slip_inputs)):
             inputs += [(kind if k == 0 else f"{kind} of contact {k}", each[k]) for k in range(self.contacts)]
         for name, of in inputs:
@@ -642,8 +642,12 @@ class ArmSession:
     def rates(self) -> dict[str, tuple[float, float]]:
         """Return mean period and jitter [s] of the inputs that have come at least twice."""
         state = self.state
-        inputs = {"joint_states": state.joint, "wrench": state.wrench_inputs[0], "slip_velocity": state.slip_inputs[0]}
-        rates = {name: (mean_period_s(of.rate), float(of.rate.jitter_s)) for name, of in inputs.items()}
+        of = {
+            "joint_states": state.joint.rate,
+            "wrench": state.wrench_inputs[0].rate,
+            "slip_velocity": state.slip_inputs[0].rate,
+        }
+        rates = {name: (mean_period_s(rate), float(rate.jitter_s)) for name, rate in of.items()}
         return {name: rate for name, rate in rates.items() if not math.isnan(rate[0])}
 
 

@@ -44,6 +44,7 @@ ALLOWED = {
     "slip_vic_controller.session": {"numpy", "slip_core"},
     "slip_vic_controller.slip_displacement": {"numpy", "slip_core"},
     "slip_vic_controller.snapshot": {"numpy", "slip_core"},
+    "slip_vic_controller.state": {"slip_core"},
     "slip_sim_bridge": SHELLS,
     "slip_sim_bridge.drives": {"numpy", "pydantic", "slip_core"},
     "slip_sim_bridge.friction": {"numpy", "pydantic", "slip_core"},
@@ -67,13 +68,12 @@ OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},
     "slip_vic_controller.arm": {f"slip_vic_controller.{part}" for part in ("arm", "law.arm", "parameters.arm_params")}
     | SHARED,
-    "slip_vic_controller.arrival": CYCLE | {"slip_vic_controller.cycle"},
+    "slip_vic_controller.arrival": CYCLE | {"slip_vic_controller.state"},
     "slip_vic_controller.config": CYCLE
-    | {f"slip_vic_controller.{part}" for part in ("cycle", "parameters.interface_params", "interfaces", "robot")},
-    "slip_vic_controller.cycle": CYCLE | {"slip_vic_controller.governing", "slip_vic_controller.interfaces"},
-    "slip_vic_controller.governing": {
-        f"slip_vic_controller.{part}" for part in ("reference", "law.contact", "law.internal")
-    },
+    | {f"slip_vic_controller.{part}" for part in ("state", "parameters.interface_params", "interfaces", "robot")},
+    "slip_vic_controller.cycle": CYCLE
+    | {f"slip_vic_controller.{part}" for part in ("governing", "interfaces", "state")},
+    "slip_vic_controller.governing": {f"slip_vic_controller.{part}" for part in ("reference", "law", "state")},
     "slip_vic_controller.interfaces": {"slip_vic_controller.robot", *SHARED},
     "slip_vic_controller.law": {"slip_vic_controller.law", *SHARED},
     "slip_vic_controller.observer": {"slip_vic_controller.observer", "slip_vic_controller.law.contact", *SHARED},
@@ -93,12 +93,10 @@ OWN = {  # layers inside a package: what of the own package a part may import
     }
     | SHARED,
     "slip_vic_controller.session": CYCLE
-    | {
-        f"slip_vic_controller.{part}"
-        for part in ("arrival", "config", "cycle", "governing", "robot", "slip_displacement")
-    },
+    | {f"slip_vic_controller.{part}" for part in ("arrival", "config", "cycle", "robot", "slip_displacement", "state")},
     "slip_vic_controller.slip_displacement": {"slip_vic_controller.law.rotation"},
-    "slip_vic_controller.snapshot": {"slip_vic_controller.cycle", "slip_vic_controller.observer"},
+    "slip_vic_controller.snapshot": {"slip_vic_controller.state", "slip_vic_controller.observer"},
+    "slip_vic_controller.state": CYCLE | {"slip_vic_controller.interfaces"},
     "slip_sim_bridge.drives": {"slip_sim_bridge.drives", "slip_sim_bridge.plant.joint_step"},
     "slip_sim_bridge.friction": {"slip_sim_bridge.friction"},
     "slip_sim_bridge.plant": {f"slip_sim_bridge.{part}" for part in ("plant", "friction", "params")},

@@ -14,8 +14,8 @@ from slip_bags.series import Series
 from slip_core.topics import TOPICS
 from slip_vic.run.recording import recorded_topics
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.governing import GOVERNED
 from slip_vic_controller.law.symbols import published
+from slip_vic_controller.state import GOVERNED
 
 ROOT = Path(__file__).parents[3]
 LAYOUTS = ROOT / "config" / "layouts"

@@ -20,9 +20,9 @@ from slip_core.types import EffortCommand, JointSample
 from slip_vic.presets import preset_names
 from slip_vic.presets.sensors import load_sensor
 from slip_vic.scenarios.scenario import Law
-from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.state import CONFIG
 from test.campaigns.faults import trial as trials
 from test.campaigns.faults.campaign import Tally, Verdict, judge, plan_of, upper_bound_95
 from test.campaigns.faults.cli import faults

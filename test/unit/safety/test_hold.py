@@ -12,7 +12,6 @@ from slip_core.records import new, record
 from slip_core.vectors import Vec
 from slip_sim_bridge.session import TickOutputs
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.safety.hold import (
@@ -31,6 +30,7 @@ from slip_vic_controller.safety.hold import (
 )
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety.validation import JOINT_SAMPLE
+from slip_vic_controller.state import CONFIG
 from test.campaigns.faults.trial import STEADY_NS
 from test.referees import hold_referee
 from test.referees.hold_referee import held_inertia

@@ -7,10 +7,10 @@ from collections import deque
 import numpy as np
 
 from slip_core.records import new, record
-from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.safety.effort_limiter import NS
 from slip_vic_controller.safety.limit_avoidance import BRAKE_LAG_S, MOTION_LIMITS, avoid_limits
+from slip_vic_controller.state import CONFIG
 from test.referees.safety_referee import joint_repulsion, pad_brake
 from test.support.call import call
 from test.support.made_up import N, controller_of

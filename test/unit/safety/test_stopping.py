@@ -10,10 +10,10 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.records import record
 from slip_core.types import CartesianReference
-from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import Health, Manifest
+from slip_vic_controller.state import CONFIG
 from test.support.every import every
 from test.support.law_cases import reference_of
 from test.support.made_up import MS, MadeUp, N, law_at_work

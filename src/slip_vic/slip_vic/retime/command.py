@@ -16,10 +16,10 @@ from slip_vic.retime.certificate import arm_shares, certified
 from slip_vic.retime.path import GivenPath, JointPath, PadPath, read_points
 from slip_vic.retime.timing import held_object
 from slip_vic.scenarios.scenario import Scenario, load_scenario
-from slip_vic_controller.cycle import CONFIG
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.reference.governor import GOVERNOR_CONFIG
 from slip_vic_controller.session import ArmController
+from slip_vic_controller.state import CONFIG
 
 
 def run_retime(
