@@ -33,7 +33,9 @@ def test_every_named_file_of_the_repository_exists(page: Path) -> None:
 def test_every_named_module_exists(page: Path) -> None:
     """Also where a page gives only the end of its path, such as `law/gains.py`."""
     known = [
-        f"/{path.relative_to(ROOT)}" for folder in ("src", "test", "examples") for path in (ROOT / folder).rglob("*.py")
+        f"/{path.relative_to(ROOT)}"
+        for folder in ("src", "test", "examples", "tools")
+        for path in (ROOT / folder).rglob("*.py")
     ]
     for name in re.findall(r"`([\w/]+\.py)`", page.read_text()):
         assert name == "friction/x.py" or any(path.endswith(f"/{name}") for path in known), name

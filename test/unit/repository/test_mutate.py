@@ -43,7 +43,7 @@ def test_the_survivors_that_were_found_once_are_among_them(tool: ModuleType) -> 
     """Their tests are in the folders of their parts; here it is seen that the tool would find them again."""
     names = "\n".join(mutant.name for mutant in tool.all_mutants())
     for words in (
-        "evaluate_law: o.samples[0].slip_twist[:] = s.observer.twist -> removed",
+        "sense: samples[0].slip_twist[:] = observer.twist -> removed",
         "next_mode: good_since == NEVER or now_ns - good_since < policy.resume_after_ns -> good_since == NEVER and",
         "degradation_level: now_ns - since.slip_unknown_ns -> now_ns + since.slip_unknown_ns",
         "step: self._diverged = True -> removed",
