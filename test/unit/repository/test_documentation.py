@@ -62,11 +62,17 @@ def parse(words: list[str]) -> None:
 
 
 def options_of(script: Path) -> tuple[set[str], set[str]]:
-    """Return the choices and options of a script's argparse, from its source."""
+    """Return the choices or commands, and the options, of a script with argparse or click, from its source."""
     choices: set[str] = set()
     options: set[str] = set()
     for node in ast.walk(ast.parse(script.read_text())):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "add_argument":
+        if isinstance(node, ast.FunctionDef):
+            made = [ast.unparse(decorator) for decorator in node.decorator_list]
+            choices |= {node.name.rstrip("_") for text in made if text.endswith(".command()")}
+            choices |= {text.split("'")[1] for text in made if ".command('" in text}
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            if node.func.attr not in ("add_argument", "option"):
+                continue
             name = ast.literal_eval(node.args[0])
             if name.startswith("--"):
                 options.add(name)
