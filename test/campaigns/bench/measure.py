@@ -110,7 +110,7 @@ def _rounds(effort: Effort, library: Path | None, say: Say) -> Rounds:
     governed = cost.moment(cost.governed_scenario())
     pieces |= {"control step, governed": governed.step, "backward pass": cost.backward_pass(governed)}
     sticking = cost.holding_bridge(vic)
-    pieces["simulator step, stick"] = lambda: sticking.advance(None)
+    pieces["simulator step, stick"] = lambda: sticking.advance([None])
     pieces["simulator step, slip"] = cost.sliding_step(cost.holding_bridge(cost.slipping_scenario()))
     measures: dict[str, Callable[[], float]] = {
         "r0": lambda: dds.round_trip_s(dds.R0, effort.round_trips),

@@ -69,7 +69,7 @@ class Run:
         )
 
 
-@pytest.mark.parametrize("law", ["internal", "governed"])
+@pytest.mark.parametrize("law", ["vic", "governed"])
 def test_a_goal_of_the_object_is_reached_by_both_pads(law: Law) -> None:
     run = Run(law, "goal")
     run.tick(20)
@@ -87,7 +87,7 @@ def test_a_goal_of_the_object_is_reached_by_both_pads(law: Law) -> None:
     assert run.slip_m < 1e-4
 
 
-@pytest.mark.parametrize("law", ["internal", "governed"])
+@pytest.mark.parametrize("law", ["vic", "governed"])
 def test_references_of_the_object_lead_both_pads(law: Law) -> None:
     run = Run(law, "topic")
     run.tick(20)
@@ -115,7 +115,7 @@ def test_references_of_the_object_lead_both_pads(law: Law) -> None:
 
 
 def test_a_goal_while_an_arm_holds_is_refused_for_all() -> None:
-    run = Run("internal", "goal")
+    run = Run("vic", "goal")
     run.tick(20)
     run.loop.session.arms[1].request(Request.FAILED)
     run.tick(2)

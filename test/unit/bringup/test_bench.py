@@ -199,7 +199,7 @@ def test_the_slipping_scenario_slips_and_the_other_sticks() -> None:
     for scenario, slips in ((load_scenario(cost.SCENARIO), False), (cost.slipping_scenario(), True)):
         step = cost.holding_bridge(scenario)
         for _ in range(50):
-            step.advance(None)
+            step.advance([None])
         speed = max(abs(step.simulation.observe(0).slip.twist))
         assert (speed > 1e-3) == slips
 

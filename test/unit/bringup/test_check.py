@@ -83,7 +83,7 @@ def test_two_contacts_are_refused_in_one_line() -> None:
     words = [word for assignment in two for word in ("--set", assignment)]
     for command in ("check", "run"):
         done = CliRunner().invoke(cli, [command, *words])
-        assert "got 2 contacts, expected 1: the bridge simulates one arm" in str(done.exception), command
+        assert "got 2 contacts, expected one for each arm, 1" in str(done.exception), command
 
 
 def test_a_mismatch_that_nobody_knows_is_a_mistake() -> None:

@@ -8,7 +8,6 @@ from click.testing import CliRunner
 from slip_core.errors import InputError, UnknownName
 from slip_core.params import flatten, parameter_infos
 from slip_vic.cli import cli
-from slip_vic.pair.scenario import load_pair
 from slip_vic.presets import preset_names
 from slip_vic.presets.drives import load_drive
 from slip_vic.scenarios.scenario import apply_drive, drive_assignments, load_scenario
@@ -45,7 +44,7 @@ def test_both_nodes_are_configured(name: str) -> None:
         for key, value in flatten(values).items():
             assert f"{part}.{key}" not in KNOWN or known[f"{part}.{key}"] == value
     assert load_scenario("paper_planar", assignments=drive_assignments(name, "paper_planar", ())) == loaded
-    pair = load_pair("pane_two_arms_flat", drive=name)
+    pair = load_scenario("pane_two_arms_flat", drive=name)
     assert all(arm.drive == preset.drive for arm in pair.bridges.values())
 
 

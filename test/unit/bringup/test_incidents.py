@@ -87,7 +87,7 @@ def test_run_says_it_and_ends_with_1_unless_it_is_an_experiment(monkeypatch: pyt
     class Launcher:
         def __init__(self, *_: Any, **__: Any) -> None: ...
 
-        def run(self, _: Any) -> RunResult:
+        def run(self, *_: Any) -> RunResult:
             lost = Incident("lost", 1.25, "the object is lost: the grip is zero")
             return RunResult(1, 1.0, 1.0, None, 0, 0, {}, {}, (), (lost,))
 

@@ -119,7 +119,7 @@ def test_hold_uses_mass_inertia_and_contact_position_of_a_live_change() -> None:
         step(session, 0)
         session.request(Request.HOLD)
     efforts = []
-    for k in range(1, 1500):
+    for k in range(1, 2600):
         if k == 1200:
             changed.retune(params(**new))
         efforts = [step(session, k).command.effort for session in (changed, started, kept)]

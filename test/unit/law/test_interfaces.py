@@ -42,7 +42,7 @@ def efforts(loaded: Scenario, wrench=lambda sample, R: sample, command=lambda lo
         loop.controller.controller.robot.terms(outputs.arms[0].joint.position, outputs.arms[0].joint.velocity, ARM)
         R = ARM[_ROTATION].reshape(3, 3)
         wrenches = tuple(wrench(sample, R) for sample in outputs.arms[0].wrenches)
-        result = loop.control(outputs._replace(wrenches=(wrenches,)))
+        result = loop.control(outputs._replace(arms=(outputs.arms[0]._replace(wrenches=wrenches),)))
         answer = command(loop, result)
         found.append(np.array(answer.effort))
         loop.bridge.advance([answer])

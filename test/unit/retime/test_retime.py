@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from pathlib import Path
 
@@ -208,13 +207,9 @@ def test_a_missing_file_and_joints_beyond_their_ends_are_refused(tmp_path: Path)
         JointPath(Points(np.array([0.0, 1.0]), values, names), controller.robot)
 
 
-def test_several_arms_are_refused_with_the_reason(tmp_path: Path) -> None:
-    loaded = scenario("paper_planar", "slow_down")
-    contacts = loaded.controller.contacts
-    doubled = contacts.model_copy(update={"position": contacts.position * 2})
-    both = loaded.controller.model_copy(update={"contacts": doubled})
+def test_several_arms_are_refused_with_the_reason() -> None:
     with pytest.raises(InputError, match="several arms"):
-        governed(dataclasses.replace(loaded, controller=both), "slow_down")
+        governed(load_scenario("pane_two_arms_flat", law="governed"), "slow_down")
 
 
 def test_a_path_with_noise_is_refused(tmp_path: Path) -> None:

@@ -176,7 +176,7 @@ def test_the_referee_s_inertia_is_that_of_the_arm_and_half_of_a_rigid_object() -
 def test_a_real_grasp_is_within_the_assumed_excess() -> None:
     for name in SCENARIOS:
         scenario = load_scenario(name)
-        controller = one_arm(scenario.controller, scenario.urdf, lockstep=False)
+        controller = one_arm(scenario.controller, scenario.urdf, lockstep=False).first
         config, buffer = record(controller.config, CONFIG), new(ARM)
         n, contact, model = 7, config.law.contact[0], config.gains.object
         controller.robot.terms(np.array(scenario.bridge.initial_position), np.zeros(n), buffer)

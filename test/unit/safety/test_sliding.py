@@ -39,7 +39,9 @@ class Loop:
             # No sensor says the same to the last bit, but where there is no slip.
             twist = np.array([0.0, -linear, 0.0, 0.0, 0.0, angular]) * (1.0 + 1e-6 * tick)
             slips = [dataclasses.replace(slip, twist=twist, valid=valid) for slip in outputs.arms[0].slips]
-            result = answered_outputs(self.controller, outputs._replace(slips=(slips,)), self.now_ns)
+            result = answered_outputs(
+                self.controller, outputs._replace(arms=(outputs.arms[0]._replace(slips=tuple(slips)),)), self.now_ns
+            )
             self.bridge.advance([result.command])
             self.now_ns += round(1e9 * PERIOD_S)
         return f"{result.mode.name} {result.reason}".strip()

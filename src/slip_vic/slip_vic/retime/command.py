@@ -63,7 +63,7 @@ def governed(loaded: Scenario, timing: str) -> tuple[ControllerParams, ArmContro
     Raises:
         InputError: more than one arm holds the object.
     """
-    if len(loaded.controller.contacts.position) > 3:
+    if loaded.several:
         raise InputError(
             "scenario", got=f"{loaded.name}, in which several arms hold the object", expected="one arm",
             fix="how arms share a load depends on their controllers; run the scenario governed instead",

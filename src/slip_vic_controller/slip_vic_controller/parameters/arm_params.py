@@ -48,7 +48,7 @@ class DisturbanceParams(ParameterModel):
         3.0, "random walk of the disturbance: its standard deviation after one second", unit="rad/s^2", gt=0.0, le=1e4
     )
     quick_drift: float = parameter(
-        100.0, "the same while innovations show that the disturbance changes fast, as friction does at reversal",
+        100.0, "drift while innovations show that the disturbance changes fast, as friction does at reversal",
         unit="rad/s^2", gt=0.0, le=1e4,
     )  # fmt: skip
     limit: float = parameter(
