@@ -71,6 +71,9 @@ from slip_vic_controller.state import (
     TaskState,
 )
 
+MOST_POSITION, MOST_TWIST, MOST_ACCELERATION = 1e3, 1e2, 1e4
+"""[m], [m/s, rad/s], [m/s^2, rad/s^2] Most that a reference may have; numbers that are not finite lead to HOLD."""
+
 RETUNABLE = ("gains.", "object.", "contacts.position", "safety.hold_stiffness")
 """Parameters that ramp while the law runs."""
 
@@ -723,7 +726,17 @@ class ControllerSession:
         """Use this reference from the next cycle on; governed, follow it as soon as friction admits.
 
         Of one arm it is that of the pad; of several that of the object's centre of mass, which every pad keeps to.
+
+        Raises:
+            InputError: numbers that no arm can follow, which are errors of a unit or a frame; nothing has changed then.
         """
+        for what, values, most in (
+            ("position", reference.position, MOST_POSITION), ("twist", reference.twist, MOST_TWIST),
+            ("acceleration", reference.acceleration, MOST_ACCELERATION),
+        ):  # fmt: skip
+            largest = float(np.abs(values).max())
+            if math.isfinite(largest) and largest > most:
+                raise InputError(f"reference: {what}", got=f"{largest:.3g}", expected=f"at most {most:g}")
         task = self.task
         task.taken += 1
         given = task.reference

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from slip_vic.options import LAWS
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import load_scenario
 from test.support.limits import asked, shipped
 
 EFFORT_RATE = 1000.0
 """[N m/s], of such arms."""
-CONTROLLERS = LAWS
+CONTROLLERS = ("classical", "vic", "governed")
 
 
 def test_no_scenario_raises_a_limit() -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 
 import numpy as np
 import pytest
 
+from slip_core.errors import InputError
 from slip_core.types import CartesianReference, PoseGoal
 from slip_vic_controller.reference.goals import GoalPhase, Refusal
 from slip_vic_controller.safety.modes import Mode, Request
@@ -39,7 +41,8 @@ def test_after_any_reference_the_law_comes_back_by_enable(mode: str) -> None:
     rng = np.random.default_rng(3)
     made_up = law_at_work(trajectory__kind="topic", governor__mode=mode, **CALM)
     for value, part in itertools.product(WILD, ("position", "twist", "acceleration", "stamp")):
-        pose = np.array(made_up.run(1, **STILL).arm.position)
+        arm = made_up.run(1, **STILL).arm
+        pose, rotation = np.array(arm.position), np.array(arm.rotation)
         twist, acceleration, stamp_ns = np.zeros(6), np.zeros(6), made_up.stamp_ns
         for wild in (pose, twist, acceleration):
             if part == {id(pose): "position", id(twist): "twist", id(acceleration): "acceleration"}[id(wild)]:
@@ -47,8 +50,12 @@ def test_after_any_reference_the_law_comes_back_by_enable(mode: str) -> None:
         if part == "stamp":
             stamp_ns = int(rng.choice([2**62, -(2**62), 1, 0]))
         for _ in range(3):
-            made_up.session.set_reference(CartesianReference(pose, np.eye(3), twist, acceleration, stamp_ns))
+            with contextlib.suppress(InputError):  # what no arm can follow is refused
+                made_up.session.set_reference(CartesianReference(pose, rotation, twist, acceleration, stamp_ns))
             made_up.run(5, **STILL)
+        if mode == "off":  # followed at once, it stays in force: a good one has to come, as every other good input
+            good = CartesianReference(np.array(arm.position), rotation, np.zeros(6), np.zeros(6), made_up.stamp_ns)
+            made_up.session.set_reference(good)
         assert recovers(made_up), (value, part)
 
 

@@ -49,9 +49,8 @@ class TaskTopics:
         assert self._used is not None
         try:
             read = from_msgs.streamed_reference if governed_stream(self._params) else from_msgs.cartesian_reference
-            reference = read(message)
+            self._session.set_reference(read(message))
         except InputError as error:
             self._refusals.add("reference", error)
             return
         self._used.publish(message)
-        self._session.set_reference(reference)
