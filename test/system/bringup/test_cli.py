@@ -60,7 +60,7 @@ def test_two_runs_need_not_know_of_each_other(tmp_path: Path) -> None:
     runs = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(2)]
     outputs = [run.communicate(timeout=DEADLINE_S)[0] for run in runs]
     assert [run.returncode for run in runs] == [0, 0]
-    assert all(output.startswith("200 ticks") for output in outputs)
+    assert all("\n200 ticks" in f"\n{output}" for output in outputs)
 
 
 def mapped(process: subprocess.Popen[str], library: str) -> bool:
