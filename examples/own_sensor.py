@@ -15,8 +15,8 @@ sources: the data sheet, and an hour with a linear stage
 slip:
   rate_hz: 90.0
   latency_s: 0.012
-  noise_linear: 5.0e-4 # m/s
-  noise_angular: 1.0e-2 # rad/s
+  noise_linear: 2.0e-4 # m/s
+  noise_angular: 4.0e-3 # rad/s
   dead_band_linear: 5.0e-4 # m/s
 controller:
   slip_estimator: observer # a sensor this late cannot be followed directly
