@@ -99,6 +99,7 @@ def called(tmp_path: Path) -> dict[str, str]:
                 f"python -m pytest {FAST}",
                 f"python -m pytest test/system -n 2 --dist loadfile {' '.join(f'--ignore={path}' for path in ALONE)}",
                 f"python -m pytest {' '.join(ALONE)}",
+                "python -m pytest test/referees -n 2 -m referee and not long",
             ],
         ),
         (("-k", "law"), ["ruff format --check .", "ruff check .", "mypy ", "python -m pytest -k law"]),
