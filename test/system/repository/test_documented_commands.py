@@ -17,7 +17,20 @@ DEADLINE_S = 300.0
 # The demo, the checks themselves and the long measurements have tests of their own; a recording ends with Ctrl-C.
 ELSEWHERE = ("test", "demo", "bench", "study", "pair-study", "merge", "tune", "faults", "soak", "bringup", "bag record")
 # These stand for something: a bag of the reader's, a module of his, an option without its value.
-EXAMPLES = ("ARM.urdf", "ur5_robot.urdf", "measured.yaml", "BAG", "DIR", "FOLDER", "...", "--speed")
+EXAMPLES = (
+    "path.csv",
+    "my_bag",
+    "my_arm.yaml",
+    "ARM.urdf",
+    "ARM.urdf.xacro",
+    "ur5_robot.urdf",
+    "measured.yaml",
+    "BAG",
+    "DIR",
+    "FOLDER",
+    "...",
+    "--speed",
+)
 # Real time, files of the repository, an encoder that the lock file does not hold.
 NEEDS_MORE = ("--mode realtime", "--out docs", "--video")
 # What a page takes as given before its first command: runs, and the demo's bags.
