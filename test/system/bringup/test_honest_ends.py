@@ -60,5 +60,5 @@ def test_the_study_says_it_of_each_case(tmp_path: Path) -> None:
     end = (*NO_GRIP, "--seeds", "1", "--jobs", "1", "--out", tmp_path / "study")
     done = slip_vic(*words, *end)
     assert done.returncode == 1
-    assert f"glass_transport classical ideal classical none 0: lost, {LOST}" in done.stderr
+    assert f"glass_transport classical ideal none none 0: lost, {LOST}" in done.stderr
     assert slip_vic(*words, *end, "--allow-fault").returncode == 0
