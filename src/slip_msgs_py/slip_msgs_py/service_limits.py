@@ -30,8 +30,9 @@ BURST_S, SHARE = 0.05, 0.25
 """Processor time that calls about parameters may take at once [s], and of all time in the long run."""
 TRANSITIONS, TRANSITIONS_PER_S = 10.0, 5.0
 """Transitions that may come at once, and in the long run [1/s]."""
-CALM: Final = 5
-"""Calls for transitions within a second from which on none of them may end the process."""
+CALM: Final = 10
+STORM_S: Final = 5.0
+"""More calls for transitions than `CALM` within this time [s] are a storm: none of them may end the process."""
 SHUTDOWNS: Final = (
     Transition.TRANSITION_UNCONFIGURED_SHUTDOWN,
     Transition.TRANSITION_INACTIVE_SHUTDOWN,
@@ -179,7 +180,7 @@ class ServiceLimits:
 
     def _transition(self, name: str, callback: Any, request: Any, response: Any) -> Any:
         now_s = time.monotonic()
-        self._asked_s = [*(at for at in self._asked_s[-CALM:] if now_s - at < 1.0), now_s]
+        self._asked_s = [*(at for at in self._asked_s[-CALM:] if now_s - at < STORM_S), now_s]
         wanted = request.transition
         ends = wanted.id in SHUTDOWNS or "shutdown" in wanted.label
         if self._transitions.left(now_s) < 1.0 or (ends and len(self._asked_s) > CALM):

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_core.types import CartesianReference, JointSample, SlipSample
 from slip_vic_controller.cycle import CONFIG, OUTPUTS, cycle
@@ -100,7 +101,7 @@ def test_the_safe_command_holds_against_gravity_and_brakes() -> None:
     np.testing.assert_allclose(result.command.effort, expected, atol=1.0)  # as fast as the rate limit lets it
 
 
-@every("name, value", [("position", NAN), ("rotation", INF), ("twist", NAN), ("acceleration", 1e200)])
+@every("name, value", [("position", NAN), ("rotation", INF), ("twist", NAN), ("acceleration", -INF)])
 def test_a_reference_that_is_not_finite_is_not_followed(name: str, value: float) -> None:
     made_up = law_at_work()
     parts = {"position": np.zeros(3), "rotation": np.eye(3), "twist": ZERO, "acceleration": ZERO}
@@ -109,6 +110,17 @@ def test_a_reference_that_is_not_finite_is_not_followed(name: str, value: float)
     result = made_up.cycle()
     inside(made_up, result)
     assert (result.mode, result.reason) == (Mode.HOLD, "reference is not finite")
+
+
+def test_a_reference_that_no_arm_can_follow_is_refused_and_nothing_changes() -> None:
+    made_up = law_at_work()
+    before = made_up.cycle().command.effort.tobytes()
+    wild = with_value(ZERO, 2, 1e200)
+    with pytest.raises(InputError, match=r"^reference: acceleration: got 1e\+200, expected at most 10000"):
+        made_up.session.set_reference(CartesianReference(np.zeros(3), np.eye(3), ZERO, wild))
+    after = made_up.cycle()
+    assert after.mode == Mode.ACTIVE
+    assert after.command.effort.tobytes() == before
 
 
 def test_a_gap_of_joint_states_is_bridged_and_then_gravity_of_the_last_good_position_is_left() -> None:
