@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import errno
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,6 +16,7 @@ import click
 from slip_bags.recording import QUEUE_DEPTH
 from slip_core.errors import InputError, SlipVicError
 from slip_msgs_py import events
+from slip_msgs_py.without_ros import is_of_ros, no_ros
 
 _FOLDER = click.Path(path_type=Path)
 _BAG = click.argument("bag_path", metavar="BAG", type=_FOLDER)
@@ -52,7 +55,7 @@ def info(bag_path: Path, as_json: bool, no_scan: bool, attachment: str | None) -
 
 @bag.command()
 @_BAG
-@click.option("-o", "--output", type=_FOLDER, required=True, help="new folder: one file per topic, or a bag")
+@click.option("-o", "--out", "output", type=_FOLDER, required=True, help="new folder: one file per topic, or a bag")
 @click.option("-t", "--topic", "topics", multiple=True, help="only this topic; repeatable")
 @click.option(
     "-f", "--format", "file_format", type=click.Choice(["csv", "parquet", "mcap"]), default="csv", show_default=True
@@ -74,7 +77,7 @@ def export(bag_path: Path, output: Path, topics: tuple[str, ...], file_format: A
 
 @bag.command()
 @_BAG
-@click.option("-o", "--output", type=_FOLDER, help="new folder; default <BAG>_recovered")
+@click.option("-o", "--out", "output", type=_FOLDER, help="new folder; default <BAG>_recovered")
 @click.option("--compression", type=click.Choice(["zstd", "lz4", "none"]), default="zstd", show_default=True)
 def recover(bag_path: Path, output: Path | None, compression: str) -> None:
     """Make a whole bag out of a killed, cut or damaged one; the original is not touched."""
@@ -93,7 +96,9 @@ def recover(bag_path: Path, output: Path | None, compression: str) -> None:
 
 @bag.command()
 @click.argument("topics", nargs=-1)
-@click.option("-o", "--output", type=_FOLDER, help="new folder of the bag; default rosbag2_<date>-<time>")
+@click.option(
+    "-o", "--out", "--output", "output", type=_FOLDER, help="new folder of the bag; default rosbag2_<date>-<time>"
+)
 @click.option("-a", "--all", "everything", is_flag=True, help="every topic that appears")
 @click.option("-e", "--regex", default="", help="every topic this matches")
 @click.option("--exclude-regex", default="", help="except what this matches")
@@ -290,6 +295,7 @@ def run_command(group: click.Group, name: str) -> int:
         # A shell that starts us in the background has SIGINT ignored; whoever sends one means it.
         with stop:
             code = group.main(prog_name=name, standalone_mode=False)
+        sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except click.exceptions.Exit as end:
         return end.exit_code
@@ -303,6 +309,20 @@ def run_command(group: click.Group, name: str) -> int:
     except SlipVicError as error:
         click.echo(f"error: {error}", err=True)
         return error.exit_code
+    except ModuleNotFoundError as error:
+        if not is_of_ros(error):
+            raise
+        click.echo(f"error: {no_ros()}", err=True)
+        return 2
+    except OSError as error:
+        if stop() or error.errno not in (errno.EPIPE, errno.ENOSPC):
+            raise
+        # What waits for a full disk or a closed pipe would fail again, loudly, when the interpreter ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if error.errno == errno.ENOSPC:
+            where = error.filename or "the output"
+            click.echo(f"error: {where}: got {error.strerror}, expected room; the output is not complete", err=True)
+        return 2
     except (KeyboardInterrupt, Exception) as error:
         # A library that is just being loaded makes something else of the signal: MuJoCo an ImportError.
         if not stop() and not isinstance(error, KeyboardInterrupt | click.Abort):

@@ -8,6 +8,7 @@ import sys
 
 from slip_msgs_py.starting import starting
 from slip_msgs_py.stop_flag import StopFlag, ending_at_once
+from slip_msgs_py.without_ros import is_of_ros, no_ros
 
 HELP = """usage: {name} [--ros-args [--params-file FILE] [-p NAME:=VALUE]... [-r FROM:=TO]...]
 
@@ -33,9 +34,15 @@ def main_of(module: str, node: str, name: str, about: str) -> int:
         print(HELP.format(name=name, about=about), end="")
         return 0
     StopFlag().install()
-    with ending_at_once(0), starting():
-        run_node = importlib.import_module("slip_msgs_py.node_main").run_node
-        factory = getattr(importlib.import_module(module), node)
+    try:
+        with ending_at_once(0), starting():
+            run_node = importlib.import_module("slip_msgs_py.node_main").run_node
+            factory = getattr(importlib.import_module(module), node)
+    except ModuleNotFoundError as error:
+        if not is_of_ros(error):
+            raise
+        print(f"error: {no_ros()}", file=sys.stderr)
+        return no_ros().exit_code
     code: int = run_node(factory)
     # All is closed: taking down the interpreter with its libraries takes a second on a busy machine, and does nothing.
     sys.stdout.flush()

@@ -132,7 +132,10 @@ def run(
         raise InputError("--page", got="no --record", expected="a bag to draw", fix="--record BAG, or --in-process")
 
     from slip_msgs_py.realtime import ProcessOptions, parse_cores
+    from slip_msgs_py.without_ros import check_ros
     from slip_vic.run.launcher import Launcher
+
+    check_ros()
     from slip_vic.run.progress import run_progress
 
     process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory, awake)
@@ -218,8 +221,11 @@ def demo(
     allow_fault: bool,
 ) -> None:
     """Compare classical, variable and governed impedance on one scenario: table, report.html, summary.json, bags."""
+    from slip_msgs_py.without_ros import check_ros
     from slip_vic.scenarios.scenario import load_scenario, read_parameters, urdf_assignment
 
+    if not in_process:
+        check_ros()
     given = (*urdf_assignment(urdf), *assignments)
     load_scenario(scenario, sensor=sensor, drive=drive, assignments=given)  # a typo ends here
 

@@ -9,7 +9,9 @@ from rich.console import Console
 
 
 @click.command()
-@click.option("--out", type=click.Path(path_type=Path), default=Path("out"), show_default=True, help="output folder")
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path), default=Path("out"), show_default=True, help="output folder"
+)
 @click.option("--quick", is_flag=True, help="about half a minute, for a first look; numbers are rough")
 @click.option("--rounds", type=click.IntRange(1), help="rounds of everything side by side")
 @click.option("--free-s", type=click.FloatRange(0.1), help="length of each real-time run [s]")

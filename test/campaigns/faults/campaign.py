@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from slip_vic.study.engines.pool import end_children, interrupts_later
 from test.campaigns.faults.plan import Plan, all_faults, make_plan
 
 IN_FLIGHT_PER_WORKER = 3
@@ -118,16 +119,22 @@ def _verdicts(
         return
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context, initializer=_quiet) as pool:
-        pending = {
-            pool.submit(judge_one, seed, trial) for trial in itertools.islice(trials, IN_FLIGHT_PER_WORKER * workers)
-        }
-        while pending:
-            done, pending = wait(pending, return_when=FIRST_COMPLETED)
-            for future in done:
-                yield future.result()
-                trial = next(trials, None)
-                if trial is not None:
-                    pending.add(pool.submit(judge_one, seed, trial))
+        try:
+            with interrupts_later():
+                pending = {
+                    pool.submit(judge_one, seed, trial)
+                    for trial in itertools.islice(trials, IN_FLIGHT_PER_WORKER * workers)
+                }
+            while pending:
+                done, pending = wait(pending, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
+                    trial = next(trials, None)
+                    if trial is not None:
+                        pending.add(pool.submit(judge_one, seed, trial))
+        except BaseException:
+            end_children()
+            raise
 
 
 def _quiet() -> None:

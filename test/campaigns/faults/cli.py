@@ -25,7 +25,7 @@ SHOWN_VIOLATIONS = 5
 @click.option("--attacks", "attacking", is_flag=True, help="attack node processes instead, one way after the other")
 @click.option("--only", multiple=True, metavar="NAME", help="only attacks whose name contains this; repeatable")
 @click.option("--workers", type=click.IntRange(1), help="worker processes, in process; default one per core")
-@click.option("--out", type=click.Path(path_type=Path), default=Path("out/faults"), show_default=True)
+@click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("out/faults"), show_default=True)
 def faults(
     *,
     trials: int,

@@ -131,7 +131,7 @@ class Nodes:
         """Start a recorder of all topics."""
         self._bags += 1
         self._bag = self.folder / f"bag_{self._bags}"
-        words = ["record", "--output", str(self._bag), "--all", "--flush-period", "0.1"]
+        words = ["record", "--out", str(self._bag), "--all", "--flush-period", "0.1"]
         argv = python_module("slip_bags.cli", *words)
         self._children[RECORDER] = self.group.start(RECORDER, argv, self.environment, lambda *_: None)
 

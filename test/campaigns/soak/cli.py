@@ -16,7 +16,7 @@ from slip_vic.options import SCENARIO
 @click.option("--minutes", type=click.FloatRange(0.1), default=60.0, show_default=True, help="real time")
 @click.option("--rate", type=click.FloatRange(10.0, 2000.0), default=500.0, show_default=True, help="control rate [Hz]")
 @SCENARIO
-@click.option("--out", type=click.Path(path_type=Path), default=Path("out/soak"), show_default=True)
+@click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("out/soak"), show_default=True)
 def soak(minutes: float, rate: float, scenario: str, out: Path) -> None:
     """Run for long in real time over DDS and watch memory and open files of every process.
 

@@ -135,6 +135,35 @@ def test_ctrl_c_while_importing_ends_with_the_exit_code(body: str, tmp_path: Pat
     assert (done.returncode, done.stderr.strip()) == (2, "error: interrupted")
 
 
+def test_ctrl_c_while_workers_start_is_one_line(tmp_path: Path) -> None:
+    marker = f"slip_ctrl_c_{os.getpid()}_study"
+    environment = child_environment(0) | {"SLIP_TEST_MARKER": marker, "NUMBA_DISABLE_JIT": "1"}  # minutes a case
+    words = ["study", "--scenario", "paper_planar", "--sensor", "ideal", "--jobs", "2", "--out", str(tmp_path / "out")]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "slip_vic.cli", *words],
+        env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+    try:
+        wait_until(lambda: len(marked(marker)) >= 3, "a worker", DEADLINE_S)  # this, its resource tracker, a worker
+        os.killpg(process.pid, signal.SIGINT)
+        _, errors = process.communicate(timeout=DEADLINE_S)
+    finally:
+        process.kill()
+    assert process.returncode == 2, errors
+    assert errors.strip() == "error: interrupted"
+    assert marked(marker) == []
+
+
+def test_a_full_disk_behind_stdout_is_one_line() -> None:
+    words = [sys.executable, "-m", "slip_vic.cli", "bag", "--help"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert done.stderr.strip() == (
+        "error: the output: got No space left on device, expected room; the output is not complete"
+    )
+
+
 def marked(marker: str) -> list[int]:
     """Return the processes that carry the marker in their environment."""
     found = []

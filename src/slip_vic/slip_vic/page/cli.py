@@ -48,7 +48,7 @@ def watch(namespace: str, domain_id: int | None, host: str, port: int, rate: flo
     """Show in the browser what runs now: the same picture and plots, from the topics."""
     import time
 
-    from slip_vic.run.launcher import check_ros
+    from slip_msgs_py.without_ros import check_ros
 
     check_ros()
     click.echo(choose_domain(domain_id), err=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from slip_vic.options import ASSIGNMENTS, PARAMS, SCENARIO, URDF
+from slip_vic.options import ASSIGNMENTS, PARAMS, SCENARIO, URDF, out_option
 
 
 @click.command()
@@ -20,7 +20,7 @@ from slip_vic.options import ASSIGNMENTS, PARAMS, SCENARIO, URDF
 @PARAMS
 @ASSIGNMENTS
 @URDF
-@click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("out/retime"), show_default=True)
+@out_option("out/retime", "folder")
 def retime(
     path: Path, scenario: str, timing: str, topic: str, params: Path | None, assignments: tuple[str, ...],
     urdf: Path | None, out: Path,

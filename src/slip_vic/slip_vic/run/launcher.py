@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import tempfile
 import time
@@ -15,6 +14,7 @@ from slip_core.incidents import Incident
 from slip_msgs_py.events import Event, Progress, Started, Warned
 from slip_msgs_py.realtime import ProcessOptions
 from slip_msgs_py.stop_flag import StopFlag
+from slip_msgs_py.without_ros import check_ros
 from slip_vic.run.domain import check_domain, domain_from_environment, domain_id
 from slip_vic.run.node_command import parameter_arguments, run_parameters
 from slip_vic.run.prepare import prepare
@@ -244,19 +244,6 @@ class Launcher:
             return {}
         said = {**children["bridge"].results, **children["controller"].results}
         return {key: float(value) for key, value in said.items() if key.startswith(TIMING)}
-
-
-def check_ros() -> None:
-    """Look for ROS.
-
-    Raises:
-        InputError: this Python has none.
-    """
-    if importlib.util.find_spec("rclpy") is None:
-        raise InputError(
-            "ROS 2", got="no rclpy in this Python", expected="ROS 2 Jazzy",
-            fix="pip install '.[ros]' in a clone, or source /opt/ros/jazzy/setup.bash before the start",
-        )  # fmt: skip
 
 
 def _with_cores(options: ProcessOptions, mode: str) -> ProcessOptions:

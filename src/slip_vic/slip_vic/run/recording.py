@@ -67,7 +67,7 @@ def recorder_command(scenario: Scenario, bag: Path, folder: Path, namespace: str
     attachments = {**scenario.descriptions, "scenario.yaml": scenario.text}
     for key, params in (("controller", scenario.controller), ("bridge", scenario.bridge)):
         attachments[f"{key}.params.yaml"] = ros_parameter_file(params, NODES[key][0])
-    arguments = ["record", "--tf", "--output", str(bag)]
+    arguments = ["record", "--tf", "--out", str(bag)]
     for name, kind in recorded_topics(scenario):
         arguments += ["--typed", name, kind]
     for name, text in attachments.items():

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from slip_vic.options import PACKAGE, out_option
+from slip_vic.options import PACKAGE, names, out_option
 
 AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 
@@ -20,7 +20,7 @@ AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 @click.option("--reach", type=float, default=0.0, show_default=True, help="from it to the pad centre [m]")
 @click.option("--gripper-width", "width", type=click.FloatRange(0.0), help="opening of sliding fingers [m]; default 0")
 @click.option("--lock", "locks", multiple=True, metavar="JOINT=VALUE", help="keep a joint there; repeatable")
-@click.option("--scenario", "scenarios", multiple=True, default=("paper_planar",), show_default=True, help="repeatable")
+@click.option("--scenario", "scenarios", default="paper_planar", show_default=True, help="names, comma separated")
 @click.option("--scale", type=click.FloatRange(0.01, 10.0), default=1.0, show_default=True, help="size of the path")
 @out_option(None, "folder; default: named like the file, here")
 def arm(
@@ -32,7 +32,7 @@ def arm(
     reach: float,
     width: float | None,
     locks: tuple[str, ...],
-    scenarios: tuple[str, ...],
+    scenarios: str,
     scale: float,
     out: Path | None,
 ) -> None:
@@ -53,7 +53,7 @@ def arm(
     for line in made.said:
         click.echo(line)
     tasks = {}
-    for scenario in scenarios:
+    for scenario in names(scenarios):
         name = Path(scenario).stem
         tasks[name], start = made.task(scenario, scale)
         Console(width=120).print(way_table(made, name, start))

@@ -25,13 +25,13 @@ def bringup(namespace: str, domain_id: int | None, simulated: bool, out: Path) -
     """
     if domain_id is not None:
         os.environ["ROS_DOMAIN_ID"] = str(domain_id)
-    from slip_vic.run.launcher import check_ros
+    from slip_msgs_py.without_ros import check_ros
     from slip_vic.scenarios.parameter_files import write_files
 
     check_ros()
-    write_files(
-        out.parent, {out.name: "# slip-vic bringup has not reached its end.\n"}
-    )  # before the walk, not after it
+    if not out.exists():  # a place that cannot be written ends here, not after the walk
+        write_files(out.parent, {out.name: ""})
+        out.unlink()
     from slip_bags.ros_node import ros_node
     from slip_vic.setup.bringup.hands import Hands, Person, simulated_hand
     from slip_vic.setup.bringup.ros_system import RosSystem

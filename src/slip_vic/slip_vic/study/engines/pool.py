@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import multiprocessing.connection
 import os
@@ -11,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import resource_tracker
 from types import TracebackType
 from typing import Any, Self
 
@@ -41,6 +43,8 @@ class PoolEngine:
     ) -> None:
         for worker in (*self._idle, *self._busy.values()):
             worker.shutdown(wait=False, cancel_futures=True)
+        if error is not None:
+            end_children()
 
     def run(
         self, call: Callable[[Shared, Task], Result], shared: Shared, tasks: Iterable[Task]
@@ -75,7 +79,8 @@ class PoolEngine:
         while True:
             worker = self._idle.pop()
             try:
-                future = worker.submit(call, shared, task)
+                with interrupts_later():
+                    future = worker.submit(call, shared, task)
             except BrokenProcessPool:
                 self._replace(worker)
             else:
@@ -90,6 +95,23 @@ class PoolEngine:
 
 def _worker() -> ProcessPoolExecutor:
     return ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
+
+
+@contextlib.contextmanager
+def interrupts_later() -> Iterator[None]:
+    """Hold SIGINT back while processes are started: they inherit the mask, so that Ctrl-C is left to this one."""
+    resource_tracker.ensure_running()  # it would lift the mask
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def end_children() -> None:
+    """End the worker processes: the interpreter would wait at its end until their cases are done."""
+    for child in multiprocessing.active_children():
+        child.terminate()
 
 
 def _begin() -> None:
