@@ -1,5 +1,6 @@
 """The command line: every mistake is one clear line and exit code 2, and nothing is left half-written."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -67,6 +68,18 @@ def mapped(process: subprocess.Popen[str], library: str) -> bool:
     return library in Path(f"/proc/{process.pid}/maps").read_text()
 
 
+def segments_of(process: subprocess.Popen[str]) -> set[Path]:
+    """Files of shared memory that a run has mapped: its own, unlike those of other tests."""
+    found: set[Path] = set()
+    with contextlib.suppress(psutil.Error):
+        parent = psutil.Process(process.pid)
+        for each in (parent, *parent.children(recursive=True)):
+            with contextlib.suppress(psutil.Error, OSError):
+                words = Path(f"/proc/{each.pid}/maps").read_text().split()
+                found.update(Path(word) for word in words if word.startswith(str(shared_memory.SHM)))
+    return found
+
+
 def nodes_of(process: subprocess.Popen[str]) -> int:
     return len(psutil.Process(process.pid).children())
 
@@ -83,7 +96,6 @@ MOMENTS = {
 @pytest.mark.parametrize("moment", MOMENTS)
 @pytest.mark.parametrize("command", ["run", "demo"])
 def test_ctrl_c_at_any_moment_leaves_nothing(command: str, moment: str, tmp_path: Path) -> None:
-    before = shared_memory.segments()
     environment = child_environment(0)
     del environment["ROS_DOMAIN_ID"], environment["SLIP_VIC_EVENTS"]
     marker = f"slip_ctrl_c_{os.getpid()}_{command}_{moment}"
@@ -99,6 +111,8 @@ def test_ctrl_c_at_any_moment_leaves_nothing(command: str, moment: str, tmp_path
     )
     try:
         wait_until(lambda: MOMENTS[moment](process), moment, DEADLINE_S)
+        mapped_by_it = segments_of(process)
+        assert mapped_by_it or moment != "running"
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=DEADLINE_S)
     finally:
@@ -107,8 +121,7 @@ def test_ctrl_c_at_any_moment_leaves_nothing(command: str, moment: str, tmp_path
     assert [line for line in errors.splitlines() if line][-1].startswith("error: interrupted"), errors
     assert "Traceback" not in errors
     assert marked(marker) == []
-    # Other runs on this machine have files of their own that come and go.
-    wait_until(lambda: not shared_memory.orphans(shared_memory.segments() - before), "no shared memory left")
+    assert not shared_memory.orphans(mapped_by_it)
     if command == "demo":
         assert not (tmp_path / "out").exists() or list((tmp_path / "out").iterdir()) == []
     elif (tmp_path / "bag").exists():

@@ -62,7 +62,7 @@ def test_a_message_that_was_on_its_way_does_no_harm(controller: SlipVicControlle
     form = forms.joint_state(NAMES)
     clean_up(controller)
     callback(serialize_message(form.make(1, *form.zeros())))
-    assert controller.session.newest_joint is not None  # it was read
+    assert controller.session.arms[0].newest_joint is not None  # it was read
 
 
 def test_it_can_be_configured_again(controller: SlipVicController) -> None:

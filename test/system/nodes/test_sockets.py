@@ -46,8 +46,7 @@ def test_another_machine_hears_nothing_unless_it_may(processes: Processes) -> No
     unshare = own_network()
     if not unshare:
         pytest.skip("network namespaces are not permitted here")
-    script = Path(__file__).with_name("two_machines.py")
-    child = processes.start("machines", [*unshare, sys.executable, str(script)])
+    child = processes.start("machines", [*unshare, sys.executable, "-m", "test.system.nodes.two_machines"])
     assert processes.wait_end(child) == 0, child.tail()
     assert "joint_states: nothing, 0 known" in child.tail()
     assert "wrench: heard, 1 known" in child.tail()

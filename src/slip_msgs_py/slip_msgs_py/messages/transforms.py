@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
-from geometry_msgs.msg import TransformStamped
 
 from slip_core.arrays import Array
 from slip_core.stamps import split_ns
@@ -23,7 +22,7 @@ _STAMP_BYTES, _POSE_BYTES = 8, 56
 class _TFMessage:
     """Looks to the codec like a generated message."""
 
-    def __init__(self, transforms: list[TransformStamped]) -> None:
+    def __init__(self, transforms: list[Any]) -> None:
         self.transforms = transforms
 
     def get_fields_and_field_types(self) -> dict[str, str]:
@@ -38,6 +37,8 @@ class TransformEncoder:
     """
 
     def __init__(self, frames: Sequence[tuple[str, str]]) -> None:
+        from geometry_msgs.msg import TransformStamped  # names and text of the type are used without ROS, too
+
         messages = []
         for parent, child in frames:
             message = TransformStamped(child_frame_id=child)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from pathlib import Path
 
 import psutil
 
 SHM = Path("/dev/shm")
+STARTS_S = 0.1
 PATTERNS = ("fastrtps_*", "sem.fastrtps_*", "fast_datasharing_*")
 
 
@@ -40,6 +42,9 @@ def _port_of(semaphore: Path) -> Path:
 def remove_orphans(candidates: set[Path]) -> set[Path]:
     """Remove the orphans among `candidates`; return what was removed."""
     found = orphans(candidates)
+    if found:  # a process that starts makes a file a moment before it maps it
+        time.sleep(STARTS_S)
+        found = orphans(found)
     for path in found:
         path.unlink(missing_ok=True)
     return found

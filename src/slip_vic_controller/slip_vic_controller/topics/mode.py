@@ -103,7 +103,8 @@ class ModeInterface:
 
     def _log(self, mode: Mode, line: str) -> None:
         """Write a change of mode to the ROS log; another reason for the same mode is on the topic alone."""
-        log, line = self._node.get_logger(), f"{self._arm}: {line}" if self._arm else line
+        name = self._arm.name
+        log, line = self._node.get_logger(), f"{name}: {line}" if name else line
         if LEVELS[mode] == 0:
             log.info(line)
         elif LEVELS[mode] == 1:
