@@ -35,20 +35,20 @@ def start_watch(processes: Processes, *arguments: object) -> tuple[object, str]:
     return child, found[0]
 
 
-def start_player(processes: Processes, *how: object) -> None:
+def start_player(processes: Processes, *how: object) -> object:
     with Bag(BAG) as bag:
         names = [name for name in bag.topics if name not in ("/clock", "/diagnostics")]
     renamed = [part for name in names for part in ("--remap", f"{name}:=/{NAMESPACE}{name}")]
     options = [*how, "--disable-keyboard-controls", "--topics"]
     chosen = [part for name in names for part in ("--topics", name)][1:]
-    processes.python("player", "-m", "slip_bags.cli", "play", BAG, *options, *chosen, *renamed)
+    return processes.python("player", "-m", "slip_bags.cli", "play", BAG, *options, *chosen, *renamed)
 
 
 def test_page_follows_what_runs(processes: Processes, browser: Browser) -> None:
     child, address = start_watch(processes)
     page, errors = open_page(browser, address, ready=False)
     assert "Waiting for joint states" in page.inner_text("#problem")
-    start_player(processes, "--rate", SLOWLY)
+    player = start_player(processes, "--rate", SLOWLY)
     wait_in_page(page, f"(window.slipPage?.plots.model.count ?? 0) > {FRAMES}")
     assert not page.is_visible("#problem")
     assert page.evaluate("slipPage.plots.model.runs[0].arms.map(arm => arm.name)") == [NAMESPACE]
@@ -57,6 +57,12 @@ def test_page_follows_what_runs(processes: Processes, browser: Browser) -> None:
         states = bag.series("joint_states")["position"]
     q = page.evaluate("Array.from(slipPage.plots.model.runs[0].arms[0].q.slice(0, 7))")
     assert min(abs(states - q).max(axis=1)) < 1e-6, "not a posture of the bag"
+    assert page.inner_text(".run .mode") == "ACTIVE"
+    processes.stop(player, signal.SIGINT)
+    wait_in_page(page, "!document.getElementById('problem').hidden")
+    assert "The run has ended" in page.inner_text("#problem")
+    late, _ = open_page(browser, address)
+    assert "The run has ended" in late.inner_text("#problem")
     assert errors == []
     assert processes.stop(child, signal.SIGINT) == 0
 

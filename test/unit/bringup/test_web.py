@@ -18,7 +18,7 @@ from slip_vic.page import scripts
 from slip_vic.page.packing import Packer, compressed, unpack
 from slip_vic.page.page import make_page, write_page
 from slip_vic.page.plots import plot_series
-from slip_vic.page.runs import grid, load_ratio, object_size, read_run, thinned
+from slip_vic.page.runs import colours, grid, load_ratio, object_size, read_run, thinned
 from slip_vic.page.urdf import links_of
 from slip_vic.page.video import write_video
 from slip_vic.run.metrics import summarise
@@ -145,6 +145,15 @@ def test_page_holds_everything_and_fetches_nothing() -> None:
     assert data is not None
     model = unpack(gzip.decompress(base64.b64decode(data[1])))
     assert [plot["name"] for plot in model["plots"]][:2] == ["slip_mm", "slip_deg"]
+
+
+def test_a_law_has_its_own_colour_and_a_sentence_at_the_top() -> None:
+    assert colours(["classical", "vic", "governed"]) == [0, 1, 2]
+    assert colours(["governed"]) == [2]
+    assert colours(["my_bag"]) == [1]
+    assert colours(["a", "b", "c"]) == [0, 1, 2]
+    text, _ = make_page({"vic": BAGS / "paper_planar_vic"}, command="")
+    assert re.search(r'<p id="laws"><b>vic</b>: the paper\'s law', text[: text.index("<main>")])
 
 
 def test_video_without_ffmpeg_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import http
+import json
 import queue
 import socket
 import threading
-from typing import Final
+from typing import Any, Final
 
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
@@ -28,10 +29,12 @@ class Audience:
 
     def __init__(self, host: str, port: int) -> None:
         self._page = assemble(
-            live=True, title="slip-vic watch", table="", words="", facts="", notes="", data="", description=""
+            live=True, title="slip-vic watch", table="", laws="", words="", facts="", notes="", data="", description=""
         ).encode()
         self._model = b""
-        self._queues: dict[queue.Queue[bytes], ServerConnection] = {}
+        self._newest = b""
+        self._ended = ""
+        self._queues: dict[queue.Queue[bytes | str], ServerConnection] = {}
         self._lock = threading.Lock()
         self._over = False
         try:
@@ -46,22 +49,37 @@ class Audience:
 
     @property
     def present(self) -> bool:
-        """Whether anybody watches."""
+        """Whether a browser is connected."""
         return bool(self._queues)
 
     def begin(self, model: bytes) -> None:
         """Take another model and send it."""
         with self._lock:
-            self._model = model
+            self._model, self._newest, self._ended = model, b"", ""
             for waiting in self._queues:
                 waiting.put(model)
 
     def send(self, data: bytes) -> None:
-        """Send a frame to everybody; who is slow misses some."""
+        """Send a frame to every browser; a slow one misses some."""
         with self._lock:
+            self._newest = data
             for waiting in self._queues:
                 if waiting.qsize() < QUEUED:
                     waiting.put(data)
+
+    def mode(self, arm: int, text: str) -> None:
+        """Send the mode of an arm with its reason, which no frame holds."""
+        self._say({"arm": arm, "mode": text})
+
+    def ended(self, why: str) -> None:
+        """Send why nothing arrives, "" where something does; a browser that comes later gets it too."""
+        self._ended = why
+        self._say({"ended": why})
+
+    def _say(self, message: dict[str, Any]) -> None:
+        with self._lock:
+            for waiting in self._queues:
+                waiting.put(json.dumps(message))
 
     def close(self) -> None:
         """Let go of every browser at once, one that is slow would be waited for, and stop serving."""
@@ -81,12 +99,14 @@ class Audience:
         return Response(status.value, status.phrase, Headers(kind), text)
 
     def _attend(self, connection: ServerConnection) -> None:
-        waiting: queue.Queue[bytes] = queue.Queue()
+        waiting: queue.Queue[bytes | str] = queue.Queue()
         with self._lock:
             if self._over:
                 return
             if self._model:
-                waiting.put(self._model)
+                for message in (self._model, self._newest, self._ended and json.dumps({"ended": self._ended})):
+                    if message:
+                        waiting.put(message)
             self._queues[waiting] = connection
         try:
             with contextlib.suppress(ConnectionClosed):

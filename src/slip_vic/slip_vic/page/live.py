@@ -41,13 +41,16 @@ from slip_vic.page.runs import (
 )
 from slip_vic.page.urdf import box_of
 
+MODE: Final = "controller/mode"
 NEWEST: Final = ("joint_states", "slip_truth", "controller/scalars", "object_state")
-LATCHED: Final = ("robot_description", "object_description", "controller/mode")
+LATCHED: Final = ("robot_description", "object_description", MODE)
 ASKED: Final = ("ee_frame", "governor.friction_limit", "governor.torsional_radius", "contacts.slip_axes")
 NODE: Final = "slip_vic_controller"
 DISCOVERY_S: Final = 1.0
 ASK_S: Final = 2.0
 SETTLE_S: Final = 1.0
+SILENT_S: Final = 2.0
+"""So long without joint states the page says that nothing arrives."""
 _HEAD: Final = 12  # encapsulation and stamp: texts and numbers come behind
 
 
@@ -79,6 +82,7 @@ class Topic:
     def __init__(self, node: Node, full: str, name: str) -> None:
         kind, latched = TOPICS[name].type, name in LATCHED
         self._schema = Schema(kind, find_definition(kind).text)
+        self.full = full
         self._length = 0
         qos = recording_qos(1, reliable=latched, transient_local=latched)
         self._subscription = RawSubscription(node, message_class(kind), full, qos)
@@ -178,8 +182,19 @@ class Watcher:
         self.last_ns = stamp_ns
         return frame((stamp_ns - self._start_ns) * 1e-9, run)
 
+    def modes(self) -> list[tuple[int, str]]:
+        """Return the number and the mode of each arm whose mode has been published."""
+        return [(k, text) for k, arm in enumerate(a for a in self.arms if a.complete) if (text := arm.text(MODE))]
+
+    def silence(self) -> str:
+        """Return why no joint states arrive, in a sentence."""
+        joints = [arm.topics["joint_states"].full for arm in self.arms]
+        if any(self._node.count_publishers(topic) for topic in joints):
+            return "No joint states arrive: the run or its source is paused. What was received stays."
+        return "The run has ended: joint_states has no publisher any more. What was received stays."
+
     def forget(self) -> None:
-        """Make the model anew with the next frame."""
+        """Make another model with the next frame."""
         self.model = None
 
     def close(self) -> None:
@@ -225,7 +240,7 @@ def arm_now(watched: WatchedArm) -> Arm:
     newest = {name: topic.newest for name, topic in watched.topics.items()}
     states, truth, scalars = newest["joint_states"], newest["slip_truth"], newest["controller/scalars"]
     assert states is not None
-    urdf, mode = watched.text("robot_description") or "", watched.text("controller/mode")
+    urdf, mode = watched.text("robot_description") or "", watched.text(MODE)
     names = states.names
     none = np.full((1, 6), np.nan)
     slip = none if truth is None else truth["velocity"]
@@ -312,14 +327,24 @@ def watch(node: Node, audience: Audience, namespace: str, rate_hz: float, stop: 
     """Feed the browsers until told to stop; without any the topics are read once a second only."""
     watcher = Watcher(node, namespace)
     model: bytes | None = None
+    newest, modes, silent = time.monotonic(), list[tuple[int, str]](), False
     try:
         while not stop():
-            data = watcher.poll(time.monotonic())
+            now = time.monotonic()
+            data = watcher.poll(now)
             if watcher.model is not None and watcher.model is not model:
-                model = watcher.model
+                model, modes = watcher.model, watcher.modes()  # the model has the modes of its beginning
                 audience.begin(model)
             if data is not None:
+                newest = now
                 audience.send(data)
+                changed = [one for one in watcher.modes() if one not in modes]
+                modes = watcher.modes()
+                for arm, text in changed:
+                    audience.mode(arm, text)
+            if model is not None and silent != (now > newest + SILENT_S):
+                silent = not silent
+                audience.ended(watcher.silence() if silent else "")
             time.sleep(1.0 / rate_hz if audience.present or model is None else min(1.0, DISCOVERY_S))
     finally:
         watcher.close()

@@ -16,7 +16,7 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_vic.page.packing import Packer, compressed
 from slip_vic.page.plots import describe_plots
-from slip_vic.page.runs import Run, describe, duration_s, grid, read_run, shown
+from slip_vic.page.runs import Run, colours, describe, duration_s, grid, read_run, shown
 from slip_vic.page.scripts import three, uplot
 from slip_vic.run.metrics import summarise, summary_rows
 from slip_vic.run.series import read_series
@@ -111,8 +111,8 @@ def _page(
 ) -> str:
     packer = Packer()
     described, missing = [], []
-    for run in runs:
-        made, lacking = describe(run, times, packer)
+    for run, colour in zip(runs, colours([run.label for run in runs]), strict=True):
+        made, lacking = describe(run, times, packer, colour)
         described.append(made)
         missing += lacking
     scenario = next((run.facts["scenario"] for run in runs if "scenario" in run.facts), "")
@@ -126,6 +126,7 @@ def _page(
         title=title or scenario or "recorded runs",
         description=description,
         table=_table(numbers),
+        laws=_laws([run.label for run in runs]),
         words=_words(numbers),
         facts=_facts({_FACTS.get(name, name): value for name, value in facts.items() if value}),
         notes="".join(f"<p>not drawn: {html.escape(name)}</p>" for name in dict.fromkeys(missing)),
@@ -179,10 +180,14 @@ def _table(numbers: Mapping[str, Mapping[str, Any]]) -> str:
     return f'<table id="summary"><thead><tr><td></td>{labels}</tr></thead><tbody>{rows}</tbody></table>'
 
 
+def _laws(labels: Sequence[str]) -> str:
+    """What the laws that are shown are, a line each."""
+    return "<br>".join(f"<b>{label}</b>: {LAWS[label]}" for label in labels if label in LAWS)
+
+
 def _words(numbers: Mapping[str, Mapping[str, Any]]) -> str:
-    """What the laws are, and the table's content, in sentences."""
-    shown = dict.fromkeys(word for label in numbers for word in label.split()[:1])
-    sentences = [f"<b>{law}</b>: {LAWS[law]}" for law in shown if law in LAWS]
+    """The table's content in sentences."""
+    sentences = []
     for label, rows in ((label, summary_rows([run])) for label, run in numbers.items()):
         text = {row.key: row.texts[0] for row in rows}
         sentences.append(

@@ -390,7 +390,17 @@ def _on_grid(series: Series, values: NDArray[Any], start_ns: int, times: Array) 
     return found
 
 
-def describe(run: Run, times: Array, packer: Packer) -> tuple[dict[str, Any], list[str]]:
+COLOURS: Final = {"classical": 0, "vic": 1, "governed": 2}
+
+
+def colours(labels: Sequence[str]) -> list[int]:
+    """Return the number of each run's colour in the style sheet: a law has its own, other runs differ."""
+    if len(labels) == 1:
+        return [COLOURS.get(labels[0], COLOURS["vic"])]
+    return [COLOURS[label] for label in labels] if set(labels) <= set(COLOURS) else [k % 6 for k in range(len(labels))]
+
+
+def describe(run: Run, times: Array, packer: Packer, colour: int = 1) -> tuple[dict[str, Any], list[str]]:
     """Return a run as the page's script reads it, and what could not be drawn."""
     missing: list[str] = []
     arms = []
@@ -412,7 +422,13 @@ def describe(run: Run, times: Array, packer: Packer) -> tuple[dict[str, Any], li
     thing = None
     if run.object_pose is not None:
         thing = {"size": list(run.object_size), "pose": packer.add(run.object_pose)}
-    return {"label": run.label, "arms": arms, "object": thing, "pad": [PAD_RADIUS, PAD_THICKNESS]}, missing
+    return {
+        "label": run.label,
+        "colour": colour,
+        "arms": arms,
+        "object": thing,
+        "pad": [PAD_RADIUS, PAD_THICKNESS],
+    }, missing
 
 
 def thinned(points: Array, distance: float = 2e-3) -> Array:

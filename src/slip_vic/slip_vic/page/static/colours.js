@@ -4,7 +4,7 @@ function colour(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 }
 
-const runColour = (run) => colour(`run-${run % 6}`);
+const runColour = (run) => colour(`run-${run.colour}`);
 
 function startTheme(redraw) {
   const root = document.documentElement;

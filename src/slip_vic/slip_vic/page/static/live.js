@@ -18,7 +18,8 @@ class Live {
       if (data === "model") {
         this.over = this.page !== undefined;
         if (this.over) location.reload(); // another run: begin anew
-      } else if (this.page) this.frame(new Float32Array(data));
+      } else if (typeof data === "string") this.status(JSON.parse(data));
+      else if (this.page) this.frame(new Float32Array(data));
       else this.begin(unpack(data));
     };
     socket.onclose = () => {
@@ -50,6 +51,20 @@ class Live {
     document.getElementById("problem").hidden = true;
   }
 
+  // What no number says: {arm, mode: text} or {ended: why nothing arrives, "" where something does}.
+  status({ arm, mode, ended }) {
+    if (!this.page) return;
+    if (mode !== undefined) {
+      this.model.runs[0].arms[arm].modes.push([this.page.player.end, mode]);
+      this.page.player.go(this.page.player.t);
+    }
+    if (ended !== undefined) {
+      document.body.classList.toggle("ended", ended !== "");
+      if (ended) problem(ended);
+      else document.getElementById("problem").hidden = true;
+    }
+  }
+
   frame(numbers) {
     const { model, page } = this, { player, scenes } = page;
     const again = numbers[0] < player.end; // a bag that is looped, a run that begins anew
@@ -79,6 +94,7 @@ class Live {
     const { model, page } = this;
     for (const [values, width] of this.arrays) values.copyWithin(0, frames * width);
     model.count -= frames;
+    if (!model.count) for (const run of model.runs) for (const arm of run.arms) arm.modes = arm.modes.slice(-1).map(([, text]) => [0, text]);
     for (const scene of page.scenes) {
       for (const own of scene.arms) {
         own.walked.cut(frames);

@@ -17,7 +17,7 @@ function runCard(model, run, number) {
   const card = document.createElement("article");
   card.className = "run";
   card.dataset.run = run.label;
-  card.style.setProperty("--colour", `var(--run-${number % 6})`);
+  card.style.setProperty("--colour", `var(--run-${run.colour})`);
   card.innerHTML = `<h2><span class="label"></span><span class="mode"></span></h2><div class="views"><canvas class="arm" role="img"></canvas></div>`;
   card.querySelector(".label").textContent = run.label;
   const views = card.querySelector(".views"), readouts = [];
@@ -45,11 +45,17 @@ function runCard(model, run, number) {
     card.append(list);
   });
   document.getElementById("runs").append(card);
-  const coded = window.slipLive && seriesOf(model, "mode", number, 0); // live the texts are those of the beginning
+  const modeOf = (arm, k, frame) => {
+    const modes = arm.modes.filter(([from]) => from <= model.time[frame] + 1e-6);
+    const text = modes.length ? modes[modes.length - 1][1] : "";
+    const coded = window.slipLive && seriesOf(model, "mode", number, k); // live a text may come after the number that it explains
+    if (!coded || !Number.isFinite(coded[frame])) return text;
+    const name = model.plots.find((plot) => plot.name === "mode").steps[Math.round(coded[frame])];
+    return text.startsWith(name) ? text : name;
+  };
   const modeAt = (frame) => {
-    if (coded && Number.isFinite(coded[frame])) return model.plots.find((plot) => plot.name === "mode").steps[Math.round(coded[frame])];
-    const modes = run.arms[0].modes.filter(([from]) => from <= model.time[frame] + 1e-6);
-    return modes.length ? modes[modes.length - 1][1] : "";
+    const texts = run.arms.map((arm, k) => modeOf(arm, k, frame));
+    return new Set(texts).size === 1 ? texts[0] : run.arms.map((arm, k) => `${arm.name}: ${texts[k]}`).join("; ");
   };
   const say = (frame) => {
     for (const { values, value } of readouts) value.textContent = shown(values[frame]);

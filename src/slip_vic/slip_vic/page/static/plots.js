@@ -8,6 +8,17 @@ function shown(value) {
   return size >= 1000 ? value.toFixed(0) : size >= 100 ? value.toFixed(1) : size < 5e-3 ? "0.00" : value.toFixed(2);
 }
 
+const GAP = 1; // s: between frames that are further apart nothing was watched, so no line is drawn
+
+function unwatched(u, series, from, to, found) {
+  if (!window.slipLive) return found;
+  const time = u.data[0], holes = [...found];
+  for (let i = from + 1; i <= to; i++) {
+    if (time[i] - time[i - 1] > GAP) holes.push([u.valToPos(time[i - 1], "x", true), u.valToPos(time[i], "x", true)]);
+  }
+  return holes.sort((a, b) => a[0] - b[0]);
+}
+
 const gaps = (values, count) => Array.from(values.subarray(0, count), (value) => (Number.isFinite(value) ? value : null));
 
 class Plots {
@@ -48,7 +59,7 @@ class Plots {
     const values = card.querySelector(".values");
     values.replaceChildren(...variant.series.map((series) => {
       const text = document.createElement("span");
-      text.style.setProperty("--colour", `var(--run-${series.run % 6})`);
+      text.style.setProperty("--colour", `var(--run-${model.runs[series.run].colour})`);
       text.style.setProperty("--dash", series.arm ? "dashed" : "solid");
       text.append(nameOf(model, series), document.createElement("b"));
       return text;
@@ -64,7 +75,7 @@ class Plots {
         { ...axis, size: 26, values: (u, ticks) => ticks.map((t) => `${+t.toFixed(3)} s`) },
         { ...axis, size: plot.steps.length ? 96 : 52, splits: plot.steps.length ? () => plot.steps.map((_, i) => i) : undefined, values: plot.steps.length ? () => plot.steps : (u, ticks) => ticks.map((t) => `${+t.toPrecision(4)}`) },
       ],
-      series: [{}, ...variant.series.map((series) => ({ stroke: () => runColour(series.run), width: 1.8, dash: series.arm ? [6, 4] : undefined, points: { show: false }, paths: plot.steps.length ? uPlot.paths.stepped({ align: 1 }) : undefined }))],
+      series: [{}, ...variant.series.map((series) => ({ stroke: () => runColour(model.runs[series.run]), width: 1.8, gaps: unwatched, dash: series.arm ? [6, 4] : undefined, points: { show: false }, paths: plot.steps.length ? uPlot.paths.stepped({ align: 1 }) : undefined }))],
       hooks: {
         ready: [(u) => {
           const line = document.createElement("div");

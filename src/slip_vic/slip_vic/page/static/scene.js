@@ -147,15 +147,16 @@ class RunScene {
     const point = new THREE.Vector3(), inverse = new THREE.Matrix4();
     for (let frame = from; frame < to; frame++) {
       this.pose(frame);
+      const apart = window.slipLive && frame > 0 && this.model.time[frame] - this.model.time[frame - 1] > GAP;
       if (this.object) inverse.copy(this.object.matrixWorld).invert();
       for (const own of this.arms) {
         if (!Number.isFinite(own.arm.q[own.arm.joints.length * frame])) continue;
         if (frame % EVERY === 0) own.places.push(...own.robot.links.map((link) => new THREE.Vector3().setFromMatrixPosition(link.matrixWorld)));
-        own.walked.add(point.setFromMatrixPosition(own.robot.tip.matrixWorld), frame);
+        own.walked.add(point.setFromMatrixPosition(own.robot.tip.matrixWorld), frame, apart);
         if (!this.object || !Number.isFinite(this.run.object.pose[7 * frame])) continue;
         point.applyMatrix4(inverse);
         if (!own.known) this.grasped(own, inverse);
-        own.trace.add(point.addScaledVector(own.normal, own.lift), frame);
+        own.trace.add(point.addScaledVector(own.normal, own.lift), frame, apart);
         point.setFromMatrixPosition(this.object.matrixWorld).applyMatrix4(inverse.copy(own.robot.tip.matrixWorld).invert());
         own.ways.expandByPoint(point);
         inverse.copy(this.object.matrixWorld).invert();
@@ -208,7 +209,7 @@ class RunScene {
   }
 
   paint() {
-    const run = new THREE.Color(runColour(this.number));
+    const run = new THREE.Color(runColour(this.run));
     for (const own of this.arms) {
       own.walked.paint(run);
       own.trace.paint(run);
@@ -263,17 +264,19 @@ class Track { // a line with a width that grows with time: points with the frame
     this.step = step;
     this.points = [];
     this.frames = [];
+    this.apart = [];
     this.built = 0;
     this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), new THREE.MeshBasicMaterial());
     this.mesh.frustumCulled = false;
     this.mesh.layers.set(layer);
   }
 
-  add(point, frame) {
+  add(point, frame, apart = false) { // apart: no line from the point before to this one
     const last = this.points[this.points.length - 1];
     if (last && last.distanceTo(point) < this.step) return;
     this.points.push(point.clone());
     this.frames.push(frame);
+    this.apart.push(apart);
   }
 
   build() {
@@ -292,7 +295,7 @@ class Track { // a line with a width that grows with time: points with the frame
         position[at] = p.x + c * first.x + s * second.x;
         position[at + 1] = p.y + c * first.y + s * second.y;
         position[at + 2] = p.z + c * first.z + s * second.z;
-        if (i === n - 1) continue;
+        if (i === n - 1 || this.apart[i + 1]) continue;
         const a = sides * i + k, b = sides * i + ((k + 1) % sides);
         index.set([a, a + sides, b, b, a + sides, b + sides], 6 * (sides * i + k));
       }
@@ -316,6 +319,7 @@ class Track { // a line with a width that grows with time: points with the frame
     const keep = this.frames.findIndex((frame) => frame >= frames);
     const from = keep < 0 ? this.frames.length : keep;
     this.points.splice(0, from);
+    this.apart.splice(0, from);
     this.frames = this.frames.slice(from).map((frame) => frame - frames);
     this.built = 0;
   }
