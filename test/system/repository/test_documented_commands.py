@@ -15,7 +15,7 @@ from test.support.pages import OURS, PAGES, commands_of
 
 DEADLINE_S = 300.0
 # The demo, the checks themselves and the long measurements have tests of their own; a recording ends with Ctrl-C.
-ELSEWHERE = ("test", "demo", "bench", "study", "pair-study", "merge", "tune", "faults", "soak", "bringup", "bag record")
+ELSEWHERE = ("test", "demo", "bench", "study", "merge", "tune", "faults", "soak", "bringup", "bag record")
 # These stand for something: a bag of the reader's, a module of his, an option without its value.
 EXAMPLES = (
     "path.csv",
@@ -64,7 +64,9 @@ def shortened(command: str) -> str:
     """Return a command with less to do: that it runs is shown here, what it shows elsewhere."""
     if command.startswith("run ") and "duration_s" not in command:
         return f"{command} --set bridge.duration_s=0.5"
-    return f"{command} --laws governed" if command.startswith("pair ") and "--laws" not in command else command
+    if command.startswith("check "):
+        return f"{command} --mismatch none"
+    return command
 
 
 def slip_vic(command: str, folder: Path) -> subprocess.CompletedProcess[str]:

@@ -16,6 +16,7 @@ from test.support.made_up import MadeUp, N, law_at_work
 from test.support.one_arm import OneArm
 
 WILD = (np.nan, np.inf, -1e300, 1e200, 1e30, 1e6, 5e-324, -0.0)
+TOGETHER = 4  # wild messages, one after another, before the law has to come back
 STILL = {"joint": {"velocity": np.zeros(N)}, "slip": np.zeros(6)}
 CALM = {"safety__fallback__evidence": 10.0, "safety__load__drop_speed": 10.0, "safety__inputs__joint__frozen_s": 5.0}
 """An arm that stands still whatever its effort is taken for what it is."""
@@ -40,7 +41,7 @@ def recovers(made_up: MadeUp) -> bool:
 def test_after_any_reference_the_law_comes_back_by_enable(mode: str) -> None:
     rng = np.random.default_rng(3)
     made_up = law_at_work(trajectory__kind="topic", governor__mode=mode, **CALM)
-    for value, part in itertools.product(WILD, ("position", "twist", "acceleration", "stamp")):
+    for k, (part, value) in enumerate(itertools.product(("position", "twist", "acceleration", "stamp"), WILD)):
         arm = made_up.run(1, **STILL).arm
         pose, rotation = np.array(arm.position), np.array(arm.rotation)
         twist, acceleration, stamp_ns = np.zeros(6), np.zeros(6), made_up.stamp_ns
@@ -53,21 +54,24 @@ def test_after_any_reference_the_law_comes_back_by_enable(mode: str) -> None:
             with contextlib.suppress(InputError):  # what no arm can follow is refused
                 made_up.session.set_reference(CartesianReference(pose, rotation, twist, acceleration, stamp_ns))
             made_up.run(5, **STILL)
+        if k % TOGETHER < TOGETHER - 1:
+            continue
         if mode == "off":  # followed at once, it stays in force: a good one has to come, as every other good input
             good = CartesianReference(np.array(arm.position), rotation, np.zeros(6), np.zeros(6), made_up.stamp_ns)
             made_up.session.set_reference(good)
-        assert recovers(made_up), (value, part)
+        assert recovers(made_up), (part, value)
 
 
 @pytest.mark.parametrize("mode", ["off", "slow_down", "time_optimal"])
 def test_after_any_goal_the_law_comes_back_by_reset_and_enable(mode: str) -> None:
     made_up = law_at_work(trajectory__kind="goal", governor__mode=mode, **CALM)
-    for value, duration_s in itertools.product(WILD, (1e-9, 1.0, 2.0**31)):
+    for k, (value, duration_s) in enumerate(itertools.product(WILD, (1e-9, 1.0, 2.0**31))):
         pose = np.array(made_up.run(1, **STILL).arm.position)
         pose[1] += value
         made_up.session.set_goal(PoseGoal(pose, np.eye(3), duration_s))
         made_up.run(60, **STILL)
-        assert recovers(made_up), (value, duration_s)
+        if k % TOGETHER == TOGETHER - 1:
+            assert recovers(made_up), (value, duration_s)
 
 
 def test_a_goal_farther_than_any_arm_reaches_is_refused() -> None:
