@@ -9,7 +9,6 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.stamps import split_ns
-from slip_msgs_py.messages.cdr import Template
 
 TOPIC: Final = "/tf"
 TYPE: Final = "tf2_msgs/msg/TFMessage"
@@ -37,7 +36,10 @@ class TransformEncoder:
     """
 
     def __init__(self, frames: Sequence[tuple[str, str]]) -> None:
-        from geometry_msgs.msg import TransformStamped  # names and text of the type are used without ROS, too
+        # Names and text of the type are used without ROS, too.
+        from geometry_msgs.msg import TransformStamped
+
+        from slip_msgs_py.messages.cdr import Template
 
         messages = []
         for parent, child in frames:
