@@ -3,11 +3,14 @@
 import ast
 import json
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from test.support.ros import Processes, wait_until
 
 ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "examples"
@@ -48,6 +51,18 @@ def run(name: str, *arguments: str) -> str:
 def test_an_example_runs(name: str, tmp_path: Path) -> None:
     folder = {"run_and_plot.py": ["paper_planar", str(tmp_path)], "own_sensor.py": [str(tmp_path)]}
     assert re.search(SAID[name], run(name, *folder.get(name, [])), re.DOTALL)
+
+
+def test_the_joint_pd_node_answers_every_joint_state(processes: Processes) -> None:
+    node = processes.python("node", FOLDER / "joint_pd_node.py")
+    parameters = ROOT / "config" / "paper_planar" / "bridge.yaml"
+    words = ["--ros-args", "--params-file", parameters, "-p", "duration_s:=1.1"]
+    bridge = processes.python("bridge", "-m", "slip_sim_bridge.main", *words)
+    assert processes.wait_end(bridge) == 0, bridge.tail()
+    wait_until(lambda: "1001 joint states answered" in node.tail(), "a second of answers", seen=node.tail)
+    assert float(re.findall(r"([\d.]+) rad from the start", node.tail())[-1]) < 1e-3
+    assert "LOST" not in bridge.tail()
+    assert processes.stop(node, signal.SIGINT) == 0
 
 
 def test_the_notebook_runs() -> None:

@@ -10,6 +10,7 @@ import os
 import string
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from slip_core.arrays import Array
@@ -40,16 +41,24 @@ MODULES: Final = (
 
 
 def write_page(
-    path: Path, bags: Mapping[str, Path], *, command: str, title: str = "", description: str = ""
+    path: Path,
+    bags: Mapping[str, Path],
+    *,
+    command: str,
+    title: str = "",
+    description: str = "",
+    ends: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, dict[str, Any]]:
     """Write the page of some recorded runs, given by label, and return the numbers of its table.
+
+    `ends` says by label why a run did not end well.
 
     Raises:
         InputError: a bag that cannot be read or is no run of this suite, or a file that cannot be written.
     """
     if not bags:
         raise InputError("report", got="no bags", expected="recorded runs")
-    text, numbers = make_page(bags, command=command, title=title, description=description)
+    text, numbers = make_page(bags, command=command, title=title, description=description, ends=ends)
     write_text(path, text)
     return numbers
 
@@ -86,11 +95,16 @@ def write_text(path: Path, text: str) -> None:
 
 
 def make_page(
-    bags: Mapping[str, Path], *, command: str, title: str = "", description: str = ""
+    bags: Mapping[str, Path],
+    *,
+    command: str,
+    title: str = "",
+    description: str = "",
+    ends: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[str, dict[str, dict[str, Any]]]:
     """Return the page as text, and the numbers of its table by label."""
     times = grid(duration_s(list(bags.values())))
-    runs = [read_run(path, label, times) for label, path in bags.items()]
+    runs = [read_run(path, label, times, ends.get(label, "")) for label, path in bags.items()]
     numbers = {
         f"{run.label} {arm.name}" if len(run.arms) > 1 else run.label: summarise(read_series(path, arm.name))
         for run, path in zip(runs, bags.values(), strict=True)

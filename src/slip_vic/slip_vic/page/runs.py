@@ -119,8 +119,8 @@ def arms_of(bag: Bag) -> list[Topics]:
     return found
 
 
-def read_run(path: Path, label: str, times: Array) -> Run:
-    """Read what the page shows of one bag.
+def read_run(path: Path, label: str, times: Array, end: str = "") -> Run:
+    """Read what the page shows of one bag; `end` says why the run did not end well.
 
     Raises:
         InputError: no bag, a damaged one, or one without joint states or the arm's description.
@@ -135,7 +135,7 @@ def read_run(path: Path, label: str, times: Array) -> Run:
             pose = _held(bag, pose_topic, start_ns, times, _pose_of("pose.pose"))
         return Run(
             label=label,
-            arms=tuple(_read_arm(bag, arm, start_ns, times) for arm in topics),
+            arms=tuple(_read_arm(bag, arm, start_ns, times, end) for arm in topics),
             object_pose=pose,
             object_size=object_size(parameters),
             versions=_versions(bag),
@@ -179,7 +179,10 @@ def shown(run: run_module.Run, label: str, times: Array) -> Run:
                 values=values,
                 efforts=held(series.effort),
                 effort_limits=effort_limits_of(urdf, names),
-                modes=tuple(run.modes[series.arm]),
+                modes=(
+                    *run.modes[series.arm],
+                    *([(float(series.time[-1]), run.reason)] if run.outcome != "ok" else []),
+                ),
             )
         )
         if pose is None:
@@ -193,7 +196,7 @@ def _is_object(topic: str) -> bool:
     return topic.rpartition("/")[2] == "object_state" or topic.endswith("object/state")
 
 
-def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array) -> Arm:
+def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array, end: str) -> Arm:
     states = bag.series(arm.names["joint_states"])
     names = tuple(str(name) for name in states["name"][0])
     parameters = _parameters(bag, "controller.params.yaml", arm.name)
@@ -234,7 +237,7 @@ def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array) -> Arm:
         values=values,
         efforts=efforts,
         effort_limits=effort_limits_of(urdf, names),
-        modes=_modes(bag, arm, states, start_ns),
+        modes=(*_modes(bag, arm, states, start_ns), *([(_last_s(bag, arm, start_ns), end)] if end else [])),
     )
 
 
@@ -355,6 +358,10 @@ def _modes(bag: Bag, arm: Topics, states: Series, start_ns: int) -> tuple[tuple[
         place = max(0, int(np.searchsorted(states.log_time_ns, message.log_time_ns, side="right")) - 1)
         found.append((float(states.stamp_ns[place] - start_ns) * 1e-9, str(message.value.data)))
     return tuple(found)
+
+
+def _last_s(bag: Bag, arm: Topics, start_ns: int) -> float:
+    return float(_stamps(bag, arm.names["joint_states"])[-1] - start_ns) * 1e-9
 
 
 def _stamps(bag: Bag, topic: str) -> NDArray[np.int64]:

@@ -85,6 +85,7 @@ def run_demo(
             command=shlex.join(["slip-vic", *sys.argv[1:]]),
             title=name,
             description=description,
+            ends={law: one["reason"] for law, one in runs.items() if one["outcome"] != "ok"},
         )
         (staging / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         _move_in(staging, out)

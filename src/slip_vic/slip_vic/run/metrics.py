@@ -88,7 +88,7 @@ class SummaryRow:
 def summary_rows(runs: Sequence[Mapping[str, Any]]) -> list[SummaryRow]:
     """Return what tables show of some runs, each as `summarise` returns it."""
     return [
-        SummaryRow(key, label, values, tuple(pattern.format(value) for value in values))
+        SummaryRow(key, label, values, tuple("-" if math.isnan(value) else pattern.format(value) for value in values))
         for key, label, number, pattern in _ROWS
         if not (key in _OPTIONAL and any(key not in run for run in runs))
         for values in [tuple(number(run) for run in runs)]

@@ -57,9 +57,13 @@ function runCard(model, run, number) {
     const texts = run.arms.map((arm, k) => modeOf(arm, k, frame));
     return new Set(texts).size === 1 ? texts[0] : run.arms.map((arm, k) => `${arm.name}: ${texts[k]}`).join("; ");
   };
+  const joints = run.arms[0].joints.length;
   const say = (frame) => {
-    for (const { values, value } of readouts) value.textContent = shown(values[frame]);
-    card.querySelector(".mode").textContent = modeAt(frame);
+    let last = frame; // a run that is over shows what it ended with
+    while (last > 0 && !Number.isFinite(run.arms[0].q[joints * last])) last--;
+    for (const { values, value } of readouts) value.textContent = shown(values[last]);
+    const over = last < frame - 1 ? ` (ended at ${model.time[last].toFixed(2)} s)` : "";
+    card.querySelector(".mode").textContent = modeAt(frame) + over;
     const text = `${run.label} at ${model.time[frame].toFixed(2)} s: ` + [...card.querySelectorAll(".readouts > div")].map((pair) => `${pair.children[0].textContent} ${pair.children[1].textContent}`).join(", ");
     for (const canvas of views.children) canvas.setAttribute("aria-label", text);
   };
