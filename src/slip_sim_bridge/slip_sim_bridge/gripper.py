@@ -35,11 +35,12 @@ class Gripper:
             raise InputError("grip force", got=force, expected="a finite number >= 0")
         self._commanded = float(force)
 
-    def step(self) -> None:
-        """Follow the command for one control period."""
+    def step(self) -> float:
+        """Follow the command for one control period and return the force [N]."""
         if self.force != self._commanded:
             change = self._share * (self._commanded - self.force) if self._share < 1.0 else self._commanded - self.force
             if abs(change) <= self._largest_change:
                 self.force = self.force + change if self._share < 1.0 else self._commanded
             else:
                 self.force += math.copysign(self._largest_change, change)
+        return self.force

@@ -126,7 +126,7 @@ class BridgeSession:
             for sensors in self._sensors:
                 sensors.reset()
         arms = tuple([self._measure(index) for index in range(len(self._arms))])
-        return TickOutputs(self.tick, self.simulation.stamp_ns, tuple(self._counts), arms)
+        return TickOutputs(self.tick, arms[0].readings.joint.stamp_ns, tuple(self._counts), arms)
 
     def advance(self, commands: Sequence[JointCommand | None]) -> None:
         """Apply a command of each arm for one control period; None, an empty or a too old one holds that arm."""

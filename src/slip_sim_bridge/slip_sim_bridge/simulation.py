@@ -109,8 +109,16 @@ class Arm:
         self.posture = posture if self.posture is None else self.posture
         self.drives.follow(self.posture if self.drives.takes_positions else np.zeros_like(self.limits))
 
-    def obey(self, effort: Array) -> Array | None:
-        """Return the effort that the drives apply; None where it is not finite. (n,) [N m]."""
+    def obey(self, effort: Array | None) -> Array | None:
+        """Return the effort that the drives apply; None where there is none, or one that is not finite. (n,) [N m]."""
+        applied = self.limited(effort) if effort is not None else None
+        self.refused = effort is not None and applied is None
+        if applied is not None:
+            self.posture = None
+        return applied
+
+    def limited(self, effort: Array) -> Array | None:
+        """Return an effort within the limits of effort and of its change; None where it is not finite. (n,) [N m]."""
         applied = np.empty(len(self.limits))
         outcome = drive(effort, self.applied, self.largest_change, self.limits, applied)
         if outcome == NOT_FINITE:
@@ -168,25 +176,21 @@ class Simulation:
                 at += len(arm.limits)
         self._period_ns = self.arms[0].params.control_period_ns
         self._pushes, self._normal_forces = np.zeros((len(self.arms), 6)), np.zeros(len(self.arms))
-        self._stamp_ns = 0
+        self.stamp_ns = 0
+        """Simulated time [ns]; it never goes back, not even in a reset."""
         for index, arm in enumerate(self.arms):
             self.push(index, np.array(arm.params.push.wrench), np.array(arm.params.push.effort))
         self._diverged = False
         self._start()
-
-    @property
-    def stamp_ns(self) -> int:
-        """Simulated time [ns]; it never goes back, not even in a reset."""
-        return self._stamp_ns
 
     def start_at(self, stamp_ns: int) -> None:
         """Set the clock before the first step; [ns], not below the present stamp.
 
         In real time stamps are those of the wall clock, as a driver's are.
         """
-        if stamp_ns < self._stamp_ns:
-            raise ValueError(f"the clock never goes back: {stamp_ns} ns is before {self._stamp_ns} ns")
-        self._stamp_ns = self._started_ns = stamp_ns
+        if stamp_ns < self.stamp_ns:
+            raise ValueError(f"the clock never goes back: {stamp_ns} ns is before {self.stamp_ns} ns")
+        self.stamp_ns = self._started_ns = stamp_ns
 
     def set_grip_force(self, arm: int, force: float) -> None:
         """Command the gripper's normal force of the friction limit from the next step on; [N], sum over both pads.
@@ -217,21 +221,27 @@ class Simulation:
         """
         if self._diverged:
             raise DivergenceError("simulation has diverged; reset it")
-        for arm, command in zip(self.arms, commands, strict=True):
+        joints, released, now = [], False, self.stamp_ns - self._started_ns
+        for index, arm in enumerate(self.arms):
+            command = commands[index]
             if command is not None and command.shape != arm.limits.shape:
                 kind = arm.params.drive.interface
                 raise InputError(kind, got=f"{command.size} numbers", expected=f"{arm.limits.size}, one per joint")
-        self._diverged = True  # until the step is over
-        joints = []
-        for index, arm in enumerate(self.arms):
-            arm.coming = effort = self._apply(index, commands[index])
-            if not arm.drives.is_exact:
-                effort = arm.drives.at_joints(effort, self._posture(index))
+            drives = arm.drives
+            effort = arm.obey(command) if drives.is_prompt else self._drive(index, arm, command)
+            arm.coming = effort = self._hold(index, arm) if effort is None else effort
+            if not drives.is_exact:
+                effort = drives.at_joints(effort, self._posture(index))
             joints.append(effort if arm.pushed is None else effort + arm.pushed)
-            arm.gripper.step()
-        if self.plant is self._held:
-            self._look_at_contacts()
-        self._set_normal_forces()
+            force = arm.gripper.step()
+            if arm.has_lost or self._let_go(index, arm):
+                force, released = 0.0, True
+            # Friction is mu N in every law: less of mu is, for the pads, less of N.
+            self._normal_forces[index] = force * arm.falls_to if now >= arm.falls_in_ns else force
+        self._diverged = True  # until the step is over
+        if released and self.plant is self._held and all(arm.has_lost for arm in self.arms):
+            self._loose.take_over([self._held.read(index) for index in range(len(self.arms))])
+            self.plant = self._loose
         efforts = joints[0] if len(joints) == 1 else np.concatenate(joints)
         self.plant.advance(efforts, self._normal_forces, self._drives)
         self._diverged = False
@@ -240,7 +250,7 @@ class Simulation:
             if not arm.drives.takes_efforts:
                 arm.applied = readonly(arm.drives.efforts)
                 arm.saturated = bool((np.abs(arm.applied) >= arm.limits).any())
-        self._stamp_ns += self._period_ns
+        self.stamp_ns += self._period_ns
 
     def reset(self) -> None:
         """Put arms, object, grips and friction back to the start; time continues by one control period."""
@@ -248,7 +258,7 @@ class Simulation:
         for arm in self.arms:
             arm.gripper.put(arm.params.grip.force)
         self._held.reset(np.array([arm.gripper.force for arm in self.arms]))
-        self._stamp_ns += self._period_ns
+        self.stamp_ns += self._period_ns
         self._start()
 
     def observe(self, arm: int) -> Readings:
@@ -256,7 +266,7 @@ class Simulation:
 
         h_ee of Eq. (1) is that of the step that just ended, v_s that of Eq. (14).
         """
-        stamp_ns, at, numbers = self._stamp_ns, self.arms[arm].layout, self.plant.read(arm)
+        stamp_ns, at, numbers = self.stamp_ns, self.arms[arm].layout, self.plant.read(arm)
         numbers.setflags(write=False)
         return Readings(
             JointSample(stamp_ns, numbers[at.position], numbers[at.velocity], self.arms[arm].applied),
@@ -266,62 +276,44 @@ class Simulation:
             at,
         )
 
-    def _apply(self, index: int, command: Array | None) -> Array:
-        """Return what the drives of an arm apply: the effort, or what holds the arm; (n,) [N m]."""
-        arm = self.arms[index]
-        if not arm.drives.is_prompt:
-            command = arm.drives.arriving(command)
-            if not arm.drives.takes_efforts:
-                arm.follow(command, self._posture(index))
-                return np.zeros_like(arm.limits)
-            if command is not None:
-                command = arm.drives.lagging(command, arm.applied)
-        applied = None if command is None else arm.obey(command)
-        arm.refused = command is not None and applied is None
-        if applied is not None:
-            arm.posture = None
-            return applied
+    def _drive(self, index: int, arm: Arm, command: Array | None) -> Array | None:
+        """Return what drives with a delay, a lag or loops of their own apply; None holds the arm. (n,) [N m]."""
+        command = arm.drives.arriving(command)
+        if not arm.drives.takes_efforts:
+            arm.follow(command, self._posture(index))
+            return np.zeros_like(arm.limits)
+        return arm.obey(None if command is None else arm.drives.lagging(command, arm.applied))
+
+    def _hold(self, index: int, arm: Arm) -> Array:
+        """Return the effort that holds the arm where it was when this began; (n,) [N m]."""
         if arm.posture is None:
             arm.posture = self._posture(index)
         hold = arm.params.hold
-        applied = arm.obey(self.plant.holding_effort(index, arm.posture, hold.stiffness, hold.damping))
+        applied = arm.limited(self.plant.holding_effort(index, arm.posture, hold.stiffness, hold.damping))
         if applied is None:
+            self._diverged = True
             raise DivergenceError("simulation diverged: no finite effort holds the arm; reset it")
         return applied
 
-    def _set_normal_forces(self) -> None:
-        """Write the force of each pad that friction gets."""
-        now = self._stamp_ns - self._started_ns
-        for index, arm in enumerate(self.arms):
-            force = 0.0 if arm.has_lost else arm.gripper.force
-            # Friction is mu N in every law: less of mu is, for the pads, less of N.
-            self._normal_forces[index] = force * arm.falls_to if now >= arm.falls_in_ns else force
-
-    def _look_at_contacts(self) -> None:
-        """Let the object leave pads that do not hold it any more, and fall where there is none left."""
-        released = False
-        for index, arm in enumerate(self.arms):
-            if arm.has_lost:
-                continue
-            x, y = self._held.gripped_at(index)
-            if arm.gripper.force <= 0.0:
-                how = "the grip is zero"
-            elif abs(x) > arm.edge[0] or abs(y) > arm.edge[1]:
-                how = f"it has slid over the pad's edge, {1e3 * math.hypot(x, y):.0f} mm from where it was gripped"
-            else:
-                continue
-            arm.has_lost = released = True
-            who = f"{self.names[index]}: " if self.names[index] else ""
-            self.loss = self.loss or Loss(self._stamp_ns, f"{who}the object is lost: {how}")
-        if released and all(arm.has_lost for arm in self.arms):
-            self._loose.take_over([self._held.read(index) for index in range(len(self.arms))])
-            self.plant = self._loose
+    def _let_go(self, index: int, arm: Arm) -> bool:
+        """Let the object leave a pad that does not hold it any more; return whether it did."""
+        (x, y), (end_x, end_y) = self._held.gripped_at(index), arm.edge
+        if arm.gripper.force <= 0.0:
+            how = "the grip is zero"
+        elif abs(x) > end_x or abs(y) > end_y:
+            how = f"it has slid over the pad's edge, {1e3 * math.hypot(x, y):.0f} mm from where it was gripped"
+        else:
+            return False
+        arm.has_lost = True
+        who = f"{self.names[index]}: " if self.names[index] else ""
+        self.loss = self.loss or Loss(self.stamp_ns, f"{who}the object is lost: {how}")
+        return True
 
     def _posture(self, index: int) -> Array:
         return self.plant.read(index)[self.arms[index].layout.position]
 
     def _start(self) -> None:
-        self._started_ns = self._stamp_ns
+        self._started_ns = self.stamp_ns
         for index, arm in enumerate(self.arms):
             posture = self._posture(index)
             arm.start(posture, self.plant.holding_effort(index, posture, 0.0, 0.0))

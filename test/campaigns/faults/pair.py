@@ -13,7 +13,6 @@ import numpy as np
 from slip_core.types import EffortCommand
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
-from slip_vic.replay.run_data import SIDES
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session import Controller, ControllerSession, Results
@@ -28,6 +27,7 @@ PERIOD_S = 0.004
 DURATION_S = 1.2
 LATEST_START_S, LONGEST_S = 0.6, 0.3
 STEADY_NS = 5_000_000_000
+SIDES = ("left", "right")
 SCENARIOS = ("pane_two_arms_flat", "pane_two_arms_upright")
 CASES = (
     *((kind, f"{side}/{topic}") for kind in ON_TOPICS for side in SIDES for topic in TOPICS),

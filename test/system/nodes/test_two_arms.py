@@ -9,7 +9,7 @@ import pytest
 
 from slip_bags.reader import Bag
 from slip_core.stamps import stamp_to_ns
-from slip_vic.replay.run_data import SIDES, read_team
+from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.judge import judge_bag
@@ -17,6 +17,7 @@ from slip_vic.run.launcher import Launcher
 from slip_vic.run.recording import recorded_topics
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 
+SIDES = ("left", "right")
 NOISY = (
     "bridge.duration_s=0.2",
     "controller.trajectory.start_s=0.0",
@@ -58,9 +59,9 @@ def test_dds_equals_in_process(recorded: tuple[Scenario, Path]) -> None:
 def test_the_bag_verifies_and_notices_another_gain(recorded: tuple[Scenario, Path]) -> None:
     with Bag(recorded[1]) as bag:
         assert (
-            verify_run(read_team(bag, {})).text().startswith("identical: 400 cycles, 2744 efforts")
+            verify_run(read_run(bag, {})).text().startswith("identical: 400 cycles, 2744 efforts")
         )  # none while slip is late
-        changed = verify_run(read_team(bag, {"right.gains.kappa": 0.9}))
+        changed = verify_run(read_run(bag, {"right.gains.kappa": 0.9}))
     assert changed.first is not None
     assert changed.first.topic == "right/effort_command"
 

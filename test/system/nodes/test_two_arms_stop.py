@@ -14,7 +14,7 @@ import pytest
 
 from slip_bags.reader import Bag
 from slip_msgs_py.events import Started
-from slip_vic.replay.run_data import SIDES, read_team
+from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.judge import Verdict, judge_bag
 from slip_vic.run.node_command import parameter_arguments, run_parameters
@@ -26,6 +26,7 @@ from slip_vic_controller.safety.modes import Mode
 from test.support.ros import Processes, call_service, wait_until
 from test.system.nodes.test_modes import LATCHED
 
+SIDES = ("left", "right")
 ASSIGNMENTS = (
     "bridge.stop_after_duration=false",
     "bridge.lockstep_timeout_s=60.0",
@@ -164,7 +165,7 @@ def test_what_stops_one_arm_stops_both_in_the_same_cycle_and_the_pane_is_not_tor
         assert together == {(True, True), (False, False)}
         assert {Mode.HOLD, Mode.FAULT} <= set(left.values())
         assert Mode.FAULT not in right.values()
-        assert verify_run(read_team(bag, {})).identical
+        assert verify_run(read_run(bag, {})).identical
     assert judged.worst("slip_linear_peak_m") < 1e-4
     assert judged.together["internal_peak_n"] < 0.6  # N: a tenth of what friction of one pad bears
 

@@ -26,14 +26,14 @@ def test_reference_bag(scenario: str, controller: str, name: str) -> None:
         run = read_run(bag, {})
         verdict = verify_run(run)
     assert verdict.identical, verdict.text()
-    assert run.params.controller == controller
+    assert run[""].params.controller == controller
     row = next(line for line in (BAGS / "README.md").read_text().splitlines() if line.startswith(f"| `{name}`"))
     assert f"slip-vic run --scenario {scenario} --law {controller} --seed {SEED}" in row
 
 
 def test_a_gain_changed_in_its_last_bit_is_noticed() -> None:
     with Bag(BAGS / "paper_planar_vic") as bag:
-        stiffness = read_run(bag, {}).params.gains.stiffness
+        stiffness = read_run(bag, {})[""].params.gains.stiffness
         changed = [float(stiffness[0] * (1.0 + 2.0**-52)), *stiffness[1:]]
         verdict = verify_run(read_run(bag, {"gains.stiffness": changed}))
     assert not verdict.identical

@@ -83,23 +83,24 @@ def answer(session: OneArm, outputs: TickOutputs, known: tuple[int, ...]) -> Eff
 @pytest.mark.parametrize("name", [name for _, _, name in reference_names()])
 def test_reference_bags_verify_from_the_middle(name: str) -> None:
     with Bag(BAGS / name) as bag:
-        run = read_run(bag, {})
-    whole, half = verify_run(run), verify_run(run, from_s=0.5)
+        runs = read_run(bag, {})
+    (run,) = runs.values()
+    whole, half = verify_run(runs), verify_run(runs, from_s=0.5)
     assert half.identical, half.text()
     assert half.cycles < whole.cycles - 400
     # A bag whose beginning is missing begins where the memory is known.
     late = dataclasses.replace(run, ledger=run.ledger[700:], efforts=run.efforts[700:], changes=())
-    assert verify_run(late).identical
+    assert verify_run({"": late}).identical
 
 
 def test_a_state_changed_in_its_last_bit_is_noticed() -> None:
     with Bag(BAGS / "paper_planar_vic") as bag:
-        run = read_run(bag, {})
+        run = read_run(bag, {})[""]
     cycle = min(run.states)
     state = from_text(run.states[cycle])
     at = TASK_SIZE + place(ARM_STATE, "law.posture").start
     state[at] = np.nextafter(state[at], math.inf)
-    verdict = verify_run(dataclasses.replace(run, states={**run.states, cycle: to_text(state)}), from_s=0.5)
+    verdict = verify_run({"": dataclasses.replace(run, states={**run.states, cycle: to_text(state)})}, from_s=0.5)
     assert not verdict.identical
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from typing import cast
 
 import mujoco
 import numpy as np
@@ -108,6 +109,7 @@ class RigidPlant:
 
         # Views into MuJoCo's memory: valid as long as `data` lives, always the current numbers.
         self._qpos: Array = data.qpos
+        self._slid: Array = data.qpos[n : n + 2]
         self._qvel: Array = data.qvel
         self._applied: Array = data.qfrc_applied
         self._bias: Array = data.qfrc_bias
@@ -135,7 +137,7 @@ class RigidPlant:
 
     def gripped_at(self, _arm: int) -> tuple[float, float]:
         """Return where the point of the object that was gripped is on the pad, along x and y of {ee} [m]."""
-        return float(self._qpos[self._n]), float(self._qpos[self._n + 1])
+        return cast(tuple[float, float], self._slid.tolist())
 
     def reset(self, normal_forces: Array) -> None:
         """Put everything back to the initial posture, held and at rest; (1,) [N].

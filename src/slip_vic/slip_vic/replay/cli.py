@@ -23,18 +23,17 @@ def verify(bag_path: Path, assignments: tuple[str, ...], from_s: float) -> None:
 
     from slip_bags.reader import Bag
     from slip_core.params import parse_assignment
-    from slip_vic.replay.run_data import TeamRun, is_team, read_run, read_team
+    from slip_vic.replay.run_data import read_run
     from slip_vic.replay.verify import other_software, verify_run
 
     console = Console(stderr=True)
     with Bag(bag_path) as opened:
         changes = dict(parse_assignment(text) for text in assignments)
-        run = read_team(opened, changes) if is_team(opened) else read_run(opened, changes)
+        runs = read_run(opened, changes)
         notes = other_software(opened.custom_data)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        sides = run.sides if isinstance(run, TeamRun) else (run,)
-        task = progress.add_task("replaying", total=sum(len(side.ledger) for side in sides))
-        verdict = verify_run(run, lambda: progress.advance(task), from_s)
+        task = progress.add_task("replaying", total=sum(len(run.ledger) for run in runs.values()))
+        verdict = verify_run(runs, lambda: progress.advance(task), from_s)
     click.echo(verdict.text())
     if not verdict.identical:
         for note in notes:

@@ -10,9 +10,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_core.arms import prefix_of
 from slip_core.errors import InputError
 from slip_core.types import JointSample, PoseGoal, SlipSample, WrenchSample
-from slip_vic.replay.run_data import SIDES, LedgerEntry, RecordedRun, TeamRun
+from slip_vic.replay.run_data import LedgerEntry, RecordedRun
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.safety.reasons import JOINT_STATES
@@ -115,35 +116,42 @@ def first_index(run: RecordedRun, from_s: float = 0.0) -> int:
     )
 
 
-def replay(run: RecordedRun, begin: int = 0) -> Iterator[Divergence | None]:
-    """Yield per cycle None where effort and mode are the recorded ones to the last bit, else the first difference.
+def first_indices(runs: Mapping[str, RecordedRun], from_s: float = 0.0) -> tuple[int, ...]:
+    """Return where in each arm's ledger a replay begins, as of `first_index`: in one cycle of all arms.
+
+    Raises:
+        InputError: there is no such cycle.
+    """
+    first, *others = runs.values()
+    begin = first_index(first, from_s)
+    if begin == 0:
+        return (0, *map(first_index, others))
+    now_ns = first.ledger[begin].now_ns
+    return (begin, *(_state_at(name, run, now_ns) for name, run in list(runs.items())[1:]))
+
+
+def _state_at(name: str, run: RecordedRun, now_ns: int) -> int:
+    for index, entry in enumerate(run.ledger):
+        if entry.now_ns == now_ns and entry.cycle in run.states:
+            return index
+    raise InputError(
+        "the ledgers", got=f"no state of the arm {name} at {now_ns} ns, where the first arm has one",
+        expected="states of all arms in the same cycle",
+    )  # fmt: skip
+
+
+def replay(runs: Mapping[str, RecordedRun], begins: Sequence[int]) -> Iterator[Divergence | None]:
+    """Yield per cycle of each arm None where effort and mode are the recorded ones to the last bit, else what differs.
 
     Args:
-        run: the run.
-        begin: index in the ledger, of `first_index`.
+        runs: of each arm, in one controller.
+        begins: indices in their ledgers, of `first_indices`.
 
     Raises:
         InputError: the run cannot be replayed from this bag.
 
     The ledger gives the inputs, clock, verdicts and requests of every cycle; the rest is code.
     """
-    return _replay({"": run}, (begin,))
-
-
-def replay_team(run: TeamRun, from_s: float = 0.0) -> Iterator[Divergence | None]:
-    """Yield per cycle and arm what `replay` does; all arms ran in one controller.
-
-    Args:
-        run: the run.
-        from_s: begin no earlier than this many seconds after the first cycle.
-
-    Raises:
-        InputError: as of `replay`.
-    """
-    return _replay(dict(zip(SIDES, run.sides, strict=True)), team_begins(run, from_s))
-
-
-def _replay(runs: Mapping[str, RecordedRun], begins: Sequence[int]) -> Iterator[Divergence | None]:
     params, urdfs = ({name: getattr(run, of) for name, run in runs.items()} for of in ("params", "urdf"))
     lockstep = next(iter(params.values())).mode == "lockstep"
     session = ControllerSession(Controller(params, urdfs, lockstep=lockstep))
@@ -152,8 +160,7 @@ def _replay(runs: Mapping[str, RecordedRun], begins: Sequence[int]) -> Iterator[
         turn = [arms[k] for k in _turn([arm.entry for arm in arms])]
         for arm, entry, result in zip(turn, *_cycle(session, turn), strict=True):
             found = _compare(arm.run, entry, arm.run.efforts[arm.at - 1], result)
-            prefix = f"{arm.name}/" if arm.name else ""
-            yield None if found is None else replace(found, topic=f"{prefix}{found.topic}")
+            yield None if found is None else replace(found, topic=f"{prefix_of(arm.name)}{found.topic}")
 
 
 def _cycle(session: ControllerSession, turn: Sequence[_Arm]) -> tuple[list[LedgerEntry], list[CycleResult]]:
@@ -169,22 +176,6 @@ def _cycle(session: ControllerSession, turn: Sequence[_Arm]) -> tuple[list[Ledge
     if any(arm.waited(entry) for arm, entry in zip(turn, entries, strict=True)):
         session.set_active(session.active)  # as the run did
     return entries, results
-
-
-def team_begins(run: TeamRun, from_s: float) -> tuple[int, ...]:
-    """Return where in both ledgers a replay begins, as of `first_index`: in one cycle of both."""
-    left, right = run.sides
-    first = first_index(left, from_s)
-    if first == 0:
-        return 0, first_index(right)
-    now_ns = left.ledger[first].now_ns
-    for index, entry in enumerate(right.ledger):
-        if entry.now_ns == now_ns and entry.cycle in right.states:
-            return first, index
-    raise InputError(
-        "the ledgers", got=f"no state of the right arm in cycle {left.ledger[first].cycle} of the left one",
-        expected="states of both arms in the same cycle",
-    )  # fmt: skip
 
 
 def _turn(entries: Sequence[LedgerEntry | None]) -> tuple[int, ...]:

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from slip_bags.reader import Bag
 from slip_bags.series import Series
-from slip_core.arms import by_arm, model_of_arms
+from slip_core.arms import by_arm, model_of_arms, prefix_of
 from slip_core.arrays import readonly
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
-from slip_core.params import Model, build, flat_names, flatten
+from slip_core.params import build, flat_names, flatten
 from slip_core.topics import contact_topic
 from slip_core.types import CartesianReference, JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_msgs_py.messages.from_msgs import (
@@ -31,7 +31,6 @@ from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.snapshot import cycle_of
 
-SIDES: Final = ("left", "right")
 LEDGER: Final = "controller/ledger"
 STATE: Final = "controller/state"
 GIVEN: Final = "controller/reference_used"
@@ -82,7 +81,7 @@ class ParameterChange:
 
 @dataclass(frozen=True, slots=True)
 class RecordedRun:
-    """Everything a replay needs, and what it must reproduce.
+    """Everything that a replay of one arm needs, and what it must reproduce.
 
     joints, wrenches, slips: by stamp [ns], the last two per contact. efforts: per ledger entry, (n,) [N m] or (0,).
     states: the controller's state as text, by the cycle that begins with it. given: references or goals in their order.
@@ -100,77 +99,56 @@ class RecordedRun:
     given: tuple[CartesianReference | PoseGoal, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class TeamRun:
-    """A run of two arms in one controller, left first."""
+def read_run(bag: Bag, overrides: dict[str, Any]) -> dict[str, RecordedRun]:
+    """Read the run of each arm from a bag, by the arm's name; "" is the name of an only arm.
 
-    sides: tuple[RecordedRun, RecordedRun]
-
-
-def read_run(bag: Bag, overrides: dict[str, Any]) -> RecordedRun:
-    """Read a run from its bag; `overrides` replaces parameters by dotted name, with or without ``controller.``.
+    Args:
+        bag: the recording of one controller.
+        overrides: parameters to replace, by dotted name, with or without ``controller.``; of several arms ``arm.name``.
 
     Raises:
         InputError: something a replay needs is not in the bag, or messages were lost.
     """
-    prefix, params = _namespace(bag), _parameters(bag, ControllerNodeParams, overrides)
-    source = _Source(bag, prefix, prefix, f"{prefix}{NODE}")
-    return _read_arm(source, params, [contact_topic("", index) for index in range(len(params.contacts.position) // 3)])
-
-
-def read_team(bag: Bag, overrides: dict[str, Any]) -> TeamRun:
-    """Read a run of two arms from its bag; `overrides` as of `read_run`, names begin with ``left.`` or ``right.``.
-
-    Raises:
-        InputError: as of `read_run`.
-    """
-    root, params = _team_namespace(bag), _parameters(bag, model_of_arms(ControllerNodeParams, SIDES), overrides)
-    left, right = (
-        _read_arm(
-            _Source(bag, root, f"{root}{side}/", f"{root}{NODE}", side),
-            own,
-            ["", f"../{other}/"][: len(own.contacts.position) // 3],
-        )
-        for side, other, own in zip(SIDES, reversed(SIDES), by_arm(params).values(), strict=True)
-    )
-    return TeamRun((left, right))
-
-
-def is_team(bag: Bag) -> bool:
-    """Whether a bag is the recording of two arms in one controller."""
-    return all(any(name.endswith(f"/{side}/{LEDGER}") for name in bag.topics) for side in SIDES)
+    params = _parameters(bag, overrides)
+    root = _namespace(bag, f"{prefix_of(next(iter(params)))}{LEDGER}")
+    return {name: _read_arm(_Source(bag, root, name, tuple(params)), own) for name, own in params.items()}
 
 
 class _Source(NamedTuple):
     """Where an arm's run is in a bag.
 
-    root: namespace of the node; prefix: of the arm's topics; node: full name; side: of the arm, empty if it is alone.
+    root: namespace of the node; name: of the arm; names: of all arms.
     """
 
     bag: Bag
     root: str
-    prefix: str
-    node: str
-    side: str = ""
+    name: str
+    names: tuple[str, ...]
 
-    def contact(self, place: str) -> str:
-        """Return the prefix of a contact's topics, given as seen from the arm's own."""
-        return self.root + place.removeprefix("../") if place.startswith("../") else self.prefix + place
+    @property
+    def prefix(self) -> str:
+        """Prefix of the arm's topics."""
+        return self.root + prefix_of(self.name)
+
+    def contacts(self, count: int) -> list[str]:
+        """Return the prefix of the topics of each contact: the own one, those of the other arms, further own ones."""
+        arms = self.name, *(name for name in self.names if name != self.name)
+        places = [self.root + prefix_of(name) for name in arms[:count]]
+        return places + [self.prefix + contact_topic("", index) for index in range(len(places), count)]
 
 
-def _read_arm(source: _Source, params: ControllerNodeParams, contacts: Sequence[str]) -> RecordedRun:
+def _read_arm(source: _Source, params: ControllerNodeParams) -> RecordedRun:
     bag, prefix = source.bag, source.prefix
     ledger_series = _complete(bag, prefix + LEDGER)
-    order = JointOrder(params.joint_names)
-    places = [source.contact(place) for place in contacts]
+    order, contacts = JointOrder(params.joint_names), source.contacts(len(params.contacts.position) // 3)
     return RecordedRun(
         params=params,
         changes=_changes(source, params, ledger_series),
-        urdf=_attachment(bag, f"{source.side}.urdf" if source.side else URDF),
+        urdf=_attachment(bag, f"{source.name}.urdf" if source.name else URDF),
         ledger=tuple(_entry(row, len(contacts)) for row in ledger_series["data"].tolist()),
         joints=_joints(_complete(bag, f"{prefix}joint_states"), order),
-        wrenches=tuple(_wrenches(bag, f"{place}wrench") for place in places),
-        slips=tuple(_slips(bag, place, params) for place in places),
+        wrenches=tuple(_wrenches(bag, f"{contact}wrench") for contact in contacts),
+        slips=tuple(_slips(bag, contact, params) for contact in contacts),
         efforts=_efforts(_complete(bag, f"{prefix}effort_command"), ledger_series, order),
         states=_states(bag, prefix + STATE),
         given=_given(bag, source.root + GIVEN, params),
@@ -195,20 +173,11 @@ def _states(bag: Bag, topic: str) -> dict[int, str]:
     return {cycle: text for cycle, text in zip(cycles, texts, strict=True) if cycle is not None}
 
 
-def _namespace(bag: Bag) -> str:
-    found = [name.removesuffix(LEDGER) for name in bag.topics if name.endswith(f"/{LEDGER}")]
+def _namespace(bag: Bag, ledger: str) -> str:
+    found = [name.removesuffix(ledger) for name in bag.topics if name.endswith(f"/{ledger}")]
     if len(found) != 1:
-        got = f"{len(found)} topics {LEDGER}"
+        got = f"{len(found)} topics {ledger}"
         raise InputError(f"bag {bag.path}", got=got, expected="the recording of one controller")
-    return found[0]
-
-
-def _team_namespace(bag: Bag) -> str:
-    ends = f"{SIDES[0]}/{LEDGER}"
-    found = [name.removesuffix(ends) for name in bag.topics if name.endswith(f"/{ends}")]
-    if len(found) != 1:
-        got = f"{len(found)} topics {ends}"
-        raise InputError(f"bag {bag.path}", got=got, expected="the recording of one controller of two arms")
     return found[0]
 
 
@@ -218,7 +187,7 @@ def _attachment(bag: Bag, name: str) -> str:
     return bag.attachments[name].decode("utf-8")
 
 
-def _parameters(bag: Bag, model: type[Model], overrides: dict[str, Any]) -> Model:
+def _parameters(bag: Bag, overrides: dict[str, Any]) -> dict[str, ControllerNodeParams]:
     try:
         (node,) = read_yaml(_attachment(bag, PARAMETERS)).values()
         values = flat_names(node["ros__parameters"])
@@ -226,17 +195,19 @@ def _parameters(bag: Bag, model: type[Model], overrides: dict[str, Any]) -> Mode
         got = f"{type(error).__name__} {error}"
         raise InputError(f"{PARAMETERS} of {bag.path}", got=got, expected="a ROS parameter file") from None
     named = {name.removeprefix("controller.") if name != "controller" else name: v for name, v in overrides.items()}
-    return build(model, {**values, **named}, f"{PARAMETERS} of {bag.path}")
+    arms = tuple(values.get("arms", ()))
+    model = model_of_arms(ControllerNodeParams, arms) if arms else ControllerNodeParams
+    return by_arm(build(model, {**values, **named}, f"{PARAMETERS} of {bag.path}"))
 
 
 def _changes(source: _Source, params: ControllerNodeParams, ledger: Series) -> tuple[ParameterChange, ...]:
     """Read what was set at run time; node and ledger share a thread and a clock, so their order is exact."""
     if EVENTS not in source.bag.topics:
         return ()
-    changes, own = [], f"{source.side}." if source.side else ""
+    changes, own = [], f"{source.name}." if source.name else ""
     for message in source.bag.messages(EVENTS):
         event = message.value
-        if event.node != source.node or not event.changed_parameters:
+        if event.node != f"{source.root}{NODE}" or not event.changed_parameters:
             continue
         given = {item.name: _parameter_value(item.value) for item in event.changed_parameters}
         changed = {name.removeprefix(own): v for name, v in given.items() if name.startswith(own)}

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from slip_bags.provenance import provenance
-from slip_vic.replay.replay import Divergence, first_index, replay, replay_team, team_begins
-from slip_vic.replay.run_data import RecordedRun, TeamRun
+from slip_vic.replay.replay import Divergence, first_indices, replay
+from slip_vic.replay.run_data import RecordedRun
 from slip_vic.run.recording import versions
 
 
@@ -40,27 +40,21 @@ class Comparison:
 
 
 def verify_run(
-    run: RecordedRun | TeamRun, on_cycle: Callable[[], None] = lambda: None, from_s: float = 0.0
+    runs: Mapping[str, RecordedRun], on_cycle: Callable[[], None] = lambda: None, from_s: float = 0.0
 ) -> Comparison:
-    """Replay a run; `on_cycle` is called after every cycle; from_s: begin so many seconds after the first cycle.
+    """Replay the run of each arm; `on_cycle` is called after every cycle; from_s: begin so many seconds in.
 
     Raises:
         InputError: the run cannot be replayed from its bag.
     """
-    begins: tuple[int, ...]
-    sides: tuple[RecordedRun, ...]
-    if isinstance(run, TeamRun):
-        begins, sides, cycles = team_begins(run, from_s), run.sides, replay_team(run, from_s)
-    else:
-        begins, sides = (first_index(run, from_s),), (run,)
-        cycles = replay(run, begins[0])
+    begins = first_indices(runs, from_s)
     different, first = 0, None
-    for divergence in cycles:
+    for divergence in replay(runs, begins):
         on_cycle()
         if divergence is not None:
             different += 1
             first = first or divergence
-    rest = [side.efforts[begin:] for side, begin in zip(sides, begins, strict=True)]
+    rest = [run.efforts[begin:] for run, begin in zip(runs.values(), begins, strict=True)]
     return Comparison(sum(map(len, rest)), sum(len(effort) for efforts in rest for effort in efforts), different, first)
 
 
