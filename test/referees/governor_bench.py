@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
-from slip_core.records import layout, new, record
+from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, new, record
 from slip_core.vectors import ZERO, Spatial, mat, put_spatial, spatial, vec
 from slip_vic_controller.reference import governor as g
 from slip_vic_controller.reference.friction_estimate import Friction, slip_sample
@@ -40,8 +40,15 @@ def configuration(case, **changes):
     return buffer
 
 
-OBJECT = layout(mass="f8", inertia=("f8", (3, 3)), r=("f8", 3))
-"""The object on pad axes."""
+class Grasped(Record):
+    """The object on pad axes."""
+
+    mass: Real
+    inertia: Mat3
+    r: Vec3
+
+
+OBJECT = dtype_of(Grasped)
 
 
 @part

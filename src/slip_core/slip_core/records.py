@@ -79,16 +79,6 @@ def _field(name: str, hint: Any) -> tuple[Any, ...]:
     raise TypeError(f"{name}: {hint} is no Real, Whole, Annotated array or Record")
 
 
-def layout(**fields: Any) -> np.dtype[np.void]:
-    """Return a layout of named fields.
-
-    Args:
-        fields: REAL, WHOLE or another layout; with a shape as a pair, for instance (REAL, (3, 3)) or (CONTACT, 2).
-    """
-    described = [(name, *kind) if isinstance(kind, tuple) else (name, kind) for name, kind in fields.items()]
-    return np.dtype(described)
-
-
 def new(dtype: np.dtype[np.void]) -> Array:
     """Return a buffer of zeros for a layout."""
     return np.zeros(dtype.itemsize // 8)

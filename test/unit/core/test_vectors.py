@@ -3,16 +3,32 @@
 import os
 import subprocess
 import sys
+from typing import Annotated
 
 import numpy as np
 
 from slip_core.compiled import IN1, OUT1, VOID, kernel, part
-from slip_core.records import REAL, WHOLE, layout, new, record
+from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, dtype_of, new, record
 from slip_core.vectors import IDENTITY, Mat, Vec, mat, put, put_mat, put_spatial, spatial, vec
 
-CONTACT = layout(position=(REAL, 3), rotation=(REAL, (3, 3)), axes=(REAL, 6), count=WHOLE)
-GRASP = layout(k_s=REAL, K_D=(REAL, 6), contacts=(CONTACT, 3), flag=WHOLE)
 SEED = 3
+
+
+class Contact(Record):
+    position: Vec3
+    rotation: Mat3
+    axes: Vec6
+    count: Whole
+
+
+class Grasp(Record):
+    k_s: Real
+    K_D: Vec6
+    contacts: Annotated[Records[Contact], 3]
+    flag: Whole
+
+
+GRASP = dtype_of(Grasp)
 
 
 @part

@@ -7,7 +7,7 @@ import pytest
 from numba import njit
 
 from slip_core.compiled import part
-from slip_core.records import REAL, layout, new, record
+from slip_core.records import Real, Record, dtype_of, new, record
 from slip_core.vectors import Vec
 from slip_sim_bridge.friction.limit_surface import projection
 from slip_sim_bridge.plant import rigid, rigid_step
@@ -23,10 +23,15 @@ def _limit(law, speed, normal_force):
 _project = projection(_limit)
 
 
+class WeakeningLaw(Record):
+    mu: Real
+    half_speed: Real  # m/s
+
+
 class Weakening:
     """F(s) = mu N / (1 + s / half_speed); its state counts steps in stick and in slip."""
 
-    LAYOUT = layout(mu=REAL, half_speed=REAL)
+    LAYOUT = dtype_of(WeakeningLaw)
     STATEFUL = True
     limit = staticmethod(_limit)
 

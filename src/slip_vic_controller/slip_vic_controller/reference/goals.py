@@ -47,9 +47,6 @@ class GoalsConfig(Record):
     most_turning: Real  # rad/s
 
 
-GOALS = dtype_of(GoalsConfig)
-
-
 class Goal(Record):
     """The newest goal, and the motion towards the one under way; {w}."""
 
@@ -134,7 +131,7 @@ def quintic_to(path: Path, i: int, h: float, p: float, v: float, a: float) -> No
 
 @part
 def screen_goal(goals: GoalsConfig, goal: Goal, now: Reference, at_work: bool) -> None:
-    """Refuse a goal that waits and cannot be begun; goals: GOALS; now: where the reference is."""
+    """Refuse a goal that waits and cannot be begun; now: where the reference is."""
     if goal.pending == 0:
         return
     way, turn = (vec(goal.to_position) - now.position).norm(), mat(goal.to_rotation) @ now.rotation.T()

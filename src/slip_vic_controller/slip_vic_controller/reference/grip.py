@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Whole, dtype_of
+from slip_core.records import Real, Record, Whole
 from slip_vic_controller.reference.path_grid import GRID_POINTS, PathGrid
 
 
@@ -35,12 +35,9 @@ class Grip(Record):
     actual: Real  # N, what the gripper is taken to hold with
 
 
-GRIP_CONFIG, GRIP = dtype_of(GripConfig), dtype_of(Grip)
-
-
 @part
 def start_grip(config: GripConfig, grip: Grip) -> None:
-    """Begin with the grip that is told; GRIP_CONFIG, GRIP."""
+    """Begin with the grip that is told."""
     grip.command = grip.actual = config.told
 
 
@@ -74,7 +71,7 @@ def follow_load(config: GripConfig, grip: Grip, load: float, F_told: float, dt: 
     """Move the command towards what a load needs, and the gripper towards its command.
 
     Args:
-        config, grip: GRIP_CONFIG, GRIP.
+        config, grip: parameters and state of the grip.
         load: that friction must carry [N].
         F_told: friction limit at the grip that is told [N].
         dt: since the cycle before [s].

@@ -64,7 +64,7 @@ class Stream(Record):
     points: Annotated[Records[GridPoint], STREAM_POINTS]
 
 
-STREAM_CONFIG, QUEUED_REFERENCE, STREAM = dtype_of(StreamConfig), dtype_of(QueuedReference), dtype_of(Stream)
+STREAM = dtype_of(Stream)
 
 
 @part
@@ -83,7 +83,7 @@ def take_queued(config: StreamConfig, stream: Stream, state: Governor, now_ns: i
     Where the pad rests with nothing to follow, the way to the first sample takes `preview_s` of the stream's time.
 
     Args:
-        config, stream: STREAM_CONFIG, STREAM.
+        config, stream: limits of the stream, and its state.
         state: GOVERNOR; its time is set where the path begins.
         now_ns: stamp of the cycle.
     """

@@ -66,9 +66,6 @@ class ArbitrationConfig(Record):
     resume_slip_angular: Real  # rad/s
 
 
-ARBITRATION = dtype_of(ArbitrationConfig)
-
-
 class Since(Record):
     """Since when something is so, NEVER where it is not."""
 
@@ -77,9 +74,6 @@ class Since(Record):
     saturated_ns: Whole
     stopping_ns: Whole
     joint_bad_ns: Whole
-
-
-SINCE = dtype_of(Since)
 
 
 class GovernorMargin(Protocol):

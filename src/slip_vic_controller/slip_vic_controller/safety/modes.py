@@ -92,9 +92,6 @@ class TransitionReasons(NamedTuple):
     degraded: Reason
 
 
-NO_REASONS = TransitionReasons(NOTHING, NOTHING, NOTHING, NOTHING)
-
-
 @part
 def follows(mode: int) -> bool:
     """Return whether the law is at work in a mode."""

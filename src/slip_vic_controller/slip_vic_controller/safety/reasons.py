@@ -7,7 +7,7 @@ from enum import IntEnum, unique
 from typing import NamedTuple
 
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Whole, dtype_of
+from slip_core.records import Real, Record, Whole
 from slip_vic_controller.arm.estimator import Finding
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.sizes import MAX_CONTACTS
@@ -70,9 +70,6 @@ class ReasonRecord(Record):
     limit: Real  # unit: see Cause
 
 
-REASON = dtype_of(ReasonRecord)
-
-
 class Reason(NamedTuple):
     """Why, as codes."""
 
@@ -115,7 +112,7 @@ def put_reason(r: ReasonRecord, reason: Reason) -> None:
 
 
 def describe(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> str:
-    """Return the words of a reason, or of a REASON; an empty text where there is none."""
+    """Return the words of a reason; an empty text where there is none."""
     text = _cause_text(reason, joint_names)
     if reason.prefix & Prefix.ASKED_AND:
         text = f"asked to hold; {text}"

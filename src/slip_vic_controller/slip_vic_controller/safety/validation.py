@@ -39,9 +39,6 @@ class Rate(Record):
     jitter_s: Real  # s; mean deviation from it
 
 
-RATE = dtype_of(Rate)
-
-
 class VectorLimits(Record):
     """Limits of a wrench or slip velocity."""
 
@@ -52,9 +49,6 @@ class VectorLimits(Record):
     angular: Real  # N m or rad/s
     zero_is_normal: Whole  # whether zero may stay permanently, as a slip velocity does
     zero_after: Whole  # samples in a row that are zero until they are invalid, 0 = never
-
-
-VECTOR_LIMITS = dtype_of(VectorLimits)
 
 
 class VectorInput(Record):
@@ -73,9 +67,6 @@ class VectorInput(Record):
     refused_ns: Whole  # its arrival
     rate: Rate
     counts: Annotated[WholeArray, FAULTS]  # how often each Fault was seen
-
-
-VECTOR_INPUT = dtype_of(VectorInput)
 
 
 class SlipQueue(Record):
@@ -99,9 +90,6 @@ class JointLimits(Record):
     age_ns: Whole
     frozen_ns: Whole
     accept_after: Whole  # samples that agree after a jump until it is taken as a restart
-
-
-JOINT_LIMITS = dtype_of(JointLimits)
 
 
 class JointRecord(Record):
@@ -134,9 +122,6 @@ class JointInput(Record):
     answers: JointRecord  # the one that the next cycle answers
     rate: Rate
     counts: Annotated[WholeArray, FAULTS]  # how often each Fault was seen
-
-
-JOINT_INPUT = dtype_of(JointInput)
 
 
 @part
