@@ -4,7 +4,9 @@ python tools/real_runs.py table RAW_DIR [OUT]   the committed table, from the da
 python tools/real_runs.py fit                   the calibrated grasp, from the table
 python tools/real_runs.py cross                 every run predicted from the others
 python tools/real_runs.py predict RUN_DIR       JSON, from RUN_DIR/robot_state.csv and nothing else of it
+python tools/real_runs.py ahead PEAK...         the same path with other peak accelerations
 python tools/real_runs.py bag RUN_DIR OUT       the run as a bag that `slip-vic bag info` and `slip-vic report` read
+python tools/real_runs.py observe BAG           when the controller's slip observer reports slip in such a bag
 python tools/real_runs.py detect                slip detectors learnt from the other runs, against the marker
 python tools/real_runs.py limit                 friction learnt from the first slip, and the timing below it
 
@@ -46,13 +48,13 @@ def table(raw: Path, out: Path) -> None:
 @click.option("--processes", default=2, show_default=True)
 @click.option("--out", "-o", type=click.Path(path_type=Path), default=CALIBRATION, show_default=True)
 def fit(members: int, processes: int, out: Path) -> None:
-    """Calibrate the grasp on all runs of the table; some minutes."""
-    from tools.real_data import calibrate
+    """Calibrate the grasp on all runs of the table, after cross --refit; some minutes."""
+    from tools.real_data import calibrate, cross
     from tools.real_data.table import read_table
 
-    runs = read_table()
+    runs, (_, deviation) = read_table(), cross.ensembles()
     found = calibrate.fit(runs, members, seed=0, processes=processes)
-    calibrate.write(out, runs, found)
+    calibrate.write(out, runs, found, deviation)
     click.echo(f"{out}: {len(found)} members, cost {found[0].cost:.1f} to {found[-1].cost:.1f}")
 
 
@@ -61,10 +63,10 @@ def fit(members: int, processes: int, out: Path) -> None:
 def predict(run: Path) -> None:
     """Predict a run from the motion of its pads alone and print JSON."""
     from tools.real_data import calibrate
-    from tools.real_data.predict import DISCREPANCY, predict
+    from tools.real_data.predict import predict
     from tools.real_data.runs import read_pad_motion
 
-    prediction = predict(read_pad_motion(run), calibrate.read()[0], DISCREPANCY)
+    prediction = predict(read_pad_motion(run), calibrate.read()[0])
     click.echo(json.dumps(prediction.json()))
 
 
@@ -72,24 +74,52 @@ def predict(run: Path) -> None:
 @click.argument("run", type=click.Path(path_type=Path))
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option("--urdf", type=click.Path(path_type=Path), help="of the arm; default: the suite's own")
-def bag(run: Path, out: Path, urdf: Path | None) -> None:
-    """Write a run of the data set as a bag."""
-    from tools.real_data.bag import write_bag
+@click.option("--sensor", "described", type=click.Path(path_type=Path), help="write its slip sensor as YAML, too")
+def bag(run: Path, out: Path, urdf: Path | None, described: Path | None) -> None:
+    """Write a run of the data set as a bag; and what `slip-vic tune --sensor` takes of it."""
+    import yaml
+
+    from tools.real_data.bag import sensor, write_bag
 
     click.echo(f"{out}: {write_bag(run, out, urdf)} messages")
+    if described is not None:
+        described.write_text(yaml.safe_dump(sensor(run), sort_keys=False))
+        click.echo(f"{described}: slip sensor of {run.name}")
 
 
 @main.command()
-@click.option("--refit", is_flag=True, help="fit the ensembles anew first; some minutes")
+@click.argument("path", metavar="BAG", type=click.Path(path_type=Path))
+def observe(path: Path) -> None:
+    """Run the controller's slip observer on a bag's slip velocities; print from when to when it reports slip [s]."""
+    from tools.real_data.detect import observe_bag
+
+    found = observe_bag(path)
+    for begin, end in found:
+        click.echo(f"{begin:.3f} to {end:.3f} s")
+    click.echo(f"{len(found)} slips about the pads' normal")
+
+
+@main.command()
+@click.option("--refit", is_flag=True, help="fit the ensembles anew first; a quarter of an hour")
 @click.option("--members", default=40, show_default=True, help="of each ensemble")
 @click.option("--processes", default=2, show_default=True)
-def cross(refit: bool, members: int, processes: int) -> None:
+@click.option("--seed", default=0, show_default=True, help="of starts and draws")
+def cross(refit: bool, members: int, processes: int, seed: int) -> None:
     """Predict every run from the others."""
     from tools.real_data import cross
 
     if refit:
-        cross.leave_one_out(members, processes)
+        cross.leave_one_out(members, processes, seed)
     click.echo("\n".join(cross.table()))
+
+
+@main.command()
+@click.argument("peaks", metavar="PEAK...", type=click.FloatRange(0.05, 5.0), nargs=-1, required=True)
+def ahead(peaks: tuple[float, ...]) -> None:
+    """Predict the path of the data set with other peak accelerations [m/s^2]."""
+    from tools.real_data import cross
+
+    click.echo("\n".join(cross.ahead(peaks)))
 
 
 @main.command()

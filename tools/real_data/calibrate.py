@@ -18,6 +18,7 @@ from scipy.optimize import least_squares
 
 from slip_core.arrays import Array
 from tools.real_data.grasp import NAMES, simulate, values
+from tools.real_data.predict import Ensemble
 from tools.real_data.table import DATA, Run
 
 CALIBRATION = DATA / "real_runs_grasp.json"
@@ -100,8 +101,11 @@ def spread(best: Array, runs: Sequence[Run], members: int, seed: int) -> list[Me
 def fit(runs: Sequence[Run], members: int, seed: int, processes: int = 1) -> list[Member]:
     """Return an ensemble, the best solution first."""
     tasks = [(runs, seed * 1000 + i) for i in range(STARTS)]
-    with Pool(processes) as pool:
-        found = pool.map(search, tasks, chunksize=1)
+    if processes == 1:
+        found = [search(task) for task in tasks]
+    else:
+        with Pool(processes) as pool:
+            found = pool.map(search, tasks, chunksize=1)
     return spread(min(found, key=lambda x: cost(x, runs)), runs, members, seed)
 
 
@@ -114,21 +118,29 @@ def _member(x: Array, runs: Sequence[Run]) -> Member:
     return Member(x[: len(NAMES)], x[len(NAMES) :].reshape(-1, OF_RUN), cost(x, runs))
 
 
-def write(path: Path, runs: Sequence[Run], found: Sequence[Member], **more: Any) -> None:
-    """Write an ensemble as JSON, the parameters in deviations of their priors."""
-    data = {
-        "source": "python tools/real_runs.py fit",
-        "runs": [run.name for run in runs],
-        "names": list(NAMES),
-        **more,
+def as_json(found: Sequence[Member], deviation: float) -> dict[str, Any]:
+    """Return an ensemble as plain numbers, the parameters in deviations of their priors."""
+    return {
+        "deviation": deviation,
         "costs": [round(member.cost, 1) for member in found],
         "of_runs": [np.round(member.of_runs, 3).tolist() for member in found],
         "members": [np.round(member.standard, 4).tolist() for member in found],
     }
-    path.write_text(json.dumps(data, indent=None, separators=(",", ":")).replace('],"', '],\n"') + "\n")
 
 
-def read(path: Path = CALIBRATION) -> tuple[Array, dict[str, Any]]:
-    """Return the members (m, len(NAMES)) of an ensemble, and all that its file has."""
+def from_json(data: dict[str, Any]) -> Ensemble:
+    """Return the ensemble."""
+    return Ensemble(np.array(data["members"], float), np.array(data["of_runs"], float), data["deviation"])
+
+
+def write(path: Path, runs: Sequence[Run], found: Sequence[Member], deviation: float) -> None:
+    """Write the ensemble of these runs."""
+    names = {"source": "python tools/real_runs.py fit", "runs": [run.name for run in runs], "names": list(NAMES)}
+    text = json.dumps({**names, **as_json(found, deviation)}, indent=None, separators=(",", ":"))
+    path.write_text(text.replace('],"', '],\n"') + "\n")
+
+
+def read(path: Path = CALIBRATION) -> tuple[Ensemble, dict[str, Any]]:
+    """Return an ensemble, and all that its file has."""
     data = json.loads(path.read_text())
-    return np.array(data["members"], dtype=np.float64), data
+    return from_json(data), data

@@ -1,41 +1,94 @@
-"""Every run predicted from the others: what the prediction is worth, before anybody else's run is looked at."""
+"""Every run predicted from the others: what the prediction is worth, before anybody else's run is looked at.
+
+Nested: what an ensemble adds for the model's error is chosen on runs that were left out once more, among those it was
+fitted to, so that the run that is predicted has no part in it.
+"""
 
 from __future__ import annotations
 
+import itertools
 import json
+from collections.abc import Sequence
 
 import numpy as np
 
 from slip_core.errors import InputError
-from tools.real_data.calibrate import fit
-from tools.real_data.predict import DISCREPANCY, Discrepancy, Prediction, predict
+from tools.real_data.calibrate import Member, as_json, fit, from_json, read
+from tools.real_data.predict import Draws, Ensemble, Prediction, best_deviation, draw, predict
+from tools.real_data.runs import PadMotion
 from tools.real_data.table import DATA, Run, read_table
 
 ENSEMBLES = DATA / "real_runs_cross.json"
 
 
-def leave_one_out(members: int, processes: int) -> None:
+def leave_one_out(members: int, processes: int, seed: int) -> None:
     """Fit an ensemble without each run, and write all of them."""
     runs = read_table()
-    found = {}
-    for index, run in enumerate(runs):
-        others = [other for other in runs if other is not run]
-        ensemble = fit(others, members, seed=index + 1, processes=processes)
-        found[run.name] = [np.round(member.standard, 4).tolist() for member in ensemble]
-    lines = ",\n".join(f"{json.dumps(name)}:{json.dumps(one, separators=(',', ':'))}" for name, one in found.items())
-    ENSEMBLES.write_text(f"{{{lines}}}\n")
+    fits: dict[tuple[str, ...], list[Member]] = {}
+    for size in (len(runs) - 2, len(runs) - 1):
+        for some in itertools.combinations(runs, size):
+            names = tuple(run.name for run in some)
+            fits[names] = fit(some, members, 100 * seed + len(fits) + 1, processes)
+    deviations = {run.name: _deviation([other for other in runs if other is not run], fits) for run in runs}
+    texts = [json.dumps("all") + ":" + json.dumps(_deviation(runs, fits))]
+    for run in runs:
+        names = tuple(other.name for other in runs if other is not run)
+        one = json.dumps(as_json(fits[names], deviations[run.name]), separators=(",", ":"))
+        texts.append(f"{json.dumps(run.name)}:{one}")
+    ENSEMBLES.write_text("{" + ",\n".join(texts) + "}\n")
 
 
-def predictions(discrepancy: Discrepancy = DISCREPANCY) -> list[tuple[Run, Prediction]]:
-    """Return every run with what is predicted of it by the ensemble that never saw it.
+def _deviation(runs: Sequence[Run], fits: dict[tuple[str, ...], list[Member]]) -> float:
+    """Return the model's error that suits these runs best, each predicted from the others."""
+    seen: list[tuple[Draws, float, float]] = []
+    for run in runs:
+        found = fits[tuple(other.name for other in runs if other is not run)]
+        draws = draw(run.pads(), from_json(as_json(found, 0.0)))
+        seen.append((draws, float(np.nanmax(run.rotation)), float(np.nanmin(run.rotation))))
+    return best_deviation(seen)
+
+
+def ensembles() -> tuple[dict[str, Ensemble], float]:
+    """Return the ensemble without each run by its name, and the model's error for a new run.
 
     Raises:
         InputError: the ensembles have not been fitted.
     """
     if not ENSEMBLES.is_file():
         raise InputError(f"fits {ENSEMBLES}", got="no such file", expected="an ensemble per run", fix="cross --refit")
-    ensembles = json.loads(ENSEMBLES.read_text())
-    return [(run, predict(run.pads(), np.array(ensembles[run.name]), discrepancy)) for run in read_table()]
+    data = json.loads(ENSEMBLES.read_text())
+    return {name: from_json(one) for name, one in data.items() if name != "all"}, data["all"]
+
+
+def predictions() -> list[tuple[Run, Prediction]]:
+    """Return every run with what is predicted of it by the ensemble that never saw it."""
+    found, _ = ensembles()
+    return [(run, predict(run.pads(), found[run.name])) for run in read_table()]
+
+
+def at_peak(peak: float) -> PadMotion:
+    """Return the path of the data set with another peak acceleration [m/s^2]: its nearest run, faster or slower."""
+    run = min(read_table(), key=lambda run: abs(np.log(_peak(run) / peak)))
+    faster = np.sqrt(peak / _peak(run))
+    pads = run.pads()
+    time = run.time[0] + (run.time - run.time[0]) / faster
+    return PadMotion(time, pads.position, faster * pads.speed, faster**2 * pads.acceleration)
+
+
+def _peak(run: Run) -> float:
+    return float(np.percentile(np.abs(run.acceleration), 97))
+
+
+def ahead(peaks: Sequence[float]) -> list[str]:
+    """Return the lines of a table: what all runs together say of peak accelerations that none of them has."""
+    lines = ["| peak m/s^2 | P(kept) | max deg, 80 % | min deg, 80 % |", "|---|---|---|---|"]
+    ensemble, _ = read()
+    for peak in peaks:
+        p = predict(at_peak(peak), ensemble).json()
+        extremes = [f"{p[name]:.1f}, {_interval(p[f'{name}_80'])}" for name in ("max_deg", "min_deg")]
+        cells = [f"{peak:.2f}", f"{p['probability_kept']:.2f}", *extremes]
+        lines.append(f"| {' | '.join(cells)} |")
+    return lines
 
 
 def table() -> list[str]:

@@ -11,13 +11,16 @@ detectors, none of which looks ahead:
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import savgol_filter
 
+from slip_bags.reader import Bag
 from slip_core.arrays import Array
-from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, OUT2, VOID, kernel
+from slip_core.compiled import IN1, OUT1, OUT2, VOID, kernel
+from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.records import new, record, records
 from slip_vic_controller.law.contact import SLIP_SAMPLE
@@ -25,7 +28,7 @@ from slip_vic_controller.observer.config import capacity, observer_config
 from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE
 from slip_vic_controller.observer.observer import observe, reset
 from slip_vic_controller.params import ControllerParams
-from tools.real_data.runs import RATE_HZ
+from tools.real_data.runs import FEWEST, RATE_HZ
 from tools.real_data.table import Run, read_table
 
 TRUE_DEG_S, SHORTEST_S, MERGED_S = 8.0, 0.05, 0.1
@@ -111,24 +114,39 @@ def score(detected: Sequence[Interval], true: Sequence[Interval]) -> Score:
     return Score(len(delays), len(true) - len(delays), len(detected) - len(right), tuple(delays))
 
 
-@kernel(VOID(IN1, OUT1, INT, IN1))
-def _reset(config: Array, state: Array, stamp_ns: int, v_ee: Array) -> None:
-    reset(record(config, OBSERVER_CONFIG), record(state, OBSERVER), stamp_ns, v_ee)
+class Reading(NamedTuple):
+    """What a slip sensor gives about the pads' normal, as it arrives; each (n,)."""
+
+    arrival: Array  # s
+    stamp: Array  # s, of the measurement
+    rate: Array  # rad/s
 
 
-@kernel(BOOL(IN1, OUT1, OUT2, IN1, INT, IN2, INT))
-def _observe(
-    config: Array, state: Array, history: Array, motion: Array, stamp_ns: int, samples: Array, count: int
-) -> bool:
-    numbers, slips = record(motion, MOTION), records(samples, SLIP_SAMPLE)
-    return observe(record(config, OBSERVER_CONFIG), record(state, OBSERVER), history, numbers, stamp_ns, slips, count)
+@kernel(VOID(IN1, OUT1, OUT2, IN1, OUT2, IN1, IN1, IN1, IN1, OUT1))
+def _watch(
+    config: Array, state: Array, history: Array, motion: Array, sample: Array,
+    ticks: Array, arrival: Array, stamp: Array, rate: Array, on: Array,
+) -> None:  # fmt: skip
+    """Run the observer tick by tick; `on`, written: 1 where it reports slip."""
+    settings, estimate, still = record(config, OBSERVER_CONFIG), record(state, OBSERVER), record(motion, MOTION)
+    slips = records(sample, SLIP_SAMPLE)
+    reset(settings, estimate, round(1e9 * (2.0 * ticks[0] - ticks[1])), still.v_ee)
+    following = 0
+    for k in range(ticks.size):
+        count = 0
+        if following < arrival.size and arrival[following] <= ticks[k]:
+            slips[0].stamp_ns = round(1e9 * stamp[following])
+            slips[0].twist[5] = rate[following]
+            following, count = following + 1, 1
+        observe(settings, estimate, history, still, round(1e9 * ticks[k]), slips, count)
+        on[k] = estimate.sliding
 
 
-def observed(run: Run, noise_rad_s: float) -> list[Interval]:
-    """Return when the slip observer reports slip from marker readings of a known noise."""
-    t, rotation = even(run)
-    samples = SLOPE_SAMPLES["marker"]
-    readings = np.deg2rad(slopes(rotation, samples))
+def watched(readings: Reading, end: float, noise_rad_s: float) -> list[Interval]:
+    """Return when the slip observer reports slip from readings of a known noise, up to a time.
+
+    It has no wrench, so that its model is an object that goes with the pads, which do not turn.
+    """
     params = build(
         ControllerParams,
         {
@@ -139,29 +157,44 @@ def observed(run: Run, noise_rad_s: float) -> list[Interval]:
         },
         "real run",
     )
-    config, state = observer_config(params), new(OBSERVER)
-    history = np.zeros((capacity(params), ROW_SIZE))
-    motion = new(MOTION)
-    numbers = record(motion, MOTION)
-    numbers.rotation[:] = np.eye(3)
-    ticks = np.arange(t[0], t[-1], TICK_S)
-    speed = np.interp(ticks, run.time, np.gradient(run.position, run.time))
-    _reset(config, state, round(1e9 * (ticks[0] - TICK_S)), np.array([speed[0], 0.0, 0.0, 0.0, 0.0, 0.0]))
-    on, following = np.zeros(ticks.size, dtype=bool), samples
-    for k, tick in enumerate(ticks):
-        numbers.v_ee[0] = speed[k]
-        numbers.follow[0] = (speed[k] - speed[max(k - 1, 0)]) / TICK_S
-        numbers.force[0] = numbers.follow[0]
-        fresh = np.zeros((1, SLIP_SAMPLE.itemsize // 8))
-        count = 0
-        if following < t.size and t[following] <= tick:
-            sample = fresh.view(SLIP_SAMPLE)[0, 0]
-            sample["stamp_ns"] = round(1e9 * (t[following] - (samples - 1) / (2.0 * RATE_HZ)))
-            sample["twist"][5] = readings[following]
-            following, count = following + 1, 1
-        _observe(config, state, history, motion, round(1e9 * tick), fresh, count)
-        on[k] = bool(record(state, OBSERVER).sliding)
-    return intervals(ticks, on, merged=MERGED_S)
+    ticks = np.arange(readings.stamp[0], end, TICK_S)
+    on, history = np.zeros(ticks.size), np.zeros((capacity(params), ROW_SIZE))
+    motion, sample = new(MOTION), new(SLIP_SAMPLE)[np.newaxis]
+    record(motion, MOTION).rotation[:] = np.eye(3)
+    _watch(observer_config(params), new(OBSERVER), history, motion, sample, ticks, *readings, on)
+    return intervals(ticks, on > 0.0, merged=MERGED_S)
+
+
+def readings(t: Array, rotation: Array) -> Reading:
+    """Return the turning rate that a sensor makes of the marker's last rotations; even stamps (n,) [s], (n,) [deg]."""
+    rate = np.deg2rad(slopes(rotation, SLOPE_SAMPLES["marker"]))
+    late = (SLOPE_SAMPLES["marker"] - 1) / (2.0 * RATE_HZ)
+    first = SLOPE_SAMPLES["marker"] - 1
+    return Reading(t[first:], t[first:] - late, rate[first:])
+
+
+def observed(run: Run, noise_rad_s: float) -> list[Interval]:
+    """Return when the slip observer reports slip from marker readings of a known noise."""
+    t, rotation = even(run)
+    return watched(readings(t, rotation), float(t[-1]), noise_rad_s)
+
+
+def observe_bag(path: Path) -> list[Interval]:
+    """Return when the slip observer reports slip from a bag's slip velocities, whose first REST_S are rest [s].
+
+    Raises:
+        InputError: no bag, or too few messages.
+    """
+    with Bag(path) as bag:
+        messages = list(bag.messages("/slip_velocity"))
+    if len(messages) < FEWEST:
+        raise InputError(f"bag {path}: /slip_velocity", got=f"{len(messages)} messages", expected=f"{FEWEST} or more")
+    arrival = 1e-9 * np.array([one.log_time_ns for one in messages])
+    stamps = [one.value.header.stamp for one in messages]
+    stamp = np.array([s.sec + 1e-9 * s.nanosec for s in stamps])
+    rate = np.array([one.value.twist.angular.z for one in messages])
+    resting = arrival < arrival[0] + REST_S
+    return watched(Reading(arrival, stamp, rate), float(arrival[-1]), float(rate[resting].std()))
 
 
 def rest_noise(runs: Sequence[Run]) -> float:

@@ -21,7 +21,7 @@ from test.referees.governor_bench import Friction, Governor
 from tools.real_data import calibrate
 from tools.real_data.detect import TICK_S, observed, rest_noise
 from tools.real_data.grasp import values
-from tools.real_data.predict import DISCREPANCY, Prediction, predict
+from tools.real_data.predict import Prediction, predict
 from tools.real_data.runs import RATE_HZ, PadMotion
 from tools.real_data.table import Run, read_table
 
@@ -122,14 +122,14 @@ def govern(run: Run, learnt: Learnt, p: dict[str, float]) -> Timing:
     t = np.arange(0.0, fine[-1], 1.0 / RATE_HZ)
     s = np.interp(t, fine, position)
     pads = PadMotion(t, s, *(savgol_filter(s, 11, 3, deriv=k, delta=1.0 / RATE_HZ) for k in (1, 2)))
-    return Timing(learnt, path.duration, governed_s, pads, predict(pads, calibrate.read()[0], DISCREPANCY))
+    return Timing(learnt, path.duration, governed_s, pads, predict(pads, calibrate.read()[0]))
 
 
 def timings() -> list[Timing]:
     """Return the timings of the path of the slowest run that lost the object, for the first slip of every run."""
     runs = read_table()
     lost = next(run for run in runs if not run.kept)
-    p = values(calibrate.read()[0][0])
+    p = values(calibrate.read()[0].standard[0])
     found = []
     for run in runs:
         learnt = learn(run, [other for other in runs if other is not run], p)

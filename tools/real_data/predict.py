@@ -1,7 +1,11 @@
 """Predict a run from the motion of its pads: trace, extremes with intervals, and whether the object stays.
 
-Each member of the ensemble is simulated with grasps drawn as the grasps of the runs differ. What the model is off by is
-a random factor on its angles, whose spread comes from leaving runs out (docs/real_runs.md), and the marker's noise.
+Each member of the ensemble is simulated with grasps drawn as the grasps of its runs differ. What the model is off by is
+a random factor on its angles, and the marker's noise. Both spreads come from the runs of the fit alone:
+- tilt and grip of a new grasp are drawn from Student's t, the predictive distribution of a normal spread whose variance
+  has an inverse chi-square prior (Gelman et al., Bayesian Data Analysis, 3rd ed., section 2.6), around PRIOR_RUNS runs;
+- the factor's deviation is the largest of DEVIATIONS whose interval score (Gneiting, Raftery 2007) is as good as the
+  best to within what so few runs can tell, on runs that were left out of the fit (`tools/real_data/cross.py`).
 """
 
 from __future__ import annotations
@@ -12,24 +16,45 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_core.arrays import Array
+from slip_core.errors import InputError
 from tools.real_data.grasp import OUT_OF_SIGHT, lost_at, simulate, values
 from tools.real_data.runs import PadMotion
 
 DRAWS = 12
 SEED = 20220221
 COVERAGE = 0.8
+PRIOR_RUNS = 4.0  # that the spreads of grasp.py count for
+DEVIATIONS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)  # of the logarithm of real over modelled angles
+NOISE_DEG = 0.2  # of the marker
 
 
-class Discrepancy(NamedTuple):
-    """Angles of the marker over angles of the model, log-normal, and the marker's own noise."""
+class Ensemble(NamedTuple):
+    """What was fitted: m members, to so many runs."""
 
-    log_mean: float
-    log_deviation: float
-    noise_deg: float
+    standard: Array  # (m, len(NAMES)), parameters in deviations of their priors
+    of_runs: Array  # (m, runs, 2), tilt and grip of each run's grasp, in deviations of their spread
+    deviation: float  # of the logarithm of the marker's angles over the model's
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of a new grasp's distribution."""
+        return PRIOR_RUNS + self.of_runs.shape[1]
+
+    @property
+    def widths(self) -> Array:
+        """Scale of a new grasp's tilt and grip, in deviations; (m, 2)."""
+        return np.asarray(np.sqrt((PRIOR_RUNS + (self.of_runs**2).sum(axis=1)) / self.freedom))
 
 
-DISCREPANCY = Discrepancy(log_mean=0.0, log_deviation=0.1, noise_deg=0.2)
-"""What the predictions of runs from the others were off by; see docs/real_runs.md."""
+class Draws(NamedTuple):
+    """Simulated runs, before what the model is off by; d of them."""
+
+    time: Array  # (n,) [s], from the first stamp
+    kept: Array  # (d,) bool
+    rotation: Array  # (d, n) [deg]
+    slid: Array  # (d,) [m], at the end
+    factor: Array  # (d,) standard normal
+    noise: Array  # (d, 2), of maximum and minimum; absolute standard normal
 
 
 class Prediction(NamedTuple):
@@ -61,32 +86,71 @@ class Prediction(NamedTuple):
         return result
 
 
-def predict(pads: PadMotion, members: Sequence[Array], discrepancy: Discrepancy, seed: int = SEED) -> Prediction:
-    """Predict one run; stamps of the trace count from the run's first.
+def draw(pads: PadMotion, ensemble: Ensemble, seed: int = SEED) -> Draws:
+    """Simulate a run with every member, several grasps each.
 
-    An object that is lost counts up to where a camera on the hand would lose it from sight. The trace is the median of
-    the draws that end as most do; the extremes are of all draws.
+    An object that is lost turns no further once a camera on the hand would have lost it from sight.
+
+    Raises:
+        InputError: a motion beyond all that the model can compute.
     """
     rng = np.random.default_rng(seed)
-    kept, traces, maxima, minima, slid = [], [], [], [], []
-    for standard in members:
+    kept, rotations, slid = [], [], []
+    for standard, width in zip(ensemble.standard, ensemble.widths, strict=True):
         p = values(standard)
         for _ in range(DRAWS):
-            motion = simulate(p, pads, rng.standard_normal(2))
-            factor = np.exp(discrepancy.log_mean + discrepancy.log_deviation * rng.standard_normal())
-            rotation = factor * np.rad2deg(motion.rotation)
-            kept.append(lost_at(motion, p) is None)
+            motion = simulate(p, pads, width * rng.standard_t(ensemble.freedom, 2))
+            if not np.isfinite(np.array(motion)).all():
+                raise InputError("run", got="a motion that cannot be simulated", expected="that of an arm")
+            rotation = np.rad2deg(motion.rotation)
             gone = np.flatnonzero(motion.slid > OUT_OF_SIGHT)
             if gone.size:
                 rotation[gone[0] :] = rotation[max(gone[0] - 1, 0)]
-            traces.append(rotation)
-            maxima.append(rotation.max() + discrepancy.noise_deg * abs(rng.standard_normal()))
-            minima.append(rotation.min() - discrepancy.noise_deg * abs(rng.standard_normal()))
+            kept.append(lost_at(motion, p) is None)
+            rotations.append(rotation)
             slid.append(motion.slid[-1])
-    share = float(np.mean(kept))
-    chosen = np.array(kept) == (share > 0.5)
-    typical = np.median(np.array(traces)[chosen], axis=0)
-    return Prediction(
-        share, pads.time - pads.time[0], typical,
-        np.array(maxima), np.array(minima), np.array(slid),
-    )  # fmt: skip
+    count = len(kept)
+    factor, noise = rng.standard_normal(count), np.abs(rng.standard_normal((count, 2)))
+    return Draws(pads.time - pads.time[0], np.array(kept), np.array(rotations), np.array(slid), factor, noise)
+
+
+def summarise(draws: Draws, deviation: float) -> Prediction:
+    """Predict from draws; `deviation` is that of the factor's logarithm.
+
+    The trace is the median of the draws that end as most do; the extremes are of all draws.
+    """
+    rotation = np.exp(deviation * draws.factor)[:, None] * draws.rotation
+    share = float(draws.kept.mean())
+    typical = np.median(rotation[draws.kept == (share > 0.5)], axis=0)
+    maxima = rotation.max(axis=1) + NOISE_DEG * draws.noise[:, 0]
+    minima = rotation.min(axis=1) - NOISE_DEG * draws.noise[:, 1]
+    return Prediction(share, draws.time, typical, maxima, minima, draws.slid)
+
+
+def predict(pads: PadMotion, ensemble: Ensemble, seed: int = SEED) -> Prediction:
+    """Predict one run; stamps of the trace count from the run's first."""
+    return summarise(draw(pads, ensemble, seed), ensemble.deviation)
+
+
+def interval_score(prediction: Prediction, largest: float, smallest: float) -> float:
+    """Return the interval score of both extremes, over their size; smaller is better [deg]."""
+    p = prediction.json()
+    score = 0.0
+    for seen, (low, high) in ((largest, p["max_deg_80"]), (smallest, p["min_deg_80"])):
+        outside = max(low - seen, seen - high, 0.0)
+        score += (high - low + 2.0 / (1.0 - COVERAGE) * outside) / max(abs(seen), 1.0)
+    return score
+
+
+def best_deviation(seen: Sequence[tuple[Draws, float, float]]) -> float:
+    """Return the deviation for the intervals, from runs that were left out: draws, largest and smallest angle.
+
+    Few runs cannot tell deviations apart: the largest one counts whose mean score is within one standard error of the
+    best (Breiman et al., Classification and Regression Trees, 1984).
+    """
+    scores = np.array(
+        [[interval_score(summarise(draws, one), high, low) for draws, high, low in seen] for one in DEVIATIONS]
+    )
+    best = scores[np.argmin(scores.mean(axis=1))]
+    error = best.std(ddof=1) / np.sqrt(best.size)
+    return max(one for one, row in zip(DEVIATIONS, scores, strict=True) if row.mean() <= best.mean() + error)

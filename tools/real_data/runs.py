@@ -26,6 +26,7 @@ NORMAL_TURN_DEG = 5.0  # about the axes that the pads hold: beyond it the marker
 PITCH_M = 4.7e-3  # of the taxels of a uSkin 4x4
 SIDE = 4
 FEWEST = 20
+LONGEST_S, FASTEST_M_S2 = 600.0, 50.0  # beyond it stamps are not seconds, or places not metres
 
 
 class PadMotion(NamedTuple):
@@ -62,8 +63,11 @@ def columns(path: Path, needed: tuple[str, ...]) -> dict[str, Array]:
     """
     if not path.is_file():
         raise InputError(f"run file {path}", got="no such file", expected="a CSV file of the data set")
-    with path.open(newline="", encoding="utf-8", errors="replace") as file:
-        lines = [line for line in csv.reader(file) if line]
+    try:
+        with path.open(newline="", encoding="utf-8", errors="replace") as file:
+            lines = [line for line in csv.reader(file) if line]
+    except (OSError, csv.Error) as error:
+        raise InputError(f"run file {path}", got=f"{error}", expected="a CSV file of the data set") from None
     names = [name.strip() for name in lines[0]] if lines else []
     missing = [name for name in needed if name not in names]
     if missing:
@@ -88,7 +92,7 @@ def pad_motion(time: Array, places: Array) -> PadMotion:
         places: (n, 2) or more, the horizontal ones first [m].
 
     Raises:
-        InputError: fewer than FEWEST usable rows.
+        InputError: fewer than FEWEST usable rows, or a motion that no arm makes.
     """
     usable = np.isfinite(time) & np.isfinite(places[:, :2]).all(axis=1)
     latest = np.maximum.accumulate(np.where(usable, time, -np.inf))
@@ -96,6 +100,8 @@ def pad_motion(time: Array, places: Array) -> PadMotion:
     if usable.sum() < FEWEST:
         raise InputError("run", got=f"{usable.sum()} usable rows", expected=f"{FEWEST} or more with time and ee_T")
     t, p = time[usable], places[usable, :2]
+    if t[-1] - t[0] > LONGEST_S:
+        raise InputError("run", got=f"{t[-1] - t[0]:.4g} s", expected=f"{LONGEST_S:g} s at most; stamps in seconds")
     grid = np.arange(t[0], t[-1] + 0.5 / RATE_HZ, 1.0 / RATE_HZ)
     way = p[-1] - p[0]
     s = np.interp(grid, t, (p - p[0]) @ (way / max(np.linalg.norm(way), 1e-9)))
@@ -105,6 +111,9 @@ def pad_motion(time: Array, places: Array) -> PadMotion:
         np.interp(given, grid, savgol_filter(s, window, min(DEGREE, window - 1), deriv=order, delta=1.0 / RATE_HZ))
         for order in range(3)
     ]
+    largest = np.abs(derivatives[2]).max()
+    if not largest < FASTEST_M_S2:
+        raise InputError("run", got=f"{largest:.3g} m/s^2", expected=f"below {FASTEST_M_S2:g}; ee_T in metres")
     return PadMotion(given, *derivatives)
 
 

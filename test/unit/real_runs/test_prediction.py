@@ -13,13 +13,13 @@ from slip_core.errors import InputError
 from test.support.every import every
 from tools.real_data import calibrate
 from tools.real_data.grasp import NAMES, lost_at, simulate, values
-from tools.real_data.predict import DISCREPANCY, predict
+from tools.real_data.predict import Ensemble, predict
 from tools.real_data.runs import pad_motion, read_pad_motion
 from tools.real_data.table import read_table
 from tools.real_runs import main
 
 RUNS = read_table()
-MEMBERS, FILE = calibrate.read()
+ENSEMBLE, FILE = calibrate.read()
 PEAKS = (0.19, 0.31, 0.47, 0.86)
 COLUMNS = ("ee_T_03", "ee_T_13", "time")
 
@@ -49,23 +49,23 @@ def test_table_holds_the_runs(run, peak):
 def test_calibration_belongs_to_the_table():
     assert FILE["runs"] == [run.name for run in RUNS]
     assert FILE["names"] == list(NAMES)
-    assert MEMBERS.shape == (len(FILE["costs"]), len(NAMES))
+    assert ENSEMBLE.standard.shape == (len(FILE["costs"]), len(NAMES))
 
 
 @every("index", range(len(RUNS)))
 def test_best_member_follows_every_run(index):
     """One set of parameters and one tilt and grip per run: rotation within 1 degree rms, kept or lost as it was."""
     run, of_run = RUNS[index], np.array(FILE["of_runs"][0][index])
-    motion = simulate(values(MEMBERS[0]), run.pads(), of_run)
+    motion = simulate(values(ENSEMBLE.standard[0]), run.pads(), of_run)
     error = (np.rad2deg(motion.rotation) - run.rotation)[run.seen]
     assert np.sqrt(np.mean(error**2)) < max(0.3, 0.12 * np.nanmax(np.abs(run.rotation)))
-    assert (lost_at(motion, values(MEMBERS[0])) is None) == run.kept
+    assert (lost_at(motion, values(ENSEMBLE.standard[0])) is None) == run.kept
 
 
 @every("index", range(len(RUNS)))
 def test_extremes_lie_in_their_intervals(index):
     run = RUNS[index]
-    p = predict(run.pads(), MEMBERS, DISCREPANCY).json()
+    p = predict(run.pads(), ENSEMBLE).json()
     assert p["kept"] == run.kept
     assert p["max_deg_80"][0] <= np.nanmax(run.rotation) <= p["max_deg_80"][1]
     assert p["min_deg_80"][0] <= np.nanmin(run.rotation) <= p["min_deg_80"][1]
@@ -74,7 +74,7 @@ def test_extremes_lie_in_their_intervals(index):
 def test_rest_is_predicted_to_rest():
     t = np.arange(0.0, 3.0, 1.0 / 60.0)
     pads = pad_motion(t, np.tile([0.5, 0.1], (t.size, 1)))
-    p = predict(pads, MEMBERS[:3], DISCREPANCY)
+    p = predict(pads, Ensemble(ENSEMBLE.standard[:3], ENSEMBLE.of_runs[:3], 0.1))
     assert p.kept
     assert np.abs(p.rotation).max() < 0.05
 
@@ -104,7 +104,7 @@ def test_damaged_files_change_little(tmp_path):
     bad = read_pad_motion(write_run(tmp_path / "bad", run, damaged))
     assert bad.time.size == good.time.size - 4
     assert np.isfinite(np.array(bad)).all()
-    usual, other = predict(good, MEMBERS, DISCREPANCY), predict(bad, MEMBERS, DISCREPANCY)
+    usual, other = predict(good, ENSEMBLE), predict(bad, ENSEMBLE)
     assert other.kept == usual.kept
     assert np.abs(np.interp(usual.time, other.time, other.rotation) - usual.rotation).max() < 0.5
 
@@ -113,6 +113,9 @@ def test_damaged_files_change_little(tmp_path):
     ("", "no column"),
     ("time,ee_T_03\n0,1\n", "no column ee_T_13"),
     ("time,ee_T_03,ee_T_13\n" + "0.0,1,1\n" * 40, "usable rows"),
+    ("time,ee_T_03,ee_T_13\n" + "".join(f"{16_666_667 * i},1,1\n" for i in range(40)), "stamps in seconds"),
+    ("time,ee_T_03,ee_T_13\n" + "".join(f"{i / 60},{1e9 * (i % 2)},1\n" for i in range(40)), "in metres"),
+    ('time,ee_T_03,ee_T_13\n"' + "1" * 200_000, "field larger"),
 ))  # fmt: skip
 def test_files_that_are_no_run(tmp_path, text, word):
     (tmp_path / "robot_state.csv").write_text(text)
@@ -132,6 +135,7 @@ def test_command_reads_the_state_and_prints_json(tmp_path):
     assert ends == sorted(ends)
     assert p["min_deg_80"][0] < p["min_deg"] < p["min_deg_80"][1]
     assert p["max_deg_80"][0] < p["max_deg"] < p["max_deg_80"][1]
+    assert len(p["max_deg_80"]) == len(p["min_deg_80"]) == 2
     missing = CliRunner().invoke(main, ["predict", str(tmp_path)])
     assert isinstance(missing.exception, InputError)
     assert "robot_state.csv" in str(missing.exception)
