@@ -171,7 +171,7 @@ LOOPS: Final = {
     "classical": ("classical",),
     "vic": ("vic",),
     "vic, spin bounded": ("vic", "controller.gains.spin=bounded"),
-    "governed": ("governed",),
+    "governed": ("governed", "controller.governor.friction_limit=0.2"),
     "governed, friction 10 % low": ("governed", "controller.governor.friction_limit=0.18"),
 }
 
