@@ -53,7 +53,7 @@ LOOP_GOVERNED_M: Final = 1e-3
 the ellipsoid that the governor counts on, so that it may slip before it has learnt."""
 
 MINUTES: Final = 800
-"""[s]: thousands of steps of 10 ms each, on a machine that is not idle."""
+"""[s]: thousands of steps of 10 ms each, on a machine that is not idle. What takes longer than the others is `long`."""
 RHO_M: Final = 0.03
 DURATION_S: Final = 3.0  # the path takes 2 s, governed 2.4 s; the object spins on until 2.8 s
 HAND = np.zeros(3), np.eye(3)
@@ -109,7 +109,7 @@ def carried(scenario, hands):
     return np.array(slips)
 
 
-@pytest.mark.parametrize("name", ["force_x", "force_y", "torque"])
+@pytest.mark.parametrize("name", ["force_x", pytest.param("force_y", marks=pytest.mark.long), "torque"])
 def test_creep_below_the_limit(name):
     params = scenario("classical").bridge
     world = DrakePlant(params)
@@ -155,6 +155,7 @@ def test_slip_path_of_the_classical_law():
     assert angle_apart.max() < PATH * turned.max()
 
 
+@pytest.mark.long
 @pytest.mark.timeout(MINUTES)
 def test_governed_path_does_not_slip():
     run = scenario("governed", "controller.governor.friction_limit=0.18")
@@ -194,7 +195,11 @@ def loop(name, engine):
     return hands, slips, max(far.max(), RHO_M * turned.max())
 
 
-SPINS: Final = pytest.mark.xfail(strict=True, reason="the printed law follows any spin: docs/fidelity.md")
+SPINS: Final = pytest.mark.xfail(
+    strict=True,
+    reason="the printed law follows the object's spin, wherever it goes: in Drake it ends in FAULT at 2.83 s; so it "
+    "does in the bridge, at 3.25 s, and at 2.87 s with a torque of 5 % of the limit on the object (docs/fidelity.md)",
+)
 
 
 @pytest.mark.long

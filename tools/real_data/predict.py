@@ -4,8 +4,8 @@ Each member of the ensemble is simulated with grasps drawn as the grasps of its 
 a random factor on its angles, and the marker's noise. Both spreads come from the runs of the fit alone:
 - tilt and grip of a new grasp are drawn from Student's t, the predictive distribution of a normal spread whose variance
   has an inverse chi-square prior (Gelman et al., Bayesian Data Analysis, 3rd ed., section 2.6), around PRIOR_RUNS runs;
-- the factor's deviation is the largest of DEVIATIONS whose interval score (Gneiting, Raftery 2007) is as good as the
-  best to within what so few runs can tell, on runs that were left out of the fit (`tools/real_data/cross.py`).
+- the factor's deviation is the one of DEVIATIONS whose intervals score best (interval score: Gneiting, Raftery 2007) on
+  runs that were left out of the fit (`tools/real_data/cross.py`).
 """
 
 from __future__ import annotations
@@ -143,14 +143,9 @@ def interval_score(prediction: Prediction, largest: float, smallest: float) -> f
 
 
 def best_deviation(seen: Sequence[tuple[Draws, float, float]]) -> float:
-    """Return the deviation for the intervals, from runs that were left out: draws, largest and smallest angle.
+    """Return the deviation with the best intervals, from runs that were left out: draws, largest and smallest angle."""
 
-    Few runs cannot tell deviations apart: the largest one counts whose mean score is within one standard error of the
-    best (Breiman et al., Classification and Regression Trees, 1984).
-    """
-    scores = np.array(
-        [[interval_score(summarise(draws, one), high, low) for draws, high, low in seen] for one in DEVIATIONS]
-    )
-    best = scores[np.argmin(scores.mean(axis=1))]
-    error = best.std(ddof=1) / np.sqrt(best.size)
-    return max(one for one, row in zip(DEVIATIONS, scores, strict=True) if row.mean() <= best.mean() + error)
+    def total(deviation: float) -> float:
+        return sum(interval_score(summarise(draws, deviation), high, low) for draws, high, low in seen)
+
+    return min(DEVIATIONS, key=total)
