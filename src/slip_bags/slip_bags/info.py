@@ -6,10 +6,10 @@ import json
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from slip_bags.layout import Schema
 from slip_bags.reader import Bag, RawMessage
 from slip_core.errors import InputError
 from slip_core.stamps import stamp_of
+from slip_msgs_py.messages.layout import Schema
 
 
 @dataclass(slots=True)
@@ -138,7 +138,7 @@ def _stamp_offset(bag: Bag, topic: str) -> int | None:
         return None
     try:
         first = next(bag.raw([topic]))
-        layout = Schema(info.type_name, bag.schema_text(topic)).layout(first.data)
+        layout = Schema.from_text(info.type_name, bag.schema_text(topic)).layout(first.data)
     except InputError:
         return None  # another encoding; the other measurements need no decoding
     place = next((leaf.offset for leaf in layout.leaves if leaf.path == "header.stamp.sec"), None)

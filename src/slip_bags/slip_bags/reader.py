@@ -25,10 +25,10 @@ from mcap.records import Schema as McapSchema
 from mcap_ros2.decoder import DecoderFactory
 
 from slip_bags.format import BagMetadata, FileInfo, TopicInfo, parse_metadata, parse_qos
-from slip_bags.layout import Schema
 from slip_bags.series import Series
 from slip_bags.storage.mcap_file import McapFile
 from slip_core.errors import InputError, nearest
+from slip_msgs_py.messages.layout import Schema
 
 _TIME = attrgetter("log_time_ns")
 _ALWAYS_NS = (-(2**63), 2**63 - 1)
@@ -195,7 +195,7 @@ class Bag:
         info = self.topic(topic)
         schema = self._mcap_schema(info)
         text = schema.data.decode("utf-8", "replace")
-        return Series(Schema(schema.name, text), self.raw([info.name], start_ns=start_ns, end_ns=end_ns))
+        return Series(Schema.from_text(schema.name, text), self.raw([info.name], start_ns=start_ns, end_ns=end_ns))
 
     def schema_text(self, topic: str) -> str:
         """Return the stored definition of a topic's type, with all it refers to.

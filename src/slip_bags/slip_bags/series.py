@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_bags.layout import Layout, Leaf, Schema, Text
+from slip_msgs_py.messages.layout import Layout, Leaf, Schema, Text
 
 if TYPE_CHECKING:
     from slip_bags.reader import RawMessage

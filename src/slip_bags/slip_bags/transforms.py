@@ -15,12 +15,12 @@ from typing import Final
 import numpy as np
 
 from slip_bags.format import QosProfile, TopicInfo
-from slip_bags.layout import Schema
 from slip_bags.reader import RawMessage
 from slip_bags.series import Series
 from slip_bags.typedefs import find_definition
 from slip_core.files.link_tree import Link, poses_on_parents, read_links
 from slip_core.stamps import stamp_of
+from slip_msgs_py.messages.layout import Schema
 from slip_msgs_py.messages.transforms import TOPIC, TYPE, TYPE_HASH, TransformEncoder
 
 WORLD: Final = "world"
@@ -81,7 +81,7 @@ class Transforms:
     def add_topic(self, name: str, kind: str) -> None:
         """Look at messages of this topic too, if their type says something about frames."""
         if kind in SOURCES and name.endswith(SOURCES[kind]):
-            self._sources[name] = _Source(Schema(kind, find_definition(kind).text))
+            self._sources[name] = _Source(Schema.from_text(kind, find_definition(kind).text))
 
     def feed(self, message: RawMessage) -> Iterator[RawMessage]:
         """Yield the messages on `/tf` that a message leads to.

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from slip_bags.layout import parse_fields
 from slip_core.errors import InputError
 from slip_msgs_py.messages import transforms
+from slip_msgs_py.messages.layout import parse_fields
 
 _DELIMITER: Final = "\n" + "=" * 80 + "\nMSG: "
 

@@ -8,11 +8,11 @@ import zlib
 import numpy as np
 import pytest
 
-from slip_bags.layout import Schema
 from slip_bags.reader import Bag, RawMessage, read_series
 from slip_bags.series import Series
 from slip_bags.typedefs import find_definition
 from slip_core.errors import InputError
+from slip_msgs_py.messages.layout import Schema
 from test.support.bag_maker import STORE, comparable, encode, make_bag, random_message
 from test.support.every import every
 from test.unit.bags.test_typedefs import INSTALLED
@@ -41,7 +41,7 @@ def flat(value: object, prefix: str = "") -> dict[str, object]:
 
 
 def series_of(type_name: str, messages: list[bytes]) -> Series:
-    schema = Schema(type_name, find_definition(type_name).text)
+    schema = Schema.from_text(type_name, find_definition(type_name).text)
     return Series(schema, [RawMessage("/x", index, index, index, data) for index, data in enumerate(messages)])
 
 
@@ -107,4 +107,4 @@ def test_messages_that_contradict_their_schema(data):
 )
 def test_schemas_that_make_no_sense(text):
     with pytest.raises(InputError, match="a/msg/Self"):
-        Series(Schema("a/msg/Self", text), [RawMessage("/x", 0, 0, 0, CDR_STRING)])
+        Series(Schema.from_text("a/msg/Self", text), [RawMessage("/x", 0, 0, 0, CDR_STRING)])

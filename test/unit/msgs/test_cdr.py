@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,8 @@ from std_msgs.msg import Float64MultiArray, Header, Int64MultiArray
 
 from slip_core.stamps import stamp_of, with_stamp
 from slip_msgs_py.messages import to_msgs
-from slip_msgs_py.messages.cdr import CdrCodec, Template, numbers_at
+from slip_msgs_py.messages.cdr import CdrCodec, block_under, laid_out, numbers_at
+from slip_msgs_py.messages.layout import Layout, Schema
 
 NAMES = [f"arm_joint{i}" for i in range(1, 8)]
 NS = 1_000_000_000
@@ -126,13 +127,14 @@ def test_nan_payload_and_sign_survive() -> None:
 @kinds
 def test_everything_but_numbers_and_stamp_must_match(kind: Kind) -> None:
     codec = kind.codec()
-    layout = Template(kind.template())
+    _, layout = laid_out(kind.template())
     written = codec.encode(0, *([0] * n for n in kind.sizes))
-    free = set(layout.padding)
-    for path in (*kind.fields, kind.stamp):
-        for leaf in layout.leaves:
-            if path and (leaf.path == path or leaf.path.startswith(f"{path}.")):
-                free.update(range(leaf.offset, leaf.offset + struct.calcsize(leaf.kind) * leaf.count))
+    free = set(layout.padding())
+    for block in (block_under(layout, path) for path in kind.fields):
+        free.update(range(block.offset, block.offset + 8 * block.count))
+    for leaf in layout.leaves:
+        if kind.stamp and leaf.path.startswith(f"{kind.stamp}."):
+            free.update(range(leaf.offset, leaf.offset + leaf.size))
     for at in range(len(written)):
         changed = bytearray(written)
         changed[at] ^= 0x20  # in a stamp still less than a second of nanoseconds
@@ -152,7 +154,7 @@ def test_cut_or_longer_data_is_not_read(kind: Kind) -> None:
 @kinds
 def test_padding_is_zero(kind: Kind) -> None:
     written = kind.codec().encode(0, *([1] * n for n in kind.sizes))
-    assert all(written[at] == 0 for at in Template(kind.template()).padding)
+    assert all(written[at] == 0 for at in laid_out(kind.template())[1].padding())
 
 
 @pytest.mark.parametrize(
@@ -209,14 +211,14 @@ def test_fields_that_cannot_vary_are_refused(template: Any, fields: tuple[str, .
 
 
 def test_a_layout_that_rclpy_does_not_share_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    honest = Template._numbers
+    honest = Schema.layout
 
-    def unaligned(self: Template, values: Any, kind: str, path: str) -> None:
-        if kind == "d":
-            self.data += bytes(8)
-        honest(self, values, kind, path)
+    def shifted(self: Schema, data: bytes) -> Layout:
+        found = honest(self, data)
+        leaves = tuple(replace(leaf, offset=leaf.offset - 8) if leaf.dtype == "f8" else leaf for leaf in found.leaves)
+        return replace(found, leaves=leaves)
 
-    monkeypatch.setattr(Template, "_numbers", unaligned)
+    monkeypatch.setattr(Schema, "layout", shifted)
     with pytest.raises((ValueError, RuntimeError)):
         KINDS["JointState"].codec()
 

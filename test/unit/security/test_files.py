@@ -21,7 +21,6 @@ import zstandard
 from mcap.records import Chunk
 
 from slip_bags.format import parse_metadata, parse_qos
-from slip_bags.layout import Schema
 from slip_bags.reader import Bag
 from slip_bags.storage.mcap_file import MAX_RATIO
 from slip_bags.storage.scan import DamagedError, chunk_content, partial_chunk
@@ -33,6 +32,7 @@ from slip_core.files.plain_yaml import DEEPEST, read_yaml
 from slip_core.files.urdf import DEEPEST as DEEPEST_URDF
 from slip_core.files.urdf import MOST_LINKS, base_of, parse_urdf
 from slip_core.params import load_yaml, parse_assignment
+from slip_msgs_py.messages.layout import Schema
 from slip_sim_bridge.plant.model import arm_spec
 from slip_vic.run.domain import domain_id
 from slip_vic.scenarios.scenario import load_scenario
@@ -269,7 +269,7 @@ def test_a_schema_that_grows_like_a_power_ends_with_its_message() -> None:
     blocks = [f"p/T{k + 1} a\np/T{k + 1} b\n" for k in range(30)] + ["uint8 x\n"]
     text = blocks[0] + "".join(f"{rule}\nMSG: p/T{k}\n{block}" for k, block in enumerate(blocks) if k)
     with pytest.raises(InputError, match="cut"):
-        Schema("p/msg/T0", text).layout(b"\x00\x01\x00\x00" + bytes(4))
+        Schema.from_text("p/msg/T0", text).layout(b"\x00\x01\x00\x00" + bytes(4))
 
 
 def test_a_recorded_state_gives_no_more_than_a_state_can_hold() -> None:

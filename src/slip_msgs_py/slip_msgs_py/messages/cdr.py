@@ -1,6 +1,6 @@
 """Fast CDR for messages whose form does not change from one to the next: numbers and a stamp in a fixed place.
 
-A typed template is laid out once, field by field. After that a message is written by putting numbers into a copy
+A typed template is laid out once. After that a message is written by putting numbers into a copy
 of the template's bytes, and read only where every other byte (lengths, names, frame ids) equals the template's.
 Typed messages cost 10 us to build, 12 us to serialise and 27 us to read; this needs 1.5 and 2.3 us.
 Nothing here knows a message type by name; a codec proves itself against rclpy's own typed code when it is made.
@@ -19,13 +19,10 @@ from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 
 from slip_core.stamps import NS_PER_S
+from slip_msgs_py.messages.layout import Layout, Schema
 
-_HEADER: Final = b"\x00\x01\x00\x00"  # plain CDR, little endian
-_NUMBERS: Final = {
-    "boolean": "?", "octet": "B", "uint8": "B", "int8": "b", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I",
-    "int64": "q", "uint64": "Q", "float": "f", "double": "d",
-}  # fmt: skip
-_ARRAY: Final = re.compile(r"sequence<(?P<sequence>[^,]+)(?:, \d+)?>|(?P<fixed>.+)\[(?P<size>\d+)\]")
+_HEADER_BYTES: Final = 4
+_KINDS: Final = {"f8": "d", "i8": "q"}
 _DTYPES: Final = {"d": np.dtype("<f8"), "q": np.dtype("<i8")}
 _STAMP: Final = struct.Struct("<iI")
 _frombuffer = np.frombuffer
@@ -42,71 +39,32 @@ class NumberBlock:
     count: int
 
 
-class Template:
-    """A message in CDR: its bytes with zeros as padding, where its numbers lie, and which bytes are padding.
+def laid_out(message: Any) -> tuple[bytes, Layout]:
+    """Return a typed message in CDR, with zeros as padding, and where its fields lie."""
+    data = serialize_message(message)
+    layout = Schema.of_class(type(message)).layout(data)
+    template = bytearray(data[: layout.length])
+    for at in layout.padding():
+        template[at] = 0
+    return bytes(template), layout
 
-    Args:
-        message: a typed ROS message.
+
+def block_under(layout: Layout, path: str) -> NumberBlock:
+    """Return all numbers at `path` and below it as one block.
+
+    Raises:
+        ValueError: where they are none, of several kinds, not side by side, or neither float64 nor int64.
     """
-
-    def __init__(self, message: Any) -> None:
-        self.data = bytearray(_HEADER)
-        self.leaves: list[NumberBlock] = []
-        self.padding: list[int] = []
-        self._message(message, "")
-
-    def _message(self, message: Any, path: str) -> None:
-        for name, kind in message.get_fields_and_field_types().items():
-            self._field(getattr(message, name), kind, f"{path}.{name}" if path else name)
-
-    def _field(self, value: Any, kind: str, path: str) -> None:
-        if array := _ARRAY.fullmatch(kind):
-            if array["sequence"]:
-                self._numbers((len(value),), "I", "")
-            element = array["sequence"] or array["fixed"]
-            if element in _NUMBERS:
-                self._numbers(value, _NUMBERS[element], path)
-            else:
-                for item in value:
-                    self._field(item, element, path)
-        elif kind in _NUMBERS:
-            self._numbers((value,), _NUMBERS[kind], path)
-        elif kind.startswith("string"):
-            text = value.encode() + b"\0"
-            self._numbers((len(text),), "I", "")
-            self.data += text
-        else:
-            self._message(value, path)
-
-    def _numbers(self, values: Sequence[Any], kind: str, path: str) -> None:
-        if len(values) == 0:
-            self.leaves.append(NumberBlock(path, kind, len(self.data), 0))  # an empty array is not even aligned
-            return
-        size = struct.calcsize(f"<{kind}")
-        gap = -(len(self.data) - len(_HEADER)) % size
-        self.padding += range(len(self.data), len(self.data) + gap)
-        self.data += bytes(gap)
-        if path:
-            self.leaves.append(NumberBlock(path, kind, len(self.data), len(values)))
-        if kind == "B" and isinstance(values[0], bytes):
-            values = b"".join(values)
-        self.data += struct.pack(f"<{len(values)}{kind}", *values)
-
-    def under(self, path: str) -> NumberBlock:
-        """Return all numbers at `path` and below it as one block.
-
-        Raises:
-            ValueError: where they are none, of several kinds, or not side by side.
-        """
-        found = [leaf for leaf in self.leaves if leaf.path == path or leaf.path.startswith(f"{path}.")]
-        if not found:
-            raise ValueError(f"{path}: not numbers")
-        first, count = found[0], sum(leaf.count for leaf in found)
-        size = struct.calcsize(f"<{first.kind}")
-        side_by_side = found[-1].offset + found[-1].count * size == first.offset + count * size
-        if any(leaf.kind != first.kind for leaf in found) or not side_by_side:
-            raise ValueError(f"{path}: its numbers are not one block of one kind")
-        return NumberBlock(path, first.kind, first.offset, count)
+    found = [leaf for leaf in layout.leaves if re.match(rf"{re.escape(path)}([.\[]|$)", leaf.path)]
+    if not found:
+        raise ValueError(f"{path}: not numbers")
+    first, counts = found[0], [1 if leaf.count is None else leaf.count for leaf in found]
+    side_by_side = found[-1].offset + counts[-1] * first.size == first.offset + sum(counts) * first.size
+    if any(leaf.dtype != first.dtype for leaf in found) or not side_by_side:
+        raise ValueError(f"{path}: its numbers are not one block of one kind")
+    if first.dtype not in _KINDS:
+        raise ValueError(f"{path}: only float64 and int64 numbers can vary")
+    return NumberBlock(path, _KINDS[first.dtype], first.offset, sum(counts))
 
 
 class CdrCodec:
@@ -132,29 +90,27 @@ class CdrCodec:
     def __init__(self, template: Any, fields: Sequence[str], stamp: str = "header.stamp") -> None:
         for path in filter(None, (*fields, stamp)):
             _at(template, path)
-        layout = Template(template)
-        self.size = len(layout.data)
-        self._blocks = [layout.under(path) for path in fields]
+        data, layout = laid_out(template)
+        self.size = len(data)
+        self._blocks = [block_under(layout, path) for path in fields]
         self._stamp_at = _stamp_offset(layout, stamp) if stamp else None
         spans = [(block.offset, 8 * block.count) for block in self._blocks if block.count]
-        for block in self._blocks:
-            if block.kind not in _DTYPES:
-                raise ValueError(f"{block.path}: only float64 and int64 numbers can vary")
         if self._stamp_at is not None:
             spans.insert(0, (self._stamp_at, _STAMP.size))
         if spans != sorted(spans):
             raise ValueError(f"{', '.join(fields)}: not in the order of the message")
-        self._fixed = _pieces(layout.data, spans)
+        self._fixed = _pieces(data, spans)
         self._mask = bytearray(b"\xff" * self.size)
-        for at in (*layout.padding, *(at for start, length in spans for at in range(start, start + length))):
+        padding = layout.padding()
+        for at in (*padding, *(at for start, length in spans for at in range(start, start + length))):
             self._mask[at] = 0
-        self._masked = _masked(layout.data, self._mask)
+        self._masked = _masked(data, self._mask)
         self._starts = [
-            (_DTYPES[block.kind], block.count, block.offset - len(_HEADER) if block.count else 0)
+            (_DTYPES[block.kind], block.count, block.offset - _HEADER_BYTES if block.count else 0)
             for block in self._blocks
         ]
         self.encode = self._encoder()
-        self._prove(template, layout)
+        self._prove(template, padding)
 
     def _encoder(self) -> Callable[..., bytes]:
         """Return a function made for this layout: one `struct` call that knows the place of every argument."""
@@ -211,10 +167,10 @@ class CdrCodec:
             if nanosec >= NS_PER_S:
                 return None
             stamp_ns = sec * NS_PER_S + nanosec
-        body = data[len(_HEADER) :]  # a copy in which numbers are aligned as CDR aligns them
+        body = data[_HEADER_BYTES:]  # a copy in which numbers are aligned as CDR aligns them
         return stamp_ns, [_frombuffer(body, dtype, count, start) for dtype, count, start in self._starts]
 
-    def _prove(self, template: Any, layout: Template) -> None:
+    def _prove(self, template: Any, padding: Sequence[int]) -> None:
         """Write every varying place with a number of its own and have rclpy read and write the same."""
         probes: list[Numbers] = []
         for block in self._blocks:
@@ -223,7 +179,7 @@ class CdrCodec:
         data = self.encode(stamp_ns, *probes)
         message = deserialize_message(data, type(template))
         again = serialize_message(message)[: self.size]
-        differing = [at for at in range(self.size) if again[at] != data[at] and at not in layout.padding]
+        differing = [at for at in range(self.size) if again[at] != data[at] and at not in padding]
         read = self.decode(data)
         expected = [numbers_at(message, block.path) for block in self._blocks]
         if differing or read is None or [list(values) for values in read[1]] != expected:
@@ -241,8 +197,8 @@ def _masked(data: bytes | bytearray, mask: bytes | bytearray) -> int:
     return int.from_bytes(data, "little") & int.from_bytes(mask, "little")
 
 
-def _stamp_offset(layout: Template, path: str) -> int:
-    sec = next((leaf for leaf in layout.leaves if leaf.path == f"{path}.sec" and leaf.kind == "i"), None)
+def _stamp_offset(layout: Layout, path: str) -> int:
+    sec = next((leaf for leaf in layout.leaves if leaf.path == f"{path}.sec" and leaf.dtype == "i4"), None)
     if sec is None:
         raise ValueError(f"{path}: not a stamp")
     return sec.offset

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -15,17 +16,7 @@ TYPE: Final = "tf2_msgs/msg/TFMessage"
 TEXT: Final = "geometry_msgs/TransformStamped[] transforms\n"
 """The message's definition; its only dependency is in geometry_msgs."""
 TYPE_HASH: Final = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
-_STAMP_BYTES, _POSE_BYTES = 8, 56
-
-
-class _TFMessage:
-    """Looks to the codec like a generated message."""
-
-    def __init__(self, transforms: list[Any]) -> None:
-        self.transforms = transforms
-
-    def get_fields_and_field_types(self) -> dict[str, str]:
-        return {"transforms": "sequence<geometry_msgs/TransformStamped>"}
+_HEADER_BYTES, _STAMP_BYTES, _POSE_BYTES = 4, 8, 56
 
 
 class TransformEncoder:
@@ -36,20 +27,17 @@ class TransformEncoder:
     """
 
     def __init__(self, frames: Sequence[tuple[str, str]]) -> None:
-        # Names and text of the type are used without ROS, too.
-        from geometry_msgs.msg import TransformStamped
-
-        from slip_msgs_py.messages.cdr import Template
-
-        messages = []
-        for parent, child in frames:
-            message = TransformStamped(child_frame_id=child)
-            message.header.frame_id = parent
-            messages.append(message)
-        template = Template(_TFMessage(messages))
-        stamps = [leaf.offset for leaf in template.leaves if leaf.path.endswith("stamp.sec")]
-        poses = [leaf.offset for leaf in template.leaves if leaf.path.endswith("translation.x")]
-        self._data = np.frombuffer(bytes(template.data), np.uint8).copy()
+        data, stamps, poses = bytearray(b"\x00\x01\x00\x00" + struct.pack("<I", len(frames))), [], []
+        for names in frames:
+            stamps.append(_padded(data, 4))
+            data += bytes(_STAMP_BYTES)
+            for name in names:
+                text = name.encode() + b"\0"
+                _padded(data, 4)
+                data += struct.pack("<I", len(text)) + text
+            poses.append(_padded(data, 8))
+            data += bytes(_POSE_BYTES)
+        self._data = np.frombuffer(bytes(data), np.uint8).copy()
         self._stamps = np.add.outer(stamps, np.arange(_STAMP_BYTES))
         self._poses = np.add.outer(poses, np.arange(_POSE_BYTES))
 
@@ -60,3 +48,9 @@ class TransformEncoder:
         self._data[self._stamps] = stamp
         self._data[self._poses] = np.ascontiguousarray(poses, "<f8").view(np.uint8)
         return self._data.tobytes()
+
+
+def _padded(data: bytearray, size: int) -> int:
+    """Align the end of a message in CDR, and return it."""
+    data += bytes(-(len(data) - _HEADER_BYTES) % size)
+    return len(data)

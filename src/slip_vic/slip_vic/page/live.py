@@ -19,11 +19,11 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from scipy.spatial.transform import Rotation
 
-from slip_bags.layout import Layout, Schema
 from slip_bags.recording.raw_subscription import RawSubscription, recording_qos
 from slip_bags.typedefs import find_definition
 from slip_core.arrays import Array
 from slip_core.topics import TOPICS
+from slip_msgs_py.messages.layout import Layout, Schema
 from slip_msgs_py.qos import message_class
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.page.audience import Audience
@@ -81,7 +81,7 @@ class Topic:
 
     def __init__(self, node: Node, full: str, name: str) -> None:
         kind, latched = TOPICS[name].type, name in LATCHED
-        self._schema = Schema(kind, find_definition(kind).text)
+        self._schema = Schema.from_text(kind, find_definition(kind).text)
         self.full = full
         self._length = 0
         qos = recording_qos(1, reliable=latched, transient_local=latched)

@@ -1,16 +1,17 @@
-"""Where each field of a CDR message lies, from the ``ros2msg`` schema text; no ROS needed.
+"""Where each field of a CDR message lies, from its schema: a ``ros2msg`` text or a generated class; no ROS needed.
 
 A layout belongs to one shape of message: the sizes of all strings and sequences. Messages of one topic nearly
-always share it, so that `series` can cut whole columns out of many messages at once.
+always share it, so that columns can be cut out of many messages at once, and numbers be put in place.
 """
 
 from __future__ import annotations
 
+import importlib
 import re
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from slip_core.errors import InputError
 
@@ -31,6 +32,8 @@ _FIELD = re.compile(
     r"^(?P<type>[A-Za-z]\w*(?:/\w+){0,2})(?:<=\d+)?(?P<array>\[(?:(?P<size>\d+)|<=\d+)?\])?\s+(?P<name>[A-Za-z]\w*)(?P<rest>.*)$"
 )
 _SEPARATOR = re.compile(r"^=+\n", re.MULTILINE)
+_IDL_NAMES: Final = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
+_IDL_ARRAY: Final = re.compile(r"sequence<(?P<sequence>[^,]+)(?:, \d+)?>|(?P<fixed>.+)\[(?P<size>\d+)\]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +54,11 @@ class Leaf:
     offset: int
     count: int | None
 
+    @property
+    def size(self) -> int:
+        """Bytes of one number."""
+        return 1 if self.dtype == "?" else int(self.dtype[1])
+
 
 @dataclass(frozen=True, slots=True)
 class Text:
@@ -63,12 +71,20 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """One shape: its fields, and the (offset, value) pairs of all size words that make it this shape."""
+    """One shape: its fields, the (offset, value) pairs of all size words that make it this shape, and its bytes."""
 
     leaves: tuple[Leaf, ...]
     texts: tuple[Text, ...]
     sizes: tuple[tuple[int, int], ...]
     little_endian: bool
+    length: int
+
+    def padding(self) -> list[int]:
+        """Return the offsets of the bytes that belong to no field."""
+        used = [(0, _HEADER_BYTES), *((at, 4) for at, _ in self.sizes)]
+        used += [(leaf.offset, leaf.size * (1 if leaf.count is None else leaf.count)) for leaf in self.leaves]
+        used += [(at, size + 1) for text in self.texts for at, size in text.places]
+        return sorted(set(range(self.length)).difference(*(range(at, at + size) for at, size in used)))
 
 
 class Schema:
@@ -76,25 +92,49 @@ class Schema:
 
     Args:
         type_name: ``pkg/msg/Type``.
-        text: the schema as stored in a bag.
-
-    Raises:
-        InputError: where the text is not of this form.
+        types: fields of each type, ``pkg/Type``.
     """
 
-    def __init__(self, type_name: str, text: str) -> None:
-        self.type_name = type_name
+    def __init__(self, type_name: str, types: Mapping[str, tuple[Field, ...]]) -> None:
+        self.type_name, self.types = type_name, types
         self.root = _short(type_name)
-        self.types: dict[str, tuple[Field, ...]] = {}
+
+    @classmethod
+    def of_class(cls, kind: Any) -> Schema:
+        """Return the schema of a generated message class."""
+        types: dict[str, tuple[Field, ...]] = {}
+        root, left = _class_name(kind), [kind]
+        while left:
+            kind, fields = left.pop(), []
+            for name, text in kind.get_fields_and_field_types().items():
+                array = _IDL_ARRAY.fullmatch(text)
+                element = text if array is None else array["sequence"] or array["fixed"]
+                type_name = "string" if element.startswith("string") else _IDL_NAMES.get(element, element)
+                fields.append(Field(name, type_name, None if array is None else int(array["size"] or 0)))
+                package, sign, message = type_name.partition("/")
+                if sign and type_name not in types:
+                    left.append(getattr(importlib.import_module(f"{package}.msg"), message))
+            types[_class_name(kind)] = tuple(fields)
+        return cls(root, types)
+
+    @classmethod
+    def from_text(cls, type_name: str, text: str) -> Schema:
+        """Return the schema of a text as a bag stores it.
+
+        Raises:
+            InputError: where the text is not of this form.
+        """
+        types: dict[str, tuple[Field, ...]] = {}
         first, *others = _SEPARATOR.split(text.replace("\r\n", "\n"))
-        blocks = [(self.root, first)]
+        blocks = [(_short(type_name), first)]
         for block in others:
             head, _, body = block.partition("\n")
             if not head.startswith("MSG: "):
                 raise InputError(f"schema of {type_name}", got=head, expected="MSG: and a type name")
             blocks.append((_short(head.removeprefix("MSG: ").strip()), body))
         for name, body in blocks:
-            self.types[name] = tuple(parse_fields(body, name.partition("/")[0], f"schema of {type_name}"))
+            types[name] = tuple(parse_fields(body, name.partition("/")[0], f"schema of {type_name}"))
+        return cls(type_name, types)
 
     def layout(self, data: bytes) -> Layout:
         """Return the layout of one message.
@@ -151,7 +191,7 @@ class _Walker:
         self._struct(self._schema.root, "", 0)
         if self._position > len(self._data):
             raise IndexError
-        return Layout(tuple(self._leaves), tuple(self._texts), tuple(self._sizes), self._little_endian)
+        return Layout(tuple(self._leaves), tuple(self._texts), tuple(self._sizes), self._little_endian, self._position)
 
     def _struct(self, type_name: str, prefix: str, depth: int) -> None:
         if depth > _MAX_DEPTH:
@@ -206,6 +246,10 @@ class _Walker:
         if self._position > len(self._data):
             raise IndexError
         return place
+
+
+def _class_name(kind: Any) -> str:
+    return f"{kind.__module__.partition('.')[0]}/{kind.__name__}"
 
 
 def _short(type_name: str) -> str:
