@@ -7,13 +7,12 @@ from typing import Literal
 
 from slip_core.params import ParameterModel, parameter
 
+CommandInterface = Literal["effort", "velocity", "position"]
+
 
 class DriveModel(ParameterModel):
     """Drives of the joints: what is known of them; the launcher fills it from the drive's preset."""
 
-    interface: Literal["effort", "velocity", "position"] = parameter(
-        "effort", "what the drives take: effort [N m], or velocity [rad/s] or position [rad] with a loop of their own"
-    )
     delay_s: float = parameter(
         0.0, "time from a command to its effect, which no stamp tells; whole control periods", unit="s", ge=0.0, le=0.1
     )

@@ -41,6 +41,7 @@ RANGES: Final[Mapping[str, tuple[float, float]]] = _types.MappingProxyType(
         "m/s2": (1e-9, 1e6),
         "m/s^2": (1e-9, 1e6),
         "rad/s^2": (1e-9, 1e6),
+        "rad/s^3": (1e-3, 1e9),
         "N": (1e-6, 1e6),
         "N m": (1e-6, 1e6),
         "N, N m": (1e-6, 1e6),

@@ -7,6 +7,7 @@ the time of measurement. 6-vectors are linear part first.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -134,6 +135,11 @@ class EffortCommand:
         _set(self, "stamp_ns", stamp_ns)
         _set(self, "effort", _frozen(effort))
 
+    @property
+    def numbers(self) -> Array:
+        """What is commanded; (n,) [N m]."""
+        return self.effort
+
 
 @dataclass(frozen=True, slots=True, init=False)
 class VelocityCommand:
@@ -145,6 +151,11 @@ class VelocityCommand:
     def __init__(self, stamp_ns: int, velocity: Array) -> None:
         _set(self, "stamp_ns", stamp_ns)
         _set(self, "velocity", _frozen(velocity))
+
+    @property
+    def numbers(self) -> Array:
+        """What is commanded; (n,) [rad/s]."""
+        return self.velocity
 
 
 @dataclass(frozen=True, slots=True, init=False)
@@ -158,8 +169,19 @@ class PositionCommand:
         _set(self, "stamp_ns", stamp_ns)
         _set(self, "position", _frozen(position))
 
+    @property
+    def numbers(self) -> Array:
+        """What is commanded; (n,) [rad]."""
+        return self.position
+
 
 JointCommand = EffortCommand | VelocityCommand | PositionCommand
+COMMANDS: MappingProxyType[str, type[JointCommand]] = MappingProxyType(
+    {"effort": EffortCommand, "velocity": VelocityCommand, "position": PositionCommand}
+)
+"""By `command.interface`."""
+COMMAND_TOPICS = tuple(f"{interface}_command" for interface in COMMANDS)
+"""Where they travel: an arm has one of them."""
 
 
 @dataclass(frozen=True, slots=True, init=False)

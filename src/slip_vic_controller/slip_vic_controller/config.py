@@ -11,6 +11,7 @@ from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_core.stamps import seconds_to_ns
+from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.arm.config import estimator_config
 from slip_vic_controller.arm.estimator import ESTIMATOR_CONFIG
 from slip_vic_controller.interfaces import fill_wrench_sensor
@@ -81,6 +82,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     _fill_inputs(config, params, robot, lockstep=lockstep)
     _fill_modes(config, params)
     _fill_limits(config, safety, robot, params.control_period_s)
+    _fill_command(config, params, robot)
     _fill_drop(config.drop, params)
     _fill_hold(config.hold, params, len(robot.joint_names))
     _fill_governor(config.governor, params)
@@ -156,6 +158,7 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
     cycle.dead_band_linear, cycle.dead_band_angular = dead_band.dead_band_linear, dead_band.dead_band_angular
     cycle.pad_stiffness = params.gains.pad_stiffness
     cycle.slip_delay_ns, cycle.gate_shut = seconds_to_ns(params.slip_delay_s), int(gate_shut(params))
+    cycle.models_wrench = int(params.wrench.source == "none")
     cycle.leaves_gravity = int(params.effort.gravity == "robot_compensates")
     cycle.k_s_adapts, cycle.k_s_margin = int(params.gains.k_s_mode != "fixed"), params.gains.k_s_margin
 
@@ -221,6 +224,15 @@ def _fill_limits(config: ControllerConfig, safety: SafetyParams, robot: Robot, p
     drive.effort[:n], drive.rate, drive.period_ns = robot.effort_limit, limits.effort_rate, seconds_to_ns(period_s)
     drive.longest_step_ns = seconds_to_ns(max(limits.longest_step_s, period_s))  # a control period is no pause
     drive.restart_after_ns = seconds_to_ns(limits.restart_after_s)
+
+
+def _fill_command(config: ControllerConfig, params: ControllerParams, robot: Robot) -> None:
+    """Write the limits of commands that are no efforts: those of limit avoidance, less what acceleration needs."""
+    n, out, given, motion = len(robot.joint_names), config.command, params.command, config.motion
+    out.interface, out.joints = Interface[given.interface.upper()], n
+    out.velocity[:n], out.lead = motion.velocity[:n], given.lead
+    out.acceleration[:n], out.jerk[:n] = given.acceleration_limit, given.jerk_limit
+    out.lower[:n], out.upper[:n] = robot.position_lower, robot.position_upper
 
 
 def _fill_drop(drop: DropDetectionConfig, params: ControllerParams) -> None:

@@ -24,7 +24,13 @@ from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import Records, WholeArray, record, records
 from slip_core.vectors import IDENTITY, ZERO, Mat, Spatial, Vec, mat, put, put_mat, put_spatial, spatial, vec
-from slip_vic_controller.arm.command import joint_acceleration
+from slip_vic_controller.arm.command import (
+    Interface,
+    advance_motion,
+    joint_acceleration,
+    start_motion,
+    stop_motion,
+)
 from slip_vic_controller.arm.estimator import (
     clear_findings,
     oppose_disturbance,
@@ -227,6 +233,28 @@ def _never_seen(config: ControllerConfig, state: ArmState) -> int:
 
 
 @part
+def _model_wrench(config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs) -> None:
+    """Let the wrench be that of a held object that moves as the path does, where no sensor measures it.
+
+    Implements: ours: Newton's law for the object at the desired acceleration, f = m (g - a), without its rotation.
+    """
+    law, hold, R = state.law, config.hold, mat(inputs.arm.rotation)
+    moves = follows(state.mode.mode) and law.known != 0
+    force = vec(hold.weight)
+    if moves:
+        force = force - hold.mass * vec(task.desired.acceleration)
+    r = _arm_of_load(config, state, pad_rotation(config.law.contact[0], law.slips[0])) if moves else ZERO
+    load = R.T() @ Spatial(force, -(R @ r).cross(force))
+    stamp_ns = state.joint.answers.stamp_ns
+    for k in range(config.law.contacts):
+        own = state.wrench_inputs[k]
+        own.seen, own.known, own.invalid, own.zeros, own.refused, own.ahead = 1, 0, 0, 0, 0, 0
+        own.stamp_ns, own.arrival_ns, own.equal_since_ns = stamp_ns, inputs.now_ns, stamp_ns
+        if inputs.arm.M[0, 0] > 0.0:
+            put_spatial(own.values, load)
+
+
+@part
 def _wait(config: ControllerConfig, state: ArmState, inputs: CycleInputs, missing: Reason, keep_limiter: int) -> None:
     """Give no effort. Without a command the arm may move, so HOLD restarts from the pose found then."""
     reasons = TransitionReasons(missing, NOTHING, NOTHING, NOTHING)
@@ -328,6 +356,8 @@ def _look(
         # Everything starts again; the limiter continues from the last command, where that is recent: the joints feel it
         state.law.known = 0
         _wait(config, state, inputs, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), state.limiter.started)
+    if config.cycle.models_wrench != 0:
+        _model_wrench(config, task, state, inputs)
     decision.never_seen = _never_seen(config, state)
     missing = inputs.missing | decision.never_seen
     if state.law.known == 0 and not usable(fault):
@@ -825,23 +855,31 @@ def _finish(
         felt: measured joint efforts, where a pause makes the limiter restart [N m].
         law_at_work: whether the effort is the law's; then the pad's speed is limited too.
     """
-    n, now_ns = config.law.joints, inputs.now_ns
+    n, now_ns, by_effort = config.law.joints, inputs.now_ns, config.command.interface == Interface.EFFORT
     if needs_restart(config.motion.drive, state.limiter, now_ns):
-        start_limiter(config.motion.drive, state.limiter, n, felt, state.law.gravity, now_ns)
+        if by_effort:
+            start_limiter(config.motion.drive, state.limiter, n, felt, state.law.gravity, now_ns)
+        else:  # the drives' own loops overcome friction, which the model does not have: it begins with gravity
+            start_limiter(config.motion.drive, state.limiter, n, np.zeros(MAX_JOINTS), state.law.gravity, now_ns)
+            start_motion(config.command, state.motion, q, qd)
     torque, clipped = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64)
     torque[:n] = outputs.wanted[:n]
     if config.estimator.on != 0:
         _oppose_disturbance(config, state, inputs, torque)
     avoid_limits(config.motion, n, q, qd, inputs.arm, law_at_work, torque)
     finite = limit_effort(config.motion.drive, state.limiter, n, torque, now_ns, clipped, outputs.limited)
+    if not by_effort:
+        _move(config, state, inputs, outputs, qd)
     if config.estimator.on != 0:
-        _remember_input(config, state, inputs)
+        _remember_input(config, state, inputs, by_effort)
         publish_joints(state.estimate, outputs.joints)
     saturated = 0
     for j in range(n):
         outputs.effort[j] = state.limiter.effort[j]
         if config.cycle.leaves_gravity != 0:
             outputs.effort[j] -= state.law.gravity[j]
+        if by_effort:
+            outputs.command[j] = outputs.effort[j]
         outputs.saturated[j] = 1 if clipped[j] != 0 or (law_at_work and outputs.law.saturated[j] != 0) else 0
         saturated += outputs.saturated[j]
     if saturated == 0:
@@ -854,10 +892,16 @@ def _finish(
 
 
 @part
+def _passed_s(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> float:
+    """Return the time since the last command [s], no longer than a few control periods."""
+    return float(min(max(inputs.now_ns - state.now_ns, 0), LONGEST_PAUSE * config.cycle.period_ns) * 1e-9)
+
+
+@part
 def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: CycleInputs, torque: Array) -> None:
     """Take what the model of the arm leaves out off the effort; without a good joint state as in the cycle before."""
     if inputs.arm.M[0, 0] > 0.0:
-        dt = min(max(inputs.now_ns - state.now_ns, 0), LONGEST_PAUSE * config.cycle.period_ns) * 1e-9
+        dt = _passed_s(config, state, inputs)
         oppose_disturbance(config.estimator, state.estimate, inputs.arm.M, dt, torque)
     else:
         for j in range(config.law.joints):
@@ -865,14 +909,42 @@ def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: Cycle
 
 
 @part
-def _remember_input(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
-    """Keep the acceleration that the effort gives the joints."""
-    u, h, arm = np.zeros(MAX_JOINTS), np.zeros(6), inputs.arm
+def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, qd: Array) -> None:
+    """Write the velocity or position that the effort makes of the last one; without the law it comes to rest.
+
+    A short gap of good joint states is bridged with the velocity before.
+    """
+    motion, limited, dt = state.motion, np.zeros(MAX_JOINTS, np.int64), _passed_s(config, state, inputs)
+    if follows(state.mode.mode):
+        qdd = np.zeros(MAX_JOINTS)
+        _acceleration(config, state, inputs, qdd)
+        advance_motion(config.command, motion, qdd, qd, dt, limited)
+    else:
+        stop_motion(config.command, motion, dt, limited)
+    for j in range(config.law.joints):
+        position = config.command.interface == Interface.POSITION
+        outputs.command[j] = motion.position[j] if position else motion.velocity[j]
+
+
+@part
+def _acceleration(config: ControllerConfig, state: ArmState, inputs: CycleInputs, qdd: Array) -> None:
+    """Write the acceleration that the effort gives the joints (n,) [rad/s^2]; zeros without a good joint state."""
+    h, arm = np.zeros(6), inputs.arm
     if arm.M[0, 0] > 0.0:
         R_ee = mat(arm.rotation)
         put_spatial(h, R_ee @ wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, R_ee))
-        if not joint_acceleration(config.law.joints, arm.M, arm.bias, arm.J, h, state.limiter.effort, u):
-            u[:] = 0.0
+        if not joint_acceleration(config.law.joints, arm.M, arm.bias, arm.J, h, state.limiter.effort, qdd):
+            qdd[:] = 0.0
+
+
+@part
+def _remember_input(config: ControllerConfig, state: ArmState, inputs: CycleInputs, by_effort: bool) -> None:
+    """Keep what the joints are known to do: the acceleration by the effort, or the velocity that drives follow."""
+    u = np.zeros(MAX_JOINTS)
+    if by_effort:
+        _acceleration(config, state, inputs, u)
+    else:
+        u[:] = state.motion.velocity
     remember_input(config.estimator, state.estimate, u)
 
 
@@ -993,7 +1065,7 @@ def watchdog(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, ou
     outputs.health.joint = Fault.SILENT.value
     mode, since, enabled, cause = state.mode.mode, state.mode.good_since_ns, state.mode.enabled, state.mode.reason.cause
     prefix, detail = state.mode.reason.prefix, state.mode.reason.detail
-    effort = state.limiter.effort.copy()
+    effort, velocity = state.limiter.effort.copy(), state.motion.velocity.copy()
     reasons = TransitionReasons(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.SILENT), NOTHING)
     next_mode(config.modes, state.mode, reasons, inputs.request, inputs.now_ns)
     task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 0
@@ -1008,7 +1080,7 @@ def watchdog(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, ou
     same_mode = same_mode and state.mode.reason.cause == cause and state.mode.reason.prefix == prefix
     same = same_mode and state.mode.reason.detail == detail
     for j in range(n):
-        same = same and state.limiter.effort[j] == effort[j]
+        same = same and state.limiter.effort[j] == effort[j] and state.motion.velocity[j] == velocity[j]
     return 0 if same else 1
 
 

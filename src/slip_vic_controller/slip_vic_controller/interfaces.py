@@ -57,6 +57,9 @@ def fill_wrench_sensor(sensor: WrenchSensor, params: ControllerParams, robot: Ro
         InputError: the frame's place is given twice, or the frame moves against the pad.
     """
     given = params.wrench
+    if given.source == "none":  # the model's is one at the pad
+        sensor.as_is = 1
+        return
     placed = any((*given.position, *given.rpy))
     position, rotation = np.array(given.position), Rotation.from_euler("xyz", given.rpy).as_matrix()
     in_urdf = robot.placement(given.frame) if given.frame not in ("", params.ee_frame) else None

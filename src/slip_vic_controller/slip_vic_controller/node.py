@@ -155,6 +155,8 @@ class SlipVicController(LastResort, LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         self._failure = None
         self.get_logger().info(f"configured in {self._common.mode}")
+        if self._common.wrench.source == "none":
+            self.get_logger().warning("no wrench sensor (wrench.source: none): the load is the model's")
         self.session.set_active(False)
         self._create_endpoints()
         return TransitionCallbackReturn.SUCCESS

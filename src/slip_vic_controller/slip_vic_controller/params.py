@@ -9,13 +9,17 @@ from typing import Literal
 from pydantic import Field, field_validator, model_validator
 
 from slip_core import grasp_params
+from slip_core.drive_params import DriveModel
 from slip_core.grasp_params import ArmParams, Six, Three
 from slip_core.params import RANGES, ParameterModel, parameter, parameter_unit
 from slip_core.sensor_params import SLIP_INPUT, SlipInput, SlipSensorModel
 from slip_vic_controller.parameters.arm_params import DisturbanceParams, JointSensorModel
-from slip_vic_controller.parameters.interface_params import EffortParams, GripParams, WrenchParams
+from slip_vic_controller.parameters.interface_params import CommandParams, EffortParams, GripParams, WrenchParams
 from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.parameters.slip_params import MeasuredParams, ObserverParams, WrenchSensorModel
+
+FOLLOWED = 0.5
+"""Phase [rad] that the drives' lag may cost at the crossover of the impedance; it leaves 60 degrees."""
 
 
 class GainParams(ParameterModel):
@@ -239,6 +243,8 @@ class ControllerParams(ArmParams):
     wrench_sensor: WrenchSensorModel = Field(default_factory=WrenchSensorModel)
     joint_sensor: JointSensorModel = Field(default_factory=JointSensorModel)
     disturbance: DisturbanceParams = Field(default_factory=DisturbanceParams)
+    drive: DriveModel = Field(default_factory=DriveModel)
+    command: CommandParams = Field(default_factory=CommandParams)
     wrench: WrenchParams = Field(default_factory=WrenchParams)
     effort: EffortParams = Field(default_factory=EffortParams)
     grip: GripParams = Field(default_factory=GripParams)
@@ -259,6 +265,17 @@ class ControllerParams(ArmParams):
             if self.grip.force_limit < self.grip.told_force:
                 raise ValueError(f"grip.force_limit {self.grip.force_limit} must not be below grip.told_force")
         return self
+
+    @property
+    def drive_lag_s(self) -> float:
+        """Time from a command to the motion that it asks for: dead time, and the lag of the drives [s]."""
+        own_loop = self.command.interface != "effort"
+        return self.drive.delay_s + (1.0 / self.drive.bandwidth if own_loop else self.drive.lag_s)
+
+    @property
+    def fastest_rate(self) -> float:
+        """Largest rate D/M of an impedance that drives of this lag can follow without swinging [1/s]."""
+        return FOLLOWED / self.drive_lag_s if self.drive_lag_s > 0.0 else math.inf
 
     @model_validator(mode="after")
     def _a_flag_is_no_speed(self) -> ControllerParams:

@@ -95,7 +95,12 @@ class DiagnosticsPublisher:
         near = [name for name in ("arm", "attitude") if record.evaluated and record.law[f"near_singular_{name}"]]
         saturated = int(record.saturated.sum())
         level = ERROR if not result.ok else WARN if near or saturated else OK
-        values = {"cycle": result.cycle, "near_singular": ", ".join(near), "saturated_joints": saturated}
+        values = {
+            "cycle": result.cycle,
+            "load": result.load_source,
+            "near_singular": ", ".join(near),
+            "saturated_joints": saturated,
+        }
         text = result.reason or ("ok" if result.ok else "bridged")
         self._status.publish(stamp_ns, f"{self._name}: law", level, text, values)
 

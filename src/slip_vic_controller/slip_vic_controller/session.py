@@ -18,9 +18,10 @@ from slip_core.errors import InputError
 from slip_core.params import flatten
 from slip_core.records import new, place, record, records
 from slip_core.types import (
+    COMMANDS,
     CartesianReference,
     DisplacementSample,
-    EffortCommand,
+    JointCommand,
     JointSample,
     PoseGoal,
     SlipSample,
@@ -77,12 +78,13 @@ MOST_POSITION, MOST_TWIST, MOST_ACCELERATION = 1e3, 1e2, 1e4
 RETUNABLE = ("gains.", "object.", "contacts.position", "safety.hold_stiffness")
 """Parameters that ramp while the law runs."""
 
-NO_EFFORT = readonly(np.zeros(0))
+NO_NUMBERS = readonly(np.zeros(0))
 
 # Looked up in every cycle, by number: to make an enum's member of one, or to hash it, takes longer.
 _FAULTS, _MODES = tuple(Fault), tuple(Mode)
 _GOOD = tuple(fault in (Fault.NONE, Fault.DENORMAL, Fault.RESTARTED, Fault.NOT_RUN) for fault in Fault)
-_ARM, _EFFORT, _LEDGER = place(INPUTS, "arm"), place(OUTPUTS, "effort"), place(OUTPUTS, "ledger")
+_ARM, _LEDGER = place(INPUTS, "arm"), place(OUTPUTS, "ledger")
+_EFFORT, _COMMAND = place(OUTPUTS, "effort"), place(OUTPUTS, "command")
 _ANSWERED, _MODE = place(OUTPUTS, "answered").start, place(OUTPUTS, "mode.mode").start
 _OK, _CAUSE = place(OUTPUTS, "ok").start, place(OUTPUTS, "mode.reason").start
 _REASON = slice(_CAUSE, _CAUSE + 3)
@@ -150,6 +152,7 @@ class ArmController:
         self.config = make_config(params, self.robot, lockstep=lockstep)
         self.gains = make_law_gains(params, self.report.used)
         self.contacts = len(params.contacts.position) // 3
+        self.make_command: Callable[[int, Array], JointCommand] = COMMANDS[params.command.interface]
         self.external = params.trajectory.kind in ("topic", "goal")
         self.rows = capacity(params) if params.slip_estimator == "observer" else 0
 
@@ -215,9 +218,9 @@ def common_values(params: ControllerParams) -> tuple[object, ...]:
 
 
 class CycleResult:
-    """One answered cycle; an empty effort means "no command": an input has never been seen.
+    """One answered cycle; an empty command means "no command": an input has never been seen.
 
-    joint: the joint state; command; mode; inputs, outputs: records of the arm.
+    joint: the joint state; command: as `command.interface` has it; mode; inputs, outputs: records of the arm.
     """
 
     __slots__ = ("_controller", "command", "inputs", "joint", "mode", "outputs")
@@ -227,8 +230,19 @@ class CycleResult:
         outputs.setflags(write=False)
         whole = outputs.view(np.int64)
         self.mode = _MODES[whole[_MODE]]
-        effort = outputs[_EFFORT][: len(controller.robot.joint_names)] if whole[_ANSWERED] else NO_EFFORT
-        self.command = EffortCommand(joint.stamp_ns, effort)
+        self.command = controller.make_command(joint.stamp_ns, self._of_joints(_COMMAND))
+
+    @property
+    def effort(self) -> Array:
+        """Effort of the law or of what stands in for it; (n,) [N m], empty where there is no command.
+
+        Drives that take velocities or positions are commanded the motion that it gives the arm.
+        """
+        return self._of_joints(_EFFORT)
+
+    def _of_joints(self, of: slice) -> Array:
+        answered = self.outputs.view(np.int64)[_ANSWERED]
+        return self.outputs[of][: len(self._controller.robot.joint_names)] if answered else NO_NUMBERS
 
     @property
     def ledger(self) -> tuple[int, ...]:
@@ -263,6 +277,11 @@ class CycleResult:
     def ok(self) -> bool:
         """Whether the effort is the law's."""
         return bool(self.outputs.view(np.int64)[_OK])
+
+    @property
+    def load_source(self) -> str:
+        """What the load is known from: the wrench sensor, or the model alone."""
+        return "model" if self._controller.params.wrench.source == "none" else "sensor"
 
     @property
     def reason_key(self) -> tuple[int, ...]:
@@ -332,6 +351,7 @@ class ArmSession:
         self.overdue = False  # its own next joint state has come while one waited for another arm
         self._joints = len(self.controller.robot.joint_names)
         self._slip_delay_ns = int(record(self.config, CONFIG).cycle.slip_delay_ns)
+        self._has_wrench = self.controller.params.wrench.source == "sensor"
         self._estimates = bool(record(self.config, CONFIG).estimator.on)
         self._whole = self.row.view(np.int64)
         self._joint: JointSample | None = None
@@ -422,8 +442,10 @@ class ArmSession:
             arm.take_wrench(number, sample, now_ns)
 
     def take_wrench(self, contact: int, sample: WrenchSample, now_ns: int | None) -> None:
-        """Take a wrench of one contact for this arm alone."""
+        """Take a wrench of one contact for this arm alone; none where `wrench.source` is none."""
         self._counts[2 * contact] += 1
+        if not self._has_wrench:
+            return
         refused = sample.wrench.shape != (6,)
         wrench = _NO_VECTOR if refused else sample.wrench
         now_ns = sample.stamp_ns if now_ns is None else now_ns
@@ -510,7 +532,7 @@ class ArmSession:
         return (
             manifest is not None
             and manifest.stamp_ns == self._joint.stamp_ns
-            and manifest.wrench_counts == tuple(self._counts[0::2])
+            and (manifest.wrench_counts == tuple(self._counts[0::2]) or not self._has_wrench)
             and manifest.slip_counts == tuple(self._counts[1::2])
         )
 

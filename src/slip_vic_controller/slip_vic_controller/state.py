@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, WholeArray, dtype_of
+from slip_vic_controller.arm.command import CommandConfig, MotionCommand
 from slip_vic_controller.arm.estimator import EstimatorConfig, JointEstimate, PublishedJoints
 from slip_vic_controller.interfaces import WrenchSensor
 from slip_vic_controller.law.arm import Arm
@@ -57,6 +58,7 @@ class CycleConfig(Record):
     slip_delay_ns: Whole  # by which the stamps of slip samples are too late
     gate_shut: Whole  # whether the law takes the object as held
     leaves_gravity: Whole  # whether the arm carries its own weight
+    models_wrench: Whole  # whether there is no wrench sensor
 
 
 class ControllerConfig(Record):
@@ -82,6 +84,7 @@ class ControllerConfig(Record):
     goals: GoalsConfig
     stream: StreamConfig
     estimator: EstimatorConfig
+    command: CommandConfig
 
 
 CONFIG = dtype_of(ControllerConfig)
@@ -156,6 +159,7 @@ class ArmState(Record):
     reference_known: Whole
     reference: DesiredMotion  # of this pad alone, where it does not keep to the object
     estimate: JointEstimate
+    motion: MotionCommand  # where the drives take velocities or positions
 
 
 ARM_STATE = dtype_of(ArmState)
@@ -230,6 +234,7 @@ class CycleOutputs(Record):
     velocity of each contact (none where they were not used); behind them the controller's clock, mode, health, request,
     and how many references or goals have been taken. Times are seconds and nanoseconds."""
     effort: Joints  # N m
+    command: Joints  # N m, rad/s or rad: what the drives take
     limited: Annotated[WholeArray, MAX_JOINTS]  # joints at the rate limit
     saturated: Annotated[WholeArray, MAX_JOINTS]
     grip: Real  # N; commanded

@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ class Tally:
     seed: int
     over_dds: bool
     two_arms: bool = False
+    interface: str = ""
     verdicts: list[Verdict] = field(default_factory=list)
     notes: dict[str, Any] = field(default_factory=dict)
 
@@ -58,6 +60,7 @@ class Tally:
             "seed": self.seed,
             "over_dds": self.over_dds,
             "two_arms": self.two_arms,
+            "interface": self.interface or "drawn",
             "commands": sum(verdict.commands for verdict in self.verdicts),
             "modes": _added(verdict.modes for verdict in self.verdicts),
             "objects_lost": sum(verdict.objects_lost for verdict in self.verdicts),
@@ -100,11 +103,13 @@ def upper_bound_95(trials: int, failures: int) -> float:
 
 
 def run_in_process(
-    seed: int, trials: Iterable[int], workers: int, on_done: Callable[[Verdict], None], *, two_arms: bool = False
-) -> Tally:
+    seed: int, trials: Iterable[int], workers: int, on_done: Callable[[Verdict], None], *, two_arms: bool = False,
+    interface: str = "",
+) -> Tally:  # fmt: skip
     """Run trials in spawned workers; the results do not depend on their number or order."""
-    tally = Tally(seed, over_dds=False, two_arms=two_arms)
-    for verdict in _verdicts(seed, iter(trials), workers, judge_pair if two_arms else judge):
+    tally = Tally(seed, over_dds=False, two_arms=two_arms, interface=interface)
+    judge_one = partial(judge_pair if two_arms else judge, interface=interface)
+    for verdict in _verdicts(seed, iter(trials), workers, judge_one):
         tally.verdicts.append(verdict)
         on_done(verdict)
     tally.verdicts.sort(key=lambda verdict: verdict.trial)
@@ -142,18 +147,18 @@ def _quiet() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 
-def plan_of(seed: int, trial: int) -> Plan:
-    """Return the plan of an in-process trial."""
+def plan_of(seed: int, trial: int, interface: str = "") -> Plan:
+    """Return the plan of an in-process trial; interface: what the arm takes, empty = drawn."""
     from test.campaigns.faults.trial import LATEST_START_S, LONGEST_S
 
-    return make_plan(seed, trial, all_faults(), LATEST_START_S, LONGEST_S)
+    return make_plan(seed, trial, all_faults(), LATEST_START_S, LONGEST_S, interface)
 
 
-def judge(seed: int, trial: int) -> Verdict:
+def judge(seed: int, trial: int, interface: str = "") -> Verdict:
     """Run one trial in process."""
     from test.campaigns.faults.trial import run_trial
 
-    outcome = run_trial(plan_of(seed, trial))
+    outcome = run_trial(plan_of(seed, trial, interface))
     return Verdict(
         trial,
         tuple(fault.name for fault in outcome.plan.faults),
@@ -166,15 +171,23 @@ def judge(seed: int, trial: int) -> Verdict:
     )
 
 
-def judge_pair(seed: int, trial: int) -> Verdict:
+def judge_pair(seed: int, trial: int, interface: str = "") -> Verdict:
     """Run one trial with two arms in process."""
     from test.campaigns.faults.pair import PairTrial, make_plan
 
-    scenario, planned = make_plan(seed, trial)
-    run = PairTrial(scenario, planned, seed, trial)
+    scenario, planned, taken = make_plan(seed, trial, interface)
+    run = PairTrial(scenario, planned, seed, trial, taken)
     violations = tuple(run.run())
     commands = sum(monitor.commands for monitor in run.commands)
-    return Verdict(trial, tuple(fault.name for fault in planned), violations, None, commands, dict(run.modes))
+    return Verdict(
+        trial,
+        tuple(fault.name for fault in planned),
+        violations,
+        None,
+        commands,
+        dict(run.modes),
+        setting=f"{scenario} {taken}",
+    )
 
 
 def write_results(out: Path, tally: Tally) -> Path:

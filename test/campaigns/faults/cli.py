@@ -22,6 +22,12 @@ SHOWN_VIOLATIONS = 5
 @click.option("--first", type=click.IntRange(0), default=0, show_default=True, help="number of the first trial")
 @click.option("--dds", is_flag=True, help="real DDS and node processes; default in process, in virtual time")
 @click.option("--two-arms", is_flag=True, help="two arms on one object, in process: do both stop together?")
+@click.option(
+    "--interface",
+    type=click.Choice(["effort", "velocity", "position"]),
+    default=None,
+    help="what the arm takes, in process; default drawn by the seed",
+)
 @click.option("--attacks", "attacking", is_flag=True, help="attack node processes instead, one way after the other")
 @click.option("--only", multiple=True, metavar="NAME", help="only attacks whose name contains this; repeatable")
 @click.option("--workers", type=click.IntRange(1), help="worker processes, in process; default one per core")
@@ -33,6 +39,7 @@ def faults(
     first: int,
     dds: bool,
     two_arms: bool,
+    interface: str | None,
     attacking: bool,
     only: tuple[str, ...],
     workers: int | None,
@@ -78,7 +85,7 @@ def faults(
             tally = run_over_dds(seed, numbers, out, on_done)
         else:
             jobs = workers or min(trials, os.cpu_count() or 1)
-            tally = campaign.run_in_process(seed, numbers, jobs, on_done, two_arms=two_arms)
+            tally = campaign.run_in_process(seed, numbers, jobs, on_done, two_arms=two_arms, interface=interface or "")
     path = campaign.write_results(out, tally)
     _report(tally, out)
     click.echo(f"results: {path}")
@@ -131,8 +138,9 @@ def _report(tally: object, out: Path) -> None:
     for verdict in tally.failed[:SHOWN_VIOLATIONS]:
         click.echo(f"trial {verdict.trial} ({', '.join(verdict.faults)}): {verdict.violations[0]}")
         flag = " --dds" if tally.over_dds else " --two-arms" if tally.two_arms else ""
+        flag += f" --interface {tally.interface}" if tally.interface else ""
         click.echo(f"  again: slip-vic faults{flag} --seed {tally.seed} --first {verdict.trial} --trials 1")
         if not tally.over_dds and not tally.two_arms:
             from test.campaigns.faults.evidence import leave_bag
 
-            click.echo(f"  bag: {leave_bag(tally.seed, verdict.trial, out)}")
+            click.echo(f"  bag: {leave_bag(tally.seed, verdict.trial, out, tally.interface)}")

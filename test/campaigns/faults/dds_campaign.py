@@ -71,7 +71,7 @@ GRIP_N = {"paper_planar": 2.0, "vertical_plane": 8.0, "glass_transport": 3.0}
 def plan_over_dds(seed: int, trial: int) -> Plan:
     """Return the plan of a trial over DDS: TRIALS_PER_SETTING in a row run what the first of them has drawn."""
     first, plan = (
-        make_plan(seed, number, all_faults_over_dds(), LATEST_START_S, LONGEST_S)
+        make_plan(seed, number, all_faults_over_dds(), LATEST_START_S, LONGEST_S, "effort")
         for number in (trial - trial % TRIALS_PER_SETTING, trial)
     )
     setting = {name: getattr(first, name) for name in ("scenario", "observer", "controller", "sensor")}

@@ -21,13 +21,13 @@ from test.campaigns.faults.wire import Wire
 MODE = "controller/mode"
 
 
-def leave_bag(seed: int, trial: int, out: Path) -> Path:
+def leave_bag(seed: int, trial: int, out: Path, interface: str = "") -> Path:
     """Run an in-process trial again and write what bridge and controller sent; return the bag's folder."""
-    plan = plan_of(seed, trial)
+    plan = plan_of(seed, trial, interface)
     again = Trial(plan, keep=True)
     outcome = again.run()
     controller = again.scenario.controller
-    wires = {name: Wire(name, controller.joint_names, controller.ee_frame) for name in TOPICS}
+    wires = {name: Wire(name, controller.joint_names, controller.ee_frame, plan.interface) for name in TOPICS}
 
     def messages() -> Iterator[tuple[int, str, bytes]]:
         for now_ns, name, content in outcome.record:

@@ -22,10 +22,13 @@ REACTION_S = 0.02  # beyond the age limit: the watchdog's period and one cycle
 
 @dataclass(frozen=True, slots=True)
 class Promise:
-    """The limits: effort (n,) [N m]; rate [N m/s]; longest_step_s, restart_after_s, period_s as in the parameters."""
+    """The limits of a command, (n,) [N m], [rad/s] or [rad], and of its slope, each per second.
 
-    effort: Numbers
-    rate: float
+    longest_step_s, restart_after_s, period_s: as in the parameters.
+    """
+
+    most: Numbers
+    rate: Numbers | float
     longest_step_s: float
     restart_after_s: float
     period_s: float
@@ -47,21 +50,21 @@ class CommandMonitor:
     def inside(self, now_ns: int, effort: Numbers) -> bool:
         """Judge a command by itself; return whether the slope to it can be judged too."""
         now_s = NS * now_ns
-        if effort.shape != self.promise.effort.shape:
-            self.violations.append(f"{now_s:.3f} s: {len(effort)} efforts")
+        if effort.shape != self.promise.most.shape:
+            self.violations.append(f"{now_s:.3f} s: {len(effort)} numbers")
             return False
         if not np.isfinite(effort).all():
-            self.violations.append(f"{now_s:.3f} s: effort {effort.tolist()}")
+            self.violations.append(f"{now_s:.3f} s: command {effort.tolist()}")
             return False
-        if (np.abs(effort) > self.promise.effort).any():
-            self.violations.append(f"{now_s:.3f} s: effort {effort.tolist()} above the limits")
+        if (np.abs(effort) > self.promise.most).any():
+            self.violations.append(f"{now_s:.3f} s: command {effort.tolist()} above the limits")
         return True
 
     def take(self, now_ns: int, effort: Numbers, starts: Callable[[], Sequence[Numbers]]) -> None:
         """Take a command.
 
-        now_ns: when it was given, of a steady clock; starts: gives the efforts from which a first command, or the first
-        after a pause, may begin: those measured, gravity compensation.
+        now_ns: when it was given, of a steady clock; starts: gives the commands from which a first one, or the first
+        after a pause, may begin: what is measured, gravity compensation or rest.
         """
         if len(effort) == 0:
             self._last = None
@@ -74,12 +77,12 @@ class CommandMonitor:
         known = None if self._last is None or passed_s > promise.restart_after_s else self._last[1]
         passed_s = promise.period_s if known is None else passed_s
         allowed = promise.rate * min(passed_s, promise.longest_step_s)
-        before = [known] if known is not None else [np.clip(e, -promise.effort, promise.effort) for e in starts()]
-        step = min((float(np.abs(effort - start).max()) for start in before), default=0.0)
-        if step > allowed + ROUNDING:
+        before = [known] if known is not None else [np.clip(e, -promise.most, promise.most) for e in starts()]
+        beyond = min((float((np.abs(effort - start) - allowed).max()) for start in before), default=0.0)
+        if beyond > ROUNDING:
             kind = "from what the joints feel" if known is None else f"in {1e3 * passed_s:.3f} ms"
             self.violations.append(
-                f"{NS * now_ns:.3f} s: effort steps {kind} by {step:.6g} N m, allowed {allowed:.6g}: {effort.tolist()}"
+                f"{NS * now_ns:.3f} s: command steps {kind} by {beyond:.6g} more than allowed: {effort.tolist()}"
                 f" after {[start.tolist() for start in before]}"
             )
         self._last = (now_ns, effort)

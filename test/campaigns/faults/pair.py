@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_core.types import EffortCommand
+from slip_core.types import JointCommand
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import Scenario, load_scenario
@@ -18,9 +18,9 @@ from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session import Controller, ControllerSession, Results
 from test.campaigns.faults.carriers import SampleCarrier
 from test.campaigns.faults.channel import Channel
-from test.campaigns.faults.monitors import NS, CommandMonitor, Promise, SafeStateMonitor
-from test.campaigns.faults.plan import EFFORT, JOINT, ON_TOPICS, SLIP, TOPICS, WRENCH, Fault
-from test.campaigns.faults.trial import starts_of
+from test.campaigns.faults.monitors import NS, CommandMonitor, SafeStateMonitor
+from test.campaigns.faults.plan import DRIVES, EFFORT, JOINT, ON_TOPICS, SLIP, TOPICS, WRENCH, Fault
+from test.campaigns.faults.trial import promise_of, starts_of
 from test.campaigns.faults.wire import Wire
 
 PERIOD_S = 0.004
@@ -39,8 +39,11 @@ CASES = (
 """Every (kind, target) there is."""
 
 
-def make_plan(seed: int, trial: int) -> tuple[str, tuple[Fault, ...]]:
-    """Draw a trial: its scenario; one fault in turn, and up to two others at random, in order of their start."""
+def make_plan(seed: int, trial: int, interface: str = "") -> tuple[str, tuple[Fault, ...], str]:
+    """Draw a trial: its scenario, what its arms take where that is not given, and its faults in order.
+
+    One fault comes in turn, and up to two others at random.
+    """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial,)))
     chosen = [CASES[trial % len(CASES)]]
     chosen += [CASES[int(rng.integers(len(CASES)))] for _ in range(int(rng.integers(0, 3)))]
@@ -51,14 +54,16 @@ def make_plan(seed: int, trial: int) -> tuple[str, tuple[Fault, ...]]:
         )
         for kind, target in chosen
     ]  # fmt: skip
-    return SCENARIOS[int(rng.integers(2))], tuple(sorted(faults, key=lambda fault: fault.start_s))
+    scenario, drawn = SCENARIOS[int(rng.integers(2))], tuple(DRIVES)[int(rng.integers(len(DRIVES)))]
+    return scenario, tuple(sorted(faults, key=lambda fault: fault.start_s)), interface or drawn
 
 
 @cache
-def prepared(name: str) -> tuple[Scenario, Controller]:
+def prepared(name: str, interface: str = "effort") -> tuple[Scenario, Controller]:
     """Return a scenario as the campaign runs it, and its controller."""
     scenario = load_scenario(
         name,
+        drive=DRIVES[interface],
         assignments=[
             f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
             "controller.gains.k_s=100.0", "controller.gains.kappa=0.4", "controller.trajectory.start_s=0.0",
@@ -94,29 +99,25 @@ class PairTrial:
         scenario: name.
         faults: what happens; targets `left/wrench` and so on.
         seed, trial: of the randomness of the channels.
+        interface: what the arms take.
     """
 
-    def __init__(self, scenario: str, faults: tuple[Fault, ...], seed: int, trial: int) -> None:
+    def __init__(
+        self, scenario: str, faults: tuple[Fault, ...], seed: int, trial: int, interface: str = "effort"
+    ) -> None:
         self._faults = faults
-        self.scenario, self._controller = prepared(scenario)
+        self.scenario, self._controller = prepared(scenario, interface)
         self._channels = {}
         for i, name in enumerate(f"{side}/{topic}" for side in SIDES for topic in TOPICS):
             controller = list(self.scenario.controllers.values())[i // len(TOPICS)]
             self._channels[name] = Channel(
-                SampleCarrier(Wire(name.partition("/")[2], controller.joint_names, controller.ee_frame)),
+                SampleCarrier(Wire(name.partition("/")[2], controller.joint_names, controller.ee_frame, interface)),
                 tuple(fault for fault in faults if fault.target == name),
                 np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial, 2 + i))),
             )
         safety = next(iter(self.scenario.controllers.values())).safety
-        limits, inputs = safety.limits, safety.inputs
-        self.commands = [
-            CommandMonitor(
-                Promise(
-                    c.robot.effort_limit, limits.effort_rate, limits.longest_step_s, limits.restart_after_s, PERIOD_S
-                )
-            )
-            for c in self._controller.arms.values()
-        ]
+        inputs = safety.inputs
+        self.commands = [CommandMonitor(promise_of(arm, PERIOD_S)) for arm in self._controller.arms.values()]
         age = {
             JOINT: inputs.joint.age_s + PERIOD_S,
             WRENCH: inputs.wrench.age_s + PERIOD_S,
@@ -143,7 +144,7 @@ class PairTrial:
 
     def _run(self) -> None:
         bridge, team = self.scenario.bridge_session(), ControllerSession(self._controller)
-        newest: list[EffortCommand | None] = [None] * len(SIDES)
+        newest: list[JointCommand | None] = [None] * len(SIDES)
         for tick in range(round(DURATION_S / PERIOD_S)):
             t = tick * PERIOD_S
             now_ns = STEADY_NS + round(1e9 * t)
@@ -159,7 +160,8 @@ class PairTrial:
             self._control(team, t, now_ns)
             for side, name in enumerate(SIDES):
                 for delivery in self._channels[f"{name}/{EFFORT}"].arrivals(now_ns):
-                    newest[side] = EffortCommand(delivery.sample.stamp_ns - STEADY_NS, delivery.sample.effort)
+                    command = delivery.sample
+                    newest[side] = dataclasses.replace(command, stamp_ns=command.stamp_ns - STEADY_NS)
             bridge.advance(newest)
 
     def _happen(self, t: float, bridge: BridgeSession, team: ControllerSession) -> None:
@@ -201,7 +203,7 @@ class PairTrial:
                 continue
             self.modes[result.mode.name] += 1
             starts = partial(starts_of, team.arms[side], result.joint)
-            self.commands[side].take(now_ns, result.command.effort, starts)
+            self.commands[side].take(now_ns, result.command.numbers, starts)
             self._channels[f"{SIDES[side]}/{EFFORT}"].send(result.command, t, now_ns)
         return any(result is not None for result in results)
 

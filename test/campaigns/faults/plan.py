@@ -18,6 +18,8 @@ ON_TOPICS = (
 )  # fmt: skip
 ON_NODES = ("kill", "stop")
 IDEAL = "ideal"
+DRIVES = {"effort": "", "velocity": "velocity_500", "position": "position_250"}
+"""What the arm has where a trial commands efforts, velocities or positions."""
 PERIOD_S = 0.004
 
 
@@ -80,17 +82,23 @@ class Plan:
     controller: Law
     faults: tuple[Fault, ...]
     sensor: str = IDEAL
+    interface: str = "effort"
 
     @property
     def setting(self) -> str:
         """What runs, as reports count it."""
-        return f"{self.scenario} {self.controller}{' observer' if self.observer else ''} {self.sensor}"
+        observer = " observer" if self.observer else ""
+        return f"{self.scenario} {self.controller}{observer} {self.interface} {self.sensor}"
 
 
 def make_plan(
-    seed: int, trial: int, cases: tuple[tuple[str, str], ...], latest_start_s: float, longest_s: float
-) -> Plan:
-    """Draw a trial: one fault in turn, so that every kind comes up equally often, and up to two others at random."""
+    seed: int, trial: int, cases: tuple[tuple[str, str], ...], latest_start_s: float, longest_s: float,
+    interface: str = "",
+) -> Plan:  # fmt: skip
+    """Draw a trial: one fault in turn, so that every kind comes up equally often, and up to two others at random.
+
+    interface: what the arm takes; empty = drawn, too.
+    """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial,)))
     chosen = [cases[trial % len(cases)]]
     chosen += [cases[int(rng.integers(len(cases)))] for _ in range(int(rng.integers(0, 3)))]
@@ -113,10 +121,13 @@ def make_plan(
     sensors = preset_names("sensors")
     sensor = sensors[int(rng.integers(len(sensors)))]
     in_order = tuple(sorted(faults, key=lambda fault: fault.start_s))
-    return Plan(trial, seed, scenario, observer, controller, in_order, sensor)
+    drawn = tuple(DRIVES)[int(rng.integers(len(DRIVES)))]
+    return Plan(trial, seed, scenario, observer, controller, in_order, sensor, interface or drawn)
 
 
-def realtime_scenario(name: str, observer: bool, controller: Law, sensor: str, assignments: Iterable[str]) -> Scenario:
+def realtime_scenario(
+    name: str, observer: bool, controller: Law, sensor: str, assignments: Iterable[str], interface: str = "effort"
+) -> Scenario:
     """Return a scenario as campaigns run it, in real time without an end; the ideal sensor leaves the gains."""
     usual = (
         f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
@@ -124,5 +135,6 @@ def realtime_scenario(name: str, observer: bool, controller: Law, sensor: str, a
     )  # fmt: skip
     return load_scenario(
         name, law=controller, mode="realtime", assignments=(*usual, *assignments),
-        sensor="" if sensor == IDEAL else sensor, estimator="observer" if observer else "measured",
+        sensor="" if sensor == IDEAL else sensor, drive=DRIVES[interface],
+        estimator="observer" if observer else "measured",
     )  # fmt: skip

@@ -14,14 +14,15 @@ from numpy.typing import NDArray
 
 from slip_core.errors import InputError
 from slip_core.params import build, flatten
-from slip_core.types import EffortCommand, JointSample
+from slip_core.types import JointCommand, JointSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import Law, Scenario
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session import Controller, CycleResult
+from slip_vic_controller.session import ArmController, Controller, CycleResult
+from slip_vic_controller.sizes import MAX_JOINTS
 from test.campaigns.faults.carriers import SampleCarrier
 from test.campaigns.faults.channel import Channel, Delivery
 from test.campaigns.faults.monitors import (
@@ -74,13 +75,15 @@ class Outcome:
 
 
 @cache
-def prepared(name: str, observer: bool, kind: Law, sensor: str = IDEAL) -> tuple[Scenario, Controller]:
+def prepared(
+    name: str, observer: bool, kind: Law, sensor: str = IDEAL, interface: str = "effort"
+) -> tuple[Scenario, Controller]:
     """Return a scenario as the campaign runs it, and its law; the ideal sensor leaves the gains what they are."""
     assignments = [f"controller.trajectory.duration_s={0.75 * DURATION_S}"]
     if name == "vertical_plane":
         # What friction cannot carry is to be met: more than just enough grip at the start.
         assignments += ["controller.trajectory.displacement=[0.0, 0.1, 0.05]"]
-    scenario = realtime_scenario(name, observer, kind, sensor, assignments)
+    scenario = realtime_scenario(name, observer, kind, sensor, assignments, interface)
     return scenario, one_arm(scenario.controller, scenario.urdf, lockstep=False)
 
 
@@ -94,29 +97,22 @@ class Trial:
 
     def __init__(self, plan: Plan, *, keep: bool = False) -> None:
         self._plan, self._keep = plan, keep
-        self.scenario, self._law = prepared(plan.scenario, plan.observer, plan.controller, plan.sensor)
+        self.scenario, self._law = prepared(plan.scenario, plan.observer, plan.controller, plan.sensor, plan.interface)
         noise = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 1)))
         self._bridge_params = self.scenario.bridge.model_copy(update={"seed": int(noise.integers(2**31))})
         controller, safety = self.scenario.controller, self.scenario.controller.safety
         self._channels = {
             name: Channel(
-                SampleCarrier(Wire(name, controller.joint_names, controller.ee_frame)),
+                SampleCarrier(Wire(name, controller.joint_names, controller.ee_frame, plan.interface)),
                 tuple(fault for fault in plan.faults if fault.target == name),
                 np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 2 + i))),
             )
             for i, name in enumerate(TOPICS)
         }
-        limits, inputs = safety.limits, safety.inputs
-        self._commands = CommandMonitor(
-            Promise(
-                self._law.first.robot.effort_limit,
-                limits.effort_rate,
-                limits.longest_step_s,
-                limits.restart_after_s,
-                PERIOD_S,
-            )
-        )
-        self._joints = JointMonitor(self.scenario.bridge.effort_rate * PERIOD_S, REST_AFTER_S)
+        inputs = safety.inputs
+        self._commands = CommandMonitor(promise_of(self._law.first, PERIOD_S))
+        slope = self.scenario.bridge.effort_rate if plan.interface == "effort" else np.inf  # a drive's own loop steps
+        self._joints = JointMonitor(slope * PERIOD_S, REST_AFTER_S)
         ages_s = {JOINT: inputs.joint.age_s + PERIOD_S, WRENCH: inputs.wrench.age_s + PERIOD_S}
         # The same for every sensor: a slow one must be fast enough for it, its latency included.
         slip_s = {} if plan.controller == "classical" else {SLIP: inputs.slip.age_s + PERIOD_S}  # it needs no slip
@@ -131,7 +127,7 @@ class Trial:
         self._controller_back = self._bridge_back = 0.0
         self._held = True  # by the bridge
         self._clock_offset_ns = 0
-        self._newest_command: EffortCommand | None = None
+        self._newest_command: JointCommand | None = None
         self._recovered: float | None = None
         self._stand_still_ns: int | None = None
         self._lost = 0
@@ -282,11 +278,11 @@ class Trial:
         if self._keep:
             self._record += [(self._now_ns, name, sample) for name, sample in sent]
 
-    def _shifted(self, command: EffortCommand | None) -> EffortCommand | None:
+    def _shifted(self, command: JointCommand | None) -> JointCommand | None:
         """Return a command with its stamp on the simulation's clock."""
         if command is None or self._clock_offset_ns == 0:
             return command
-        return EffortCommand(command.stamp_ns - self._clock_offset_ns, command.effort)
+        return dataclasses.replace(command, stamp_ns=command.stamp_ns - self._clock_offset_ns)
 
     def _control(self, t: float) -> None:
         """Let everything arrive, and answer."""
@@ -313,15 +309,38 @@ class Trial:
         if result is None or self._controller is None:
             return
         self._modes[result.mode.name] += 1
-        self._commands.take(self._now_ns, result.command.effort, partial(starts_of, self._controller, result.joint))
+        self._commands.take(self._now_ns, result.command.numbers, partial(starts_of, self._controller, result.joint))
         self._channels[EFFORT].send(result.command, t, self._now_ns)
         if self._keep:
             self._record.append((self._now_ns, EFFORT, result.command))
             self._record.append((self._now_ns, "controller/mode", f"{result.mode.name}: {result.reason}"))
 
 
+def promise_of(arm: ArmController, period_s: float) -> Promise:
+    """Return what the commands of an arm keep to."""
+    command, limits = arm.params.command, arm.params.safety.limits
+    most: NDArray[np.float64] = arm.robot.effort_limit
+    rate: NDArray[np.float64] | float = limits.effort_rate
+    speed = arm.robot.velocity_limit * limits.velocity_scale
+    if command.interface == "velocity":
+        most, rate = speed, command.acceleration_limit
+    elif command.interface == "position":
+        most, rate = np.maximum(-arm.robot.position_lower, arm.robot.position_upper), speed
+    return Promise(most, rate, limits.longest_step_s, limits.restart_after_s, period_s)
+
+
 def starts_of(session: OneArm, joint: JointSample) -> list[NDArray[np.float64]]:
-    """Return from where the first command may begin that answers this joint state: what is felt, gravity; [N m]."""
+    """Return from where the first command may begin that answers this joint state.
+
+    An effort: what is felt, gravity compensation [N m]. A velocity or position: what is measured or estimated, rest.
+    """
+    interface = session.controller.params.command.interface
+    if interface != "effort":
+        n, rest = len(joint.position), session.state.law.position if interface == "position" else np.zeros(MAX_JOINTS)
+        estimate = session.state.estimate
+        known = estimate.position if interface == "position" else estimate.velocity
+        found = [getattr(joint, interface), known[:n].copy(), rest[:n].copy()]
+        return [start for start in found if np.isfinite(start).all()]
     starts = [joint.effort] if np.isfinite(joint.effort).all() else []
     return [*starts, session.gravity] if session.begun else starts
 

@@ -33,15 +33,16 @@ class Wire:
     Args:
         name: the topic.
         joint_names, frame: as in the nodes' parameters.
+        interface: what the arm takes.
     """
 
-    def __init__(self, name: str, joint_names: tuple[str, ...], frame: str) -> None:
-        self.name = name
+    def __init__(self, name: str, joint_names: tuple[str, ...], frame: str, interface: str = "effort") -> None:
+        self.name, self._interface = name, interface
         self._joints, self._frame = joint_names, frame
         order = from_msgs.JointOrder(joint_names)
         learn: dict[str, Callable[[Any], Any]] = {
             JOINT: partial(from_msgs.joint_samples, order=order),
-            EFFORT: partial(from_msgs.joint_commands, order=order, interface="effort"),
+            EFFORT: partial(from_msgs.joint_commands, order=order, interface=interface),
             WRENCH: partial(from_msgs.in_frame, frame=frame, make=WrenchSample),
             SLIP: partial(from_msgs.in_frame, frame=frame, make=from_msgs.slip_sample),
         }
@@ -53,7 +54,8 @@ class Wire:
         if self.name == JOINT:
             return to_msgs.joint_state(sample.stamp_ns, self._joints, sample.position, sample.velocity, sample.effort)
         if self.name == EFFORT:
-            return to_msgs.joint_state(sample.stamp_ns, self._joints, (), (), sample.effort)
+            fields = {"position": (), "velocity": (), "effort": ()} | {self._interface: sample.numbers}
+            return to_msgs.joint_state(sample.stamp_ns, self._joints, **fields)
         if self.name == WRENCH:
             return to_msgs.wrench_stamped(sample.stamp_ns, sample.wrench, self._frame)
         return to_msgs.twist_stamped(sample.stamp_ns, to_msgs.slip_numbers(sample), self._frame)

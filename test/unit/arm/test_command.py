@@ -21,14 +21,14 @@ from slip_vic_controller.arm.command import (
 )
 from slip_vic_controller.sizes import MAX_JOINTS
 
-N = 3
+N, PERIOD = 3, 1e-3
 ROUNDING = 1e-9
 VELOCITY, ACCELERATION, JERK = np.array([2.0, 1.0, 3.0]), np.array([15.0, 10.0, 20.0]), np.array([5e3, 1e3, 7.5e3])
 
 
-def limits(period: float = 1e-3, lead: float = 1e3, reach: float = 2.8) -> CommandConfig:
+def limits(lead: float = 1e3, reach: float = 2.8) -> CommandConfig:
     config: CommandConfig = record(new(COMMAND_CONFIG), COMMAND_CONFIG)
-    config.joints, config.period, config.lead = N, period, lead
+    config.joints, config.lead = N, lead
     config.velocity[:N], config.acceleration[:N], config.jerk[:N] = VELOCITY, ACCELERATION, JERK
     config.lower[:N], config.upper[:N] = -reach, reach
     return config
@@ -48,7 +48,7 @@ def full(values: Array) -> Array:
 @pytest.mark.parametrize("period", [1e-3, 2e-3, 8e-3])
 def test_whatever_is_wanted_every_limit_holds_and_the_joint_stays_in_its_range(seed: int, period: float) -> None:
     rng, reach = np.random.default_rng(seed), 0.4
-    config = limits(period, reach=reach)
+    config = limits(reach=reach)
     state, limited = begun(config, np.zeros(N), np.zeros(N)), np.zeros(MAX_JOINTS, np.int64)
     wanted = np.zeros(N)
     for k in range(1500):
@@ -57,7 +57,7 @@ def test_whatever_is_wanted_every_limit_holds_and_the_joint_stays_in_its_range(s
         if rng.uniform() < 0.02:
             wanted = np.array([np.nan, np.inf, -np.inf])[rng.permutation(3)]
         before = state.velocity[:N].copy(), state.acceleration[:N].copy()
-        finite = advance_motion(config, state, full(wanted), full(before[0]), limited)
+        finite = advance_motion(config, state, full(wanted), full(before[0]), period, limited)
         assert finite == bool(np.isfinite(wanted).all())
         assert (np.abs(state.velocity[:N]) <= VELOCITY + ROUNDING).all()
         assert (np.abs(state.acceleration[:N]) <= ACCELERATION + ROUNDING).all()
@@ -72,7 +72,7 @@ def test_what_is_inside_the_limits_is_integrated_to_the_last_bit() -> None:
     q, v = np.full(N, 0.1), np.zeros(N)
     for k in range(400):
         a = 0.5 * np.sin(0.01 * k) * np.ones(N)
-        assert advance_motion(config, state, full(a), full(v), limited)
+        assert advance_motion(config, state, full(a), full(v), PERIOD, limited)
         q, v = q + (v + 0.5 * a * 1e-3) * 1e-3, v + a * 1e-3
         assert not limited.any()
         assert state.position[:N].tolist() == q.tolist()
@@ -84,7 +84,7 @@ def test_a_stop_comes_to_rest_without_turning_round_and_inside_the_limits() -> N
     state, limited = begun(config, np.zeros(N), np.array([1.5, -0.9, 2.9])), np.zeros(MAX_JOINTS, np.int64)
     sign, before = np.sign(state.velocity[:N]), state.acceleration[:N].copy()
     for _ in range(2000):
-        if stop_motion(config, state, limited):
+        if stop_motion(config, state, PERIOD, limited):
             break
         assert (sign * state.velocity[:N] >= -ROUNDING).all()
         assert (np.abs(state.acceleration[:N] - before) <= ACCELERATION).all()
@@ -98,7 +98,7 @@ def test_an_arm_that_does_not_follow_does_not_let_the_command_run_away() -> None
     config = limits(lead=0.2)
     state, limited = begun(config, np.zeros(N), np.zeros(N)), np.zeros(MAX_JOINTS, np.int64)
     for _ in range(3000):
-        advance_motion(config, state, full(np.array([5.0, -5.0, 5.0])), np.zeros(MAX_JOINTS), limited)
+        advance_motion(config, state, full(np.array([5.0, -5.0, 5.0])), np.zeros(MAX_JOINTS), PERIOD, limited)
     assert (np.abs(state.velocity[:N]) <= 0.2 + ROUNDING).all()
 
 

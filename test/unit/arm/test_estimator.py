@@ -296,3 +296,29 @@ def test_without_configured_noise_it_is_off_and_a_latency_is_bounded() -> None:
     assert configuration(joint_sensor__noise_velocity=0.0).on == 0
     with pytest.raises(InputError, match=r"joint_sensor\.latency_s"):
         configuration(joint_sensor__latency_s=(MAX_LATENCY + 1) * T)
+
+
+def test_a_slow_sensor_of_a_late_velocity_drive_is_followed_between_its_samples() -> None:
+    """A joint that the model describes: it is known in every period though a sample is new in every eighth only."""
+    bandwidth, late, every, old = 40.0, 8, 8, 4
+    config = configuration(
+        command__interface="velocity", drive__bandwidth=bandwidth, drive__delay_s=late * T,
+        joint_sensor__rate_hz=1.0 / (every * T), joint_sensor__latency_s=old * T,
+    )  # fmt: skip
+    joints, commands, q, v = Joints(config), [0.0] * late, [0.0] * (old + 1), [0.0] * (old + 1)
+    joints.sample(0.0, 0.0)
+    F, G = joint_filter.matrices(bandwidth, T)
+    measured, errors = (0.0, 0.0), []
+    for k in range(1, 800):
+        u = 0.5 * math.sin(0.02 * k)
+        joints.act(u)
+        commands.append(u)
+        x = F[:2, :2] @ np.array([q[-1], v[-1]]) + G[:2] * commands[-1 - late]
+        q.append(float(x[0]))
+        v.append(float(x[1]))
+        if k % every == 0:
+            measured = q[-1 - old], v[-1 - old]
+        found = joints.sample(*measured)
+        errors.append((abs(found[0][0] - q[-1]), abs(found[1][0] - v[-1])))
+    assert np.max(errors[200:], axis=0) == pytest.approx(0.0, abs=1e-9)
+    assert joints.state.finding == Finding.NONE

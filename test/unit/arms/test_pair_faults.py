@@ -12,8 +12,8 @@ from test.campaigns.faults.plan import JOINT, SLIP, WRENCH, Fault
 def test_every_fault_on_either_arm_has_its_turn() -> None:
     plans = [make_plan(1, trial) for trial in range(len(CASES))]
     assert plans == [make_plan(1, trial) for trial in range(len(CASES))]
-    assert {name for name, _ in plans} == set(SCENARIOS)
-    drawn = {(fault.kind, fault.target) for _, faults in plans for fault in faults}
+    assert {name for name, _, _ in plans} == set(SCENARIOS)
+    drawn = {(fault.kind, fault.target) for _, faults, _ in plans for fault in faults}
     assert drawn == set(CASES)
 
 

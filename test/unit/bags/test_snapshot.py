@@ -89,7 +89,7 @@ def test_reference_bags_verify_from_the_middle(name: str) -> None:
     assert half.identical, half.text()
     assert half.cycles < whole.cycles - 400
     # A bag whose beginning is missing begins where the memory is known.
-    late = dataclasses.replace(run, ledger=run.ledger[700:], efforts=run.efforts[700:], changes=())
+    late = dataclasses.replace(run, ledger=run.ledger[700:], commands=run.commands[700:], changes=())
     assert verify_run({"": late}).identical
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from click.testing import CliRunner
 
-from slip_core.errors import InputError, UnknownName
+from slip_core.errors import UnknownName
 from slip_core.params import flatten, parameter_infos
 from slip_vic.cli import cli
 from slip_vic.presets import preset_names
@@ -15,7 +15,6 @@ from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from test.support.every import every
 
 NAMES = preset_names("drives")
-BY_EFFORT = [name for name in NAMES if load_drive(name).drive.interface == "effort"]
 KNOWN = {info.name for info in parameter_infos(ControllerNodeParams)}
 
 
@@ -34,11 +33,12 @@ def test_ideal_drives_are_the_defaults() -> None:
     assert load_scenario("paper_planar", drive="ideal") == load_scenario("paper_planar")
 
 
-@every("name", BY_EFFORT)
+@every("name", NAMES)
 def test_both_nodes_are_configured(name: str) -> None:
     loaded, preset = load_scenario("paper_planar", drive=name), load_drive(name)
     assert loaded.bridge.drive == preset.drive
     assert loaded.bridge.sensors.joint == preset.joint
+    assert loaded.controller.command.interface == preset.drive.interface
     known = flatten(loaded.controller)
     for part, values in (("drive", preset.drive), ("joint_sensor", preset.joint)):
         for key, value in flatten(values).items():
@@ -56,12 +56,6 @@ def test_lists_fit_an_arm_of_any_size(joints: int) -> None:
     assert len(coulomb) == joints
     assert coulomb[:5] == [3.0, 3.0, 2.4, 2.4, 1.2]
     assert values["bridge"]["drive.viscous"] == [1.0]
-
-
-@pytest.mark.skipif("command.interface" in KNOWN, reason="the controller takes the interface of the drives")
-def test_drives_that_take_no_efforts_are_refused_where_the_controller_sends_nothing_else() -> None:
-    with pytest.raises(InputError, match="interface velocity"):
-        load_scenario("paper_planar", drive="velocity_500")
 
 
 def test_a_mistyped_name_is_answered() -> None:

@@ -30,7 +30,19 @@ from test.campaigns.faults.dds_campaign import campaign_scenario
 from test.campaigns.faults.dds_session import SILENT_S, START_S, StartUp
 from test.campaigns.faults.dds_watch import Watch
 from test.campaigns.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
-from test.campaigns.faults.plan import BRIDGE, CONTROLLER, EFFORT, JOINT, SLIP, TOPICS, WRENCH, Fault, Plan, all_faults
+from test.campaigns.faults.plan import (
+    BRIDGE,
+    CONTROLLER,
+    DRIVES,
+    EFFORT,
+    JOINT,
+    SLIP,
+    TOPICS,
+    WRENCH,
+    Fault,
+    Plan,
+    all_faults,
+)
 from test.campaigns.faults.trial import run_trial
 from test.campaigns.faults.wire import Wire
 from test.support.every import every
@@ -78,13 +90,14 @@ def test_a_limiter_without_rate_limit_is_caught_and_leaves_its_bag(
 
     break_controller(monkeypatch, without_rate_limit)
     trial = 466  # joint states with wrong numbers, in motion
-    words = ["--trials", "1", "--first", str(trial), "--seed", str(SEED), "--workers", "1", "--out", str(tmp_path)]
+    seeded = ["--first", str(trial), "--seed", str(SEED), "--workers", "1", "--out", str(tmp_path)]
+    words = ["--interface", "effort", "--trials", "1", *seeded]
     result = CliRunner().invoke(faults, words)
     assert result.exit_code == 1, result.output
-    assert f"--seed {SEED} --first {trial} --trials 1" in result.output
+    assert f"--interface effort --seed {SEED} --first {trial} --trials 1" in result.output
     summary = json.loads((tmp_path / "faults.json").read_text())
     assert (summary["trials"], summary["violations"]) == (1, 1)
-    assert "effort steps" in summary["failed"][0]["violations"][0]
+    assert "command steps" in summary["failed"][0]["violations"][0]
     with Bag(tmp_path / f"trial_{SEED}_{trial}") as bag:
         assert bag.topics["/effort_command"].message_count > 100
         assert bag.custom_data["violations"]
@@ -103,7 +116,7 @@ def test_a_controller_that_lets_bad_numbers_through_is_caught(monkeypatch: pytes
             return result
 
     monkeypatch.setattr(trials, "OneArm", Broken)
-    assert any("nan" in text for text in run_trial(plan_of(SEED, 0)).violations)
+    assert any("nan" in text for text in run_trial(plan_of(SEED, 0, "effort")).violations)
 
 
 @every(
@@ -114,7 +127,7 @@ def test_a_controller_that_lets_bad_numbers_through_is_caught(monkeypatch: pytes
         ([(0, [0.0, 0.0]), (60, [4.1, 0.0])], "from what the joints feel"),
         ([(0, [4.1, 0.0])], "from what the joints feel"),
         ([(0, [0.0, np.inf])], "inf"),
-        ([(0, [0.0])], "1 efforts"),
+        ([(0, [0.0])], "1 numbers"),
         ([(t, [min(4.0 * t / 4, 90.0), 0.0]) for t in range(0, 100, 4)], "above the limits"),
     ],
 )
@@ -206,6 +219,7 @@ def test_safe_state_monitor_sees_a_law_that_goes_on_with_all_it_needs() -> None:
 def test_every_sensor_has_its_turn_with_every_controller() -> None:
     """And changes no fault that a seed has drawn before there were sensors."""
     plans = [plan_of(SEED, trial) for trial in range(300)]
+    assert {plan.interface for plan in plans} == set(DRIVES)
     turns = {(plan.sensor, plan.controller, plan.observer) for plan in plans}
     assert len(turns) == len(preset_names("sensors")) * 3 * 2
     assert {plan.setting.split()[-1] for plan in plans} == set(preset_names("sensors"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from slip_core.drive_params import DriveModel
+from slip_core.drive_params import CommandInterface, DriveModel
 from slip_core.params import parameter
 
 EACH = "one number for all joints or one per joint, empty = none"
@@ -13,6 +13,9 @@ EACH = "one number for all joints or one per joint, empty = none"
 class DriveParams(DriveModel):
     """Drives of an arm."""
 
+    interface: CommandInterface = parameter(
+        "effort", "what the drives take: effort [N m], or velocity [rad/s] or position [rad] with a loop of their own"
+    )
     coulomb: tuple[float, ...] = parameter((), f"Coulomb friction of the joints; {EACH}", unit="N m")
     viscous: tuple[float, ...] = parameter((), f"viscous friction of the joints; {EACH}", unit="N m s/rad")
     offset: tuple[float, ...] = parameter(

@@ -109,6 +109,7 @@ class JointSensor:
             lambda truth, _rng: truth, self._params.rate_hz, self._params.latency_s, self._make_rng
         )
         self._newest: JointSample | None = None
+        self._read: tuple[JointSample, Array, Array] | None = None
         self._before: tuple[int, Array] | None = None
         self._filtered = np.zeros(0)
 
@@ -124,6 +125,9 @@ class JointSensor:
         if self._held:
             self._newest = next(reversed(self._source.update(truth)), self._newest)
             source = truth if self._newest is None else self._newest
+            if self._read is not None and self._read[0] is source:  # a driver repeats what it has read, noise and all
+                _, position, velocity = self._read
+                return JointSample(truth.stamp_ns, position, velocity, truth.effort)
         noise_position, noise_velocity = self._params.noise_position, self._params.noise_velocity
         exact = self._exact and self._bias is None and noise_position == 0.0 and noise_velocity == 0.0
         if source is truth and exact:
@@ -138,6 +142,7 @@ class JointSensor:
         velocity = source.velocity + noise
         if self._params.velocity_filter_hz > 0.0:
             velocity = self._filter(source.stamp_ns, position) + noise
+        self._read = source, position, velocity
         return JointSample(truth.stamp_ns, position, velocity, truth.effort)
 
     def _filter(self, stamp_ns: int, position: Array) -> Array:

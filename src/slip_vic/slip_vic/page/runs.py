@@ -20,6 +20,7 @@ from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf import parse_urdf
 from slip_core.params import flat_names, flatten
+from slip_core.types import COMMAND_TOPICS
 from slip_vic.page.packing import Packer
 from slip_vic.page.urdf import links_of
 
@@ -222,7 +223,7 @@ def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array, end: str) -> A
         values["load"] = load_ratio(wrench, parameters)
     values |= _internal(bag, arm, start_ns, times)
     efforts = np.full((len(times), len(names)), np.nan)
-    if (topic := arm.names.get("effort_command")) is not None:
+    if (topic := next((arm.names[name] for name in COMMAND_TOPICS if name in arm.names), None)) is not None:
         commands = bag.series(topic)
         if commands["effort"].ndim == 2:
             efforts = _on_grid(commands, commands["effort"], start_ns, times)

@@ -60,7 +60,9 @@ class _Samples:
         return entry.mode == Mode.WAITING_INPUT or (entry.mode == Mode.FAULT and not named)
 
     def wrenches(self, entry: LedgerEntry) -> list[WrenchSample]:
-        """Return the newest wrench of each contact."""
+        """Return the newest wrench of each contact; none where the controller had no sensor."""
+        if self._run.params.wrench.source == "none":
+            return []
         pairs = zip(self._run.wrenches, entry.wrench_ns, strict=True)
         return [self._find(entry, samples, stamp, "wrench") for samples, stamp in pairs]
 
@@ -159,7 +161,7 @@ def replay(runs: Mapping[str, RecordedRun], begins: Sequence[int]) -> Iterator[D
     while any(arm.entry is not None for arm in arms):
         turn = [arms[k] for k in _turn([arm.entry for arm in arms])]
         for arm, entry, result in zip(turn, *_cycle(session, turn), strict=True):
-            found = _compare(arm.run, entry, arm.run.efforts[arm.at - 1], result)
+            found = _compare(arm.run, entry, arm.run.commands[arm.at - 1], result)
             yield None if found is None else replace(found, topic=f"{prefix_of(arm.name)}{found.topic}")
 
 
@@ -270,19 +272,19 @@ def _take(session: ControllerSession, run: RecordedRun, entry: LedgerEntry) -> N
 def _compare(
     run: RecordedRun, entry: LedgerEntry, recorded: NDArray[np.float64], result: CycleResult
 ) -> Divergence | None:
-    mode, replayed = int(result.mode), result.command.effort
+    mode, replayed = int(result.mode), result.command.numbers
+
+    topic = f"{run.params.command.interface}_command"
 
     def differs(topic: str, field: str, one: float, other: float, ulps: int | None) -> Divergence:
         return Divergence(entry.cycle, entry.joint_ns, topic, field, one, other, ulps)
 
     if recorded.shape != replayed.shape:
-        return differs("effort_command", "number of efforts", len(recorded), len(replayed), None)
+        return differs(topic, "numbers", len(recorded), len(replayed), None)
     if recorded.tobytes() != replayed.tobytes():
         index = next(i for i in range(len(recorded)) if _bits(recorded[i]) != _bits(replayed[i]))
         distance = abs(_ordered(recorded[index]) - _ordered(replayed[index]))
-        return differs(
-            "effort_command", run.params.joint_names[index], float(recorded[index]), float(replayed[index]), distance
-        )
+        return differs(topic, run.params.joint_names[index], float(recorded[index]), float(replayed[index]), distance)
     if entry.mode != mode:
         return differs("controller/ledger", "mode", entry.mode, mode, None)
     return None

@@ -83,7 +83,7 @@ class ParameterChange:
 class RecordedRun:
     """Everything that a replay of one arm needs, and what it must reproduce.
 
-    joints, wrenches, slips: by stamp [ns], the last two per contact. efforts: per ledger entry, (n,) [N m] or (0,).
+    joints, wrenches, slips: by stamp [ns], the last two per contact. commands: per ledger entry, (n,) or (0,).
     states: the controller's state as text, by the cycle that begins with it. given: references or goals in their order.
     """
 
@@ -94,7 +94,7 @@ class RecordedRun:
     joints: dict[int, JointSample]
     wrenches: tuple[dict[int, WrenchSample], ...]
     slips: tuple[dict[int, SlipSample], ...]
-    efforts: tuple[NDArray[np.float64], ...]
+    commands: tuple[NDArray[np.float64], ...]
     states: dict[int, str]
     given: tuple[CartesianReference | PoseGoal, ...] = ()
 
@@ -138,7 +138,7 @@ class _Source(NamedTuple):
 
 
 def _read_arm(source: _Source, params: ControllerNodeParams) -> RecordedRun:
-    bag, prefix = source.bag, source.prefix
+    bag, prefix, interface = source.bag, source.prefix, params.command.interface
     ledger_series = _complete(bag, prefix + LEDGER)
     order, contacts = JointOrder(params.joint_names), source.contacts(len(params.contacts.position) // 3)
     return RecordedRun(
@@ -149,7 +149,7 @@ def _read_arm(source: _Source, params: ControllerNodeParams) -> RecordedRun:
         joints=_joints(_complete(bag, f"{prefix}joint_states"), order),
         wrenches=tuple(_wrenches(bag, f"{contact}wrench") for contact in contacts),
         slips=tuple(_slips(bag, contact, params) for contact in contacts),
-        efforts=_efforts(_complete(bag, f"{prefix}effort_command"), ledger_series, order),
+        commands=_commands(_complete(bag, f"{prefix}{interface}_command"), ledger_series, order, interface),
         states=_states(bag, prefix + STATE),
         given=_given(bag, source.root + GIVEN, params),
     )
@@ -326,10 +326,10 @@ def _displacements(bag: Bag, topic: str) -> dict[int, SlipSample]:
     return {slip.stamp_ns: slip for slip in map(made, samples) if slip is not None}
 
 
-def _efforts(series: Series, ledger: Series, order: JointOrder) -> tuple[NDArray[np.float64], ...]:
+def _commands(series: Series, ledger: Series, order: JointOrder, interface: str) -> tuple[NDArray[np.float64], ...]:
     """Pair every ledger entry with the command published just before it, by the publisher's own clock."""
-    rows = _in_order(series, "effort", order)
+    rows = _in_order(series, interface, order)
     found = np.searchsorted(series.publish_time_ns, ledger.publish_time_ns, side="right") - 1
     if (found < 0).any() or (np.diff(found) < 1).any():
-        raise InputError("effort_command", got="fewer messages than cycles", expected="one per ledger entry")
+        raise InputError(f"{interface}_command", got="fewer messages than cycles", expected="one per ledger entry")
     return tuple(rows[index] for index in found)

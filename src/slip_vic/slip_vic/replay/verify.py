@@ -11,13 +11,16 @@ from slip_vic.replay.replay import Divergence, first_indices, replay
 from slip_vic.replay.run_data import RecordedRun
 from slip_vic.run.recording import versions
 
+KINDS = {"effort": "efforts", "velocity": "velocities", "position": "positions"}
+
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """How many cycles and efforts were compared, how many cycles differ, and the first difference."""
+    """How many cycles and commanded numbers were compared, how many cycles differ, and the first difference."""
 
     cycles: int
-    efforts: int
+    numbers: int
+    kind: str  # of them: efforts, velocities or positions
     different: int
     first: Divergence | None
 
@@ -29,7 +32,7 @@ class Comparison:
     def text(self) -> str:
         """Return the verdict in one line."""
         if self.first is None:
-            return f"identical: {self.cycles} cycles, {self.efforts} efforts, to the last bit"
+            return f"identical: {self.cycles} cycles, {self.numbers} {self.kind}, to the last bit"
         first = self.first
         distance = "" if first.ulps is None else f", {first.ulps} ulp apart"
         return (
@@ -54,8 +57,10 @@ def verify_run(
         if divergence is not None:
             different += 1
             first = first or divergence
-    rest = [run.efforts[begin:] for run, begin in zip(runs.values(), begins, strict=True)]
-    return Comparison(sum(map(len, rest)), sum(len(effort) for efforts in rest for effort in efforts), different, first)
+    rest = [run.commands[begin:] for run, begin in zip(runs.values(), begins, strict=True)]
+    numbers = sum(len(command) for commands in rest for command in commands)
+    kind = KINDS[next(iter(runs.values())).params.command.interface]
+    return Comparison(sum(map(len, rest)), numbers, kind, different, first)
 
 
 def other_software(custom_data: Mapping[str, str]) -> list[str]:

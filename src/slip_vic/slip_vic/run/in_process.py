@@ -10,7 +10,7 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.incidents import Incident
-from slip_core.types import CartesianReference, DisplacementSample, EffortCommand
+from slip_core.types import CartesianReference, DisplacementSample, EffortCommand, JointCommand
 from slip_sim_bridge.session import TickOutputs
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.incidents import IncidentWatch
@@ -18,7 +18,7 @@ from slip_vic_controller.session import Controller, ControllerSession, CycleResu
 
 
 class Tick:
-    """What one tick exchanged, what went wrong in it, and the effort that is applied next.
+    """What one tick exchanged, what went wrong in it, and the command that is applied next.
 
     Args:
         outputs: what the bridge measured.
@@ -26,16 +26,16 @@ class Tick:
         incidents: what went wrong.
 
     Attributes:
-        efforts: of each arm, (n,) [N m], empty holds the arm: what the controller commands, until another one is set.
+        commands: of each arm, an empty one holds it: the controller's, until another one is set.
     """
 
-    __slots__ = ("efforts", "incidents", "outputs", "results")
+    __slots__ = ("commands", "incidents", "outputs", "results")
 
     def __init__(
         self, outputs: TickOutputs, results: tuple[CycleResult, ...], incidents: tuple[Incident, ...] = ()
     ) -> None:
         self.outputs, self.results, self.incidents = outputs, results, incidents
-        self.efforts: list[Array] = [one.command.effort for one in self.results]
+        self.commands: list[JointCommand] = [one.command for one in self.results]
 
     @property
     def result(self) -> CycleResult:
@@ -48,13 +48,19 @@ class Tick:
         return self.outputs.stamp_ns * 1e-9
 
     @property
+    def efforts(self) -> list[Array]:
+        """Effort of each arm that is applied next, or that its velocity or position is made of; (n,) [N m]."""
+        pairs = zip(self.commands, self.results, strict=True)
+        return [one.effort if isinstance(one, EffortCommand) else result.effort for one, result in pairs]
+
+    @property
     def effort(self) -> Array:
-        """Effort of the first arm that is applied next; (n,) [N m]."""
+        """The first of `efforts`."""
         return self.efforts[0]
 
     @effort.setter
     def effort(self, effort: Array) -> None:
-        self.efforts[0] = np.asarray(effort, dtype=np.float64)
+        self.commands[0] = EffortCommand(self.outputs.stamp_ns, np.asarray(effort, dtype=np.float64))
 
 
 class ClosedLoop:
@@ -129,7 +135,7 @@ def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:
     late_ticks: control periods that every command is on its way, which neither side can see from stamps.
     """
     loop = ClosedLoop(scenario)
-    nothing: list[EffortCommand | None] = [None] * len(scenario.controllers)
+    nothing: list[JointCommand | None] = [None] * len(scenario.controllers)
     on_the_way = deque([nothing] * late_ticks)
     watches, lost = {name: IncidentWatch() for name in scenario.controllers}, False
     while not loop.bridge.finished:
@@ -146,8 +152,5 @@ def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:
         for k, (params, result) in enumerate(zip(scenario.bridges.values(), results, strict=True)):
             if params.grip.control == "follow":
                 loop.bridge.set_grip_force(k, result.grip)
-        commands: list[EffortCommand | None] = [
-            EffortCommand(result.command.stamp_ns, effort) for result, effort in zip(results, tick.efforts, strict=True)
-        ]
-        on_the_way.append(commands)
+        on_the_way.append([*tick.commands])
         loop.bridge.advance(on_the_way.popleft())

@@ -8,6 +8,7 @@ from pathlib import Path
 from slip_bags.provenance import PACKAGES
 from slip_bags.provenance import versions as installed_versions
 from slip_core.topics import TOPICS
+from slip_core.types import COMMANDS
 from slip_vic.run.processes import python_module
 from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
@@ -49,7 +50,8 @@ def _absent(controller: ControllerNodeParams) -> set[str]:
         absent.add("controller/reference_used")
     if controller.grip.control != "follow":
         absent.add("grip_command")
-    absent |= {f"{kind}_{name}" for kind in ("velocity", "position") for name in ("command", "controller/commands")}
+    others = COMMANDS.keys() - {controller.command.interface}
+    absent |= {f"{kind}_{name}" for kind in others for name in ("command", "controller/commands")}
     if not controller.joint_sensor.estimates:
         absent.add("controller/joint_estimate")
     if not controller.publish_effort_array:

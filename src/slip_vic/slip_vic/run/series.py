@@ -13,6 +13,7 @@ from slip_bags.reader import Bag
 from slip_bags.series import Series
 from slip_core.arrays import Array
 from slip_core.errors import InputError
+from slip_core.types import COMMAND_TOPICS
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -61,7 +62,8 @@ def read_series(path: Path, arm: str = "") -> RunSeries:
     with Bag(path) as bag:
         truth = _series(bag, "slip_truth", arm)
         odometry = _series(bag, "object_state")
-        commands = _series(bag, "effort_command", arm)
+        interfaces = [topic for topic in COMMAND_TOPICS if _maybe(bag, topic, arm) is not None]
+        commands = _series(bag, (*interfaces, COMMAND_TOPICS[0])[0], arm)
         scalars = _series(bag, "controller/scalars", arm)
         ee_pose = _series(bag, "controller/ee_pose", arm)
         bag_wrench, internal = (_maybe(bag, topic, arm) for topic in ("wrench", "internal_wrench"))

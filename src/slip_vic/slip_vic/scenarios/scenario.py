@@ -483,11 +483,7 @@ def apply_sensor(values: dict[str, dict[str, Any]], preset: SensorPreset) -> Non
 
 
 def apply_drive(values: dict[str, dict[str, Any]], preset: DrivePreset) -> None:
-    """Put drives and encoders into the values of both nodes: the bridge simulates them, the controller knows of them.
-
-    Raises:
-        InputError: drives that take what the controller does not send.
-    """
+    """Put drives and encoders into the values of both nodes: the bridge simulates them, the controller counts on it."""
     joints = len(values["bridge"].get("joint_names", BridgeParams.model_fields["joint_names"].default))
     known = {info.name for info in parameter_infos(ControllerNodeParams)}
     for part, group in (("drive", "drive"), ("joint", "sensors.joint")):
@@ -495,11 +491,7 @@ def apply_drive(values: dict[str, dict[str, Any]], preset: DrivePreset) -> None:
         values["bridge"] |= {f"{group}.{name}": value for name, value in flat.items()}
         own = "joint_sensor" if part == "joint" else part
         values["controller"] |= {f"{own}.{name}": value for name, value in flat.items() if f"{own}.{name}" in known}
-    interface = preset.drive.interface
-    if "command.interface" in known:
-        values["controller"]["command.interface"] = interface
-    elif interface != "effort":
-        raise InputError(f"drive with interface {interface}", got="a controller that sends efforts", expected="effort")
+    values["controller"]["command.interface"] = preset.drive.interface
 
 
 def drive_assignments(drive: str, scenario: str, assignments: Iterable[str]) -> tuple[str, ...]:

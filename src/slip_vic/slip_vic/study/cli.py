@@ -156,6 +156,7 @@ def _lottery(
 @SCENARIO
 @PARAMS
 @SENSOR
+@DRIVE
 @ESTIMATOR
 @LAW
 @click.option("--mismatch", "mismatches", default="all", show_default=True, help="worlds to simulate: names, or all")
@@ -166,6 +167,7 @@ def check(
     scenario: str,
     params: Path | None,
     sensor: str,
+    drive: str,
     estimator: Estimator | None,
     law: Law,
     mismatches: str,
@@ -180,13 +182,15 @@ def check(
     """
     from rich.console import Console
 
-    from slip_vic.scenarios.scenario import urdf_assignment
+    from slip_vic.scenarios.scenario import drive_assignments, urdf_assignment
     from slip_vic.study.cases import MISMATCHES, check_names
     from slip_vic.study.check import Question, corner_table, gain_table, path_lines, refusal
 
     wanted = MISMATCHES if mismatches == "all" else names(mismatches)
     check_names("mismatch", wanted, MISMATCHES)
-    asked = Question(scenario, law, sensor, estimator, params, (*urdf_assignment(urdf), *assignments))
+    given = (*urdf_assignment(urdf), *assignments)
+    given = (*drive_assignments(drive, scenario, given), *given)
+    asked = Question(scenario, law, sensor, estimator, params, given)
     loaded, report = asked.load(), asked.gains()
     loaded.check_arm()
     console = Console(width=150)

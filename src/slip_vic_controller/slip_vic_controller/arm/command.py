@@ -37,7 +37,6 @@ class CommandConfig(Record):
 
     interface: Whole  # Interface
     joints: Whole
-    period: Real  # s
     velocity: Annotated[Array, MAX_JOINTS]  # rad/s
     acceleration: Annotated[Array, MAX_JOINTS]  # rad/s^2
     jerk: Annotated[Array, MAX_JOINTS]  # rad/s^3
@@ -121,21 +120,27 @@ def largest_acceleration(room: float, jerk: float, period: float) -> float:
 
 
 @part
-def advance_motion(config: CommandConfig, state: MotionCommand, qdd: Array, qd: Array, limited: WholeArray) -> bool:
-    """Integrate a joint acceleration for one period inside all limits; the result is `state`.
+def advance_motion(
+    config: CommandConfig, state: MotionCommand, qdd: Array, qd: Array, dt: float, limited: WholeArray
+) -> bool:
+    """Integrate a joint acceleration over a time inside all limits; the result is `state`.
 
     Args:
         config, state: limits and last command.
         qdd: wanted (n,) [rad/s^2]; where one is not finite all joints come to rest instead.
         qd: measured or estimated (n,) [rad/s].
+        dt: since the command before [s]; 0 changes nothing.
         limited: result; which joints were limited (n,), 0 or 1.
 
     Returns:
         Whether `qdd` was finite.
     """
-    finite, T = True, config.period
+    finite, T = True, dt
     for j in range(config.joints):
         finite = finite and abs(qdd[j]) <= LARGEST
+        limited[j] = 0
+    if dt <= 0.0:
+        return finite
     for j in range(config.joints):
         v, a, jerk = state.velocity[j], state.acceleration[j], config.jerk[j]
         most = config.acceleration[j]
@@ -165,14 +170,16 @@ def rest_acceleration(velocity: float, jerk: float, period: float) -> float:
 
 
 @part
-def stop_motion(config: CommandConfig, state: MotionCommand, limited: WholeArray) -> bool:
-    """Bring the command to rest inside its limits; return whether it is at rest."""
+def stop_motion(config: CommandConfig, state: MotionCommand, dt: float, limited: WholeArray) -> bool:
+    """Bring the command to rest inside its limits; return whether it was at rest before. dt: since then [s]."""
     qdd, moves = np.empty(MAX_JOINTS), False
+    if dt <= 0.0:
+        return False
     for j in range(config.joints):
-        qdd[j] = rest_acceleration(state.velocity[j], config.jerk[j], config.period)
+        qdd[j] = rest_acceleration(state.velocity[j], config.jerk[j], dt)
         moves = moves or state.velocity[j] != 0.0
-    advance_motion(config, state, qdd, state.velocity.copy(), limited)
+    advance_motion(config, state, qdd, state.velocity.copy(), dt, limited)
     for j in range(config.joints):
-        if abs(state.velocity[j]) <= config.jerk[j] * config.period * config.period:
+        if abs(state.velocity[j]) <= config.jerk[j] * dt * dt:
             state.velocity[j], state.acceleration[j] = 0.0, 0.0
     return not moves

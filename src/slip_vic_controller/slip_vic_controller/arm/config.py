@@ -65,9 +65,18 @@ def process(noise: Noise, bandwidth: float, period: float) -> tuple[Array, Array
     return F, np.outer(white, white) + np.diag([0.0, 0.0, noise.drift**2 * period])
 
 
-def steady_state(noise: Noise, bandwidth: float, period: float) -> SteadyState:
-    """Return the filter of position and velocity."""
+def process_over(noise: Noise, bandwidth: float, period: float, ticks: int) -> tuple[Array, Array]:
+    """Return F and Q over a number of control periods; arguments as of `process`."""
     F, Q = process(noise, bandwidth, period)
+    over, spread = F, Q
+    for _ in range(ticks - 1):
+        over, spread = F @ over, F @ spread @ F.T + Q
+    return over, spread
+
+
+def steady_state(noise: Noise, bandwidth: float, period: float, ticks: int = 1) -> SteadyState:
+    """Return the filter of position and velocity that are new every `ticks` control periods."""
+    F, Q = process_over(noise, bandwidth, period, ticks)
     return _filter(F, Q, np.eye(3)[:2], np.diag([noise.position**2, noise.velocity**2]))
 
 
@@ -121,33 +130,44 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config: EstimatorConfig = record(buffer, ESTIMATOR_CONFIG)
     sensor, model, period, n = params.joint_sensor, params.disturbance, params.control_period_s, len(effort_limit)
     config.joints, config.period = n, period
+    by_effort = params.command.interface == "effort"
+    config.bandwidth = 0.0 if by_effort else params.drive.bandwidth
     if not sensor.estimates:
         return buffer
     config.on = 1
     config.late_ticks, config.late_rest = divide(sensor.latency_s, period)
-    if config.late_ticks + 1 > MAX_LATENCY:
+    ticks = max(1, round(1.0 / (sensor.rate_hz * period))) if sensor.rate_hz > 0.0 else 1
+    config.sensor_ticks, config.sensor_period = ticks, ticks * period
+    config.drive_ticks = round(params.drive.delay_s / period)
+    if config.late_ticks + config.drive_ticks + 1 > MAX_LATENCY:
         raise InputError(
-            "parameter joint_sensor.latency_s", got=sensor.latency_s, expected=f"below {MAX_LATENCY * period:g} s",
+            "parameter joint_sensor.latency_s and drive.delay_s",
+            got=f"{sensor.latency_s:g} + {params.drive.delay_s:g}",
+            expected=f"together below {MAX_LATENCY * period:g} s",
             fix="raise control_period_s",
         )  # fmt: skip
     noise = Noise(*sensor_noise(sensor, period), model.model_noise, model.drift)
-    both = steady_state(noise, config.bandwidth, period)
+    both = steady_state(noise, config.bandwidth, period, ticks)
     F, Q, H = both.F, both.Q, both.H
     config.gain[:] = both.gain
-    quick = steady_state(noise._replace(drift=max(model.quick_drift, model.drift)), config.bandwidth, period)
-    config.gain_quick[:], config.quick_ticks = quick.gain, max(1, round(QUICK_S / period))
+    quick = steady_state(noise._replace(drift=max(model.quick_drift, model.drift)), config.bandwidth, period, ticks)
+    config.gain_quick[:], config.quick_ticks = quick.gain, max(1, round(QUICK_S / config.sensor_period))
     S = H @ both.predicted @ H.T + np.diag([noise.position**2, noise.velocity**2])
-    config.scale[:], config.weight = 1.0 / np.sqrt(np.diag(S)), 1.0 - math.exp(-period / MEAN_S)
+    config.scale[:], config.weight = 1.0 / np.sqrt(np.diag(S)), 1.0 - math.exp(-config.sensor_period / MEAN_S)
     config.significant = SIGNIFICANT * math.sqrt(config.weight / (2.0 - config.weight))
     config.gain_position[:] = _filter(F, Q, H[:1], np.array([[noise.position**2]])).gain[:, 0]
     # Position is not observable from velocity: it is integrated, v and d are filtered.
     config.gain_velocity[1:] = _filter(F[1:, 1:], Q[1:, 1:], np.eye(2)[:1], np.array([[noise.velocity**2]])).gain[:, 0]
     ahead = predicted_covariance(both, noise, config.bandwidth, period, sensor.latency_s)
     config.velocity_variance, config.change_variance = ahead[1, 1], both.change_variance
-    spread = math.hypot(math.sqrt(2.0) * noise.position, math.sqrt(COMPARED_S * period) * noise.velocity)
+    spread = math.hypot(math.sqrt(2.0) * noise.position, math.sqrt(COMPARED_S * config.sensor_period) * noise.velocity)
     config.difference = max(sensor.difference, DEVIATIONS * spread)
-    config.compensates, config.settling = int(model.compensate), model.settling_s
-    config.bound[:n], config.rate[:n] = model.limit * effort_limit, model.rate * effort_limit
-    config.collision[:n] = model.collision * effort_limit
+    config.compensates, config.settling = int(model.compensate and by_effort), model.settling_s
+    # What a drive with a loop of its own does not follow is no torque: collisions are the drive's to find then.
+    config.bound[:n], config.rate[:n] = (
+        (model.limit if by_effort else math.inf) * effort_limit,
+        model.rate * effort_limit,
+    )
+    config.collision[:n] = (model.collision if by_effort else math.inf) * effort_limit
     config.collision_s, config.disturbed_s = model.collision_s, model.sustained_s
     return buffer

@@ -82,6 +82,9 @@ class EstimatorConfig(Record):
     bandwidth: Real  # rad/s; of velocity drives, 0 = efforts
     late_ticks: Whole  # latency of the sensor, whole control periods
     late_rest: Real  # s; and what is left of it
+    drive_ticks: Whole  # control periods from an input to its effect
+    sensor_ticks: Whole  # control periods for which the sensor repeats a sample; 1 = each is new
+    sensor_period: Real  # s; between new samples
     gain: Annotated[Array, (3, 2)]  # of (q, v, d) for innovations of position and velocity
     gain_quick: Annotated[Array, (3, 2)]  # the same, while the disturbance changes fast
     quick_ticks: Whole  # control periods that it is used after the innovations have said so
@@ -107,6 +110,8 @@ class JointEstimate(Record):
 
     started: Whole
     stamp_ns: Whole  # of the last sample
+    renewed_ns: Whole  # of the last one that was new
+    repeats: Whole  # control periods since then
     q: Joints  # rad; when the last sample was measured
     v: Joints  # rad/s
     d: Joints  # rad/s^2; disturbance
@@ -188,7 +193,7 @@ def transition(bandwidth: float, dt: float) -> Transition:
 @part
 def start_estimate(config: EstimatorConfig, state: JointEstimate, stamp_ns: int, q: Array, qd: Array) -> None:
     """Begin at a sample; (n,) [rad], [rad/s]. The disturbance stays: friction and offset outlast a pause."""
-    state.started, state.stamp_ns, state.newest = 1, stamp_ns, 0
+    state.started, state.stamp_ns, state.renewed_ns, state.repeats, state.newest = 1, stamp_ns, stamp_ns, 0, 0
     state.inputs[:] = 0.0
     for j in range(config.joints):
         state.q[j] = state.position[j] = state.measured_position[j] = q[j]
@@ -223,9 +228,9 @@ def clear_findings(state: JointEstimate) -> None:
 
 
 @part
-def input_of(state: JointEstimate, ago: int, j: int) -> float:
-    """Return the input of joint j that was at work `ago` periods before the last one."""
-    k = state.newest - ago
+def input_of(config: EstimatorConfig, state: JointEstimate, ago: int, j: int) -> float:
+    """Return the input of joint j that was at work `ago` periods before the last one; drives take it up late."""
+    k = state.newest - ago - config.drive_ticks
     return state.inputs[k if k >= 0 else k + MAX_LATENCY + 2, j]
 
 
@@ -253,7 +258,10 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
     if state.started == 0 or not 0.0 < dt <= LONGEST_STEP * config.period:
         start_estimate(config, state, stamp_ns, q, qd)
         return
-    compare_measurements(config, state, dt, q, qd)
+    new = is_new(config, state, q, qd)
+    if new:
+        compare_measurements(config, state, (stamp_ns - state.renewed_ns) * 1e-9, q, qd)
+        state.renewed_ns = stamp_ns
     state.stamp_ns = stamp_ns
     m, rest = config.late_ticks, min(config.late_rest, dt)
     older, newer = transition(config.bandwidth, rest), transition(config.bandwidth, dt - rest)
@@ -261,23 +269,26 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
     for j in range(config.joints):
         x_q, x_v, x_d = state.q[j], state.v[j], state.d[j]
         if rest > 0.0:
-            u = input_of(state, m + 1, j)
+            u = input_of(config, state, m + 1, j)
             x_q, x_v = (
                 x_q + older.qv * x_v + older.qd * x_d + older.qu * u,
                 (older.vv * x_v + older.vd * x_d + older.vu * u),
             )
-        u = input_of(state, m, j)
+        u = input_of(config, state, m, j)
         x_q, x_v = (
             x_q + newer.qv * x_v + newer.qd * x_d + newer.qu * u,
             (newer.vv * x_v + newer.vd * x_d + newer.vu * u),
         )
         of_q, of_v, trust = q[j] - x_q, qd[j] - x_v, state.trust[j]
-        state.mean_q[j] += config.weight * (config.scale[0] * of_q - state.mean_q[j])
-        state.mean_v[j] += config.weight * (config.scale[1] * of_v - state.mean_v[j])
-        if max(abs(state.mean_q[j]), abs(state.mean_v[j])) > config.significant:
-            state.quick[j] = config.quick_ticks
-        elif state.quick[j] > 0:
-            state.quick[j] -= 1
+        if not new:  # what is known goes on
+            of_q, of_v = 0.0, 0.0
+        else:
+            state.mean_q[j] += config.weight * (config.scale[0] * of_q - state.mean_q[j])
+            state.mean_v[j] += config.weight * (config.scale[1] * of_v - state.mean_v[j])
+            if max(abs(state.mean_q[j]), abs(state.mean_v[j])) > config.significant:
+                state.quick[j] = config.quick_ticks
+            elif state.quick[j] > 0:
+                state.quick[j] -= 1
         if trust == Trust.BOTH:
             K = config.gain_quick if state.quick[j] > 0 else config.gain
             x_q, x_v, x_d = (
@@ -293,18 +304,35 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
             x_q, x_v, x_d = x_q + k[0] * of_v, x_v + k[1] * of_v, x_d + k[2] * of_v
         state.q[j], state.v[j], state.d[j] = x_q, x_v, x_d
         if rest > 0.0:
-            u = input_of(state, m, j)
+            u = input_of(config, state, m, j)
             x_q, x_v = (
                 x_q + older.qv * x_v + older.qd * x_d + older.qu * u,
                 (older.vv * x_v + older.vd * x_d + older.vu * u),
             )
         for ago in range(m - 1, -1, -1):
-            u = input_of(state, ago, j)
+            u = input_of(config, state, ago, j)
             x_q, x_v = (
                 x_q + whole.qv * x_v + whole.qd * x_d + whole.qu * u,
                 (whole.vv * x_v + whole.vd * x_d + whole.vu * u),
             )
         state.position[j], state.velocity[j] = x_q, x_v
+
+
+@part
+def is_new(config: EstimatorConfig, state: JointEstimate, q: Array, qd: Array) -> bool:
+    """Return whether a sample has been measured since the one before; a sensor slower than the cycle repeats itself.
+
+    For no longer than its period: an arm at rest may read the same for ever.
+    """
+    state.repeats += 1
+    if state.repeats < config.sensor_ticks:
+        same = True
+        for j in range(config.joints):
+            same = same and q[j] == state.measured_position[j] and qd[j] == state.measured_velocity[j]
+        if same:
+            return False
+    state.repeats = 0
+    return True
 
 
 @part
@@ -322,7 +350,7 @@ def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: floa
     Where they differ, the joint goes on with the measurement that is not to blame: one that is equal to the last bit
     while the other moves is stuck, one that moves against the other has a wrong sign, one that moves alone drifts.
     """
-    fade, fade_lately = math.exp(-dt / MEMORY_S), math.exp(-dt / (LATELY * config.period))
+    fade, fade_lately = math.exp(-dt / MEMORY_S), math.exp(-dt / (LATELY * config.sensor_period))
     for j in range(config.joints):
         before_q, before_v = state.measured_position[j], state.measured_velocity[j]
         way_q, way_v = q[j] - before_q, 0.5 * dt * (qd[j] + before_v)

@@ -175,7 +175,7 @@ def judge_gains(
         Condition(
             SAMPLED, used, accepted, accepted * (1.0 + ROUNDING) / used,
             f"stable below {limit:.6g} 1/s with a control period of {1e3 * control_period_s:g} ms, a slip sample every "
-            f"{1e3 * max(sensor_period_s, control_period_s):g} ms and a latency of {1e3 * latency_s:g} ms; "
+            f"{1e3 * max(sensor_period_s, control_period_s):g} ms and {1e3 * latency_s:g} ms late, drives included; "
             f"a gain margin of {gain_margin:g} is kept",
         ),
         Condition(PROP_1, least, 1.0, least, "Prop. 1: lambda_min(D_D) > 1/lambda_1 needs a lambda_1 below 1"),

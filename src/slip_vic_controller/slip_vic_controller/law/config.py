@@ -21,12 +21,16 @@ class LawConfig(Record):
     feed_forward: Whole  # 0 or 1: whether a_d is used
     nullspace_stiffness: Real  # N m/rad
     nullspace_damping: Real  # N m s/rad
+    nullspace_rate: Real  # 1/s; instead of both, where drives with loops of their own cannot follow them; 0 = it is not
     sigma_min: Real  # smallest singular value of J below which the torque is damped
     most_damping: Real  # kg^-1/2; the largest damping
     radius: Real  # m; torsional radius of the pads
     effort_limit: Joints  # N m
     contact: Annotated[Records[Contact], MAX_CONTACTS]
 
+
+NULLSPACE_RATE = 10.0
+"""Rate of the null space with drives that take no efforts [1/s]."""
 
 LAW_CONFIG = dtype_of(LawConfig)
 
@@ -40,6 +44,8 @@ def make_law_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.attitude = RPY if params.attitude == "rpy" else LOG
     config.feed_forward = params.feed_forward
     config.nullspace_stiffness, config.nullspace_damping = params.nullspace.stiffness, params.nullspace.damping
+    if params.command.interface != "effort":
+        config.nullspace_rate = min(params.fastest_rate, NULLSPACE_RATE)
     config.radius = params.governor.torsional_radius
     config.sigma_min, config.most_damping = params.singularity.sigma_min, params.singularity.damping
     config.effort_limit[: len(effort_limit)] = effort_limit

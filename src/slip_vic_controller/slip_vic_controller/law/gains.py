@@ -86,11 +86,22 @@ def make_law_gains(params: ControllerParams, k_s: float) -> Array:
     out: LawGains = record(buffer, LAW_GAINS)
     axes = np.array(params.contacts.slip_axes[:6], dtype=float)
     fill_gains(params.gains, axes, k_s, out.gains, classical=params.controller == "classical")
+    slow_down(out.gains, params.fastest_rate)
     out.object.mass = params.object.mass
     out.object.inertia[:] = inertia_from_six(params.object.inertia, "parameter object.inertia")
     out.object.gravity[:] = vector(params.gravity, 3, "gravity")
     out.contact_position[:] = params.contacts.position[:3]
     return buffer
+
+
+def slow_down(gains: Gains, fastest: float) -> None:
+    """Make the impedance as slow as drives can follow: D/M at most `fastest` [1/s], K so that the damping ratio stays.
+
+    Implements: ours: M s^2 + D s + K in slow motion, axis by axis.
+    """
+    slower = np.minimum(1.0, fastest * np.array(gains.M_D) / np.array(gains.D_D))
+    gains.D_D[:] *= slower
+    gains.K_D[:] *= slower * slower
 
 
 def fill_gains(params: GainParams, slip_axes: Array, k_s: float, gains: Gains, *, classical: bool) -> None:
@@ -112,7 +123,9 @@ def fill_gains(params: GainParams, slip_axes: Array, k_s: float, gains: Gains, *
 
 
 def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
-    """Return the verdict on the gains of the configured slip loop; an observer takes the sensor's delays out of it.
+    """Return the verdict on the gains of the configured slip loop, with the delays of slip sensor and drives.
+
+    An observer takes those of the sensor out.
 
     Raises:
         InputError: where `refuse`, a k_s that is fixed beyond its bound, or damping for which a proposition has no
@@ -128,7 +141,7 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
         gain_margin=params.gains.k_s_margin,
         control_period_s=params.control_period_s,
         sensor_period_s=params.slip_sensor.period_s if direct else 0.0,
-        latency_s=params.slip_sensor.latency_s if direct else 0.0,
+        latency_s=(params.slip_sensor.latency_s if direct else 0.0) + params.drive_lag_s,
     )
 
 

@@ -51,7 +51,7 @@ def joint_torque(
         q, qd, posture: joint state and posture of the null space; [rad], [rad/s], [rad].
         out: result.
 
-    Implements: Eq. (9), (21), with tau_0 = -k (q - q_0) - d qd.
+    Implements: Eq. (9), (21), with tau_0 = -k (q - q_0) - d qd; ours, by a rate: M (-(r/2)^2 (q - q_0) - r qd).
     """
     n = config.joints
     J, M = arm.J[:, :n], arm.M[:n, :n]
@@ -59,6 +59,12 @@ def joint_torque(
     put_spatial(out.task, a_C - spatial(arm.jdot_qd))
     for j in range(n):
         out.tau_0[j] = config.nullspace_stiffness * (posture[j] - q[j]) - config.nullspace_damping * qd[j]
+    if config.nullspace_rate > 0.0:
+        rate, half = config.nullspace_rate, 0.5 * config.nullspace_rate
+        for j in range(n):
+            out.tau_0[j] = 0.0
+            for k in range(n):
+                out.tau_0[j] += M[j, k] * (half * half * (posture[k] - q[k]) - rate * qd[k])
 
     L, Y, y = np.empty((n, n)), np.empty((6, n)), np.empty(n)
     if not cholesky(M, L):  # B = L L^T

@@ -21,6 +21,10 @@ class JointSensorModel(ParameterModel):
         0.0, "corner frequency of the filter of velocities that are differences of counts; 0 = they are not",
         unit="Hz", ge=0.0, le=1e5,
     )  # fmt: skip
+    rate_hz: float = parameter(
+        0.0, "how often positions and velocities are renewed; in between they are repeated. 0 = in every message",
+        unit="Hz", ge=0.0, le=1e5,
+    )  # fmt: skip
     latency_s: float = parameter(
         0.0, "time by which joint states are older than their stamps; the estimate is predicted forward by it",
         unit="s", ge=0.0, le=0.1,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from slip_core.drive_params import CommandInterface
 from slip_core.grasp_params import Three
 from slip_core.grip_params import GripperModel
 from slip_core.params import ParameterModel, parameter
@@ -12,6 +13,11 @@ from slip_core.params import ParameterModel, parameter
 class WrenchParams(ParameterModel):
     """How the wrench sensor's driver says what it measures; contacts of other arms are taken at the pad as they are."""
 
+    source: Literal["sensor", "none"] = parameter(
+        "sensor",
+        "sensor: the topic `wrench`; none: there is no such sensor, and the load is that of the model, an object that "
+        "is held and moves as the path does",
+    )
     frame: str = parameter(
         "", "frame of the wrench messages; empty = ee_frame. Where it is a link of the URDF its place is known"
     )
@@ -49,6 +55,27 @@ class EffortParams(ParameterModel):
         "include",
         "include: efforts carry the arm's weight; robot_compensates: the arm adds the torque of its own weight itself",
     )
+
+
+class CommandParams(ParameterModel):
+    """What the arm's drives take, and the limits of velocities and positions; those of efforts are `safety.limits`."""
+
+    interface: CommandInterface = parameter(
+        "effort",
+        "effort [N m] on `effort_command`, velocity [rad/s] on `velocity_command` or position [rad] on "
+        "`position_command`; the last two for drives with a loop of their own",
+    )
+    acceleration_limit: float = parameter(
+        10.0, "interfaces velocity and position: largest acceleration of the command of each joint", unit="rad/s^2",
+        gt=0.0, le=1e4,
+    )  # fmt: skip
+    jerk_limit: float = parameter(
+        5e3, "interfaces velocity and position: largest change of that acceleration", unit="rad/s^3", gt=0.0, le=1e7
+    )
+    lead: float = parameter(
+        0.5, "interfaces velocity and position: most by which the commanded velocity may be ahead of the joint's, so "
+        "that an arm that cannot follow is not thrown when it can again", unit="rad/s", gt=0.0, le=100.0,
+    )  # fmt: skip
 
 
 class GripParams(GripperModel):

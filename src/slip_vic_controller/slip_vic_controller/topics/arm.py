@@ -7,7 +7,10 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from slip_core.arms import prefix_of
+from slip_core.arrays import Array
 from slip_core.topics import contact_topic
 from slip_core.types import DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
@@ -15,7 +18,7 @@ from slip_msgs_py.messages import forms, from_msgs
 from slip_msgs_py.node_part import NodePart
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.publishing import DiagnosticsPublisher, StatePublisher, StatusPublisher, TimingPublisher
-from slip_vic_controller.session import NO_EFFORT, ArmSession, CycleResult
+from slip_vic_controller.session import NO_NUMBERS, ArmSession, CycleResult
 from slip_vic_controller.topics.mode import ModeInterface
 
 STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only the newest state matters
@@ -47,10 +50,11 @@ class ArmTopics:
         self.params, self.arm = params, arm
         self._lockstep = self.params.mode == "lockstep"
         part, names, contacts = self._node, self.params.joint_names, arm.contacts
-        self._send_effort = create_sender(part, "effort_command", forms.joint_state(names))
+        self._interface = self.params.command.interface
+        self._send_command = create_sender(part, f"{self._interface}_command", forms.joint_state(names))
         self._send_array = (
-            create_sender(part, "effort_controller/commands", forms.numbers(len(names)))
-            if self.params.publish_effort_array
+            create_sender(part, f"{self._interface}_controller/commands", forms.numbers(len(names)))
+            if self._interface != "effort" or self.params.publish_effort_array
             else None
         )
         self._send_grip = (
@@ -65,7 +69,7 @@ class ArmTopics:
         self._timing = None if self._lockstep else TimingPublisher(part, self.params, own)
         self.inputs = self._create_inputs()
         self._mode = ModeInterface(part, arm, refusals, own)
-        self._mode.watch(self._send_effort.publisher.topic_name, self.inputs)
+        self._mode.watch(self._send_command.publisher.topic_name, self.inputs)
 
     @property
     def publishers(self) -> list[tuple[Any, int]]:
@@ -73,7 +77,7 @@ class ArmTopics:
         recorders = self.params.expected_subscribers - 1
         published = (*self._diagnostics.publishers, *(self._timing.publishers if self._timing else ()))
         return [
-            (self._send_effort.publisher, self.params.expected_subscribers),
+            (self._send_command.publisher, self.params.expected_subscribers),
             (self._send_ledger.publisher, recorders),
             (self._state_publisher.publisher, recorders),
             *([(self._send_grip.publisher, self.params.expected_subscribers)] if self._send_grip else []),
@@ -90,29 +94,40 @@ class ArmTopics:
         self._state_publisher.close()
 
     def say_no_command(self) -> None:
-        """Say once that there is no command any more."""
+        """Say once that there is no command any more: to a velocity drive, which goes on with its last one, zero."""
         newest = self.arm.newest_joint
-        if newest is not None and not self._lockstep:
-            self._send_effort.send(newest.stamp_ns, newest.position, newest.velocity, NO_EFFORT)
+        if newest is None or self._lockstep:
+            return
+        if self._interface == "velocity":
+            zero = np.zeros(len(newest.position))
+            self._send(newest.stamp_ns, newest.position, zero, zero, zero)
+        else:
+            position = NO_NUMBERS if self._interface == "position" else newest.position
+            self._send_command.send(newest.stamp_ns, position, newest.velocity, NO_NUMBERS)
+
+    def _send(self, stamp_ns: int, position: Array, velocity: Array, effort: Array, command: Array) -> None:
+        self._send_command.send(stamp_ns, position, velocity, effort)
+        if self._send_array is not None and len(command):
+            self._send_array.send(stamp_ns, command)
 
     def command(self, result: CycleResult, began_ns: int) -> None:
         """Publish the command of a cycle that began at this steady time."""
         command, joint = result.command, result.joint
         if self._send_grip is not None:
             self._send_grip.send(command.stamp_ns, (result.grip,))
-        # Positions and velocities beside the effort, so that viewers draw the robot where it is.
-        self._send_effort.send(command.stamp_ns, joint.position, joint.velocity, command.effort)
+        # Beside what is commanded stands what was measured, so that viewers draw the robot where it is.
+        fields = {"position": joint.position, "velocity": joint.velocity, "effort": result.effort}
+        fields[self._interface] = command.numbers
+        self._send(command.stamp_ns, fields["position"], fields["velocity"], fields["effort"], command.numbers)
         if self._timing is not None:
             self._timing.publish(began_ns, result.ledger)
-        if self._send_array is not None and len(command.effort):
-            self._send_array.send(command.stamp_ns, command.effort)
 
     def tell(self, result: CycleResult) -> None:
         """Publish what nobody waits for."""
         self._send_ledger.send(result.joint.stamp_ns, (*result.ledger, *result.decision))
         self._state_publisher.publish(self.arm)
         self._mode.publish(result)
-        if len(result.command.effort):
+        if len(result.command.numbers):
             self._diagnostics.publish(result)
 
     def _create_inputs(self) -> list[Any]:
@@ -128,10 +143,9 @@ class ArmTopics:
         learn: Any = partial(from_msgs.joint_samples, order=order)
         inputs = [receive("joint_states", fields, learn, self._on_joint_state, depth=depth)]
         for contact in range(1 if self.arm.name else self.arm.contacts):
-            for name, field, learn, deliver, keep in (
-                ("wrench", "wrench", self._in_frame(WrenchSample, contact), self._on_wrench, depth),
-                (*self._slip_input(contact), SLIP_DEPTH),
-            ):
+            wrench = ("wrench", "wrench", self._in_frame(WrenchSample, contact), self._on_wrench, depth)
+            wrenches = (wrench,) if self.params.wrench.source == "sensor" else ()
+            for name, field, learn, deliver, keep in (*wrenches, (*self._slip_input(contact), SLIP_DEPTH)):
                 actual = contact_topic(name, contact)
                 inputs.append(receive(name, (field,), learn, partial(deliver, contact), depth=keep, actual_name=actual))
         return inputs

@@ -1,0 +1,52 @@
+"""A controller of velocities over DDS: its topics, what ros2_control's controllers get, and how it ends."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
+from test.support.ros import Processes, wait_until
+
+PERIOD = ("control_period_s=0.004", "bridge.stop_after_duration=false")
+MODULES = {"controller": "slip_vic_controller.main", "bridge": "slip_sim_bridge.main"}
+SOME = 50
+
+
+def test_velocities_go_out_and_end_at_zero_on_sigint(processes: Processes, tmp_path: Path, ros_node: Any) -> None:
+    from rclpy.executors import SingleThreadedExecutor
+    from sensor_msgs.msg import JointState
+    from std_msgs.msg import Float64MultiArray
+
+    stamped: list[Any] = []
+    plain: list[list[float]] = []
+    ros_node.create_subscription(JointState, "velocity_command", stamped.append, 100)
+    ros_node.create_subscription(
+        Float64MultiArray, "velocity_controller/commands", lambda message: plain.append(list(message.data)), 100
+    )
+    scenario = load_scenario("paper_planar", law="governed", mode="realtime", drive="velocity_500", assignments=PERIOD)
+    started = {}
+    for name, module in MODULES.items():
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(ros_parameter_file(getattr(scenario, name), NODES[name][0]))
+        started[name] = processes.python(name, "-m", module, "--ros-args", "--params-file", path)
+    executor = SingleThreadedExecutor(context=ros_node.context)
+    executor.add_node(ros_node)
+
+    def see(condition: Any, what: str) -> None:
+        wait_until(lambda: executor.spin_once(0.02) or condition(), what)
+
+    try:
+        see(lambda: sum(any(numbers) for numbers in plain) > SOME, "velocities")
+        commands = [message for message in stamped if len(message.velocity)]
+        assert all(len(message.effort) == len(message.position) == 7 for message in commands)
+        assert {tuple(message.velocity) for message in commands[:-1]} <= set(map(tuple, plain)) | {(0.0,) * 7}
+        assert np.isfinite([message.velocity for message in commands]).all()
+        assert ros_node.count_publishers("/effort_command") == 0
+        assert processes.stop(started["controller"], signal.SIGINT) == 0, started["controller"].tail()
+        see(lambda: not any(plain[-1]) and not any(stamped[-1].velocity), "zero velocity at the end")
+    finally:
+        executor.remove_node(ros_node)

@@ -1,0 +1,142 @@
+"""Commands of velocities and positions in the control cycle: what they are made of, their limits, and how they end."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_core.types import EffortCommand, JointSample, PositionCommand, SlipSample, VelocityCommand, WrenchSample
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.session import Controller, CycleResult
+from test.support.every import every
+from test.support.one_arm import OneArm, one_arm
+
+PERIOD, MS = 1e-3, 1_000_000
+ACCELERATION, JERK = 10.0, 5e3
+ROUNDING = 1e-9
+KINDS = {"velocity_500": VelocityCommand, "position_250": PositionCommand}
+NOISELESS = tuple(f"bridge.sensors.joint.{name}=0.0" for name in ("noise_position", "noise_velocity", "latency_s"))
+
+
+class Run:
+    """A closed loop with what it commanded."""
+
+    def __init__(self, name: str, drive: str, *assignments: str) -> None:
+        self.loop = ClosedLoop(load_scenario(name, law="governed", drive=drive, seed=3, assignments=assignments))
+        self.commands: list[Array] = []
+
+    def cycles(self, count: int) -> CycleResult:
+        for _ in range(count):
+            result = self.loop.control(self.loop.observe())
+            self.commands.append(result.command.numbers)
+            self.loop.bridge.advance([result.command])
+        return result
+
+
+@every("drive", tuple(KINDS))
+def test_commands_keep_their_limits_from_start_to_hold_and_end_at_rest(drive: str) -> None:
+    run = Run("paper_planar", drive)
+    result = run.cycles(700)
+    assert isinstance(result.command, KINDS[drive])
+    assert result.mode == Mode.ACTIVE
+    moving = run.loop.bridge.simulation.observe(0).joint.velocity
+    assert np.abs(moving).max() > 0.05
+    run.loop.session.request(Request.HOLD)
+    assert run.cycles(1500).mode == Mode.HOLD
+    commands = np.array(run.commands)
+    velocity = commands if drive == "velocity_500" else np.diff(commands, axis=0) / PERIOD
+    assert np.abs(np.diff(velocity, axis=0)).max() <= (ACCELERATION + JERK * PERIOD) * PERIOD + ROUNDING
+    assert not velocity[-1].any()
+    assert np.abs(run.loop.bridge.simulation.observe(0).joint.velocity).max() < 1e-6
+
+
+def test_the_command_is_the_integral_of_the_acceleration_that_the_effort_gives() -> None:
+    run = Run("paper_planar", "velocity_500")
+    before, checked, n = run.cycles(600), 0, 7
+    last = np.array(run.loop.controller.state.motion.acceleration[:n])
+    for _ in range(100):
+        outputs = run.loop.observe()
+        result = run.loop.control(outputs)
+        (wrench,) = outputs.arms[0].wrenches
+        arm, R = result.arm, np.array(result.arm.rotation)
+        h = np.concatenate((R @ wrench.wrench[:3], R @ wrench.wrench[3:]))
+        M, bias, J = np.array(arm.M)[:n, :n], np.array(arm.bias)[:n], np.array(arm.J)[:, :n]
+        qdd = np.linalg.solve(M, result.effort + J.T @ h - bias)
+        made = (result.command.numbers - before.command.numbers) / PERIOD
+        inside = (np.abs(qdd) < ACCELERATION) & (np.abs(qdd - last) < JERK * PERIOD)
+        np.testing.assert_allclose(made[inside], qdd[inside], rtol=1e-7, atol=1e-7)
+        checked, last, before = checked + int(inside.sum()), made, result
+        run.loop.bridge.advance([result.command])
+    assert checked > 350
+
+
+def test_a_command_of_another_interface_is_refused_in_one_line() -> None:
+    run = Run("paper_planar", "velocity_500")
+    run.cycles(1)
+    with pytest.raises(InputError, match=r"velocity, and EffortCommand.*command\.interface"):
+        run.loop.bridge.advance([EffortCommand(run.loop.bridge.simulation.stamp_ns, np.zeros(7))])
+
+
+def test_both_arms_of_a_pair_are_commanded_by_velocity() -> None:
+    loop = ClosedLoop(load_scenario("pane_two_arms_flat", law="governed", drive="velocity_500"))
+    for _ in range(300):
+        results = loop.answer(loop.observe())
+        loop.bridge.advance([result.command for result in results])
+    assert [type(result.command) for result in results] == [VelocityCommand, VelocityCommand]
+    assert all(result.mode == Mode.ACTIVE for result in results)
+    assert loop.bridge.lost is None
+
+
+@pytest.fixture(scope="module")
+def realtime() -> Controller:
+    scenario = load_scenario("paper_planar", law="governed", mode="realtime", drive="velocity_500")
+    return one_arm(scenario.controller, scenario.urdf, lockstep=False)
+
+
+HOME = np.array(load_scenario("paper_planar").bridge.initial_position)
+
+
+def feed(session: OneArm, k: int, velocity: float) -> Any:
+    """Give one set of inputs at k ms of an arm whose first joint moves."""
+    q, qd = HOME.copy(), np.zeros(7)
+    q[0], qd[0] = q[0] + 1e-3 * k * velocity, velocity
+    session.add_wrench(0, WrenchSample(k * MS, np.array([1e-3 * (k % 7), 0.0, 4.9, 0.0, 0.0, 0.0])), k * MS)
+    session.add_slip(0, SlipSample(k * MS, np.zeros(6), valid=True), k * MS)
+    session.add_joint(JointSample(k * MS, q, qd, np.zeros(7)), k * MS)
+    return session.cycle(k * MS)
+
+
+def test_without_joint_states_the_watchdog_brings_the_command_to_rest(realtime: Controller) -> None:
+    session = OneArm(realtime)
+    for k in range(1, 60):
+        result = feed(session, k, 0.2)
+    assert result.mode.follows
+    session.state.motion.velocity[0] = 0.2
+    speeds, now = [0.2], 59
+    for _ in range(200):
+        now += 5
+        answered = session.watchdog(now * MS)
+        if answered is not None:
+            speeds.append(float(answered.command.numbers[0]))
+    assert session.mode == Mode.HOLD
+    assert speeds[-1] == 0.0
+    assert (np.diff(speeds) <= 0.0).all()
+    assert np.abs(np.diff(speeds)).max() <= ACCELERATION * 5 * PERIOD + ROUNDING
+
+
+def test_a_failure_of_the_controller_itself_brings_the_command_to_rest(realtime: Controller) -> None:
+    session = OneArm(realtime)
+    for k in range(1, 60):
+        feed(session, k, 0.2)
+    session.state.motion.velocity[0] = 0.2
+    assert session.failed(60 * MS).mode == Mode.FAULT
+    for k in range(61, 160):
+        result = feed(session, k, 0.0)
+    assert result.mode == Mode.FAULT
+    assert not result.command.numbers.any()
