@@ -67,7 +67,7 @@ from slip_vic_controller.law.giving_up import judge_compensation, start_giving_u
 from slip_vic_controller.law.internal import mean_arm
 from slip_vic_controller.law.law import evaluate, predict_motion, scale_acceleration
 from slip_vic_controller.law.symbols import SYMBOLS, SlipEstimate, no_symbols, symbols
-from slip_vic_controller.observer.layouts import ROW_SIZE, Observer
+from slip_vic_controller.observer.layouts import ROW_SIZE, Motion, Observer
 from slip_vic_controller.observer.observer import observe, reset
 from slip_vic_controller.reference.goals import rest_at
 from slip_vic_controller.reference.grip import start_grip
@@ -732,6 +732,8 @@ def sense(
             return Cause.NO_ESTIMATE.value
         if config.estimator.on != 0:
             pad_variances(config.estimator, inputs.arm, motion)
+            if config.command.interface != Interface.EFFORT:
+                _put_twist_now(config, state, inputs, motion)
         if not observe(config.observer, observer, history, motion, sample.stamp_ns, queue.samples, queue.count):
             return Cause.NO_ESTIMATE.value
         _put_estimate(observer, outputs.estimate)
@@ -752,6 +754,15 @@ def sense(
     if config.governor.mode != Governing.OFF:
         feel_pad(config, task, state, outputs, (sample.stamp_ns - law.stamp_ns) * 1e-9)
     return Cause.NONE.value
+
+
+@part
+def _put_twist_now(config: ControllerConfig, state: ArmState, inputs: CycleInputs, motion: Motion) -> None:
+    """Let an observer have the pad's twist of now {w}: the law's is that of the commands under way."""
+    for i in range(6):
+        motion.v_ee[i] = 0.0
+        for j in range(config.law.joints):
+            motion.v_ee[i] += inputs.arm.J[i, j] * state.estimate.velocity[j]
 
 
 @part
@@ -869,7 +880,7 @@ def _finish(
     avoid_limits(config.motion, n, q, qd, inputs.arm, law_at_work, torque)
     finite = limit_effort(config.motion.drive, state.limiter, n, torque, now_ns, clipped, outputs.limited)
     if not by_effort:
-        _move(config, state, inputs, outputs, qd)
+        _move(config, state, inputs, outputs)
     if config.estimator.on != 0:
         _remember_input(config, state, inputs, by_effort)
         publish_joints(state.estimate, outputs.joints)
@@ -909,7 +920,7 @@ def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: Cycle
 
 
 @part
-def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, qd: Array) -> None:
+def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
     """Write the velocity or position that the effort makes of the last one; without the law it comes to rest.
 
     A short gap of good joint states is bridged with the velocity before.
@@ -918,7 +929,7 @@ def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, output
     if follows(state.mode.mode):
         qdd = np.zeros(MAX_JOINTS)
         _acceleration(config, state, inputs, qdd)
-        advance_motion(config.command, motion, qdd, qd, dt, limited)
+        advance_motion(config.command, motion, qdd, state.estimate.velocity, dt, limited)
     else:
         stop_motion(config.command, motion, dt, limited)
     for j in range(config.law.joints):

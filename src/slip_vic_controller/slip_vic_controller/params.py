@@ -18,8 +18,9 @@ from slip_vic_controller.parameters.interface_params import CommandParams, Effor
 from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.parameters.slip_params import MeasuredParams, ObserverParams, WrenchSensorModel
 
-FOLLOWED = 0.5
-"""Phase [rad] that the drives' lag may cost at the crossover of the impedance; it leaves 60 degrees."""
+FOLLOWED = 2.5
+"""Phase [rad] that the drives' lag may cost at the crossover of the impedance: the estimate takes it out as far as the
+lag is known, and a third of it leaves 40 degrees."""
 
 
 class GainParams(ParameterModel):
@@ -271,6 +272,11 @@ class ControllerParams(ArmParams):
         """Time from a command to the motion that it asks for: dead time, and the lag of the drives [s]."""
         own_loop = self.command.interface != "effort"
         return self.drive.delay_s + (1.0 / self.drive.bandwidth if own_loop else self.drive.lag_s)
+
+    @property
+    def estimates_joints(self) -> bool:
+        """Whether the joint state is estimated: where it is noisy, or the drives follow commands of their own lag."""
+        return self.joint_sensor.estimates or self.command.interface != "effort"
 
     @property
     def fastest_rate(self) -> float:

@@ -52,7 +52,7 @@ def _absent(controller: ControllerNodeParams) -> set[str]:
         absent.add("grip_command")
     others = COMMANDS.keys() - {controller.command.interface}
     absent |= {f"{kind}_{name}" for kind in others for name in ("command", "controller/commands")}
-    if not controller.joint_sensor.estimates:
+    if not controller.estimates_joints:
         absent.add("controller/joint_estimate")
     if not controller.publish_effort_array:
         absent.add("effort_controller/commands")

@@ -132,7 +132,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.joints, config.period = n, period
     by_effort = params.command.interface == "effort"
     config.bandwidth = 0.0 if by_effort else params.drive.bandwidth
-    if not sensor.estimates:
+    if not params.estimates_joints:
         return buffer
     config.on = 1
     config.late_ticks, config.late_rest = divide(sensor.latency_s, period)

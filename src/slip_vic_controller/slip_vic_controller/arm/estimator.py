@@ -337,10 +337,30 @@ def is_new(config: EstimatorConfig, state: JointEstimate, q: Array, qd: Array) -
 
 @part
 def use_estimate(config: EstimatorConfig, state: JointEstimate, sample: JointSampleLike) -> None:
-    """Take a joint state in, and put the estimate of now in its place."""
+    """Take a joint state in, and put the estimate of now in its place.
+
+    Of drives with loops of their own it is the state to which the commands that have been sent lead: then the law
+    commands what is free of their lag, and the joint does the same that much later.
+    """
     n = config.joints
     estimate_joints(config, state, sample.stamp_ns, sample.position[:n], sample.velocity[:n])
-    sample.position[:n], sample.velocity[:n] = state.position[:n], state.velocity[:n]
+    if config.bandwidth > 0.0:
+        foresee(config, state, sample)
+    else:
+        sample.position[:n], sample.velocity[:n] = state.position[:n], state.velocity[:n]
+
+
+@part
+def foresee(config: EstimatorConfig, state: JointEstimate, sample: JointSampleLike) -> None:
+    """Write the commanded state q + v / b + what is under way, and its velocity; [rad], [rad/s].
+
+    Implements: ours: with q' = v, v' = b (u - v) it is (q + v / b)' = u: a predictor as of O. J. M. Smith, 1957.
+    """
+    for j in range(config.joints):
+        ahead = state.position[j] + state.velocity[j] / config.bandwidth
+        for k in range(1, config.drive_ticks + 1):
+            ahead += config.period * input_of(config, state, -k, j)
+        sample.position[j], sample.velocity[j] = ahead, state.inputs[state.newest, j]
 
 
 @part
