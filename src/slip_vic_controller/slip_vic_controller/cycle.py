@@ -872,7 +872,8 @@ def _finish(
             start_limiter(config.motion.drive, state.limiter, n, felt, state.law.gravity, now_ns)
         else:  # the drives' own loops overcome friction, which the model does not have: it begins with gravity
             start_limiter(config.motion.drive, state.limiter, n, np.zeros(MAX_JOINTS), state.law.gravity, now_ns)
-            start_motion(config.command, state.motion, q, qd)
+            if state.motion.started == 0 or inputs.arm.M[0, 0] > 0.0:  # else nothing tells where the drives are by now
+                start_motion(config.command, state.motion, q, qd)
     torque, clipped = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64)
     torque[:n] = outputs.wanted[:n]
     if config.estimator.on != 0:
