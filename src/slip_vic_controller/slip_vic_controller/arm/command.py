@@ -23,6 +23,10 @@ STOP_SHARE: Final = 0.5
 """Share of the acceleration limit with which a command brakes ahead of the end of a joint's range."""
 
 
+AT_REST: Final = 5e-3
+"""Velocity from which a command that comes to rest is set to it, at most [rad/s]."""
+
+
 @unique
 class Interface(IntEnum):
     """What the drives of an arm take."""
@@ -180,6 +184,6 @@ def stop_motion(config: CommandConfig, state: MotionCommand, dt: float, limited:
         moves = moves or state.velocity[j] != 0.0
     advance_motion(config, state, qdd, state.velocity.copy(), dt, limited)
     for j in range(config.joints):
-        if abs(state.velocity[j]) <= config.jerk[j] * dt * dt:
+        if abs(state.velocity[j]) <= min(config.jerk[j] * dt * dt, AT_REST):
             state.velocity[j], state.acceleration[j] = 0.0, 0.0
     return not moves
