@@ -1,0 +1,158 @@
+"""Tare at rest: what the sensors of an arm read while nothing moves, before the law begins.
+
+Nothing slips in HOLD, and the load of the resting object is known. So the mean of a slip sensor's samples is its bias,
+the mean of the wrench beyond the model's load is that of the wrench sensor, and the spread of all is their noise.
+Biases inside the configured bounds are taken out; a larger one is a reason not to begin, with the sensor's name.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum, unique
+from typing import Annotated, Final, NamedTuple
+
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.records import Real, Record, Vec6, Whole, dtype_of
+from slip_vic_controller.sizes import MAX_JOINTS
+
+LEAST_SAMPLES: Final = 5
+"""Samples of a sensor without which its mean says nothing."""
+
+
+@unique
+class Sensor(IntEnum):
+    """Which sensor a tare is about."""
+
+    NONE = 0
+    SLIP = 1
+    WRENCH = 2
+    JOINTS = 3
+
+
+class TareConfig(Record):
+    """Bounds of what may be taken out."""
+
+    duration_ns: Whole  # of rest before the law begins; 0 = no tare
+    joints: Whole
+    slip_linear: Real  # m/s
+    slip_angular: Real  # rad/s
+    force: Real  # N
+    torque: Real  # N m
+    velocity: Real  # rad/s, of a joint
+    still: Real  # rad/s, of a joint; above it the arm is not at rest
+
+
+class Mean6(Record):
+    """Mean and spread of six numbers (Welford)."""
+
+    count: Whole
+    average: Vec6
+    squares: Vec6  # sum of squared differences from the mean
+
+
+class Tare(Record):
+    """What was measured at rest."""
+
+    begun_ns: Whole  # stamp of the first joint state at rest; NEVER before
+    done: Whole
+    slip: Mean6  # m/s, rad/s {ee}
+    wrench: Mean6  # N, N m {ee}, beyond the load of the resting object
+    velocity_count: Whole
+    velocity_average: Annotated[Array, MAX_JOINTS]  # rad/s
+    velocity_squares: Annotated[Array, MAX_JOINTS]  # rad^2/s^2
+
+
+class TareVerdict(NamedTuple):
+    """The sensor whose bias is out of bounds, Sensor.NONE where all are inside; its size and bound, and which axis."""
+
+    sensor: int
+    axis: int
+    size: float
+    bound: float
+
+
+TARE_CONFIG, MEAN6, TARE = dtype_of(TareConfig), dtype_of(Mean6), dtype_of(Tare)
+
+
+@part
+def start_tare(state: Tare, never_ns: int) -> None:
+    """Forget what was measured; never_ns: the stamp that stands for never [ns]."""
+    state.begun_ns, state.done, state.velocity_count = never_ns, 0, 0
+    state.slip.count, state.slip.average[:], state.slip.squares[:] = 0, 0.0, 0.0
+    state.wrench.count, state.wrench.average[:], state.wrench.squares[:] = 0, 0.0, 0.0
+    state.velocity_average[:], state.velocity_squares[:] = 0.0, 0.0
+
+
+@part
+def add_six(state: Mean6, values: Array) -> None:
+    """Take a sample (6,) into a mean."""
+    state.count += 1
+    for k in range(6):
+        beyond = values[k] - state.average[k]
+        state.average[k] += beyond / state.count
+        state.squares[k] += beyond * (values[k] - state.average[k])
+
+
+@part
+def add_velocities(config: TareConfig, state: Tare, qd: Array) -> None:
+    """Take joint velocities (n,) [rad/s] into their mean."""
+    state.velocity_count += 1
+    for j in range(config.joints):
+        beyond = qd[j] - state.velocity_average[j]
+        state.velocity_average[j] += beyond / state.velocity_count
+        state.velocity_squares[j] += beyond * (qd[j] - state.velocity_average[j])
+
+
+@part
+def at_rest(config: TareConfig, q: Array, q_before: Array, seconds: float) -> bool:
+    """Return whether no joint moves: by its positions, because velocities may be what is wrong.
+
+    q, q_before: (n,) [rad], `seconds` apart.
+    """
+    still = True
+    for j in range(config.joints):
+        still = still and abs(q[j] - q_before[j]) <= config.still * seconds
+    return still
+
+
+@part
+def deviation(squares: float, count: int) -> float:
+    """Return the standard deviation of a mean's samples; 0 for fewer than two."""
+    return math.sqrt(squares / (count - 1)) if count > 1 else 0.0
+
+
+@part
+def largest(values: Array, first: int, last: int) -> tuple[int, float]:
+    """Return index and size of the largest of values[first:last]."""
+    axis, size = first, abs(values[first])
+    for k in range(first + 1, last):
+        if abs(values[k]) > size:
+            axis, size = k, abs(values[k])
+    return axis, size
+
+
+@part
+def judge_tare(config: TareConfig, state: Tare) -> TareVerdict:
+    """Return the first sensor whose mean is out of bounds; a sensor with too few samples is not judged.
+
+    The bound grows by the mean's own uncertainty, three of its standard deviations: noise is no bias.
+    """
+    for group in range(3):
+        six = state.slip if group == 0 else state.wrench
+        if group < 2 and six.count >= LEAST_SAMPLES:
+            for half in range(2):
+                axis, size = largest(six.average, 3 * half, 3 * half + 3)
+                if group == 0:
+                    bound = config.slip_linear if half == 0 else config.slip_angular
+                else:
+                    bound = config.force if half == 0 else config.torque
+                unsure = 3.0 * deviation(six.squares[axis], six.count) / math.sqrt(six.count)
+                if size > bound + unsure:
+                    return TareVerdict(group + 1, axis, size, bound)
+        elif group == 2 and state.velocity_count >= LEAST_SAMPLES:
+            axis, size = largest(state.velocity_average, 0, config.joints)
+            unsure = 3.0 * deviation(state.velocity_squares[axis], state.velocity_count)
+            if size > config.velocity + unsure / math.sqrt(state.velocity_count):
+                return TareVerdict(0 + Sensor.JOINTS.value, axis, size, config.velocity)
+    return TareVerdict(0 + Sensor.NONE.value, 0, 0.0, 0.0)

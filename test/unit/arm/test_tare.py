@@ -1,0 +1,102 @@
+"""Tare at rest: means and spreads against numpy's, and what is out of bounds is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slip_core.records import new, record
+from slip_vic_controller.arm.tare import (
+    TARE,
+    TARE_CONFIG,
+    Sensor,
+    Tare,
+    TareConfig,
+    add_six,
+    add_velocities,
+    at_rest,
+    deviation,
+    judge_tare,
+    start_tare,
+)
+from slip_vic_controller.sizes import NEVER
+
+N, SAMPLES = 7, 300
+
+
+def bounds() -> TareConfig:
+    config: TareConfig = record(new(TARE_CONFIG), TARE_CONFIG)
+    config.joints, config.still, config.velocity = N, 0.01, 0.02
+    config.slip_linear, config.slip_angular, config.force, config.torque = 0.02, 0.2, 0.5, 0.05
+    return config
+
+
+def begun() -> Tare:
+    state: Tare = record(new(TARE), TARE)
+    start_tare(state, NEVER)
+    return state
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_means_and_spreads_are_those_of_numpy(seed: int) -> None:
+    rng, config, state = np.random.default_rng(seed), bounds(), begun()
+    slips = rng.normal(rng.normal(size=6), 0.01, (SAMPLES, 6))
+    velocities = rng.normal(rng.normal(size=N), 0.003, (SAMPLES, N))
+    for slip, qd in zip(slips, velocities, strict=True):
+        add_six(state.slip, slip)
+        add_velocities(config, state, qd)
+    np.testing.assert_allclose(state.slip.average, slips.mean(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(state.velocity_average[:N], velocities.mean(axis=0), rtol=1e-12)
+    spread = [deviation(state.slip.squares[k], state.slip.count) for k in range(6)]
+    np.testing.assert_allclose(spread, slips.std(axis=0, ddof=1), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "axis", "bias"),
+    [
+        (Sensor.SLIP, 1, 0.03),
+        (Sensor.SLIP, 5, -0.3),
+        (Sensor.WRENCH, 0, 0.7),
+        (Sensor.WRENCH, 4, 0.08),
+        (Sensor.JOINTS, 6, -0.03),
+    ],
+)
+def test_a_bias_out_of_bounds_is_named_with_axis_and_size(sensor: Sensor, axis: int, bias: float) -> None:
+    config, state = bounds(), begun()
+    for _ in range(SAMPLES):
+        slip, wrench, qd = np.zeros(6), np.zeros(6), np.zeros(N)
+        target = {Sensor.SLIP: slip, Sensor.WRENCH: wrench, Sensor.JOINTS: qd}[sensor]
+        target[axis] = bias
+        add_six(state.slip, slip)
+        add_six(state.wrench, wrench)
+        add_velocities(config, state, qd)
+    verdict = judge_tare(config, state)
+    assert (verdict.sensor, verdict.axis) == (sensor, axis)
+    assert verdict.size == pytest.approx(abs(bias))
+    start_tare(state, NEVER)
+    assert judge_tare(config, state).sensor == Sensor.NONE
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_noise_is_no_bias(seed: int) -> None:
+    """With a bias at the bound, and noise ten times as large, some 300 samples accuse no sensor but by chance."""
+    rng, config, state = np.random.default_rng(seed), bounds(), begun()
+    for _ in range(SAMPLES):
+        add_six(state.slip, np.array([0.01, 0, 0, 0, 0, 0]) + rng.normal(0, 0.1, 6))
+        add_velocities(config, state, rng.normal(0, 0.1, N))
+    assert judge_tare(config, state).sensor == Sensor.NONE
+
+
+def test_few_samples_accuse_nobody() -> None:
+    config, state = bounds(), begun()
+    for _ in range(4):
+        add_six(state.slip, np.full(6, 9.0))
+    assert judge_tare(config, state).sensor == Sensor.NONE
+
+
+def test_rest_is_seen_in_positions() -> None:
+    config, q = bounds(), np.zeros(N)
+    moved = q.copy()
+    moved[3] = 0.0051
+    assert at_rest(config, q, moved * 0.9, 0.5)
+    assert not at_rest(config, q, moved, 0.5)
