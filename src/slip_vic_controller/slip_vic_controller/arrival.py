@@ -84,4 +84,6 @@ def is_silent(config: Array, state: Array, now_ns: int) -> bool:
 def estimate_joint_state(config: Array, state: Array) -> None:
     """Put the estimate of now in the place of the joint state that waits for an answer; CONFIG, ARM_STATE."""
     c, s = record(config, CONFIG), record(state, ARM_STATE)
+    for j in range(c.estimator.joints):
+        s.joint.answers.velocity[j] -= s.tare.velocity_bias[j]
     use_estimate(c.estimator, s.estimate, s.joint.answers)

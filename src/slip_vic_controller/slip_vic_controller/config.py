@@ -14,6 +14,7 @@ from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.arm.config import estimator_config
 from slip_vic_controller.arm.estimator import ESTIMATOR_CONFIG
+from slip_vic_controller.arm.tare import TareConfig
 from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import INTERNAL_BOUND, ROUNDING, internal_gain_limit
 from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
@@ -21,6 +22,7 @@ from slip_vic_controller.law.contact import fill_contacts
 from slip_vic_controller.law.gains import LAW_GAINS, gain_report, make_law_gains
 from slip_vic_controller.observer.config import observer_config, witnesses
 from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
+from slip_vic_controller.parameters.arm_params import TareParams
 from slip_vic_controller.parameters.interface_params import GripParams
 from slip_vic_controller.parameters.safety_params import InputParams, SafetyParams, WatchParams
 from slip_vic_controller.params import ControllerParams
@@ -77,6 +79,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     if params.slip_estimator == "observer":
         _copy(config, "observer", observer_config(params), OBSERVER_CONFIG)
     _copy(config, "estimator", estimator_config(params, robot.effort_limit), ESTIMATOR_CONFIG)
+    _fill_tare(config.tare, params.tare, len(robot.joint_names))
     safety = params.safety
     _fill_cycle(config.cycle, params, len(robot.joint_names))
     _fill_inputs(config, params, robot, lockstep=lockstep)
@@ -103,6 +106,27 @@ def renew_config(config: ControllerConfig, params: ControllerParams) -> None:
     fill_contacts(params.contacts, config.law.contact)
     config.gains = make_law_gains(params, gain_report(params).used).view(LAW_GAINS)[0]
     _fill_hold(config.hold, params, config.hold.joints)
+
+
+def use_noise(config: ControllerConfig, params: ControllerParams, effort_limit: Array) -> None:
+    """Use other noise of the sensors in a CONFIG: what observer, estimator and governor take of it.
+
+    Args:
+        config: changed.
+        params: with that noise.
+        effort_limit: (n,) [N m].
+    """
+    if params.slip_estimator == "observer":
+        _copy(config, "observer", observer_config(params), OBSERVER_CONFIG)
+    _copy(config, "estimator", estimator_config(params, effort_limit), ESTIMATOR_CONFIG)
+    _fill_governor(config.governor, params)
+
+
+def _fill_tare(tare: TareConfig, given: TareParams, joints: int) -> None:
+    tare.duration_ns, tare.joints = seconds_to_ns(given.duration_s), joints
+    tare.slip_linear, tare.slip_angular = given.slip_linear, given.slip_angular
+    tare.force, tare.torque = given.force, given.torque
+    tare.velocity, tare.still = given.velocity, given.still
 
 
 def _check_internal_gain(params: ControllerParams) -> None:
@@ -174,6 +198,7 @@ def _fill_inputs(config: ControllerConfig, params: ControllerParams, robot: Robo
     limits.jump, limits.clock_jump_ns = joint.jump, round(inputs.clock_jump_s * 1e9)
     limits.age_ns, limits.frozen_ns = round(joint.age_s * 1e9), round(joint.frozen_s * 1e9)
     limits.accept_after = 1 if lockstep else inputs.accept_after
+    limits.still = params.joint_sensor.quantum_position / joint.frozen_s
     wrench, slip = inputs.wrench, inputs.slip
     zero_after = params.wrench.zero_after
     _fill_vector(config.wrench, inputs, wrench, (wrench.force, wrench.torque), zero_is_normal=0, zero_after=zero_after)
@@ -283,9 +308,11 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     governor.window = min(max(1, round(given.window_s / params.control_period_s)), MAX_WINDOW)
     estimate = governor.estimate
     estimate.friction, estimate.told, estimate.kept = Friction[given.friction.upper()], given.friction_limit, KEPT
+    estimate.calmed = GIVEN_UP
     estimate.least, estimate.probe, estimate.trust = LEAST_SHARE * given.friction_limit, given.probe, TRUST
     noise = math.hypot(math.sqrt(2.0) * sensor.noise_linear, given.torsional_radius * sensor.noise_angular)
     estimate.threshold = max(LEAST_SLIP_M_S, NOISE_DEVIATIONS * noise, sensor.quantum_linear)
+    estimate.growth = estimate.threshold if params.joint_sensor.estimates else 0.0
     estimate.witnesses = witnesses(params)
     estimate.quiet_ns = seconds_to_ns(QUIET_S)
     estimate.sensor_delay_ns = seconds_to_ns(sensor.latency_s + sensor.period_s)

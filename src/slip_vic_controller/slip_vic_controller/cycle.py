@@ -38,6 +38,7 @@ from slip_vic_controller.arm.estimator import (
     publish_joints,
     remember_input,
 )
+from slip_vic_controller.arm.tare import add_six, measure_at_rest, start_tare, take_biases
 from slip_vic_controller.governing import (
     agree_on_friction,
     begin_governing,
@@ -94,11 +95,13 @@ from slip_vic_controller.safety.effort_limiter import (
     start_limiter,
 )
 from slip_vic_controller.safety.faults import Fault, Input
+from slip_vic_controller.safety.following import watch_following
 from slip_vic_controller.safety.hold import (
     believable_arm,
     carry_load,
     hold_effort,
     keep_posture,
+    object_load,
     update_load_error,
 )
 from slip_vic_controller.safety.latency import (
@@ -188,6 +191,8 @@ def _begin(
         begin_modes(config.modes, state.mode, inputs.now_ns)
         clear_since(state.since)
         forget(state.observed, NEVER)
+        start_tare(state.tare, NEVER)
+        state.following.since_ns = NEVER
         if lead:
             task.path.scale, task.path.rate = 1.0, 0.0
         start_grip(config.grip, state.grip)
@@ -385,6 +390,8 @@ def _decide(
         forget_latency(state.latency)  # whoever enables the law has checked that the clocks agree and nothing is late
     measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns, config.cycle.late_ns)
     request = _stop_first(config, state, inputs.request, now_ns)
+    if config.tare.duration_ns > 0:
+        _tare(config, state, inputs)
     freezes = frozen(config.joint, state.joint, now_ns)
     n, contacts = config.law.joints, config.law.contacts
     reasons, level = arbitrate(config, task, state, outputs.health, freezes, n, contacts, sample.velocity, now_ns)
@@ -395,6 +402,40 @@ def _decide(
     decision.step, decision.request, decision.level = Step.ANSWER.value, request, level
     decision.freezes = 1 if freezes else 0
     put_reason(decision.fault, reasons.fault)
+
+
+@part
+def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
+    """Read the sensors at rest while HOLD keeps the arm, and take what is a bias out of the samples of this cycle."""
+    tare, queue = state.tare, state.queue
+    if inputs.request == Request.TARE and not follows(state.mode.mode):
+        start_tare(tare, NEVER)
+    if tare.done == 0 and state.mode.mode == Mode.HOLD:
+        n, stamp_ns, wrench = config.law.joints, state.joint.answers.stamp_ns, state.wrench_inputs[0]
+        over = measure_at_rest(
+            config.tare, tare, stamp_ns, state.joint.last.position[:n], state.joint.last.velocity[:n]
+        )
+        for k in range(queue.count):
+            if queue.samples[k].stamp_ns >= tare.begun_ns:
+                add_six(tare.slip, queue.samples[k].twist)
+        if config.law.contacts == 1 and wrench.stamp_ns > tare.wrench_ns:  # of several, arms may press on each other
+            tare.wrench_ns = wrench.stamp_ns
+            R, beyond = mat(inputs.arm.rotation), np.zeros(6)
+            r = _arm_of_load(config, state, pad_rotation(config.law.contact[0], state.law.slips[0]))
+            put_spatial(beyond, own_wrench(config, state, R) - object_load(config.hold, R, R @ r))
+            add_six(tare.wrench, beyond)
+        if over:
+            take_biases(config.tare, tare)
+    for k in range(queue.count):
+        for i in range(6):
+            queue.samples[k].twist[i] -= tare.slip_bias[i]
+
+
+@part
+def own_wrench(config: ControllerConfig, state: ArmState, R_ee: Mat) -> Spatial:
+    """Return the wrench of the object on the own pad [N, N m] {ee}, without the sensor's bias."""
+    measured = wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, R_ee)
+    return measured - spatial(state.tare.wrench_bias)
 
 
 @part
@@ -590,7 +631,7 @@ def _hold(
     pad = pad_rotation(config.law.contact[0], law.slips[0])
     r = _arm_of_load(config, state, pad)
     if wrench_good:
-        measured = wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, mat(inputs.arm.rotation))
+        measured = own_wrench(config, state, mat(inputs.arm.rotation))
         update_load_error(config.hold, state.hold, inputs.arm, r, measured, dt_ns * 1e-9)
     hold_effort(config.hold, state.hold, inputs.arm, sample, pad, r, state.latency.most_ns * 1e-9, outputs.wanted)
     if not (state.mode.reason.cause == Cause.FALLS and state.mode.reason.prefix == 0):
@@ -600,7 +641,7 @@ def _hold(
     _keep_joints(config, state, inputs)
     task.path.scale, task.path.rate = 0.0, 0.0
     forget(state.observed, NEVER)
-    state.since.saturated_ns = NEVER
+    state.since.saturated_ns, state.following.since_ns = NEVER, NEVER
     _finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, False)
 
 
@@ -675,6 +716,9 @@ def _follow(
     axes, law = config.law.contact[0].slip_axes, outputs.law
     observe_motion(config.drop, axes, state.observed, inputs.arm, law, outputs.reference, dt_ns * 1e-9)
     watch_for_blindness(state.observed, law.slip_speed, config.drop.evidence, inputs.now_ns)
+    R, h = mat(inputs.arm.rotation), np.zeros(6)
+    put_spatial(h, R @ own_wrench(config, state, R))
+    watch_following(state.following, n, inputs.arm, law, h, state.limiter.effort, inputs.now_ns)
     _finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, True)
 
 
@@ -719,8 +763,8 @@ def sense(
         samples[k].slip_twist[:] = state.slip_inputs[k].values
         if slip_unknown:
             samples[k].slip_twist[:] = 0.0
-    own = wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, mat(inputs.arm.rotation))
-    put_spatial(samples[0].wrench, own)
+    samples[0].slip_twist[:] -= state.tare.slip_bias
+    put_spatial(samples[0].wrench, own_wrench(config, state, mat(inputs.arm.rotation)))
     if slip_unknown:
         state.queue.count = 0
     gains_at(law.ramp, law.stamp_ns, outputs.gains)
@@ -944,7 +988,7 @@ def _acceleration(config: ControllerConfig, state: ArmState, inputs: CycleInputs
     h, arm = np.zeros(6), inputs.arm
     if arm.M[0, 0] > 0.0:
         R_ee = mat(arm.rotation)
-        put_spatial(h, R_ee @ wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, R_ee))
+        put_spatial(h, R_ee @ own_wrench(config, state, R_ee))
         if not joint_acceleration(config.law.joints, arm.M, arm.bias, arm.J, h, state.limiter.effort, qdd):
             qdd[:] = 0.0
 

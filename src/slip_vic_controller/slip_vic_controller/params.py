@@ -13,7 +13,7 @@ from slip_core.drive_params import DriveModel
 from slip_core.grasp_params import ArmParams, Six, Three
 from slip_core.params import RANGES, ParameterModel, parameter, parameter_unit
 from slip_core.sensor_params import SLIP_INPUT, SlipInput, SlipSensorModel
-from slip_vic_controller.parameters.arm_params import DisturbanceParams, JointSensorModel
+from slip_vic_controller.parameters.arm_params import DisturbanceParams, JointSensorModel, TareParams
 from slip_vic_controller.parameters.interface_params import CommandParams, EffortParams, GripParams, WrenchParams
 from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.parameters.slip_params import MeasuredParams, ObserverParams, WrenchSensorModel
@@ -246,6 +246,7 @@ class ControllerParams(ArmParams):
     disturbance: DisturbanceParams = Field(default_factory=DisturbanceParams)
     drive: DriveModel = Field(default_factory=DriveModel)
     command: CommandParams = Field(default_factory=CommandParams)
+    tare: TareParams = Field(default_factory=TareParams)
     wrench: WrenchParams = Field(default_factory=WrenchParams)
     effort: EffortParams = Field(default_factory=EffortParams)
     grip: GripParams = Field(default_factory=GripParams)

@@ -27,6 +27,7 @@ from slip_core.types import (
     SlipSample,
     WrenchSample,
 )
+from slip_vic_controller.arm.config import with_measured_noise
 from slip_vic_controller.arrival import (
     estimate_joint_state,
     is_silent,
@@ -34,7 +35,7 @@ from slip_vic_controller.arrival import (
     receive_slip,
     receive_wrench,
 )
-from slip_vic_controller.config import governed_stream, make_config, renew_config
+from slip_vic_controller.config import governed_stream, make_config, renew_config, use_noise
 from slip_vic_controller.cycle import cycle, watchdog
 from slip_vic_controller.cycle import describe as describe_cycle
 from slip_vic_controller.law.gains import (
@@ -95,6 +96,7 @@ _NOW, _REQUEST, _MISSING = (place(INPUTS, name).start for name in ("now_ns", "re
 _PRESENT = place(INPUTS, "present").start
 _RAMP = place(ARM_STATE, "law.ramp")
 _CYCLES, _LAW_KNOWN = place(ARM_STATE, "cycles").start, place(ARM_STATE, "law.known").start
+_TARED = place(ARM_STATE, "tare.done").start
 _STATE_MODE, _PENDING = place(ARM_STATE, "mode.mode").start, place(ARM_STATE, "joint.pending").start
 _CONFIG_SIZE, _INPUTS_SIZE, _OUTPUTS_SIZE = CONFIG.itemsize // 8, INPUTS.itemsize // 8, OUTPUTS.itemsize // 8
 
@@ -353,6 +355,7 @@ class ArmSession:
         self._slip_delay_ns = int(record(self.config, CONFIG).cycle.slip_delay_ns)
         self._has_wrench = self.controller.params.wrench.source == "sensor"
         self._estimates = bool(record(self.config, CONFIG).estimator.on)
+        self._tared = 0
         self._whole = self.row.view(np.int64)
         self._joint: JointSample | None = None
         self._joint_fault = Fault.NONE
@@ -517,6 +520,16 @@ class ArmSession:
         self._tuned = params
         self._session.configure(self.index, lambda config: renew_config(config, params))
 
+    def use_tare(self) -> None:
+        """Use the noise that a tare has measured once it is done, and what is configured until then."""
+        done = int(self._whole[_TARED])
+        if done != self._tared:
+            self._tared = done
+            params = with_measured_noise(self.tuned, self.state.tare) if done else self.tuned
+            limit = self.controller.robot.effort_limit
+            self._session.configure(self.index, lambda config: use_noise(config, params, limit))
+            self._estimates = bool(record(self.config, CONFIG).estimator.on)
+
     # -- cycles ------------------------------------------------------------------------------------
 
     def complete(self) -> bool:
@@ -649,6 +662,7 @@ class ArmSession:
             raise InputError("controller state", got=f"{state.size} numbers", expected=f"{expected}")
         self._session.buffer[:TASK_SIZE] = state[:TASK_SIZE]
         self.row[:], self.history[:] = state[TASK_SIZE:][:ARM_SIZE], state[TASK_SIZE + ARM_SIZE :]
+        self.use_tare()
 
     # -- statistics --------------------------------------------------------------------------------
 
@@ -898,6 +912,8 @@ class ControllerSession:
         for k, one in asked.items():
             self.arms[k].prepare(one, inputs[k * _INPUTS_SIZE :][:_INPUTS_SIZE])
         cycle(self._config, self.buffer, inputs, outputs)
+        for arm in self.arms:
+            arm.use_tare()
         return tuple(
             self._result(arm, asked[arm.index].joint, inputs, outputs) if arm.index in asked else None
             for arm in self.arms
@@ -946,6 +962,8 @@ class ControllerSession:
         if state.shape != self.buffer.shape:
             raise InputError("controller state", got=f"{state.size} numbers", expected=f"{self.buffer.size}")
         self.buffer[:] = state
+        for arm in self.arms:
+            arm.use_tare()
 
 
 def used_history(observer: Any, history: Array) -> Array:

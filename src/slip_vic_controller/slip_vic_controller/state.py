@@ -7,6 +7,7 @@ from typing import Annotated
 from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, WholeArray, dtype_of
 from slip_vic_controller.arm.command import CommandConfig, MotionCommand
 from slip_vic_controller.arm.estimator import EstimatorConfig, JointEstimate, PublishedJoints
+from slip_vic_controller.arm.tare import Tare, TareConfig
 from slip_vic_controller.interfaces import WrenchSensor
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.config import LawConfig
@@ -26,6 +27,7 @@ from slip_vic_controller.reference.stream import Stream, StreamConfig
 from slip_vic_controller.safety.arbitration import ArbitrationConfig, Health, Since
 from slip_vic_controller.safety.drop_detection import DropDetectionConfig, ObservedMotion
 from slip_vic_controller.safety.effort_limiter import EffortLimiter
+from slip_vic_controller.safety.following import Following
 from slip_vic_controller.safety.hold import Hold, HoldConfig
 from slip_vic_controller.safety.latency import Latency, SlipLatency
 from slip_vic_controller.safety.limit_avoidance import MotionLimits
@@ -85,6 +87,7 @@ class ControllerConfig(Record):
     stream: StreamConfig
     estimator: EstimatorConfig
     command: CommandConfig
+    tare: TareConfig
 
 
 CONFIG = dtype_of(ControllerConfig)
@@ -160,6 +163,8 @@ class ArmState(Record):
     reference: DesiredMotion  # of this pad alone, where it does not keep to the object
     estimate: JointEstimate
     motion: MotionCommand  # where the drives take velocities or positions
+    tare: Tare
+    following: Following
 
 
 ARM_STATE = dtype_of(ArmState)

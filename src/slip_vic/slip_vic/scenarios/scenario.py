@@ -491,6 +491,7 @@ def apply_drive(values: dict[str, dict[str, Any]], preset: DrivePreset) -> None:
         values["bridge"] |= {f"{group}.{name}": value for name, value in flat.items()}
         own = "joint_sensor" if part == "joint" else part
         values["controller"] |= {f"{own}.{name}": value for name, value in flat.items() if f"{own}.{name}" in known}
+    values["controller"] |= flat_names(preset.controller)
     values["controller"]["command.interface"] = preset.drive.interface
 
 

@@ -12,6 +12,7 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_vic_controller.arm.estimator import ESTIMATOR_CONFIG, MAX_LATENCY, EstimatorConfig, transition
+from slip_vic_controller.arm.tare import LEAST_SAMPLES, Tare, deviation
 from slip_vic_controller.parameters.arm_params import JointSensorModel
 from slip_vic_controller.params import ControllerParams
 
@@ -24,6 +25,10 @@ LAG_ACCELERATION: Final = 5.0
 """Acceleration at which the lag of a velocity filter counts as noise [rad/s^2]."""
 MEAN_S, QUICK_S, SIGNIFICANT = 0.01, 0.03, 4.5
 """Time over which innovations are averaged, for which the quick filter stays, and deviations that begin it."""
+
+
+LARGER: Final = 1.5
+"""Measured noise over the configured one from which it is used: a spread of few samples is not exact."""
 
 
 class Noise(NamedTuple):
@@ -120,6 +125,31 @@ def sensor_noise(sensor: JointSensorModel, period: float) -> tuple[float, float]
     return position, max(velocity, LEAST_VELOCITY)
 
 
+def with_measured_noise(params: ControllerParams, tare: Tare) -> ControllerParams:
+    """Return the parameters with the noise that a tare has measured, where it is larger than what is configured."""
+    axes = np.array(params.contacts.slip_axes[:6], dtype=bool)
+    joints = len(params.joint_names)
+    slip, wrench = (
+        np.array([deviation(float(of.squares[k]), int(of.count)) for k in range(6)]) * (of.count >= LEAST_SAMPLES)
+        for of in (tare.slip, tare.wrench)
+    )
+    velocity = max(deviation(float(tare.velocity_squares[j]), int(tare.velocity_count)) for j in range(joints))
+    if velocity < LEAST_VELOCITY:
+        velocity = 0.0
+    slip = slip * axes
+    found = {
+        "slip_sensor": {"noise_linear": slip[:3].max(), "noise_angular": slip[3:].max()},
+        "wrench_sensor": {"noise_force": wrench[:3].max(), "noise_torque": wrench[3:].max()},
+        "joint_sensor": {"noise_velocity": velocity},
+    }
+    groups = {}
+    for group, numbers in found.items():
+        of = getattr(params, group)
+        more = {name: float(value) for name, value in numbers.items() if value > LARGER * getattr(of, name)}
+        groups[group] = of.model_copy(update=more)
+    return params.model_copy(update=groups)
+
+
 def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     """Return the EstimatorConfig buffer; effort_limit (n,) [N m].
 
@@ -138,7 +168,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.late_ticks, config.late_rest = divide(sensor.latency_s, period)
     ticks = max(1, round(1.0 / (sensor.rate_hz * period))) if sensor.rate_hz > 0.0 else 1
     config.sensor_ticks, config.sensor_period = ticks, ticks * period
-    config.drive_ticks = round(params.drive.delay_s / period)
+    config.drive_ticks = round((params.drive.delay_s + (params.drive.lag_s if by_effort else 0.0)) / period)
     if config.late_ticks + config.drive_ticks + 1 > MAX_LATENCY:
         raise InputError(
             "parameter joint_sensor.latency_s and drive.delay_s",

@@ -3,21 +3,24 @@
 Nothing slips in HOLD, and the load of the resting object is known. So the mean of a slip sensor's samples is its bias,
 the mean of the wrench beyond the model's load is that of the wrench sensor, and the spread of all is their noise.
 Biases inside the configured bounds are taken out; a larger one is a reason not to begin, with the sensor's name.
+Noise that is larger than configured replaces what is configured (`arm/config.py`).
 """
 
 from __future__ import annotations
 
 import math
 from enum import IntEnum, unique
-from typing import Annotated, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Vec6, Whole, dtype_of
-from slip_vic_controller.sizes import MAX_JOINTS
+from slip_vic_controller.sizes import NEVER, Joints
 
 LEAST_SAMPLES: Final = 5
 """Samples of a sensor without which its mean says nothing."""
+SIGNIFICANT: Final = 4.0
+"""Standard deviations of a mean from which it is a bias, and no noise."""
 
 
 @unique
@@ -56,11 +59,19 @@ class Tare(Record):
 
     begun_ns: Whole  # stamp of the first joint state at rest; NEVER before
     done: Whole
+    position: Joints  # rad, then
+    wrench_ns: Whole  # stamp of the last wrench that was taken in
     slip: Mean6  # m/s, rad/s {ee}
     wrench: Mean6  # N, N m {ee}, beyond the load of the resting object
     velocity_count: Whole
-    velocity_average: Annotated[Array, MAX_JOINTS]  # rad/s
-    velocity_squares: Annotated[Array, MAX_JOINTS]  # rad^2/s^2
+    velocity_average: Joints  # rad/s
+    velocity_squares: Joints  # rad^2/s^2
+    slip_bias: Vec6  # m/s, rad/s {ee}; taken out of the samples
+    wrench_bias: Vec6  # N, N m {ee}
+    velocity_bias: Joints  # rad/s
+    sensor: Whole  # Sensor that is out of bounds
+    size: Real  # of its bias
+    bound: Real
 
 
 class TareVerdict(NamedTuple):
@@ -78,7 +89,9 @@ TARE_CONFIG, MEAN6, TARE = dtype_of(TareConfig), dtype_of(Mean6), dtype_of(Tare)
 @part
 def start_tare(state: Tare, never_ns: int) -> None:
     """Forget what was measured; never_ns: the stamp that stands for never [ns]."""
-    state.begun_ns, state.done, state.velocity_count = never_ns, 0, 0
+    state.begun_ns, state.done, state.velocity_count, state.wrench_ns = never_ns, 0, 0, never_ns
+    state.sensor, state.size, state.bound = 0, 0.0, 0.0
+    state.slip_bias[:], state.wrench_bias[:], state.velocity_bias[:] = 0.0, 0.0, 0.0
     state.slip.count, state.slip.average[:], state.slip.squares[:] = 0, 0.0, 0.0
     state.wrench.count, state.wrench.average[:], state.wrench.squares[:] = 0, 0.0, 0.0
     state.velocity_average[:], state.velocity_squares[:] = 0.0, 0.0
@@ -130,6 +143,53 @@ def largest(values: Array, first: int, last: int) -> tuple[int, float]:
         if abs(values[k]) > size:
             axis, size = k, abs(values[k])
     return axis, size
+
+
+@part
+def bias_of(average: float, squares: float, count: int) -> float:
+    """Return a mean where it is one, 0 where it is within what noise gives it."""
+    if count < LEAST_SAMPLES or not abs(average) > SIGNIFICANT * deviation(squares, count) / math.sqrt(count):
+        return 0.0
+    return float(average)
+
+
+@part
+def take_biases(config: TareConfig, state: Tare) -> None:
+    """Take what was measured as biases, or name the sensor that is out of bounds."""
+    verdict = judge_tare(config, state)
+    state.done, state.sensor, state.size, state.bound = 1, verdict.sensor, verdict.size, verdict.bound
+    if verdict.sensor == Sensor.NONE:
+        for k in range(6):
+            state.slip_bias[k] = bias_of(state.slip.average[k], state.slip.squares[k], state.slip.count)
+            state.wrench_bias[k] = bias_of(state.wrench.average[k], state.wrench.squares[k], state.wrench.count)
+        for j in range(config.joints):
+            state.velocity_bias[j] = bias_of(state.velocity_average[j], state.velocity_squares[j], state.velocity_count)
+
+
+@part
+def rest_begins(config: TareConfig, state: Tare, now_ns: int, q: Array) -> None:
+    """Begin to measure at a joint state."""
+    start_tare(state, now_ns)
+    state.wrench_ns = now_ns - 1
+    for j in range(config.joints):
+        state.position[j] = q[j]
+
+
+@part
+def measure_at_rest(config: TareConfig, state: Tare, now_ns: int, q: Array, qd: Array) -> bool:
+    """Take the joints of a cycle at rest in, begin anew where they move; return whether the time of rest is over.
+
+    Args:
+        config: bounds.
+        state: changed.
+        now_ns: stamp of the joint state.
+        q, qd: as measured; (n,) [rad], [rad/s].
+    """
+    begun = state.begun_ns != NEVER and now_ns >= state.begun_ns
+    if not begun or not at_rest(config, q, state.position, config.duration_ns * 1e-9):
+        rest_begins(config, state, now_ns, q)
+    add_velocities(config, state, qd)
+    return now_ns - state.begun_ns >= config.duration_ns
 
 
 @part

@@ -40,6 +40,32 @@ class JointSensorModel(ParameterModel):
         return self.noise_velocity > 0.0 or self.quantum_position > 0.0
 
 
+class DriveModel(ParameterModel):
+    """Drives, as configured; the launcher fills it from their preset."""
+
+    delay_s: float = parameter(
+        0.0, "time between an effort and its effect; the joint state estimator takes it into account", unit="s", ge=0.0,
+        le=0.02,
+    )  # fmt: skip
+    lag_s: float = parameter(0.0, "time constant of the efforts, which counts as delay", unit="s", ge=0.0, le=0.01)
+
+
+class TareParams(ParameterModel):
+    """Tare at rest: bias and noise of the sensors, measured in HOLD before the law begins."""
+
+    duration_s: float = parameter(
+        0.0, "time at rest over which the sensors are read; 0 = they are used as they are", unit="s", ge=0.0, le=10.0
+    )
+    slip_linear: float = parameter(0.02, "largest bias of the slip velocity that is taken out", unit="m/s", ge=0.0)
+    slip_angular: float = parameter(0.3, "largest bias of the turning that is taken out", unit="rad/s", ge=0.0)
+    force: float = parameter(0.3, "largest bias of a force that is taken out", unit="N", ge=0.0)
+    torque: float = parameter(0.03, "largest bias of a torque that is taken out", unit="N m", ge=0.0)
+    velocity: float = parameter(0.02, "largest bias of a joint velocity that is taken out", unit="rad/s", ge=0.0)
+    still: float = parameter(
+        0.01, "mean speed of a joint, by its positions, above which the arm is not at rest", unit="rad/s", gt=0.0
+    )
+
+
 class DisturbanceParams(ParameterModel):
     """Joint accelerations that the model of the arm leaves out: friction, torque offset, a push."""
 

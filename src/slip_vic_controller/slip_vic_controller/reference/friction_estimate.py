@@ -23,6 +23,10 @@ PLAUSIBLE: Final = 0.5
 """Share of what is known of friction below which a slip that the observer alone finds is the model's error."""
 
 
+CALM_NS: Final = 200_000_000
+"""How long nothing may slip, beyond the delay of the sensor, until what is carried counts against a suspicion [ns]."""
+
+
 @unique
 class Friction(IntEnum):
     """Where the friction limit comes from."""
@@ -54,6 +58,8 @@ class EstimateConfig(Record):
     told: Real  # N, mu N as configured, or the most that is ever probed
     kept: Real  # share of the load at which it slipped
     least: Real  # N, floor of F^
+    calmed: Real  # share of a suspected load that is used once nothing has slipped for long
+    growth: Real  # m/s, growth of the suspected speed that is no noise
     probe: Real  # N, eps: load beyond the certified one
     threshold: Real  # m/s, slip speed |S v_s| that counts
     witnesses: Whole  # samples in a row that must show it
@@ -74,6 +80,9 @@ class Estimate(Record):
     event_ns: Whole  # stamp of the last time
     suspected: Whole  # whether the observer alone has found a slip
     suspected_at: Real  # N, the load at which it did
+    first_at: Real  # N, the load at which it first did
+    calm_ns: Whole  # stamp since when it finds none any more, NEVER = it does
+    calmed: Whole  # whether that has lasted
     suspected_ns: Whole  # when that was checked last
     suspected_speed: Real  # m/s, its speed of slip then
     claimed_ns: Whole  # stamp since when the slip sensor must see it
@@ -94,6 +103,7 @@ def start_estimate(config: EstimateConfig, state: Estimate, history: LoadHistory
     state.slipping, state.slip_ns, state.events, state.event_ns = 0, NEVER, 0, NEVER
     state.suspected, state.suspected_at, state.claimed_ns, state.found = 0, 0.0, NEVER, 0
     state.suspected_ns, state.suspected_speed = 0, 0.0
+    state.first_at, state.calm_ns, state.calmed = 0.0, NEVER, 0
     state.said, state.said_ns = 0, NEVER
     history.count = 0
 
@@ -202,10 +212,10 @@ def suspect(
         known = state.certified if config.friction == Friction.UNKNOWN else state.F_hat
         least = max(PLAUSIBLE * known, weight_load)
         if state.found == 0 and state.suspected == 0 and load > least:
-            state.suspected, state.suspected_at = 1, load
+            state.suspected, state.suspected_at, state.first_at = 1, load, load
             state.suspected_ns, state.suspected_speed = stamp_ns, speed
         elif state.suspected != 0 and stamp_ns - state.suspected_ns > config.sensor_delay_ns:
-            if speed > state.suspected_speed:  # what is asked since then does not end that slip
+            if speed > state.suspected_speed + config.growth:  # what is asked since then does not end that slip
                 state.suspected_at = max(config.kept * state.suspected_at, PLAUSIBLE * known)
             state.suspected_ns, state.suspected_speed = stamp_ns, speed
         if speed <= config.threshold:
@@ -213,6 +223,23 @@ def suspect(
         elif state.claimed_ns == NEVER:
             state.claimed_ns = stamp_ns
     state.found = 1 if found else 0
+    stay_calm(config, state, history, stamp_ns)
+
+
+@part
+def stay_calm(config: EstimateConfig, state: Estimate, history: LoadHistory, stamp_ns: int) -> None:
+    """Let a load that is carried without slip for long count against a suspicion that has sunk below it.
+
+    What has begun to slip where friction ends goes on slipping there: what rests does not slip. Never beyond the load
+    at which slip was first suspected.
+    """
+    if state.suspected == 0 or state.found != 0 or state.slipping != 0:
+        state.calm_ns, state.calmed = NEVER, 0
+    elif state.calm_ns == NEVER:
+        state.calm_ns = stamp_ns
+    elif stamp_ns - state.calm_ns > config.sensor_delay_ns + CALM_NS:
+        load = carried(config, history.loads[(history.count - 1) % LOADS])
+        state.calmed, state.suspected_at = 1, max(state.suspected_at, min(load / config.calmed, state.first_at))
 
 
 @part
@@ -220,7 +247,8 @@ def provisional(config: EstimateConfig, state: Estimate) -> tuple[float, float]:
     """Return F^ and the load at which it slipped [N], the observer's word included."""
     if state.suspected == 0:
         return float(state.F_hat), float(state.slipped_at)
-    F = max(config.kept * state.suspected_at, config.least)
+    share = config.calmed if state.calmed != 0 else config.kept
+    F = max(share * state.suspected_at, config.least)
     return float(min(F, state.F_hat)), float(state.suspected_at if state.F_hat > F else state.slipped_at)
 
 
@@ -248,6 +276,7 @@ def weaker(estimate: Estimate, pad: Estimate) -> None:
     estimate.slipping, estimate.slip_ns = max(estimate.slipping, pad.slipping), max(estimate.slip_ns, pad.slip_ns)
     if pad.suspected != 0:
         known = estimate.suspected != 0
+        estimate.calmed = min(estimate.calmed, pad.calmed) if known else pad.calmed
         estimate.suspected_at = min(estimate.suspected_at, pad.suspected_at) if known else pad.suspected_at
         estimate.suspected = 1
 

@@ -15,9 +15,11 @@ from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Whole, dtype_of
 from slip_core.vectors import spatial, vec
 from slip_vic_controller.arm.estimator import Finding, JointEstimate
+from slip_vic_controller.arm.tare import Sensor, Tare, TareConfig
 from slip_vic_controller.law.giving_up import CompensationState
 from slip_vic_controller.safety.drop_detection import BLIND, DropDetectionConfig, ObservedMotion
 from slip_vic_controller.safety.faults import Fault, Input
+from slip_vic_controller.safety.following import Following, stuck
 from slip_vic_controller.safety.latency import Latency
 from slip_vic_controller.safety.limit_avoidance import MotionLimits, too_fast
 from slip_vic_controller.safety.modes import NOTHING, Mode, ModeState, TransitionReasons, follows
@@ -111,6 +113,7 @@ class Configured(Protocol):
     arbitration: ArbitrationConfig
     motion: MotionLimits
     drop: DropDetectionConfig
+    tare: TareConfig
 
     @property
     def governor(self) -> GovernorMargin:
@@ -140,6 +143,8 @@ class Judged(Protocol):
     since: Since
     observed: ObservedMotion
     estimate: JointEstimate
+    tare: Tare
+    following: Following
     latency: Latency
     slip_inputs: Records[VectorInput]
 
@@ -250,6 +255,11 @@ def find_hold(
         return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.FROZEN)
     if level == Level.HOLD or (unknown and not at_work):  # the levels are for a law that is at work
         return of_fault(Cause.INPUT, Input.SLIP, fault)
+    if config.tare.duration_ns > 0 and not at_work:
+        if state.tare.done == 0:
+            return because(Cause.TARE, 0)
+        if state.tare.sensor != Sensor.NONE:
+            return Reason(Cause.BIASED.value, state.tare.sensor, 0, state.tare.size, state.tare.bound)
     governor = task.governor
     if governor.infeasible != 0:
         where, carries = round(1e3 * governor.heaviest_time), config.governor.path_margin * governor.plan_load
@@ -272,6 +282,9 @@ def find_degraded(config: Configured, task: Shared, state: Judged, level: int, f
         return because(Cause.STOPPING, 0)
     if since.saturated_ns != NEVER and now_ns - since.saturated_ns > config.arbitration.saturated_ns:
         return because(Cause.SATURATED, 0)
+    if stuck(state.following, now_ns):
+        following = state.following
+        return Reason(Cause.NOT_FOLLOWING.value, following.joint, 0, following.torque, following.error)
     if task.governor.overrun != 0:
         return because(Cause.OVERRUNS, 0)
     if task.governor.halted != 0:

@@ -51,6 +51,7 @@ class Request(IntEnum):
     ENABLE = 1
     HOLD = 2
     RESET_FAULT = 3
+    TARE = 5  # read the sensors at rest again; not while the law is at work
     FAILED = 4  # the node itself asks for FAULT: one of its callbacks has failed
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole
 from slip_vic_controller.arm.estimator import Finding
+from slip_vic_controller.arm.tare import Sensor
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.sizes import MAX_CONTACTS
 
@@ -42,6 +43,9 @@ class Cause(IntEnum):
     OVERRUNS = 22
     GIVEN_UP = 23
     HALTED = 24
+    TARE = 26
+    NOT_FOLLOWING = 28  # detail: joint; value: torque on it [N m], limit: error [m]
+    BIASED = 27  # detail: the sensor; value, limit in its unit
     JOINT = 25  # detail: joint + 256 * Finding of the estimator; value, limit [rad] or [N m]
 
 
@@ -151,6 +155,14 @@ def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> st
     if cause == Cause.JOINT:
         finding, joint = divmod(reason.detail, 256)
         return finding_text(Finding(finding), joint_names[joint], value, limit)
+    if cause == Cause.NOT_FOLLOWING:
+        return (
+            f"{joint_names[reason.detail]} does not follow: {value:.2f} N m more than it needs at rest do not move it, "
+            f"and the pad rests {1e3 * limit:.0f} mm off its reference"
+        )
+    if cause == Cause.BIASED:
+        name, unit = _OF_SENSOR[Sensor(reason.detail)]
+        return f"the {name} reads {value:.3g} {unit} at rest, at most {limit:.3g} are taken out: check it, call ~/tare"
     if cause == Cause.FALLS:
         return f"the object falls: it slips, and moves down {value:.2f} m/s faster than the reference"
     return _WORDS[cause]
@@ -174,6 +186,12 @@ _OF_JOINT = {
     Finding.POSITION_DRIFTS: "its position drifts",
     Finding.VELOCITY_BIASED: "its velocity is biased",
 }
+_OF_SENSOR = {
+    Sensor.NONE: ("sensor", ""),
+    Sensor.SLIP: ("slip sensor", "m/s or rad/s"),
+    Sensor.WRENCH: ("wrench sensor", "N or N m"),
+    Sensor.JOINTS: ("joint velocity", "rad/s"),
+}
 _OF_FAULT = {Cause.INPUT: "", Cause.PREDICTED: ": predicting it from the wrench", Cause.SLOWING: ": slowing down"}
 _WORDS = {
     Cause.NONE: "",
@@ -188,6 +206,7 @@ _WORDS = {
     Cause.BAD_REFERENCE: "reference is not finite",
     Cause.NO_ESTIMATE: "the slip observer gave no finite estimate",
     Cause.NO_TORQUE: "the law gave no finite torque",
+    Cause.TARE: "tare: sensors are read at rest before the law begins",
     Cause.OVERRUNS: "friction is too little to stop on the path: it is overrun",
     Cause.HALTED: "friction seems too little for the path from here on, so it rests: the observer finds slip",
     Cause.GIVEN_UP: "compensation given up: it does not end the slip, or takes the arm away; impedance alone",

@@ -89,6 +89,7 @@ class JointLimits(Record):
     clock_jump_ns: Whole
     age_ns: Whole
     frozen_ns: Whole
+    still: Real  # rad/s; of joints that are read in steps: slower ones may read the same again and again
     accept_after: Whole  # samples that agree after a jump until it is taken as a restart
 
 
@@ -320,16 +321,18 @@ def _numbers(limits: JointLimits, q: Array, qd: Array, before: JointRecord, foll
     found = _kind(q) | _kind(qd)
     if found & _NOT_FINITE:
         return _NOT_FINITE
-    n = q.shape[0]
+    n, fastest = q.shape[0], 0.0
     for j in range(n):
         speed = abs(qd[j])
+        fastest = max(fastest, speed)
         if not (limits.lower[j] <= q[j] <= limits.upper[j] and speed <= limits.fastest[j]):
             found |= _ABSURD
         if follows and abs(q[j] - before.position[j]) > limits.jump + coast_s * max(speed, abs(before.velocity[j])):
             found |= _JUMP
         if speed > ARM_MOVES:
             found |= _MOVES
-    if follows and _same(q, before.position[:n]) and _same(qd, before.velocity[:n]):
+    sticks = limits.still > 0.0 and fastest <= limits.still
+    if follows and not sticks and _same(q, before.position[:n]) and _same(qd, before.velocity[:n]):
         found |= _SAME
     return found
 
@@ -386,6 +389,9 @@ def receive_joints(
         return Fault.REFUSED.value
     follows = state.known != 0
     fault, found = classify_joints(limits, stamp_ns, q, qd, now_ns, state.last, state.arrival_ns, follows)
+    if fault == Fault.JUMP and now_ns - state.arrival_ns > limits.age_ns:
+        # Nobody has seen where the arm went in the meantime: efforts for the old posture would kick it.
+        fault = Fault.RESTARTED.value
     if fault == Fault.CLOCK_JUMP or fault == Fault.JUMP:
         agrees = False
         if state.candidate_known != 0:

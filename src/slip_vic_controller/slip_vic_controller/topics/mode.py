@@ -38,6 +38,7 @@ class RequestServices:
             ("enable", Request.ENABLE),
             ("hold", Request.HOLD),
             ("reset_fault", Request.RESET_FAULT),
+            ("tare", Request.TARE),
         ):
             node.create_service(Trigger, f"~/{name}", lambda _, response, r=request: self._on_request(r, response))
 
@@ -47,6 +48,10 @@ class RequestServices:
             response.success, response.message = False, "not active"
         elif faulty is not None and request != Request.RESET_FAULT:
             response.success, response.message = False, f"in FAULT: {faulty.reason}{GO_ON}"
+        elif request == Request.TARE and any(arm.mode.follows for arm in self._session.arms):
+            response.success, response.message = False, "the law is at work: call ~/hold first"
+        elif request == Request.TARE and not all(arm.controller.params.tare.duration_s for arm in self._session.arms):
+            response.success, response.message = False, "tare.duration_s is 0: sensors are used as they are"
         else:
             self._session.request(request)
             response.success, response.message = True, f"{request.name.lower()}: decided in the next cycle"

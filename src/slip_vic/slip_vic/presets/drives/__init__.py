@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from pydantic import Field
+
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.params import ParameterModel, validate
 from slip_sim_bridge.drives.params import DriveParams
@@ -10,7 +14,7 @@ from slip_vic.presets import preset_text
 
 
 class DrivePreset(ParameterModel):
-    """Drives by name: values of ``drive`` and ``sensors.joint``.
+    """Drives by name: values of ``drive`` and ``sensors.joint``, and the controller parameters that suit them.
 
     Lists begin at the base: an arm with fewer joints has the first numbers, one with more repeats the last.
     """
@@ -19,6 +23,7 @@ class DrivePreset(ParameterModel):
     sources: str
     drive: DriveParams = DriveParams()
     joint: JointSensorParams = JointSensorParams()
+    controller: dict[str, Any] = Field(default_factory=dict)
 
 
 def load_drive(name_or_path: str, text: str | None = None) -> DrivePreset:
