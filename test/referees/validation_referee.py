@@ -111,6 +111,8 @@ class JointReferee:
     def receive(self, sample: JointSample, now_ns: int) -> Fault:
         """Return what is wrong; after a jump, `accept_after` samples that follow each other are a new beginning."""
         fault = self.fault_of(sample, now_ns, self.last)
+        if fault == Fault.JUMP and self.silent(now_ns):
+            fault = Fault.RESTARTED
         if fault in (Fault.CLOCK_JUMP, Fault.JUMP):
             if self.after_jump and self.fault_of(sample, now_ns, self.after_jump[-1]) not in GOOD:
                 self.after_jump = []

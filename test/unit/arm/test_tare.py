@@ -17,7 +17,9 @@ from slip_vic_controller.arm.tare import (
     at_rest,
     deviation,
     judge_tare,
+    measure_at_rest,
     start_tare,
+    take_biases,
 )
 from slip_vic_controller.sizes import NEVER
 
@@ -100,3 +102,41 @@ def test_rest_is_seen_in_positions() -> None:
     moved[3] = 0.0051
     assert at_rest(config, q, moved * 0.9, 0.5)
     assert not at_rest(config, q, moved, 0.5)
+
+
+def test_a_bias_is_taken_out_and_noise_is_not() -> None:
+    """A mean is a bias from four of its standard deviations on; a dead band that reads zero has none."""
+    config, state, rng = bounds(), begun(), np.random.default_rng(3)
+    for _ in range(SAMPLES):
+        add_six(
+            state.slip, np.array([0.01, 0.0, 0, 0, 0, 0.1]) + np.array([1e-3, 1e-3, 0, 0, 0, 0]) * rng.normal(size=6)
+        )
+        add_six(state.wrench, np.array([0.1, 0, 0, 0, 0, 0]) + 0.05 * rng.normal(size=6))
+        add_velocities(config, state, 3e-3 * rng.normal(size=N))
+    take_biases(config, state)
+    assert state.sensor == Sensor.NONE
+    np.testing.assert_allclose(state.slip_bias, [0.01, 0, 0, 0, 0, 0.1], atol=2e-4)
+    assert np.count_nonzero(state.slip_bias) == 2
+    np.testing.assert_allclose(state.wrench_bias, [0.1, 0, 0, 0, 0, 0], atol=0.01)
+    assert np.count_nonzero(state.wrench_bias) == 1
+    assert not state.velocity_bias.any()
+
+
+def test_what_is_out_of_bounds_is_not_taken_out() -> None:
+    config, state = bounds(), begun()
+    for _ in range(SAMPLES):
+        add_six(state.slip, np.array([0.01, 0, 0, 0, 0, 0]))
+        add_six(state.wrench, np.array([5.0, 0, 0, 0, 0, 0]))
+    take_biases(config, state)
+    assert (state.sensor, state.worst, state.bound) == (Sensor.WRENCH, 5.0, config.force)
+    assert not state.slip_bias.any()
+    assert not state.wrench_bias.any()
+
+
+def test_the_time_of_rest_begins_anew_where_a_joint_moves() -> None:
+    config, state, q, ms = bounds(), begun(), np.zeros(N), 1_000_000
+    config.duration_ns = 100 * ms
+    over = [measure_at_rest(config, state, t * ms, q, np.zeros(N)) for t in range(60)]
+    over += [measure_at_rest(config, state, t * ms, q + 0.01, np.zeros(N)) for t in range(60, 161)]
+    assert over.index(True) == 160
+    assert state.velocity_count == 101

@@ -4,7 +4,19 @@ import math
 from dataclasses import replace
 
 from slip_vic.study import lottery
-from slip_vic.study.lottery import CLASSICAL, GOVERNED, OBSERVER, Drawn, Ticket, draw, lottery_table, play, score
+from slip_vic.study.lottery import (
+    ARMS,
+    CLASSICAL,
+    GOVERNED,
+    OBSERVER,
+    Drawn,
+    Ticket,
+    draw,
+    lottery_table,
+    play,
+    score,
+    with_drive,
+)
 
 
 def test_a_ticket_depends_on_its_number_and_seed_alone() -> None:
@@ -23,6 +35,21 @@ def test_drawn_worlds_cover_every_scenario_motion_and_trouble() -> None:
     assert not all(ticket.feasible for ticket in tickets)
     for ticket in tickets:
         ticket.load(GOVERNED)
+
+
+def test_drives_are_drawn_beside_the_same_motions_and_sensors() -> None:
+    plain = [draw(number, 3) for number in range(20)]
+    driven = [with_drive(ticket, 3) for ticket in plain]
+    assert driven == [with_drive(ticket, 3) for ticket in plain]
+    assert [(one.sensor, one.kind) for one in plain] == [(one.sensor, one.kind) for one in driven]
+    arms = [one.load(GOVERNED) for one in driven]
+    assert len({round(arm.bridge.drive.gain, 3) for arm in arms}) > 1, "motor currents have a gain of their own"
+    assert {arm.bridge.friction.model for arm in arms} == {"stribeck", "coulomb", "lugre"}
+    for arm in arms:
+        assert 0.0 <= arm.bridge.drive.delay_s <= 4e-3
+        assert max(map(abs, arm.bridge.drive.offset)) <= 0.2
+        assert arm.controller.tare.duration_s > 0.0
+    assert len(ARMS) == 3
 
 
 def drawn(outcome, slip) -> Drawn:

@@ -19,7 +19,7 @@ from slip_vic_controller.reference.friction_estimate import (
     suspect,
 )
 
-TOLD, KEPT, THRESHOLD, DELAY_NS = 1.0, 0.95, 0.02, 100_000_000
+TOLD, KEPT, CALMED, THRESHOLD, DELAY_NS = 1.0, 0.95, 0.985, 0.02, 100_000_000
 MS = 1_000_000
 
 
@@ -29,6 +29,7 @@ def estimate(friction: Friction = Friction.LEARNT) -> SimpleNamespace:
         record(new(dtype), dtype) for dtype in (ESTIMATE_CONFIG, ESTIMATE, LOAD_HISTORY)
     )  # fmt: skip
     config.friction, config.told, config.kept, config.least, config.probe = friction, TOLD, KEPT, 0.01, 0.02
+    config.calmed = CALMED
     config.threshold, config.quiet_ns, config.sensor_delay_ns, config.trust = THRESHOLD, 50 * MS, DELAY_NS, 0.7
     start_estimate(config, state, history, 0.1)
     return SimpleNamespace(config=config, state=state, history=history)
@@ -106,3 +107,42 @@ def test_it_never_raises_what_is_known() -> None:
     e.state.F_hat, e.state.slipped_at = 0.5, 0.55
     cycle(e, 0, 0.8, found=True)
     assert provisional(e.config, e.state) == (0.5, 0.55)
+
+
+def test_a_load_that_rests_for_long_counts_against_a_suspicion_that_has_sunk_below_it() -> None:
+    e = estimate()
+    cycle(e, 0, 0.9, found=True, speed=0.001)
+    for ms in range(1, 202):
+        limit = cycle(e, ms, 0.6, found=True, speed=0.001 * (1 + ms))
+    assert np.isclose(limit, KEPT * KEPT * 0.9), "a slip that grows makes it sink"
+    for ms in range(202, 503):
+        limit = cycle(e, ms, 0.88, found=False)
+    assert np.isclose(limit, KEPT * KEPT * 0.9), "not yet"
+    for ms in range(503, 505):
+        limit = cycle(e, ms, 0.88, found=False)
+    assert np.isclose(limit, CALMED * min(0.88 / CALMED, 0.9)), "0.88 N have been carried"
+    for ms in range(505, 900):
+        limit = cycle(e, ms, 5.0, found=False)
+    assert np.isclose(limit, CALMED * 0.9), "never what has slipped"
+    assert np.isclose(cycle(e, 900, 0.88, found=True), KEPT * 0.9), "a new slip ends the calm"
+
+
+def test_growth_within_noise_does_not_make_a_suspicion_sink() -> None:
+    e = estimate()
+    e.config.growth = THRESHOLD
+    cycle(e, 0, 0.9, found=True, speed=0.001)
+    for ms in range(1, 400):
+        limit = cycle(e, ms, 0.6, found=True, speed=0.001 + 0.9 * THRESHOLD * (ms % 2))
+    assert np.isclose(limit, KEPT * 0.9)
+
+
+def test_pre_sliding_is_no_slip() -> None:
+    """Pads that give way by a few micrometres under a load have not slipped: nothing is learnt of it."""
+    for speed, ticks, slips in ((1e-4, 90, False), (1e-4, 110, True), (2e-3, 1, True)):
+        e = estimate()
+        e.config.threshold, e.config.witnesses = 5e-5, 1
+        for ms in range(ticks):
+            remember(e.history, ms * MS, 0.5, 0.5)
+            slip_sample(e.config, e.state, e.history, ms * MS, speed, False)
+        assert bool(e.state.slipping) is slips
+        assert bool(e.state.F_hat < TOLD) is slips

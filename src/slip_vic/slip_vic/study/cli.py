@@ -70,6 +70,7 @@ def workers(command: click.decorators.FC) -> click.decorators.FC:
     "--lottery", "drawn", type=click.IntRange(0), default=0, help="draw so many cases nobody tuned to instead"
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the lottery")
+@click.option("--drives", is_flag=True, help="the lottery draws drives, joints and all troubles at once too")
 @ALLOW_FAULT
 def study(
     *,
@@ -89,6 +90,7 @@ def study(
     urdf: Path | None,
     drawn: int,
     seed: int,
+    drives: bool,
     allow_fault: bool,
 ) -> None:
     """Run scenario x law x sensor x mismatch over seeds: study.csv, study.png; goes on where it stopped.
@@ -96,7 +98,7 @@ def study(
     Says every case that did not end well in a line, and ends with exit code 1 where there is one.
     """
     if drawn:
-        _lottery(drawn, seed, scenarios, laws, assignments, out, jobs)
+        _lottery(drawn, seed, scenarios, laws, assignments, out, jobs, drives)
         return
     from slip_vic.presets import preset_names
     from slip_vic.scenarios import scenario_names
@@ -131,7 +133,7 @@ def merge(folders: tuple[Path, ...], out: Path) -> None:
 
 def _lottery(
     cases: int, seed: int, scenarios: tuple[str, ...], laws: tuple[Law, ...], assignments: tuple[str, ...], out: Path,
-    jobs: int,
+    jobs: int, drives: bool,
 ) -> None:  # fmt: skip
     """Draw cases, run each with every law, and say how the laws compare."""
     from rich.console import Console
@@ -144,7 +146,7 @@ def _lottery(
     console = Console(stderr=True)
     with Progress(console=console, disable=not console.is_terminal) as progress:
         task = progress.add_task("lottery", total=cases)
-        for result in lottery(cases, seed, jobs, scenarios, laws, assignments):
+        for result in lottery(cases, seed, jobs, scenarios, laws, assignments, drives=drives):
             results.append(result)
             progress.update(task, completed=result[0].number + 1)
     write_lottery(out / "lottery.csv", results)

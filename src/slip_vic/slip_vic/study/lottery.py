@@ -23,7 +23,7 @@ from slip_vic.run.in_process import run_in_process
 from slip_vic.run.judge import Outcome, judge
 from slip_vic.run.track import Track
 from slip_vic.scenarios import scenario_names
-from slip_vic.scenarios.scenario import Estimator, Law, Scenario, load_scenario
+from slip_vic.scenarios.scenario import Estimator, Law, Scenario, drive_assignments, load_scenario
 from slip_vic.study.engines import Died, open_engine
 
 SPREAD = 0.3
@@ -88,6 +88,10 @@ OBSERVER = Entry("law + observer")
 GOVERNED = Entry("governed + observer", "governed")
 LAWS = (CLASSICAL, OBSERVER, GOVERNED)
 OF_LAW = {"classical": CLASSICAL, "vic": OBSERVER, "governed": GOVERNED}
+ARMS = ("ideal", "torque_joint", "motor_current")
+"""Drives that take efforts, of which `draw_drive` draws."""
+COULOMB = (1.0, 1.0, 0.8, 0.8, 0.4, 0.4, 0.3)
+"""Friction of an arm without compensation, joints 1 to 7, of which 0 to 0.3 are left where torque is measured [N m]."""
 BASE_RAD, BASE_M, LATE_S = 0.3 * np.pi / 180.0, 0.002, 0.01
 WEAKEST, MASS = 0.87, 0.1
 FASTEST_S, SLOWEST_S = 1.2, 2.0
@@ -160,6 +164,67 @@ def _draw(number: int, rng: np.random.Generator, wanted: str) -> Ticket:
     return Ticket(
         number, scenario, kind, sensor, int(rng.integers(2**31)), world, wrong, trouble, carries_weight(known, wrong)
     )
+
+
+def draw_drive(number: int, seed: int, scenario: str) -> tuple[str, ...]:
+    """Return drives, joints and sensors as they are, for a case of one arm: all troubles at once, none of them told.
+
+    The drive is one of ARMS with its preset. Of measured torque: offset to 0.2 N m, friction to 0.3 of COULOMB, joint
+    velocity noise to 0.01 rad/s. Mass and friction 0.6 to 1.4, friction that falls on the way, all three friction laws;
+    wrench bias to 0.1 N and noise 0.05 N; slip gain 0.7 to 1.1, bias to 10 mm/s, outliers 2 %, dropouts to 30 %;
+    efforts 0 to 4 ms late.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 1)))
+    known, drive = load_scenario(scenario), str(rng.choice(ARMS))
+    bridge, joints = known.bridge, len(known.bridge.joint_names)
+    mass, friction = rng.uniform(0.6, 1.4, 2)
+    force, slip = rng.normal(size=3), rng.normal(size=2)
+    force *= rng.uniform(0.0, BIAS_FORCE) / np.linalg.norm(force)
+    slip *= rng.uniform(0.0, 0.01) / np.linalg.norm(slip)
+    late = float(rng.integers(0, 5)) * 1e-3
+    world = [
+        f"bridge.object.mass={bridge.object.mass * mass}",
+        f"bridge.friction.mu_s={bridge.friction.mu_s * friction}",
+        f"bridge.friction.mu_k={bridge.friction.mu_k * friction}",
+        f"bridge.friction.model={rng.choice(('stribeck', 'coulomb', 'lugre'))}",
+        f"bridge.sensors.wrench.bias={[*force.tolist(), 0.0, 0.0, 0.0]}",
+        f"bridge.sensors.wrench.noise_force={NOISE_FORCE}",
+        f"bridge.sensors.slip.faults.gain={rng.uniform(0.7, 1.1)}",
+        f"bridge.sensors.slip.faults.bias={[*slip.tolist(), 0.0, 0.0, 0.0, 0.0]}",
+        "bridge.sensors.slip.faults.outlier_probability=0.02",
+        f"bridge.sensors.slip.faults.dropout_probability={rng.uniform(0.0, 0.3)}",
+    ]
+    if rng.random() < 0.5:
+        falls_at = rng.uniform(0.2, 1.0) * known.controller.trajectory.duration_s
+        world += [f"bridge.friction.falls_at_s={falls_at}", f"bridge.friction.falls_to={rng.uniform(0.7, 1.0)}"]
+    noise, offset, share = rng.uniform(0.0, 0.01), rng.uniform(0.0, 0.2, joints), rng.uniform(0.0, 0.3)
+    of_joints = (*COULOMB[:joints], *[COULOMB[-1]] * (joints - len(COULOMB)))
+    given = list(drive_assignments(drive, scenario, ()))
+    if drive != "motor_current":
+        world += [
+            f"bridge.sensors.joint.noise_velocity={noise}",
+            f"bridge.drive.offset={(offset * rng.choice((-1.0, 1.0), joints)).tolist()}",
+            f"bridge.drive.coulomb={(share * np.array(of_joints)).tolist()}",
+            f"bridge.drive.delay_s={late}",
+            "controller.tare.duration_s=0.3",
+        ]
+    else:
+        world.append(f"bridge.drive.delay_s={max(late, 0.002)}")
+    return (*given, *world)
+
+
+def with_drive(ticket: Ticket, seed: int) -> Ticket:
+    """Return a case with drives and joints as `draw_drive` has them; feasible where friction carries the weight."""
+    drawn = draw_drive(ticket.number, seed, ticket.scenario)
+    path = tuple(one for one in ticket.world if one.startswith("controller.trajectory."))
+    ticket = replace(ticket, world=(*path, *drawn), trouble="all")
+    of, told = ticket.load(CLASSICAL).bridge, load_scenario(ticket.scenario).bridge
+    left = of.friction.falls_to if of.friction.falls_at_s > 0.0 else 1.0
+    slips = of.friction.mu_k if of.friction.model == "coulomb" else of.friction.mu_s
+    wrong = {
+        "mass": of.object.mass / told.object.mass - 1.0, "friction": left * slips / told.friction.mu_s - 1.0, "com": 0.0
+    }  # fmt: skip
+    return replace(ticket, wrong=wrong, feasible=carries_weight(load_scenario(ticket.scenario), wrong))
 
 
 def world_assignments(known: Scenario, wrong: Mapping[str, float]) -> list[str]:
@@ -255,6 +320,8 @@ def lottery(
     scenarios: Sequence[str] = (),
     laws: Sequence[str] = tuple(OF_LAW),
     assignments: Sequence[str] = (),
+    *,
+    drives: bool = False,
 ) -> Iterator[tuple[Ticket, dict[str, Drawn]]]:
     """Yield every feasible case of a lottery with what each law makes of it, in their order; `cases` are drawn.
 
@@ -265,8 +332,9 @@ def lottery(
         scenarios: which take turns; none: one with one arm is drawn.
         laws: which take part.
         assignments: overrides of every case.
+        drives: whether drives and joints are drawn too, and everything else that `draw_drive` draws.
     """
-    shared = _Shared(seed, tuple(scenarios), tuple(laws), tuple(assignments))
+    shared = _Shared(seed, tuple(scenarios), tuple(laws), tuple(assignments), drives)
     with open_engine("pool", jobs) as engine:
         waiting: dict[int, tuple[Ticket, dict[str, Drawn]]] = {}
         wanted = 0
@@ -288,10 +356,13 @@ class _Shared(NamedTuple):
     scenarios: tuple[str, ...]
     laws: tuple[str, ...]
     assignments: tuple[str, ...]
+    drives: bool
 
 
 def _drawn_and_played(shared: _Shared, number: int) -> tuple[Ticket, dict[str, Drawn]]:
     ticket = draw_of(number, shared.seed, shared.scenarios) if shared.scenarios else draw(number, shared.seed)
+    if shared.drives and ticket.sensor:  # several arms have no slip sensor of their own to draw
+        ticket = with_drive(ticket, shared.seed)
     ticket = replace(ticket, world=(*ticket.world, *shared.assignments))
     entries = [OF_LAW.get(law) or Entry(law, cast(Law, law)) for law in shared.laws]
     return ticket, {entry.name: play(ticket, entry) for entry in entries} if ticket.feasible else {}

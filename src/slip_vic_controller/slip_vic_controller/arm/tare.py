@@ -70,7 +70,7 @@ class Tare(Record):
     wrench_bias: Vec6  # N, N m {ee}
     velocity_bias: Joints  # rad/s
     sensor: Whole  # Sensor that is out of bounds
-    size: Real  # of its bias
+    worst: Real  # m/s, rad/s, N or N m; its bias
     bound: Real
 
 
@@ -90,7 +90,7 @@ TARE_CONFIG, MEAN6, TARE = dtype_of(TareConfig), dtype_of(Mean6), dtype_of(Tare)
 def start_tare(state: Tare, never_ns: int) -> None:
     """Forget what was measured; never_ns: the stamp that stands for never [ns]."""
     state.begun_ns, state.done, state.velocity_count, state.wrench_ns = never_ns, 0, 0, never_ns
-    state.sensor, state.size, state.bound = 0, 0.0, 0.0
+    state.sensor, state.worst, state.bound = 0, 0.0, 0.0
     state.slip_bias[:], state.wrench_bias[:], state.velocity_bias[:] = 0.0, 0.0, 0.0
     state.slip.count, state.slip.average[:], state.slip.squares[:] = 0, 0.0, 0.0
     state.wrench.count, state.wrench.average[:], state.wrench.squares[:] = 0, 0.0, 0.0
@@ -157,7 +157,7 @@ def bias_of(average: float, squares: float, count: int) -> float:
 def take_biases(config: TareConfig, state: Tare) -> None:
     """Take what was measured as biases, or name the sensor that is out of bounds."""
     verdict = judge_tare(config, state)
-    state.done, state.sensor, state.size, state.bound = 1, verdict.sensor, verdict.size, verdict.bound
+    state.done, state.sensor, state.worst, state.bound = 1, verdict.sensor, verdict.size, verdict.bound
     if verdict.sensor == Sensor.NONE:
         for k in range(6):
             state.slip_bias[k] = bias_of(state.slip.average[k], state.slip.squares[k], state.slip.count)

@@ -40,16 +40,6 @@ class JointSensorModel(ParameterModel):
         return self.noise_velocity > 0.0 or self.quantum_position > 0.0
 
 
-class DriveModel(ParameterModel):
-    """Drives, as configured; the launcher fills it from their preset."""
-
-    delay_s: float = parameter(
-        0.0, "time between an effort and its effect; the joint state estimator takes it into account", unit="s", ge=0.0,
-        le=0.02,
-    )  # fmt: skip
-    lag_s: float = parameter(0.0, "time constant of the efforts, which counts as delay", unit="s", ge=0.0, le=0.01)
-
-
 class TareParams(ParameterModel):
     """Tare at rest: bias and noise of the sensors, measured in HOLD before the law begins."""
 

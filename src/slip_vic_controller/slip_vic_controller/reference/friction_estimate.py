@@ -23,6 +23,8 @@ PLAUSIBLE: Final = 0.5
 """Share of what is known of friction below which a slip that the observer alone finds is the model's error."""
 
 
+GROSS, PRE_SLIDING = 1e-3, 1e-5
+"""Speed, or way, from which a slip is no pre-sliding: pads give way by micrometres before they slip [m/s], [m]."""
 CALM_NS: Final = 200_000_000
 """How long nothing may slip, beyond the delay of the sensor, until what is carried counts against a suspicion [ns]."""
 
@@ -89,6 +91,8 @@ class Estimate(Record):
     found: Whole  # whether the observer finds slip now
     said: Whole  # samples in a row that show slip
     said_ns: Whole  # stamp of the first of them
+    last_ns: Whole  # and of the last
+    way: Real  # m, that they have slipped
 
 
 LOAD, LOAD_HISTORY = dtype_of(Load), dtype_of(LoadHistory)
@@ -104,7 +108,7 @@ def start_estimate(config: EstimateConfig, state: Estimate, history: LoadHistory
     state.suspected, state.suspected_at, state.claimed_ns, state.found = 0, 0.0, NEVER, 0
     state.suspected_ns, state.suspected_speed = 0, 0.0
     state.first_at, state.calm_ns, state.calmed = 0.0, NEVER, 0
-    state.said, state.said_ns = 0, NEVER
+    state.said, state.said_ns, state.last_ns, state.way = 0, NEVER, NEVER, 0.0
     history.count = 0
 
 
@@ -163,14 +167,19 @@ def slip_sample(
     Implements: ours: F^ <- min(F^, 0.95 min(|S^-1 h_ee|, |l(a_C)|)) at the stamp of the first slip sample.
     """
     if not speed > config.threshold:
-        state.said = 0
+        state.said, state.way = 0, 0.0
         if state.suspected != 0 and state.claimed_ns != NEVER and stamp_ns >= state.claimed_ns:
             state.suspected = 0
         if state.slipping != 0 and stamp_ns - state.slip_ns >= config.quiet_ns:
             state.slipping = 0
         return False
-    state.said_ns = stamp_ns if state.said == 0 else state.said_ns
-    state.said += 1
+    if state.said == 0:
+        state.said_ns = stamp_ns
+    elif speed <= GROSS:
+        state.way += speed * 1e-9 * max(stamp_ns - state.last_ns, 0)
+    state.said, state.last_ns = state.said + 1, stamp_ns
+    if state.slipping == 0 and speed <= GROSS and state.way <= PRE_SLIDING:
+        return False
     first = state.slipping == 0
     if first and state.said < config.witnesses and not found:
         return False

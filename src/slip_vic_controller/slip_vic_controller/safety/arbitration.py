@@ -259,7 +259,7 @@ def find_hold(
         if state.tare.done == 0:
             return because(Cause.TARE, 0)
         if state.tare.sensor != Sensor.NONE:
-            return Reason(Cause.BIASED.value, state.tare.sensor, 0, state.tare.size, state.tare.bound)
+            return Reason(Cause.BIASED.value, state.tare.sensor, 0, state.tare.worst, state.tare.bound)
     governor = task.governor
     if governor.infeasible != 0:
         where, carries = round(1e3 * governor.heaviest_time), config.governor.path_margin * governor.plan_load
