@@ -70,7 +70,10 @@ OWN = {  # layers inside a package: what of the own package a part may import
     | SHARED,
     "slip_vic_controller.arrival": CYCLE | {"slip_vic_controller.state"},
     "slip_vic_controller.config": CYCLE
-    | {f"slip_vic_controller.{part}" for part in ("state", "parameters.interface_params", "interfaces", "robot")},
+    | {
+        f"slip_vic_controller.{part}"
+        for part in ("state", "parameters.arm_params", "parameters.interface_params", "interfaces", "robot")
+    },
     "slip_vic_controller.cycle": CYCLE
     | {f"slip_vic_controller.{part}" for part in ("governing", "interfaces", "state")},
     "slip_vic_controller.governing": {f"slip_vic_controller.{part}" for part in ("reference", "law", "state")},
@@ -89,6 +92,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
             "law.giving_up",
             "law.law",
             "arm.estimator",
+            "arm.tare",
         )
     }
     | SHARED,
