@@ -46,6 +46,8 @@ LEAST_SHARE, TRUST = 0.02, 0.5
 PATH_LENGTH_M, PATH_FLOOR_M_S = 0.1, 0.05
 """Time-optimal: length that makes turning a way, and the speed at which the path goes on where it turns back."""
 POINTS_PER_CYCLE = 25
+LONGEST_LOOP_S = 0.02
+"""Delay of the compensation's loop, from slip to its answer, above which the governor works without it."""
 SAMPLES_AHEAD = 16
 """Samples of a governed stream in the time that it is looked ahead; closer ones are thinned."""
 LEAST_SLIP_M_S, NOISE_DEVIATIONS = 5e-5, 6.0
@@ -155,6 +157,16 @@ def gate_shut(params: ControllerParams) -> bool:
     return params.slip_input == "flag" or params.grip.control == "follow"
 
 
+def compensates_too_late(params: ControllerParams) -> bool:
+    """Return whether the governor works better without compensation: it opens the gate late, and shuts it late.
+
+    Of the worlds in which slip sensor or drives are as late as this, prevention alone loses fewer objects.
+    """
+    sensor = params.slip_sensor
+    loop_s = sensor.latency_s + sensor.period_s + params.joint_sensor.latency_s + params.drive_lag_s
+    return params.governor.mode != "off" and loop_s > LONGEST_LOOP_S
+
+
 def _copy(config: Any, name: str, buffer: Array, layout: np.dtype[np.void]) -> None:
     config[name] = buffer.view(layout)[0]
 
@@ -181,7 +193,9 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
     cycle.corrects_follow = int(params.observer.correct_follow)
     cycle.dead_band_linear, cycle.dead_band_angular = dead_band.dead_band_linear, dead_band.dead_band_angular
     cycle.pad_stiffness = params.gains.pad_stiffness
-    cycle.slip_delay_ns, cycle.gate_shut = seconds_to_ns(params.slip_delay_s), int(gate_shut(params))
+    cycle.slip_delay_ns, cycle.gate_shut = (
+        seconds_to_ns(params.slip_delay_s), int(gate_shut(params) or compensates_too_late(params))
+    )  # fmt: skip
     cycle.models_wrench = int(params.wrench.source == "none")
     cycle.leaves_gravity = int(params.effort.gravity == "robot_compensates")
     cycle.k_s_adapts, cycle.k_s_margin = int(params.gains.k_s_mode != "fixed"), params.gains.k_s_margin

@@ -1,0 +1,71 @@
+"""Print the table of docs/drives.md: slip and distance from the goal of laws on drives, in every scenario of one arm.
+
+python tools/drive_table.py --drive torque_joint --law governed --sensor all     # a row per scenario and sensor
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import click
+import numpy as np
+
+import slip_vic
+from slip_core.errors import SlipVicError
+from slip_vic.presets import preset_names
+from slip_vic.run.run import Run
+from slip_vic.scenarios import scenario_names
+
+SETTLES_S = 5.0
+"""Time after the path as planned, in which an arm with friction comes to its goal."""
+
+
+def off_goal_mm(run: Run) -> float:
+    """Return how far the pad ends from the end of its path as planned [mm], wherever the reference rests."""
+    series = run.track.series()[0]
+    position, desired = series.law_six("position"), series.law_six("desired")
+    known = np.isfinite(desired).all(axis=1)
+    if not known.any():
+        return float("nan")
+    goal = desired[known][0, :3] + np.array(run.scenario.controller.trajectory.displacement)
+    return 1e3 * float(np.linalg.norm(position[known][-1, :3] - goal))
+
+
+def rows(drives: list[str], laws: list[str], sensors: list[str], seeds: int) -> Iterator[str]:
+    """Yield the rows of the table."""
+    for drive in drives:
+        for name in scenario_names(1):
+            for sensor in sensors:
+                for law in laws:
+                    for seed in range(seeds):
+                        cells = result(name, law, drive, sensor, seed)
+                        yield f"| {drive} | {name} | {sensor} | {law} | {seed} | {cells} |"
+
+
+def result(name: str, law: str, drive: str, sensor: str, seed: int) -> str:
+    """Return slip, distance from the goal and outcome of a run, as cells."""
+    planned = slip_vic.load(name).controller.trajectory
+    short = f"bridge.duration_s={planned.start_s + planned.duration_s + SETTLES_S}"
+    try:
+        run = slip_vic.load(name, law=law, drive=drive, sensor=sensor, seed=seed, set=[short]).run()  # type: ignore[arg-type]
+    except SlipVicError as error:
+        return f"refused: {error} | |"
+    return f"{run.slip_mm:.2f} | {off_goal_mm(run):.1f} | {run.outcome}{': ' if run.reason else ''}{run.reason}"
+
+
+@click.command()
+@click.option("--drive", "drives", default="ideal,torque_joint,motor_current", show_default=True)
+@click.option("--law", "laws", default="classical,vic,governed", show_default=True)
+@click.option("--sensor", "sensors", default="all", show_default=True)
+@click.option("--seeds", default=1, show_default=True)
+def main(drives: str, laws: str, sensors: str, seeds: int) -> None:
+    """Run all and print a row each."""
+    click.echo("| drive | scenario | sensor | law | seed | slip, mm | off the goal, mm | outcome |")
+    click.echo("|---|---|---|---|---|---|---|---|")
+    chosen = list(preset_names("sensors")) if sensors == "all" else sensors.split(",")
+    for row in rows(drives.split(","), laws.split(","), chosen, seeds):
+        click.echo(row)
+
+
+if __name__ == "__main__":
+    main()
