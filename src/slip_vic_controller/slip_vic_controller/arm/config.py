@@ -19,6 +19,8 @@ from slip_vic_controller.params import ControllerParams
 DEVIATIONS: Final = 6.0
 """Standard deviations of noise that are no difference between position and velocity."""
 COMPARED_S: Final = 0.5
+MOST_SPEED: Final = 3.0
+"""Speed of a joint whose filtered velocity is behind its position without a fault [rad/s]."""
 LEAST_POSITION, LEAST_VELOCITY = 2e-5, 1e-4
 """What is assumed of a sensor without noise [rad], [rad/s]."""
 LAG_ACCELERATION: Final = 5.0
@@ -191,7 +193,8 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     ahead = predicted_covariance(both, noise, config.bandwidth, period, sensor.latency_s)
     config.velocity_variance, config.change_variance = ahead[1, 1], both.change_variance
     spread = math.hypot(math.sqrt(2.0) * noise.position, math.sqrt(COMPARED_S * config.sensor_period) * noise.velocity)
-    config.difference = max(sensor.difference, DEVIATIONS * spread)
+    lag = MOST_SPEED / (2.0 * math.pi * sensor.velocity_filter_hz) if sensor.velocity_filter_hz > 0.0 else 0.0
+    config.difference = max(sensor.difference, DEVIATIONS * spread) + lag
     config.compensates, config.settling = int(model.compensate and by_effort), model.settling_s
     # What a drive with a loop of its own does not follow is no torque: collisions are the drive's to find then.
     config.bound[:n], config.rate[:n] = (
