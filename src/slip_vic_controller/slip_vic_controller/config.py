@@ -326,6 +326,7 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     estimate.least, estimate.probe, estimate.trust = LEAST_SHARE * given.friction_limit, given.probe, TRUST
     noise = math.hypot(math.sqrt(2.0) * sensor.noise_linear, given.torsional_radius * sensor.noise_angular)
     estimate.threshold = max(LEAST_SLIP_M_S, NOISE_DEVIATIONS * noise, sensor.quantum_linear)
+    estimate.pre_sliding = given.pre_sliding
     estimate.growth = estimate.threshold if params.joint_sensor.estimates else 0.0
     estimate.witnesses = witnesses(params)
     estimate.quiet_ns = seconds_to_ns(QUIET_S)

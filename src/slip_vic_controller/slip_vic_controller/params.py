@@ -135,6 +135,9 @@ class GovernorParams(ParameterModel):
         gt=0.0,
     )  # fmt: skip
     torsional_radius: float = parameter(0.03, "largest friction torque over largest friction force", unit="m", gt=0.0)
+    pre_sliding: float = parameter(
+        0.0, "way that soft pads give before they slip: a slow slip counts only after it", unit="m", ge=0.0
+    )  # fmt: skip
     probe: float = parameter(0.01, "friction unknown: load asked beyond the largest one carried", unit="N", gt=0.0)
     preview_s: float = parameter(
         0.1, "reference by topic: time by which it is followed later, so that what comes is known so far ahead",

@@ -84,7 +84,7 @@ def test_a_command_of_another_interface_is_refused_in_one_line() -> None:
 
 
 def test_both_arms_of_a_pair_are_commanded_by_velocity() -> None:
-    loop = ClosedLoop(load_scenario("pane_two_arms_flat", law="governed", drive="velocity_500"))
+    loop = ClosedLoop(load_scenario("pane_two_arms_flat", law="governed", drive="velocity_500", assignments=(NO_TARE,)))
     for _ in range(300):
         results = loop.answer(loop.observe())
         loop.bridge.advance([result.command for result in results])
@@ -93,9 +93,14 @@ def test_both_arms_of_a_pair_are_commanded_by_velocity() -> None:
     assert loop.bridge.lost is None
 
 
+NO_TARE = "controller.tare.duration_s=0"
+
+
 @pytest.fixture(scope="module")
 def realtime() -> Controller:
-    scenario = load_scenario("paper_planar", law="governed", mode="realtime", drive="velocity_500")
+    scenario = load_scenario(
+        "paper_planar", law="governed", mode="realtime", drive="velocity_500", assignments=(NO_TARE,)
+    )
     return one_arm(scenario.controller, scenario.urdf, lockstep=False)
 
 

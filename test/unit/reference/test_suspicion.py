@@ -140,7 +140,7 @@ def test_pre_sliding_is_no_slip() -> None:
     """Pads that give way by a few micrometres under a load have not slipped: nothing is learnt of it."""
     for speed, ticks, slips in ((1e-4, 90, False), (1e-4, 110, True), (2e-3, 1, True)):
         e = estimate()
-        e.config.threshold, e.config.witnesses = 5e-5, 1
+        e.config.threshold, e.config.witnesses, e.config.pre_sliding = 5e-5, 1, 1e-5
         for ms in range(ticks):
             remember(e.history, ms * MS, 0.5, 0.5)
             slip_sample(e.config, e.state, e.history, ms * MS, speed, False)

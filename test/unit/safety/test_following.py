@@ -1,10 +1,10 @@
 """A commanded motion that does not happen is named with its joint, and nothing else is."""
 
-from types import SimpleNamespace
-
 import numpy as np
 
 from slip_core.records import new, record
+from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.law.law import EVALUATION
 from slip_vic_controller.safety.following import FAR, FOLLOWING, STUCK_NS, Following, stuck, watch_following
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety.reasons import Cause, Reason, describe
@@ -25,8 +25,9 @@ def begun() -> Following:
 
 def watch(state: Following, now_ns: int, error: float, speed: float, extra: np.ndarray) -> None:
     """One cycle of an arm whose efforts exceed what it needs at rest by `extra` [N m]."""
-    arm = SimpleNamespace(twist=np.array([speed, 0, 0, 0, 0, 0]), bias=BIAS, J=J)
-    law = SimpleNamespace(error_linear=error, error_angular=0.0)
+    arm, law = record(new(ARM), ARM), record(new(EVALUATION), EVALUATION)
+    arm.twist[0], arm.bias[:N], arm.J[:, :N] = speed, BIAS, J
+    law.error_linear = error
     watch_following(state, N, arm, law, FORCE, BIAS - J.T @ FORCE + extra, now_ns)
 
 
@@ -44,10 +45,11 @@ def test_a_joint_whose_torque_has_no_effect_is_named() -> None:
 
 
 def test_an_arm_that_moves_or_is_near_follows() -> None:
-    for error, speed in ((0.9 * FAR, 0.0), (0.05, 0.01)):
+    """One that another weight balances far off has no torque without effect either."""
+    for error, speed, torque in ((0.9 * FAR, 0.0, 1.0), (0.05, 0.01, 1.0), (0.05, 0.0, 0.02)):
         state = begun()
         for ms in range(2 * STUCK_NS // MS):
-            watch(state, ms * MS, error, speed, np.ones(N))
+            watch(state, ms * MS, error, speed, np.full(N, torque))
         assert not stuck(state, 2 * STUCK_NS)
 
 

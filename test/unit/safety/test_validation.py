@@ -221,7 +221,8 @@ def test_speed_explains_a_change_of_position_for_a_tenth_of_a_second() -> None:
         (0.02, 2.0, jump + 0.9 * 2.0 * 0.04, Fault.NONE),
         (0.02, 2.0, jump + 1.1 * 2.0 * 0.04, Fault.JUMP),
         (0.5, 2.0, jump + 0.9 * 2.0 * 0.2, Fault.NONE),
-        (0.5, 2.0, jump + 1.1 * 2.0 * 0.2, Fault.JUMP),
+        (0.045, 2.0, jump + 1.1 * 2.0 * 0.09, Fault.JUMP),
+        (0.5, 2.0, jump + 1.1 * 2.0 * 0.2, Fault.RESTARTED),  # after a silence it is where the arm is,
     ):
         for sign in (1.0, -1.0):
             v, passed = begun(), round(passed_s * 1e9)

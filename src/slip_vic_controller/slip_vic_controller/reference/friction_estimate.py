@@ -23,8 +23,8 @@ PLAUSIBLE: Final = 0.5
 """Share of what is known of friction below which a slip that the observer alone finds is the model's error."""
 
 
-GROSS, PRE_SLIDING = 1e-3, 1e-5
-"""Speed, or way, from which a slip is no pre-sliding: pads give way by micrometres before they slip [m/s], [m]."""
+GROSS: Final = 1e-3
+"""Speed from which a slip is no pre-sliding [m/s]."""
 CALM_NS: Final = 200_000_000
 """How long nothing may slip, beyond the delay of the sensor, until what is carried counts against a suspicion [ns]."""
 
@@ -63,6 +63,7 @@ class EstimateConfig(Record):
     calmed: Real  # share of a suspected load that is used once nothing has slipped for long
     growth: Real  # m/s, growth of the suspected speed that is no noise
     probe: Real  # N, eps: load beyond the certified one
+    pre_sliding: Real  # m, way that pads give before they slip
     threshold: Real  # m/s, slip speed |S v_s| that counts
     witnesses: Whole  # samples in a row that must show it
     quiet_ns: Whole  # without slip for so long, it holds again
@@ -178,7 +179,7 @@ def slip_sample(
     elif speed <= GROSS:
         state.way += speed * 1e-9 * max(stamp_ns - state.last_ns, 0)
     state.said, state.last_ns = state.said + 1, stamp_ns
-    if state.slipping == 0 and speed <= GROSS and state.way <= PRE_SLIDING:
+    if state.slipping == 0 and speed <= GROSS and state.way < config.pre_sliding:
         return False
     first = state.slipping == 0
     if first and state.said < config.witnesses and not found:

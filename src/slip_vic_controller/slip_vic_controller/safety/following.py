@@ -14,6 +14,8 @@ from slip_vic_controller.sizes import NEVER
 
 FAR, FAR_TURNED = 0.01, 0.05
 """Distance from the reference at which an arm that rests does not follow it [m], [rad]."""
+LEAST_TORQUE: Final = 0.05
+"""Torque without effect that is friction: an object of another weight balances an arm far off, too [N m]."""
 RESTS: Final = 1e-3
 """Speed of a pad that rests [m/s]."""
 STUCK_NS: Final = 1_000_000_000
@@ -35,7 +37,7 @@ FOLLOWING = dtype_of(Following)
 @part
 def stuck(state: Following, now_ns: int) -> bool:
     """Return whether the arm has not followed for long."""
-    return bool(state.since_ns != NEVER and now_ns - state.since_ns > STUCK_NS)
+    return bool(state.since_ns != NEVER and abs(state.torque) > LEAST_TORQUE and now_ns - state.since_ns > STUCK_NS)
 
 
 @part
