@@ -34,8 +34,10 @@ def papillarray_wrench(message: Any) -> Array:
     return np.array([*force, *(MILLI * part for part in torque)], dtype=np.float64)
 
 
-def xela_wrench(message: Any, sensor: int, places: Array) -> Array:
-    """Return the wrench on one sensor of a XELA SensStream: the sum over its taxels; (6,) [N, N m].
+def xela_forces(message: Any, sensor: int, places: Array) -> Array:
+    """Return the force on each taxel of one sensor of a XELA SensStream; (n, 3) [N].
+
+    Their shear at their places is a field for `field_twist.planar_twist`, as are the displacements of a gel's markers.
 
     Args:
         message: SensStream.
@@ -56,6 +58,15 @@ def xela_wrench(message: Any, sensor: int, places: Array) -> Array:
         )
     if len(forces) != len(places):
         raise InputError("XELA: taxels", got=f"{len(forces)} forces", expected=f"{len(places)}, one per place")
+    return forces
+
+
+def xela_wrench(message: Any, sensor: int, places: Array) -> Array:
+    """Return the wrench on one sensor of a XELA SensStream: the sum over its taxels; (6,) [N, N m].
+
+    Arguments and errors are those of `xela_forces`.
+    """
+    forces = xela_forces(message, sensor, places)
     return np.concatenate((forces.sum(axis=0), np.cross(places, forces).sum(axis=0)))
 
 

@@ -21,7 +21,8 @@ DPI = 110
 def draw(found: list[Timing]) -> None:
     """Draw measured and predicted rotation of every run, and the governor's timing of the path."""
     figure, axes = plt.subplots(2, 4, figsize=(13.0, 5.6), height_ratios=(1.2, 1.0))
-    for axis, (run, prediction) in zip(axes[0], predictions(), strict=True):
+    left_out = predictions()
+    for axis, (run, prediction) in zip(axes[0], left_out, strict=True):
         p = prediction.json()
         axis.plot(run.time, run.rotation, color="black", lw=1.2, label="marker")
         axis.plot(prediction.time, prediction.rotation, color=BLUE, lw=1.2, label="predicted from the other runs")
@@ -35,7 +36,7 @@ def draw(found: list[Timing]) -> None:
         axis.set_xlabel("s")
     axes[0, 0].set_ylabel("rotation in the grasp [deg]")
     axes[0, 0].legend(fontsize=7, loc="lower left")
-    lost = next(run for run, _ in predictions() if not run.kept)
+    lost = next(run for run, _ in left_out if not run.kept)
     for axis, one in zip(axes[1], found, strict=False):
         start = one.governed.time[np.argmax(one.governed.speed > 0.01)]
         begin = lost.time[np.argmax(lost.pads().speed > 0.01)]

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from examples.tactile_adapters.adapter import PAPILLARRAY, XELA, flags, message_type
-from examples.tactile_adapters.conversions import papillarray_flags, papillarray_wrench, taxel_places, xela_wrench
+from examples.tactile_adapters.conversions import (
+    papillarray_flags,
+    papillarray_wrench,
+    taxel_places,
+    xela_forces,
+    xela_wrench,
+)
+from examples.tactile_adapters.field_twist import planar_twist
 from slip_core.errors import InputError
 from slip_msgs_py.messages.from_msgs import flag_samples
 from slip_msgs_py.messages.to_msgs import header
@@ -64,3 +71,15 @@ def test_a_package_that_is_not_installed_is_said_in_one_line() -> None:
         with pytest.raises(InputError, match=f"{wanted[0]}/msg/{wanted[1]}.*source its setup file") as error:
             message_type(*wanted)
         assert "\n" not in str(error.value)
+
+
+def test_shear_of_the_taxels_is_a_field_with_a_twist() -> None:
+    """A force and a rotation of the field [N], [N/m], with one taxel that sticks."""
+    places = taxel_places(4, 4, 4.7e-3)
+    shear = np.array([0.2, -0.1]) + 30.0 * np.stack([-places[:, 1], places[:, 0]], axis=1)
+    shear[5] = 9.0
+    forces = [SimpleNamespace(x=x, y=y, z=-0.1) for x, y in shear.tolist()]
+    stream = SimpleNamespace(sensors=[SimpleNamespace(sensor_pos=1, forces=forces)])
+    twist = planar_twist(places[:, :2], xela_forces(stream, 1, places)[:, :2])
+    assert twist.angular == pytest.approx(30.0, rel=1e-6)
+    assert twist.weights[5] == pytest.approx(0.0, abs=1e-6)
