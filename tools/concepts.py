@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 from matplotlib.patches import Circle, Ellipse, FancyArrowPatch, Polygon, Rectangle
 
 from slip_vic.run.in_process import run_in_process
-from slip_vic.scenarios.scenario import ControllerKind, load_scenario
+from slip_vic.scenarios.scenario import Law, load_scenario
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 SCENARIO, DURATION = "paper_planar", "bridge.duration_s=3.0"
@@ -71,7 +71,7 @@ def fading() -> None:
 def runs() -> None:
     """Slip, and load over friction, of the three controllers on one task."""
     figure, (slip, load) = plt.subplots(2, 1, figsize=(6.0, 4.4), sharex=True)
-    kinds: tuple[ControllerKind, ...] = ("classical", "vic", "governed")
+    kinds: tuple[Law, ...] = ("classical", "vic", "governed")
     for kind in kinds:
         scenario = load_scenario(SCENARIO, law=kind, assignments=[DURATION])
         times, slips, loads = [], [], []

@@ -6,6 +6,7 @@ python tools/troubleshooting.py          # writes the page anew between its mark
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,24 +19,24 @@ ERRORS = ("InputError", "ProtocolError", "RefusedByChild", "MixedVersions", "Div
 BEGIN, END = "<!-- begin: made by tools/troubleshooting.py -->", "<!-- end -->"
 
 TO_DO = {
-    Cause.NO_INPUT_YET: "Start the drivers. `ros2 topic hz` shows what is missing.",
+    Cause.NO_INPUT_YET: "Start the drivers. `slip-vic bag record -a` and `bag info` show what is missing.",
     Cause.WAITS: "The reason names the topics. Remap your driver's topics to these names, and compare `frame_id` and QoS.",
     Cause.NOT_ENABLED: "Call `~/enable`, or set `safety.auto_enable`.",
-    Cause.ASKED: "Somebody called `~/hold`. `~/enable` ends it.",
+    Cause.ASKED: "A user called `~/hold`. `~/enable` ends it.",
     Cause.STOPPING: "Wait: it comes to rest along the path first.",
     Cause.INPUT: "See the fault below; the input is named before it.",
-    Cause.PREDICTED: "The slip sensor has a fault; the observer goes on for `safety.fallback.observer_s`. See the fault below.",
-    Cause.SLOWING: "As before, and that time is over: mend the slip sensor, then it goes on by itself.",
+    Cause.PREDICTED: "The slip sensor has a fault; the observer continues for `safety.fallback.observer_s`. See the fault below.",
+    Cause.SLOWING: "As before, and that time is over: fix the slip sensor; it then continues by itself.",
     Cause.SLIDES: "More grip, or a slower path. The law begins when the object is at rest in the grasp.",
     Cause.JOINT_TOO_FAST: "Find what made the joint run: a wrong sign or frame of the wrench, gains too high for a delay. Then "
     "`~/reset_fault` and `~/enable`.",
     Cause.PAD_TOO_FAST: "As for a joint that is too fast.",
     Cause.PAD_TURNS_TOO_FAST: "As for a joint that is too fast.",
     Cause.FALLS: "The object slips out: more grip. Where it does not, `object.mass` or the friction is wrong.",
-    Cause.SATURATED: "The law asks for more than the joints have: a slower path, or the governor; see safety.md for "
+    Cause.SATURATED: "The law needs more than the joints have: a slower path, or the governor; see safety.md for "
     "`safety.limits.effort_rate`.",
     Cause.PATH_WAITS: "The arm does not follow: something blocks it, or the gains are too soft for the path.",
-    Cause.OLD_JOINT_STATE: "Two drivers publish, or stamps go back. Look at `ros2 topic info -v` of the joint states.",
+    Cause.OLD_JOINT_STATE: "Two drivers publish, or stamps go back. `slip-vic bag info` of a recording names the publishers of the joint states.",
     Cause.BAD_REFERENCE: "The node that publishes `reference` sends NaN or infinity.",
     Cause.NO_ESTIMATE: "Report it with a bag: the observer must give a finite estimate for all inputs.",
     Cause.NO_TORQUE: "The arm is in a singular posture or a limit is reached: move it away by hand, then `~/reset_fault`.",
@@ -49,14 +50,14 @@ TO_DO = {
     Cause.HALTED: "More grip or friction, a lighter object or another path. Where it cannot be: `governor.friction: known`.",
     Cause.JOINT: "Check this joint's encoder, its sign and its driver; after a collision clear the arm. `joint_state.md` lists "
     "what is found and by which limit. Then `~/reset_fault`.",
-    Cause.GIVEN_UP: "Object or contact are not as told: check `object.mass`, `contacts.position` and the wrench's frame.",
+    Cause.GIVEN_UP: "Object or contact differ from the configuration: check `object.mass`, `contacts.position` and the wrench's frame.",
 }
 """What a user does about a reason."""
 
 FAULT_TO_DO = {
     Fault.NEVER_SEEN: "Start the sensor; compare topic name, type and QoS.",
     Fault.REFUSED: "Compare joint names, sizes and `frame_id` with the parameters.",
-    Fault.NOT_FINITE: "The driver sends NaN: it says so itself, or divides by zero.",
+    Fault.NOT_FINITE: "The driver sends NaN: a fault of its own, or a division by zero.",
     Fault.ABSURD: "Wrong unit (mm, N mm, degrees)? Else raise `safety.inputs.*`.",
     Fault.DENORMAL: "Nothing: it is used.",
     Fault.OUT_OF_ORDER: "Two publishers, or a driver that stamps at random.",
@@ -64,17 +65,17 @@ FAULT_TO_DO = {
     Fault.FUTURE: "Two clocks: synchronise them (chrony, ptp).",
     Fault.CLOCK_JUMP: "The clock was set. Wait, or use a clock that slews.",
     Fault.JUMP: "Joint encoders jumped, or the driver lost samples.",
-    Fault.RESTARTED: "Nothing: the driver was started anew, and the trajectory begins from here.",
+    Fault.RESTARTED: "Nothing: the driver was restarted, and the trajectory begins from here.",
     Fault.SILENT: "The driver stopped, or the network did.",
     Fault.STALE: "Samples arrive with old stamps: latency of the driver.",
     Fault.FROZEN: "The sensor repeats itself: power, cable, or a quantum larger than what is measured.",
-    Fault.INVALID: "The sensor says that it does not know: light, contact, calibration.",
+    Fault.INVALID: "The sensor reports that it cannot measure: light, contact, calibration.",
     Fault.IMPLAUSIBLE: "The wrench shows slip that the sensor does not: sign, frame or calibration of the slip sensor.",
-    Fault.SECOND_PUBLISHER: "`ros2 topic info -v` names both: stop one.",
+    Fault.SECOND_PUBLISHER: "The reason names the topic: stop one of them.",
     Fault.FOREIGN_COMMAND: "Another controller commands the arm: stop it, then `~/reset_fault`.",
     Fault.NOT_RUN: "The computer was busy: real-time priority (`--fifo`), a free core (`--cpu`).",
     Fault.LATE: "Stamps and arrivals drift apart: clock, network or a full queue.",
-    Fault.OTHER_ARM: "Look at the other arm's mode and reason: both stop, and go on, together.",
+    Fault.OTHER_ARM: "Look at the other arm's mode and reason: both stop and continue together.",
 }
 """What a user does about a fault of an input."""
 
@@ -128,9 +129,9 @@ def error_tables() -> str:
 
 
 def bringup_table() -> str:
-    """Return the table of what `slip-vic bringup` says where a step does not hold."""
+    """Return the table of what `slip-vic bringup` prints where a step does not hold."""
     rules = ROOT / "src/slip_vic/slip_vic/setup/bringup/verdicts.py"
-    lines = ["| judged | what it says to do |", "|---|---|"]
+    lines = ["| judged | what to do |", "|---|---|"]
     for function in ast.parse(rules.read_text(encoding="utf-8")).body:
         if isinstance(function, ast.FunctionDef):
             said = [rendered(fix) for node in ast.walk(function) for fix in _fixes(node)]
@@ -150,12 +151,13 @@ def _fixes(node: ast.AST) -> Iterator[ast.expr]:
 def reason_table() -> str:
     """Return the table of what stands behind the mode."""
     joints = ("JOINT",)
-    lines = ["| code | reason | what to do |", "|---|---|---|"]
+    lines = ["| what you see | what to do | code |", "|---|---|---|"]
     for cause in Cause:
         if cause == Cause.NONE:
             continue
         words = describe(Reason(cause, 0, 0, 0.0, 0.0), joints)
-        lines.append(f"| {cause.name} | {_cell(words or 'the input and its fault')} | {_cell(TO_DO[cause])} |")
+        shown = re.sub(r"\d+\.\d+", "…", words or "the input and its fault")
+        lines.append(f"| {_cell(shown)} | {_cell(TO_DO[cause])} | {cause.name} |")
     return "\n".join(lines)
 
 

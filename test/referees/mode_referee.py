@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from slip_vic_controller.safety.modes import Mode, Request
 
-ASKED = "asked to hold"
+ASKED = "hold requested"
 RESUMES = "resumes after: "
 
 
@@ -37,7 +37,7 @@ def begin(policy: Policy, now_ns: int) -> ModeState:
     return ModeState(Mode.WAITING_INPUT, "no input yet", now_ns, policy.auto_enable, None)
 
 
-FAILURE = "the controller itself failed, see its log: this is a bug, please report it"
+FAILURE = "internal error, see the log: this is a bug, please report it"
 
 
 def next_mode(state: ModeState, found: Found, request: Request, now_ns: int, policy: Policy) -> ModeState:

@@ -173,16 +173,16 @@ def arbitrate(
         (level == Level.HOLD or (unknown and not follows), slip_words),
         (
             not follows and bool(limits.slip_needed) and any(_slides(limits, v) for v in memory.slips),
-            "the object slides: it comes to rest first",
+            "the object slides: waiting until it rests",
         ),
     )
     hold = next((text for so, text in holds if so), "")
     cares = (
         (bool(words), words),
-        (memory.stopping_ns is not None, "asked to hold: comes to rest first"),
+        (memory.stopping_ns is not None, "hold requested: coming to rest first"),
         (
             memory.saturated_ns is not None and now_ns - memory.saturated_ns > limits.saturated_ns,
-            "saturated: slip cannot be driven to zero",
+            "efforts saturated: slip cannot be driven to zero",
         ),
         (memory.path_speed < 1.0 or memory.path_scale < 1.0, "the path waits for the arm"),
     )

@@ -30,7 +30,7 @@ def bag() -> None:
 @bag.command()
 @_BAG
 @click.option("--json", "as_json", is_flag=True, help="as JSON")
-@click.option("--no-scan", is_flag=True, help="only what the index says: no rates, gaps and stamps")
+@click.option("--no-scan", is_flag=True, help="only the index: no rates, gaps and stamps")
 @click.option("--attachment", metavar="NAME", help="write this attached file to stdout and nothing else")
 def info(bag_path: Path, as_json: bool, no_scan: bool, attachment: str | None) -> None:
     """Show what a bag holds: topics, rates, gaps, losses, order of stamps, parameters."""
@@ -292,7 +292,7 @@ def run_command(group: click.Group, name: str) -> int:
 
     stop = StopFlag(interrupts=True)
     try:
-        # A shell that starts us in the background has SIGINT ignored; whoever sends one means it.
+        # A shell that starts us in the background has SIGINT ignored; a signal that comes is meant.
         with stop:
             code = group.main(prog_name=name, standalone_mode=False)
         sys.stdout.flush()

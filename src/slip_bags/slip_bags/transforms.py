@@ -115,7 +115,7 @@ class Transforms:
                 source.waiting.append(message)
                 return
         stamp_ns = stamp_of(message.data)
-        if source.next_ns - self._period_ns <= stamp_ns < source.next_ns:  # an older one is a clock that began anew
+        if source.next_ns - self._period_ns <= stamp_ns < source.next_ns:  # an older one is a clock that restarted
             return
         row = Series(source.schema, [message])
         data = self._arm(source, row, namespace, urdf, stamp_ns) if urdf else self._body(source, row, stamp_ns)

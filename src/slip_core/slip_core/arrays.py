@@ -1,4 +1,4 @@
-"""Small array helpers shared by the maths and the physics; nothing here knows of ROS."""
+"""Small array helpers shared by the maths and the physics; nothing here uses ROS."""
 
 from __future__ import annotations
 

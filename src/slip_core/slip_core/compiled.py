@@ -40,7 +40,7 @@ def kernel(signature: Any) -> Callable[[F], F]:
     """Return a decorator that compiles a function for one signature when its module is imported.
 
     The machine code is kept beside the sources, or in the user's cache folder where those are read-only, under a name
-    that changes with every source it can depend on: a stale one is never used. One that somebody else can write to is
+    that changes with every source it can depend on: a stale one is never used. One that another user can write to is
     not used either, because what lies there is run.
 
     Args:
@@ -82,7 +82,7 @@ def _folder(package: Path) -> Path:
 
 
 def check_private(folder: Path, trusted: Container[int]) -> None:
-    """See that a folder belongs to one of these users, and that nobody else comes into it.
+    """See that a folder belongs to one of these users, and that no other user can enter it.
 
     Raises:
         InputError: it is not so.

@@ -14,7 +14,7 @@ class DriveModel(ParameterModel):
     """Drives of the joints: what is known of them; the launcher fills it from the drive's preset."""
 
     delay_s: float = parameter(
-        0.0, "time from a command to its effect, which no stamp tells; whole control periods", unit="s", ge=0.0, le=0.1
+        0.0, "time from a command to its effect, which no stamp shows; whole control periods", unit="s", ge=0.0, le=0.1
     )
     lag_s: float = parameter(
         0.0, "interface effort: time constant with which the effort follows its command; 0 = at once", unit="s", ge=0.0
@@ -31,7 +31,7 @@ class JointSensorModel(ParameterModel):
         0.0, "how often positions and velocities are renewed; 0 at every tick", unit="Hz", ge=0.0
     )
     latency_s: float = parameter(
-        0.0, "age of the values, which their stamp does not tell: a driver's hidden delay", unit="s", ge=0.0
+        0.0, "age of the values that their stamp does not show: a driver's hidden delay", unit="s", ge=0.0
     )
     noise_position: float = parameter(0.0, "standard deviation of each joint position", unit="rad", ge=0.0)
     noise_velocity: float = parameter(0.0, "standard deviation of each joint velocity", unit="rad/s", ge=0.0)

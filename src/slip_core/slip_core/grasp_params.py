@@ -1,4 +1,4 @@
-"""What both nodes are told of arm, object and contacts, declared once: neither accepts what the other refuses.
+"""The configuration of both nodes of arm, object and contacts, declared once: neither accepts what the other refuses.
 
 A node that takes changes of a group in a run derives its own with `AT_RUNTIME`.
 """

@@ -1,4 +1,4 @@
-"""What both nodes are told of the gripper: the bridge simulates it, the controller counts on it."""
+"""The configuration of both nodes of the gripper: the bridge simulates it, the controller counts on it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What makes a run one that went wrong, although no program failed: said once, in one line."""
+"""What makes a run one that went wrong, although no program failed: reported once, in one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What both nodes are told of the sensors: the bridge simulates it, the controller counts on it."""
+"""The configuration of both nodes of the sensors: the bridge simulates it, the controller counts on it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from slip_core.params import ParameterModel, parameter
 SlipInput = Literal["twist", "displacement", "flag"]
 SLIP_INPUT: Final[Any] = parameter(
     "twist",
-    "what the slip sensor says. twist: slip velocity on `slip_velocity`; displacement: where the pad is on the object, "
-    "on `slip_displacement`; flag: whether it slips, on `slip_flag`",
+    "what the slip sensor reports. twist: slip velocity on `slip_velocity`; displacement: where the pad is on the "
+    "object, on `slip_displacement`; flag: whether it slips, on `slip_flag`",
 )
 
 

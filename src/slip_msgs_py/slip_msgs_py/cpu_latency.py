@@ -16,7 +16,7 @@ class CpuLatency:
     """While this process lives, its cores do not sleep.
 
     The kernel's own way is a request for a wake-up latency of 0, which lasts as long as a file is open that is root's.
-    Anybody may do with a process of idle priority on each core that matters: it runs only where nobody else wants to.
+    Any user can do it with a process of idle priority on each core that matters: it runs only where nothing else does.
 
     Args:
         cores: to keep awake where the file may not be opened.
@@ -55,7 +55,7 @@ class CpuLatency:
 
 
 def _idle_process(core: int) -> int:
-    """Start a process that runs on a core whenever nobody else does, and ends with this one."""
+    """Start a process that runs on a core whenever nothing else does, and ends with this one."""
     parent = os.getpid()
     pid = os.fork()
     if pid:

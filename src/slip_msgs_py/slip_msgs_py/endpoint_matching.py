@@ -52,7 +52,7 @@ class EndpointMatching:
 
 
 class Waiting:
-    """Says in the log for what a node waits: after a moment, and again every so often while that goes on.
+    """Logs what a node waits for: after a moment, and again every so often while that lasts.
 
     Args:
         report: takes the line.

@@ -1,6 +1,6 @@
-"""Running callbacks on the EventsExecutor: as long as somebody wants, for a time, or one.
+"""Running callbacks on the EventsExecutor: until a condition, for a time, or one.
 
-One long call instead of many `spin_once`: each call sets signal handlers and timers up anew, which costs as much as
+One long call instead of many `spin_once`: each call sets signal handlers and timers up again, which costs as much as
 two messages. `spin` without a timeout is not used, because it hangs in these wheels; and every call that waits for a
 future leaves 32 bytes behind in them, so that is not what is done in every tick.
 """

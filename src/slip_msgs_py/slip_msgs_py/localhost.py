@@ -1,4 +1,4 @@
-"""DDS on this machine only, unless somebody says otherwise.
+"""DDS on this machine only, unless configured otherwise.
 
 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST limits whom a node looks for, not who finds it: its sockets are open on every
 interface, and a machine that names this one in its ROS_STATIC_PEERS reads and writes every topic. A profile of Fast DDS

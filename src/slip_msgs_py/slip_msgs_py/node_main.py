@@ -24,7 +24,7 @@ from slip_msgs_py.stop_flag import SIGNALS, StopFlag, ending
 
 
 class RunnableNode(Protocol):
-    """What `run_node` needs: a node that runs until told to stop."""
+    """What `run_node` needs: a node that runs until it is stopped."""
 
     def run(self, should_stop: Callable[[], bool]) -> None:
         """Run until the work is done or `should_stop` says so."""
@@ -38,8 +38,8 @@ class RunnableNode(Protocol):
 
 
 DELIVERY_S = 10.0  # a busy machine may starve a recorder for seconds
-LAUNCHED_DELIVERY_S = 2.0  # what was lost is repeated much sooner, and a launcher that asks for the end waits longer
-STOP_DELIVERY_S = 0.1  # somebody waits for the process to end
+LAUNCHED_DELIVERY_S = 2.0  # what was lost is repeated much sooner, and a launcher that requests the end waits longer
+STOP_DELIVERY_S = 0.1  # a user waits for the process to end
 LONGEST_END_S = 2.5  # from the signal on; a lock of DDS may be held by a process that was killed
 
 

@@ -27,7 +27,7 @@ def publisher_qos(row: Topic) -> QoSProfile:
 
 
 def subscription_qos(row: Topic, *, depth: int, reliable: bool) -> QoSProfile:
-    """Return the profile a subscriber of this topic asks for.
+    """Return the profile a subscriber of this topic requests.
 
     `reliable` False accepts any publisher, also a real driver's best-effort sensor data; True never
     loses a message, which lockstep needs.

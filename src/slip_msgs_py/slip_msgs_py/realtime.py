@@ -1,4 +1,4 @@
-"""What a process asks of the system for steady ticks: core, SCHED_FIFO, locked memory, sharp timers, no sleeping core.
+"""What a process requests of the system for steady ticks: core, SCHED_FIFO, locked memory, sharp timers, cores awake.
 
 Scheduling must be set before rclpy is imported, because the middleware's threads inherit it; that is what the
 command of this module is for: ``python -m slip_msgs_py.realtime --cpu 1 --fifo 80 -- <module> <arguments>``. What

@@ -15,7 +15,7 @@ from slip_core.params import ParameterInfo, ParameterModel, build, flatten, para
 Model = TypeVar("Model", bound=ParameterModel)
 NO_SIM_TIME = "use_sim_time: this node goes by steady time and by the stamps of what it receives"
 OWN_TIME = (Parameter("use_sim_time", value=False),)
-"""For the constructor of a node: one that asks no ROS clock need not listen to `/clock`, which anybody may set."""
+"""For the constructor of a node: one that asks no ROS clock need not listen to `/clock`, which any node may set."""
 NO_TEXTS = [""]
 """An empty list in a ROS parameter file, whose parser refuses `[]`."""
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")

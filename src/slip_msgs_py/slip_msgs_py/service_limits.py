@@ -1,7 +1,7 @@
 """What calls of services may cost a node: the size of a request, and the processor time that calls take together.
 
-rclpy turns a whole request into Python objects before it calls anybody, which takes seconds for some megabytes, and the
-control cycle waits meanwhile. So the size is read from the C message, before that. Beyond a limit the caller is refused
+rclpy turns a whole request into Python objects before it calls back, which takes seconds for some megabytes, and the
+control cycle waits for it. So the size is read from the C message, before that. Beyond a limit the caller is refused
 at once and gets the reason where the response has a place for it; the node's log says so once a second.
 """
 

@@ -1,6 +1,6 @@
 """Nodes that are still being imported: the first time on a machine that compiles their formulas, for a minute or more.
 
-Each holds a lock meanwhile, so that whoever waits for another node does not give it up before it has begun.
+Each holds a lock until then, so that a node that waits for another does not give it up before it has begun.
 """
 
 from __future__ import annotations

@@ -14,22 +14,22 @@ SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class StopFlag:
-    """Set by SIGINT, SIGTERM and SIGHUP from `install` on, or inside a `with` block; a loop asks by calling it.
+    """Set by SIGINT, SIGTERM and SIGHUP from `install` on, or inside a `with` block; a loop polls by calling it.
 
     A KeyboardInterrupt inside a callback would be logged as fatal.
 
     Inside another one it begins with what that one knows, and ignored hang-ups (nohup) stay ignored.
 
     Args:
-        interrupts: raise KeyboardInterrupt nevertheless, to leave work that asks nobody. Where machine code is compiled
-            or loaded it is swallowed: whoever comes next has to ask.
+        interrupts: raise KeyboardInterrupt too, to leave work that does not poll. Where machine code is compiled
+            or loaded it is swallowed: the next one has to poll.
     """
 
     def __init__(self, *, interrupts: bool = False) -> None:
         self._is_set = False
         self._interrupts = interrupts
         self.in_haste = False
-        """Whether the signal was another one than SIGINT, which asks for an orderly end."""
+        """Whether the signal was another one than SIGINT, which requests an orderly end."""
         self._before: dict[signal.Signals, Any] = {}
         self._report = sys.unraisablehook
 
@@ -61,7 +61,7 @@ class StopFlag:
         return self._is_set
 
     def _report_others(self, unraisable: Any) -> None:
-        """Report what code that cannot raise swallows, but for our interrupts: who asks us learns of them."""
+        """Report what code that cannot raise swallows, but for our interrupts: callers poll for them."""
         if not isinstance(unraisable.exc_value, KeyboardInterrupt):
             self._report(unraisable)
 
@@ -74,7 +74,7 @@ class StopFlag:
 
 @contextlib.contextmanager
 def ending(on_signal: Callable[[int], Any]) -> Iterator[None]:
-    """Call a function in a thread of its own as soon as a signal comes that asks for the end, inside the block.
+    """Call a function in a thread of its own as soon as a signal comes that requests the end, inside the block.
 
     Python's handlers run in the main thread between two steps of Python: not while a library is loaded, machine code is
     compiled, or DDS waits for a lock. This thread hears the signals there too. Handlers have to be installed already.
@@ -103,7 +103,7 @@ def ending(on_signal: Callable[[int], Any]) -> Iterator[None]:
 
 
 def ending_at_once(exit_code: int, line: str = "") -> contextlib.AbstractContextManager[None]:
-    """End the process inside the block as soon as a signal asks for it: nothing is there yet that must be closed.
+    """End the process inside the block as soon as a signal requests it: nothing is there yet that must be closed.
 
     Args:
         exit_code: of the process.

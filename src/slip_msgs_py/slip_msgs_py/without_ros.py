@@ -1,4 +1,4 @@
-"""What a program says where ROS 2 is not installed."""
+"""The error of a program where ROS 2 is not installed."""
 
 from __future__ import annotations
 

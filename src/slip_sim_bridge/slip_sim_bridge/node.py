@@ -51,7 +51,7 @@ class SlipSimBridge(LastResort, Node):
     """Publishes joint states, wrench and slip of each arm, truth and clock; waits for or samples effort commands.
 
     Topics and parameters of an only arm have no prefix; those of several, which `arms` names, are below their names.
-    A tick that fails in real time puts everything back and holds the arm, and time goes on; in lockstep it ends the
+    A tick that fails in real time puts everything back and holds the arm, and time continues; in lockstep it ends the
     run. Either way a run with a failure in it ends with the failure.
     """
 
@@ -126,7 +126,7 @@ class SlipSimBridge(LastResort, Node):
         create_subscription(self, f"{name}/ready", lambda _message: self._peers_ready.add(name), depth=1, reliable=True)
 
     def on_failure(self, what: str, error: Exception) -> None:
-        """Say once of each kind what failed, and go on; where commands stay away for that, the arm is held."""
+        """Say once of each kind what failed, and continue; where commands stay away for that, the arm is held."""
         self._failures.add(what, error)
         self._failure = self._failure or error
 
@@ -166,7 +166,7 @@ class SlipSimBridge(LastResort, Node):
 
     def _on_reset(self, _request: Any, response: Any) -> Any:
         self.session.request_reset()
-        response.success, response.message = True, "reset before the next tick; time goes on"
+        response.success, response.message = True, "reset before the next tick; time continues"
         return response
 
     # -- running -----------------------------------------------------------------------------------
@@ -314,7 +314,7 @@ class SlipSimBridge(LastResort, Node):
     def _first_tick(self, should_stop: Callable[[], bool]) -> bool:
         """Publish tick 0 with the present time until its command comes back: then everybody is warm and connected.
 
-        Return whether the run is to go on.
+        Return whether the run is to continue.
         """
         deadline = time.monotonic() + self._common.peer_timeout_s
         while not should_stop():

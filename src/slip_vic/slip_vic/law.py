@@ -41,7 +41,7 @@ GIVEN = np.dtype([
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """What the law says at one state; six numbers each, linear part first, where nothing else is said.
+    """What the law gives at one state; six numbers each, linear part first, unless stated otherwise.
 
     effort (n,) [N m] inside of its limits; acceleration a_C {w}; e, e_dot, K, D: error, its rate, faded stiffness and
     damping, in the coordinates of the error; gate in [0, 1]: slip activation; compensation {ee}: what drives the slip
@@ -104,7 +104,7 @@ def evaluate_law(
     e_previous: ArrayLike = 0.0,
     attitude: Literal["log", "rpy"] = "log",
 ) -> Evaluation:
-    """Return what the paper's law says for one arm of n joints and one contact.
+    """Return what the paper's law gives for one arm of n joints and one contact.
 
         told = slip_vic.evaluate_law(q=q, qd=qd, J=J, M=M, bias=bias, position=p, rotation=R,
             desired_position=p_d, desired_rotation=R_d, wrench=h, slip_velocity=v_s,

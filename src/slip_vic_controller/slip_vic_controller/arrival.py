@@ -64,7 +64,7 @@ def receive_slip(
 
     Args:
         config, state, contact, stamp_ns, twist, refused, now_ns: as of `receive_joint_state`.
-        valid: whether the sensor says that it measures.
+        valid: whether the sensor reports that it measures.
     """
     c, s = record(config, CONFIG), record(state, ARM_STATE)
     fault = receive_vector(c.slip, s.slip_inputs[contact], stamp_ns, twist, valid, refused, now_ns, s.joint)

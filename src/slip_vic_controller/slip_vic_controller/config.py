@@ -42,9 +42,9 @@ from slip_vic_controller.state import CONFIG, ControllerConfig, CycleConfig
 PATH_MARGIN, GIVEN_UP, KEPT = 0.97, 0.985, 0.95
 """Shares of a load: in the backward pass; of that at which it slipped, where nothing less stops; kept of it."""
 LEAST_SHARE, TRUST = 0.02, 0.5
-"""Least friction that is believed, of what is told; least load of the model that is believed, of the measured one."""
+"""Least friction that is accepted, of the configured one; least load of the model, of the measured one."""
 PATH_LENGTH_M, PATH_FLOOR_M_S = 0.1, 0.05
-"""Time-optimal: length that makes turning a way, and the speed at which the path goes on where it turns back."""
+"""Time-optimal: length that makes turning a way, and the speed at which the path continues where it turns back."""
 POINTS_PER_CYCLE = 25
 LONGEST_LOOP_S = 0.02
 """Delay of the compensation's loop, from slip to its answer, above which the governor works without it."""
@@ -153,7 +153,7 @@ def governed_stream(params: ControllerParams) -> bool:
 
 
 def gate_shut(params: ControllerParams) -> bool:
-    """Return whether the law takes the object as held, whatever the slip sensor says: what it says is no speed."""
+    """Return whether the law takes the object as held, whatever the slip sensor reports: it reports no speed."""
     return params.slip_input == "flag" or params.grip.control == "follow"
 
 

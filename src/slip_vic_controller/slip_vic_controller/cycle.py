@@ -387,7 +387,9 @@ def _decide(
         return
     state.since.joint_bad_ns = NEVER
     if inputs.request == Request.ENABLE:
-        forget_latency(state.latency)  # whoever enables the law has checked that the clocks agree and nothing is late
+        forget_latency(
+            state.latency
+        )  # a user who enables the law has checked that the clocks agree and nothing is late
     measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns, config.cycle.late_ns)
     request = _stop_first(config, state, inputs.request, now_ns)
     if config.tare.duration_ns > 0:
@@ -559,7 +561,7 @@ def _stop_first(config: ControllerConfig, state: ArmState, request: int, now_ns:
     if state.since.stopping_ns != NEVER and now_ns - state.since.stopping_ns >= 2 * config.arbitration.slow_down_ns:
         state.since.stopping_ns = NEVER
         return Request.HOLD.value
-    return Request.NONE.value  # who asks twice does not stop the path more suddenly
+    return Request.NONE.value  # a second request does not stop the path more suddenly
 
 
 @part
@@ -589,7 +591,7 @@ def _bridge(
         next_mode(config.modes, state.mode, reasons, inputs.request, now_ns)
         task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 0
     # After a pause the limiter starts at what the joints feel; a jump of the positions leaves the efforts believable,
-    # unless somebody else sends joint states too.
+    # unless another publisher sends joint states too.
     rest, felt = np.zeros(MAX_JOINTS), np.zeros(MAX_JOINTS)
     if fault == Fault.JUMP and outputs.health.outside != Fault.SECOND_PUBLISHER:
         felt[:] = state.joint.answers.effort
@@ -620,7 +622,7 @@ def _hold(
     wrench_good: bool,
     lead: bool,
 ) -> None:
-    """Keep the posture in which HOLD began; what the wrench has told of the load stays until the law begins."""
+    """Keep the posture in which HOLD began; what the wrench has shown of the load stays until the law begins."""
     law, sample, n = state.law, state.joint.answers, config.law.joints
     # After a pause something else has held the arm.
     if state.hold.known == 0 or inputs.now_ns - state.now_ns > config.arbitration.gap_ns:

@@ -1,4 +1,4 @@
-"""The reference governor in the cycle: what it is told of grasp, path and slip, and the reference that it gives."""
+"""The reference governor in the cycle: its configuration of grasp, path and slip, and the reference that it gives."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ from slip_vic_controller.state import ArmState, ControllerConfig, CycleOutputs, 
 UNLIMITED = 1e3
 """A speed along the path that limits nothing."""
 OBSERVED = 0.5
-"""Share of the threshold that a slip sample must show where the observer has found slip: two witnesses."""
+"""Share of the threshold that a slip sample must show where the observer has found slip: two pieces of evidence."""
 CATCH_UP = 1.5
 """How much faster than it came a stream may be run through where the timing is free."""
 SAMPLES_PER_CYCLE = 10

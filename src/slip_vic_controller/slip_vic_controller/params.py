@@ -67,7 +67,8 @@ class GainParams(ParameterModel):
     )
 
     give_up: bool = parameter(
-        False, "give the compensation up where it does not end the slip, and return to plain impedance meanwhile"
+        False,
+        "switch the compensation off where it does not end the slip, and use plain impedance until the slip is over",
     )
     give_up_after_s: float = parameter(
         0.15, "give_up: longest time for which the slip activation may stay open", unit="s", gt=0.0
@@ -128,10 +129,10 @@ class GovernorParams(ParameterModel):
     margin: float = parameter(0.95, "share of the friction limit that a motion may ask", gt=0.0, le=1.0)
     friction: Literal["known", "learnt", "unknown"] = parameter(
         "learnt",
-        "known: as told; learnt: made smaller where it slips; unknown: found by asking a little more each time",
+        "known: as configured; learnt: reduced where it slips; unknown: found by loading a little more each time",
     )
     friction_limit: float = parameter(
-        0.25, "friction force that the grasp is told to have; with friction unknown the most that is tried", unit="N",
+        0.25, "friction force of the grasp, as configured; with friction unknown the most that is tried", unit="N",
         gt=0.0,
     )  # fmt: skip
     torsional_radius: float = parameter(0.03, "largest friction torque over largest friction force", unit="m", gt=0.0)
@@ -222,7 +223,7 @@ class DiagnosticsParams(ParameterModel):
 
 
 class ControllerParams(ArmParams):
-    """Everything the controller needs to know."""
+    """All parameters of one arm of the controller."""
 
     controller: Literal["vic", "classical"] = parameter(
         "vic", "classical = the same law, slip activation and fading off"
@@ -238,7 +239,7 @@ class ControllerParams(ArmParams):
     gains: GainParams = Field(default_factory=GainParams)
     slip_input: SlipInput = SLIP_INPUT
     slip_delay_s: float = parameter(
-        0.0, "time by which the stamps of the slip input are later than what they tell of", unit="s", ge=0.0
+        0.0, "time by which the stamps of the slip input are later than the measurement", unit="s", ge=0.0
     )
     slip_estimator: Literal["measured", "observer"] = parameter(
         "measured", "slip velocity of the law: newest sample (with dead band 0 the printed law), or observer"

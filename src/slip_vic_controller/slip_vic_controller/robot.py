@@ -1,4 +1,4 @@
-"""Kinematics and dynamics of the robot; the only file that knows Pinocchio."""
+"""Kinematics and dynamics of the robot; the only file that uses Pinocchio."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Slip velocity from a sensor that says where the pad is on the object: the motion between two of its samples."""
+"""Slip velocity from a sensor that reports where the pad is on the object: the motion between two of its samples."""
 
 from __future__ import annotations
 

@@ -237,7 +237,7 @@ def test_a_bug_of_our_own_is_a_fault_with_efforts_that_go_on(
         assert processes.wait_end(controller) == 1
         assert "ZeroDivisionError: put in by a test" in controller.tail()
         return
-    watcher.wait_mode("FAULT", "the controller itself failed", "~/reset_fault")
+    watcher.wait_mode("FAULT", "internal error", "~/reset_fault")
     count = len(watcher.commands)
     watcher.spin(lambda: len(watcher.commands) > count + 50, "efforts that go on")
     assert all(len(message.effort) == 7 for message in watcher.commands[count:])

@@ -1,4 +1,4 @@
-"""What a process asks of the system: granted, refused with a line, and set before the module is imported."""
+"""What a process requests of the system: granted, refused with a line, and set before the module is imported."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ def test_a_goal_that_cannot_be_is_refused_in_one_line_and_the_pad_stays() -> Non
     assert np.abs(heavy.references[-1][0] - heavy.references[0][0]).max() < 1e-9
 
     fast = Run("paper_planar", "classical", 0.02, {5: lambda run: run.give([0.4, 0.0, 0.0], [0.0] * 3, 0.1)})
-    assert fast.lines == ["goal 1 refused: it asks for 7.50 m/s, the limit is 2.25: give it more time"]
+    assert fast.lines == ["goal 1 refused: it needs 7.50 m/s, the limit is 2.25: allow more time"]
 
     def hold_then_give(run: Run) -> None:
         run.loop.session.request(Request.HOLD)

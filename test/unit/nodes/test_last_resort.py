@@ -44,7 +44,7 @@ def test_a_failure_is_a_fault_whose_efforts_go_on_until_somebody_resets_it(contr
     result = session.failed(50 * MS)
     assert result is not None
     assert result.mode == Mode.FAULT
-    assert "the controller itself failed" in result.reason
+    assert "internal error" in result.reason
     assert result.decision[4] == Request.FAILED  # in the ledger, so that a replay does the same
     step = controller.first.params.safety.limits.effort_rate * 1e-3
     assert np.abs(result.command.effort - before.command.effort).max() <= step + 1e-12

@@ -115,9 +115,10 @@ def test_it_is_the_plain_form() -> None:
         "OBSERVED", "SLOWING", "HOLD", "MEASURED", "wrench is silent", "an input has two publishers",
         "joint state was not answered for too long", "joint state is late", "joint state is frozen",
         "slip velocity is invalid", "slip velocity is invalid: predicting it from the wrench",
-        "slip velocity contradicts the wrench: slowing down", "the object slides: it comes to rest first",
-        "asked to hold: comes to rest first", "saturated: slip cannot be driven to zero", "the path waits for the arm",
-        "effort command is published by somebody else too",
+        "slip velocity contradicts the wrench: slowing down", "the object slides: waiting until it rests",
+        "hold requested: coming to rest first", "efforts saturated: slip cannot be driven to zero",
+        "the path waits for the arm",
+        "effort command has another publisher",
     } <= said  # fmt: skip
 
 
@@ -157,7 +158,7 @@ def test_a_path_too_heavy_for_friction_is_said_with_its_place_and_both_loads() -
     governor = judge.task.governor
     governor.infeasible, governor.heaviest_time, governor.weight_load, governor.plan_load = 1, 1.5, 2.5, 0.5
     reason = describe(judge.arbitrate((Fault.NONE,) * 4)[0].hold, judge.names)
-    load = "its weight asks 2.500 N, friction may be asked 0.485 N"
+    load = "holding the weight needs 2.500 N, friction can carry 0.485 N"
     assert reason == f"friction cannot carry the object where the path is at 1.500 s: {load}"
 
 

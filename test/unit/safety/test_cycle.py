@@ -58,7 +58,7 @@ def bad_samples(made_up: MadeUp):
         "the law gave no finite torque": (joint(velocity=np.full(N, 1e140)), LOAD, SLIP),
         "the law gave no finite torque ": (joint(), with_value(LOAD, 0, NAN), SLIP),
         "the law gave no finite torque  ": (joint(), LOAD, with_value(SLIP, 5, INF)),
-        "joint sample is older than the last one": (
+        "joint state is older than the one before": (
             JointSample(made_up.stamp_ns - 2 * MS, POSITION, VELOCITY, np.zeros(N)), LOAD, SLIP,
         ),
     }  # fmt: skip
@@ -364,7 +364,7 @@ def test_saturation_that_lasts_is_said() -> None:
     assert made_up.state.since.saturated_ns == since
     assert "saturated" not in result.reason
     result = made_up.run(10, wrench=heavy, slip=ZERO, joint={"velocity": np.zeros(N)})
-    assert (result.mode, result.reason) == (Mode.DEGRADED, "saturated: slip cannot be driven to zero")
+    assert (result.mode, result.reason) == (Mode.DEGRADED, "efforts saturated: slip cannot be driven to zero")
 
 
 def test_scalars_have_the_same_names_in_every_cycle() -> None:

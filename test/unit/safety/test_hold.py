@@ -288,7 +288,7 @@ def hold_in_motion(name: str, rate_hz: float, delay_s: float, behind_s: float = 
             command = answered_outputs(controller, way.popleft(), now_ns).command
         bridge.advance([command])
     assert controller.mode == Mode.FAULT
-    assert controller.reason == "effort command is published by somebody else too"
+    assert controller.reason == "effort command has another publisher"
     return fastest, slip
 
 

@@ -168,12 +168,12 @@ def test_without_auto_resume_what_held_before_the_law_began_does_not_cost_the_wi
 def test_hold_that_a_user_asked_for_stays() -> None:
     steps = [(GOOD, Request.NONE, 1), (GOOD, Request.HOLD, 1), (GOOD, Request.NONE, 10_000)]
     held = run(POLICY, *steps)
-    assert (held.mode, held.reason) == (Mode.HOLD, "asked to hold")
+    assert (held.mode, held.reason) == (Mode.HOLD, "hold requested")
     assert run(POLICY, *steps, (GOOD, Request.ENABLE, 1)).mode == Mode.ACTIVE
     # Also where an input was bad in between, and with auto_resume: what a user asked for ends by a user.
     bad = run(POLICY, *steps, (BAD, Request.NONE, 1))
-    assert (bad.enabled, bad.reason) == (False, f"asked to hold; {H}")
-    assert run(POLICY, *steps, (BAD, Request.NONE, 1), (GOOD, Request.NONE, 10_000)).reason == "asked to hold"
+    assert (bad.enabled, bad.reason) == (False, f"hold requested; {H}")
+    assert run(POLICY, *steps, (BAD, Request.NONE, 1), (GOOD, Request.NONE, 10_000)).reason == "hold requested"
 
 
 @every("request_", [Request.NONE, Request.ENABLE, Request.HOLD])

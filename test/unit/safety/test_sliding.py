@@ -19,7 +19,7 @@ from test.support.made_up import MadeUp
 
 SAFETY = SafetyParams()
 RESUME_TICKS = round(SAFETY.resume_after_s / PERIOD_S)
-SLIDES = "the object slides: it comes to rest first"
+SLIDES = "the object slides: waiting until it rests"
 
 
 class Loop:

@@ -70,7 +70,7 @@ def test_a_user_s_hold_comes_to_rest_along_the_path_and_goes_on_from_there() -> 
     assert path.speeds[-1] == 1.0
     path.made_up.session.request(Request.HOLD)
     path.run(1)
-    assert path.made_up.session.reason == "asked to hold: comes to rest first"
+    assert path.made_up.session.reason == "hold requested: coming to rest first"
     path.run(round(1e3 * SLOW_DOWN_S) - 9)
     assert 0.0 < path.speeds[-1] < 0.05
     assert path.modes[-1] == Mode.DEGRADED
@@ -79,7 +79,7 @@ def test_a_user_s_hold_comes_to_rest_along_the_path_and_goes_on_from_there() -> 
     assert path.modes[-1] == Mode.DEGRADED  # at rest, and a while longer until the arm is, too
     path.run(round(1e3 * SLOW_DOWN_S))
     assert path.modes[-1] == Mode.HOLD
-    assert path.made_up.session.reason == "asked to hold"
+    assert path.made_up.session.reason == "hold requested"
     path.run(150)  # the time in HOLD is not part of the path
     path.made_up.session.request(Request.ENABLE)
     path.run(round(1e3 * SLOW_DOWN_S) + 2)
@@ -194,7 +194,7 @@ def test_silence_ends_the_law_and_efforts_go_to_gravity_compensation() -> None:
         made_up.session.request(Request.HOLD)
         asked = wait(made_up, 4 * MS)
         assert asked is not None
-        assert asked.reason == "asked to hold; joint state is silent"
+        assert asked.reason == "hold requested; joint state is silent"
 
 
 def test_the_watchdog_is_still_where_there_is_nothing_to_end() -> None:

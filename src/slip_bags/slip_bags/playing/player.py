@@ -72,7 +72,7 @@ class PlayResult:
 
 
 class Controls:
-    """What the user does while playing; the default is nobody there."""
+    """What the user does while playing; the default is no user."""
 
     def poll(self, player: Player) -> None:
         """Called every few milliseconds; may pause, step, change the rate or stop."""
@@ -202,7 +202,7 @@ class Player:
         return True
 
     def _wait(self, bag_time_ns: int, *, may_step: bool) -> bool:
-        """Wait until this time is due, telling the time on ``/clock`` meanwhile; False where playing shall stop."""
+        """Wait until this time is due, publishing the time on ``/clock``; False where playing shall stop."""
         schedule = self.schedule
         while True:
             self._controls.poll(self)

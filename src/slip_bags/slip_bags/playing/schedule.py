@@ -46,7 +46,7 @@ class Schedule:
 
     @property
     def paused(self) -> bool:
-        """Whether time stands still."""
+        """Whether time is stopped."""
         return self._paused_at is not None
 
     def bag_time(self) -> int:

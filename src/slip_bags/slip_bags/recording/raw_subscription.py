@@ -22,7 +22,7 @@ class Arrival(NamedTuple):
 
 
 def recording_qos(depth: int, *, reliable: bool, transient_local: bool) -> QoSProfile:
-    """Return the QoS a recorder asks for: deep, and no stronger than what every publisher offers."""
+    """Return the QoS a recorder requests: deep, and no stronger than what every publisher offers."""
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=depth,

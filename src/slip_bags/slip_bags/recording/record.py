@@ -1,4 +1,4 @@
-"""Record until told to stop: the loop around a `Recorder`, and what it tells its surroundings."""
+"""Record until it is stopped: the loop around a `Recorder`, and its reports."""
 
 from __future__ import annotations
 

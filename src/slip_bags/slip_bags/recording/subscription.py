@@ -1,6 +1,6 @@
 """One recorded topic's subscription, following the QoS of publishers that come and go.
 
-It asks for reliable or transient local only where every publisher offers it. Where that changes, the new
+It requests reliable or transient local only where every publisher offers it. Where that changes, the new
 subscription is opened before the old one is closed, and what both bring is taken once.
 """
 
@@ -20,7 +20,7 @@ MATCH_LIMIT_S: Final = 5.0  # and no longer than this where a publisher never ma
 
 
 class Strength(NamedTuple):
-    """What a subscription asks for beyond the weakest, which fits every publisher."""
+    """What a subscription requests beyond the weakest, which fits every publisher."""
 
     reliable: bool
     transient_local: bool
@@ -31,7 +31,7 @@ MOST_LIKELY: Final = Strength(True, False)  # asked for while there is no publis
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """One publisher: its identity, what it offers, and the hash of its type ("" where not told)."""
+    """One publisher: its identity, what it offers, and the hash of its type ("" where not given)."""
 
     gid: tuple[int, ...]
     qos: QosProfile

@@ -30,7 +30,7 @@ from slip_core.errors import InputError
 _HEAD: Final = struct.Struct("<BQ")
 _FOOTER: Final = struct.Struct("<BQQQI")
 _LATEST_NS: Final = 2**63 - 1
-_PRIVATE: Final = 0x80  # opcodes from here on are for anybody's own records
+_PRIVATE: Final = 0x80  # opcodes from here on are for private records
 
 
 @dataclass(slots=True)
@@ -114,7 +114,7 @@ def _definitions(data: mmap.mmap, found: Salvage) -> None:
 
 
 def _next(data: mmap.mmap, position: int, found: Salvage) -> tuple[RawRecord | None, int | None]:
-    """Return the record at `position` (None where it is damaged) and where to go on (None at the end)."""
+    """Return the record at `position` (None where it is damaged) and where to continue (None at the end)."""
     size = len(data)
     if position + _HEAD.size > size:
         return None, None
@@ -130,7 +130,7 @@ def _next(data: mmap.mmap, position: int, found: Salvage) -> tuple[RawRecord | N
 
 
 def _plausible(record: RawRecord) -> bool:
-    """Whether a record is what its head says, so that its length can be believed."""
+    """Whether a record matches its head, so that its length can be trusted."""
     if record.opcode == Opcode.CHUNK:
         try:
             (length_at,) = struct.unpack_from("<I", record.body, 28)

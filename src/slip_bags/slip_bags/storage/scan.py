@@ -94,7 +94,7 @@ def chunk_content(chunk: Chunk) -> bytes:
         raise DamagedError(f"unknown compression {chunk.compression!r}")
     content = _unpacked(chunk.compression, packed, size)
     if len(content) != size:
-        raise DamagedError(f"chunk says {size} bytes and holds {'more' if len(content) > size else len(content)}")
+        raise DamagedError(f"chunk declares {size} bytes and holds {'more' if len(content) > size else len(content)}")
     if chunk.uncompressed_crc not in (0, zlib.crc32(content)):
         raise DamagedError("a chunk's CRC is wrong")
     return content

@@ -1,7 +1,7 @@
 """YAML of unknown origin as plain values: bounded in depth, and in what its aliases add up to.
 
 PyYAML builds values by recursion in C, which ends the process where a text is nested deeply enough; and an alias to a
-list of aliases costs nothing until somebody walks through it.
+list of aliases costs nothing until it is walked through.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A URDF as both nodes read it: what neither of them uses is taken out, and what is missing is said by its name.
 
-Files of real arms name meshes that are not there, carry gripper joints that nobody commands, and have joints without
+Files of real arms name meshes that are not there, carry gripper joints that are not commanded, and have joints without
 end. Pinocchio and MuJoCo treat each of these in a way of their own; here they are settled once, for both.
 """
 
@@ -225,7 +225,7 @@ def _check_names(carrying: list[str], movable: list[str], ee_frame: str, names: 
 
 
 def check_limits(joint: Element) -> None:
-    """Look whether a commanded joint has what a controller must know of it.
+    """Look whether a commanded joint has what a controller needs of it.
 
     Raises:
         InputError: with the joint's name.

@@ -146,7 +146,7 @@ class Schema:
             return _Walker(self, data).run()
         except (struct.error, KeyError, IndexError) as error:
             detail = f"a type without definition: {error}" if isinstance(error, KeyError) else "a message that is cut"
-            raise InputError(f"message of {self.type_name}", got=detail, expected="what its schema says") from None
+            raise InputError(f"message of {self.type_name}", got=detail, expected="what its schema describes") from None
 
 
 def parse_fields(text: str, package: str, what: str) -> list[Field]:

@@ -1,8 +1,8 @@
 """Friction between pads and object: one file per law, behind one interface.
 
 In scaled coordinates (see `limit_surface`) a law says how much friction there is at a speed, and solves one implicit
-step. A new law `x` is a file `friction/x.py` with what `FrictionLaw` asks for, its name and parameters in
-`friction/params.py`, and a test: nobody else needs to know it.
+step. A new law `x` is a file `friction/x.py` with what `FrictionLaw` requires, its name and parameters in
+`friction/params.py`, and a test: nothing else needs it.
 """
 
 from __future__ import annotations

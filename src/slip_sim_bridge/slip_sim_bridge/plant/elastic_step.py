@@ -217,7 +217,7 @@ def elastic_step(law: FrictionLaw) -> Any:
         if not inverse(B_slip, A_hat):
             return 0
         # Force and slip on the axes of slip, until all contacts agree. Not a part of its own: machine code is kept by
-        # the names of what it calls, and a part in here has none, so that every process would compile anew.
+        # the names of what it calls, and a part in here has none, so that every process would compile again.
         rubbing, slip, following = stick.copy(), np.zeros(slipping), np.zeros(slipping)
         for _ in range(PASSES):
             change, largest = 0.0, 0.0

@@ -28,9 +28,7 @@ class SlipFaultParams(ParameterModel):
         0, f"how many of {CHIPS} optical chips are off the object and read zero", runtime=True, ge=0, le=CHIPS
     )
     frozen: bool = parameter(False, "repeat the last reading under new stamps", runtime=True)
-    invalid: bool = parameter(
-        False, "the sensor says of itself that it does not measure: samples are NaN", runtime=True
-    )
+    invalid: bool = parameter(False, "the sensor reports that it does not measure: samples are NaN", runtime=True)
     silent: bool = parameter(False, "publish nothing", runtime=True)
 
 
@@ -43,7 +41,7 @@ class SlipSensorParams(SlipSensorModel):
         0.01, f"circle on which {CHIPS} optical chips sit, for faults.lifted_chips", unit="m", gt=0.0
     )
     flag_speed: float = parameter(
-        1e-3, "slip_input flag: slip speed above which the sensor says that it slips", unit="m/s", ge=0.0
+        1e-3, "slip_input flag: slip speed above which the sensor reports slip", unit="m/s", ge=0.0
     )
     noise_position: float = parameter(
         0.0, "slip_input displacement: standard deviation of each linear axis that can slip", unit="m", ge=0.0

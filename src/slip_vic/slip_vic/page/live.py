@@ -50,7 +50,7 @@ DISCOVERY_S: Final = 1.0
 ASK_S: Final = 2.0
 SETTLE_S: Final = 1.0
 SILENT_S: Final = 2.0
-"""So long without joint states the page says that nothing arrives."""
+"""So long without joint states the page reports that nothing arrives."""
 _HEAD: Final = 12  # encapsulation and stamp: texts and numbers come behind
 
 
@@ -296,7 +296,7 @@ def frame(time_s: float, run: Run) -> bytes:
 
 
 def ask_parameters(node: Node, name: str) -> dict[str, Any]:
-    """Return what a controller says of itself; empty where there is none.
+    """Return what a controller reports of itself; empty where there is none.
 
     A node of its own asks: the other one is in no executor, so that nothing but `Topic.take` takes its messages.
     """
@@ -324,7 +324,7 @@ def _stamp(arm: WatchedArm) -> int:
 
 
 def watch(node: Node, audience: Audience, namespace: str, rate_hz: float, stop: Callable[[], bool]) -> None:
-    """Feed the browsers until told to stop; without any the topics are read once a second only."""
+    """Feed the browsers until it is stopped; without any the topics are read once a second only."""
     watcher = Watcher(node, namespace)
     model: bytes | None = None
     newest, modes, silent = time.monotonic(), list[tuple[int, str]](), False

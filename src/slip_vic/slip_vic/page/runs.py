@@ -285,7 +285,7 @@ def load_ratio(wrench: Array, parameters: Mapping[str, Any]) -> Array:
     """Return how much of the friction the measured load takes; (N, 6) [N, N m] pad axes -> (N,).
 
     Force and torque over the torsional radius on the axes on which the pad slips, over the friction limit, as the
-    controller was told of it; NaN where it was told nothing.
+    controller is configured; NaN where it has none.
     """
     limit, radius = parameters.get("governor.friction_limit", 0.0), parameters.get("governor.torsional_radius", 0.0)
     if not limit or not radius:

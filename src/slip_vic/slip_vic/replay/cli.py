@@ -44,7 +44,7 @@ def verify(bag_path: Path, assignments: tuple[str, ...], from_s: float) -> None:
 @click.command()
 @out_option("bags", "folder of the bags")
 def references(out: Path) -> None:
-    """Record the repository's reference bags anew; they replace the old ones when all are verified."""
+    """Record the repository's reference bags again; they replace the old ones when all are verified."""
     from slip_vic.replay.references import make_references
 
     make_references(out, click.echo)

@@ -52,7 +52,7 @@ def settings(scenario: str, controller: Law) -> tuple[str, ...]:
 
 
 def make_references(folder: Path, tell: Callable[[str], None]) -> None:
-    """Record all reference bags anew, verify each, and only then replace those in `folder`, with their README.
+    """Record all reference bags again, verify each, and only then replace those in `folder`, with their README.
 
     Raises:
         ProtocolError: a run lost messages or cannot be reproduced; nothing is replaced then.

@@ -260,7 +260,7 @@ def _take(session: ControllerSession, run: RecordedRun, entry: LedgerEntry) -> N
         InputError: the bag has fewer than the controller took.
     """
     if entry.taken > len(run.given):
-        got, expected = f"{len(run.given)} messages", f"the {entry.taken} that cycle {entry.cycle} knows"
+        got, expected = f"{len(run.given)} messages", f"the {entry.taken} of cycle {entry.cycle}"
         raise InputError("controller/reference_used", got=got, expected=expected)
     for item in run.given[int(session.task.taken) : entry.taken]:
         if isinstance(item, PoseGoal):

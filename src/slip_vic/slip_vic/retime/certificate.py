@@ -1,4 +1,4 @@
-"""What a retimed motion asks of the contact and of the arm, at every sample: computed again from the motion itself.
+"""What a retimed motion requires of the contact and of the arm, at every sample: computed again from the motion itself.
 
 Newton and Euler for the object, with nothing of the governor's formulas: the certificate can contradict the timing.
 """
@@ -39,7 +39,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Certificate:
-    """The load of a motion [N] at every sample, as a share of the friction that is told.
+    """The load of a motion [N] at every sample, as a share of the configured friction.
 
     loads (m,) [N]; limit: mu N [N]; margin: share that the timing may use.
     """
@@ -55,7 +55,7 @@ class Certificate:
 
     @property
     def holds(self) -> bool:
-        """Whether no sample asks for more than the margin, but for rounding."""
+        """Whether no sample needs more than the margin, but for rounding."""
         return self.peak_share <= self.margin
 
 
@@ -110,7 +110,7 @@ def certify(params: ControllerParams, held: Array, motion: Motion) -> Certificat
 def certified(path: GivenPath, params: ControllerParams, config: Array) -> tuple[Motion, Certificate]:
     """Return the motion of the path in its new timing, and the certificate, which holds.
 
-    The timing is planned on a grid. What the motion asks for between its points is taken out of the margin of the next
+    The timing is planned on a grid. What the motion needs between its points is taken out of the margin of the next
     try.
 
     Args:

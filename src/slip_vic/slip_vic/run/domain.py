@@ -33,7 +33,7 @@ def domain_id(wanted: int | None = None) -> Iterator[int]:
     folder = _folder()
     folder.mkdir(mode=0o700, exist_ok=True)
     if folder.lstat().st_uid != os.geteuid():
-        raise ProtocolError(f"{folder} belongs to somebody else; give --domain-id")
+        raise ProtocolError(f"{folder} belongs to another user; give --domain-id")
     count = LAST - FIRST + 1
     for offset in range(count):
         candidate = FIRST + (os.getpid() + offset) % count

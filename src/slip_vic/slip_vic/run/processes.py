@@ -74,13 +74,13 @@ class Child:
                 self._on_event(self.name, event)
 
     def last(self, kind: type[Told]) -> Told | None:
-        """Return the last event of a kind; None where it has told none."""
+        """Return the last event of a kind; None where it has sent none."""
         event = self._last.get(kind)
         return event if isinstance(event, kind) else None
 
     @property
     def results(self) -> Mapping[str, Any]:
-        """What the process told when it was done; empty before."""
+        """What the process reported when it was done; empty before."""
         done = self.last(events.Done)
         return done.values if done else {}
 

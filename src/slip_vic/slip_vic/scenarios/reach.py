@@ -28,7 +28,7 @@ _PULL = 0.3
 
 
 class Way(NamedTuple):
-    """What the way of a scenario asks of an arm.
+    """What the path of a scenario requires of an arm.
 
     times (k,) [s]; joints (k, n): positions at the points reached; share: reached part of the time, 1 = all;
     blocked: why it ends there, empty where it does not; margin (n,) [rad, m]: least distance to a limit;
@@ -113,7 +113,7 @@ def check_start(robot: Robot, controller: ControllerParams, bridge: BridgeParams
     Raises:
         InputError: a start beyond a limit or in a singular posture, a path that leaves the arm's reach.
     """
-    fix = "`slip-vic arm FILE` finds a start and says what the arm reaches"
+    fix = "`slip-vic arm FILE` finds a start and shows what the arm reaches"
     start = np.array(bridge.initial_position)
     for j, name in enumerate(robot.joint_names):
         low, high = robot.position_lower[j], robot.position_upper[j]

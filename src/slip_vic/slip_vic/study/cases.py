@@ -41,7 +41,7 @@ class Case:
         return (self.scenario, self.law, self.sensor, self.estimator, self.mismatch, str(self.seed))
 
     def load(self, assignments: Sequence[str] = (), texts: Texts = NO_TEXTS) -> Scenario:
-        """Return the scenario of this run: only the simulated world has the mismatch, the controller knows nothing."""
+        """Return the scenario of this run: only the simulated world has the mismatch."""
         known = load_scenario(self.scenario, sensor=self.sensor, seed=self.seed, assignments=assignments, texts=texts)
         return load_scenario(
             self.scenario,

@@ -1,4 +1,4 @@
-"""Whether a scenario holds what is asked of it: gains, path, and short runs in worlds that differ from what is told."""
+"""Whether a scenario holds: gains, path, and short runs in worlds that differ from the configured one."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Question:
         return path_load(self.load())
 
     def corners(self, mismatches: Sequence[str], report: Callable[[str], None]) -> Iterator[Corner]:
-        """Run the world that is told, then each mismatch, and yield outcomes; `report` is told what runs.
+        """Run the configured world, then each mismatch, and yield outcomes; `report` gets what runs.
 
         Where the path is refused already there is nothing more to run.
         """
@@ -102,7 +102,7 @@ def gain_table(scenario: Scenario, report: GainReport, sensor: str) -> Table:
 
 def corner_table(corners: Sequence[Corner]) -> Table:
     """Return what came of the runs."""
-    table = Table(title="simulated, one thing wrong at a time that the controller is not told")
+    table = Table(title="simulated, one error at a time that the controller is not configured with")
     for name in ("world", "slip at the end [mm]", "peak [mm]", "arrives after [s]", "verdict"):
         table.add_column(escape(name), justify="left" if name in ("world", "verdict") else "right")
     for corner in corners:
@@ -132,7 +132,7 @@ def path_lines(load: PathLoad, as_told: Corner) -> list[str]:
     return [
         f"path as planned: takes {load.moving.text(load.limit)}",
         f"weight alone:    takes {load.resting.text(load.limit)}",
-        f"as told:         {lasts}, slip at most {1e3 * as_told.metrics['slip_linear_peak_m']:.3f} mm",
+        f"as configured:   {lasts}, slip at most {1e3 * as_told.metrics['slip_linear_peak_m']:.3f} mm",
     ]
 
 

@@ -62,13 +62,11 @@ def workers(command: click.decorators.FC) -> click.decorators.FC:
 @out_option("study", "folder")
 @workers
 @click.option("--shard", default="1/1", callback=_shard, metavar="I/N", help="every N-th case from the I-th on")
-@click.option("--resume", "go_on", is_flag=True, help="go on with all that --out was asked for")
+@click.option("--resume", "go_on", is_flag=True, help="continue the study in --out")
 @DRIVE
 @ASSIGNMENTS
 @URDF
-@click.option(
-    "--lottery", "drawn", type=click.IntRange(0), default=0, help="draw so many cases nobody tuned to instead"
-)
+@click.option("--lottery", "drawn", type=click.IntRange(0), default=0, help="draw so many random cases instead")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the lottery")
 @click.option("--drives", is_flag=True, help="the lottery draws drives, joints and all troubles at once too")
 @ALLOW_FAULT
@@ -93,9 +91,9 @@ def study(
     drives: bool,
     allow_fault: bool,
 ) -> None:
-    """Run scenario x law x sensor x mismatch over seeds: study.csv, study.png; goes on where it stopped.
+    """Run scenario x law x sensor x mismatch over seeds: study.csv, study.png; continues where it stopped.
 
-    Says every case that did not end well in a line, and ends with exit code 1 where there is one.
+    Names every case that did not end well in a line, and ends with exit code 1 where there is one.
     """
     if drawn:
         _lottery(drawn, seed, scenarios, laws, assignments, out, jobs, drives)
@@ -176,9 +174,9 @@ def check(
     assignments: tuple[str, ...],
     urdf: Path | None,
 ) -> None:
-    """Say what will hold before anything moves: gains, arm, path, and simulated worlds that differ from what is told.
+    """Check what will hold before anything moves: gains, arm, path, and worlds that differ from the configured one.
 
-    Bound on k_s, Propositions 1 to 3; whether the arm can start where the scenario says and follow its path; what the
+    Bound on k_s, Propositions 1 to 3; whether the arm can start where the scenario has it and follow its path; what the
     path takes of the friction, where, and how long the motion lasts; then simulations in this process. Exit code 2
     where gains or path are refused, 1 where a simulated world does not hold.
     """
@@ -255,7 +253,7 @@ def tune(
     engine: EngineName,
     assignments: tuple[str, ...],
 ) -> None:
-    """Search gains for less slip with a sensor: controller.yaml, tune.html; goes on where it stopped."""
+    """Search gains for less slip with a sensor: controller.yaml, tune.html; continues where it stopped."""
     from slip_vic.study.cases import MISMATCHES
     from slip_vic.study.tune.command import Wanted, run_tune
     from slip_vic.study.tune.space import Bounds

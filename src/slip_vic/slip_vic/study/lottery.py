@@ -1,6 +1,6 @@
-"""The lottery: cases that nobody tuned to, drawn from a seed, each run with several configurations in this process.
+"""The lottery: cases that nothing was tuned for, drawn from a seed, each run with several configurations here.
 
-A case is a scenario, a motion, a sensor, a simulated world that differs from what the controller is told, and one
+A case is a scenario, a motion, a sensor, a simulated world that differs from the controller's configuration, and one
 trouble of the wrench sensor. A configuration is a list of assignments, so laws are compared in equal worlds.
 """
 
@@ -27,7 +27,7 @@ from slip_vic.scenarios.scenario import Estimator, Law, Scenario, drive_assignme
 from slip_vic.study.engines import Died, open_engine
 
 SPREAD = 0.3
-"""Largest relative error of what the controller is told: mass, inertia, friction, centre of mass."""
+"""Largest relative error of what the controller is configured with: mass, inertia, friction, centre of mass."""
 WRONG = 0.6
 """Share of cases in which each of them is wrong."""
 BIAS_FORCE = 0.1
@@ -228,7 +228,7 @@ def with_drive(ticket: Ticket, seed: int) -> Ticket:
 
 
 def world_assignments(known: Scenario, wrong: Mapping[str, float]) -> list[str]:
-    """Return what makes the simulated world differ from what the controller is told."""
+    """Return what makes the simulated world differ from what the controller is configured with."""
     bridge = known.bridge
     position = [value * (1.0 + wrong["com"]) for value in bridge.contacts.position[:3]]
     return [

@@ -11,7 +11,7 @@ from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 
 FIRM = 1e4
-"""Factor on the grip and on the friction that is told: nothing slips, and nothing is slowed down."""
+"""Factor on the grip and on the configured friction: nothing slips, and nothing is slowed down."""
 AFTER_S = 0.1
 """How much later than planned the end is reached: the governor plans first, and averages [s]."""
 
@@ -31,7 +31,7 @@ class Place(NamedTuple):
 
 
 class PathLoad(NamedTuple):
-    """Friction that is told [N]; the largest load of the path as planned, and of the weight alone."""
+    """Configured friction [N]; the largest load of the path as planned, and of the weight alone."""
 
     limit: float
     moving: Place
@@ -39,7 +39,7 @@ class PathLoad(NamedTuple):
 
 
 def path_load(scenario: Scenario) -> PathLoad:
-    """Return what the path as planned asks of the contact, of several arms of the most loaded one.
+    """Return what the path as planned puts on the contact, of several arms of the most loaded one.
 
     A motion that comes by topic is taken as rest.
     """

@@ -139,7 +139,7 @@ class StudyTable:
         os.fsync(self._file.fileno())
 
     def sort(self) -> None:
-        """Put the rows in the order of their cases: the same file, whoever was first."""
+        """Put the rows in the order of their cases: the same file, whichever was first."""
         self.write(self.rows())
 
     def write(self, rows: Iterable[Row]) -> None:
@@ -205,7 +205,7 @@ def locked(folder: Path) -> Iterator[None]:
     """Hold the lock of a folder while the block runs; it ends with the process, however that ends.
 
     Raises:
-        InputError: somebody else holds it, or the folder cannot be written.
+        InputError: another process holds it, or the folder cannot be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -82,7 +82,7 @@ class GripParams(GripperModel):
     """Grip as a second output, where the gripper can follow and the object may be squeezed."""
 
     told_force: float = parameter(
-        0.5, "grip for which governor.friction_limit is told; with control follow also the first and the least one",
+        0.5, "grip for which governor.friction_limit holds; with control follow also the first and the least one",
         unit="N", gt=0.0,
     )  # fmt: skip
     force_limit: float = parameter(10.0, "control follow: largest grip that is commanded", unit="N", gt=0.0)

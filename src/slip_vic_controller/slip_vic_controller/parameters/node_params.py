@@ -11,7 +11,7 @@ from slip_vic_controller.params import ControllerParams
 
 
 class ControllerNodeParams(ControllerParams):
-    """Everything the controller node can be told."""
+    """All parameters of the controller node."""
 
     expected_subscribers: int = parameter(
         1,

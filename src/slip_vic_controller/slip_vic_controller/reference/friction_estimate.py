@@ -1,11 +1,11 @@
-"""What friction the contact has: told, learnt from where it slipped, or probed.
+"""What friction the contact has: configured, learnt from where it slipped, or probed.
 
 Nothing but loads is used, no friction law. A slip sample comes late and tells of its own stamp, so a short history of
 loads is kept, and the load at that stamp counts.
 
 The observer finds a slip in the wrench long before a slow sensor's sample of it arrives, but with a wrong model it
 finds slips that are none. So its word is provisional: the path is planned for the load at which it found the slip, the
-law is not told, and the guard holds nothing back for it, until the slip sensor does not see what it would have to see.
+law does not use it, and the guard holds nothing back for it, until the slip sensor fails to see what it should.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ ESTIMATE_CONFIG, ESTIMATE = dtype_of(EstimateConfig), dtype_of(Estimate)
 
 @part
 def start_estimate(config: EstimateConfig, state: Estimate, history: LoadHistory, at_rest: float) -> None:
-    """Begin with what is told, or with what the object's weight shows; at_rest: load at rest [N]."""
+    """Begin with what is configured, or with what the object's weight shows; at_rest: load at rest [N]."""
     state.F_hat, state.slipped_at = config.told, 0.0
     state.certified = min(at_rest + config.probe, config.told)
     state.slipping, state.slip_ns, state.events, state.event_ns = 0, NEVER, 0, NEVER
@@ -135,7 +135,7 @@ def index_at(history: LoadHistory, stamp_ns: int) -> int:
 
 @part
 def certify(config: EstimateConfig, state: Estimate, history: LoadHistory, now_ns: int) -> None:
-    """Let the load of a cycle count as carried, once the slip sensor would have told otherwise."""
+    """Let the load of a cycle count as carried, once the slip sensor would have shown otherwise."""
     if state.slipping != 0:
         return
     i = index_at(history, now_ns - config.sensor_delay_ns)

@@ -59,7 +59,7 @@ class Goal(Record):
     where: Real  # s; on its path
     value: Real
     limit: Real
-    to_position: Vec3  # m; what the newest asks for
+    to_position: Vec3  # m; what the newest requires
     to_rotation: Mat3
     duration: Real  # s
     position: Vec3  # m; where the motion begins

@@ -3,7 +3,7 @@
     N_des = max over the preview of |l(a_d)| / (margin mu),   mu = F^ / N_told
 
 A gripper is slow, so what is needed is looked for ahead of time on the path that is planned, and the command changes no
-faster than the gripper is told to. What the gripper does is not measured: a lag of first order stands for it, and F^
+faster than the gripper is configured to. The gripper is not measured: a lag of first order stands for it, and F^
 grows and shrinks with that.
 """
 
@@ -37,7 +37,7 @@ class Grip(Record):
 
 @part
 def start_grip(config: GripConfig, grip: Grip) -> None:
-    """Begin with the grip that is told."""
+    """Begin with the configured grip."""
     grip.command = grip.actual = config.told
 
 
@@ -73,7 +73,7 @@ def follow_load(config: GripConfig, grip: Grip, load: float, F_told: float, dt: 
     Args:
         config, grip: parameters and state of the grip.
         load: that friction must carry [N].
-        F_told: friction limit at the grip that is told [N].
+        F_told: friction limit at the configured grip [N].
         dt: since the cycle before [s].
     """
     wanted = min(max(load * config.told / (config.margin * F_told), config.told), config.most)

@@ -1,4 +1,4 @@
-"""The guard: the last scaling of a control acceleration: it never asks more of the contact than friction has."""
+"""The guard: the last scaling of a control acceleration: it never loads the contact with more than friction carries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an acceleration of the pad asks of the contact: the load that friction must carry while nothing slips.
+"""What an acceleration of the pad puts on the contact: the load that friction must carry while nothing slips.
 
 With v_s = 0 the object moves with the pad, so its motion follows from the pad's, and the wrench at the contact from
 the object's dynamics. The load is that wrench on the axes on which the contact can slip, torque divided by the
@@ -23,7 +23,7 @@ class Shared(NamedTuple):
     """How several pads with one normal share a wrench, in the metric of the limit surface; on pad axes.
 
     contacts: how many; middle: mean of their r_j [m]; inverse: of the matrix that turns a torque into y [1/m^2]; arm:
-    sqrt(d^2 + rho^2), the load that y asks of the pad farthest from the middle [m]; radius: rho [m]; law/internal.py.
+    sqrt(d^2 + rho^2), the load that y puts on the pad farthest from the middle [m]; radius: rho [m]; law/internal.py.
     """
 
     contacts: int

@@ -1,9 +1,9 @@
-"""The path as the governor sees it: points with the load that running through them asks of the contact.
+"""The path as the governor sees it: points with the load that running through them puts on the contact.
 
 On a path x_d(s) with x = sdot^2 and u = sddot the load is l = l_u u + l_x x + l_c. The backward pass needs only the
 scalar products of these three vectors, so a point keeps those. The parameter s is the user's own time where the path
 is only slowed down; for time-optimal motion it is a length, ds = sqrt(|v|^2 + L^2 |w|^2 + floor^2) dt. The floor lets s
-go on where the path turns back on itself; it vanishes towards the ends as the speed of a path does that starts with no
+continue where the path turns back; it vanishes towards the ends as the speed of a path does that starts with no
 acceleration, so there s is a length indeed.
 """
 

@@ -1,7 +1,7 @@
-"""A reference that comes by topic, governed: it is followed a little later, and more slowly where friction asks for it.
+"""A reference that comes by topic, governed: it is followed a little later, and more slowly where friction requires it.
 
 What has been received and not yet run through is a path over the stream's own time, C2 between its samples (position,
-velocity and acceleration of both). Its end is not planned for: nobody knows how it goes on. So what is promised is
+velocity and acceleration of both). Its end is not planned for: its continuation is unknown. So what is promised is
 this: the load of every cycle is within what friction may be asked, as long as what is received `preview_s` ahead can be
 braked for. A stream that ends in motion is gone on with, in a straight line, while the pad brakes.
 """

@@ -2,7 +2,7 @@
 
 A fault wins over a reason to hold, and that over a reason to be careful. While slip is unknown, never as if there
 were none: the observer predicts it from the wrench alone for a bounded time; then the path comes to rest, and the law
-goes on with the prediction, or without compensation where there is none; then HOLD.
+continues with the prediction, or without compensation where there is none; then HOLD.
 """
 
 from __future__ import annotations

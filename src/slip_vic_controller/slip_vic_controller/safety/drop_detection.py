@@ -19,7 +19,7 @@ from slip_vic_controller.reference.path_scaling import scale_for_error
 
 EVIDENCE_MEMORY_S = 0.1
 MOVING = 0.01
-"""[m/s] or [rad/s] above which a reference asks for motion."""
+"""[m/s] or [rad/s] above which a reference requires motion."""
 SLIPPING = 0.005
 """[m/s] above which a slip velocity counts as slip, with the slip activation at zero too."""
 BLIND = 0.1
@@ -32,7 +32,7 @@ class DropDetectionConfig(Record):
     down: Vec3  # unit vector along gravity {w}, zeros without gravity
     drop_speed: Real  # m/s
     memory_s: Real  # s; least time in which that is gained
-    error_linear: Real  # m; error at which the path stands still
+    error_linear: Real  # m; error at which the path stops
     error_angular: Real  # rad
     evidence: Real  # m/s; slip speed that makes a sensor that shows none implausible
 
@@ -57,7 +57,7 @@ OBSERVED = dtype_of(ObservedMotion)
 
 @part
 def forget(state: ObservedMotion, never_ns: int) -> None:
-    """Begin anew: nothing has been seen."""
+    """Restart: nothing has been seen."""
     state.known, state.fall_speed, state.path_speed, state.moves, state.blind_since_ns = 0, 0.0, 1.0, 0, never_ns
     state.evidence[:] = 0.0
     state.twist[:] = 0.0

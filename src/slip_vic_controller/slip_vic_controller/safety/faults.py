@@ -100,7 +100,7 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
         ("joint state", Fault.RESTARTED): Reaction(
             "`inputs.accept_after` samples agree after a jump of clock or position",
             "used",
-            "everything starts anew: WAITING_INPUT, then the trajectory from here",
+            "everything restarts: WAITING_INPUT, then the trajectory from here",
         ),
         ("joint state", Fault.SILENT): Reaction(
             "nothing for `inputs.joint.age_s` on the steady clock", "-", "HOLD: efforts go to gravity compensation"
@@ -127,7 +127,7 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
         ("wrench", Fault.FROZEN): Reaction(
             "equal to the last bit for `inputs.wrench.frozen_s` while the arm moves", "not used", "HOLD"
         ),
-        ("slip", Fault.INVALID): Reaction("the sensor says so: NaN", "not used", _DEGRADED),
+        ("slip", Fault.INVALID): Reaction("the sensor reports NaN", "not used", _DEGRADED),
         ("slip", Fault.ABSURD): Reaction("above `inputs.slip.linear`, `angular`", "dropped", _AGE),
         ("slip", Fault.FUTURE): Reaction(_AHEAD, "dropped", f"from the second in a row on: {_DEGRADED}"),
         ("slip", Fault.SILENT): Reaction("nothing for `inputs.slip.age_s`", "-", _DEGRADED),
@@ -157,14 +157,14 @@ WORDS: Mapping[Fault, str] = MappingProxyType(
         Fault.FUTURE: "is ahead of the joint state",
         Fault.JUMP: "has jumped",
         Fault.CLOCK_JUMP: "has a stamp that has jumped",
-        Fault.RESTARTED: "comes from a source that has started anew",
+        Fault.RESTARTED: "comes from a source that has restarted",
         Fault.SILENT: "is silent",
         Fault.STALE: "is too old",
         Fault.FROZEN: "is frozen",
         Fault.INVALID: "is invalid",
         Fault.IMPLAUSIBLE: "contradicts the wrench",
         Fault.SECOND_PUBLISHER: "has two publishers",
-        Fault.FOREIGN_COMMAND: "is published by somebody else too",
+        Fault.FOREIGN_COMMAND: "has another publisher",
         Fault.NOT_RUN: "was not answered for too long",
         Fault.LATE: "is late",
         Fault.OTHER_ARM: "of the other arm on this object has stopped it",

@@ -54,7 +54,7 @@ def object_load(config: HoldConfig, R: Mat, r: Vec) -> Spatial:
 
 @part
 def believable_arm(told: Vec, r_pad: Vec) -> Vec:
-    """Return r_pad, no farther than LOAD_LEVER from where it was told to be; [m], on any axes.
+    """Return r_pad, no farther than LOAD_LEVER from where it is configured; [m], on any axes.
 
     A slip velocity that is wrong adds up to any distance, and the inertia of an object metres away makes HOLD swing.
     """

@@ -48,7 +48,7 @@ SLIP_LATENCY = dtype_of(SlipLatency)
 
 @part
 def forget_latency(state: Latency) -> None:
-    """Begin anew."""
+    """Restart."""
     state.known, state.least_ns, state.last_ns, state.most_ns, state.in_a_row = 0, 0, 0, 0, 0
 
 

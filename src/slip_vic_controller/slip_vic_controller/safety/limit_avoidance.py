@@ -50,7 +50,7 @@ def most_brake(drive: EffortLimits, speed: float, inertia: float) -> float:
 
     What brakes now is at work for one more period and BRAKE_LAG_S, together T, and then for as long as the rate limit
     takes to bring it down to zero: tau T + tau^2 / (2 rate) = inertia * speed / 2. Half, because another joint may
-    brake the same motion. With more a joint that is light for its motor is pushed from one side to the other for ever.
+    brake the same motion. With more a joint that is light for its motor is pushed to and fro without end.
     """
     T = NS * drive.period_ns + BRAKE_LAG_S
     return float(drive.rate * (math.sqrt(T * T + inertia * speed / drive.rate) - T))

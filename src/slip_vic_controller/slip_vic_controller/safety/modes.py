@@ -1,10 +1,10 @@
 """The mode machine: what the controller does and why. Time is an argument.
 
-WAITING_INPUT  no effort: an input has never been seen, or the joint state's source has started anew
+WAITING_INPUT  no effort: an input has never been seen, or the joint state's source has restarted
 HOLD           gravity compensation, damping and posture
 ACTIVE         the law
 DEGRADED       the law with a fallback, and the reason
-FAULT          as HOLD, until somebody resets it
+FAULT          as HOLD, until a user resets it
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Request(IntEnum):
     HOLD = 2
     RESET_FAULT = 3
     TARE = 5  # read the sensors at rest again; not while the law is at work
-    FAILED = 4  # the node itself asks for FAULT: one of its callbacks has failed
+    FAILED = 4  # the node itself requests FAULT: one of its callbacks has failed
 
 
 class ModePolicy(Record):
@@ -111,7 +111,7 @@ def begin_modes(policy: ModePolicy, state: ModeState, now_ns: int) -> None:
 def next_mode(policy: ModePolicy, state: ModeState, reasons: TransitionReasons, request: int, now_ns: int) -> None:
     """Go to the mode of this cycle.
 
-    A fault wins over all, and latches; a request to hold wins over one to go on; what the inputs caused ends with its
+    A fault wins over all, and latches; a request to hold wins over one to continue; what inputs caused ends with its
     cause, what a user or a fault caused ends by a user.
     """
     missing, hold = reasons.missing.cause != Cause.NONE, reasons.hold.cause != Cause.NONE

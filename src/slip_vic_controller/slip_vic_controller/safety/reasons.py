@@ -119,7 +119,7 @@ def describe(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> str:
     """Return the words of a reason; an empty text where there is none."""
     text = _cause_text(reason, joint_names)
     if reason.prefix & Prefix.ASKED_AND:
-        text = f"asked to hold; {text}"
+        text = f"hold requested; {text}"
     if reason.prefix & Prefix.AFTER_RESET:
         text = f"not enabled, after a reset of: {text}"
     return f"resumes after: {text}" if reason.prefix & Prefix.RESUMES_AFTER else text
@@ -150,7 +150,7 @@ def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> st
         unit = "m/s" if cause == Cause.PAD_TOO_FAST else "rad/s"
         return f"the pad moves at {value:.1f} {unit}, the limit is {limit:.1f}"
     if cause == Cause.PATH_TOO_HEAVY:
-        load = f"its weight asks {value:.3f} N, friction may be asked {limit:.3f} N"
+        load = f"holding the weight needs {value:.3f} N, friction can carry {limit:.3f} N"
         return f"friction cannot carry the object where the path is at {1e-3 * reason.detail:.3f} s: {load}"
     if cause == Cause.JOINT:
         finding, joint = divmod(reason.detail, 256)
@@ -171,9 +171,9 @@ def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> st
 def finding_text(finding: Finding, joint: str, value: float, limit: float) -> str:
     """Return what is wrong with a joint, in words."""
     if finding == Finding.COLLISION:
-        return f"collision: a torque of {value:.1f} N m on {joint} has come at once, the limit is {limit:.1f}"
+        return f"collision: the torque on {joint} jumped by {value:.1f} N m, the limit is {limit:.1f}"
     if finding == Finding.DISTURBED:
-        return f"{joint} feels {value:.1f} N m more than the model of the arm, at most {limit:.1f} are taken off"
+        return f"{joint}: disturbance of {value:.1f} N m, at most {limit:.1f} is compensated"
     differ = f"position and integrated velocity differ by {value:.4f} rad, the limit is {limit:.4f}"
     return f"{joint}: {_OF_JOINT[finding]}: {differ}"
 
@@ -197,18 +197,18 @@ _WORDS = {
     Cause.NONE: "",
     Cause.NO_INPUT_YET: "no input yet",
     Cause.NOT_ENABLED: "not enabled",
-    Cause.ASKED: "asked to hold",
-    Cause.STOPPING: "asked to hold: comes to rest first",
-    Cause.SLIDES: "the object slides: it comes to rest first",
-    Cause.SATURATED: "saturated: slip cannot be driven to zero",
+    Cause.ASKED: "hold requested",
+    Cause.STOPPING: "hold requested: coming to rest first",
+    Cause.SLIDES: "the object slides: waiting until it rests",
+    Cause.SATURATED: "efforts saturated: slip cannot be driven to zero",
     Cause.PATH_WAITS: "the path waits for the arm",
-    Cause.OLD_JOINT_STATE: "joint sample is older than the last one",
+    Cause.OLD_JOINT_STATE: "joint state is older than the one before",
     Cause.BAD_REFERENCE: "reference is not finite",
     Cause.NO_ESTIMATE: "the slip observer gave no finite estimate",
     Cause.NO_TORQUE: "the law gave no finite torque",
     Cause.TARE: "tare: sensors are read at rest before the law begins",
-    Cause.OVERRUNS: "friction is too little to stop on the path: it is overrun",
-    Cause.HALTED: "friction seems too little for the path from here on, so it rests: the observer finds slip",
-    Cause.GIVEN_UP: "compensation given up: it does not end the slip, or takes the arm away; impedance alone",
-    Cause.INTERNAL: "the controller itself failed, see its log: this is a bug, please report it",
+    Cause.OVERRUNS: "friction is too low to stop on the path: the pad overruns it",
+    Cause.HALTED: "the observer finds slip: friction is too low for the rest of the path, so the path stops here",
+    Cause.GIVEN_UP: "compensation off: it does not end the slip, or moves the arm away; impedance alone",
+    Cause.INTERNAL: "internal error, see the log: this is a bug, please report it",
 }

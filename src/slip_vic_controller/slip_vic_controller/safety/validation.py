@@ -60,7 +60,7 @@ class VectorInput(Record):
     arrival_ns: Whole
     values: Vec6  # N, N m or m/s, rad/s
     equal_since_ns: Whole  # stamp since when the values are equal to the last bit
-    invalid: Whole  # whether the sensor says so now
+    invalid: Whole  # whether the sensor reports it now
     ahead: Whole  # stamps in a row that are ahead of the joint state's
     zeros: Whole  # samples in a row that are zero
     refused: Whole  # Fault of the last one that was not finite or absurd
@@ -146,7 +146,7 @@ def unanswered(fault: int) -> bool:
 @part
 def all_finite(values: Array) -> bool:
     """Return whether all numbers (k,) are finite and not beyond LARGEST."""
-    for x in values:  # noqa: SIM110 - compiled code knows no generators
+    for x in values:  # noqa: SIM110 - compiled code has no generators
         if not abs(x) <= LARGEST:
             return False
     return True
@@ -181,7 +181,7 @@ def _kind(values: Array) -> int:
 @part
 def _same(a: Array, b: Array) -> bool:
     """Return whether all bits are equal: 0 and -0 are not, as no frozen sensor changes a sign."""
-    for i in range(a.shape[0]):  # noqa: SIM110 - compiled code knows no generators
+    for i in range(a.shape[0]):  # noqa: SIM110 - compiled code has no generators
         if a[i] != b[i] or math.copysign(1.0, a[i]) != math.copysign(1.0, b[i]):
             return False
     return True
@@ -223,7 +223,7 @@ def receive_vector(
         limits: of this input.
         state: of this input; changed.
         stamp_ns, values: the sample; (6,).
-        valid: whether the sensor says so.
+        valid: whether the sensor reports it.
         refused: whether the message itself was not what it should be.
         now_ns: arrival.
         joint: state of the joint state's input.
@@ -375,7 +375,7 @@ def receive_joints(
     limits: JointLimits, state: JointInput, stamp_ns: int, q: Array, qd: Array, effort: Array, refused: bool,
     now_ns: int,
 ) -> int:  # fmt: skip
-    """Take a joint state in; return its fault. RESTARTED is good, and everything before it is void.
+    """Take a joint state in; return its fault. RESTARTED is good, and everything before it is discarded.
 
     Args:
         limits: of the joint state.

@@ -123,7 +123,7 @@ class ArmTopics:
             self._timing.publish(began_ns, result.ledger)
 
     def tell(self, result: CycleResult) -> None:
-        """Publish what nobody waits for."""
+        """Publish what no cycle waits for."""
         self._send_ledger.send(result.joint.stamp_ns, (*result.ledger, *result.decision))
         self._state_publisher.publish(self.arm)
         self._mode.publish(result)

@@ -24,14 +24,14 @@ def refusal_text(goal: Any) -> str:
     """Return why the last refused goal was refused; GOAL."""
     why, value, limit = Refusal(int(goal.refusal)), float(goal.value), float(goal.limit)
     if why == Refusal.TOO_HEAVY:
-        load = f"its weight asks {value:.3f} N, friction may be asked {limit:.3f} N"
+        load = f"holding the weight needs {value:.3f} N, friction can carry {limit:.3f} N"
         return f"friction cannot carry the object where its path is at {float(goal.where):.3f} s: {load}"
     if why == Refusal.TOO_FAR:
         return f"it is {value:.4g} m away, at most {limit:g} are taken: check unit and frame"
     if why == Refusal.TOO_FAST:
-        return f"it asks for {value:.2f} m/s, the limit is {limit:.2f}: give it more time"
+        return f"it needs {value:.2f} m/s, the limit is {limit:.2f}: allow more time"
     if why == Refusal.TURNS_TOO_FAST:
-        return f"it asks for {value:.2f} rad/s, the limit is {limit:.2f}: give it more time"
+        return f"it needs {value:.2f} rad/s, the limit is {limit:.2f}: allow more time"
     return "the law is not at work, see controller/mode"
 
 

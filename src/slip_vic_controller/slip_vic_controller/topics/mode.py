@@ -20,7 +20,7 @@ from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import ArmSession, ControllerSession, CycleResult
 
 PUBLISHERS_PERIOD_S = 0.02  # so long a foreign command may go unseen; a look takes some 30 us
-GO_ON = "; to go on call ~/reset_fault, then ~/enable"
+GO_ON = "; to continue call ~/reset_fault, then ~/enable"
 LEVELS = {Mode.ACTIVE: 0, Mode.DEGRADED: 1, Mode.HOLD: 1, Mode.WAITING_INPUT: 1, Mode.FAULT: 2}
 
 

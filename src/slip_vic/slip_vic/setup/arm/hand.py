@@ -66,7 +66,7 @@ def find_hand(
         locked: joints that stay where they are.
 
     Raises:
-        InputError: an unknown link, two arms, fewer than six joints, an axis that cannot be told.
+        InputError: an unknown link, two arms, fewer than six joints, an axis that cannot be found.
     """
     links = named(root, "link")
     said = []

@@ -28,7 +28,7 @@ _WORTH_MARGIN, _WORTH_SIGMA, _WORTH_FREE = 0.6, 0.2, 0.5
 
 
 class Start(NamedTuple):
-    """A start and what its way asks of the arm."""
+    """A start and what its path requires of the arm."""
 
     posture: Array
     way: Way

@@ -43,7 +43,7 @@ def arm_urdf(root: Element, hand: Hand, reach: float, positions: Mapping[str, fl
         positions: where locked joints stay [rad, m]; 0, or the nearest limit, where there is none.
 
     Raises:
-        InputError: an unknown joint, or one without what a controller must know.
+        InputError: an unknown joint, or one without what a controller needs.
     """
     said: list[str] = []
     _lock(root, hand, positions, said)
@@ -58,7 +58,7 @@ def arm_urdf(root: Element, hand: Hand, reach: float, positions: Mapping[str, fl
 
 
 def check_all_limits(root: Element, names: Sequence[str]) -> None:
-    """Look whether every joint of an arm has what a controller must know of it.
+    """Look whether every joint of an arm has what a controller needs of it.
 
     Raises:
         InputError: all joints that have not, in one message.
@@ -74,7 +74,7 @@ def check_all_limits(root: Element, names: Sequence[str]) -> None:
     if wrong:
         listed = "; ".join(f"{error.what.removeprefix('URDF joint ')}: {error.got}" for error in wrong)
         raise InputError(
-            f"URDF joints {listed}", got=f"{len(wrong)} joints without what a controller must know",
+            f"URDF joints {listed}", got=f"{len(wrong)} joints without what a controller needs",
             expected='<limit lower="" upper="" effort="" velocity=""/> with positive effort and velocity in each',
             fix="change the URDF, or keep a joint where it is: --lock NAME=VALUE",
         )  # fmt: skip

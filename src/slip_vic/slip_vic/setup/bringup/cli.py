@@ -13,14 +13,14 @@ from slip_vic.options import out_option
 @click.command()
 @click.option("--namespace", default="", help="ROS namespace of the controller")
 @click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID")
-@click.option("--simulated", is_flag=True, help="ask nobody: the hand of the simulated arm pushes")
+@click.option("--simulated", is_flag=True, help="without a person: the hand of the simulated arm pushes")
 @out_option("bringup.yaml", "parameter file")
 def bringup(namespace: str, domain_id: int | None, simulated: bool, out: Path) -> None:
     """Bring a controller and its drivers up, step by step, from topics and signs to a first governed motion.
 
     Both must run; the controller with trajectory.kind goal, governor.mode slow_down, governor.friction unknown and
-    safety.auto_enable false. Each step says what it measured and what it expects. Exit code 1 where a step does not
-    hold, with one line that says what to do. What was measured of the sensors is written to --out, for the controller
+    safety.auto_enable false. Each step shows what it measured and what it expects. Exit code 1 where a step does not
+    hold, with one line on what to do. What was measured of the sensors is written to --out, for the controller
     after its own file, and for `slip-vic check --params` and `slip-vic run --params`.
     """
     if domain_id is not None:

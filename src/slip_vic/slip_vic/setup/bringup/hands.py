@@ -23,11 +23,11 @@ CARRIES: Final = 4.0  # times the weight: slip then points within 15 degrees of 
 STEPS: Final = 20
 GROWTH: Final = 1.12
 STEP_S: Final = 0.06
-SEEN_S: Final = 0.14  # until a slow sensor has told of it
+SEEN_S: Final = 0.14  # until a slow sensor has reported it
 
 
 class Hands(Protocol):
-    """Somebody who pushes, pulls, and takes the object anew.
+    """A person who pushes, pulls, and takes the object again.
 
     size: of a push [N], None where it is not known.
     """
@@ -96,7 +96,7 @@ class Simulated:
     Args:
         system: with a simulated arm.
         stiffness: with which that arm holds itself, over the joint inertia [1/s2].
-        friction: over the grip force, as the controller is told.
+        friction: over the grip force, as the controller is configured.
         grip: force in use [N].
     """
 
@@ -106,7 +106,7 @@ class Simulated:
         self._system, self._stiffness, self._friction, self._grip = system, stiffness, friction, grip
 
     def ready(self, words: str) -> None:
-        """Go on: nobody is beside a simulated arm."""
+        """Continue: a simulated arm has no person beside it."""
 
     def turn(self, joint: int, inertia: Array) -> Heard:
         """Lean on all joints such that one of them moves alone."""

@@ -187,7 +187,7 @@ class RosSystem:
     # -- topics ------------------------------------------------------------------------------------
 
     def _find_inputs(self) -> dict[str, str]:
-        """Return the full names of the inputs, as the controller itself was told them by remapping."""
+        """Return the full names of the inputs, as the controller has them by remapping."""
         wanted = ("joint_states", "wrench", self._slip)
         found: dict[str, str] = {}
 
@@ -291,7 +291,7 @@ class RosSystem:
         """Call a service of a node.
 
         Raises:
-            InputError: nobody has it; ProtocolError: no answer.
+            InputError: no node has it; ProtocolError: no answer.
         """
         full = f"{self._ns}/{service}"
         if full not in self._clients:
@@ -299,7 +299,7 @@ class RosSystem:
         client = self._clients[full]
         if not client.wait_for_service(ANSWER_S):
             raise InputError(
-                f"node {full.rpartition('/')[0]}", got="nobody", expected="a node that runs",
+                f"node {full.rpartition('/')[0]}", got="no answer", expected="a node that runs",
                 fix="start it first; look at --namespace and ROS_DOMAIN_ID",
             )  # fmt: skip
         future = client.call_async(request)

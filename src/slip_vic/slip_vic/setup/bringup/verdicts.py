@@ -16,7 +16,7 @@ RATE_SLACK: Final = 0.2
 RESTING_SPEED: Final = 0.02  # [rad/s], of the mean: noise of a velocity does not count
 NO_NOISE: Final = 1e-9  # what is below it is rounding, not a sensor's noise
 SLIP_OFFSET: Final = 5e-3  # [m/s]: half of what the law's gate opens by with its default steepness
-NOISE_SHARE: Final = 0.4  # of the friction limit: above it white noise alone asks for slip (docs/sensors.md)
+NOISE_SHARE: Final = 0.4  # of the friction limit: above it white noise alone looks like slip (docs/sensors.md)
 WEIGHT_SLACK: Final = 0.2
 LEVER_SLACK: Final = 0.03  # [m]: a weight that seems to hang further off than this has a wrong torque
 TURNED: Final = math.radians(10.0)  # of a weight
@@ -40,7 +40,7 @@ class Verdict(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether the bring-up may go on."""
+        """Whether the bring-up may continue."""
         return not self.fix
 
     def __str__(self) -> str:
@@ -84,7 +84,7 @@ def judge_topics(endpoints: Sequence[Endpoint], joint_names: Sequence[str]) -> V
             )
         elif not end.publishers:
             said, fix = (
-                f"nobody on {end.topic}",
+                f"no publisher on {end.topic}",
                 f"start the driver, or remap: -r {end.topic.split('/')[-1]}:=/ITS_TOPIC",
             )
         elif end.publishers > 1:
@@ -200,11 +200,11 @@ def judge_rest(speed: float, offset: float, params: ControllerParams, found: Map
     if not speed < RESTING_SPEED:
         fix = "let the arm come to rest"
     elif math.isnan(offset):
-        fix = "the slip sensor says that it does not measure: look at its own messages"
+        fix = "the slip sensor reports that it does not measure: look at its own messages"
     elif not offset < SLIP_OFFSET:
         fix = "the slip sensor reads slip where there is none: calibrate it, or set measured.dead_band_linear"
     elif not noise < most:
-        fix = "filter the wrench in its driver, or grip harder and tell governor.friction_limit"
+        fix = "filter the wrench in its driver, or grip harder and set governor.friction_limit"
     return Verdict("rest", measured, expected, fix)
 
 
@@ -296,7 +296,7 @@ def judge_pull(axis: str, slipped: Array | None, direction: Array, flagged: bool
         axis: what the direction is called.
         slipped: how far the pad has moved on the object, by its readings; (3,) [m] {ee}; None where it gives flags.
         direction: in which the object was pulled; (3,) {ee}.
-        flagged: whether it has told of slip.
+        flagged: whether it has reported slip.
     """
     expected = "the pad moves on the object the other way"
     if slipped is None:
@@ -335,7 +335,7 @@ def _drifted(step: str, names: Sequence[str], moved: Array, most: float, when: s
 
 def judge_mode(step: str, mode: str, wanted: Sequence[str]) -> Verdict:
     """Judge the controller's mode."""
-    fix = "" if mode.startswith(tuple(wanted)) else "docs/troubleshooting.md says what to do about this reason"
+    fix = "" if mode.startswith(tuple(wanted)) else "docs/troubleshooting.md has the fix for this reason"
     return Verdict(step, mode or "no mode", " or ".join(wanted), fix)
 
 
@@ -354,9 +354,9 @@ def judge_friction(told: float, estimate: float, carried: float, events: int, go
     fix = ""
     if not goal.endswith("reached"):
         measured = f"{goal or 'no answer to the goal'} ({mode})"
-        fix = "more grip; where the law has stopped, docs/troubleshooting.md says what to do about the reason"
+        fix = "more grip; where the law has stopped, docs/troubleshooting.md has the fix for the reason"
     elif estimate < 0.2 * told:
-        fix = "more grip, or tell governor.friction_limit; a slip sensor that tells of slip that is none does this too"
+        fix = "more grip, or set governor.friction_limit; a sensor that reports slip where there is none does this too"
     return Verdict("friction", measured, expected, fix)
 
 

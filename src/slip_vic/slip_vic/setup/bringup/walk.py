@@ -37,7 +37,7 @@ FULL_SPEED: Final = 0.25
 """[m/s], reduced speed of ISO 10218-1, with a person beside the arm; the first motion has a tenth of it."""
 QUINTIC_PEAK: Final = 1.875
 SIGMAS: Final = 4.0
-SLIP_SPEED: Final = 0.01  # [m/s] that counts as slip while somebody pulls
+SLIP_SPEED: Final = 0.01  # [m/s] that counts as slip while a person pulls
 AXES: Final = ("+x", "+y", "+z")
 
 
@@ -114,7 +114,7 @@ class Walk:
         h = wrench_at_pad(self._sensor, heard.wrench.values.mean(axis=0), mat(R))
         return R @ np.array(h.linear), R @ np.array(h.angular)
 
-    # -- somebody pushes ---------------------------------------------------------------------------
+    # -- a person pushes ---------------------------------------------------------------------------
 
     def _by_hand(self) -> Iterator[Verdict]:
         names, hands, params = self._params.joint_names, self._hands, self._params
@@ -228,7 +228,7 @@ class Walk:
                 system.ask("hold")
 
     def _friction(self, q: Array) -> Verdict:
-        """Move there and back, faster each time, until it slips or the friction that is told is used."""
+        """Move there and back, faster each time, until it slips or the configured friction is used."""
         here, R, _ = self._robot.frame(q)
         way, told = PROBE_M * self._inwards(here), self._params.governor.friction_limit
         carried, events, estimate = 0.0, 0, told

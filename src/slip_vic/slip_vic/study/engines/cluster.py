@@ -25,7 +25,7 @@ ANSWER_S = 5.0
 """How long the head of a cluster may take to answer [s]."""
 
 QUIET = {
-    "RAY_USAGE_STATS_ENABLED": "0",  # nothing is sent to anybody
+    "RAY_USAGE_STATS_ENABLED": "0",  # nothing is sent anywhere
     "RAY_DEDUP_LOGS_SKIP_REGEX": ".",  # a screenful of advice for each dead worker; the engine counts them
     "RAY_IGNORE_UNHANDLED_ERRORS": "1",  # of tasks under way when the run has ended with an error
 }
@@ -56,7 +56,7 @@ class RayEngine:
         address = os.environ.get("RAY_ADDRESS") or "local"
         own = {"num_cpus": jobs, "include_dashboard": False} if address == "local" else {}
         try:
-            if ":" in address:  # Ray itself tries for minutes before it says that nobody is there
+            if ":" in address:  # Ray itself tries for minutes before it reports that nothing answers
                 host, _, port = address.rpartition(":")
                 socket.create_connection((host, int(port)), ANSWER_S).close()
             self._ray.init(address=address, log_to_driver=False, logging_level="ERROR", **own)
@@ -82,7 +82,7 @@ class RayEngine:
         """See `Engine`.
 
         Ray's own retries are switched off: they are counted for a task and say nothing of who died, so that a task that
-        kills its worker would do so again and again before anybody hears of it.
+        kills its worker would do so again and again before it is noticed.
 
         Raises:
             SlipVicError: the node on which this process runs, or the head, has ended.
@@ -136,7 +136,7 @@ class RayEngine:
             except OSError as error:
                 raise SlipVicError(
                     f"Ray's {name} has ended ({place[0]}:{place[1]}: {error}); rows that were written stay: start it "
-                    "again, then go on with --resume"
+                    "again, then continue with --resume"
                 ) from None
 
 

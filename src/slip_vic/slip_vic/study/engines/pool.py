@@ -115,7 +115,7 @@ def end_children() -> None:
 
 
 def _begin() -> None:
-    """Leave Ctrl-C to the parent, and end with it even where it is killed: a queue alone would wait for ever."""
+    """Leave Ctrl-C to the parent, and end with it even where it is killed: a queue alone would wait without end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

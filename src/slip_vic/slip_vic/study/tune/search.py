@@ -31,7 +31,7 @@ STARTUP = 10
 
 Variant = tuple[tuple[str, ...], Case]
 Told = Callable[[int], None]
-"""Is told how many runs of what is under way are done."""
+"""Called with the number of finished runs of those under way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ def run_sets(
 def run_search(
     search: Search, trials: int, contents: Contents, out: Path, engine: Engine, told: Told
 ) -> Iterator[Trial]:
-    """Yield every trial of a search in its order, the default first; goes on where the folder stopped.
+    """Yield every trial of a search in its order, the default first; continues where the folder stopped.
 
     Batches are run whole, so there may be more than `trials`.
 
@@ -132,7 +132,7 @@ def _batches(trials: int, size: int) -> Iterator[range]:
     """Yield the numbers of the trials that are proposed together; the default is alone, others are compared with it."""
     yield range(1)
     for start in range(1, trials, size):
-        yield range(start, start + size)  # whole ones, so that a search that goes on proposes what a longer one does
+        yield range(start, start + size)  # whole ones, so that a search that continues proposes what a longer one does
 
 
 def _study(journal: Path, search: Search) -> optuna.Study:
@@ -158,7 +158,7 @@ def _proposed(study: optuna.Study) -> list[Any]:
 
 
 def _propose(study: optuna.Study, search: Search, number: int) -> None:
-    """Add a trial; the sampler is made anew for each, so that one who comes back proposes the same."""
+    """Add a trial; the sampler is made again for each, so that a resumed search proposes the same."""
     if number == 0 and not study.trials:
         study.enqueue_trial({one.name: one.default for one in search.space})
     with warnings.catch_warnings():

@@ -1,0 +1,39 @@
+"""Take the pictures of the page of a run in docs/pictures: from runs in process, by a browser.
+
+python tools/pictures.py
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+import slip_vic
+from slip_vic.page.page import write_runs
+from test.support.browser import address_of, chromium, open_page
+
+PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
+SCENARIOS = ("paper_planar", "pane_two_arms_fast")
+SIZE = {"width": 1300, "height": 820}
+COLOURS = 128
+
+
+def take(scenario: str, folder: Path) -> None:
+    """Run a scenario under the three laws and take the picture of its page."""
+    loaded = slip_vic.load(scenario)
+    runs = {law: slip_vic.load(scenario, law=law).run() for law in ("classical", "vic", "governed")}
+    page = folder / f"{scenario}.html"
+    write_runs(page, runs, command="python tools/pictures.py", title=loaded.name, description=loaded.description)
+    with chromium() as browser:
+        opened, _ = open_page(browser, address_of(page), viewport=SIZE)
+        opened.screenshot(path=folder / "page.png")
+    picture = Image.open(folder / "page.png").convert("RGB").quantize(COLOURS)
+    picture.save(PICTURES / f"page_{scenario}.png", optimize=True)
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as name:
+        for scenario in SCENARIOS:
+            take(scenario, Path(name))
