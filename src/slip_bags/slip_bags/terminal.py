@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import sys
-from typing import Any, Final
+from typing import Any
 
 import click
 from rich.console import Console, Group, RenderableType
@@ -13,18 +13,10 @@ from rich.text import Text
 
 from slip_bags.info import BagReport
 
-_PLAIN_WIDTH: Final = 160
-
-
-def table_console() -> Console:
-    """Return a console as wide as the terminal, or wide enough where there is none."""
-    console = Console()
-    return console if console.is_terminal else Console(width=_PLAIN_WIDTH)
-
 
 def print_report(report: BagReport) -> None:
     """Show a report as text and tables."""
-    table_console().print(_rendered(report))
+    Console().print(_rendered(report))
 
 
 def _rendered(report: BagReport) -> RenderableType:
@@ -33,15 +25,19 @@ def _rendered(report: BagReport) -> RenderableType:
         head.add_row(Text(label, style="bold"), Text(value))
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("topic", overflow="fold")
-    table.add_column("type", overflow="fold")
-    for column in ("messages", "Hz", "gap ms", "lost", "stamps back", "repeated"):
+    for column in ("messages", "Hz", "gap ms", "lost", "back", "repeated"):
         table.add_column(column, justify="right")
-    table.add_column("QoS")
+    offers = Table(box=None, header_style="bold", pad_edge=False)
+    for column in ("topic", "type", "QoS"):
+        offers.add_column(column, overflow="fold")
     for topic in report.topics:
         cells = (topic.largest_gap_ms, topic.lost, topic.stamps_backward, topic.stamps_repeated)
         rate = "-" if topic.rate_hz is None else f"{topic.rate_hz:.2f}"
-        table.add_row(topic.name, topic.type_name, str(topic.message_count), rate, *map(_cell, cells), topic.qos)
-    return Group(head, Text(""), table, *(Text(f"note: {note}", style="yellow") for note in report.notes))
+        table.add_row(topic.name, str(topic.message_count), rate, *map(_cell, cells))
+        offers.add_row(topic.name, topic.type_name.replace("/msg/", "/"), topic.qos)
+    return Group(
+        head, Text(""), table, Text(""), offers, *(Text(f"note: {note}", style="yellow") for note in report.notes)
+    )
 
 
 def _head(report: BagReport) -> list[tuple[str, str]]:
@@ -78,7 +74,7 @@ def print_summary(summary: dict[str, Any]) -> None:
         lost = "unknown" if topic["lost"] is None else str(topic["lost"])
         peak = f"{topic['largest_batch']}/{summary['queue_depth']}"
         table.add_row(name, str(topic["messages"]), lost, str(topic["missed_at_start"]), peak)
-    table_console().print(table)
+    Console().print(table)
     for name in summary["never_published"]:
         click.echo(f"never published: {name}")
     click.echo(f"{summary['bag']}: {summary['messages']} messages, {summary['lost']} lost")

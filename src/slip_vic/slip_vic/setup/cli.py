@@ -26,7 +26,7 @@ def identify(bag: Path, ee_frame: str, out: Path | None) -> None:
     from slip_vic.setup.identify import preset, read_motion, table
 
     numbers = found_in(*read_motion(bag, ee_frame))
-    Console(width=120).print(table(numbers))
+    Console().print(table(numbers))
     if out is not None:
         write_files(out.parent, {out.name: preset(numbers, f"slip-vic identify {bag}")})
         click.echo(str(out))

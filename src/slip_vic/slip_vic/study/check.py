@@ -82,28 +82,32 @@ class Question:
 
 
 def gain_table(scenario: Scenario, report: GainReport, sensor: str) -> Table:
-    """Return the conditions on the gains, each with its reason."""
+    """Return the conditions on the gains; `gain_reasons` has why."""
     params = next(iter(scenario.controllers.values()))  # the law is the same in all arms
-    title = f"k_s asked {report.asked:g}, used {report.used:.6g} 1/s ({params.gains.k_s_mode}, {params.slip_estimator}"
+    title = (
+        f"k_s configured {report.asked:g}, used {report.used:.6g} 1/s ({params.gains.k_s_mode}, {params.slip_estimator}"
+    )
     table = Table(title=f"{title}{', ' + sensor if sensor else ''})")
-    for name in ("condition", "value", "limit", "margin", "verdict", "reason"):
+    for name in ("condition", "value", "limit", "margin", "verdict"):
         table.add_column(name, justify="right" if name in ("value", "limit", "margin") else "left")
     for c in report.conditions:
         verdict = "[green]holds[/]" if c.holds else "[red]fails[/]"
-        table.add_row(c.name, f"{c.value:.6g}", f"{c.limit:.6g}", f"{c.margin:.3g}", verdict, c.reason)
+        table.add_row(c.name, f"{c.value:.6g}", f"{c.limit:.6g}", f"{c.margin:.3g}", verdict)
     for name, (low, high) in (("lambda_1", report.lambda_1), ("lambda_2", report.lambda_2)):
         empty = low >= high
-        table.add_row(
-            name, f"{low:.4g}", f"{high:g}", "", "[red]empty[/]" if empty else "[green]exists[/]",
-            "between these two numbers" if not empty else "no number below 1 is large enough",
-        )  # fmt: skip
+        table.add_row(name, f"{low:.4g}", f"{high:g}", "", "[red]empty[/]" if empty else "[green]between them[/]")
     return table
+
+
+def gain_reasons(report: GainReport) -> list[str]:
+    """Return a line for each condition on the gains: why its limit is what it is."""
+    return [f"{c.name}: {c.reason}" for c in report.conditions]
 
 
 def corner_table(corners: Sequence[Corner]) -> Table:
     """Return what came of the runs."""
     table = Table(title="simulated, one error at a time that the controller is not configured with")
-    for name in ("world", "slip at the end [mm]", "peak [mm]", "arrives after [s]", "verdict"):
+    for name in ("world", "slip [mm]", "peak [mm]", "arrives [s]", "verdict"):
         table.add_column(escape(name), justify="left" if name in ("world", "verdict") else "right")
     for corner in corners:
         numbers = corner.metrics

@@ -148,7 +148,7 @@ def _lottery(
             results.append(result)
             progress.update(task, completed=result[0].number + 1)
     write_lottery(out / "lottery.csv", results)
-    Console(width=120).print(lottery_table(results))
+    Console().print(lottery_table(results))
     click.echo(f"{len(results)} of {cases} drawn cases are feasible; {out / 'lottery.csv'}")
 
 
@@ -184,7 +184,7 @@ def check(
 
     from slip_vic.scenarios.scenario import drive_assignments, urdf_assignment
     from slip_vic.study.cases import MISMATCHES, check_names
-    from slip_vic.study.check import Question, corner_table, gain_table, path_lines, refusal
+    from slip_vic.study.check import Question, corner_table, gain_reasons, gain_table, path_lines, refusal
 
     wanted = MISMATCHES if mismatches == "all" else names(mismatches)
     check_names("mismatch", wanted, MISMATCHES)
@@ -193,8 +193,10 @@ def check(
     asked = Question(scenario, law, sensor, estimator, params, given)
     loaded, report = asked.load(), asked.gains()
     loaded.check_arm()
-    console = Console(width=150)
+    console = Console()
     console.print(gain_table(loaded, report, sensor))
+    for line in gain_reasons(report):
+        click.echo(line)
     if not report.hold:
         raise click.exceptions.Exit(2)
     loaded.check()

@@ -17,7 +17,6 @@ from slip_vic.study.runner import run_cases
 from slip_vic.study.summary import summary_table, write_picture
 from slip_vic.study.table import KEY, Settings, StudyTable, merge
 
-WIDTH = 190
 """Of the table, so that no row is broken."""
 
 
@@ -89,5 +88,5 @@ def _show(table: StudyTable) -> Path:
     rows = table.rows()
     picture = table.path.with_suffix(".png")
     write_picture(picture, rows)
-    Console(width=WIDTH).print(summary_table(rows))
+    Console().print(summary_table(rows))
     return picture

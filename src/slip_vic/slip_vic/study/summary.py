@@ -59,14 +59,17 @@ def numbers(rows: Sequence[Row], metric: str) -> list[float]:
 
 def summary_table(rows: Sequence[Row]) -> Table:
     """Return medians [95 % interval] and worst cases per scenario, mismatch, sensor, law and estimator."""
-    table = Table(title="median [95 % interval], worst")
-    for name in ("scenario", "mismatch", "sensor", "law", "estimator", "runs", "not ok"):
+    keys = ("scenario", "mismatch", "sensor", "law", "estimator")
+    differing = [key for key in keys if len({row[key] for row in rows}) > 1]
+    same = [f"{key} {rows[0][key]}" for key in keys if rows and key not in differing]
+    table = Table(title=", ".join(["median [95 % interval], worst", *same]))
+    for name in (*differing, "runs", "not ok"):
         table.add_column(name)
     for _, _, label in SHOWN:
         table.add_column(escape(label), justify="right")
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
-        groups.setdefault(tuple(row[k] for k in ("scenario", "mismatch", "sensor", "law", "estimator")), []).append(row)
+        groups.setdefault(tuple(row[k] for k in differing), []).append(row)
     for key, members in groups.items():
         bad = sum(row["outcome"] != "ok" for row in members)
         cells = []

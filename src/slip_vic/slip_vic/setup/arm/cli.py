@@ -56,7 +56,7 @@ def arm(
     for scenario in names(scenarios):
         name = Path(scenario).stem
         tasks[name], start = made.task(scenario, scale)
-        Console(width=120).print(way_table(made, name, start))
+        Console().print(way_table(made, name, start))
     folder = out or Path(urdf.name.partition(".")[0])
     for path in write_arm(made, tasks, folder, urdf):
         click.echo(path)

@@ -231,8 +231,8 @@ def real_parameters(scenario: Scenario) -> ControllerNodeParams:
 def way_table(arm: Arm, name: str, start: Start) -> Table:
     """Return the table of one start: a row per joint."""
     way, robot = start.way, arm.robot
-    table = Table(title=f"{name}: start, and the path from it (least singular value {way.sigma:.2f})")
-    columns = ("joint", "start", "lower", "upper", "least distance to a limit", "speed [%]", "holding effort [%]")
+    table = Table(title=f"{name}: start, and the path from it (singular value {way.sigma:.2f})")
+    columns = ("joint", "start", "lower", "upper", "to a limit", "speed [%]", "effort [%]")
     for column in columns:
         table.add_column(column, justify="left" if column == "joint" else "right")
     rows: Sequence[Array] = (start.posture, robot.position_lower, robot.position_upper, way.margin)

@@ -80,7 +80,7 @@ def run_tune(wanted: Wanted, out: Path, engine: EngineName, jobs: int, command: 
     verdict = question.gains()
     question.load().check_arm()
     if not verdict.hold:
-        Console(width=150).print(gain_table(question.load(), verdict, wanted.sensor))
+        Console().print(gain_table(question.load(), verdict, wanted.sensor))
         raise SlipVicError(f"{out / 'controller.yaml'}: check refuses what was found")
     return (
         f"trial {best.number} of {len(trials)}: worst slip {trials[0].cost:.3g} -> {best.cost:.3g} mm, on unseen seeds "
