@@ -40,8 +40,8 @@ TO_DO = {
     Cause.BAD_REFERENCE: "The node that publishes `reference` sends NaN or infinity.",
     Cause.NO_ESTIMATE: "Report it with a bag: the observer must give a finite estimate for all inputs.",
     Cause.NO_TORQUE: "The arm is in a singular posture or a limit is reached: move it away by hand, then `~/reset_fault`.",
-    Cause.TARE: "Wait: it takes `tare.duration_s`, and begins anew where a joint moves. Nothing may touch the arm or the object.",
-    Cause.BIASED: "Zero the sensor that is named, or mend it; then `~/tare`. Where the bias is its own, raise `tare.*`.",
+    Cause.TARE: "Wait: it takes `tare.duration_s`, and restarts where a joint moves. Nothing may touch the arm or the object.",
+    Cause.BIASED: "Zero the named sensor, or fix it; then `~/tare`. Where the bias is its own, raise `tare.*`.",
     Cause.NOT_FOLLOWING: "Release the joint's brake, clear the arm, or raise `disturbance.limit`: its friction is above the effort. "
     "`slip-vic identify` measures friction.",
     Cause.INTERNAL: "Report it with a bag and the line in the node's log.",
