@@ -108,7 +108,7 @@ def test_a_weight_that_seems_too_much_further_on_is_not_carried_there() -> None:
     done = run("vertical_plane", "bridge.contacts.position=[0.0, 0.0, 0.025]", sensor="optical_flow_120", seconds=2.5)
     assert 0.0 < done.slip_m < 5e-5
     assert done.mode == Mode.DEGRADED
-    assert done.reason.startswith("friction seems too little for the path from here on")
+    assert done.reason.startswith("the observer finds slip: friction is too low for the rest of the path")
 
 
 WRONG_MODELS = {
