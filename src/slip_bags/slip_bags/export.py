@@ -22,7 +22,7 @@ from slip_msgs_py.messages.transforms import TOPIC
 FileFormat = Literal["csv", "parquet"]
 
 
-def dataframe(bag: Bag, topic: str, *, start_ns: int | None = None, end_ns: int | None = None) -> pd.DataFrame:
+def dataframe(bag: Bag, topic: str) -> pd.DataFrame:
     """Return one topic as a table: times, sequence and stamp first, then every field.
 
     An array field becomes one column per element: ``position[0]``, or ``position.<name>`` where the message has
@@ -32,7 +32,7 @@ def dataframe(bag: Bag, topic: str, *, start_ns: int | None = None, end_ns: int 
     Raises:
         InputError: no such topic, or data that cannot be decoded.
     """
-    series = bag.series(topic, start_ns=start_ns, end_ns=end_ns)
+    series = bag.series(topic)
     columns: dict[str, Any] = {
         "log_time_ns": series.log_time_ns,
         "publish_time_ns": series.publish_time_ns,

@@ -25,6 +25,7 @@ from slip_msgs_py.messages.transforms import TOPIC, TYPE, TYPE_HASH, TransformEn
 
 WORLD: Final = "world"
 RATE_HZ: Final = 50.0
+_PERIOD_NS: Final = round(1e9 / RATE_HZ)
 WAITING: Final = 10_000
 """Joint states kept until their URDF is known: the newest 10 s at 1 kHz."""
 SOURCES: Final = {
@@ -60,18 +61,14 @@ def _namespace(topic: str) -> str:
 
 
 class Transforms:
-    """Turns messages into messages on `/tf`, at most `rate_hz` per source, by their stamps.
+    """Turns messages into messages on `/tf`, at most `RATE_HZ` per source, by their stamps.
 
     Args:
         types: type names by topic, of the topics that may be given.
-        rate_hz: of each arm and object.
         urdfs: URDF by namespace ("" is none), where it is not on a topic.
     """
 
-    def __init__(
-        self, types: Mapping[str, str], *, rate_hz: float = RATE_HZ, urdfs: Mapping[str, str] | None = None
-    ) -> None:
-        self._period_ns = round(1e9 / rate_hz)
+    def __init__(self, types: Mapping[str, str], *, urdfs: Mapping[str, str] | None = None) -> None:
         self._urdfs = dict(urdfs or {})
         self._sources: dict[str, _Source] = {}
         self._count = 0
@@ -115,12 +112,12 @@ class Transforms:
                 source.waiting.append(message)
                 return
         stamp_ns = stamp_of(message.data)
-        if source.next_ns - self._period_ns <= stamp_ns < source.next_ns:  # an older one is a clock that restarted
+        if source.next_ns - _PERIOD_NS <= stamp_ns < source.next_ns:  # an older one is a clock that restarted
             return
         row = Series(source.schema, [message])
         data = self._arm(source, row, namespace, urdf, stamp_ns) if urdf else self._body(source, row, stamp_ns)
         if data is not None:
-            source.next_ns = stamp_ns + self._period_ns
+            source.next_ns = stamp_ns + _PERIOD_NS
             self._count += 1
             yield RawMessage(TOPIC, message.log_time_ns, message.publish_time_ns, self._count, data)
 

@@ -58,9 +58,9 @@ class Sender:
         self._publish(self.encode(stamp_ns, *numbers))
 
 
-def create_sender(node: Any, name: str, form: Form, *, actual_name: str | None = None) -> Sender:
+def create_sender(node: Any, name: str, form: Form) -> Sender:
     """Create the publisher of a topic of the table and what sends through it."""
-    return Sender(create_publisher(node, name, actual_name=actual_name), form)
+    return Sender(create_publisher(node, name), form)
 
 
 class Receiver(Generic[Sample]):

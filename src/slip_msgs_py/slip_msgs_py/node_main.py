@@ -8,7 +8,7 @@ import resource
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
 import rclpy
@@ -48,19 +48,18 @@ def memory_mib() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
-def run_node(factory: Callable[[], RunnableNode], args: Sequence[str] | None = None) -> int:
+def run_node(factory: Callable[[], RunnableNode]) -> int:
     """Run one node process and return its exit code: 0 on a wanted end, 2 on bad input, 1 on a failure.
 
     Args:
         factory: makes the node once rclpy is up.
-        args: command line with ``--ros-args``; None takes that of the process.
     """
     stop = StopFlag().install()
     if stop():
         return 0  # asked for while this was imported
     over = threading.Event()
     with ending(lambda number: _end_in_time(number, over)):
-        code = _run(factory, args, stop)
+        code = _run(factory, stop)
         over.set()
     return code
 
@@ -75,11 +74,11 @@ def _end_in_time(number: int, over: threading.Event) -> None:
         os._exit(128 + number)
 
 
-def _run(factory: Callable[[], RunnableNode], args: Sequence[str] | None, stop: StopFlag) -> int:
+def _run(factory: Callable[[], RunnableNode], stop: StopFlag) -> int:
     stay_on_this_machine()
     node: RunnableNode | None = None
     try:
-        rclpy.init(args=list(sys.argv if args is None else args), signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         node = factory()
         node.run(stop)
     except (KeyboardInterrupt, ExternalShutdownException):

@@ -907,33 +907,27 @@ class ControllerSession:
 
     def answer(self, asked: Mapping[int, Asked]) -> Results:
         """Run one cycle on the joint states that wait for it, by the number of the arm."""
-        n = len(self.arms)
-        inputs, outputs = np.zeros(n * _INPUTS_SIZE), np.zeros(n * _OUTPUTS_SIZE)
+        inputs, outputs = self._new_rows()
         for k, one in asked.items():
-            self.arms[k].prepare(one, inputs[k * _INPUTS_SIZE :][:_INPUTS_SIZE])
-        cycle(self._config, self.buffer, inputs, outputs)
+            self.arms[k].prepare(one, inputs[k])
+        cycle(self._config, self.buffer, inputs.reshape(-1), outputs.reshape(-1))
         for arm in self.arms:
             arm.use_tare()
-        return tuple(
-            self._result(arm, asked[arm.index].joint, inputs, outputs) if arm.index in asked else None
-            for arm in self.arms
-        )
+        results: list[CycleResult | None] = [None] * len(self.arms)
+        for k, one in asked.items():
+            results[k] = CycleResult(self.arms[k].controller, one.joint, inputs[k], outputs[k])
+        return tuple(results)
 
-    def _result(self, arm: ArmSession, joint: JointSample, inputs: Array, outputs: Array) -> CycleResult:
-        k = arm.index
-        own_inputs, own_outputs = (
-            inputs[k * _INPUTS_SIZE :][:_INPUTS_SIZE],
-            outputs[k * _OUTPUTS_SIZE :][:_OUTPUTS_SIZE],
-        )
-        return CycleResult(arm.controller, joint, own_inputs, own_outputs)
+    def _new_rows(self) -> tuple[Array, Array]:
+        """Return INPUTS and OUTPUTS of a cycle, a row per arm."""
+        return np.zeros((len(self.arms), _INPUTS_SIZE)), np.zeros((len(self.arms), _OUTPUTS_SIZE))
 
     def run_watchdog(self, arm: ArmSession, newest: JointSample, now_ns: int) -> tuple[CycleResult, bool]:
         """Run one cycle of the watchdog for an arm; return its result, and whether effort or mode have changed."""
-        n = len(self.arms)
-        inputs, outputs = np.zeros(n * _INPUTS_SIZE), np.zeros(n * _OUTPUTS_SIZE)
-        arm.fill(inputs[arm.index * _INPUTS_SIZE :][:_INPUTS_SIZE], now_ns, 0)
-        changed = watchdog(self._config, self.buffer, inputs, outputs, arm.index)
-        return self._result(arm, newest, inputs, outputs), bool(changed)
+        inputs, outputs = self._new_rows()
+        arm.fill(inputs[arm.index], now_ns, 0)
+        changed = watchdog(self._config, self.buffer, inputs.reshape(-1), outputs.reshape(-1), arm.index)
+        return CycleResult(arm.controller, newest, inputs[arm.index], outputs[arm.index]), bool(changed)
 
     def watchdog(self, now_ns: int) -> Results:
         """Answer arms whose joint states have stayed away for too long, and those that waited for them."""

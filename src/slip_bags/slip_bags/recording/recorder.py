@@ -95,7 +95,6 @@ class Recorder:
         warn: called with one line where something is not recorded as wished.
         ignored: topics that are not recorded although they match.
         transforms: whether `/tf` is made of joint states and odometry and written too.
-        clock: monotonic seconds, for discovery and overlap.
     """
 
     def __init__(
@@ -108,9 +107,8 @@ class Recorder:
         warn: Callable[[str], None],
         ignored: Collection[str] = (),
         transforms: bool = False,
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._node, self._writer, self._warn, self._clock = node, writer, warn, clock
+        self._node, self._writer, self._warn = node, writer, warn
         self._named = {node.resolve_topic_name(name): kind for name, kind in selection.topics}
         self._selection = replace(selection, topics=tuple(self._named.items()))
         self._depth = queue_depth
@@ -133,7 +131,7 @@ class Recorder:
 
     def poll(self) -> int:
         """Discover where due, drain all topics, write in order of reception; returns the number written."""
-        now = self._clock()
+        now = time.monotonic()
         if self._last_poll is not None:
             self._longest_gap_s = max(self._longest_gap_s, now - self._last_poll)
         self._last_poll = now
@@ -165,9 +163,9 @@ class Recorder:
 
     def finish(self) -> dict[str, Any]:
         """Drain a last time, unsubscribe, announce topics without messages; returns the summary. The bag stays open."""
-        now = self._clock()
+        now = time.monotonic()
         end, quiet = now + _LAST_S, now + _QUIET_S
-        while (now := self._clock()) < min(quiet, end):
+        while (now := time.monotonic()) < min(quiet, end):
             if self.poll():
                 quiet = now + _QUIET_S
             time.sleep(_QUIET_S / 10.0)

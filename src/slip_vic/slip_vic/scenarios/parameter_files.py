@@ -129,11 +129,9 @@ def topic_page() -> str:
     )
 
 
-def _table(model: type[ParameterModel], skip: tuple[str, ...] = ()) -> str:
+def _table(model: type[ParameterModel]) -> str:
     lines = ["| parameter | default | unit | range | live | meaning |", "|---|---|---|---|---|---|"]
     for info in parameter_infos(model):
-        if skip and info.name.startswith(skip):
-            continue
         default = _shown(info.default)
         cells = (f"`{info.name}`", default, info.unit, _range(info), "live" if info.runtime else "", info.description)
         lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
