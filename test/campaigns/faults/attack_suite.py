@@ -29,7 +29,7 @@ class Row:
     """How one attack went.
 
     alive: whether neither controller nor bridge has ended or fallen silent; lines: log lines of both a second; grown:
-    memory of both [MiB], NaN where a bridge was started anew because its object was lost; recovery_s: from the attack's
+    memory of both [MiB], NaN where a bridge was restarted because its object was lost; recovery_s: from the attack's
     end until the law is at work, None where that did not happen; helped: whether an operator had to reset a fault or to
     enable.
     """

@@ -62,7 +62,7 @@ RESTART_S = 0.2  # time from the start of a node to its first message
 class Outcome:
     """What a trial showed: violations, seconds from the last fault's end to the law (None: not), modes and commands.
 
-    objects_lost: how often the object left the pads; the simulation is then started anew, as an operator would.
+    objects_lost: how often the object left the pads; the simulation is then restarted, as an operator would.
     """
 
     plan: Plan

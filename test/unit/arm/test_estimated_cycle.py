@@ -105,7 +105,7 @@ def test_a_push_is_a_collision() -> None:
     push = np.array([0.0, 35.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     result = run.cycles(30, push=push)
     assert result.mode == Mode.FAULT
-    assert result.reason.startswith("collision: a torque of ")
+    assert result.reason.startswith("collision: the torque on ")
     assert run.arm.controller.robot.joint_names[1] in result.reason
 
 
