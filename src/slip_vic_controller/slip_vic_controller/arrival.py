@@ -37,7 +37,8 @@ def receive_joint_state(
         lockstep: whether the bridge waits for an answer to everything.
     """
     c, s = record(config, CONFIG), record(state, ARM_STATE)
-    fault = receive_joints(c.joint, s.joint, stamp_ns, q, qd, effort, refused, now_ns)
+    one_source = s.outside != Fault.SECOND_PUBLISHER
+    fault = receive_joints(c.joint, s.joint, stamp_ns, q, qd, effort, refused, now_ns, one_source)
     if fault == Fault.RESTARTED:
         for k in range(c.law.contacts):
             rebase_vector(c.wrench, s.wrench_inputs[k], stamp_ns)

@@ -56,7 +56,7 @@ def test_it_says_holds_only_of_what_it_has_run() -> None:
     assert code == 1
     assert "holds in 1 of 2 simulated worlds" in words
     assert "friction-: " in words
-    assert "slip at the end [mm]" in words, "rich takes what stands in brackets for its own"
+    assert "slip [mm]" in words, "rich takes what stands in brackets for its own"
     code, words = check("--mismatch", "friction-", "--set", "bridge.duration_s=2.5")
     assert code == 0, words
     assert "holds in 2 of 2 simulated worlds" in words

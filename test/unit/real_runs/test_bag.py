@@ -140,7 +140,7 @@ def test_commands_for_runs_of_our_own_say_no_in_one_line(run, tmp_path):
     """It has no controller to run again, and is neither a sensor nor a world."""
     write_bag(run, tmp_path / "bag")
     for arguments, says in (
-        (("bag", "verify"), "expected the recording of one controller"),
+        (("bag", "verify"), "expected a bag of `slip-vic run --record`"),
         (("tune", "--sensor"), "give a .yaml file"),
         (("tune", "--scenario"), "give a .yaml file"),
     ):

@@ -88,7 +88,7 @@ def test_after_a_pause_efforts_begin_where_the_joints_are_though_positions_jumpe
     jumped = dataclasses.replace(joint, position=joint.position + 0.4, effort=joint.effort + felt)
     jumped = dataclasses.replace(jumped, stamp_ns=joint.stamp_ns + PAUSE_NS)
     effort = loop.cycle(jumped)
-    assert loop.fault == Fault.JUMP
+    assert loop.fault == Fault.RESTARTED
     limit = loop.law.first.robot.effort_limit
     assert np.abs(effort - np.clip(jumped.effort, -limit, limit)).max() <= STEP + ROUNDING
 

@@ -66,9 +66,10 @@ def test_after_any_reference_the_law_comes_back_by_enable(mode: str) -> None:
 def test_after_any_goal_the_law_comes_back_by_reset_and_enable(mode: str) -> None:
     made_up = law_at_work(trajectory__kind="goal", governor__mode=mode, **CALM)
     for k, (value, duration_s) in enumerate(itertools.product(WILD, (1e-9, 1.0, 2.0**31))):
-        pose = np.array(made_up.run(1, **STILL).arm.position)
+        arm = made_up.run(1, **STILL).arm
+        pose, rotation = np.array(arm.position), np.array(arm.rotation)
         pose[1] += value
-        made_up.session.set_goal(PoseGoal(pose, np.eye(3), duration_s))
+        made_up.session.set_goal(PoseGoal(pose, rotation, duration_s))
         made_up.run(60, **STILL)
         if k % TOGETHER == TOGETHER - 1:
             assert recovers(made_up), (value, duration_s)

@@ -334,5 +334,5 @@ def test_a_lock_of_a_domain_follows_no_link_and_no_strangers_folder(
     assert precious.read_text() == "keep"
     assert domain > 0
     monkeypatch.setattr("os.geteuid", lambda: os.getuid() + 1)
-    with pytest.raises(ProtocolError, match="somebody else"), domain_id():
+    with pytest.raises(ProtocolError, match="belongs to another user"), domain_id():
         pass

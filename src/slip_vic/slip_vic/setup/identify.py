@@ -123,10 +123,10 @@ def identify(motion: Motion, robot: Robot) -> list[JointNumbers]:
 
 def table(numbers: list[JointNumbers]) -> Table:
     """Return the numbers for a terminal."""
-    made = Table(title="drives and encoders")
+    made = Table(box=None, header_style="bold", pad_edge=False)
     for name in ("joint", "noise q [rad]", "noise qd [rad/s]", "quantum [rad]", "coulomb [N m]", "viscous [N m s/rad]",
                  "offset [N m]", "left over [N m]"):  # fmt: skip
-        made.add_column(name, justify="left" if name == "joint" else "right")
+        made.add_column(name, justify="left" if name == "joint" else "right", no_wrap=name == "joint")
     for one in numbers:
         values = (one.coulomb, one.viscous, one.offset, one.residual)
         made.add_row(

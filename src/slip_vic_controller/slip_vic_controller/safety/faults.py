@@ -98,7 +98,7 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
             "HOLD after the age limit",
         ),
         ("joint state", Fault.RESTARTED): Reaction(
-            "`inputs.accept_after` samples agree after a jump of clock or position",
+            "`inputs.accept_after` samples agree after a jump of clock or position; or a pause and a jump of position",
             "used",
             "everything restarts: WAITING_INPUT, then the trajectory from here",
         ),

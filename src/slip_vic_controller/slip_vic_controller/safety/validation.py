@@ -373,7 +373,7 @@ def classify_joints(
 @part
 def receive_joints(
     limits: JointLimits, state: JointInput, stamp_ns: int, q: Array, qd: Array, effort: Array, refused: bool,
-    now_ns: int,
+    now_ns: int, one_source: bool,
 ) -> int:  # fmt: skip
     """Take a joint state in; return its fault. RESTARTED is good, and everything before it is discarded.
 
@@ -383,13 +383,14 @@ def receive_joints(
         stamp_ns, q, qd, effort: the sample; (n,) [rad], [rad/s], [N m].
         refused: whether the message itself was not what it should be.
         now_ns: arrival.
+        one_source: whether nobody else publishes joint states of this arm.
     """
     if refused:
         state.counts[Fault.REFUSED] += 1
         return Fault.REFUSED.value
     follows = state.known != 0
     fault, found = classify_joints(limits, stamp_ns, q, qd, now_ns, state.last, state.arrival_ns, follows)
-    if fault == Fault.JUMP and now_ns - state.arrival_ns > limits.age_ns:
+    if fault == Fault.JUMP and one_source and now_ns - state.arrival_ns > limits.age_ns:
         # Nobody has seen where the arm went in the meantime: efforts for the old posture would kick it.
         fault = Fault.RESTARTED.value
     if fault == Fault.CLOCK_JUMP or fault == Fault.JUMP:
