@@ -9,6 +9,7 @@ three inputs of a controller have subscribers.
 import contextlib
 
 import rclpy
+import rclpy.executors
 from geometry_msgs.msg import TwistStamped, WrenchStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -53,5 +54,5 @@ class JointPD(Node):
 
 if __name__ == "__main__":
     rclpy.init()
-    with contextlib.suppress(KeyboardInterrupt):
+    with contextlib.suppress(KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
         rclpy.spin(JointPD())

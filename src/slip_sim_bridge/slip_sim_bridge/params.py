@@ -147,7 +147,7 @@ class BridgeParams(ArmParams):
         ("controller",),
         "peers whose `<peer>/ready` must be seen before time starts; empty starts at once (realtime only)",
     )
-    peer_timeout_s: float = parameter(15.0, "how long to wait for the peers", unit="s", gt=0.0)
+    peer_timeout_s: float = parameter(30.0, "how long to wait for the peers", unit="s", gt=0.0)
     lockstep_timeout_s: float = parameter(5.0, "longest wait for the command of a lockstep tick", unit="s", gt=0.0)
     command_timeout_s: float = parameter(
         0.03,

@@ -78,7 +78,7 @@ def test_part_of_the_bag_under_another_name_with_clock(processes, bag, tmp_path)
     recorder = start_recorder(processes, tmp_path / "again", "/c", "/clock")
     output = play(
         processes, bag, "--topics", "a", "--remap", "a:=/c", "--clock", "1000", "--rate", "0.5",
-        "--start-offset", "0.1", "--playback-duration", "0.05", "--wait-for-subscribers",
+        "--start-offset", "0.1", "--playback-duration", "0.05", "--wait-for-subscribers", "--delay", "2",
     )  # fmt: skip
     assert processes.stop(recorder, signal.SIGINT) == 0
     assert "51 messages" in output

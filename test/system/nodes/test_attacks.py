@@ -212,13 +212,13 @@ def test_a_second_controller_is_a_fault_at_once_and_says_how_to_go_on(watcher: W
     foreign = watcher.node.create_publisher(JointState, "effort_command", 10)
     watcher.spin(lambda: foreign.get_subscription_count() >= 2, "the bridge to take foreign commands")
     began = time.monotonic()
-    watcher.wait_mode("FAULT", "somebody else")
+    watcher.wait_mode("FAULT", "another publisher")
     assert time.monotonic() - began < PROMPT_S
     assert watcher.modes[-1].endswith("call ~/reset_fault, then ~/enable")
     watcher.node.destroy_publisher(foreign)
     watcher.wait_law()
     start("controller", *CONTROLLER_SLOW)  # under the same name
-    watcher.wait_mode("FAULT", "somebody else")
+    watcher.wait_mode("FAULT", "another publisher")
     assert controller.exit_code is None
     assert bridge.exit_code is None
 

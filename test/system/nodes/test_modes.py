@@ -146,7 +146,7 @@ def test_services_move_the_mode(nodes: System) -> None:
     watcher = nodes.watcher
     watcher.wait_law()
     assert watcher.trigger("hold").success
-    watcher.wait_mode("HOLD", "asked")
+    watcher.wait_mode("HOLD", "hold requested")
     assert watcher.trigger("enable").success
     watcher.wait_law()
     assert watcher.trigger("reset_fault").success
@@ -202,7 +202,7 @@ def test_somebody_else_on_the_command_topic_is_a_fault_that_latches(nodes: Syste
     watcher = nodes.watcher
     watcher.wait_law()
     foreign = watcher.node.create_publisher(JointState, "effort_command", 1)
-    watcher.wait_mode("FAULT", "somebody else")
+    watcher.wait_mode("FAULT", "another publisher")
     watcher.node.destroy_publisher(foreign)
     assert not watcher.trigger("enable").success
     wait_gone = lambda: len(watcher.node.get_publishers_info_by_topic("/effort_command")) == 1  # noqa: E731

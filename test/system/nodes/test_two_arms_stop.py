@@ -121,7 +121,7 @@ def stop_and_go_on(operator: Operator) -> None:
 
     operator.wait_modes("ACTIVE", "ACTIVE", STARTS_S)
     assert operator.trigger("hold")
-    operator.wait_modes("HOLD: asked", "HOLD: asked")
+    operator.wait_modes("HOLD: hold requested", "HOLD: hold requested")
     assert operator.trigger("enable")
     operator.wait_modes("ACTIVE", "ACTIVE")
     operator.spoil("right.sensors.wrench.silent", True)

@@ -52,7 +52,7 @@ def to_run(page: Path) -> list[str]:
     return [
         command
         for command in dict.fromkeys(found)
-        if not command.startswith(ELSEWHERE) and not any(word in command.split() for word in EXAMPLES)
+        if not command.startswith(ELSEWHERE) and not any(word.partition("/")[0] in EXAMPLES for word in command.split())
         and not any(part in command for part in NEEDS_MORE)
     ]  # fmt: skip
 

@@ -88,6 +88,7 @@ def called(tmp_path: Path) -> dict[str, str]:
                 "mypy ",
                 f"python -m pytest {FAST}",
                 "python -m pytest test/system -m smoke -n 2 --dist loadfile",
+                "python -m pytest test/referees -n 2 -m referee and not long",
             ],
         ),
         (

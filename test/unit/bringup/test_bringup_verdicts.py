@@ -162,7 +162,7 @@ def test_drift_friction_and_first_motion_have_bounds() -> None:
     assert refused.fix
     assert verdicts.judge_motion("goal 4 reached", "ACTIVE", 0.003, 0.0025, 0.001, 0.025).holds
     for goal, mode, missed, slip in (
-        ("goal 4 moves", "ACTIVE", 0.0, 0.0), ("goal 4 reached", "HOLD: asked", 0.0, 0.0),
+        ("goal 4 moves", "ACTIVE", 0.0, 0.0), ("goal 4 reached", "HOLD: hold requested", 0.0, 0.0),
         ("goal 4 reached", "ACTIVE", 0.02, 0.0), ("goal 4 reached", "ACTIVE", 0.0, 0.01),
     ):  # fmt: skip
         assert verdicts.judge_motion(goal, mode, missed, slip, 0.001, 0.025).fix
