@@ -1,6 +1,6 @@
 """python examples/read_bag.py [BAG]
 
-A recorded run with pandas: its topics, when the object slips, how hard the arm works meanwhile. No ROS is needed.
+A recorded run with pandas: its topics, when the object slips, the arm's efforts in between. No ROS is needed.
 """
 
 import sys

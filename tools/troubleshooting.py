@@ -1,6 +1,6 @@
 """Write the tables of docs/troubleshooting.md: reasons of a mode, faults, steps of a bring-up, error texts, from the sources.
 
-python tools/troubleshooting.py          # writes the page anew between its marks
+python tools/troubleshooting.py          # writes the page between its marks again
 """
 
 from __future__ import annotations

@@ -264,7 +264,7 @@ class SlipVicController(LastResort, LifecycleNode):
         for arm, result in answered:
             arm.tell(result)
         if answered and self._task is not None:
-            self._task.publish()
+            self._task.publish(answered[0][1])
 
     def announce_when_ready(self) -> None:
         """Tell once that every peer is matched."""

@@ -322,7 +322,7 @@ def second_controller(stage: Stage) -> str:
 
 
 def foreign_efforts(stage: Stage) -> str:
-    """Efforts of somebody else, each at another end of what a joint bears, and some that are no numbers."""
+    """Efforts of another publisher, each at another end of what a joint bears, and some that are no numbers."""
     rng, made = np.random.default_rng(16), message("effort_command")
     with _publisher(stage, "effort_command", JointState) as publisher:
         for k in range(200):

@@ -1,7 +1,10 @@
 """What travels on the topics: names, frames, stamps, the effort array, a reference from outside, the grip."""
 
 import importlib.metadata
+import math
 import signal
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +87,35 @@ def test_the_ledger_counts_cycles_and_names_the_stamps_used(run: dict[str, list[
     assert [tuple(row[1:3]) for row in ledger] == stamps
 
 
+def follow_trajectories(ros_node: Any, spun: Any, off: Callable[[], float]) -> None:
+    """Send a planner's joint trajectory that waits where the arm is, and one for other joints."""
+    from sensor_msgs.msg import JointState
+    from std_msgs.msg import String
+    from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+    states: list[JointState] = []
+    said: list[str] = []
+    ros_node.create_subscription(JointState, "joint_states", lambda m: states.append(m), 10)
+    ros_node.create_subscription(String, "controller/goal", lambda m: said.append(m.data), 10)
+    publisher = ros_node.create_publisher(JointTrajectory, "joint_trajectory", 10)
+    wait_until(lambda: spun(lambda: states and publisher.get_subscription_count()), "joint states", 60.0)
+    here = list(states[-1].position)
+    points = [JointTrajectoryPoint(positions=here), JointTrajectoryPoint(positions=here)]
+    points[1].time_from_start.nanosec = 200_000_000
+    for names, line in ((["no_joint"] * len(here), "trajectory refused"), (states[-1].name, "trajectory reached")):
+        message, sent_s = JointTrajectory(joint_names=names, points=points), [-math.inf]
+
+        def answered(message: Any = message, sent_s: list[float] = sent_s, line: str = line) -> bool:
+            """Send it again, as a person does, where a busy machine had the law wait just then."""
+            if time.monotonic() - sent_s[0] > 5.0:
+                sent_s[0] = time.monotonic()
+                publisher.publish(message)
+            return any(line in text for text in said)
+
+        wait_until(lambda: spun(answered), line, 60.0, lambda: f"{said}")
+    assert abs(off()) < REACHED_M
+
+
 def test_a_reference_from_a_topic_is_followed(processes: Processes, ros_node: Any) -> None:
     """Started alone, from the files in config/, in real time: the documented way onto a robot."""
     from geometry_msgs.msg import PoseStamped, Quaternion, Transform, Vector3
@@ -139,6 +171,7 @@ def test_a_reference_from_a_topic_is_followed(processes: Processes, ros_node: An
         return abs(poses[-1].pose.position.x - target) < REACHED_M
 
     wait_until(lambda: spun(arrived), "the end-effector at the reference", 60.0)
+    follow_trajectories(ros_node, spun, lambda: poses[-1].pose.position.x - target)
     executor.remove_node(ros_node)
     assert rclpy.ok(context=ros_node.context)
     assert processes.stop(controller, signal.SIGINT) == 0

@@ -19,11 +19,12 @@ from slip_core.records import record
 from slip_vic.cli import cli
 from slip_vic.retime.certificate import Motion, certified, pad_wrench
 from slip_vic.retime.command import governed, governor_config
-from slip_vic.retime.path import POSE_COLUMNS, JointPath, PadMotion, PadPath, Points, read_points
+from slip_vic.retime.path import PadPath, read_points
 from slip_vic.retime.timing import held_object
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.reach import pad_path
 from slip_vic.scenarios.scenario import Scenario, load_scenario
+from slip_vic_controller.joint_path import POSE_COLUMNS, JointPath, PadMotion, Points
 from slip_vic_controller.reference.retiming import HELD_OBJECT
 from test.support.every import every
 

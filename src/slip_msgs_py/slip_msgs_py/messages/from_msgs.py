@@ -225,3 +225,18 @@ def pose_goal(message: Any, duration_s: float) -> PoseGoal:
     if not duration > 0.0:
         raise InputError("goal: time_from_start", got=f"{duration:g} s", expected="more than 0")
     return PoseGoal(reference.position, reference.rotation, duration)
+
+
+def joint_trajectory(message: Any) -> tuple[Array, Array, tuple[str, ...]]:
+    """Return times (m,) [s], positions (m, n) [rad] and joint names of a JointTrajectory.
+
+    Raises:
+        InputError: a point without a position per joint.
+    """
+    names, points = tuple(message.joint_names), message.points
+    for number, point in enumerate(points, 1):
+        if len(point.positions) != len(names):
+            got = f"{len(point.positions)} positions in point {number}"
+            raise InputError("joint trajectory", got=got, expected=f"{len(names)}, one per joint name")
+    times = [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points]
+    return np.array(times), np.array([point.positions for point in points]), names

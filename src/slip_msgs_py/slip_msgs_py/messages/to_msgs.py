@@ -8,16 +8,28 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist, TwistStamped, Vector3, Wrench, WrenchStamped
+from geometry_msgs.msg import (
+    Point,
+    Pose,
+    PoseStamped,
+    Quaternion,
+    Transform,
+    Twist,
+    TwistStamped,
+    Vector3,
+    Wrench,
+    WrenchStamped,
+)
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray, Header, Int64MultiArray, String
+from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from slip_core import poses
 from slip_core.arrays import Array, readonly
 from slip_core.stamps import split_ns
-from slip_core.types import ObjectTruth, SlipSample
+from slip_core.types import CartesianReference, ObjectTruth, SlipSample
 
 WORLD = "world"
 OBJECT = "object"
@@ -70,6 +82,15 @@ def odometry(stamp_ns: int, pose_numbers: Array, twist: Array) -> Odometry:
     message.pose.pose = pose(pose_numbers)
     message.twist.twist = twist_msg(twist)
     return message
+
+
+def reference(sample: CartesianReference) -> MultiDOFJointTrajectory:
+    """Return a desired motion of {ee} in {w} as the one point of a trajectory."""
+    x, y, z, qx, qy, qz, qw = _floats(pose_numbers(sample.position, sample.rotation))
+    at = Transform(translation=Vector3(x=x, y=y, z=z), rotation=Quaternion(x=qx, y=qy, z=qz, w=qw))
+    motion = {"velocities": [twist_msg(sample.twist)], "accelerations": [twist_msg(sample.acceleration)]}
+    point = MultiDOFJointTrajectoryPoint(transforms=[at], **motion)
+    return MultiDOFJointTrajectory(header=header(sample.stamp_ns, WORLD), points=[point])
 
 
 def clock(stamp_ns: int) -> Clock:

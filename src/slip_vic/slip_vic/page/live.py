@@ -178,7 +178,7 @@ class Watcher:
             self._begin(run)
             self._described, self._start_ns = described, stamp_ns
         elif stamp_ns < self.last_ns:
-            self._start_ns = stamp_ns  # a bag that is looped, a run that begins anew: the page sees the time go back
+            self._start_ns = stamp_ns  # a bag that is looped, a run that restarts: the page sees the time go back
         self.last_ns = stamp_ns
         return frame((stamp_ns - self._start_ns) * 1e-9, run)
 

@@ -30,7 +30,7 @@ def find_preset(kind: str, name_or_path: str) -> Path | None:
     path = Path(name_or_path)
     if path.suffix in (".yaml", ".yml"):
         return path
-    raise UnknownName(kind.removesuffix("s"), name_or_path, preset_names(kind), fix="Or give a .yaml file.")
+    raise UnknownName(kind.removesuffix("s"), name_or_path, preset_names(kind), fix="(or a .yaml file)")
 
 
 def preset_text(kind: str, name_or_path: str) -> str:

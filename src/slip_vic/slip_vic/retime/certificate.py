@@ -13,8 +13,9 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import new, record
-from slip_vic.retime.path import GivenPath, PadMotion
+from slip_vic.retime.path import GivenPath
 from slip_vic.retime.timing import Timing, held_object, retimed
+from slip_vic_controller.joint_path import PadMotion
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.reference.governor import GOVERNOR_CONFIG

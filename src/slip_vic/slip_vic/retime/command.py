@@ -13,9 +13,10 @@ from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_vic.retime import output
 from slip_vic.retime.certificate import arm_shares, certified
-from slip_vic.retime.path import GivenPath, JointPath, PadPath, read_points
+from slip_vic.retime.path import GivenPath, PadPath, read_points
 from slip_vic.retime.timing import held_object
 from slip_vic.scenarios.scenario import Scenario, load_scenario
+from slip_vic_controller.joint_path import JointPath
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.reference.governor import GOVERNOR_CONFIG
 from slip_vic_controller.session import ArmController

@@ -19,7 +19,8 @@ from scipy.spatial.transform import Rotation
 from slip_bags.typedefs import find_definition
 from slip_core.arrays import Array
 from slip_vic.retime.certificate import Certificate, Motion
-from slip_vic.retime.path import POSE_COLUMNS, TRAJECTORY
+from slip_vic.retime.path import TRAJECTORY
+from slip_vic_controller.joint_path import POSE_COLUMNS
 
 GOAL_PERIOD_S = 0.02
 """Points of the goal for an action server: it interpolates between them."""

@@ -202,7 +202,7 @@ class Launcher:
         while not done():
             time.sleep(POLL_S)
             if self._stop():
-                # Without a recorder nobody needs what is still on its way.
+                # Without a recorder no process needs what is still on its way.
                 group.stop([child for child in group.children if child.name != "recorder"], in_haste=self._bag is None)
                 group.stop(group.children)
                 raise Interrupted(f"a signal{self._progress_text(group)}")

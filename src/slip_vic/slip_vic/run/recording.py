@@ -44,10 +44,8 @@ def _absent(controller: ControllerNodeParams) -> set[str]:
     """Return the topics that a controller with these parameters, and its bridge, do not have."""
     absent = {"controller/timing", "bridge/timing"} if controller.mode == "lockstep" else {"lockstep_tick"}
     absent |= SLIP_TOPICS.keys() - {name for name, kind in SLIP_TOPICS.items() if kind == controller.slip_input}
-    if controller.trajectory.kind != "goal":
-        absent.add("controller/goal")
     if controller.trajectory.kind not in ("goal", "topic"):
-        absent.add("controller/reference_used")
+        absent |= {"controller/goal", "controller/reference_used"}
     if controller.grip.control != "follow":
         absent.add("grip_command")
     others = COMMANDS.keys() - {controller.command.interface}

@@ -59,4 +59,4 @@ def find_scenario(name_or_path: str) -> Path | None:
     path = Path(name_or_path)
     if path.suffix in (_SUFFIX, ".yml"):
         return path
-    raise UnknownName("scenario", name_or_path, scenario_names(), fix="Or give a .yaml file.")
+    raise UnknownName("scenario", name_or_path, scenario_names(), fix="(or a .yaml file)")

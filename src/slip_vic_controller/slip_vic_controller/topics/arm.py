@@ -94,7 +94,7 @@ class ArmTopics:
         self._state_publisher.close()
 
     def say_no_command(self) -> None:
-        """Say once that there is no command any more: to a velocity drive, which goes on with its last one, zero."""
+        """Say once that there is no command any more: to a velocity drive, which continues with its last one, zero."""
         newest = self.arm.newest_joint
         if newest is None or self._lockstep:
             return

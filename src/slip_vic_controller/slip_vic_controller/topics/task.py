@@ -1,4 +1,4 @@
-"""Topics of what all arms do together: references or goals in, what was taken and what becomes of goals out."""
+"""Topics of what all arms do together: references, joint trajectories or goals in, what becomes of them out."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from slip_msgs_py.messages import from_msgs
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_vic_controller.config import governed_stream
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
-from slip_vic_controller.session import ControllerSession
+from slip_vic_controller.session import ControllerSession, CycleResult
 from slip_vic_controller.topics.goal import GoalInterface
+from slip_vic_controller.topics.joint_trajectory import JointTrajectoryInput
 
 REFERENCE_DEPTH = 10
 
@@ -29,9 +30,12 @@ class TaskTopics:
     def __init__(self, node: Any, params: ControllerNodeParams, session: ControllerSession, refusals: Refusals) -> None:
         self._params, self._session, self._refusals = params, session, refusals
         self._goals: GoalInterface | None = None
+        self._trajectories: JointTrajectoryInput | None = None
         self._used = create_publisher(node, "controller/reference_used") if session.controller.external else None
         if session.reference_from_topic:
             create_subscription(node, "reference", self._on_reference, depth=REFERENCE_DEPTH, reliable=False)
+            if len(session.arms) == 1:
+                self._trajectories = JointTrajectoryInput(node, params, session, refusals, self._on_reference)
         elif session.controller.external:
             self._goals = GoalInterface(node, session, refusals, self._used, params.trajectory.duration_s)
 
@@ -40,8 +44,10 @@ class TaskTopics:
         """Publishers, and how many subscribers each must have before the node is ready."""
         return [] if self._used is None else [(self._used, self._params.expected_subscribers - 1)]
 
-    def publish(self) -> None:
-        """Publish what has changed in this cycle."""
+    def publish(self, result: CycleResult) -> None:
+        """Publish what has changed in this cycle; result: of the first arm that was answered."""
+        if self._trajectories is not None:
+            self._trajectories.publish(result)
         if self._goals is not None:
             self._goals.publish()
 

@@ -17,7 +17,7 @@ class Live {
       if (this.over) return; // the page is on its way out
       if (data === "model") {
         this.over = this.page !== undefined;
-        if (this.over) location.reload(); // another run: begin anew
+        if (this.over) location.reload(); // another run: start again
       } else if (typeof data === "string") this.status(JSON.parse(data));
       else if (this.page) this.frame(new Float32Array(data));
       else this.begin(unpack(data));
@@ -67,7 +67,7 @@ class Live {
 
   frame(numbers) {
     const { model, page } = this, { player, scenes } = page;
-    const again = numbers[0] < player.end; // a bag that is looped, a run that begins anew
+    const again = numbers[0] < player.end; // a bag that is looped, a run that restarts
     const atEnd = again || player.t >= player.end - 1e-6;
     if (again) this.drop(model.count);
     else if (model.count === KEPT) this.drop(KEPT / 2);
