@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 
@@ -10,6 +12,9 @@ def skew(a):
 
 
 def rotation_of(phi):
+    if phi[0] == phi[1] == 0.0:
+        c, s = math.cos(phi[2]), math.sin(phi[2])
+        return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     angle = np.linalg.norm(phi)
     if angle < 1e-12:
         return np.eye(3) + skew(phi)
@@ -37,14 +42,15 @@ class BentPath:
         self.way, self.duration = np.asarray(way, float), duration
         self.side = np.zeros(6) if side is None else np.asarray(side, float)
         self.start = np.eye(3) if start is None else start
-        blend = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])
-        bump = 64 * np.polynomial.Polynomial([0, 1, -1]) ** 3
+        self.level = not (self.way[3:5].any() or self.side[3:5].any())  # it turns about one axis: J is 1
         self._last = None, None
-        self.blends = [(blend.deriv(k), bump.deriv(k)) if k else (blend, bump) for k in range(3)]
 
     def coordinates(self, t):
-        u = min(max(t / self.duration, 0.0), 1.0)
-        return [(a(u) * self.way + b(u) * self.side) / self.duration**k for k, (a, b) in enumerate(self.blends)]
+        T, u = self.duration, min(max(t / self.duration, 0.0), 1.0)
+        rest = u - u * u
+        blends = u**3 * (10 - 15 * u + 6 * u * u), 30 * rest**2, 60 * rest * (1 - 2 * u)
+        bumps = 64 * rest**3, 192 * rest**2 * (1 - 2 * u), 384 * rest * ((1 - 2 * u) ** 2 - rest)
+        return [(a * self.way + b * self.side) / T**k for k, (a, b) in enumerate(zip(blends, bumps, strict=True))]
 
     def at(self, t):
         """Position (3,), attitude (3, 3), twist (6,), acceleration (6,); {w}."""
@@ -55,7 +61,10 @@ class BentPath:
 
     def _at(self, t):
         value, rate, rate_rate = self.coordinates(t)
-        phi, J, h = value[3:], jacobian(value[3:]), 1e-5
+        phi = value[3:]
+        if self.level:
+            return value[:3], rotation_of(phi) @ self.start, rate, rate_rate
+        J, h = jacobian(phi), 1e-5
         J_dot = (jacobian(phi + h * rate[3:]) - jacobian(phi - h * rate[3:])) / (2 * h)
         return (
             value[:3],

@@ -85,13 +85,17 @@ def run(
         }
         G = Governor(path, case, **{**options, **changes}, estimator=estimator).plan()
     m, J, rho = case.mass * mass, case.inertia[2, 2] * mass, case.radius
-    M_inv, S = np.diag([1 / m, 1 / m, 1 / J]), np.diag([1, 1, rho])
-    g = case.gravity[:2]
+    M_inv, S = np.array([1 / m, 1 / m, 1 / J]), np.array([1, 1, rho])  # both diagonal
+    told, noise = (
+        np.array([case.mass, case.mass, case.inertia[2, 2]]),
+        np.array([*[sensor.noise] * 2, sensor.noise_angular]),
+    )
+    g = np.array([*case.gravity[:2], 0.0])
     x, v = np.zeros(3), np.zeros(3)
     pose, twist = np.array([-case.r[0], -case.r[1], 0.0]), np.zeros(3)
     goal = case.way[PLANAR]
     f = np.zeros(3)  # on the object
-    f[:2] = -m * g
+    f[:2] = -m * g[:2]
     f[2] = m * (case.r[0] * -g[1] - case.r[1] * -g[0]) * -1.0
     slip, v_s, arrived, overshoot, peak, worst = np.zeros(2), np.zeros(3), math.nan, 0.0, 0.0, 0.0
     on_the_way, sample, overrun = deque(), np.zeros(3), False
@@ -112,10 +116,10 @@ def run(
             h[[0, 1]], h[5] = R[:2, :2].T @ -f[:2], -f[2]
             G.feel(h, stamp)
         if k % sensor.period == 0:
-            reading = v_s + rng.normal(size=3) * [sensor.noise, sensor.noise, sensor.noise_angular]
+            reading = v_s + rng.normal(size=3) * noise
             if sensor.quantum > 0:
                 reading[:2] = sensor.quantum * np.round(reading[:2] / sensor.quantum)
-            reading[:2] *= np.hypot(*reading[:2]) > sensor.dead
+            reading[:2] *= math.hypot(*reading[:2]) > sensor.dead
             reading[2] *= abs(reading[2]) > sensor.dead_angular
             on_the_way.append((k + sensor.delay, stamp, reading))
         while on_the_way and on_the_way[0][0] <= k:
@@ -135,9 +139,8 @@ def run(
         v_law = sample if law == "vic" else np.zeros(3)
         e, e_dot = x - x_d, v - v_d
         fade = np.exp(-100 * np.abs(v_law))
-        gate = math.tanh(100 * np.linalg.norm(v_law))
-        told = np.diag([1 / case.mass, 1 / case.mass, 1 / case.inertia[2, 2]])
-        a_o = told @ (np.array([[1, 0, 0], [0, 1, 0], [-r[1], r[0], 1]]) @ f) + [*g, 0]
+        gate = math.tanh(100 * math.hypot(*v_law))
+        a_o = np.array([f[0], f[1], f[2] - r[1] * f[0] + r[0] * f[1]]) / told + g
         w_o = v[2] - v_law[2]
         follow = np.array([a_o[0] - a_o[2] * r[1] - w_o**2 * r[0], a_o[1] + a_o[2] * r[0] - w_o**2 * r[1], a_o[2]])
         a_C = a_d - fade * (K_D * e + D_D * e_dot) / M_D + gate * (follow - k_s * v_law)
@@ -153,11 +156,12 @@ def run(
         # -- hand and object
         v = v + dt * a_C
         G_T = np.array([[1, 0, -r[1]], [0, 1, r[0]], [0, 0, 1.0]])
-        A = dt * S @ G_T @ M_inv @ G_T.T @ S
-        free = twist + dt * np.array([*g, 0])
-        u_free = S @ (G_T @ free - v)
+        S_G = S[:, None] * G_T
+        A = dt * (S_G * M_inv) @ S_G.T
+        free = twist + dt * g
+        u_free = S * (G_T @ free - v)
         y = -np.linalg.solve(A, u_free)
-        if np.linalg.norm(y) > limit(0.0, now):
+        if math.hypot(*y) > limit(0.0, now):
             eigenvalues, V = np.linalg.eigh(A)
             pairs = list(zip(eigenvalues.tolist(), (V.T @ u_free).tolist(), strict=True))
             low, high = 0.0, float(np.linalg.norm(u_free))
@@ -167,17 +171,17 @@ def run(
                 low, high = (s, high) if sum((c / (s + F * a)) ** 2 for a, c in pairs) > 1 else (low, s)
             F = limit(s, now)
             y = -F * np.linalg.solve(s * np.eye(3) + F * A, u_free)
-        f = S @ y
-        twist = free + dt * M_inv @ G_T.T @ f
+        f = S * y
+        twist = free + dt * M_inv * (G_T.T @ f)
         x, pose = x + dt * v, pose + dt * twist
         v_s = v - G_T @ twist
-        c, s = np.cos(pose[2]), np.sin(pose[2])
+        c, s = math.cos(pose[2]), math.sin(pose[2])
         slip += dt * np.array([c * v_s[0] + s * v_s[1], c * v_s[1] - s * v_s[0]])
-        peak = max(peak, float(np.hypot(*v_s[:2])))
-        there = np.hypot(*(x - goal)[:2]) < 1e-3 and abs(x[2] - goal[2]) < math.radians(0.5)
+        peak = max(peak, math.hypot(*v_s[:2]))
+        there = math.hypot(*(x - goal)[:2]) < 1e-3 and abs(x[2] - goal[2]) < math.radians(0.5)
         arrived = math.nan if not there else now if math.isnan(arrived) else arrived
         overshoot = max(overshoot, float(direction @ (x - goal)[:2]))
-        if not np.hypot(*(x - x_d)[:2]) < 3.0:
+        if not math.hypot(*(x - x_d)[:2]) < 3.0:
             break
     return Result(
         1e3 * float(np.hypot(*slip)), 1e3 * peak, arrived, 1e3 * overshoot, worst,

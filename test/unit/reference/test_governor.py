@@ -17,7 +17,6 @@ from test.referees.governor_bench import PAPER_PLANAR, Friction, Governing, Gove
 from test.referees.governor_paths import BentPath
 from test.referees.planar_governed import (
     FLAG,
-    OPTICAL_120,
     PAPER,
     TO,
     VERTICAL,
@@ -46,49 +45,35 @@ def travel(G, most=6000, disturbance=None, seed=0):
 
 
 def test_known_friction_holds_and_arrives_in_time() -> None:
-    for name, latest, overshoot in (("governor SD", 2.10, 0.001), ("governor TO", 2.00, 0.05)):
-        q = row(name, end=2.3)
-        assert q.slip_mm < STICKS_MM, name
-        assert q.arrive < latest
-        assert q.overshoot_mm < overshoot
-        assert q.overrun == 0
-        assert q.worst <= 1 + ROUNDING
+    q = row("governor TO", end=2.1)
+    assert q.slip_mm < STICKS_MM
+    assert q.arrive < 2.00
+    assert q.overshoot_mm < 0.05
+    assert q.overrun == 0
+    assert q.worst <= 1 + ROUNDING
 
 
 def test_learnt_friction_costs_microns() -> None:
-    for name, latest in (("friction -40 %, SD", 2.9), ("friction -40 %, TO", 2.9)):
-        q = row(name, end=2.95)
-        assert q.slip_mm < STICKS_MM, name
-        assert q.arrive < latest
-        assert q.events == 1
-
-
-def test_a_late_sensor_or_a_mere_flag_is_enough() -> None:
-    for sensor, most in ((OPTICAL_120, 0.13), (FLAG, 0.31)):
-        q = run(PAPER, friction=0.6, sensor=sensor, law="classical", end=3.0)
-        assert q.slip_mm < most
-        assert q.arrive < 3.0
-
-
-def test_unknown_friction_is_probed() -> None:
-    q = run(PAPER, told=0.5, estimator=Friction.UNKNOWN, end=2.4)
+    q = row("friction -40 %, TO", end=2.9)
     assert q.slip_mm < STICKS_MM
-    assert q.arrive < 2.3
+    assert q.arrive < 2.9
+    assert q.events == 1
+
+
+def test_a_mere_flag_is_enough() -> None:
+    q = run(PAPER, friction=0.6, sensor=FLAG, law="classical", end=3.0)
+    assert q.slip_mm < 0.31
+    assert q.arrive < 3.0
 
 
 def test_a_wrong_mass_is_absorbed_by_the_units_of_the_limit() -> None:
     """The limit is learnt in the model's own load: measured alone it would be 25 % too high for a heavy object."""
-    for mass in (0.75, 1.4):
-        q = run(PAPER, mass=mass, end=2.6)
-        assert q.slip_mm < STICKS_MM, mass
-        assert q.worst <= 1 + ROUNDING
+    q = run(PAPER, mass=1.4, end=2.6)
+    assert q.slip_mm < STICKS_MM
+    assert q.worst <= 1 + ROUNDING
 
 
 def test_friction_that_falls_half_way_costs_margin_first_and_the_end_of_the_path_last() -> None:
-    q = run(PAPER, falls=(1.0, 0.8), end=2.6)
-    assert q.slip_mm < STICKS_MM
-    assert q.overshoot_mm < 1.0  # 21 where no margin is given up
-    assert q.arrive < 2.5
     q = run(PAPER, falls=(1.0, 0.6), end=4.5)
     assert q.slip_mm < STICKS_MM
     assert q.overrun
