@@ -18,7 +18,6 @@ from slip_core.params import build, flatten
 from slip_core.records import place
 from slip_core.types import EffortCommand
 from slip_sim_bridge.session import TickOutputs
-from slip_vic.replay.references import reference_names
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.in_process import ClosedLoop
@@ -80,14 +79,14 @@ def answer(session: OneArm, outputs: TickOutputs, known: tuple[int, ...]) -> Eff
     return result.command
 
 
-@pytest.mark.parametrize("name", [name for _, _, name in reference_names()])
+@pytest.mark.parametrize("name", ["paper_planar_vic", "vertical_plane_classical"])
 def test_reference_bags_verify_from_the_middle(name: str) -> None:
     with Bag(BAGS / name) as bag:
         runs = read_run(bag, {})
     (run,) = runs.values()
-    whole, half = verify_run(runs), verify_run(runs, from_s=0.5)
+    half = verify_run(runs, from_s=0.5)
     assert half.identical, half.text()
-    assert half.cycles < whole.cycles - 400
+    assert half.cycles < len(run.commands) - 400
     # A bag whose beginning is missing begins where the memory is known.
     late = dataclasses.replace(run, ledger=run.ledger[700:], commands=run.commands[700:], changes=())
     assert verify_run({"": late}).identical

@@ -27,19 +27,19 @@ def many_cases() -> list[Case]:
     """Every number of contacts and joints in both coordinates, and everything that the law treats differently."""
     cases = [
         random_case(seed, joints=joints, contacts=contacts, attitude=attitude, observed=seed % 2 == 1)
-        for seed in range(8)
+        for seed in range(4)
         for joints in range(3, 8)
         for contacts in (1, 2, 3)
         for attitude in (LOG, RPY)
     ]
     angles = (0.0, 1e-9, 0.0999, 0.1001, 1.0, 2.0, 2.2, PI - 0.21, PI - 0.19, PI - 1e-3)
-    cases += [random_case(seed, angle=angle) for seed in range(6) for angle in angles]
-    cases += [random_case(seed, slip=slip) for seed in range(6) for slip in (0.0, 1e-12, 1e-3, 10.0)]
+    cases += [random_case(seed, angle=angle) for seed in range(3) for angle in angles]
+    cases += [random_case(seed, slip=slip) for seed in range(3) for slip in (0.0, 1e-12, 1e-3, 10.0)]
     limits = (0.0, 1.0, 1e9)
-    cases += [random_case(seed, spin_limit=limit, length=0.03) for seed in range(6) for limit in limits]
-    cases += [random_case(seed, feed_forward=False, attitude=seed % 2) for seed in range(6)]
-    cases += [random_case(seed, slip_axes=(1, 1, 1, 1, 1, 1)) for seed in range(6)]
-    cases += [random_case(seed, contacts=contacts, kappa=0.7) for seed in range(6) for contacts in (2, 3, 4)]
+    cases += [random_case(seed, spin_limit=limit, length=0.03) for seed in range(3) for limit in limits]
+    cases += [random_case(seed, feed_forward=False, attitude=seed % 2) for seed in range(3)]
+    cases += [random_case(seed, slip_axes=(1, 1, 1, 1, 1, 1)) for seed in range(3)]
+    cases += [random_case(seed, contacts=contacts, kappa=0.7) for seed in range(3) for contacts in (2, 3, 4)]
     return cases
 
 
@@ -85,7 +85,7 @@ def assert_equal(case: Case) -> dict[str, Any]:
 
 def test_law_equals_referee() -> None:
     cases = many_cases()
-    assert len(cases) > 300
+    assert len(cases) > 180
     for case in cases:
         assert_equal(case)
 
@@ -252,7 +252,7 @@ def test_a_scaled_acceleration_is_what_the_effort_makes() -> None:
 
 def test_what_is_ok_is_finite_and_inside_the_limits_whatever_comes_in() -> None:
     rng, good = np.random.default_rng(0), 0
-    for trial in range(1000):
+    for trial in range(400):
         case = random_case(trial, contacts=1 + trial % 3, attitude=trial % 2)
         buffer = case.buffers[rng.integers(1, len(case.buffers))]
         numbers = (0.0, 5e-324, 1e-300, -1e-9, 1e3, 1e9, 1e154, -1e300, math.inf, math.nan)
@@ -263,4 +263,4 @@ def test_what_is_ok_is_finite_and_inside_the_limits_whatever_comes_in() -> None:
             assert np.isfinite(found.torque.tau).all()
             assert (np.abs(found.effort) <= case.config.effort_limit).all()
             assert np.isfinite(found.e).all()
-    assert 100 < good < 990
+    assert 40 < good < 390

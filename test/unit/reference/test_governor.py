@@ -1,9 +1,5 @@
 """The governor in closed loop in a plane, in 6D without one, and every trap of its design page."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -245,28 +241,6 @@ def test_a_snapshot_goes_on_with_equal_bytes() -> None:
             _, R, v, a = g.before()
             g.after(a, a, R, v[3:])
     assert all(a.tobytes() == b.tobytes() for a, b in zip(G.buffers, H.buffers, strict=True))
-
-
-def bits() -> str:
-    G = Governor(BentPath([0.2, -0.3, 0.1, 0.2, -0.1, 0.5], 1.0, [0.03] * 6), PAPER_PLANAR, mode=Governing.TIME_OPTIMAL)
-    for k in range(60):
-        _, R, v, a = G.before()
-        G.feel(np.array([0.1, 0, 0, 0, 0, 0.001 * k]), k * 1_000_000)
-        G.slip(k * 1_000_000, 1e-3 * (k == 40))
-        G.after(1.1 * a, a, R, v[3:])
-    return "".join(buffer.tobytes().hex() for buffer in G.buffers)
-
-
-def test_interpreted_and_compiled_give_equal_bits() -> None:
-    root = Path(__file__).parents[3]
-    code = "import sys, types; package = types.ModuleType('test'); package.__path__ = [%r]; " % str(root / "test")  # noqa: UP031
-    code += "sys.modules['test'] = package; "  # the standard library has a package of this name too
-    code += "from test.unit.reference.test_governor import bits; print(bits())"
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join([str(root), *sys.path])}
-    interpreted = subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, cwd=root
-    )
-    assert interpreted.stdout.strip() == bits(), interpreted.stderr
 
 
 UNSHRUNK = (Phase.explicit, Phase.reuse, Phase.generate)

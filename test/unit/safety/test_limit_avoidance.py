@@ -16,6 +16,7 @@ from test.support.call import call
 from test.support.made_up import N, controller_of
 
 CLOSE = 1e-10  # sums of products up to 1e4
+STILL = 1e-9  # N m: a brake that asks for no more has done
 CONTROLLER = controller_of()
 ROBOT = CONTROLLER.first.robot
 LIMITS = record(CONTROLLER.config, CONFIG).motion
@@ -101,6 +102,8 @@ def largest_way_back(M: np.ndarray, qd: np.ndarray, late: int = 0) -> float:
         on_the_way.append(effort)
         qd = qd + T * np.linalg.solve(M, on_the_way.popleft())
         back = max(back, float((-qd / first).max()))
+        if max(np.abs(waiting).max() for waiting in (effort, *on_the_way)) < STILL:
+            break
     assert (np.abs(qd) <= LIMITS.velocity[:N]).all()
     return back
 
