@@ -64,10 +64,9 @@ RUN = {page.name: to_run(page) for page in PAGES}
 
 def shortened(command: str) -> str:
     """Return a command with less to do: that it runs is shown here, what it shows elsewhere."""
-    if command.startswith("run ") and "duration_s" not in command:
-        command += " --set bridge.duration_s=0.5"
-    if command.startswith("run ") and not {"--record", "--in-process"} & set(command.split()):
-        command += " --in-process"
+    if command.startswith("run "):
+        command += " --set bridge.duration_s=0.4"
+        command += "" if {"--record", "--in-process"} & set(command.split()) else " --in-process"
     if command.startswith("check "):
         command += " --mismatch none"
     return command.replace("--rate 0.5", "--rate 5")
