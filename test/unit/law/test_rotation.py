@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,6 +15,7 @@ from test.referees.law_referee import S, exponential, jacobian_series, logarithm
 from test.support.call import call, flat
 
 ROUNDING = 1e-12  # closed forms of order one against a converged series: a few hundred rounding steps
+LAST_BITS = 2.5e-16  # of numbers below 1/2: rounding, and the first term that is left out
 SMALL_ANGLE = 1e-11  # just above the series' border the closed form loses 1e-16 / theta^2 / 60 by cancellation
 FINITE_DIFFERENCE = 1e-7  # central differences with step 1e-5: h^2 and rounding / h
 
@@ -24,6 +28,22 @@ def left_jacobians(phi: np.ndarray, rate: np.ndarray) -> list[np.ndarray]:
     """Return J_l rate, J_l^-1 rate, Jdot_l rate."""
     parts = (rotation.left_jacobian, rotation.left_jacobian_inverse, rotation.left_jacobian_rate)
     return [flat(call(part, phi, rate)) for part in parts]
+
+
+def test_below_a_tenth_of_a_radian_the_coefficients_are_exact_to_the_last_bits() -> None:
+    """Against Taylor's series of sine and cosine in fractions, and c = (1 - sin / (2 a theta)) / theta^2."""
+    for small in (0.0, 1e-9, 1e-3, 5e-3, 0.99 * rotation.SERIES_BELOW):
+        t, powers = Fraction(small), range(12)
+        a = sum((-t) ** k / math.factorial(2 * k + 2) for k in powers)
+        b = sum((-t) ** k / math.factorial(2 * k + 3) for k in powers)
+        a_slope, b_slope = (  # f'(theta) / theta = 2 df/dt
+            sum(-2 * k * (-t) ** (k - 1) / math.factorial(2 * k + more) for k in powers[1:]) for more in (2, 3)
+        )
+        exact = [float(value) for value in (a, b, a_slope, b_slope)]
+        np.testing.assert_allclose(call(rotation.coefficients, small), exact, rtol=0.0, atol=LAST_BITS)
+        if small > 0.0:
+            c = (1 - (1 - t * b) / (2 * a)) / t
+            assert call(rotation.inverse_coefficient, small) == pytest.approx(float(c), rel=0.0, abs=LAST_BITS)
 
 
 def exponential_of(phi: np.ndarray) -> np.ndarray:

@@ -31,6 +31,12 @@ def test_who_waits_too_long_says_for_what() -> None:
         wait()
 
 
+def test_who_has_time_left_waits_until_it_holds() -> None:
+    turns = iter((False, False, True))
+    assert wait(lambda: next(turns), timeout_s=1e6) == (True, [])
+    assert not list(turns)
+
+
 def test_nobody_is_given_up_who_is_still_starting() -> None:
     began, enough = threading.Event(), threading.Event()
 

@@ -172,6 +172,10 @@ def test_two_outliers_in_stick_begin_no_slip_and_three_samples_that_agree_do() -
             bench.step(np.zeros(6), samples=[((bench.tick + 1) * MS, six(x=reads, turn=reads))])
         assert bool(bench.state.sliding) == slides, count
     assert abs(bench.state.twist[0] - 0.3) < 1e-3, "the estimate begins with what they read"
+    began_ns, late, early = bench.tick * MS, (bench.tick - 1) * MS + 1, bench.tick * MS + 1
+    bench.step(six(x=1.0), samples=[(late, six(x=-0.1)), (early, six(x=0.3))])  # the referee's bits count, too
+    assert bench.state.late == 1, "nothing before the tick at which it began is run again"
+    assert bench.step(np.zeros(6), samples=[(began_ns, six(x=0.2))]).late == 2
 
 
 def test_samples_that_go_on_contradicting_the_model_are_believed() -> None:

@@ -228,6 +228,20 @@ def test_while_the_observers_word_is_provisional_braking_asks_no_more_than_what_
     assert np.linalg.norm(G.load_of(R, v[3:], a)) <= float(G.state.usable) * (1 + ROUNDING)
 
 
+def test_where_the_bound_falls_evenly_the_path_is_braked_evenly_and_stays_on_it() -> None:
+    """Under K = c - g s the motion is sdot^2 = c - g s: sddot = -g / 2, whatever the period."""
+    c, g = 0.9, 0.3
+    strong = SimpleNamespace(**{**vars(PAPER), "force": 100.0})
+    G = Governor(BentPath(PAPER.way, 2.0), strong, dt=4e-3).plan()
+    G.points["K"][:] = c - g * G.points["s"]
+    G.before()
+    rate = float(G.state.rate)
+    for k in range(1, 51):
+        G.before()
+        assert G.state.rate**2 == pytest.approx(c - g * G.state.s, rel=1e-12)
+        assert G.state.rate == pytest.approx(rate - 0.5 * g * k * G.dt, rel=1e-12)
+
+
 def test_a_snapshot_goes_on_with_equal_bytes() -> None:
     G, H = (Governor(BentPath(PAPER.way, 2.0), PAPER, window=8, points_per_cycle=7) for _ in range(2))
     for k in range(600):

@@ -12,15 +12,17 @@ from slip_bags.reader import Bag
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_core.types import CartesianReference
-from slip_core.vectors import mat, spatial, vec
+from slip_core.vectors import NOTHING, mat, spatial, vec
 from slip_msgs_py.messages.from_msgs import streamed_reference
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.reference.governor import GOVERNOR
 from slip_vic_controller.reference.paths import REFERENCE, Reference, put_reference
-from slip_vic_controller.reference.stream import STREAM, at, drop_passed
+from slip_vic_controller.reference.stream import STREAM, STREAM_CONFIG, STREAM_POINTS, at, drop_passed, take_queued
 from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.sizes import NEVER
 from test.support.run_maker import goal_message, record_run
 
 WAY, TURN, DURATION_S = np.array([0.4, 0.3, 0.0]), np.array([0.0, 0.0, 0.8]), 2.0
@@ -113,6 +115,52 @@ def test_what_has_been_run_through_is_forgotten_and_nothing_else() -> None:
         assert [stream.points[i].time for i in kept] == list(range(6 - points, 6)), time
         assert [stream.samples[i].position[0] for i in kept] == list(range(6 - points, 6)), time
         assert stream.fresh == max(points - 2, 0), "the load of the last two is still unknown"
+
+
+def test_samples_that_come_too_close_are_thinned_and_the_newest_is_always_kept() -> None:
+    config, stream, path = (record(new(layout), layout) for layout in (STREAM_CONFIG, STREAM, GOVERNOR))
+    config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
+    spacings_ms = (*(3,) * 20, *(10,) * 100)  # more of them than there is room for
+    stamps = 5 * 10**15 + np.cumsum((0, *spacings_ms)) * 10**6
+    for k, stamp_ns in enumerate(stamps):
+        stream.queued, stream.queue[0].stamp_ns = 1, stamp_ns
+        stream.queue[0].reference.position[:] = k
+        assert take_queued(config, stream, path, stamp_ns) is (k == 0)
+        n = int(stream.count)
+        times = np.array([stream.points[i].time for i in range(n)])
+        assert times[-1] == pytest.approx((stamp_ns - stamps[0]) * 1e-9)
+        assert stream.samples[n - 1].position[0] == k
+        assert n <= STREAM_POINTS
+        assert np.diff(times)[1:-1].min(initial=1.0) >= config.spacing_s, "but the last, that the next may replace"
+        if n < STREAM_POINTS:
+            assert np.diff(times)[1:].max(initial=0.0) < 2.5 * config.spacing_s, "and no more than need be"
+    assert n == STREAM_POINTS
+    assert (path.time, path.rate) == (-config.preview_s, 0.0)
+
+
+def test_a_stream_that_has_been_run_through_begins_again_where_it_ended() -> None:
+    config, stream, path = (record(new(layout), layout) for layout in (STREAM_CONFIG, STREAM, GOVERNOR))
+    config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
+
+    def take(ms: int) -> bool:
+        stream.queued, stream.queue[0].stamp_ns = 1, (7 + ms) * 10**6
+        item = Reference(vec([1e-3 * ms, 0.0, 0.0]), mat(np.eye(3)), spatial([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), NOTHING)
+        put_reference(stream.queue[0].reference, item)
+        return bool(take_queued(config, stream, path, 0))
+
+    assert [take(ms) for ms in (0, 20, 40)] == [True, False, False]
+    path.time, path.rate = 0.05, 0.1  # behind the last sample, where it goes straight on
+    assert not take(45)
+    path.rate = 0.0
+    assert not take(60), "there is something to follow"
+    path.time = 0.07
+    assert take(500)
+    assert stream.count == 2
+    assert (path.time, path.rate, stream.points[0].time) == (0.4, 0.0, 0.4)
+    rests, newest = numbers(at(stream, 0.4)), numbers(at(stream, 0.5))
+    np.testing.assert_allclose(rests[:3], (0.07, 0.0, 0.0), atol=1e-12)
+    np.testing.assert_array_equal(rests[12:], 0.0)
+    np.testing.assert_allclose(newest[[0, 12]], (0.5, 1.0))
 
 
 def numbers(reference: Reference) -> np.ndarray:

@@ -85,6 +85,39 @@ def test_a_real_sensor_must_show_slip_three_times_in_a_row_or_be_confirmed() -> 
         assert np.isclose(e.state.F_hat, KEPT * (0.5 + 0.001 * first) if believed else TOLD), "the first one's load"
 
 
+def test_a_slip_is_over_when_no_sample_has_shown_one_for_so_long() -> None:
+    """It takes several samples to begin, and a single one to last."""
+    e = estimate()
+    e.config.witnesses = 3
+    remember(e.history, 0, 0.5, 0.5)
+    for stamp_ms, speed, slips in (
+        (10, 2.0, False), (15, 2.0, False), (20, 2.0, True), (21, 0.0, True), (40, 2.0, True), (89, 0.0, True),
+        (90, 0.0, False), (91, 0.0, False),
+    ):  # fmt: skip
+        slip_sample(e.config, e.state, e.history, stamp_ms * MS, speed * THRESHOLD, False)
+        assert bool(e.state.slipping) is slips, stamp_ms
+
+
+def test_only_the_beginning_of_a_slip_teaches_and_only_what_is_not_known() -> None:
+    for friction, limit in ((Friction.LEARNT, KEPT * 0.8), (Friction.UNKNOWN, KEPT * 0.8), (Friction.KNOWN, TOLD)):
+        e = estimate(friction)
+        for ms, load in enumerate((0.8, 0.5, 0.3)):
+            remember(e.history, ms * MS, load, load)
+            assert slip_sample(e.config, e.state, e.history, ms * MS, 2.0 * THRESHOLD, False) == (
+                limit < TOLD and ms == 0
+            )
+            assert e.state.slipping == 1
+            assert np.isclose(e.state.F_hat, limit), "what is carried while it slides is sliding friction"
+            assert e.state.events == (limit < TOLD)
+
+
+def test_what_the_sensor_need_not_see_yet_is_not_withdrawn_by_it() -> None:
+    e = estimate()
+    cycle(e, 0, 0.8, found=True, speed=0.5 * THRESHOLD)
+    slip_sample(e.config, e.state, e.history, 5 * MS, 0.0, False)
+    assert e.state.suspected == 1
+
+
 def test_slip_that_goes_on_growing_lowers_it_down_to_what_is_plausible() -> None:
     e = estimate()
     for ms in range(4000):

@@ -141,6 +141,19 @@ def test_what_the_wrench_has_told_of_the_load_stays_over_a_silence_and_ends_with
     np.testing.assert_array_equal(made_up.state.hold.load_error, 0.0)
 
 
+def test_in_hold_the_wrench_corrects_the_load_with_the_configured_time_constant() -> None:
+    made_up = law_at_work()
+    assert made_up.past_validation(wrench=np.full(6, np.nan)).mode is Mode.HOLD
+    heavier, errors = LOAD + np.array([0.0, 0.0, -0.5, 0.0, 0.0, 0.0]), []
+    for _ in range(3):
+        assert made_up.run(20, wrench=heavier).mode is Mode.HOLD
+        errors.append(np.array(made_up.state.hold.load_error))
+    first, second = errors[1] - errors[0], errors[2] - errors[1]
+    decay = math.exp(-20 * MS * 1e-9 / record(made_up.controller.config, CONFIG).hold.load_s)
+    np.testing.assert_allclose(second, decay * first, atol=1e-5)
+    assert np.abs(first).max() > 0.05
+
+
 def test_a_controller_that_waits_for_inputs_knows_nothing_of_the_load() -> None:
     made_up = MadeUp()
     made_up.state.hold.load_error[:] = 3.0
