@@ -151,7 +151,7 @@ def test_a_stream_that_has_been_run_through_begins_again_where_it_ended() -> Non
     assert [take(ms) for ms in (0, 20, 40)] == [True, False, False]
     path.time, path.rate = 0.05, 0.1  # behind the last sample, where it goes straight on
     assert not take(45)
-    path.rate = 0.0
+    path.time, path.rate = 0.03, 0.0
     assert not take(60), "there is something to follow"
     path.time = 0.07
     assert take(500)
