@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from slip_bags.reader import Bag
 from slip_core.errors import InputError
-from slip_core.records import new, record
+from slip_core.records import dtype_of, new, record
 from slip_core.types import CartesianReference
 from slip_core.vectors import NOTHING, mat, spatial, vec
 from slip_msgs_py.messages.from_msgs import streamed_reference
@@ -20,7 +20,7 @@ from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.reference.governor import GOVERNOR
 from slip_vic_controller.reference.paths import REFERENCE, Reference, put_reference
-from slip_vic_controller.reference.stream import STREAM, STREAM_CONFIG, STREAM_POINTS, at, drop_passed, take_queued
+from slip_vic_controller.reference.stream import STREAM, STREAM_POINTS, StreamConfig, at, drop_passed, take_queued
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.sizes import NEVER
 from test.support.run_maker import goal_message, record_run
@@ -118,7 +118,7 @@ def test_what_has_been_run_through_is_forgotten_and_nothing_else() -> None:
 
 
 def test_samples_that_come_too_close_are_thinned_and_the_newest_is_always_kept() -> None:
-    config, stream, path = (record(new(layout), layout) for layout in (STREAM_CONFIG, STREAM, GOVERNOR))
+    config, stream, path = (record(new(layout), layout) for layout in (dtype_of(StreamConfig), STREAM, GOVERNOR))
     config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
     spacings_ms = (*(3,) * 20, *(10,) * 100)  # more of them than there is room for
     stamps = 5 * 10**15 + np.cumsum((0, *spacings_ms)) * 10**6
@@ -139,7 +139,7 @@ def test_samples_that_come_too_close_are_thinned_and_the_newest_is_always_kept()
 
 
 def test_a_stream_that_has_been_run_through_begins_again_where_it_ended() -> None:
-    config, stream, path = (record(new(layout), layout) for layout in (STREAM_CONFIG, STREAM, GOVERNOR))
+    config, stream, path = (record(new(layout), layout) for layout in (dtype_of(StreamConfig), STREAM, GOVERNOR))
     config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
 
     def take(ms: int) -> bool:
