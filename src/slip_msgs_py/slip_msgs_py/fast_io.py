@@ -58,9 +58,9 @@ class Sender:
         self._publish(self.encode(stamp_ns, *numbers))
 
 
-def create_sender(node: Any, name: str, form: Form) -> Sender:
-    """Create the publisher of a topic of the table and what sends through it."""
-    return Sender(create_publisher(node, name), form)
+def create_sender(node: Any, name: str, form: Form, *, events: bool = True) -> Sender:
+    """Create the publisher of a topic of the table and what sends through it; arguments as of `create_publisher`."""
+    return Sender(create_publisher(node, name, events=events), form)
 
 
 class Receiver(Generic[Sample]):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from slip_core.topics import Topic, topic
@@ -40,10 +41,17 @@ def subscription_qos(row: Topic, *, depth: int, reliable: bool) -> QoSProfile:
     )
 
 
-def create_publisher(node: Any, name: str, *, actual_name: str | None = None) -> Any:
-    """Create the publisher of a topic of the table, under another name where one contact of many needs it."""
+def create_publisher(node: Any, name: str, *, actual_name: str | None = None, events: bool = True) -> Any:
+    """Create the publisher of a topic of the table, under another name where one contact of many needs it.
+
+    Without `events` rclpy warns of no incompatible subscriber, and a destroyed publisher is gone at once: an executor
+    keeps the events, and with them the publisher, until its next round.
+    """
     row = topic(name)
-    return node.create_publisher(message_class(row.type), actual_name or name, publisher_qos(row))
+    callbacks = PublisherEventCallbacks(use_default_callbacks=events)
+    return node.create_publisher(
+        message_class(row.type), actual_name or name, publisher_qos(row), event_callbacks=callbacks
+    )
 
 
 def create_subscription(

@@ -137,8 +137,7 @@ class SlipVicController(LastResort, LifecycleNode):
 
     def on_error(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Become unconfigured after a transition that failed."""
-        if self._peers is not None:
-            self._destroy_endpoints()
+        self._destroy_endpoints()
         return TransitionCallbackReturn.SUCCESS
 
     # -- lifecycle ---------------------------------------------------------------------------------
@@ -158,7 +157,11 @@ class SlipVicController(LastResort, LifecycleNode):
         if self._common.wrench.source == "none":
             self.get_logger().warning("no wrench sensor (wrench.source: none): the load is the model's")
         self.session.set_active(False)
-        self._create_endpoints()
+        before = set(self._entities())
+        try:
+            self._create_endpoints()
+        finally:
+            self._endpoints = [entity for entity in self._entities() if entity not in before]
         return TransitionCallbackReturn.SUCCESS
 
     @_transition
@@ -195,13 +198,12 @@ class SlipVicController(LastResort, LifecycleNode):
         self._peers, self._ready = None, False
         for arm in self._arms:
             arm.close()
-        self._task = None
+        self._arms, self._task = (), None
         for destroy, item in self._endpoints:
             destroy(item)
         self._endpoints = []
 
     def _create_endpoints(self) -> None:
-        before = set(self._entities())
         self._pub_ready = create_publisher(self, "controller/ready")
         status = create_publisher(self, "/diagnostics")
         self._arms = tuple(
@@ -222,7 +224,6 @@ class SlipVicController(LastResort, LifecycleNode):
         RequestServices(self, self.session)
         publishers = [*self._task.publishers, *(item for arm in self._arms for item in arm.publishers)]
         self._peers = EndpointMatching(self, publishers=publishers, subscriptions=inputs)
-        self._endpoints = [entity for entity in self._entities() if entity not in before]
 
     def _say_no_command(self) -> None:
         for arm in self._arms:

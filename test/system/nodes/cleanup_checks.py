@@ -14,9 +14,12 @@ from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
+from slip_msgs_py.executor import Spinner
 from slip_msgs_py.messages import forms
 from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
 from slip_vic_controller.node import SlipVicController
+from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.topics.mode import RequestServices
 
 NAMES = tuple(f"arm_joint{i}" for i in range(1, 8))
 
@@ -63,6 +66,33 @@ def test_a_message_that_was_on_its_way_does_no_harm(controller: SlipVicControlle
     clean_up(controller)
     callback(serialize_message(form.make(1, *form.zeros())))
     assert controller.session.arms[0].newest_joint is not None  # it was read
+
+
+def test_configured_again_at_once_nobody_else_commands_the_arm(controller: SlipVicController) -> None:
+    looks: list[Fault] = []
+
+    def again() -> None:
+        if not looks:
+            clean_up(controller)
+            controller.trigger_configure()
+            looks.append(Fault(controller.session.arms[0].state.outside))
+
+    controller.create_timer(0.01, again)
+    spinner = Spinner(controller._executor)
+    spinner.spin_while(controller, lambda: not looks, 0.02)
+    assert looks == [Fault.NONE]
+
+
+def test_a_transition_that_failed_leaves_no_endpoints(
+    controller: SlipVicController, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clean_up(controller)
+    before = endpoints(controller)
+    with monkeypatch.context() as changed:
+        changed.setattr(RequestServices, "__init__", None)
+        assert controller.trigger_configure() == TransitionCallbackReturn.ERROR
+    assert endpoints(controller) == before
+    assert controller.trigger_configure() == TransitionCallbackReturn.SUCCESS
 
 
 def test_it_can_be_configured_again(controller: SlipVicController) -> None:

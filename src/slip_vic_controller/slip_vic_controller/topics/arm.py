@@ -51,7 +51,8 @@ class ArmTopics:
         self._lockstep = self.params.mode == "lockstep"
         part, names, contacts = self._node, self.params.joint_names, arm.contacts
         self._interface = self.params.command.interface
-        self._send_command = create_sender(part, f"{self._interface}_command", forms.joint_state(names))
+        # Without events, so that configured again at once it does not count as a second publisher.
+        self._send_command = create_sender(part, f"{self._interface}_command", forms.joint_state(names), events=False)
         self._send_array = (
             create_sender(part, f"{self._interface}_controller/commands", forms.numbers(len(names)))
             if self._interface != "effort" or self.params.publish_effort_array
