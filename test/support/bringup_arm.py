@@ -33,6 +33,7 @@ BRINGUP = (
     "bridge.stop_after_duration=false",
 )  # fmt: skip
 SENSORS = ("ideal", "optical_flow_120", "event_1000", "force_tactile_500", "vision_60", "vision_25")
+DRIVES = ("", "torque_joint", "velocity_500", "velocity_125", "position_250")
 SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
 SCALARS = ("friction_limit", "load_commanded", "friction_events", "slipping")
 DECIMATION = 10
@@ -66,11 +67,21 @@ class Loop:
     """A closed loop with an error in it; the methods are those of `System`."""
 
     def __init__(
-        self, scenario: str = "paper_planar", sensor: str = "", seed: int = 0, error: Error | None = None
+        self,
+        scenario: str = "paper_planar",
+        sensor: str = "",
+        seed: int = 0,
+        error: Error | None = None,
+        drive: str = "",
     ) -> None:
         self._error = error or Error()
         loaded = load_scenario(
-            scenario, law="governed", sensor=sensor, seed=seed, assignments=(*BRINGUP, *self._error.assignments)
+            scenario,
+            law="governed",
+            sensor=sensor,
+            drive=drive,
+            seed=seed,
+            assignments=(*BRINGUP, *self._error.assignments),
         )
         self.params, self.urdf, self.bridge_params = loaded.controller, loaded.urdf, loaded.bridge
         self.loop = ClosedLoop(loaded)
@@ -94,7 +105,7 @@ class Loop:
             joints.append((now, now, (*outputs.arms[0].joint.position, *outputs.arms[0].joint.velocity)))
             wrenches += [(now, w.stamp_ns * 1e-9, w.wrench) for w in outputs.arms[0].wrenches]
             slips += [(now, s.stamp_ns * 1e-9, _numbers(s)) for s in outputs.arms[0].slips]
-            if tick % DECIMATION == 0 and len(result.command.effort):
+            if tick % DECIMATION == 0 and len(result.command.numbers):
                 found = result.scalars()
                 scalars.append([found[name] for name in SCALARS])
             self.loop.bridge.advance([self._changed(result)])
@@ -106,7 +117,7 @@ class Loop:
 
     def _changed(self, result: Any) -> Any:
         command = result.command
-        if not len(command.effort):
+        if not isinstance(command, EffortCommand) or not len(command.effort):
             return command
         gravity = self.loop.controller.gravity
         return EffortCommand(command.stamp_ns, self._error.effort(np.array(command.effort), np.array(gravity)))
@@ -253,13 +264,14 @@ ERRORS = {
 
 
 def healthy(first: int, runs: int) -> int:
-    """Bring up systems with nothing wrong, every scenario with every sensor; return how often something was found."""
+    """Bring up systems with nothing wrong, every scenario with every sensor and drives; return how often one fails."""
     wrong = 0
     for run in range(first, first + runs):
         scenario, sensor = SCENARIOS[run % len(SCENARIOS)], SENSORS[run // len(SCENARIOS) % len(SENSORS)]
-        last = bring_up(Loop(scenario, sensor, seed=run))[0][-1]
+        drive = DRIVES[run % len(DRIVES)]
+        last = bring_up(Loop(scenario, sensor, seed=run, drive=drive))[0][-1]
         wrong += not last.holds
-        print(f"{run}: {scenario}, {sensor}: {last}", flush=True)
+        print(f"{run}: {scenario}, {sensor}, {drive or 'ideal'}: {last}", flush=True)
     print(f"healthy: {wrong} of {runs} runs found an error that is none")
     return wrong
 

@@ -27,6 +27,7 @@ TOPICS = {
     "/slip_displacement": "geometry_msgs/msg/PoseStamped",
     "/slip_flag": "sensor_msgs/msg/JointState",
     "/effort_command": "sensor_msgs/msg/JointState",
+    "/velocity_command": "sensor_msgs/msg/JointState",
     "/controller/ledger": "std_msgs/msg/Int64MultiArray",
     "/controller/reference_used": "trajectory_msgs/msg/MultiDOFJointTrajectory",
     "/parameter_events": "rcl_interfaces/msg/ParameterEvent",
@@ -148,8 +149,9 @@ def messages(tick: Tick, scenario: Scenario, change: Any) -> Iterable[tuple[str,
             continue
         inner = TYPES["geometry_msgs/msg/Twist"](*_vectors(slip.twist))
         yield "/slip_velocity", TYPES["geometry_msgs/msg/TwistStamped"](_header(slip.stamp_ns), inner)
-    effort = change(tick, np.array(result.command.effort))
-    yield "/effort_command", _joint_state(result.command.stamp_ns, names, joint.position, joint.velocity, effort)
+    interface, command = scenario.controller.command.interface, change(tick, np.array(result.command.numbers))
+    fields = (joint.position, command, NONE) if interface == "velocity" else (joint.position, joint.velocity, command)
+    yield f"/{interface}_command", _joint_state(result.command.stamp_ns, names, *fields)
     layout = TYPES["std_msgs/msg/MultiArrayLayout"]([], 0)
     numbers = np.array([*result.ledger, *result.decision], dtype=np.int64)
     yield "/controller/ledger", TYPES["std_msgs/msg/Int64MultiArray"](layout, numbers)

@@ -22,7 +22,9 @@ SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
 CYCLES = 300
 SLIPPING_CYCLES = 600  # in paper_planar the object slips by then
 FLIPPED = 123
-OF_OTHER_RUNS = {"/parameter_events", "/controller/reference_used", "/slip_displacement", "/slip_flag"}
+OF_OTHER_RUNS = {
+    "/parameter_events", "/controller/reference_used", "/slip_displacement", "/slip_flag", "/velocity_command",
+}  # fmt: skip
 # Parameters whose last bit reaches the efforts while the object slips.
 SENSITIVE = ("gains.gamma_kp", "gains.alpha", "object.mass", "nullspace.stiffness", "trajectory.duration_s")
 
@@ -64,6 +66,16 @@ def test_runs_with_other_slip_sensors_are_identical(tmp_path, kind):
     )  # fmt: skip
     record_run(tmp_path / kind, loaded)
     assert verdict(tmp_path / kind).text().startswith("identical: 300 cycles, ")
+
+
+def test_a_run_by_velocities_without_a_wrench_sensor_is_identical(tmp_path):
+    """The bag has no wrench message then, and none is missing."""
+    quiet = ("controller.wrench.source=none", "bridge.sensors.wrench.silent=true", "bridge.duration_s=0.6")
+    loaded = load_scenario("paper_planar", law="governed", drive="velocity_500", assignments=quiet)
+    record_run(tmp_path / "bag", loaded)
+    with Bag(tmp_path / "bag") as bag:
+        assert bag.series("/wrench").count == 0
+    assert verdict(tmp_path / "bag").text() == "identical: 600 cycles, 4200 velocities, to the last bit"
 
 
 @pytest.mark.parametrize("name", SENSITIVE)

@@ -234,6 +234,10 @@ def test_the_file_for_the_real_arm_is_safe_to_start(tmp_path: Path) -> None:
     assert all(above.startswith("    # ") and len(above) > 12 for above, _ in values)
     names = {line.split(":")[0].strip() for _, line in values}
     assert {"control_period_s", "effort.gravity", "trajectory.kind", "safety.auto_enable", "joint_names"} <= names
+    assert params.command.interface == "effort"
+    *_, file = write_arm(arm, {"paper_planar": content}, tmp_path, Path("odd.urdf"), "velocity_500")
+    params = build(ControllerNodeParams, read_parameters(file), "the file")
+    assert (params.command.interface, params.drive.delay_s, params.trajectory.kind) == ("velocity", 0.004, "hold")
 
 
 def test_a_pad_inside_the_flange_is_said() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from test.support.bringup_arm import ERRORS, SCENARIOS, SENSORS, Loop, bring_up
+from test.support.bringup_arm import DRIVES, ERRORS, SCENARIOS, SENSORS, Loop, bring_up
 from test.support.every import every
 
 
@@ -47,6 +47,15 @@ def _effort_of_a_posture_beside(system: Loop) -> np.ndarray:
 @every("scenario, sensor", [(scenario, sensor) for scenario in SCENARIOS for sensor in SENSORS])
 def test_nothing_is_found_where_nothing_is_wrong(scenario: str, sensor: str) -> None:
     found, _ = bring_up(Loop(scenario, sensor, seed=1))
+    assert found[-1].holds, str(found[-1])
+    assert found[-1].step == "first motion"
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+@every("drive", DRIVES[1:])
+def test_nothing_is_found_where_drives_are_as_they_are(drive: str) -> None:
+    found, _ = bring_up(Loop(sensor="vision_60", seed=1, drive=drive))
     assert found[-1].holds, str(found[-1])
     assert found[-1].step == "first motion"
 

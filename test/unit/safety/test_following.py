@@ -23,11 +23,11 @@ def begun() -> Following:
     return state
 
 
-def watch(state: Following, now_ns: int, error: float, speed: float, extra: np.ndarray) -> None:
+def watch(state: Following, now_ns: int, error: float, speed: float, extra: np.ndarray, angle: float = 0.0) -> None:
     """One cycle of an arm whose efforts exceed what it needs at rest by `extra` [N m]."""
     arm, law = record(new(ARM), ARM), record(new(EVALUATION), EVALUATION)
     arm.twist[0], arm.bias[:N], arm.J[:, :N] = speed, BIAS, J
-    law.error_linear = error
+    law.error_linear, law.error_angular = error, angle
     watch_following(state, N, arm, law, FORCE, BIAS - J.T @ FORCE + extra, now_ns)
 
 
@@ -42,6 +42,15 @@ def test_a_joint_whose_torque_has_no_effect_is_named() -> None:
     text = describe(Reason(Cause.NOT_FOLLOWING, state.joint, 0, state.torque, state.error), ("a", "b", "c"))
     assert text.startswith("b does not follow: -4.00 N m")
     assert "50 mm" in text
+
+
+def test_a_pad_that_is_only_turned_away_is_reported_by_its_angle() -> None:
+    state = begun()
+    for ms in range(STUCK_NS // MS + 2):
+        watch(state, ms * MS, 0.0, 0.0, np.array([0.1, -4.0, 0.2]), angle=0.2)
+    text = describe(Reason(Cause.NOT_FOLLOWING, state.joint, 0, state.torque, state.error), ("a", "b", "c"))
+    assert text.startswith("b does not follow: -4.00 N m")
+    assert "rests 11.5 degrees off" in text
 
 
 def test_an_arm_that_moves_or_is_near_follows() -> None:

@@ -147,7 +147,7 @@ def _read_arm(source: _Source, params: ControllerNodeParams) -> RecordedRun:
         urdf=_attachment(bag, f"{source.name}.urdf" if source.name else URDF),
         ledger=tuple(_entry(row, len(contacts)) for row in ledger_series["data"].tolist()),
         joints=_joints(_complete(bag, f"{prefix}joint_states"), order),
-        wrenches=tuple(_wrenches(bag, f"{contact}wrench") for contact in contacts),
+        wrenches=tuple(_wrenches(bag, f"{contact}wrench", params) for contact in contacts),
         slips=tuple(_slips(bag, contact, params) for contact in contacts),
         commands=_commands(_complete(bag, f"{prefix}{interface}_command"), ledger_series, order, interface),
         states=_states(bag, prefix + STATE),
@@ -288,7 +288,9 @@ def _six(series: Series, linear: str, angular: str) -> NDArray[np.float64]:
     return np.stack([series[f"{part}.{axis}"] for part in (linear, angular) for axis in _AXES], axis=1)
 
 
-def _wrenches(bag: Bag, topic: str) -> dict[int, WrenchSample]:
+def _wrenches(bag: Bag, topic: str, params: ControllerNodeParams) -> dict[int, WrenchSample]:
+    if params.wrench.source == "none":
+        return {}
     series = _complete(bag, topic)
     rows = zip(_stamps(series, topic), _six(series, "wrench.force", "wrench.torque"), strict=True)
     return {stamp: WrenchSample(stamp, row) for stamp, row in rows}

@@ -18,6 +18,8 @@ LEAST_TORQUE: Final = 0.05
 """Torque without effect that is friction: an object of another weight balances an arm far off, too [N m]."""
 RESTS: Final = 1e-3
 """Speed of a pad that rests [m/s]."""
+TURNED: Final = 256
+"""Added to the joint where the pad is at its place and turned away from its reference."""
 STUCK_NS: Final = 1_000_000_000
 """How long it must rest there [ns]."""
 
@@ -26,8 +28,8 @@ class Following(Record):
     """Whether the arm rests far from its reference."""
 
     since_ns: Whole  # NEVER = it does not
-    joint: Whole  # the one on which the most torque has no effect
-    error: Real  # m
+    joint: Whole  # the one on which the most torque has no effect; + TURNED where only its attitude is far
+    error: Real  # m, with TURNED rad
     torque: Real  # N m; on that joint, beyond what the model needs at rest
 
 
@@ -52,16 +54,17 @@ def watch_following(state: Following, n: int, arm: Arm, law: Evaluation, h: Arra
         effort: that the joints have; (n,) [N m].
         now_ns: the controller's clock.
     """
-    far = law.error_linear > FAR or law.error_angular > FAR_TURNED
-    if not far or vec(arm.twist).norm() > RESTS:
+    away = law.error_linear > FAR
+    if not (away or law.error_angular > FAR_TURNED) or vec(arm.twist).norm() > RESTS:
         state.since_ns = NEVER
         return
     if state.since_ns == NEVER:
         state.since_ns = now_ns
-    state.error, state.torque = law.error_linear, 0.0
+    state.error, state.torque = law.error_linear if away else law.error_angular, 0.0
+    turned = 0 if away else TURNED
     for j in range(n):
         torque = effort[j] - arm.bias[j]
         for i in range(6):
             torque += arm.J[i, j] * h[i]
         if abs(torque) > abs(state.torque):
-            state.joint, state.torque = j, torque
+            state.joint, state.torque = j + turned, torque

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from enum import IntEnum, unique
 from typing import NamedTuple
@@ -11,6 +12,7 @@ from slip_core.records import Real, Record, Whole
 from slip_vic_controller.arm.estimator import Finding
 from slip_vic_controller.arm.tare import Sensor
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
+from slip_vic_controller.safety.following import TURNED
 from slip_vic_controller.sizes import MAX_CONTACTS
 
 
@@ -44,7 +46,7 @@ class Cause(IntEnum):
     GIVEN_UP = 23
     HALTED = 24
     TARE = 26
-    NOT_FOLLOWING = 28  # detail: joint; value: torque on it [N m], limit: error [m]
+    NOT_FOLLOWING = 28  # detail: joint, + TURNED; value: torque on it [N m], limit: error [m], with TURNED [rad]
     BIASED = 27  # detail: the sensor; value, limit in its unit
     JOINT = 25  # detail: joint + 256 * Finding of the estimator; value, limit [rad] or [N m]
 
@@ -156,9 +158,11 @@ def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> st
         finding, joint = divmod(reason.detail, 256)
         return finding_text(Finding(finding), joint_names[joint], value, limit)
     if cause == Cause.NOT_FOLLOWING:
+        turned, joint = divmod(reason.detail, TURNED)
+        rests = f"{math.degrees(limit):.1f} degrees" if turned else f"{1e3 * limit:.0f} mm"
         return (
-            f"{joint_names[reason.detail]} does not follow: {value:.2f} N m more than it needs at rest do not move it, "
-            f"and the pad rests {1e3 * limit:.0f} mm off its reference"
+            f"{joint_names[joint]} does not follow: {value:.2f} N m more than it needs at rest do not move it, "
+            f"and the pad rests {rests} off its reference"
         )
     if cause == Cause.BIASED:
         name, unit = _OF_SENSOR[Sensor(reason.detail)]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from slip_vic.options import PACKAGE, names, out_option
+from slip_vic.options import DRIVE, PACKAGE, names, out_option
 
 AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 
@@ -22,6 +22,7 @@ AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 @click.option("--lock", "locks", multiple=True, metavar="JOINT=VALUE", help="keep a joint there; repeatable")
 @click.option("--scenario", "scenarios", default="paper_planar", show_default=True, help="names, comma separated")
 @click.option("--scale", type=click.FloatRange(0.01, 10.0), default=1.0, show_default=True, help="size of the path")
+@DRIVE
 @out_option(None, "folder; default: named like the file, here")
 def arm(
     *,
@@ -34,6 +35,7 @@ def arm(
     locks: tuple[str, ...],
     scenarios: str,
     scale: float,
+    drive: str,
     out: Path | None,
 ) -> None:
     """Make a folder that runs from an arm's URDF or xacro file: arm.urdf, scenarios, parameters for the real arm."""
@@ -58,9 +60,10 @@ def arm(
         tasks[name], start = made.task(scenario, scale)
         Console().print(way_table(made, name, start))
     folder = out or Path(urdf.name.partition(".")[0])
-    for path in write_arm(made, tasks, folder, urdf):
+    for path in write_arm(made, tasks, folder, urdf, drive):
         click.echo(path)
-    click.echo(f"next: slip-vic demo --scenario {folder / next(iter(tasks))}.yaml --out {folder / 'demo'}")
+    of_drive = f" --drive {drive}" if drive else ""
+    click.echo(f"next: slip-vic demo --scenario {folder / next(iter(tasks))}.yaml{of_drive} --out {folder / 'demo'}")
 
 
 def _position(text: str) -> tuple[str, float]:

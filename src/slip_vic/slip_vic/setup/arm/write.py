@@ -190,8 +190,10 @@ def read_arm(file: Path) -> str:
     return read_urdf(str(file), f"URDF {file}")
 
 
-def write_arm(arm: Arm, tasks: dict[str, dict[str, Any]], folder: Path, source: Path) -> list[Path]:
+def write_arm(arm: Arm, tasks: dict[str, dict[str, Any]], folder: Path, source: Path, drive: str = "") -> list[Path]:
     """Write the arm, its scenarios and the parameter files for the real one; return their paths.
+
+    drive: name or file of its drives, of which the parameters for the real arm have the interface and the delays.
 
     Raises:
         InputError: where the folder cannot be written.
@@ -205,7 +207,8 @@ def write_arm(arm: Arm, tasks: dict[str, dict[str, Any]], folder: Path, source: 
     real = {
         f"{name}_controller_realtime.yaml": f"{_REAL_HEAD}{commented_file(params, NODES['controller'][0], _ALWAYS)}"
         for name in tasks
-        for params in [real_parameters(load_scenario(str(folder.absolute() / f"{name}.yaml"), law="governed"))]
+        for loaded in [load_scenario(str(folder.absolute() / f"{name}.yaml"), law="governed", drive=drive)]
+        for params in [real_parameters(loaded)]
     }
     write_files(folder, real)
     return [folder / name for name in (*files, *real)]
