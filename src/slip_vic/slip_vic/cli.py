@@ -181,15 +181,15 @@ def summary_lines(verdict: Verdict, modes: Mapping[str, Sequence[tuple[float, st
     """Yield what is said of a run at its end: a line for each arm, and one for each change of its mode."""
     for name, numbers in verdict.arms.items():
         arrival = numbers["arrival_s"]
-        error = 1e3 * math.hypot(*numbers["final_error"][:3])
+        error, arm = 1e3 * math.hypot(*numbers["final_error"][:3]), f"{name}: " if name else ""
         yield (
-            f"{name + ': ' if name else ''}slip {1e3 * numbers['slip_linear_m']:.2f} mm, "
-            f"{math.degrees(numbers['slip_angular_rad']):.2f} deg; final error {error:.3f} mm; "
+            f"{arm}slip {1e3 * numbers['slip_linear_m']:.2f} mm, {math.degrees(numbers['slip_angular_rad']):.2f} deg; "
+            + ("at the end the law was not at work; " if math.isnan(error) else f"final error {error:.3f} mm; ")
             + ("does not arrive" if math.isnan(arrival) else f"arrives after {arrival:.2f} s")
         )
         changes = modes.get(name, ())
         if [text for _, text in changes] not in ([], ["ACTIVE"]):
-            yield f"{name + ': ' if name else ''}modes: " + ", ".join(f"{text} from {at:.2f} s" for at, text in changes)
+            yield from (f"{arm}from {at:.2f} s {text}" for at, text in changes)
     if "internal_peak_n" in verdict.together:
         yield f"internal force at most {verdict.together['internal_peak_n']:.2f} N"
 

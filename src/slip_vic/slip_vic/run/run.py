@@ -173,7 +173,8 @@ class Run:
 
     def __repr__(self) -> str:
         why = f" ({self.reason})" if self.reason else ""
+        arrives = "does not arrive" if math.isnan(self.arrival_s) else f"arrives after {self.arrival_s:.2f} s"
         return (
             f"Run({self.scenario.name}, {self.scenario.law}: {self.outcome}{why}, slip {self.slip_mm:.2f} mm "
-            f"{self.slip_deg:.2f} deg, final error {self.final_error_mm:.3f} mm, arrives after {self.arrival_s:.2f} s)"
+            f"{self.slip_deg:.2f} deg, final error {self.final_error_mm:.3f} mm, {arrives})"
         )

@@ -65,7 +65,8 @@ class Track:
             )  # fmt: skip
             self._evaluated[k].append(bool(record.ok))
             self._efforts[k].append(np.array(effort))
-            mode = f"{result.mode.name} {result.reason}".strip() if result.mode.name != "ACTIVE" else "ACTIVE"
+            mode = result.mode.name
+            mode += f": {result.reason}" if mode != "ACTIVE" and result.reason else ""
             if not self._modes[k] or self._modes[k][-1][1] != mode:
                 self._modes[k].append((now, mode))
             if self._whole:

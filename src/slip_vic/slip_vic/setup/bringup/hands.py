@@ -81,7 +81,7 @@ class Person:
 
     def grip(self, firmly: bool) -> None:
         """Ask for the grip."""
-        how = "firmly" if firmly else "with the force that it will have in use, where contacts.position says"
+        how = "firmly" if firmly else "with the force that it will have in use, at contacts.position"
         click.prompt(f"  let the gripper hold the object {how}, then Enter", default="", show_default=False)
 
     def _during(self, words: str, settle_s: float = 1.0) -> Heard:

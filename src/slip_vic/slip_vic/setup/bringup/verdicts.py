@@ -91,7 +91,7 @@ def judge_topics(endpoints: Sequence[Endpoint], joint_names: Sequence[str]) -> V
             said, fix = f"{end.publishers} publishers on {end.topic}", "stop all but one"
         elif end.wanted_frame and end.frame not in ("", end.wanted_frame):
             said = f"{end.topic} in frame {end.frame}"
-            fix = f"it is taken to be {end.wanted_frame}: set wrench.frame and its place, or let the driver say so"
+            fix = f"it is taken to be {end.wanted_frame}: set wrench.frame and its place, or let the driver publish it"
         elif missing:
             said, fix = f"no joint {missing[0]} in {end.topic}", f"set joint_names; it has {', '.join(end.names)}"
         if fix:
