@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from slip_sim_bridge.internal import internal_wrenches
+from slip_vic.page.runs import shown
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.study.lottery import Entry, draw_of, lottery_table, play, write_lottery
+from slip_vic_controller.robot import Robot
 
 SHORT = ("left.bridge.duration_s=0.03", "right.bridge.duration_s=0.03")
 UPRIGHT = "pane_two_arms_upright"
@@ -41,6 +43,9 @@ def test_a_run_of_two_arms_has_the_numbers_of_both(tmp_path: Path) -> None:
     text = run.page(tmp_path / "run.html").read_text()
     assert "vic left" in text
     assert "vic right" in text
+    for arm, series in zip(shown(run, "vic", np.array([0.0])).arms, run.track.series(), strict=True):
+        drawn = Robot(arm.urdf, arm.tip, arm.joint_names).frame(arm.joints[0])[0]  # on its base
+        np.testing.assert_allclose(drawn, series.law_six("position")[0, :3], atol=1e-9)
 
 
 def test_a_pane_that_slides_out_is_lost() -> None:

@@ -167,7 +167,7 @@ def shown(run: run_module.Run, label: str, times: Array) -> Run:
         values = slip_values(held(series.slip_displacement)) | speed_values(held(series.slip_velocity))
         values |= law_values(symbols, held(table))
         values["load"] = load_ratio(held(series.wrench), flatten(controller))
-        urdf = scenario.urdfs[series.arm]
+        urdf = scenario.placed[series.arm]
         arms.append(
             Arm(
                 name=series.arm,

@@ -64,7 +64,7 @@ def picture(title: str, runs: Mapping[str, RunSeries]) -> Figure:
 def _governor(axes: Any, runs: Mapping[str, RunSeries]) -> None:
     """Show what the governor does: loads over friction, friction and grip, speed along the path and guard."""
     parts = (
-        ("load over friction", {"load_ratio": "commanded", "friction_share": "measured", "margin": "may be asked"}),
+        ("load over friction", {"load_ratio": "commanded", "friction_share": "measured", "margin": "allowed"}),
         ("friction limit, loads [N]", {"friction_limit": "F^", "load_commanded": "commanded", "grip_force": "grip"}),
         ("path", {"path_rate": "speed along it", "guard": "guard", "friction_events": "friction learnt, times"}),
     )

@@ -118,6 +118,7 @@ class Views {
     local.setPosition(x, y, 0.3 * up);
     this.close.matrix.multiplyMatrices(own.robot.tip.matrixWorld, local);
     this.close.matrixWorldNeedsUpdate = true;
+    for (const one of scene.arms) if (one.outline) one.outline.visible = one.trace.mesh.visible = one === own;
     const drawn = this.renderer.draw(canvas, scene.scene, this.close);
     if (drawn) this.scale(drawn, drawn.width / (2 * w));
   }
