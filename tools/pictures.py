@@ -15,12 +15,12 @@ from slip_vic.page.page import write_runs
 from test.support.browser import address_of, chromium, open_page
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
-SCENARIOS = ("paper_planar", "pane_two_arms_fast")
+SCENARIOS = {"paper_planar": 8.0, "pane_two_arms_fast": 0.47}  # and the time that is shown [s]
 SIZE = {"width": 1300, "height": 820}
 COLOURS = 128
 
 
-def take(scenario: str, folder: Path) -> None:
+def take(scenario: str, at_s: float, folder: Path) -> None:
     """Run a scenario under the three laws and take the picture of its page."""
     loaded = slip_vic.load(scenario)
     runs = {law: slip_vic.load(scenario, law=law).run() for law in ("classical", "vic", "governed")}
@@ -28,6 +28,8 @@ def take(scenario: str, folder: Path) -> None:
     write_runs(page, runs, command="python tools/pictures.py", title=loaded.name, description=loaded.description)
     with chromium() as browser:
         opened, _ = open_page(browser, address_of(page), viewport=SIZE)
+        opened.evaluate("t => { slider.value = t; slider.dispatchEvent(new Event('input')); }", at_s)
+        opened.wait_for_timeout(500.0)
         opened.screenshot(path=folder / "page.png")
     picture = Image.open(folder / "page.png").convert("RGB").quantize(COLOURS)
     picture.save(PICTURES / f"page_{scenario}.png", optimize=True)
@@ -35,5 +37,5 @@ def take(scenario: str, folder: Path) -> None:
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as name:
-        for scenario in SCENARIOS:
-            take(scenario, Path(name))
+        for scenario, at_s in SCENARIOS.items():
+            take(scenario, at_s, Path(name))
