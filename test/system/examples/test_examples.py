@@ -24,6 +24,7 @@ SAID = {
     "own_sensor.py": r"ideal +ok.*my_sensor +ok.*vision_25",
     "own_arm.py": r"governed: ok, slip 0\.\d\d mm",
     "two_arms.py": r"classical +\w+ +slip.*vic +ok +slip.*governed +ok +slip",
+    "retime.py": r"slip 3\d\.\d mm.*arrival 2\.\d+ s; the path as given takes 2\.150 s",
     "read_bag.py": r"slips faster than 1 mm/s for [01]\.\d\d of 2\.00 s",
 }
 
@@ -49,7 +50,11 @@ def run(name: str, *arguments: str) -> str:
 
 @pytest.mark.parametrize("name", SAID)
 def test_an_example_runs(name: str, tmp_path: Path) -> None:
-    folder = {"run_and_plot.py": ["paper_planar", str(tmp_path)], "own_sensor.py": [str(tmp_path)]}
+    folder = {
+        "run_and_plot.py": ["paper_planar", str(tmp_path)],
+        "own_sensor.py": [str(tmp_path)],
+        "retime.py": [str(tmp_path)],
+    }
     assert re.search(SAID[name], run(name, *folder.get(name, [])), re.DOTALL)
 
 

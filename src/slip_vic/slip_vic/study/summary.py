@@ -26,7 +26,7 @@ COLOURS = {
 }  # fmt: skip
 OTHERS = ("#8172b3", "#937860", "#da8bc3", "#8c8c8c", "#ccb974", "#64b5cd")
 SHOWN = (
-    ("slip_linear_m", 1e3, "slip displacement [mm]"),
+    ("slip_linear_m", 1e3, "slip [mm]"),
     ("tracking_rms_m", 1e3, "tracking error, rms [mm]"),
     ("attitude_excursion_rad", 1.0, "attitude excursion [rad]"),
 )
