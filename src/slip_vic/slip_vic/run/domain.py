@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import itertools
 import os
 import tempfile
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from slip_core.errors import InputError, ProtocolError
 
 # Above 101 the DDS ports reach into Linux's ephemeral range; 0 is everybody's default.
 FIRST, LAST = 1, 101
+_turns = itertools.count(os.getpid())  # the next run in one process gets the next domain: no ports of a killed node
 
 
 @contextlib.contextmanager
@@ -34,9 +36,9 @@ def domain_id(wanted: int | None = None) -> Iterator[int]:
     folder.mkdir(mode=0o700, exist_ok=True)
     if folder.lstat().st_uid != os.geteuid():
         raise ProtocolError(f"{folder} belongs to another user; give --domain-id")
-    count = LAST - FIRST + 1
+    count, turn = LAST - FIRST + 1, next(_turns)
     for offset in range(count):
-        candidate = FIRST + (os.getpid() + offset) % count
+        candidate = FIRST + (turn + offset) % count
         with open(os.open(folder / str(candidate), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)) as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

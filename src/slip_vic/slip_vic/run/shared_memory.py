@@ -1,4 +1,8 @@
-"""Shared-memory files that a killed DDS process leaves behind."""
+"""Shared-memory files that a killed DDS process leaves behind.
+
+Those of ports stay: their names are the same in every run, and a node that starts takes over a dead port by its name.
+Whoever removed one could take it from the node that has just opened it, which then hears nobody.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +14,15 @@ import psutil
 
 SHM = Path("/dev/shm")
 STARTS_S = 0.1
-PATTERNS = ("fastrtps_*", "sem.fastrtps_*", "fast_datasharing_*")
+PATTERNS = ("fastrtps_*", "fast_datasharing_*")
+PORT = "fastrtps_port"
 
 
 def segments() -> set[Path]:
-    """Return the Fast DDS files that are there now."""
-    return {path for pattern in PATTERNS for path in SHM.glob(pattern)} if SHM.is_dir() else set()
+    """Return the Fast DDS files that are there now, without those of ports."""
+    if not SHM.is_dir():
+        return set()
+    return {path for pattern in PATTERNS for path in SHM.glob(pattern) if not path.name.startswith(PORT)}
 
 
 def orphans(candidates: set[Path]) -> set[Path]:
@@ -29,14 +36,7 @@ def orphans(candidates: set[Path]) -> set[Path]:
             maps = Path(f"/proc/{process.pid}/maps").read_text()
             used.update(line.rsplit(maxsplit=1)[-1] for line in maps.splitlines())
             used.update(file.path for file in process.open_files())
-    unused = {path for path in left if str(path) not in used}
-    # A port's semaphore is mapped only for a moment at a time: it lives as long as the port, and ends with it.
-    alive = segments() - unused
-    return {path for path in unused if not (path.name.startswith("sem.") and _port_of(path) in alive)}
-
-
-def _port_of(semaphore: Path) -> Path:
-    return SHM / semaphore.name.removeprefix("sem.").removesuffix("_mutex")
+    return {path for path in left if str(path) not in used}
 
 
 def remove_orphans(candidates: set[Path]) -> set[Path]:
