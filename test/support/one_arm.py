@@ -8,7 +8,7 @@ from slip_core.types import CartesianReference, JointSample, PoseGoal
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Request
-from slip_vic_controller.session import Asked, Controller, ControllerSession, CycleResult, Health, Manifest
+from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Health, Manifest
 
 
 def one_arm(params: ControllerParams, urdf: str, *, lockstep: bool) -> Controller:
@@ -58,7 +58,8 @@ class OneArm:
         return self.session.failed(now_ns)[0]
 
     def answer(self, joint: JointSample, fault: Fault, now_ns: int, missing: int, health: Health | None) -> CycleResult:
-        (result,) = self.session.answer({0: Asked(joint, fault, now_ns, missing, health)})
+        self.arm.waiting = joint, fault, missing, health
+        (result,) = self.session.answer(now_ns)
         assert result is not None
         return result
 

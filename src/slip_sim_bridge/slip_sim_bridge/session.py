@@ -125,25 +125,24 @@ class BridgeSession:
             self.simulation.reset()
             for sensors in self._sensors:
                 sensors.reset()
-        arms = tuple([self._measure(index) for index in range(len(self._arms))])
-        return TickOutputs(self.tick, arms[0].readings.joint.stamp_ns, tuple(self._counts), arms)
+        arms, counts = [], self._counts
+        for index, sensors in enumerate(self._sensors):
+            readings = self.simulation.observe(index)
+            wrenches = tuple(sensors.wrench.update(readings.wrench))
+            slips: tuple[SlipSample, ...] | tuple[DisplacementSample, ...]
+            if sensors.displacement is None:
+                slips = tuple(sensors.slip.update(readings.slip))
+            else:
+                slips = tuple(sensors.displacement.update(readings.truth))
+            counts[2 * index] += len(wrenches)
+            counts[2 * index + 1] += len(slips)
+            arms.append(ArmOutputs(sensors.joint.update(readings.joint), wrenches, slips, readings))
+        return TickOutputs(self.tick, self.simulation.stamp_ns, tuple(counts), tuple(arms))
 
     def advance(self, commands: Sequence[JointCommand | None]) -> None:
         """Apply a command of each arm for one control period; None, an empty or a too old one holds that arm."""
         self.simulation.step([self._accepted(index, command) for index, command in enumerate(commands)])
         self.tick += 1
-
-    def _measure(self, index: int) -> ArmOutputs:
-        sensors, readings = self._sensors[index], self.simulation.observe(index)
-        wrenches = tuple(sensors.wrench.update(readings.wrench))
-        slips: tuple[SlipSample, ...] | tuple[DisplacementSample, ...]
-        if sensors.displacement is None:
-            slips = tuple(sensors.slip.update(readings.slip))
-        else:
-            slips = tuple(sensors.displacement.update(readings.truth))
-        self._counts[2 * index] += len(wrenches)
-        self._counts[2 * index + 1] += len(slips)
-        return ArmOutputs(sensors.joint.update(readings.joint), wrenches, slips, readings)
 
     def _accepted(self, index: int, command: JointCommand | None) -> Array | None:
         """Return the numbers of a command that counts.
@@ -160,7 +159,5 @@ class BridgeSession:
                 "parameter drive.interface", got=f"{interface}, and {type(command).__name__}",
                 expected="what the controller sends", fix="command.interface of the controller",
             )  # fmt: skip
-        if not len(values):
-            return None
         age_ns = self.simulation.stamp_ns - command.stamp_ns
-        return values if 0 <= age_ns <= self._oldest_ns[index] else None
+        return values if len(values) and 0 <= age_ns <= self._oldest_ns[index] else None

@@ -155,6 +155,7 @@ class ArmController:
         self.gains = make_law_gains(params, self.report.used)
         self.contacts = len(params.contacts.position) // 3
         self.make_command: Callable[[int, Array], JointCommand] = COMMANDS[params.command.interface]
+        self.command_place = slice(_COMMAND.start, _COMMAND.start + len(params.joint_names))
         self.external = params.trajectory.kind in ("topic", "goal")
         self.rows = capacity(params) if params.slip_estimator == "observer" else 0
 
@@ -232,7 +233,8 @@ class CycleResult:
         outputs.setflags(write=False)
         whole = outputs.view(np.int64)
         self.mode = _MODES[whole[_MODE]]
-        self.command = controller.make_command(joint.stamp_ns, self._of_joints(_COMMAND))
+        numbers = outputs[controller.command_place] if whole[_ANSWERED] else NO_NUMBERS
+        self.command = controller.make_command(joint.stamp_ns, numbers)
 
     @property
     def effort(self) -> Array:
@@ -240,11 +242,7 @@ class CycleResult:
 
         Drives that take velocities or positions are commanded the motion that it gives the arm.
         """
-        return self._of_joints(_EFFORT)
-
-    def _of_joints(self, of: slice) -> Array:
-        answered = self.outputs.view(np.int64)[_ANSWERED]
-        return self.outputs[of][: len(self._controller.robot.joint_names)] if answered else NO_NUMBERS
+        return self.outputs[_EFFORT][: len(self.command.numbers)]
 
     @property
     def ledger(self) -> tuple[int, ...]:
@@ -317,18 +315,9 @@ class CycleResult:
         return numbers
 
 
-class Asked(NamedTuple):
-    """What a cycle answers for one arm.
-
-    joint, fault: the joint state; now_ns: the controller's clock; missing: bits of what is missing beside inputs that
-    were never seen; health: of the inputs, of a replay; None = found by input validation.
-    """
-
-    joint: JointSample
-    fault: Fault
-    now_ns: int
-    missing: int = 0
-    health: Health | None = None
+Waiting = tuple[JointSample, Fault, int, Health | None]
+"""A joint state that waits for its cycle, its fault, bits of what is missing beside inputs that were never seen, and
+the health of the inputs in a replay; None = found by input validation."""
 
 
 class ArmSession:
@@ -348,19 +337,21 @@ class ArmSession:
         begin = TASK_SIZE + len(session.controller.arms) * ARM_SIZE + index * rows * ROW_SIZE
         self.history = session.buffer[begin : begin + rows * ROW_SIZE]
         self.state: ArmState = record(self.row, ARM_STATE)
+        self.inputs_place = slice(index * _INPUTS_SIZE, (index + 1) * _INPUTS_SIZE)
+        self.outputs_place = slice(index * _OUTPUTS_SIZE, (index + 1) * _OUTPUTS_SIZE)
         self.config = session.config_of(index)
         self.routes: tuple[tuple[tuple[ArmSession, int], ...], ...] = ()
+        self.waiting: Waiting | None = None
         self.overdue = False  # its own next joint state has come while one waited for another arm
+        self._lockstep = self.controller.lockstep
         self._joints = len(self.controller.robot.joint_names)
         self._slip_delay_ns = int(record(self.config, CONFIG).cycle.slip_delay_ns)
         self._has_wrench = self.controller.params.wrench.source == "sensor"
         self._estimates = bool(record(self.config, CONFIG).estimator.on)
         self._tared = 0
         self._whole = self.row.view(np.int64)
-        self._joint: JointSample | None = None
-        self._joint_fault = Fault.NONE
         self._manifest: Manifest | None = None
-        self._counts = [0] * (2 * self.contacts)
+        self._wrench_counts, self._slip_counts = [0] * self.contacts, [0] * self.contacts
         self._displacements = [SlipFromDisplacement() for _ in range(self.contacts)]
         self._request = Request.NONE
         self._tuned: ControllerParams | None = None
@@ -426,59 +417,50 @@ class ArmSession:
 
     def add_joint(self, sample: JointSample, now_ns: int | None = None) -> None:
         """Take a joint state; one that was never answered is skipped, newest wins. `now_ns`: steady time of arrival."""
-        self.overdue = self._joint is not None
+        self.overdue = self.waiting is not None
         n, q, qd, effort = self._joints, sample.position, sample.velocity, sample.effort
         refused = q.shape != (n,) or qd.shape != (n,)
         if refused or effort.shape != (n,):
             effort = np.full(n, np.nan)
         if refused:
             q = qd = effort
-        now_ns = sample.stamp_ns if now_ns is None else now_ns
-        lockstep = self.controller.lockstep
-        fault = receive_joint_state(self.config, self.row, sample.stamp_ns, q, qd, effort, refused, now_ns, lockstep)
+        stamp_ns = sample.stamp_ns
+        now_ns = stamp_ns if now_ns is None else now_ns
+        fault = receive_joint_state(self.config, self.row, stamp_ns, q, qd, effort, refused, now_ns, self._lockstep)
         if self._whole[_PENDING]:
-            self._joint, self._joint_fault = sample, _FAULTS[fault]
+            self.waiting = sample, _FAULTS[fault], 0, None
 
     def add_wrench(self, contact: int, sample: WrenchSample, now_ns: int | None = None) -> None:
-        """Take a wrench of one contact; that of the own pad goes to every arm that reads it."""
+        """Take a wrench of one contact; that of the own pad goes to every arm that has a wrench sensor and reads it."""
+        stamp_ns, wrench = sample.stamp_ns, sample.wrench
+        now_ns = stamp_ns if now_ns is None else now_ns
+        refused = wrench.shape != (6,)
+        if refused:
+            wrench = _NO_VECTOR
         for arm, number in self.routes[contact]:
-            arm.take_wrench(number, sample, now_ns)
-
-    def take_wrench(self, contact: int, sample: WrenchSample, now_ns: int | None) -> None:
-        """Take a wrench of one contact for this arm alone; none where `wrench.source` is none."""
-        self._counts[2 * contact] += 1
-        if not self._has_wrench:
-            return
-        refused = sample.wrench.shape != (6,)
-        wrench = _NO_VECTOR if refused else sample.wrench
-        now_ns = sample.stamp_ns if now_ns is None else now_ns
-        receive_wrench(self.config, self.row, contact, sample.stamp_ns, wrench, refused, now_ns)
+            arm._wrench_counts[number] += 1
+            if arm._has_wrench:
+                receive_wrench(arm.config, arm.row, number, stamp_ns, wrench, refused, now_ns)
 
     def add_slip(self, contact: int, sample: SlipSample, now_ns: int | None = None) -> None:
         """Take a slip velocity of one contact; that of the own pad goes to every arm that reads it."""
+        stamp_ns, twist = sample.stamp_ns, sample.twist
+        now_ns = stamp_ns if now_ns is None else now_ns
+        refused = twist.shape != (6,)
+        if refused:
+            twist = _NO_VECTOR
         for arm, number in self.routes[contact]:
-            arm.take_slip(number, sample, now_ns)
-
-    def take_slip(self, contact: int, sample: SlipSample, now_ns: int | None) -> None:
-        """Take a slip velocity of one contact for this arm alone."""
-        self._counts[2 * contact + 1] += 1
-        refused = sample.twist.shape != (6,)
-        twist = _NO_VECTOR if refused else sample.twist
-        now_ns = sample.stamp_ns if now_ns is None else now_ns
-        receive_slip(self.config, self.row, contact, sample.stamp_ns, twist, sample.valid, refused, now_ns)
+            arm._slip_counts[number] += 1
+            receive_slip(arm.config, arm.row, number, stamp_ns, twist, sample.valid, refused, now_ns)
 
     def add_displacement(self, contact: int, sample: DisplacementSample, now_ns: int | None = None) -> None:
         """Take where the pad of one contact is on the object; from the second one on it gives slip velocities."""
         slip = self._displacements[contact](sample)
         if slip is None:
             for arm, number in self.routes[contact]:
-                arm.count_slip(number)
+                arm._slip_counts[number] += 1
         else:
             self.add_slip(contact, slip, sample.stamp_ns if now_ns is None else now_ns)
-
-    def count_slip(self, contact: int) -> None:
-        """Count a sample of a contact that gives no slip velocity."""
-        self._counts[2 * contact + 1] += 1
 
     def add_manifest(self, manifest: Manifest) -> None:
         """Take the list of what belongs to the current lockstep cycle; contacts in this arm's order."""
@@ -537,43 +519,54 @@ class ArmSession:
 
         Lockstep answers every cycle, also one whose other inputs are still missing.
         """
-        if self._joint is None:
-            return False
-        if not self.controller.lockstep:
-            return True
-        manifest = self._manifest
+        waiting, manifest = self.waiting, self._manifest
+        if waiting is None or not self._lockstep:
+            return waiting is not None
         return (
             manifest is not None
-            and manifest.stamp_ns == self._joint.stamp_ns
-            and (manifest.wrench_counts == tuple(self._counts[0::2]) or not self._has_wrench)
-            and manifest.slip_counts == tuple(self._counts[1::2])
+            and manifest.stamp_ns == waiting[0].stamp_ns
+            and (manifest.wrench_counts == tuple(self._wrench_counts) or not self._has_wrench)
+            and manifest.slip_counts == tuple(self._slip_counts)
         )
 
-    @property
-    def waiting(self) -> tuple[JointSample, Fault] | None:
-        """The joint state that waits for its cycle, and its fault."""
-        return None if self._joint is None else (self._joint, self._joint_fault)
+    def prepare(self, now_ns: int | None, inputs: Array) -> JointSample | None:
+        """Fill the INPUTS of this arm for a cycle; return the joint state that it answers, None where none waits.
 
-    def prepare(self, asked: Asked, inputs: Array) -> None:
-        """Fill the INPUTS of this arm for a cycle."""
-        self._joint, self._manifest, self.overdue = None, None, False
-        self.fill(inputs, asked.now_ns, asked.missing)
-        if asked.health is not None:
-            given = record(inputs, INPUTS)
-            given.health_given, given.health = 1, tuple(int(part) for part in asked.health)
-        if _GOOD[asked.fault]:
-            q, qd = asked.joint.position, asked.joint.velocity
+        Args:
+            now_ns: the controller's clock; None takes the stamp of the joint state.
+            inputs: INPUTS of all arms.
+        """
+        if self.waiting is None:
+            return None
+        joint, fault, missing, health = self.waiting
+        self.waiting = self._manifest = None
+        self.overdue = False
+        if not self._session.active:
+            missing |= ACTIVATION
+        own = self.fill(joint.stamp_ns if now_ns is None else now_ns, missing, inputs)
+        if health is not None:
+            given = record(own, INPUTS)
+            given.health_given, given.health = 1, tuple(int(part) for part in health)
+        if _GOOD[fault]:
+            q, qd = joint.position, joint.velocity
             if self._estimates:
                 estimate_joint_state(self.config, self.row)
                 answers, n = self.state.joint.answers, self._joints
                 q, qd = answers.position[:n].copy(), answers.velocity[:n].copy()
-            self.controller.robot.terms(q, qd, inputs[_ARM])
+            self.controller.robot.terms(q, qd, own[_ARM])
+        return joint
 
-    def fill(self, inputs: Array, now_ns: int, missing: int) -> None:
-        """Fill clock and request of the INPUTS of this arm."""
-        whole = inputs.view(np.int64)
+    def result(self, joint: JointSample, inputs: Array, outputs: Array) -> CycleResult:
+        """Return the result of a cycle for this arm; INPUTS and OUTPUTS of all arms."""
+        return CycleResult(self.controller, joint, inputs[self.inputs_place], outputs[self.outputs_place])
+
+    def fill(self, now_ns: int, missing: int, inputs: Array) -> Array:
+        """Fill clock and request of the INPUTS of this arm, in those of all arms, and return them."""
+        own = inputs[self.inputs_place]
+        whole = own.view(np.int64)
         whole[_PRESENT], whole[_NOW], whole[_REQUEST], whole[_MISSING] = 1, now_ns, self._request, missing
         self._request = Request.NONE
+        return own
 
     def give(
         self,
@@ -615,7 +608,7 @@ class ArmSession:
         On the steady clock, so that it bites when every other clock stops. It repeats until the effort has come down to
         gravity compensation; the bridge's command timeout does the rest.
         """
-        if not self.active or self.controller.lockstep or not self.begun or self.mode == Mode.WAITING_INPUT:
+        if not self.active or self._lockstep or not self.begun or self.mode == Mode.WAITING_INPUT:
             return None
         if not self.silent(now_ns):
             return None
@@ -638,7 +631,7 @@ class ArmSession:
         newest = self.newest_joint
         if not self.active or not self.begun or self.mode == Mode.WAITING_INPUT or newest is None:
             return None
-        return self.without_joint_state(newest, newest.stamp_ns if self.controller.lockstep else now_ns)[0]
+        return self.without_joint_state(newest, newest.stamp_ns if self._lockstep else now_ns)[0]
 
     def without_joint_state(self, newest: JointSample, now_ns: int) -> tuple[CycleResult, bool]:
         """Run one cycle of the watchdog; return its result, and whether effort or mode have changed by it."""
@@ -713,6 +706,8 @@ class ControllerSession:
         self._governed_stream = governed_stream(controller.first.params)
         self._ahead: frozenset[int] = frozenset()  # answered for joint states that other arms have yet to bring
         self.arms = tuple(ArmSession(self, name, k) for k, name in enumerate(controller.names))
+        self._inputs_size, self._outputs_size = len(self.arms) * _INPUTS_SIZE, len(self.arms) * _OUTPUTS_SIZE
+        self._taring = tuple(arm for arm in self.arms if arm.controller.params.tare.duration_s > 0.0)
         for arm in self.arms:
             arm.routes = tuple(tuple(self._routes(arm.index, contact)) for contact in range(arm.contacts))
 
@@ -862,22 +857,21 @@ class ControllerSession:
             now_ns: steady time; None, and lockstep, take the stamps of the joint states.
         """
         if self._lockstep or now_ns is None:
-            if not all(arm.complete() for arm in self.arms):
-                return (None,) * len(self.arms)
-            now_ns = None
+            for arm in self.arms:
+                if not arm.complete():
+                    return (None,) * len(self.arms)
+            return self.answer(None)
         late = [arm for arm in self.arms if arm.waiting is None]
         if not late:
             self._ahead = frozenset()
-            return self._answer_waiting(self.arms, now_ns)
+            return self.answer(now_ns)
         if len(late) == len(self.arms) == 1:
             return (None,)
-        assert now_ns is not None, "complete arms have a joint state"
-        results = [None if arm.waiting is not None else arm.watchdog(now_ns) for arm in self.arms]
+        results = tuple([None if arm.waiting is not None else arm.watchdog(now_ns) for arm in self.arms])
         ready = [arm for arm in self.arms if arm.waiting is not None]
-        if ready and self._may_go_alone(ready, late, now_ns):
-            for arm, result in zip(self.arms, self._answer_waiting(ready, now_ns), strict=True):
-                results[arm.index] = result or results[arm.index]
-        return tuple(results)
+        if not ready or not self._may_go_alone(ready, late, now_ns):
+            return results
+        return tuple(own or result for own, result in zip(self.answer(now_ns), results, strict=True))
 
     def _may_go_alone(self, ready: Sequence[ArmSession], late: Sequence[ArmSession], now_ns: int) -> bool:
         """Return whether arms are answered whose partners are silent or hold.
@@ -896,38 +890,25 @@ class ControllerSession:
         self._ahead = frozenset(arm.index for arm in ready)
         return True
 
-    def _answer_waiting(self, ready: Sequence[ArmSession], now_ns: int | None) -> Results:
-        asked = {}
-        for arm in ready:
-            assert arm.waiting is not None
-            joint, fault = arm.waiting
-            now = joint.stamp_ns if now_ns is None else now_ns
-            asked[arm.index] = Asked(joint, fault, now, 0 if self.active else ACTIVATION)
-        return self.answer(asked)
+    def answer(self, now_ns: int | None) -> Results:
+        """Run one cycle on the joint states that wait for it; an arm where none waits is not answered.
 
-    def answer(self, asked: Mapping[int, Asked]) -> Results:
-        """Run one cycle on the joint states that wait for it, by the number of the arm."""
-        inputs, outputs = self._new_rows()
-        for k, one in asked.items():
-            self.arms[k].prepare(one, inputs[k])
-        cycle(self._config, self.buffer, inputs.reshape(-1), outputs.reshape(-1))
-        for arm in self.arms:
+        now_ns: the controller's clock; None takes the stamps of the joint states.
+        """
+        inputs, outputs = np.zeros(self._inputs_size), np.zeros(self._outputs_size)
+        joints = [arm.prepare(now_ns, inputs) for arm in self.arms]
+        cycle(self._config, self.buffer, inputs, outputs)
+        for arm in self._taring:
             arm.use_tare()
-        results: list[CycleResult | None] = [None] * len(self.arms)
-        for k, one in asked.items():
-            results[k] = CycleResult(self.arms[k].controller, one.joint, inputs[k], outputs[k])
-        return tuple(results)
-
-    def _new_rows(self) -> tuple[Array, Array]:
-        """Return INPUTS and OUTPUTS of a cycle, a row per arm."""
-        return np.zeros((len(self.arms), _INPUTS_SIZE)), np.zeros((len(self.arms), _OUTPUTS_SIZE))
+        pairs = zip(self.arms, joints, strict=True)
+        return tuple([None if joint is None else arm.result(joint, inputs, outputs) for arm, joint in pairs])
 
     def run_watchdog(self, arm: ArmSession, newest: JointSample, now_ns: int) -> tuple[CycleResult, bool]:
         """Run one cycle of the watchdog for an arm; return its result, and whether effort or mode have changed."""
-        inputs, outputs = self._new_rows()
-        arm.fill(inputs[arm.index], now_ns, 0)
-        changed = watchdog(self._config, self.buffer, inputs.reshape(-1), outputs.reshape(-1), arm.index)
-        return CycleResult(arm.controller, newest, inputs[arm.index], outputs[arm.index]), bool(changed)
+        inputs, outputs = np.zeros(self._inputs_size), np.zeros(self._outputs_size)
+        arm.fill(now_ns, 0, inputs)
+        changed = watchdog(self._config, self.buffer, inputs, outputs, arm.index)
+        return arm.result(newest, inputs, outputs), bool(changed)
 
     def watchdog(self, now_ns: int) -> Results:
         """Answer arms whose joint states have stayed away for too long, and those that waited for them."""
@@ -956,7 +937,7 @@ class ControllerSession:
         if state.shape != self.buffer.shape:
             raise InputError("controller state", got=f"{state.size} numbers", expected=f"{self.buffer.size}")
         self.buffer[:] = state
-        for arm in self.arms:
+        for arm in self._taring:
             arm.use_tare()
 
 

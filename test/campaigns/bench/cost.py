@@ -21,12 +21,12 @@ from slip_vic_controller.cycle import ARM_SIZE, TASK_SIZE
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params import ContactParams, ControllerParams
 from slip_vic_controller.robot import Robot
-from slip_vic_controller.session import CycleResult
+from slip_vic_controller.session import ControllerSession, CycleResult
 from test.campaigns.bench.bare_law import BareLaw
 from test.campaigns.bench.chain import chain_urdf
 from test.campaigns.bench.pingpong import JOINTS, LEDGER_FORM, NEEDED, TRUTH, codec
 from test.campaigns.bench.whole_pass import whole_pass
-from test.support.one_arm import OneArm, one_arm
+from test.support.one_arm import one_arm
 
 SCENARIO = "paper_planar"
 SETTLE_TICKS = 1200  # of the scenario: the arm moves, and the object has begun to slip
@@ -41,7 +41,7 @@ class Moment:
     """One tick of a running scenario: all that a control cycle needs."""
 
     scenario: Scenario
-    session: OneArm
+    session: ControllerSession
     state: Array
     joint: JointSample
     wrenches: tuple[WrenchSample, ...]
@@ -50,12 +50,13 @@ class Moment:
     def step(self) -> CycleResult:
         """Do the control cycle of this moment, with everything in it, from the same state each time."""
         session = self.session
+        (arm,) = session.arms
         session.buffer[:STATE_SIZE] = self.state  # the observer's history goes on from the same place
         for contact, (wrench, slip) in enumerate(zip(self.wrenches, self.slips, strict=True)):
-            session.add_wrench(contact, wrench)
-            session.add_slip(contact, slip)
-        session.add_joint(self.joint)
-        result = session.cycle(self.joint.stamp_ns)
+            arm.add_wrench(contact, wrench)
+            arm.add_slip(contact, slip)
+        arm.add_joint(self.joint)
+        (result,) = session.cycle(self.joint.stamp_ns)
         assert result is not None
         return result
 
@@ -67,7 +68,7 @@ def moment(scenario: Scenario, ticks: int = SETTLE_TICKS) -> Moment:
         loop.bridge.advance([loop.control(loop.observe()).command])
     outputs = loop.observe()
     controller = one_arm(scenario.controller, scenario.urdf, lockstep=False)
-    session = OneArm(controller)
+    session = ControllerSession(controller)
     session.restore(loop.session.buffer)
     newest = (outputs.arms[0].wrenches[-1],), (outputs.arms[0].slips[-1],)
     return Moment(scenario, session, session.buffer[:STATE_SIZE].copy(), outputs.arms[0].joint, *newest)
@@ -145,7 +146,7 @@ def tick_profile(ticks: int, turns: int) -> dict[str, float]:
     encoders = [(codec(form).encode, form.zeros()) for form in sent]
     decoders = [(codec(form).decode, codec(form).encode(0, *form.zeros())) for form in read]
     calls: dict[str, Call] = {
-        "terms": bare_terms(now.session.controller.robot, now.joint),
+        "terms": bare_terms(now.session.controller.first.robot, now.joint),
         "step": now.step,
         "messages: encode": lambda: [encode(0, *numbers) for encode, numbers in encoders],
         "messages: decode": lambda: [decode(data) for decode, data in decoders],
@@ -224,7 +225,7 @@ def scaled_step(joints: int, contacts: int) -> Call:
             slip_axes=(True,) * (6 * contacts),
         ),
     )
-    session = OneArm(one_arm(params, chain_urdf(joints), lockstep=False))
+    session = ControllerSession(one_arm(params, chain_urdf(joints), lockstep=False))
     joint = JointSample(0, 0.3 + 0.1 * np.arange(joints, dtype=np.float64), 0.1 * np.ones(joints), np.zeros(joints))
     wrenches = tuple(WrenchSample(0, 0.1 * np.arange(6.0)) for _ in range(contacts))
     slips = tuple(SlipSample(0, 1e-3 * np.arange(6.0)) for _ in range(contacts))

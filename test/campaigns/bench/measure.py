@@ -104,7 +104,7 @@ def _rounds(effort: Effort, library: Path | None, say: Say) -> Rounds:
     step = cost.moment(vic)
     pieces: dict[str, cost.Call] = {
         "control step": step.step,
-        "pinocchio terms": cost.bare_terms(step.session.controller.robot, step.joint),
+        "pinocchio terms": cost.bare_terms(step.session.controller.first.robot, step.joint),
     }
     pieces["control step, observer"] = cost.moment(cost.observer_scenario()).step
     governed = cost.moment(cost.governed_scenario())

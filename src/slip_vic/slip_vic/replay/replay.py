@@ -17,7 +17,7 @@ from slip_vic.replay.run_data import LedgerEntry, RecordedRun
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.safety.reasons import JOINT_STATES
-from slip_vic_controller.session import ArmSession, Asked, Controller, ControllerSession, CycleResult, Health
+from slip_vic_controller.session import ArmSession, Controller, ControllerSession, CycleResult, Health
 from slip_vic_controller.snapshot import from_text
 
 
@@ -173,8 +173,9 @@ def _cycle(session: ControllerSession, turn: Sequence[_Arm]) -> tuple[list[Ledge
         if silent is not None:
             return entries, [silent]
     together = len(turn) == len(session.arms)
-    asked = {arm.index: arm.asked(entry, together=together) for arm, entry in zip(turn, entries, strict=True)}
-    results = [result for result in session.answer(asked) if result is not None]
+    for arm, entry in zip(turn, entries, strict=True):
+        arm.give(entry, together=together)
+    results = [result for result in session.answer(entries[0].now_ns) if result is not None]
     if any(arm.waited(entry) for arm, entry in zip(turn, entries, strict=True)):
         session.set_active(session.active)  # as the run did
     return entries, results
@@ -225,8 +226,8 @@ class _Arm:
         self._arm.request(Request(entry.request))
         return entry
 
-    def asked(self, entry: LedgerEntry, *, together: bool) -> Asked:
-        """Put the samples of a cycle in place, and return what it answers for this arm.
+    def give(self, entry: LedgerEntry, *, together: bool) -> None:
+        """Put the samples of a cycle in place.
 
         together: a cycle of all arms, which finds again whether one holds because of another.
         """
@@ -236,10 +237,11 @@ class _Arm:
         joint = samples.joint(entry)
         if samples.waits(entry):
             arm.give(joint, (), (), (), entry.now_ns)
-            return Asked(joint, health.joint, entry.now_ns, JOINT_STATES, health)
+            arm.waiting = joint, health.joint, JOINT_STATES, health
+            return
         new_slips = samples.new_slips(entry)
         arm.give(joint, samples.wrenches(entry), samples.slips(entry), new_slips, entry.now_ns)
-        return Asked(joint, health.joint, entry.now_ns, 0, health)
+        arm.waiting = joint, health.joint, 0, health
 
     def waited(self, entry: LedgerEntry) -> bool:
         """Return whether a cycle waited for an input; what comes next begins again."""

@@ -82,7 +82,8 @@ class ClosedLoop:
 
     def answer(self, outputs: TickOutputs) -> tuple[CycleResult, ...]:
         """Return the controller's answer to a tick's outputs, of each arm."""
-        for arm, sent in zip(self.session.arms, outputs.arms, strict=True):
+        session = self.session
+        for arm, sent in zip(session.arms, outputs.arms, strict=True):
             for wrench in sent.wrenches:
                 arm.add_wrench(0, wrench)
             for slip in sent.slips:
@@ -90,11 +91,11 @@ class ClosedLoop:
                     arm.add_displacement(0, slip)
                 else:
                     arm.add_slip(0, slip)
-        for arm, sent in zip(self.session.arms, outputs.arms, strict=True):
+        for arm, sent in zip(session.arms, outputs.arms, strict=True):
             arm.add_joint(sent.joint)
-        self.session.add_manifest(Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2]))
-        results = tuple(result for result in self.session.cycle() if result is not None)
-        if len(results) != len(self.session.arms):
+        session.add_manifest(Manifest(outputs.tick, outputs.stamp_ns, outputs.counts[0::2], outputs.counts[1::2]))
+        results = tuple([result for result in session.cycle() if result is not None])
+        if len(results) != len(session.arms):
             raise RuntimeError("the controller did not answer a complete tick")
         if self._leader is not None:
             self._leader.lead(results)
