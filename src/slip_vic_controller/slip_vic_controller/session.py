@@ -223,18 +223,23 @@ def common_values(params: ControllerParams) -> tuple[object, ...]:
 class CycleResult:
     """One answered cycle; an empty command means "no command": an input has never been seen.
 
-    joint: the joint state; command: as `command.interface` has it; mode; inputs, outputs: records of the arm.
+    joint: the joint state; numbers: what is commanded, as `command.interface` has it, (n,) [N m], [rad/s] or [rad];
+    mode; inputs, outputs: records of the arm.
     """
 
-    __slots__ = ("_controller", "command", "inputs", "joint", "mode", "outputs")
+    __slots__ = ("_controller", "inputs", "joint", "mode", "numbers", "outputs")
 
     def __init__(self, controller: ArmController, joint: JointSample, inputs: Array, outputs: Array) -> None:
         self._controller, self.joint, self.inputs, self.outputs = controller, joint, inputs, outputs
         outputs.setflags(write=False)
         whole = outputs.view(np.int64)
         self.mode = _MODES[whole[_MODE]]
-        numbers = outputs[controller.command_place] if whole[_ANSWERED] else NO_NUMBERS
-        self.command = controller.make_command(joint.stamp_ns, numbers)
+        self.numbers = outputs[controller.command_place] if whole[_ANSWERED] else NO_NUMBERS
+
+    @property
+    def command(self) -> JointCommand:
+        """The command that answers the joint state."""
+        return self._controller.make_command(self.joint.stamp_ns, self.numbers)
 
     @property
     def effort(self) -> Array:
@@ -242,7 +247,7 @@ class CycleResult:
 
         Drives that take velocities or positions are commanded the motion that it gives the arm.
         """
-        return self.outputs[_EFFORT][: len(self.command.numbers)]
+        return self.outputs[_EFFORT][: len(self.numbers)]
 
     @property
     def ledger(self) -> tuple[int, ...]:

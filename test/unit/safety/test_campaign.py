@@ -110,9 +110,8 @@ def test_a_controller_that_lets_bad_numbers_through_is_caught(monkeypatch: pytes
         def cycle(self, now_ns: int | None = None) -> Any:
             result = super().cycle(now_ns)
             if result is not None and result.cycle == 100:
-                effort = np.array(result.command.effort)
-                effort[3] = np.nan
-                result.command = EffortCommand(result.command.stamp_ns, effort)
+                result.numbers = np.array(result.numbers)
+                result.numbers[3] = np.nan
             return result
 
     monkeypatch.setattr(trials, "OneArm", Broken)

@@ -274,7 +274,7 @@ def _take(session: ControllerSession, run: RecordedRun, entry: LedgerEntry) -> N
 def _compare(
     run: RecordedRun, entry: LedgerEntry, recorded: NDArray[np.float64], result: CycleResult
 ) -> Divergence | None:
-    mode, replayed = int(result.mode), result.command.numbers
+    mode, replayed = int(result.mode), result.numbers
 
     topic = f"{run.params.command.interface}_command"
 

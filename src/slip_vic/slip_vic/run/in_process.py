@@ -138,6 +138,7 @@ def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:
     loop = ClosedLoop(scenario)
     nothing: list[JointCommand | None] = [None] * len(scenario.controllers)
     on_the_way = deque([nothing] * late_ticks)
+    followed = [k for k, params in enumerate(scenario.bridges.values()) if params.grip.control == "follow"]
     watches, lost = {name: IncidentWatch() for name in scenario.controllers}, False
     while not loop.bridge.finished:
         outputs = loop.observe()
@@ -150,8 +151,7 @@ def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:
                 found.append(replace(seen, text=f"{name}: {seen.text}") if name else seen)
         tick = Tick(outputs, results, tuple(found))
         yield tick
-        for k, (params, result) in enumerate(zip(scenario.bridges.values(), results, strict=True)):
-            if params.grip.control == "follow":
-                loop.bridge.set_grip_force(k, result.grip)
+        for k in followed:
+            loop.bridge.set_grip_force(k, results[k].grip)
         on_the_way.append([*tick.commands])
         loop.bridge.advance(on_the_way.popleft())

@@ -113,13 +113,13 @@ class ArmTopics:
 
     def command(self, result: CycleResult, began_ns: int) -> None:
         """Publish the command of a cycle that began at this steady time."""
-        command, joint = result.command, result.joint
+        numbers, joint = result.numbers, result.joint
         if self._send_grip is not None:
-            self._send_grip.send(command.stamp_ns, (result.grip,))
+            self._send_grip.send(joint.stamp_ns, (result.grip,))
         # Beside what is commanded stands what was measured, so that viewers draw the robot where it is.
         fields = {"position": joint.position, "velocity": joint.velocity, "effort": result.effort}
-        fields[self._interface] = command.numbers
-        self._send(command.stamp_ns, fields["position"], fields["velocity"], fields["effort"], command.numbers)
+        fields[self._interface] = numbers
+        self._send(joint.stamp_ns, fields["position"], fields["velocity"], fields["effort"], numbers)
         if self._timing is not None:
             self._timing.publish(began_ns, result.ledger)
 
@@ -128,7 +128,7 @@ class ArmTopics:
         self._send_ledger.send(result.joint.stamp_ns, (*result.ledger, *result.decision))
         self._state_publisher.publish(self.arm)
         self._mode.publish(result)
-        if len(result.command.numbers):
+        if len(result.numbers):
             self._diagnostics.publish(result)
 
     def _create_inputs(self) -> list[Any]:
