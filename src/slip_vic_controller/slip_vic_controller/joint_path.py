@@ -172,6 +172,17 @@ class JointFeed:
 
 
 def spline(times: Array, values: Array) -> BSpline:
-    """Return the quintic spline through values (m, n) at times (m,), at rest and without acceleration at both ends."""
+    """Return the quintic spline through values (m, n) at times (m,), at rest and without acceleration at both ends.
+
+    Raises:
+        InputError: times too close for one.
+    """
     rest = [(1, np.zeros(values.shape[1])), (2, np.zeros(values.shape[1]))]
-    return make_interp_spline(times, values, k=DEGREE, bc_type=(rest, rest))
+    try:
+        found = make_interp_spline(times, values, k=DEGREE, bc_type=(rest, rest))
+    except (ValueError, np.linalg.LinAlgError):
+        found = None
+    if found is None or not np.isfinite(found.c).all():
+        got = f"points as close as {np.diff(times).min():.3g} s"
+        raise InputError("path: times", got=got, expected="points that a smooth curve passes through")
+    return found

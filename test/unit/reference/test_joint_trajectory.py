@@ -115,6 +115,7 @@ def test_the_feed_is_the_motion_along_the_path():
     (lambda n, t, v: (n, t, v + 100.0), "rad, expected"),
     (lambda n, t, v: (n, t, v + 0.1), "from the pad, expected 10 mm"),
     (lambda n, t, v: (n, 0.01 * t, v), "allow more time"),
+    (lambda n, t, v: (n, [0.0, 1e-9, 2e-9, *t[3:]], v), "path: times|allow more time"),
 ))  # fmt: skip
 def test_what_is_refused_in_one_line(change, line):
     robot, q = arm()
