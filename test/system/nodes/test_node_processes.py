@@ -37,8 +37,8 @@ def test_a_run_in_lockstep_ends_by_itself(processes: Processes, params) -> None:
 
 
 @pytest.mark.smoke
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
-def test_both_nodes_end_cleanly_on_a_signal_while_running(processes: Processes, params, number: int) -> None:
+def test_both_nodes_end_cleanly_on_a_signal_while_running(processes: Processes, params) -> None:
+    number = signal.SIGTERM  # SIGINT ends the nodes of most other tests
     controller = processes.python("controller", "-m", CONTROLLER, *params("controller"))
     bridge = processes.python("bridge", "-m", BRIDGE, *params("bridge", "bridge.duration_s=1000.0"))
     processes.wait_event(bridge, Progress)
@@ -46,8 +46,10 @@ def test_both_nodes_end_cleanly_on_a_signal_while_running(processes: Processes, 
     assert processes.stop(controller, number) == 0, controller.tail()
 
 
-@pytest.mark.parametrize(("module", "library"), [(BRIDGE, "libmujoco"), (CONTROLLER, "libpinocchio")])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize(
+    ("module", "library", "number"),
+    [(BRIDGE, "libmujoco", signal.SIGINT), (CONTROLLER, "libpinocchio", signal.SIGTERM)],
+)
 def test_a_node_ends_cleanly_on_a_signal_while_it_is_imported(
     processes: Processes, module: str, library: str, number: int
 ) -> None:
@@ -57,8 +59,10 @@ def test_a_node_ends_cleanly_on_a_signal_while_it_is_imported(
     assert list(node.lines) == []
 
 
-@pytest.mark.parametrize(("word", "seen", "code"), [("import", "is imported", 0), ("run", "runs", 128)])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize(
+    ("word", "seen", "code", "number"),
+    [("import", "is imported", 0, signal.SIGINT), ("run", "runs", 128, signal.SIGTERM)],
+)
 def test_a_process_that_is_stuck_in_c_code_ends(
     processes: Processes, word: str, seen: str, code: int, number: int
 ) -> None:
@@ -68,9 +72,13 @@ def test_a_process_that_is_stuck_in_c_code_ends(
     assert processes.stop(node, number) == (code + number if code else 0), node.tail()
 
 
-@pytest.mark.parametrize("module", [BRIDGE, CONTROLLER])
-@pytest.mark.parametrize("after_s", [0.2, 1.5, 2.0])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize(
+    ("module", "after_s", "number"),
+    [
+        (BRIDGE, 0.2, signal.SIGINT), (BRIDGE, 1.5, signal.SIGTERM), (CONTROLLER, 0.2, signal.SIGTERM),
+        (CONTROLLER, 2.0, signal.SIGINT),
+    ],
+)  # fmt: skip
 def test_a_node_ends_on_a_signal_at_any_moment_of_its_start(
     processes: Processes, module: str, after_s: float, number: int
 ) -> None:
@@ -88,8 +96,7 @@ def test_help_is_printed_and_starts_nothing(processes: Processes) -> None:
         assert any(line.startswith("usage: slip_") for line in node.lines), node.tail()
 
 
-@pytest.mark.parametrize("module", [BRIDGE, CONTROLLER])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize(("module", "number"), [(BRIDGE, signal.SIGTERM), (CONTROLLER, signal.SIGINT)])
 def test_a_node_without_peers_ends_cleanly_on_a_signal(processes: Processes, module: str, number: int) -> None:
     node = processes.python("node", "-m", module, "--ros-args", "-r", "robot_description:=seen")
     watch_for_publisher(processes, "/seen" if module == BRIDGE else "/effort_command")
@@ -141,8 +148,6 @@ def test_namespaces_move_everything(processes: Processes, params) -> None:
 
 BAD = [
     (CONTROLLER, "gains.ks:=5.0", ["gains.ks", "gains.k_s"]),
-    (CONTROLLER, "gains.k_s:=-5.0", ["gains.k_s", "greater than"]),
-    (CONTROLLER, "gains.stiffness:=[1.0, 2.0]", ["gains.stiffness"]),
     (CONTROLLER, "ee_frame:=hand_of_god", ["hand_of_god"]),
     (CONTROLLER, "robot_description_file:=nowhere.urdf", ["nowhere.urdf"]),
     (BRIDGE, "friction.model:=glue", ["friction.model", "stribeck"]),

@@ -209,7 +209,7 @@ BAD = {
 def test_what_cannot_be_used_is_said_in_one_line(
     file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(posture, "SAMPLES", 100)
+    monkeypatch.setattr(posture, "SAMPLES", 40)
     for case, (arguments, text, words) in BAD.items():
         file.write_text(text)
         monkeypatch.setattr("sys.argv", ["slip-vic", "arm", *arguments])

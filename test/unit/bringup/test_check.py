@@ -44,7 +44,8 @@ def test_the_weight_is_heaviest_at_the_goal_of_vertical_plane() -> None:
 
 
 def test_an_infeasible_path_is_refused_with_its_place() -> None:
-    code, words = check("--scenario", "vertical_plane", "--set", "controller.governor.margin=0.95")
+    less = ("--mismatch", "none", "--set", "bridge.duration_s=1.0")
+    code, words = check("--scenario", "vertical_plane", "--set", "controller.governor.margin=0.95", *less)
     assert code == 2
     assert "refused: UNREACHABLE" in words
     assert "where the path is at 0.800 s" in words

@@ -43,7 +43,7 @@ def test_sampled_loop_is_stable_just_below_and_unstable_just_above() -> None:
 
 
 def test_held_samples_are_stable_just_below_and_unstable_just_above() -> None:
-    for held, delay in ((9, 0), (9, 10), (2, 5), (17, 33), (40, 80), (40, 7), (3, 3)):
+    for held, delay in ((9, 0), (9, 10), (2, 5), (17, 33), (40, 7), (3, 3)):
         limit = held_sample_limit(held, delay)
         assert amplitude_ratio((1.0 - NEAR) * limit, held, delay) < 0.5
         assert amplitude_ratio((1.0 + NEAR) * limit, held, delay) > 2.0

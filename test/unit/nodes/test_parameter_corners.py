@@ -19,7 +19,7 @@ from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.session import Controller, Manifest
 from test.support.one_arm import OneArm, one_arm
 
-CYCLES, DRAWS = 50, 200
+CYCLES, DRAWS = 25, 100
 HOSTILE = (5e-324, 1e-300, 1e300, -1e300)
 NUMBERS = [info for info in parameter_infos(ControllerNodeParams) if "float" in str(info.kind)]
 SET_UPS = {
@@ -30,6 +30,8 @@ SET_UPS = {
         "trajectory.displacement": [0.05, 0.0, 0.02],
     },
 }
+OWN = {"observer, circle": "", "measured, quintic": ("trajectory.", "measured.", "gains.", "slip_sensor.")}
+"""Beginnings of the names that are tried in a set-up: those that act as in the first one are not tried twice."""
 
 
 def corners(info: ParameterInfo) -> Iterator[float]:
@@ -95,15 +97,16 @@ def outcome(values: dict[str, Any], scenario: Any, bridge: BridgeSession) -> str
 def test_a_corner_is_refused_in_one_line_or_the_loop_stays_finite(name: str, bridge: tuple[Any, BridgeSession]) -> None:
     scenario, session = bridge
     base = {**flatten(scenario.controller), **SET_UPS[name]}
+    tried = [info for info in NUMBERS if info.name.startswith(OWN[name])]
     outcomes = {
         (info.name, value): outcome({**base, info.name: with_value(info, value)}, scenario, session)
-        for info in NUMBERS
+        for info in tried
         for value in corners(info)
     }
     assert not {key: text for key, text in outcomes.items() if text not in ("ran", "refused")}
     counts = Counter(outcomes.values())
-    assert counts["ran"] > len(NUMBERS)
-    assert counts["refused"] > 2 * len(NUMBERS)
+    assert counts["ran"] > len(tried)
+    assert counts["refused"] > 2 * len(tried)
 
 
 def test_many_corners_at_once_leave_the_loop_finite(bridge: tuple[Any, BridgeSession]) -> None:
