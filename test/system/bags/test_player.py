@@ -18,6 +18,7 @@ from geometry_msgs.msg import WrenchStamped
 from slip_bags.reader import Bag
 from slip_bags.recording.raw_subscription import Arrival, RawSubscription, recording_qos
 from slip_bags.ros_node import request_realtime
+from slip_vic.cli import main
 from test.support.bag_maker import PERIOD_NS, START_NS, make_bag
 from test.support.ros import DEADLINE_S, wait_until
 
@@ -107,18 +108,28 @@ def test_loops_until_interrupted(processes, ros_node, bag):
     [
         (["--topics", "/joint"], "no such topic"),
         (["--start-offset", "100"], "at most 0.299 s"),
-        (["--remap", "a=b"], "OLD:=NEW"),
         (["--exclude-regex", "."], "no topic that can be played"),
         (["--regex", "("], "a regular expression"),
-        (["--rate", "0"], "--rate"),
     ],
-    ids=["topic", "offset", "remap", "nothing left", "regex", "rate"],
+    ids=["topic", "offset", "nothing left", "regex"],
 )
 def test_bad_options_end_in_one_line(processes, bag, arguments, line):
     player = processes.python("player", *PLAY, bag, *arguments)
     assert processes.wait_end(player) == 2
     assert len(player.lines) == 1
     assert line in player.lines[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [(["--remap", "a=b"], "OLD:=NEW"), (["--rate", "0"], "--rate")],
+)
+def test_what_no_option_can_be_is_one_line_before_there_is_a_node(bag, arguments, line, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["slip-vic", "bag", "play", str(bag), *arguments])
+    assert main() == 2
+    errors = capsys.readouterr().err.splitlines()
+    assert len(errors) == 1
+    assert line in errors[0]
 
 
 class Terminal:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import random
+import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -18,7 +19,17 @@ import pytest
 
 from slip_msgs_py.last_resort import LOUD_VARIABLE
 from test.support.ros import Processes
-from test.system.nodes.test_modes import BRIDGE_ENDLESS, CONTROLLER_SLOW, Watcher, start, watcher  # noqa: F401
+from test.system.nodes.test_modes import (  # noqa: F401
+    BRIDGE_ENDLESS,
+    CONTROLLER_SLOW,
+    System,
+    Watcher,
+    nodes,
+    shared_start,
+    shared_watcher,
+    start,
+    watcher,
+)  # fmt: skip
 
 NODES = ("slip_vic_controller", "slip_sim_bridge")
 JOINTS = [f"arm_joint{i}" for i in range(1, 8)]
@@ -190,39 +201,6 @@ def transitions(attacker: Attacker) -> None:
 ATTACKS = (hostile_stamps, hostile_numbers, clocks, parameters, services, transitions)
 
 
-def test_nothing_that_arrives_ends_the_nodes(watcher: Watcher, start: Any) -> None:
-    nodes = [start("controller", *CONTROLLER_SLOW), start("bridge", *BRIDGE_ENDLESS)]
-    attacker = Attacker(watcher, nodes)
-    watcher.wait_law()
-    for attack in ATTACKS:
-        attack(attacker)
-        attacker.pause()
-        attacker.nodes_go_on(attack.__name__)
-    watcher.wait_law()
-
-
-@pytest.mark.smoke
-def test_a_second_controller_is_a_fault_at_once_and_says_how_to_go_on(watcher: Watcher, start: Any) -> None:
-    from sensor_msgs.msg import JointState
-
-    controller, bridge = start("controller", *CONTROLLER_SLOW), start("bridge", *BRIDGE_ENDLESS)
-    watcher.wait_law()
-    seen: list[float] = []
-    watcher.node.create_subscription(JointState, "effort_command", lambda m: seen.append(m.header.stamp.sec), 100)
-    foreign = watcher.node.create_publisher(JointState, "effort_command", 10)
-    watcher.spin(lambda: foreign.get_subscription_count() >= 2, "the bridge to take foreign commands")
-    began = time.monotonic()
-    watcher.wait_mode("FAULT", "another publisher")
-    assert time.monotonic() - began < PROMPT_S
-    assert watcher.modes[-1].endswith("call ~/reset_fault, then ~/enable")
-    watcher.node.destroy_publisher(foreign)
-    watcher.wait_law()
-    start("controller", *CONTROLLER_SLOW)  # under the same name
-    watcher.wait_mode("FAULT", "another publisher")
-    assert controller.exit_code is None
-    assert bridge.exit_code is None
-
-
 @pytest.mark.parametrize("loud", ["0", "1"])
 def test_a_bug_of_our_own_is_a_fault_with_efforts_that_go_on(
     watcher: Watcher,
@@ -276,3 +254,38 @@ def test_a_run_with_a_failure_in_it_does_not_end_well(start: Any, processes: Pro
     bridge = start("bridge", "bridge.control_period_s=0.004", "bridge.duration_s=2.0", script=script)
     assert processes.wait_end(bridge) == 1
     assert "ZeroDivisionError: put in by a test" in bridge.tail()
+
+
+def test_nothing_that_arrives_ends_the_nodes(nodes: System) -> None:
+    attacker = Attacker(nodes.watcher, [nodes.controller, nodes.bridge])
+    nodes.watcher.wait_law()
+    for attack in ATTACKS:
+        attack(attacker)
+        attacker.pause()
+        attacker.nodes_go_on(attack.__name__)
+    nodes.watcher.wait_law()
+
+
+@pytest.mark.smoke
+def test_a_second_controller_is_a_fault_at_once_and_says_how_to_go_on(
+    nodes: System, shared_start: Any, shared_processes: Processes
+) -> None:
+    from sensor_msgs.msg import JointState
+
+    watcher = nodes.watcher
+    watcher.wait_law()
+    seen: list[float] = []
+    watcher.node.create_subscription(JointState, "effort_command", lambda m: seen.append(m.header.stamp.sec), 100)
+    foreign = watcher.node.create_publisher(JointState, "effort_command", 10)
+    watcher.spin(lambda: foreign.get_subscription_count() >= 2, "the bridge to take foreign commands")
+    began = time.monotonic()
+    watcher.wait_mode("FAULT", "another publisher")
+    assert time.monotonic() - began < PROMPT_S
+    assert watcher.modes[-1].endswith("call ~/reset_fault, then ~/enable")
+    watcher.node.destroy_publisher(foreign)
+    watcher.wait_law()
+    second = shared_start("controller", *CONTROLLER_SLOW)  # under the same name
+    watcher.wait_mode("FAULT", "another publisher")
+    assert nodes.controller.exit_code is None
+    assert nodes.bridge.exit_code is None
+    shared_processes.stop(second, signal.SIGINT)

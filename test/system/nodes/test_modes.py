@@ -128,30 +128,6 @@ CONTROLLER_SLOW = ("controller.control_period_s=0.004", "controller.gains.k_s=50
 BRIDGE_ENDLESS = ("bridge.stop_after_duration=false", "bridge.control_period_s=0.004")
 
 
-class System(NamedTuple):
-    """Nodes in real time, and who watches them; each test leaves the law at work."""
-
-    watcher: Watcher
-    controller: Any
-    bridge: Any
-
-
-@pytest.fixture(scope="module")
-def nodes(shared_watcher: Watcher, shared_start: Start) -> System:
-    return System(shared_watcher, shared_start("controller", *CONTROLLER_SLOW), shared_start("bridge", *BRIDGE_ENDLESS))
-
-
-@pytest.mark.smoke
-def test_services_move_the_mode(nodes: System) -> None:
-    watcher = nodes.watcher
-    watcher.wait_law()
-    assert watcher.trigger("hold").success
-    watcher.wait_mode("HOLD", "hold requested")
-    assert watcher.trigger("enable").success
-    watcher.wait_law()
-    assert watcher.trigger("reset_fault").success
-
-
 def test_a_managed_node_waits_for_its_transitions(watcher: Watcher, start, processes: Processes) -> None:
     from lifecycle_msgs.msg import Transition
 
@@ -176,23 +152,36 @@ def test_a_managed_node_waits_for_its_transitions(watcher: Watcher, start, proce
     assert processes.wait_end(controller) == 0, controller.tail()
 
 
+class System(NamedTuple):
+    """Nodes in real time, and who watches them; each test leaves the law at work."""
+
+    watcher: Watcher
+    controller: Any
+    bridge: Any
+
+
+@pytest.fixture(scope="module")
+def nodes(shared_watcher: Watcher, shared_start: Start) -> System:
+    return System(shared_watcher, shared_start("controller", *CONTROLLER_SLOW), shared_start("bridge", *BRIDGE_ENDLESS))
+
+
+@pytest.mark.smoke
+def test_services_move_the_mode(nodes: System) -> None:
+    watcher = nodes.watcher
+    watcher.wait_law()
+    assert watcher.trigger("hold").success
+    watcher.wait_mode("HOLD", "hold requested")
+    assert watcher.trigger("enable").success
+    watcher.wait_law()
+    assert watcher.trigger("reset_fault").success
+
+
 def test_watchdog_bites_when_the_clock_of_the_bridge_stops(nodes: System) -> None:
     watcher, bridge = nodes.watcher, nodes.bridge
     watcher.wait_law()
     bridge.send(signal.SIGSTOP)
     watcher.wait_mode("HOLD", "joint state is silent")
     bridge.send(signal.SIGCONT)
-    watcher.wait_law()
-
-
-@pytest.mark.smoke
-def test_a_bridge_that_starts_again_is_taken_up(watcher: Watcher, start, processes: Processes) -> None:
-    start("controller", *CONTROLLER_SLOW)
-    bridge = start("bridge", *BRIDGE_ENDLESS)
-    watcher.wait_law()
-    processes.kill(bridge)
-    watcher.wait_mode("HOLD", "silent")
-    start("bridge", *BRIDGE_ENDLESS, "bridge.wait_for=[]")
     watcher.wait_law()
 
 
@@ -209,4 +198,16 @@ def test_somebody_else_on_the_command_topic_is_a_fault_that_latches(nodes: Syste
     watcher.spin(wait_gone, "the foreign publisher to go")
     watcher.spin(lambda: watcher.trigger("reset_fault").success and "HOLD" in watcher.modes[-1], "HOLD after the reset")
     assert watcher.trigger("enable").success
+    watcher.wait_law()
+
+
+@pytest.mark.smoke
+def test_a_bridge_that_starts_again_is_taken_up(
+    nodes: System, shared_start: Start, shared_processes: Processes
+) -> None:
+    watcher = nodes.watcher
+    watcher.wait_law()
+    shared_processes.kill(nodes.bridge)
+    watcher.wait_mode("HOLD", "silent")
+    shared_start("bridge", *BRIDGE_ENDLESS, "bridge.wait_for=[]")
     watcher.wait_law()

@@ -138,14 +138,6 @@ def test_a_publisher_with_the_wrong_qos_is_named(processes: Processes, params, r
     assert "Best effort publisher and reliable subscription" in line
 
 
-def test_namespaces_move_everything(processes: Processes, params) -> None:
-    namespace = ["-r", "__ns:=/left"]
-    controller = processes.python("controller", "-m", CONTROLLER, *params("controller"), *namespace)
-    bridge = processes.python("bridge", "-m", BRIDGE, *params("bridge", "bridge.duration_s=0.05"), *namespace)
-    assert processes.wait_end(bridge) == 0, bridge.tail()
-    assert processes.stop(controller, signal.SIGINT) == 0
-
-
 BAD = [
     (CONTROLLER, "gains.ks:=5.0", ["gains.ks", "gains.k_s"]),
     (CONTROLLER, "ee_frame:=hand_of_god", ["hand_of_god"]),

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[3]
-FAST = "-q test/unit -n auto --dist loadfile"
+BY_FILE = "--dist loadfile --no-loadscope-reorder"
+FAST = f"-q test/unit -n auto {BY_FILE}"
 
 
 @pytest.fixture
@@ -87,7 +88,7 @@ def called(tmp_path: Path) -> dict[str, str]:
                 "ruff check .",
                 "mypy ",
                 f"python -m pytest {FAST}",
-                "python -m pytest test/system -m smoke -n 2 --dist loadfile",
+                f"python -m pytest test/system -m smoke -n 2 {BY_FILE}",
                 "python -m pytest test/referees -n 2 -m referee and not long",
             ],
         ),
@@ -98,7 +99,7 @@ def called(tmp_path: Path) -> dict[str, str]:
                 "ruff check .",
                 "mypy ",
                 f"python -m pytest {FAST}",
-                f"python -m pytest test/system -n 2 --dist loadfile {' '.join(f'--ignore={path}' for path in ALONE)}",
+                f"python -m pytest test/system -n 2 {BY_FILE} {' '.join(f'--ignore={path}' for path in ALONE)}",
                 f"python -m pytest {' '.join(ALONE)}",
                 "python -m pytest test/referees -n 2 -m referee and not long",
             ],
