@@ -40,7 +40,7 @@ def test_without_noise_the_model_alone_gives_the_slip_velocity() -> None:
 
 
 def test_late_and_reordered_samples_give_the_estimate_of_timely_ones_bit_by_bit() -> None:
-    for seed in range(8):
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         accelerations = [six(*rng.normal(scale=0.3, size=3)) for _ in range(80)]
         measured = {
