@@ -87,9 +87,15 @@ def pad_wrench(mass: float, inertia: Array, r: Array, gravity: Array, pad: PadMo
     """
     R, w, alpha = pad.rotation, pad.twist[3:], pad.acceleration[3:]
     lever, J = R @ r, R @ inertia @ R.T
-    of_centre = pad.acceleration[:3] - np.cross(alpha, lever) - np.cross(w, np.cross(w, lever))
+    of_centre = pad.acceleration[:3] - _cross(alpha, lever) - _cross(w, _cross(w, lever))
     force = mass * (of_centre - gravity)
-    return force, J @ alpha + np.cross(w, J @ w) - np.cross(lever, force)
+    return force, J @ alpha + _cross(w, J @ w) - _cross(lever, force)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Return a x b of two vectors; numpy's own takes arrays of them, and ten times as long."""
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+    return np.array((y * w - z * v, z * u - x * w, x * v - y * u))
 
 
 def pad_load(params: ControllerParams, inertia: Array, r: Array, pad: PadMotion) -> float:
