@@ -205,9 +205,9 @@ def observer_scenario() -> Scenario:
     return load_scenario(SCENARIO, assignments=("controller.slip_estimator=observer",))
 
 
-def governed_scenario() -> Scenario:
-    """Return the scenario below the reference governor."""
-    return load_scenario(SCENARIO, law="governed")
+def governed_scenario(drive: str = "") -> Scenario:
+    """Return the scenario below the reference governor; with drives the joint state estimator is on."""
+    return load_scenario(SCENARIO, law="governed", drive=drive)
 
 
 def slipping_scenario() -> Scenario:

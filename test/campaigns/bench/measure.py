@@ -109,6 +109,8 @@ def _rounds(effort: Effort, library: Path | None, say: Say) -> Rounds:
     pieces["control step, observer"] = cost.moment(cost.observer_scenario()).step
     governed = cost.moment(cost.governed_scenario())
     pieces |= {"control step, governed": governed.step, "backward pass": cost.backward_pass(governed)}
+    for name, drive in (("estimator", "torque_joint"), ("velocity", "velocity_500")):
+        pieces[f"control step, {name}"] = cost.moment(cost.governed_scenario(drive)).step
     sticking = cost.holding_bridge(vic)
     pieces["simulator step, stick"] = lambda: sticking.advance([None])
     pieces["simulator step, slip"] = cost.sliding_step(cost.holding_bridge(cost.slipping_scenario()))
@@ -137,7 +139,7 @@ def _rounds(effort: Effort, library: Path | None, say: Say) -> Rounds:
 
 
 def _metrics(rounds: Rounds) -> dict[str, Metric]:
-    ratio, bare = rounds.ratio, "pinocchio terms"
+    ratio, bare, before = rounds.ratio, "pinocchio terms", "control step, governed"
 
     def microseconds(name: str, source: str) -> Metric:
         return rounds.metric(name, source, "us", "low", scale=1e6)
@@ -146,6 +148,8 @@ def _metrics(rounds: Rounds) -> dict[str, Metric]:
         ratio("control_step_ratio", "control step", bare, "low", "control step / Pinocchio terms it needs"),
         ratio("control_step_observer_ratio", "control step, observer", bare, "low", "the same with slip observer"),
         ratio("control_step_governed_ratio", "control step, governed", bare, "low", "the same with reference governor"),
+        ratio("estimator_ratio", "control step, estimator", before, "low", "with / without joint state estimator"),
+        ratio("velocity_ratio", "control step, velocity", before, "low", "commands of velocities / efforts"),
         rounds.metric("closed_loop_real_time_factor", "closed loop", "x", "high", "simulator, sensors, law"),
         rounds.metric("supervised_loop_real_time_factor", "supervised loop", "x", "high", "with the whole cycle"),
         ratio("lockstep_ratio", "r0", "lockstep", "high", "R0 round trip / lockstep tick, two processes"),
