@@ -95,6 +95,7 @@ _PATH_SCALE = place(OUTPUTS, "path_scale").start
 _NOW, _REQUEST, _MISSING = (place(INPUTS, name).start for name in ("now_ns", "request", "missing"))
 _PRESENT = place(INPUTS, "present").start
 _RAMP = place(ARM_STATE, "law.ramp")
+_ANSWERS = [place(ARM_STATE, f"joint.answers.{name}").start for name in ("position", "velocity")]
 _CYCLES, _LAW_KNOWN = place(ARM_STATE, "cycles").start, place(ARM_STATE, "law.known").start
 _TARED = place(ARM_STATE, "tare.done").start
 _STATE_MODE, _PENDING = place(ARM_STATE, "mode.mode").start, place(ARM_STATE, "joint.pending").start
@@ -350,6 +351,7 @@ class ArmSession:
         self.overdue = False  # its own next joint state has come while one waited for another arm
         self._lockstep = self.controller.lockstep
         self._joints = len(self.controller.robot.joint_names)
+        self._answers = [self.row[first : first + self._joints] for first in _ANSWERS]
         self._slip_delay_ns = int(record(self.config, CONFIG).cycle.slip_delay_ns)
         self._has_wrench = self.controller.params.wrench.source == "sensor"
         self._estimates = bool(record(self.config, CONFIG).estimator.on)
@@ -556,8 +558,7 @@ class ArmSession:
             q, qd = joint.position, joint.velocity
             if self._estimates:
                 estimate_joint_state(self.config, self.row)
-                answers, n = self.state.joint.answers, self._joints
-                q, qd = answers.position[:n].copy(), answers.velocity[:n].copy()
+                q, qd = self._answers
             self.controller.robot.terms(q, qd, own[_ARM])
         return joint
 
