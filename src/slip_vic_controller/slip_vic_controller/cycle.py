@@ -414,6 +414,9 @@ def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> Non
         start_tare(tare, NEVER)
     if tare.done == 0 and state.mode.mode == Mode.HOLD:
         n, stamp_ns, wrench = config.law.joints, state.joint.answers.stamp_ns, state.wrench_inputs[0]
+        R, weight = mat(inputs.arm.rotation), np.zeros(6)
+        r = _arm_of_load(config, state, pad_rotation(config.law.contact[0], state.law.slips[0]))
+        put_spatial(weight, object_load(config.hold, R, R @ r))
         over = measure_at_rest(
             config.tare, tare, stamp_ns, state.joint.last.position[:n], state.joint.last.velocity[:n]
         )
@@ -422,12 +425,11 @@ def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> Non
                 add_six(tare.slip, queue.samples[k].twist)
         if config.law.contacts == 1 and wrench.stamp_ns > tare.wrench_ns:  # of several, arms may press on each other
             tare.wrench_ns = wrench.stamp_ns
-            R, beyond = mat(inputs.arm.rotation), np.zeros(6)
-            r = _arm_of_load(config, state, pad_rotation(config.law.contact[0], state.law.slips[0]))
-            put_spatial(beyond, own_wrench(config, state, R) - object_load(config.hold, R, R @ r))
+            beyond = np.zeros(6)
+            put_spatial(beyond, own_wrench(config, state, R) - spatial(weight))
             add_six(tare.wrench, beyond)
         if over:
-            take_biases(config.tare, tare)
+            take_biases(config.tare, tare, weight)
     for k in range(queue.count):
         for i in range(6):
             queue.samples[k].twist[i] -= tare.slip_bias[i]

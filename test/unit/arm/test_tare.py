@@ -113,7 +113,7 @@ def test_a_bias_is_taken_out_and_noise_is_not() -> None:
         )
         add_six(state.wrench, np.array([0.1, 0, 0, 0, 0, 0]) + 0.05 * rng.normal(size=6))
         add_velocities(config, state, 3e-3 * rng.normal(size=N))
-    take_biases(config, state)
+    take_biases(config, state, np.zeros(6))
     assert state.sensor == Sensor.NONE
     np.testing.assert_allclose(state.slip_bias, [0.01, 0, 0, 0, 0, 0.1], atol=2e-4)
     assert np.count_nonzero(state.slip_bias) == 2
@@ -122,12 +122,26 @@ def test_a_bias_is_taken_out_and_noise_is_not() -> None:
     assert not state.velocity_bias.any()
 
 
+WEIGHT = np.array([0.0, 3.0, -4.0, 0.1, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(("share", "accused"), [(0.4, Sensor.NONE), (-0.4, Sensor.NONE), (0.8, Sensor.WRENCH)])
+def test_a_wrench_of_another_mass_is_no_bias(share: float, accused: Sensor) -> None:
+    """Up to half of the weight; what is across it is a bias all the same."""
+    config, state, bias = bounds(), begun(), np.array([0.2, 0.08, 0.06, 0, 0, 0])
+    for _ in range(SAMPLES):
+        add_six(state.wrench, share * WEIGHT + bias)
+    take_biases(config, state, WEIGHT)
+    assert state.sensor == accused
+    np.testing.assert_allclose(state.wrench_bias, bias if accused == Sensor.NONE else 0.0, atol=1e-12)
+
+
 def test_what_is_out_of_bounds_is_not_taken_out() -> None:
     config, state = bounds(), begun()
     for _ in range(SAMPLES):
         add_six(state.slip, np.array([0.01, 0, 0, 0, 0, 0]))
         add_six(state.wrench, np.array([5.0, 0, 0, 0, 0, 0]))
-    take_biases(config, state)
+    take_biases(config, state, np.zeros(6))
     assert (state.sensor, state.worst, state.bound) == (Sensor.WRENCH, 5.0, config.force)
     assert not state.slip_bias.any()
     assert not state.wrench_bias.any()

@@ -1,7 +1,8 @@
 """Tare at rest: what the sensors of an arm read while nothing moves, before the law begins.
 
 Nothing slips in HOLD, and the load of the resting object is known. So the mean of a slip sensor's samples is its bias,
-the mean of the wrench beyond the model's load is that of the wrench sensor, and the spread of all is their noise.
+the mean of the wrench beyond the model's load is that of the wrench sensor, and the spread of all is their noise. A
+wrench that another mass of the object explains is that of another mass.
 Biases inside the configured bounds are taken out; a larger one is a reason not to begin, with the sensor's name.
 Noise that is larger than configured replaces what is configured (`arm/config.py`).
 """
@@ -19,6 +20,8 @@ from slip_vic_controller.sizes import NEVER, Joints
 
 LEAST_SAMPLES: Final = 5
 """Samples of a sensor without which its mean says nothing."""
+MASS_SHARE: Final = 0.5
+"""Share of the resting object's weight by which its mass may be wrong: that much of a wrench is no bias."""
 SIGNIFICANT: Final = 4.0
 """Standard deviations of a mean from which it is a bias, and no noise."""
 
@@ -154,8 +157,28 @@ def bias_of(average: float, squares: float, count: int) -> float:
 
 
 @part
-def take_biases(config: TareConfig, state: Tare) -> None:
-    """Take what was measured as biases, or name the sensor that is out of bounds."""
+def leave_to_mass(config: TareConfig, state: Tare, weight: Array) -> None:
+    """Take what another mass of the object explains off a mean wrench that is out of bounds.
+
+    weight: model's load of the resting object (6,) [N, N m] {ee}.
+
+    Implements: ours: the mean less rho weight, rho the projection of its force on that of the weight.
+    """
+    wrench, along, square = state.wrench, 0.0, 0.0
+    if max(largest(wrench.average, 0, 3)[1] - config.force, largest(wrench.average, 3, 6)[1] - config.torque) <= 0.0:
+        return
+    for k in range(3):
+        along += wrench.average[k] * weight[k]
+        square += weight[k] * weight[k]
+    share = min(max(along / square, -MASS_SHARE), MASS_SHARE) if square > 0.0 else 0.0
+    for k in range(6):
+        wrench.average[k] -= share * weight[k]
+
+
+@part
+def take_biases(config: TareConfig, state: Tare, weight: Array) -> None:
+    """Take what was measured as biases, or name the sensor that is out of bounds; weight: see `leave_to_mass`."""
+    leave_to_mass(config, state, weight)
     verdict = judge_tare(config, state)
     state.done, state.sensor, state.worst, state.bound = 1, verdict.sensor, verdict.size, verdict.bound
     if verdict.sensor == Sensor.NONE:
