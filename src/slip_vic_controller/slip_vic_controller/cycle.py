@@ -38,7 +38,7 @@ from slip_vic_controller.arm.estimator import (
     publish_joints,
     remember_input,
 )
-from slip_vic_controller.arm.tare import add_six, measure_at_rest, start_tare, take_biases
+from slip_vic_controller.arm.tare import add_six, add_slip, measure_at_rest, start_tare, take_biases
 from slip_vic_controller.governing import (
     agree_on_friction,
     begin_governing,
@@ -422,7 +422,7 @@ def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> Non
         )
         for k in range(queue.count):
             if queue.samples[k].stamp_ns >= tare.begun_ns:
-                add_six(tare.slip, queue.samples[k].twist)
+                add_slip(config.tare, tare, queue.samples[k].twist)
         if config.law.contacts == 1 and wrench.stamp_ns > tare.wrench_ns:  # of several, arms may press on each other
             tare.wrench_ns = wrench.stamp_ns
             beyond = np.zeros(6)

@@ -13,6 +13,7 @@ from slip_vic_controller.arm.tare import (
     Tare,
     TareConfig,
     add_six,
+    add_slip,
     add_velocities,
     at_rest,
     deviation,
@@ -87,6 +88,26 @@ def test_noise_is_no_bias(seed: int) -> None:
         add_six(state.slip, np.array([0.01, 0, 0, 0, 0, 0]) + rng.normal(0, 0.1, 6))
         add_velocities(config, state, rng.normal(0, 0.1, N))
     assert judge_tare(config, state).sensor == Sensor.NONE
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_outliers_are_neither_bias_nor_noise(seed: int) -> None:
+    """Not even where the first sample is one."""
+    rng, config, state = np.random.default_rng(seed), bounds(), begun()
+    bias = np.array([0.006, -0.004, 0.0, 0.0, 0.0, 0.1])
+    for k in range(SAMPLES):
+        outlier = rng.choice((-1.0, 1.0), 6) * (0.2, 0.2, 0.2, 5.0, 5.0, 5.0) * (k == 0 or rng.random() < 0.02)
+        add_slip(config, state, bias + outlier + 1e-3 * rng.normal(size=6))
+    take_biases(config, state, np.zeros(6))
+    np.testing.assert_allclose(state.slip_bias, bias, atol=3e-4)
+    assert deviation(state.slip.squares[:3].max(), state.slip.count) < 1.2e-3
+
+
+def test_a_bias_beyond_all_bounds_is_the_majority() -> None:
+    config, state = bounds(), begun()
+    for _ in range(SAMPLES):
+        add_slip(config, state, np.array([0.5, 0, 0, 0, 0, 0]))
+    assert judge_tare(config, state).size == pytest.approx(0.5)
 
 
 def test_few_samples_accuse_nobody() -> None:

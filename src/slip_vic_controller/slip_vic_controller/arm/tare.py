@@ -22,6 +22,8 @@ LEAST_SAMPLES: Final = 5
 """Samples of a sensor without which its mean says nothing."""
 MASS_SHARE: Final = 0.5
 """Share of the resting object's weight by which its mass may be wrong: that much of a wrench is no bias."""
+OUTLIER: Final = 3.0
+"""Distance of a slip velocity from the mean, over its bound, from which it is an outlier."""
 SIGNIFICANT: Final = 4.0
 """Standard deviations of a mean from which it is a bias, and no noise."""
 
@@ -108,6 +110,27 @@ def add_six(state: Mean6, values: Array) -> None:
         beyond = values[k] - state.average[k]
         state.average[k] += beyond / state.count
         state.squares[k] += beyond * (values[k] - state.average[k])
+
+
+@part
+def add_slip(config: TareConfig, state: Tare, twist: Array) -> None:
+    """Take a slip velocity (6,) [m/s, rad/s] {ee} into its mean; an outlier takes one of those before away instead.
+
+    So the mean is that of the majority, wherever it begins, and outliers widen no spread.
+
+    Implements: ours, as R. S. Boyer and J S. Moore's majority vote, 1981.
+    """
+    slip, far = state.slip, False
+    for k in range(6):
+        bound = config.slip_linear if k < 3 else config.slip_angular
+        far = far or abs(twist[k] - slip.average[k]) > OUTLIER * bound
+    if slip.count == 0 or not far:
+        add_six(slip, twist)
+        return
+    slip.squares[:] *= (slip.count - 1) / slip.count
+    slip.count -= 1
+    if slip.count == 0:
+        slip.average[:] = 0.0
 
 
 @part
