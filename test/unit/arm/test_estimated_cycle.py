@@ -114,11 +114,11 @@ def test_the_estimate_is_part_of_the_state() -> None:
     run = Run()
     run.cycles(300)
     kept = run.loop.controller.snapshot()
-    outputs, counts = run.loop.observe(), list(run.arm._counts)
+    outputs, counts = run.loop.observe(), (list(run.arm._wrench_counts), list(run.arm._slip_counts))
     assert answer_bytes(run, kept, outputs, counts) == answer_bytes(run, kept, outputs, counts)
 
 
-def answer_bytes(run: Run, kept: np.ndarray, outputs: Any, counts: list[int]) -> bytes:
+def answer_bytes(run: Run, kept: np.ndarray, outputs: Any, counts: tuple[list[int], list[int]]) -> bytes:
     run.arm.restore(kept)
-    run.arm._counts = list(counts)
+    run.arm._wrench_counts, run.arm._slip_counts = map(list, counts)
     return run.loop.control(outputs).record.effort.tobytes() + run.loop.controller.snapshot().tobytes()
