@@ -100,7 +100,7 @@ def observe(path: Path) -> None:
 
 
 @main.command()
-@click.option("--refit", is_flag=True, help="fit the ensembles anew first; a quarter of an hour")
+@click.option("--refit", is_flag=True, help="fit the ensembles again first; a quarter of an hour")
 @click.option("--members", default=40, show_default=True, help="of each ensemble")
 @click.option("--processes", default=2, show_default=True)
 @click.option("--seed", default=0, show_default=True, help="of starts and draws")
