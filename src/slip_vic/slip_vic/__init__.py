@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from slip_core.errors import InputError
     from slip_vic.api import load, read_bag
+    from slip_vic.benchmark.law import Effort, Law, Pad, Seen, Setup
     from slip_vic.law import Evaluation, evaluate_law
     from slip_vic.presets import preset_names
     from slip_vic.run.in_process import Tick
@@ -29,10 +30,15 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 __all__ = [
+    "Effort",
     "Evaluation",
     "InputError",
+    "Law",
+    "Pad",
     "Run",
     "Scenario",
+    "Seen",
+    "Setup",
     "Tick",
     "Verdict",
     "evaluate_law",
@@ -43,10 +49,15 @@ __all__ = [
 ]
 
 _HOME = {
+    "Effort": "slip_vic.benchmark.law",
     "Evaluation": "slip_vic.law",
     "InputError": "slip_core.errors",
+    "Law": "slip_vic.benchmark.law",
+    "Pad": "slip_vic.benchmark.law",
     "Run": "slip_vic.run.run",
     "Scenario": "slip_vic.scenarios.scenario",
+    "Seen": "slip_vic.benchmark.law",
+    "Setup": "slip_vic.benchmark.law",
     "Tick": "slip_vic.run.in_process",
     "Verdict": "slip_vic.run.judge",
     "evaluate_law": "slip_vic.law",

@@ -19,6 +19,7 @@ SAID = {
     "run_and_plot.py": r"classical +ok: slip 3\d\.\d\d mm.*governed +ok: slip 0\.00 mm",
     "law_on_arrays.py": r"0 +400\.0 +0\.00",
     "own_law.py": r"classical +ok: slip.*own +\w+: slip.*largest effort",
+    "your_law.py": r"classical +ok: slip.*yours +ok: slip",
     "own_friction.py": r"as the scenario has it +\d.*LuGre.*small pad",
     "own_sensor.py": r"ideal +ok.*my_sensor +ok.*vision_25",
     "own_arm.py": r"governed: ok, slip 0\.\d\d mm",

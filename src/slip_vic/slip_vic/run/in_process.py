@@ -27,15 +27,17 @@ class Tick:
 
     Attributes:
         commands: of each arm, an empty one holds it: the controller's, until another one is set.
+        grips: squeeze of each arm that is commanded next [N]; None: as before.
     """
 
-    __slots__ = ("commands", "incidents", "outputs", "results")
+    __slots__ = ("commands", "grips", "incidents", "outputs", "results")
 
     def __init__(
         self, outputs: TickOutputs, results: tuple[CycleResult, ...], incidents: tuple[Incident, ...] = ()
     ) -> None:
         self.outputs, self.results, self.incidents = outputs, results, incidents
         self.commands: list[JointCommand] = [one.command for one in self.results]
+        self.grips: list[float | None] = [None] * len(results)
 
     @property
     def result(self) -> CycleResult:
@@ -150,8 +152,11 @@ def run_in_process(scenario: Scenario, late_ticks: int = 0) -> Iterator[Tick]:
             if seen is not None:
                 found.append(replace(seen, text=f"{name}: {seen.text}") if name else seen)
         tick = Tick(outputs, results, tuple(found))
-        yield tick
         for k in followed:
-            loop.bridge.set_grip_force(k, results[k].grip)
+            tick.grips[k] = results[k].grip
+        yield tick
+        for k, grip in enumerate(tick.grips):
+            if grip is not None:
+                loop.bridge.set_grip_force(k, grip)
         on_the_way.append([*tick.commands])
         loop.bridge.advance(on_the_way.popleft())

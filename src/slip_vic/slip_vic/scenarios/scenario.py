@@ -40,6 +40,7 @@ from slip_vic_controller.parameters.node_params import ControllerNodeParams
 if TYPE_CHECKING:
     from slip_core.arrays import Array
     from slip_sim_bridge.session import BridgeSession
+    from slip_vic.benchmark.law import Law as OwnLaw
     from slip_vic.run.in_process import Tick
     from slip_vic.run.run import Run
 
@@ -169,19 +170,29 @@ class Scenario:
 
         return run_in_process(self)
 
-    def run(self, law: Callable[[Tick], Array] | None = None) -> Run:
+    def run(self, law: Callable[[Tick], Array] | OwnLaw | None = None) -> Run:
         """Run in this process to the end, or until the object is lost; return what came of it.
 
         Args:
-            law: a control law of one's own: takes each tick, returns the effort of the first arm (n,) [N m]. None: the
-                controller's.
+            law: a control law of one's own: a `slip_vic.Law`, or a function that takes each tick and returns the effort
+                of the first arm (n,) [N m]. None: the controller's.
 
         Raises:
-            InputError: parameters and URDF that do not fit.
+            InputError: parameters and URDF that do not fit; a `slip_vic.Law` that fails.
         """
+        from slip_vic.benchmark.driven import Driven
+        from slip_vic.benchmark.law import Law as OwnLaw
         from slip_vic.run.judge import judge
         from slip_vic.run.run import Run
         from slip_vic.run.track import Track
+
+        if isinstance(law, OwnLaw):
+            own = Driven(self, law)
+            track = Track(own.scenario, whole=True)
+            verdict = judge(own.ticks(), track)
+            if own.failure:
+                raise InputError(f"law {type(law).__name__}", got=own.failure, expected="docs/your_law.md")
+            return Run(own.scenario, verdict, track)
 
         def driven() -> Iterator[Tick]:
             for tick in self.ticks():

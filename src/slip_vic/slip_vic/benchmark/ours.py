@@ -1,0 +1,77 @@
+"""The laws of this suite behind the same door: a controller that gets only what `Seen` and `Setup` hold."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from slip_core.params import build, flatten
+from slip_vic.benchmark.law import Answer, Effort, Seen, Setup
+from slip_vic.scenarios.scenario import Law as LawName
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.session import Controller, ControllerSession, Manifest
+
+
+class Vic:
+    """The paper's law. Its efforts equal those of the control cycle in the suite's own loop to the last bit."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"wrench", "slip", "grip"})
+    several: ClassVar[bool] = True
+    configured: ClassVar[LawName] = "vic"
+    """Which law of `load_scenario` the parameters in `Setup` are for."""
+    more: ClassVar[Mapping[str, Any]] = {}
+    """Further parameters of the controller."""
+
+    def reset(self, setup: Setup) -> None:
+        """Make the controller."""
+        params = {
+            name: build(ControllerNodeParams, flatten(own) | self.more, f"controller {name}".strip())
+            if self.more
+            else own
+            for name, own in setup.parameters.items()
+        }
+        self._session = ControllerSession(Controller(params, setup.urdfs, lockstep=True))
+        self._follows = [own.grip.control == "follow" for own in params.values()]
+        self._counts = [0] * (2 * len(params))
+        self._tick = itertools.count()
+
+    def step(self, seen: Seen) -> Answer | tuple[Answer, ...]:
+        """Answer as the controller does."""
+        every, arms = (seen, *seen.others), self._session.arms
+        for k, (arm, one) in enumerate(zip(arms, every, strict=True)):
+            for wrench in one.wrenches:
+                arm.add_wrench(0, wrench)
+            for slip in one.slips:
+                arm.add_slip(0, slip)
+            self._counts[2 * k] += len(one.wrenches)
+            self._counts[2 * k + 1] += len(one.slips)
+        for arm, one in zip(arms, every, strict=True):
+            arm.add_joint(one.joint)
+        wrenches, slips = tuple(self._counts[0::2]), tuple(self._counts[1::2])
+        self._session.add_manifest(Manifest(next(self._tick), seen.stamp_ns, wrenches, slips))
+        answers = tuple(
+            Effort(result.command.effort, result.grip if follows else None)
+            if result is not None and len(result.command.effort)
+            else None
+            for result, follows in zip(self._session.cycle(), self._follows, strict=True)
+        )
+        return answers if len(answers) > 1 else answers[0]
+
+
+class Classical(Vic):
+    """Impedance control that reads no slip sensor."""
+
+    configured = "classical"
+
+
+class Governed(Vic):
+    """The paper's law below the reference governor."""
+
+    configured = "governed"
+
+
+class GovernedFollow(Governed):
+    """Governed, and the grip follows the load."""
+
+    more: ClassVar[Mapping[str, Any]] = {"grip.control": "follow"}

@@ -1,0 +1,162 @@
+"""A law of one's own: the suite's laws through the same door to the same bits, the limiter, what a law does wrong."""
+
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import slip_vic
+from slip_core.errors import InputError
+from slip_vic.benchmark import driven
+from slip_vic.benchmark.driven import Driven
+from slip_vic.benchmark.law import find_law
+from slip_vic.scenarios.scenario import Scenario
+from slip_vic_controller.robot import Robot
+from test.support.every import every
+
+
+def scenario(law: str = "vic", ticks: int = 60, **more: Any) -> Scenario:
+    name = more.pop("name", "paper_planar")
+    return slip_vic.load(name, law=law, set=[f"bridge.duration_s={1e-3 * ticks}", *more.pop("set", [])], **more)
+
+
+def law_of(step: Callable[[Any], Any], **more: Any) -> Any:
+    """Return a law that is one function."""
+    body = {"needs": frozenset({"wrench"}), "reset": lambda self, setup: setattr(self, "setup", setup)} | more
+    return type("Own", (), body | {"step": lambda self, seen: step(seen)})()
+
+
+@every("law", ["classical", "vic", "governed"])
+def test_the_laws_of_the_suite_give_the_same_bits_through_the_door(law: str) -> None:
+    loaded = scenario(law, 150, sensor="vision_60", drive="torque_joint", seed=3)
+    direct = [tick.effort.tobytes() for tick in loaded.ticks()]
+    through = [tick.effort.tobytes() for tick in Driven(loaded, find_law(law).kind()).ticks()]
+    assert through == direct
+    assert len(set(direct)) > 100
+
+
+def test_two_arms_give_the_same_bits_too() -> None:
+    loaded = scenario("vic", 60, name="pane_two_arms_flat")
+    direct = [[effort.tobytes() for effort in tick.efforts] for tick in loaded.ticks()]
+    through = [[effort.tobytes() for effort in tick.efforts] for tick in Driven(loaded, find_law("vic").kind()).ticks()]
+    assert through == direct
+
+
+def test_a_law_sees_nothing_of_the_simulated_world() -> None:
+    """The object is half as heavy in the world as configured, and friction is less: a law gets what is configured."""
+    seen = []
+    own = law_of(lambda one: seen.append(one), needs=frozenset())
+    loaded = scenario(set=["bridge.object.mass=0.25", "bridge.friction.mu_s=0.3", "bridge.friction.mu_k=0.2"], ticks=5)
+    assert len(list(Driven(loaded, own).ticks())) == 5
+    assert own.setup.mass == 0.5
+    assert own.setup.friction_limit == pytest.approx(0.3 * 0.5, rel=1e-12)  # what the launcher configures for the grip
+    assert not seen[-1].wrench.any()
+    assert seen[-1].truth is None
+    assert seen[-1].slips == seen[-1].wrenches == ()
+    start, end = own.setup.reference(0.0), own.setup.reference(10.0)
+    np.testing.assert_allclose(end.position - start.position, [0.4, 0.3, 0.0], atol=1e-15)
+    assert own.setup.duration_s == 2.0
+
+
+def test_an_acceleration_of_the_pad_becomes_an_effort_by_the_torque_law() -> None:
+    """Eq. (21) in plain numpy, with the null space at the posture of the first tick."""
+    a, seen = np.array([0.3, -0.2, 0.1, 0.5, 0.4, -0.6]), []
+    loaded = scenario(ticks=3)
+    run = Driven(loaded, law_of(lambda one: seen.append(one) or slip_vic.Pad(a)))
+    efforts = [tick.effort for tick in run.ticks()]
+    one, before = seen[-1], seen[-2]
+    params = loaded.controllers[""]
+    robot = Robot(loaded.placed[""], params.ee_frame, params.joint_names, params.gravity)
+    step = 1e-7
+    ahead, behind = (robot.frame(one.q + sign * step * one.qd)[2] for sign in (1.0, -1.0))
+    jdot_qd = (ahead - behind) @ one.qd / (2.0 * step)
+    Minv = np.linalg.inv(one.M)
+    Lambda = np.linalg.inv(one.J @ Minv @ one.J.T)
+    null = params.nullspace
+    tau_0 = null.stiffness * (seen[0].q - one.q) - null.damping * one.qd
+    N = np.eye(7) - Minv @ one.J.T @ Lambda @ one.J
+    h = np.kron(np.eye(2), one.rotation) @ one.wrench
+    tau = one.J.T @ (Lambda @ (a - jdot_qd) - h) + one.bias + N.T @ tau_0
+    most = params.safety.limits.effort_rate * 1e-3
+    np.testing.assert_allclose(efforts[-1], np.clip(tau, efforts[-2] - most, efforts[-2] + most), atol=1e-6)
+    assert one.time - before.time == pytest.approx(1e-3, rel=1e-9)
+
+
+def test_the_limiter_is_the_last_whatever_a_law_wants() -> None:
+    wild = iter(np.random.default_rng(5).choice([-1e9, 1e9], size=(200, 7)))
+    loaded = scenario(ticks=100)
+    efforts = np.array([tick.effort for tick in Driven(loaded, law_of(lambda _: slip_vic.Effort(next(wild)))).ticks()])
+    params = loaded.controllers[""]
+    limit = Robot(loaded.placed[""], params.ee_frame, params.joint_names, params.gravity).effort_limit
+    assert (np.abs(efforts) <= limit).all()
+    assert np.abs(np.diff(efforts, axis=0)).max() <= params.safety.limits.effort_rate * 1e-3 * (1.0 + 1e-12)
+
+
+def test_a_grip_is_limited_by_the_track_and_by_the_gripper() -> None:
+    def squeezed(most: float | None) -> float:
+        run = Driven(scenario(ticks=3), law_of(lambda one: slip_vic.Effort(one.bias, grip=1e3)), most)
+        assert len(list(run.ticks())) == 3
+        return max(run.grips)
+
+    assert (squeezed(0.5), squeezed(None)) == (0.5, 10.0)
+
+
+def raises(_: Any) -> None:
+    raise RuntimeError("no\nidea")
+
+
+@every(
+    "step, message",
+    [
+        (raises, "step raises RuntimeError: no idea"),
+        (lambda _: slip_vic.Pad(np.full(6, np.nan)), "Pad.acceleration is not finite"),
+        (lambda _: slip_vic.Pad(np.zeros(3)), r"Pad.acceleration has the shape \(3,\); expected \(6,\)"),
+        (lambda _: slip_vic.Effort(np.zeros(6)), r"Effort.effort has the shape \(6,\); expected \(7,\)"),
+        (lambda _: slip_vic.Effort("much"), "Effort.effort is 'much'; expected 7 numbers"),
+        (lambda _: slip_vic.Effort(np.zeros(7), grip=-1.0), "grip is -1 N; expected 0 or more"),
+        (lambda _: np.zeros(7), "step returns ndarray; expected Pad, Effort or None"),
+        (lambda _: time.sleep(60.0), "step takes longer than 0.05 s"),
+    ],
+)
+def test_what_a_law_does_wrong_ends_its_run_with_one_line(step: Any, message: str) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(driven, "LONGEST_STEP_S", 0.05)
+        run = Driven(scenario(ticks=5), law_of(step))
+        assert list(run.ticks()) == []
+        assert "\n" not in run.failure
+        assert re.search(message, run.failure), run.failure
+        with pytest.raises(InputError, match="law Own"):
+            scenario(ticks=5).run(law=law_of(step))
+
+
+def test_laws_are_found_by_file_and_by_module(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "class Mine:\n    needs = frozenset()\n    def reset(self, setup): ...\n    def step(self, s): ...\n"
+    )
+    found = find_law(f"{file}:Mine")
+    assert (found.label, found.several, found.oracle) == ("Mine", False, False)
+    assert find_law("slip_vic.benchmark.ours:Vic").label == find_law("vic").label == "vic"
+
+
+@every(
+    "name, text, message",
+    [
+        ("governd", "", "did you mean governed"),
+        ("no_such_module:Law", "", "No module named 'no_such_module'"),
+        ("FILE:Mine", "1/0", "ZeroDivisionError"),
+        ("FILE:Mine", "class Min:\n    def step(self, s): ...", "did you mean Min"),
+        ("FILE:Mine", "class Mine:\n    def step(self, s): ...", r"no reset\(\)"),
+        ("FILE:Mine", "class Mine:\n    def reset(self, s): ...\n    step = reset", "needs: got None"),
+        ("missing.py:Mine", "", "no file missing.py"),
+    ],
+)
+def test_what_is_no_law_is_refused_with_one_line(tmp_path_factory: Any, name: str, text: str, message: str) -> None:
+    file = tmp_path_factory.mktemp("law") / "mine.py"
+    file.write_text(text)
+    with pytest.raises(InputError, match=message):
+        find_law(name.replace("FILE", str(file)))
