@@ -21,7 +21,6 @@ from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.params import build, flatten
 from slip_core.records import Records, new, record, records
 from slip_core.types import SlipSample
-from slip_sim_bridge.session import ArmOutputs
 from slip_vic.benchmark.law import Effort, Law, Pad, Reference, Seen, Setup, numbers
 from slip_vic.run.in_process import Tick, run_in_process
 from slip_vic.scenarios.scenario import Scenario
@@ -43,8 +42,8 @@ LONGEST_STEP_S: Final = 2.0
 """A step that takes longer ends the run."""
 WATCH: Final[dict[str, Any]] = {
     "controller": "classical", "governor.mode": "off", "slip_estimator": "measured", "gains.give_up": False,
-    "joint_sensor.noise_velocity": 0.0, "joint_sensor.quantum_position": 0.0, "safety.load.drop_speed": 1e3,
-    "safety.limits.error_linear": 1e3, "safety.limits.error_angular": 1e3,
+    "joint_sensor.noise_velocity": 0.0, "joint_sensor.quantum_position": 0.0, "grip.control": "fixed",
+    "safety.load.drop_speed": 1e3, "safety.limits.error_linear": 1e3, "safety.limits.error_angular": 1e3,
 }  # fmt: skip
 """Of the controller that watches: the path waits for no law, and samples are used as they are measured."""
 
@@ -92,9 +91,9 @@ class Driven:
             try:
                 seen = self._seen(tick)
                 if not begun:
-                    self._guarded(self._law.reset, self._setup(tick), math.inf)
+                    self._guarded("reset", self._setup(tick), math.inf)
                     begun = True
-                answers = self._answers(self._guarded(self._law.step, seen, LONGEST_STEP_S))
+                answers = self._answers(self._guarded("step", seen, LONGEST_STEP_S))
                 for arm, answer in enumerate(answers):
                     self._apply(tick, arm, answer)
             except LawError as error:
@@ -103,19 +102,20 @@ class Driven:
             self.grips.append(max(arm.squeeze for arm in self._arms))
             yield tick
 
-    def _guarded(self, call: Any, argument: Any, limit_s: float) -> Any:
+    def _guarded(self, method: str, argument: Any, limit_s: float) -> Any:
         """Call the law; whatever it raises is a `LawError`."""
+        call = getattr(self._law, method)
         try:
             with _time_limit(limit_s):
                 begin = time.perf_counter()
                 result = call(argument)
-                if call == self._law.step:
+                if method == "step":
                     self.step_s.append(time.perf_counter() - begin)
                 return result
         except _TooSlowError:
             raise LawError(f"step takes longer than {limit_s:g} s") from None
         except Exception as error:  # a law is someone else's
-            raise LawError(f"{call.__name__} raises {type(error).__name__}: {' '.join(str(error).split())}") from error
+            raise LawError(f"{method} raises {type(error).__name__}: {' '.join(str(error).split())}") from error
 
     def _answers(self, given: Any) -> Sequence[Any]:
         if not self._several:
@@ -146,7 +146,7 @@ class Driven:
             arm.limiter.started = 0
             tick.efforts[k] = np.zeros(0)
             return
-        tick.efforts[k] = arm.limited(wanted, tick, tick.outputs.arms[k])
+        tick.efforts[k] = arm.limited(wanted, tick, k)
 
     def _seen(self, tick: Tick) -> Seen:
         first, *others = [arm.see(tick, k, self._law.needs) for k, arm in enumerate(self._arms)]
@@ -257,12 +257,12 @@ class _Arm:
             raise ValueError("Pad.acceleration gives no finite effort at this posture")
         return effort
 
-    def limited(self, wanted: Array, tick: Tick, outputs: ArmOutputs) -> Array:
+    def limited(self, wanted: Array, tick: Tick, k: int) -> Array:
         """Return what the effort limiter of the control cycle lets out; (n,) [N m]."""
         limits, n, now_ns = self.config.motion.drive, self.joints, tick.outputs.stamp_ns
         if needs_restart(limits, self.limiter, now_ns):
-            gravity = np.array(tick.result.arm.gravity[:n])
-            start_limiter(limits, self.limiter, n, np.array(outputs.joint.effort), gravity, now_ns)
+            felt, gravity = np.array(tick.outputs.arms[k].joint.effort), np.array(tick.results[k].arm.gravity[:n])
+            start_limiter(limits, self.limiter, n, felt, gravity, now_ns)
         clipped, limited = np.zeros(n, np.int64), np.zeros(n, np.int64)
         limit_effort(limits, self.limiter, n, wanted, now_ns, clipped, limited)
         return np.array(self.limiter.effort[:n])
