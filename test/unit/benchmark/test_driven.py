@@ -159,3 +159,8 @@ def test_what_is_no_law_is_refused_with_one_line(tmp_path_factory: Any, name: st
     file.write_text(text)
     with pytest.raises(InputError, match=message):
         find_law(name.replace("FILE", str(file)))
+
+
+def test_drives_that_take_velocities_are_refused() -> None:
+    with pytest.raises(InputError, match=r"command\.interface: got velocity, expected effort"):
+        Driven(scenario(drive="velocity_500"), law_of(lambda _: None))

@@ -18,9 +18,10 @@ from typing import Any, Final
 import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
+from slip_core.errors import InputError
 from slip_core.params import build, flatten
 from slip_core.records import Records, new, record, records
-from slip_core.types import SlipSample
+from slip_core.types import EffortCommand, SlipSample
 from slip_vic.benchmark.law import Effort, Law, Pad, Reference, Seen, Setup, numbers
 from slip_vic.run.in_process import Tick, run_in_process
 from slip_vic.scenarios.scenario import Scenario
@@ -63,6 +64,9 @@ class Driven:
         law: made for this run.
         most_grip: largest squeeze that is let through [N]; None: what the gripper can.
 
+    Raises:
+        InputError: drives that take no efforts.
+
     Attributes:
         scenario: the same with the controller that watches.
         failure: what the law did wrong, in one line; it ends the run.
@@ -71,6 +75,12 @@ class Driven:
 
     def __init__(self, scenario: Scenario, law: Law, most_grip: float | None = None) -> None:
         self._known, self._law = scenario, law
+        for params in scenario.controllers.values():
+            if params.command.interface != "effort":
+                raise InputError(
+                    "parameter command.interface", got=params.command.interface, expected="effort",
+                    fix="a law of one's own gives efforts or accelerations: choose drives that take efforts",
+                )  # fmt: skip
         watching = {
             name: build(ControllerNodeParams, flatten(params) | WATCH, f"controller {name}".strip())
             for name, params in scenario.controllers.items()
@@ -144,9 +154,9 @@ class Driven:
             raise LawError(str(error)) from None
         if answer is None:
             arm.limiter.started = 0
-            tick.efforts[k] = np.zeros(0)
+            tick.commands[k] = EffortCommand(tick.outputs.stamp_ns, np.zeros(0))
             return
-        tick.efforts[k] = arm.limited(wanted, tick, k)
+        tick.commands[k] = EffortCommand(tick.outputs.stamp_ns, arm.limited(wanted, tick, k))
 
     def _seen(self, tick: Tick) -> Seen:
         first, *others = [arm.see(tick, k, self._law.needs) for k, arm in enumerate(self._arms)]
