@@ -37,7 +37,7 @@ setup(
         "uplot-python",
         "websockets",
     ],
-    extras_require={"test": ["pytest"], "cluster": ["ray"], "video": ["imageio-ffmpeg"]},
+    extras_require={"test": ["pytest"], "cluster": ["ray"], "benchmark": ["toppra"], "video": ["imageio-ffmpeg"]},
     zip_safe=False,
     author="slip-vic contributors",
     maintainer="slip-vic maintainers",

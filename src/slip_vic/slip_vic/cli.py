@@ -13,6 +13,7 @@ import click
 from slip_bags.cli import bag, run_command
 from slip_core.errors import InputError
 from slip_vic import __version__
+from slip_vic.benchmark.cli import benchmark
 from slip_vic.exit_code import ALLOW_FAULT, end_with
 from slip_vic.options import (
     ASSIGNMENTS,
@@ -262,6 +263,7 @@ bag.add_command(verify)
 bag.add_command(references)
 cli.add_command(arm)
 cli.add_command(bag)
+cli.add_command(benchmark)
 cli.add_command(bringup)
 cli.add_command(check)
 cli.add_command(identify)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any, ClassVar, Final, Protocol, runtime_checkable
+from typing import Any, ClassVar, Final, Protocol, cast, runtime_checkable
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
@@ -21,10 +21,12 @@ from slip_vic_controller.parameters.node_params import ControllerNodeParams
 NEEDS: Final = ("wrench", "slip", "grip", "truth")
 """What a law may need beside the arm itself; one that needs the truth is an oracle, and is not ranked."""
 KNOWN: Final = {
-    name: f"slip_vic.benchmark.ours:{kind}"
-    for name, kind in {
-        "classical": "Classical", "vic": "Vic", "governed": "Governed", "governed_follow": "GovernedFollow",
-    }.items()
+    **{name: f"slip_vic.benchmark.ours:{kind}"
+       for name, kind in (("classical", "Classical"), ("vic", "Vic"), ("governed", "Governed"),
+                          ("governed_follow", "GovernedFollow"))},
+    **{name: f"slip_vic.benchmark.baselines.{name}:{name.title().replace('_', '')}"
+       for name in ("fixed_grip", "slip_aware_hold", "sun_slipping_control", "proactive_slip_control", "grasp_cbf",
+                    "toppra_offline")},
 }  # fmt: skip
 """Laws that have a short name."""
 
@@ -164,7 +166,8 @@ class FoundLaw:
     def label(self) -> str:
         """What it is called in tables."""
         short = {value: key for key, value in KNOWN.items()}
-        return short.get(self.name, self.name.rpartition(":")[2])
+        name, mark, change = self.name.partition("?")
+        return short.get(name, name.rpartition(":")[2]) + mark + change
 
     @property
     def several(self) -> bool:
@@ -180,9 +183,15 @@ class FoundLaw:
 def find_law(name: str) -> FoundLaw:
     """Return a law: a name of `KNOWN`, `module:Class` or `file.py:Class`.
 
+    `?number=value` behind it gives the class another value of a number that it has, `fixed_grip?factor=1.5`; a name
+    with a dot is a parameter of the controller, for laws that have `more`.
+
     Raises:
         InputError: there is none, its module cannot be imported, or it is not a law.
     """
+    name, _, change = name.partition("?")
+    if change:
+        return _changed(find_law(name), change)
     full = KNOWN.get(name, name)
     where, colon, kind = full.rpartition(":")
     if not colon or not where or not kind:
@@ -195,7 +204,7 @@ def find_law(name: str) -> FoundLaw:
         ) from error
     found = getattr(module, kind, None)
     if not inspect.isclass(found):
-        raise UnknownName("law", full, _classes(module), where=where)
+        raise UnknownName("law", kind, _classes(module), where=where)
     for method in ("reset", "step"):
         if not callable(getattr(found, method, None)):
             raise InputError(f"law {name}", got=f"no {method}()", expected="needs, reset(setup) and step(seen)")
@@ -203,7 +212,22 @@ def find_law(name: str) -> FoundLaw:
     if not isinstance(needs, (frozenset, set)) or not set(needs) <= set(NEEDS):
         raise InputError(f"law {name}: needs", got=needs, expected=f"a frozenset of {', '.join(NEEDS)}")
     text = Path(inspect.getfile(found)).read_bytes()
-    return FoundLaw(full, found, hashlib.sha256(text).hexdigest()[:16])
+    return FoundLaw(full, cast("type[Law]", found), hashlib.sha256(text).hexdigest()[:16])
+
+
+def _changed(law: FoundLaw, change: str) -> FoundLaw:
+    """Return a law with another value of one of its numbers."""
+    key, _, text = change.partition("=")
+    own = hasattr(law.kind, "more") if "." in key else isinstance(getattr(law.kind, key, None), (int, float))
+    try:
+        value = float(text)
+    except ValueError:
+        own = False
+    if not own:
+        raise InputError(f"law {law.name}", got=f"?{change}", expected="?NUMBER=VALUE, of a number that the class has")
+    body: dict[str, Any] = {key: value} if "." not in key else {"more": {**getattr(law.kind, "more", {}), key: value}}
+    kind = cast("type[Law]", type(law.kind.__name__, (law.kind,), body))
+    return FoundLaw(f"{law.name}?{change}", kind, law.source)
 
 
 def _classes(module: ModuleType) -> Sequence[str]:

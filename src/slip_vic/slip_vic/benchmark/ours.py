@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from slip_core.params import build, flatten
+from slip_core.types import EffortCommand
 from slip_vic.benchmark.law import Answer, Effort, Seen, Setup
 from slip_vic.scenarios.scenario import Law as LawName
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
@@ -16,7 +17,7 @@ from slip_vic_controller.session import Controller, ControllerSession, Manifest
 class Vic:
     """The paper's law. Its efforts equal those of the control cycle in the suite's own loop to the last bit."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"wrench", "slip", "grip"})
+    needs: ClassVar[frozenset[str]] = frozenset({"wrench", "slip"})
     several: ClassVar[bool] = True
     configured: ClassVar[LawName] = "vic"
     """Which law of `load_scenario` the parameters in `Setup` are for."""
@@ -26,7 +27,7 @@ class Vic:
     def reset(self, setup: Setup) -> None:
         """Make the controller."""
         params = {
-            name: build(ControllerNodeParams, flatten(own) | self.more, f"controller {name}".strip())
+            name: build(ControllerNodeParams, {**flatten(own), **self.more}, f"controller {name}".strip())
             if self.more
             else own
             for name, own in setup.parameters.items()
@@ -51,8 +52,8 @@ class Vic:
         wrenches, slips = tuple(self._counts[0::2]), tuple(self._counts[1::2])
         self._session.add_manifest(Manifest(next(self._tick), seen.stamp_ns, wrenches, slips))
         answers = tuple(
-            Effort(result.command.effort, result.grip if follows else None)
-            if result is not None and len(result.command.effort)
+            Effort(command.effort, result.grip if follows else None)
+            if result is not None and isinstance(command := result.command, EffortCommand) and len(command.effort)
             else None
             for result, follows in zip(self._session.cycle(), self._follows, strict=True)
         )
@@ -74,4 +75,5 @@ class Governed(Vic):
 class GovernedFollow(Governed):
     """Governed, and the grip follows the load."""
 
+    needs = frozenset({"wrench", "slip", "grip"})
     more: ClassVar[Mapping[str, Any]] = {"grip.control": "follow"}

@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from slip_vic.study.engines import EngineName
 
 
-def _shard(context: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:
+def shard(context: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:
+    """Read I/N."""
     found = re.fullmatch(r"(\d+)/(\d+)", text)
     if found is None or not 1 <= int(found[1]) <= int(found[2]):
         raise click.BadParameter(f"{text} is not i/n with i from 1 to n")
@@ -61,7 +62,7 @@ def workers(command: click.decorators.FC) -> click.decorators.FC:
 @click.option("--seeds", type=click.IntRange(1), default=5, show_default=True, help="how many seeds, from 0")
 @out_option("study", "folder")
 @workers
-@click.option("--shard", default="1/1", callback=_shard, metavar="I/N", help="every N-th case from the I-th on")
+@click.option("--shard", default="1/1", callback=shard, metavar="I/N", help="every N-th case from the I-th on")
 @click.option("--resume", "go_on", is_flag=True, help="continue the study in --out")
 @DRIVE
 @ASSIGNMENTS

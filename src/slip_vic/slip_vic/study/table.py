@@ -13,17 +13,50 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 from slip_core.errors import InputError
 from slip_vic.study.cases import Asked
 from slip_vic.study.contents import Contents, difference
-from slip_vic.study.run_case import METRICS, CaseResult
+from slip_vic.study.run_case import METRICS
 
 KEY = ("scenario", "law", "sensor", "estimator", "mismatch", "seed")
-COLUMNS = (*KEY, "outcome", *METRICS, "reason")
 Row = dict[str, str]
 Key = tuple[str, ...]
+
+
+class Result(Protocol):
+    """What a row is made of; `case.key` has the leading columns."""
+
+    @property
+    def case(self) -> Any: ...  # noqa: D102
+    @property
+    def outcome(self) -> str: ...  # noqa: D102
+    @property
+    def reason(self) -> str: ...  # noqa: D102
+    @property
+    def metrics(self) -> Mapping[str, float]: ...  # noqa: D102
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Columns of a table: those that name a case, the last one a number, and its metrics."""
+
+    key: tuple[str, ...]
+    metrics: tuple[str, ...]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """All, in their order."""
+        return (*self.key, "outcome", *self.metrics, "reason")
+
+    def key_of(self, row: Row) -> Key:
+        """Return what names the case of a row."""
+        return tuple(row[name] for name in self.key)
+
+
+STUDY = Layout(KEY, METRICS)
+COLUMNS = STUDY.columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,12 +129,14 @@ class StudyTable:
     Args:
         folder: made where it does not exist.
         settings: what the rows that come are made of.
+        layout: its columns.
 
     Raises:
         InputError: the folder cannot be written, is in use, or holds a study that is made of something else.
     """
 
-    def __init__(self, folder: Path, settings: Settings) -> None:
+    def __init__(self, folder: Path, settings: Settings, layout: Layout = STUDY) -> None:
+        self._layout = layout
         self.path = folder / "study.csv"
         file = folder / "study.json"
         with contextlib.ExitStack() as undo:
@@ -111,7 +146,7 @@ class StudyTable:
                     settings = Settings.read(file).joined(settings, f"--out {folder}")
                 settings.write(file)
                 self.settings = settings
-                _write_rows(self.path, [row for row in read_rows(self.path) if row["outcome"] != "crashed"])
+                _write_rows(self.path, [row for row in self.rows() if row["outcome"] != "crashed"], layout)
                 self._file = undo.enter_context(self.path.open("a", newline="", encoding="utf-8"))
             except (OSError, ValueError) as error:
                 raise InputError(f"--out {folder}", got=str(error), expected="a folder for a study") from None
@@ -125,15 +160,15 @@ class StudyTable:
 
     def rows(self) -> list[Row]:
         """Return all complete rows."""
-        return read_rows(self.path)
+        return read_rows(self.path, self._layout)
 
     def done(self) -> set[Key]:
         """Return the keys of the cases that need not run again; those that crashed do."""
-        return {key_of(row) for row in self.rows() if row["outcome"] != "crashed"}
+        return {self._layout.key_of(row) for row in self.rows() if row["outcome"] != "crashed"}
 
-    def append(self, result: CaseResult) -> None:
+    def append(self, result: Result) -> None:
         """Add a row; it is on the disk when this returns."""
-        numbers = [repr(float(result.metrics[name])) for name in METRICS]
+        numbers = [repr(float(result.metrics[name])) for name in self._layout.metrics]
         csv.writer(self._file).writerow([*result.case.key, result.outcome, *numbers, " ".join(result.reason.split())])
         self._file.flush()
         os.fsync(self._file.fileno())
@@ -144,18 +179,14 @@ class StudyTable:
 
     def write(self, rows: Iterable[Row]) -> None:
         """Put these rows in the place of those that are there, in the order of their cases."""
-        _write_rows(self.path, sorted(rows, key=lambda row: (*key_of(row)[:-1], int(row["seed"]))))
+        in_order = sorted(rows, key=lambda row: (*(key := self._layout.key_of(row))[:-1], int(key[-1])))
+        _write_rows(self.path, in_order, self._layout)
         self._file.close()
         self._file = self.path.open("a", newline="", encoding="utf-8")
         self._close.callback(self._file.close)
 
 
-def key_of(row: Row) -> Key:
-    """Return what names the case of a row."""
-    return tuple(row[name] for name in KEY)
-
-
-def read_rows(path: Path) -> list[Row]:
+def read_rows(path: Path, layout: Layout = STUDY) -> list[Row]:
     """Return the complete rows of a table, of each case the last; none where there is no file.
 
     Raises:
@@ -165,10 +196,10 @@ def read_rows(path: Path) -> list[Row]:
         return []
     with path.open(newline="", encoding="utf-8") as file:
         reader = csv.DictReader(file)
-        if reader.fieldnames is not None and tuple(reader.fieldnames) != COLUMNS:
+        if reader.fieldnames is not None and tuple(reader.fieldnames) != layout.columns:
             raise ValueError(f"{path.name} has other columns")
         whole = [row for row in reader if None not in row.values() and None not in row]
-    return list({key_of(row): row for row in whole}.values())
+    return list({layout.key_of(row): row for row in whole}.values())
 
 
 def merge(folders: Sequence[Path], out: Path) -> StudyTable:
@@ -182,15 +213,15 @@ def merge(folders: Sequence[Path], out: Path) -> StudyTable:
         settings = Settings.read(folder / "study.json").joined(settings, f"folder {folder}")
     table = StudyTable(out, settings)
     try:
-        rows = {key_of(row): row for row in table.rows()}
+        rows = {STUDY.key_of(row): row for row in table.rows()}
         for folder in folders:
             for row in read_rows(folder / "study.csv"):
-                there = rows.setdefault(key_of(row), row)
+                there = rows.setdefault(STUDY.key_of(row), row)
                 if there["outcome"] == "crashed":
-                    rows[key_of(row)] = row
+                    rows[STUDY.key_of(row)] = row
                 elif row != there and row["outcome"] != "crashed":
                     raise InputError(
-                        f"folder {folder}", got=f"another result of {' '.join(key_of(row))}",
+                        f"folder {folder}", got=f"another result of {' '.join(STUDY.key_of(row))}",
                         expected="the same row of a case in all folders",
                     )  # fmt: skip
         table.write(rows.values())
@@ -227,10 +258,10 @@ def locked(folder: Path) -> Iterator[None]:
         yield
 
 
-def _write_rows(path: Path, rows: Iterable[Row]) -> None:
+def _write_rows(path: Path, rows: Iterable[Row], layout: Layout) -> None:
     partial = path.with_suffix(".partial")
     with partial.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS)
+        writer = csv.DictWriter(file, layout.columns)
         writer.writeheader()
         writer.writerows(rows)
         _to_disk(file)

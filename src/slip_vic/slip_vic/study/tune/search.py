@@ -23,7 +23,7 @@ from slip_vic.study.cases import Asked, Case
 from slip_vic.study.contents import Contents, check_versions
 from slip_vic.study.engines import Died, Engine
 from slip_vic.study.run_case import CaseResult, failed, run_case
-from slip_vic.study.table import Row, Settings, StudyTable, key_of, locked
+from slip_vic.study.table import STUDY, Row, Settings, StudyTable, locked
 from slip_vic.study.tune.space import Bounds, Range, Score, assignments, cost, score
 
 STARTUP = 10
@@ -95,7 +95,7 @@ def run_sets(
         found = {}
         for folder, table in zip(sets, tables.values(), strict=True):
             table.sort()
-            by_key = {key_of(row): row for row in table.rows()}
+            by_key = {STUDY.key_of(row): row for row in table.rows()}
             found[folder] = [by_key[case.key] for case in asked.cases()]
         return found
 

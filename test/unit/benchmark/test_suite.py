@@ -1,0 +1,122 @@
+"""The suite: its worlds are frozen, results are rows that go on, are verified and compared."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from slip_core.errors import InputError
+from slip_vic.benchmark import result
+from slip_vic.benchmark.compare import compare
+from slip_vic.benchmark.law import find_law
+from slip_vic.benchmark.suite import World, run_world, slip_path, suite, worlds
+from slip_vic.cli import cli
+from slip_vic.study.lottery import Ticket
+
+FIRST = ["0e500583c9eb7264", "fd488b4ff232056b", "69a69bce92f4bd47", "1f870f0ac5844efd"]
+
+
+def short(track: str, number: int) -> World:
+    world = (f"bridge.duration_s={0.05 + 0.01 * number}",)
+    ticket = Ticket(number, "paper_planar", "scenario", "vision_60", number, world, {}, "none", feasible=True)
+    return World(track, 1, number, ticket)
+
+
+@pytest.fixture
+def two_worlds(monkeypatch: pytest.MonkeyPatch) -> None:
+    def chosen(law: Any, count: int, track: Any = None, **_: Any) -> list[World]:
+        return [short(suite(law, 1)[0].track, number) for number in range(1, min(count, 2) + 1)]
+
+    monkeypatch.setattr(result, "suite", chosen)
+
+
+def test_the_first_worlds_are_frozen() -> None:
+    """All of them: `digest_of(SEED)`, ten seconds."""
+    assert [world.digest for world in worlds("capped", 1, 4)] == FIRST
+    assert [world.digest for world in worlds("capped", 2, 2)] == ["c4e9f41041143323", "746b93346f1c0f2e"]
+    assert {world.digest for world in worlds("capped", 1, 4, seed=result.__dict__.get("TUNING", 20260))}.isdisjoint(
+        FIRST
+    )
+
+
+def test_a_law_has_the_track_and_the_arms_that_it_can() -> None:
+    assert [(w.track, w.arms) for w in suite(find_law("governed"), 1)] == [("capped", 1), ("capped", 2)]
+    assert [(w.track, w.arms) for w in suite(find_law("grasp_cbf"), 1, arms=(1,))] == [("free", 1)]
+    assert [w.arms for w in suite(find_law("toppra_offline"), 1)] == [1]
+
+
+def test_a_result_goes_on_is_verified_and_compared(tmp_path: Path, two_worlds: None) -> None:
+    folder = tmp_path / "classical"
+    run = lambda count: CliRunner().invoke(  # noqa: E731
+        cli, ["benchmark", "run", "classical", "--worlds", count, "--out", str(folder), "--jobs", "1"]
+    )
+    first, more, again = run("1"), run("2"), run("2")
+    assert "classical: 1 worlds, 0 not ok, 0 were there already" in first.output, first.output
+    assert "classical: 2 worlds, 0 not ok, 1 were there already" in more.output
+    assert "2 were there already" in again.output
+    content = json.loads((folder / "result.json").read_text())
+    assert (content["worlds"], content["worlds_of_suite"], content["suite"]) == (2, 360, "carry-2026.1")
+    assert result.verify_result(folder) == (2, [])
+
+    with pytest.raises(InputError, match="got law="):
+        result.run_law("fixed_grip", 1, folder, "pool", 1)
+    table, line = compare([folder, folder], tmp_path)
+    assert [cell.strip() for cell in table.columns[0].cells] == ["classical"]
+    page = (tmp_path / "compare.html").read_text()
+    assert page.count("data:image/png;base64,") == 1
+    assert not re.search(r'(src|href)="http', page)
+    assert str(tmp_path / "compare.png") in line
+
+    study = folder / "study.csv"
+    row = result.read_rows(study, result.LAYOUT)[1]
+    study.write_text(study.read_text().replace(row["squeeze_mean_n"], "0.4", 1))
+    _, wrong = result.verify_result(folder)
+    assert "squeeze_mean_n is 0.5, the result has 0.4" in " ".join(wrong), wrong
+    assert "rows have the digest" in wrong[0]
+    assert CliRunner().invoke(cli, ["benchmark", "verify", str(folder)]).exit_code == 1
+
+
+def test_what_a_law_does_wrong_is_a_row(tmp_path: Path) -> None:
+    file = tmp_path / "wrong.py"
+    file.write_text(
+        "class Raises:\n    needs = frozenset()\n    def reset(self, setup): ...\n    def step(self, seen): 1 / 0\n"
+        "class NotMade(Raises):\n    def __init__(self): raise KeyError('no')\n"
+    )
+    row = run_world(f"{file}:Raises", short("capped", 1))
+    assert (row.outcome, row.reason) == ("failed", "0.000 s: step raises ZeroDivisionError: division by zero")
+    row = run_world(f"{file}:NotMade", short("capped", 1))
+    assert (row.outcome, row.reason) == ("failed", "KeyError: 'no'")
+
+
+def test_the_slip_path_is_its_length_and_not_where_it_ends() -> None:
+    time = np.linspace(0.0, 1.0, 1001)
+    velocity = np.zeros((1001, 6))
+    velocity[:, 0], velocity[:, 5] = np.cos(2 * np.pi * time), 0.5
+    assert slip_path(time, velocity) == pytest.approx((2.0 / np.pi, 0.5), rel=1e-4)
+
+
+def test_a_number_of_a_law_can_be_changed_by_its_name() -> None:
+    assert find_law("fixed_grip?factor=1.5").kind.factor == 1.5
+    assert find_law("governed?governor.margin=0.8").kind.more == {"governor.margin": 0.8}
+    assert find_law("fixed_grip?factor=1.5").label == "fixed_grip?factor=1.5"
+    with pytest.raises(InputError, match="of a number that the class has"):
+        find_law("fixed_grip?factr=1.5")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "governd"], "did you mean governed"),
+        (["run", "nowhere.py:Law"], "no file nowhere.py"),
+        (["compare", "nowhere"], "a result of slip-vic benchmark run"),
+        (["verify", "nowhere"], "a result of slip-vic benchmark run"),
+    ],
+)
+def test_what_is_not_there_is_one_line(arguments: list[str], message: str) -> None:
+    with pytest.raises(InputError, match=message) as found:
+        CliRunner().invoke(cli, ["benchmark", *arguments], catch_exceptions=False)
+    assert "\n" not in str(found.value)
