@@ -20,6 +20,7 @@ SAID = {
     "law_on_arrays.py": r"0 +400\.0 +0\.00",
     "own_law.py": r"classical +ok: slip.*own +\w+: slip.*largest effort",
     "your_law.py": r"classical +ok: slip.*yours +ok: slip",
+    "gym_env.py": r"return -\d.*slip \d.*kept",
     "own_friction.py": r"as the scenario has it +\d.*LuGre.*small pad",
     "own_sensor.py": r"ideal +ok.*my_sensor +ok.*vision_25",
     "own_arm.py": r"governed: ok, slip 0\.\d\d mm",
@@ -43,6 +44,8 @@ def test_an_example_is_short_and_begins_with_its_command(name: str) -> None:
 def test_an_example_runs(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    if name == "gym_env.py":
+        pytest.importorskip("gymnasium", reason="the extra `gym`")
     folder = {
         "run_and_plot.py": ["paper_planar", str(tmp_path)],
         "own_sensor.py": [str(tmp_path)],

@@ -62,7 +62,7 @@ def test_a_result_goes_on_is_verified_and_compared(tmp_path: Path, two_worlds: N
     assert (content["worlds"], content["worlds_of_suite"], content["suite"]) == (2, 360, "carry-2026.1")
     assert result.verify_result(folder) == (2, [])
 
-    with pytest.raises(InputError, match="got law="):
+    with pytest.raises(InputError, match="law=slip_vic"):
         result.run_law("fixed_grip", 1, folder, "pool", 1)
     table, line = compare([folder, folder], tmp_path)
     assert [cell.strip() for cell in table.columns[0].cells] == ["classical"]
@@ -73,9 +73,9 @@ def test_a_result_goes_on_is_verified_and_compared(tmp_path: Path, two_worlds: N
 
     study = folder / "study.csv"
     row = result.read_rows(study, result.LAYOUT)[1]
-    study.write_text(study.read_text().replace(row["squeeze_mean_n"], "0.4", 1))
+    study.write_text(study.read_text().replace(row["squeeze_peak_n"], "0.4", 1))
     _, wrong = result.verify_result(folder)
-    assert "squeeze_mean_n is 0.5, the result has 0.4" in " ".join(wrong), wrong
+    assert "squeeze_peak_n is 0.5, the result has 0.4" in " ".join(wrong), wrong
     assert "rows have the digest" in wrong[0]
     assert CliRunner().invoke(cli, ["benchmark", "verify", str(folder)]).exit_code == 1
 
