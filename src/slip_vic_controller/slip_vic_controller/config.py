@@ -57,6 +57,8 @@ QUIET_S = 0.05
 """Without slip for so long, it holds again."""
 FALL_SHARE = 1.0 / 3.0
 """Share of the speed of a fall that is a fault at which the compensation is given up: it may be what falls."""
+HOLD_PERIOD_S = 0.01
+"""Longest control period at which HOLD has its configured gains; beyond it is the same loop in slow motion [s]."""
 QUANTISED_REPEATS = 5
 """How many times as long a sensor with a quantum may repeat a reading before it counts as frozen."""
 
@@ -286,7 +288,9 @@ def _fill_drop(drop: DropDetectionConfig, params: ControllerParams) -> None:
 def _fill_hold(hold: HoldConfig, params: ControllerParams, joints: int) -> None:
     safety, share = params.safety, 1.0 / (len(params.contacts.position) // 3)
     hold.joints = joints
-    hold.stiffness, hold.damping, hold.load_s = safety.hold_stiffness, safety.hold_damping, safety.hold_load_s
+    slower = min(1.0, HOLD_PERIOD_S / params.control_period_s)
+    hold.stiffness, hold.damping = slower * slower * safety.hold_stiffness, slower * safety.hold_damping
+    hold.load_s = safety.hold_load_s
     hold.mass = share * params.object.mass
     hold.inertia[:] = share * inertia_from_six(params.object.inertia, "parameter object.inertia")
     hold.weight[:] = hold.mass * np.array(params.gravity)

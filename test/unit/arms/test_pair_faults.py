@@ -7,6 +7,7 @@ import pytest
 from test.campaigns.faults.campaign import judge_pair
 from test.campaigns.faults.pair import CASES, PERIOD_S, SCENARIOS, PairTrial, TogetherMonitor, make_plan
 from test.campaigns.faults.plan import JOINT, SLIP, WRENCH, Fault
+from test.support.two_arms_paused import fastest_joint
 
 
 def test_every_fault_on_either_arm_has_its_turn() -> None:
@@ -47,3 +48,10 @@ def test_both_go_on_together_after_a_stop_though_each_joint_state_is_answered_as
         assert trial.run() == []
         assert trial.modes["HOLD"] > 20, topic
         assert trial.follows == (True, True)
+
+
+@pytest.mark.parametrize(("name", "pause"), [(SCENARIOS[0], (0.3, 0.5)), (SCENARIOS[1], (0.3, 0.4))])
+def test_at_50_hz_both_rest_after_a_pause_that_has_thrown_them(name: str, pause: tuple[float, float]) -> None:
+    fastest, at_the_end = fastest_joint(name, 50, (pause,))
+    assert fastest > 3.0, "else there is nothing to bring to rest"
+    assert at_the_end < 0.2

@@ -252,6 +252,16 @@ def test_the_page_promises_what_the_gains_bear() -> None:
     assert call(delay_margin, SAFETY.hold_stiffness, SAFETY.hold_damping, EXCESS) > at_100_hz
 
 
+@every("period_s", [0.001, 0.01, 0.02, 0.1])
+def test_a_slow_clock_takes_from_hold_no_more_of_its_margin_than_100_hz(period_s: float) -> None:
+    scenario = load_scenario("paper_planar", assignments=(f"controller.control_period_s={period_s}",))
+    hold = record(one_arm(scenario.controller, scenario.urdf, lockstep=True).first.config, CONFIG).hold
+    slower = max(1.0, period_s / 0.01)
+    margin = call(delay_margin, SAFETY.hold_stiffness, SAFETY.hold_damping, EXCESS)
+    assert call(delay_margin, hold.stiffness, hold.damping, EXCESS) == pytest.approx(slower * margin)
+    assert hold.stiffness * SAFETY.hold_damping**2 == pytest.approx(hold.damping**2 * SAFETY.hold_stiffness)
+
+
 @every("delay_s", [0.0, 0.01, 0.03, 0.05])
 def test_gains_for_a_delay_keep_their_margin(delay_s: float) -> None:
     k, d = call(gains_for_delay, SAFETY.hold_stiffness, SAFETY.hold_damping, delay_s)
