@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from slip_core.errors import InputError
 from slip_msgs_py.fast_io import Refusals
@@ -12,7 +12,9 @@ from slip_vic_controller.config import governed_stream
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.session import ControllerSession, CycleResult
 from slip_vic_controller.topics.goal import GoalInterface
-from slip_vic_controller.topics.joint_trajectory import JointTrajectoryInput
+
+if TYPE_CHECKING:
+    from slip_vic_controller.topics.joint_trajectory import JointTrajectoryInput
 
 REFERENCE_DEPTH = 10
 
@@ -35,6 +37,8 @@ class TaskTopics:
         if session.reference_from_topic:
             create_subscription(node, "reference", self._on_reference, depth=REFERENCE_DEPTH, reliable=False)
             if len(session.arms) == 1:
+                from slip_vic_controller.topics.joint_trajectory import JointTrajectoryInput  # splines: 14 MiB
+
                 self._trajectories = JointTrajectoryInput(node, params, session, refusals, self._on_reference)
         elif session.controller.external:
             self._goals = GoalInterface(node, session, refusals, self._used, params.trajectory.duration_s)
