@@ -141,8 +141,8 @@ def test_commands_for_runs_of_our_own_say_no_in_one_line(run, tmp_path):
     write_bag(run, tmp_path / "bag")
     for arguments, says in (
         (("bag", "verify"), "expected a bag of `slip-vic run --record`"),
-        (("tune", "--sensor"), "give a .yaml file"),
-        (("tune", "--scenario"), "give a .yaml file"),
+        (("tune", "--sensor"), ".yaml file)"),
+        (("tune", "--scenario"), ".yaml file)"),
     ):
         done = CliRunner().invoke(cli, [*arguments, str(tmp_path / "bag")])
         assert isinstance(done.exception, InputError)
