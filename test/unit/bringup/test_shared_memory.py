@@ -29,6 +29,16 @@ def test_what_nobody_has_open_goes_but_for_ports_which_the_next_node_may_be_open
     }  # fmt: skip
 
 
+def test_dead_ports_of_one_domain_go_whole_and_those_in_use_stay_whole(shm: Path) -> None:
+    dead = ("fastrtps_port12161", "fastrtps_port12161_el", "sem.fastrtps_port12161_mutex")
+    alive = ("fastrtps_port12163", "fastrtps_port12163_el", "sem.fastrtps_port12163_mutex")
+    others = ("fastrtps_port7001", "fastrtps_port12411", "fastrtps_0123")
+    make(shm, *dead, *alive, *others)
+    with (shm / "fastrtps_port12163_el").open("rb"):
+        shared_memory.remove_dead_ports(19)
+    assert {path.name for path in shm.iterdir()} == {*alive, *others}
+
+
 def test_what_is_mapped_stays(shm: Path) -> None:
     make(shm, "fastrtps_0123")
     with (shm / "fastrtps_0123").open("r+b") as file, mmap.mmap(file.fileno(), 1) as _mapped:

@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from slip_core.errors import InputError, ProtocolError
+from slip_vic.run.shared_memory import remove_dead_ports
 
 # Above 101 the DDS ports reach into Linux's ephemeral range; 0 is everybody's default.
 FIRST, LAST = 1, 101
@@ -45,6 +46,7 @@ def domain_id(wanted: int | None = None) -> Iterator[int]:
             except BlockingIOError:
                 continue
             os.utime(lock.fileno())
+            remove_dead_ports(candidate)
             yield candidate
             return
     raise ProtocolError(f"all ROS domain ids from {FIRST} to {LAST} are in use by other runs; give --domain-id")

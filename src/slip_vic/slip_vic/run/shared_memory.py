@@ -1,7 +1,8 @@
 """Shared-memory files that a killed DDS process leaves behind.
 
-Those of ports stay: their names are the same in every run, and a node that starts takes over a dead port by its name.
-Whoever removed one could take it from the node that has just opened it, which then hears nobody.
+A port has the same name in every run, and a node that starts takes over a dead one by its name, with what is left in
+it. Whoever removed one could take it from the node that has just opened it, which then hears nobody: only those of a domain
+that nobody uses are removed, before the first node of a run starts in it.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ SHM = Path("/dev/shm")
 STARTS_S = 0.1
 PATTERNS = ("fastrtps_*", "fast_datasharing_*")
 PORT = "fastrtps_port"
+FIRST_PORT, PORTS_PER_DOMAIN = 7400, 250  # of DDS-RTPS
 
 
 def segments() -> set[Path]:
@@ -30,13 +32,19 @@ def orphans(candidates: set[Path]) -> set[Path]:
     left = candidates & segments()
     if not left:
         return set()
+    used = _in_use()
+    return {path for path in left if str(path) not in used}
+
+
+def _in_use() -> set[str]:
+    """Return what any process maps or holds open."""
     used: set[str] = set()
     for process in psutil.process_iter():
         with contextlib.suppress(psutil.Error, OSError):
             maps = Path(f"/proc/{process.pid}/maps").read_text()
             used.update(line.rsplit(maxsplit=1)[-1] for line in maps.splitlines())
             used.update(file.path for file in process.open_files())
-    return {path for path in left if str(path) not in used}
+    return used
 
 
 def remove_orphans(candidates: set[Path]) -> set[Path]:
@@ -48,3 +56,17 @@ def remove_orphans(candidates: set[Path]) -> set[Path]:
     for path in found:
         path.unlink(missing_ok=True)
     return found
+
+
+def remove_dead_ports(domain: int) -> None:
+    """Remove the ports of a domain that no process has open: what nodes that were killed in it left behind."""
+    first = FIRST_PORT + PORTS_PER_DOMAIN * domain
+    ports = [SHM / f"{PORT}{number}" for number in range(first, first + PORTS_PER_DOMAIN)]
+    files = [(port, SHM / f"{port.name}_el", SHM / f"sem.{port.name}_mutex") for port in ports]
+    found = [port for port in files if any(path.exists() for path in port)]
+    used = _in_use() if found else set()
+    for port in found:
+        if not any(str(path) in used for path in port):
+            for path in port:
+                with contextlib.suppress(PermissionError):  # of another user
+                    path.unlink(missing_ok=True)
