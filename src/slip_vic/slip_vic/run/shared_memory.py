@@ -1,8 +1,8 @@
 """Shared-memory files that a killed DDS process leaves behind.
 
 A port has the same name in every run, and a node that starts takes over a dead one by its name, with what is left in
-it. Whoever removed one could take it from the node that has just opened it, which then hears nobody: only those of a domain
-that nobody uses are removed, before the first node of a run starts in it.
+it. Whoever removed one could take it from the node that has just opened it, which then hears nobody: only those of a
+domain that nobody uses are removed, before the first node of a run starts in it.
 """
 
 from __future__ import annotations
