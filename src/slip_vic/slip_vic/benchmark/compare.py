@@ -7,6 +7,7 @@ import html
 import io
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -75,7 +76,7 @@ def joined(folders: Sequence[Path]) -> list[Result]:
             raise InputError(f"folder {folder}", got=f"{one.label} of source {one.source}", expected=before.source)
         rows = one.rows if before is None else (*before.rows, *one.rows)
         unique = {(row["arms"], row["world"]): row for row in rows}
-        found[one.name, track] = Result(one.name, one.label, one.source, one.oracle, one.several, (*unique.values(),))
+        found[one.name, track] = replace(one, rows=(*unique.values(),))
     if not any(common(list(found.values()), arms) for arms in (1, 2)):
         raise InputError("folders", got="no world that all of them have", expected="results of the same worlds")
     return list(found.values())

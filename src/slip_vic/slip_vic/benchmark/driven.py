@@ -22,6 +22,7 @@ from slip_core.errors import InputError
 from slip_core.params import build, flatten
 from slip_core.records import Records, new, record, records
 from slip_core.types import EffortCommand, SlipSample
+from slip_core.vectors import spatial
 from slip_vic.benchmark.law import Effort, Law, Pad, Reference, Seen, Setup, numbers
 from slip_vic.run.in_process import Tick, run_in_process
 from slip_vic.scenarios.scenario import Scenario
@@ -261,8 +262,9 @@ class _Arm:
         if self._posture is None:
             self._posture = q.copy()
         self._samples[0].wrench[:] = self._wrench
-        a = _spatial(acceleration)
-        solved, _ = joint_torque(self.config.law, result.arm, a, self._samples, q, qd, self._posture, self._torque)
+        solved, _ = joint_torque(
+            self.config.law, result.arm, spatial(acceleration), self._samples, q, qd, self._posture, self._torque
+        )
         effort = np.array(self._torque.tau[: self.joints])
         if not solved or not np.isfinite(effort).all():
             raise ValueError("Pad.acceleration gives no finite effort at this posture")
@@ -277,13 +279,6 @@ class _Arm:
         clipped, limited = np.zeros(n, np.int64), np.zeros(n, np.int64)
         limit_effort(limits, self.limiter, n, wanted, now_ns, clipped, limited)
         return np.array(self.limiter.effort[:n])
-
-
-def _spatial(six: Array) -> Any:
-    from slip_core.vectors import Spatial, Vec
-
-    x, y, z, rx, ry, rz = map(float, six)
-    return Spatial(Vec(x, y, z), Vec(rx, ry, rz))
 
 
 class _TooSlowError(BaseException):

@@ -34,7 +34,7 @@ class Vic:
         }
         self._session = ControllerSession(Controller(params, setup.urdfs, lockstep=True))
         self._follows = [own.grip.control == "follow" for own in params.values()]
-        self._counts = [0] * (2 * len(params))
+        self._wrench_counts, self._slip_counts = [0] * len(params), [0] * len(params)
         self._tick = itertools.count()
 
     def step(self, seen: Seen) -> Answer | tuple[Answer, ...]:
@@ -45,11 +45,11 @@ class Vic:
                 arm.add_wrench(0, wrench)
             for slip in one.slips:
                 arm.add_slip(0, slip)
-            self._counts[2 * k] += len(one.wrenches)
-            self._counts[2 * k + 1] += len(one.slips)
+            self._wrench_counts[k] += len(one.wrenches)
+            self._slip_counts[k] += len(one.slips)
         for arm, one in zip(arms, every, strict=True):
             arm.add_joint(one.joint)
-        wrenches, slips = tuple(self._counts[0::2]), tuple(self._counts[1::2])
+        wrenches, slips = tuple(self._wrench_counts), tuple(self._slip_counts)
         self._session.add_manifest(Manifest(next(self._tick), seen.stamp_ns, wrenches, slips))
         answers = tuple(
             Effort(command.effort, result.grip if follows else None)

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
@@ -64,7 +64,8 @@ def run_on_worker(shared: Shared, world: World) -> WorldResult:
 class Result:
     """Rows of a law, and what they are of.
 
-    name: as on the command line; label: in tables; oracle: not ranked; several: whether two arms are part of it.
+    name: as on the command line; label: in tables; oracle: not ranked; several: whether two arms are part of it;
+    digest: of the rows as they were written.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Result:
     source: str
     oracle: bool
     several: bool
+    digest: str
     rows: tuple[Row, ...]
 
     def values(self, metric: str, arms: int, worlds: frozenset[str]) -> Array:
@@ -159,8 +161,8 @@ def read_result(folder: Path) -> Result:
     try:
         content = json.loads((folder / "result.json").read_text(encoding="utf-8"))
         rows = tuple(read_rows(folder / "study.csv", LAYOUT))
-        law, label, source = (str(content[name]) for name in ("law", "label", "source"))
-        found = Result(law, label, source, bool(content["oracle"]), bool(content["several"]), rows)
+        law, label, source, digest = (str(content[name]) for name in ("law", "label", "source", "rows"))
+        found = Result(law, label, source, bool(content["oracle"]), bool(content["several"]), digest, rows)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"folder {folder}", got=f"{type(error).__name__}: {error}", expected="a result of slip-vic benchmark run"
@@ -182,15 +184,11 @@ def verify_result(folder: Path) -> tuple[int, list[str]]:
         raise InputError(f"law {result.name}", got=f"source {law.source}", expected=f"{result.source}, as in {folder}")
     prepare()
     found = digest_of_rows(result.rows)
-    content = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-    wrong = [] if content["rows"] == found else [f"rows have the digest {found}, result.json has {content['rows']}"]
+    wrong = [] if result.digest == found else [f"rows have the digest {found}, result.json has {result.digest}"]
     drawn = np.random.default_rng(int(found, 16)).permutation(len(result.rows))[:SAMPLE]
-    track: Grip | None = None
-    for track_of in {row["track"] for row in result.rows}:
-        track = "free" if track_of == "free" else "capped"
-    known = {
-        world.key: world for world in suite(law, max((int(row["world"]) for row in result.rows), default=0), track)
-    }
+    most = max((int(row["world"]) for row in result.rows), default=0)
+    tracks = [track for track in get_args(Grip) if any(row["track"] == track for row in result.rows)]
+    known = {world.key: world for track in tracks for world in suite(law, most, track)}
     for row in (result.rows[k] for k in sorted(drawn)):
         world = known.get(LAYOUT.key_of(row))
         name = f"{row['arms']} arms, world {row['world']}"

@@ -80,7 +80,7 @@ def planned_load(setup: Setup, at: Reference) -> Array:
     """Return the load of an object that moves with the pad as (3,) [N], see `measured_load`; Newton and Euler."""
     R = at.rotation
     to_object = R @ setup.grasp_rotation.T
-    lever = -R @ setup.grasp_rotation.T @ setup.grasp_position
+    lever = lever_of_object(setup, R)
     spin, turn = at.twist[3:], at.acceleration[3:]
     own: Array = inertia_from_six(setup.inertia.tolist(), "inertia")
     I = to_object @ own @ to_object.T  # noqa: E741
@@ -90,10 +90,16 @@ def planned_load(setup: Setup, at: Reference) -> Array:
     return measured_load(setup, np.concatenate((R.T @ force, R.T @ torque)))
 
 
+def lever_of_object(setup: Setup, rotation: Array) -> Array:
+    """Return the object's centre of mass from the pad with this attitude (3, 3), as (3,) [m] {w}."""
+    lever: Array = -rotation @ setup.grasp_rotation.T @ setup.grasp_position
+    return lever
+
+
 def load_of_acceleration(setup: Setup, rotation: Array) -> Array:
     """Return what a linear acceleration of the pad adds to its load, as a matrix (3, 3) [N s2/m]."""
     x, y, z = rotation.T
-    lever = -rotation @ setup.grasp_rotation.T @ setup.grasp_position
+    lever = lever_of_object(setup, rotation)
     return setup.mass * np.array([x, y, np.cross(z, lever) / setup.torsional_radius])
 
 
