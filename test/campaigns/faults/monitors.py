@@ -42,7 +42,6 @@ class CommandMonitor:
     violations: list[str] = field(default_factory=list)
     commands: int = 0
     _last: tuple[int, Numbers] | None = None
-    _silent: bool = False
 
     def restarted(self) -> None:
         """The controller has lost its memory, or the command before the next one was not seen."""
@@ -65,11 +64,10 @@ class CommandMonitor:
         """Take a command.
 
         now_ns: when it was given, of a steady clock; starts: gives the commands from which a first one, or the first
-        after a pause, may begin: what is measured, gravity compensation or rest. After a short silence it may also go
-        on from the last command, which the drives still follow.
+        after a pause, may begin: what is measured, gravity compensation or rest.
         """
         if len(effort) == 0:
-            self._silent = True
+            self._last = None
             return
         self.commands += 1
         promise = self.promise
@@ -79,9 +77,7 @@ class CommandMonitor:
         known = None if self._last is None or passed_s > promise.restart_after_s else self._last[1]
         passed_s = promise.period_s if known is None else passed_s
         allowed = promise.rate * min(passed_s, promise.longest_step_s)
-        before = [] if known is None else [known]
-        if known is None or self._silent:
-            before += [np.clip(e, -promise.most, promise.most) for e in starts()]
+        before = [known] if known is not None else [np.clip(e, -promise.most, promise.most) for e in starts()]
         beyond = min((float((np.abs(effort - start) - allowed).max()) for start in before), default=0.0)
         if beyond > ROUNDING:
             kind = "from what the joints feel" if known is None else f"in {1e3 * passed_s:.3f} ms"
@@ -89,7 +85,7 @@ class CommandMonitor:
                 f"{NS * now_ns:.3f} s: command steps {kind} by {beyond:.6g} more than allowed: {effort.tolist()}"
                 f" after {[start.tolist() for start in before]}"
             )
-        self._last, self._silent = (now_ns, effort), False
+        self._last = (now_ns, effort)
 
 
 @dataclass

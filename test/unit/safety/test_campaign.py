@@ -147,16 +147,6 @@ def test_command_monitor_lets_the_fastest_allowed_pass() -> None:
     assert monitor.violations == []
 
 
-def test_command_monitor_after_a_silence() -> None:
-    """From the last command or from what is measured, and from nowhere between or beyond."""
-    for after, violations in ((20.0, 0), (0.0, 0), (10.0, 1)):
-        monitor = CommandMonitor(PROMISE)
-        monitor.take(0, np.array([20.0, 0.0]), lambda: (np.array([20.0, 0.0]),))
-        monitor.take(4 * MS, np.zeros(0), tuple)
-        monitor.take(8 * MS, np.array([after, 0.0]), lambda: (ZERO,))
-        assert len(monitor.violations) == violations
-
-
 def test_joint_monitor_sees_steps_and_unrest() -> None:
     monitor = JointMonitor(4.0)
     monitor.take(0.0, ZERO, ZERO, False)
