@@ -72,7 +72,7 @@ class Adapter(Node):
         self.create_subscription(kind, topic, guarded, qos_profile_sensor_data)
 
     def run(self, should_stop: Callable[[], bool]) -> None:
-        """Convert messages until told to stop."""
+        """Convert messages until it is to stop."""
         executor = EventsExecutor()
         executor.add_node(self)
         Spinner(executor).spin_while(self, lambda: not should_stop(), STOP_WITHIN_S)

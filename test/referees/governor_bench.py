@@ -31,7 +31,7 @@ def configuration(case, **changes):
     config.most_speed = config.most_turning = 1e3
     config.points_per_cycle, config.window = 25, 1
     e = config.estimate
-    e.friction, e.told, e.kept, e.least, e.probe = Friction.LEARNT, case.force, 0.95, 0.02 * case.force, 0.01
+    e.friction, e.configured, e.kept, e.least, e.probe = Friction.LEARNT, case.force, 0.95, 0.02 * case.force, 0.01
     e.threshold, e.quiet_ns, e.sensor_delay_ns, e.trust = 5e-5, 50_000_000, 0, 0.5
     e.friction = changes.pop("estimator", e.friction)
     for name, value in changes.items():

@@ -19,7 +19,7 @@ import pytest
 
 from slip_vic.run import shared_memory
 from slip_vic.run.domain import domain_id
-from slip_vic.run.processes import Child, ProcessGroup, Told, child_environment
+from slip_vic.run.processes import Child, EventKind, ProcessGroup, child_environment
 
 RESEND_S = 10.0
 DEADLINE_S = 90.0  # for things that take well under a second on an idle machine
@@ -51,7 +51,7 @@ class Processes:
         """Start this interpreter with arguments such as ``-m module`` or a script."""
         return self.start(name, [sys.executable, *map(str, arguments)], **extra)
 
-    def wait_event(self, child: Child, kind: type[Told]) -> Told:
+    def wait_event(self, child: Child, kind: type[EventKind]) -> EventKind:
         """Wait until a child has told an event; fail with its last lines where it ends first."""
         what = f"{kind.__name__} of {child.name}"
         wait_until(lambda: child.last(kind) is not None or child.exit_code is not None, what)

@@ -159,11 +159,11 @@ def _recorded_losses(bag: Bag) -> dict[str, int | None]:
 def _notes(bag: Bag) -> list[str]:
     notes = []
     if bag.metadata is not None:
-        told = {topic.name: topic.message_count for topic in bag.metadata.topics}
+        stated = {topic.name: topic.message_count for topic in bag.metadata.topics}
         held = {name: info.message_count for name, info in bag.topics.items()}
-        if {name: count for name, count in told.items() if count} != {n: c for n, c in held.items() if c}:
+        if {name: count for name, count in stated.items() if count} != {n: c for n, c in held.items() if c}:
             notes.append("metadata.yaml and the MCAP files count different messages; the files are shown")
-        shared = set(told) & set(held)
+        shared = set(stated) & set(held)
         if any(t.qos != bag.topics[t.name].qos for t in bag.metadata.topics if t.name in shared):
             notes.append("metadata.yaml and the MCAP files disagree about QoS: rosbags would skip those topics")
     if bag.custom_data.get("recovered") == "true":

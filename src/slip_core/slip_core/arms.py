@@ -51,7 +51,7 @@ def params_of_arms(model: type[Model], arms: Mapping[str, Model]) -> ParameterMo
     """Return the parameters of a node with these arms: those of the one arm, or all below their names.
 
     Raises:
-        InputError: as of `model_of_arms`.
+        InputError: as in `model_of_arms`.
     """
     if set(arms) == {ONE_ARM}:
         return arms[ONE_ARM]

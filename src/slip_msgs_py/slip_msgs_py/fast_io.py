@@ -59,7 +59,7 @@ class Sender:
 
 
 def create_sender(node: Any, name: str, form: Form, *, events: bool = True) -> Sender:
-    """Create the publisher of a topic of the table and what sends through it; arguments as of `create_publisher`."""
+    """Create the publisher of a topic of the table and what sends through it; arguments as in `create_publisher`."""
     return Sender(create_publisher(node, name, events=events), form)
 
 

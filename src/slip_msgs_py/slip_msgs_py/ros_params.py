@@ -48,7 +48,7 @@ def declare_arms(node: Any, model: type[ParameterModel]) -> ParameterModel:
         The values; `slip_core.arms.by_arm` has them by arm.
 
     Raises:
-        InputError: as of `declare` and `model_of_arms`.
+        InputError: as in `declare` and `model_of_arms`.
     """
     if not node.has_parameter("arms"):
         return declare(node, model)

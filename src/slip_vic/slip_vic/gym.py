@@ -58,7 +58,7 @@ class Carry(gymnasium.Env):
     for a radian (ours). Ends where the object is lost; truncated at the end of the scenario. info: slip [m], [rad].
 
     Args:
-        scenario: with one arm; sensor: slip sensor; set: assignments, as of `slip_vic.load`.
+        scenario: with one arm; sensor: slip sensor; set: assignments, as in `slip_vic.load`.
         duration_s: of an episode [s].
         render_mode: None.
     """

@@ -106,12 +106,12 @@ def evaluate_law(
 ) -> Evaluation:
     """Return what the paper's law gives for one arm of n joints and one contact.
 
-        told = slip_vic.evaluate_law(q=q, qd=qd, J=J, M=M, bias=bias, position=p, rotation=R,
+        answer = slip_vic.evaluate_law(q=q, qd=qd, J=J, M=M, bias=bias, position=p, rotation=R,
             desired_position=p_d, desired_rotation=R_d, wrench=h, slip_velocity=v_s,
             mass=0.5, inertia=np.diag([2e-3] * 3), grasp_position=[0.02, 0, 0],
             stiffness=[400] * 6, damping=[25] * 6, desired_inertia=[0.4] * 6,
             gamma_k=100, gamma_d=100, alpha=100, k_s=1000)
-        told.effort, told.K, told.gate
+        answer.effort, answer.K, answer.gate
 
     Classical impedance control has gamma_k = gamma_d = alpha = 0, the defaults.
 

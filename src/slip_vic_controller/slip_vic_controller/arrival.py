@@ -52,7 +52,7 @@ def receive_joint_state(
 def receive_wrench(
     config: Array, state: Array, contact: int, stamp_ns: int, wrench: Array, refused: bool, now_ns: int
 ) -> int:
-    """Take the wrench (6,) [N, N m] of a contact in; return its fault. Arguments as of `receive_joint_state`."""
+    """Take the wrench (6,) [N, N m] of a contact in; return its fault. Arguments as in `receive_joint_state`."""
     c, s = record(config, CONFIG), record(state, ARM_STATE)
     return receive_vector(c.wrench, s.wrench_inputs[contact], stamp_ns, wrench, True, refused, now_ns, s.joint)
 
@@ -64,7 +64,7 @@ def receive_slip(
     """Take the slip velocity (6,) [m/s, rad/s] of a contact in; return its fault.
 
     Args:
-        config, state, contact, stamp_ns, twist, refused, now_ns: as of `receive_joint_state`.
+        config, state, contact, stamp_ns, twist, refused, now_ns: as in `receive_joint_state`.
         valid: whether the sensor reports that it measures.
     """
     c, s = record(config, CONFIG), record(state, ARM_STATE)

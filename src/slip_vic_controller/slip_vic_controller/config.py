@@ -305,7 +305,7 @@ def _fill_goals(goals: GoalsConfig, params: ControllerParams) -> None:
 
 
 def _fill_grip(grip: GripConfig, given: GripParams) -> None:
-    grip.follow, grip.told, grip.most = int(given.control == "follow"), given.told_force, given.force_limit
+    grip.follow, grip.nominal, grip.most = int(given.control == "follow"), given.nominal_force, given.force_limit
     grip.rate, grip.lag_s, grip.preview_s, grip.margin = (
         given.command_rate, given.lag_s, given.preview_s, given.margin
     )  # fmt: skip
@@ -321,11 +321,11 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     last = path.waypoint_times_s[-1] if path.kind == "waypoints" and path.waypoint_times_s else path.duration_s
     governor.duration, governor.length, governor.floor = last, PATH_LENGTH_M, PATH_FLOOR_M_S
     governor.most_speed, governor.most_turning = BRAKED_FROM * limits.speed_linear, BRAKED_FROM * limits.speed_angular
-    governor.most_grip = params.grip.force_limit / params.grip.told_force if params.grip.control == "follow" else 1.0
+    governor.most_grip = params.grip.force_limit / params.grip.nominal_force if params.grip.control == "follow" else 1.0
     governor.points_per_cycle = POINTS_PER_CYCLE
     governor.window = min(max(1, round(given.window_s / params.control_period_s)), MAX_WINDOW)
     estimate = governor.estimate
-    estimate.friction, estimate.told, estimate.kept = Friction[given.friction.upper()], given.friction_limit, KEPT
+    estimate.friction, estimate.configured, estimate.kept = Friction[given.friction.upper()], given.friction_limit, KEPT
     estimate.calmed = GIVEN_UP
     estimate.least, estimate.probe, estimate.trust = LEAST_SHARE * given.friction_limit, given.probe, TRUST
     noise = math.hypot(math.sqrt(2.0) * sensor.noise_linear, given.torsional_radius * sensor.noise_angular)

@@ -97,11 +97,11 @@ from slip_vic_controller.safety.effort_limiter import (
 from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.following import watch_following
 from slip_vic_controller.safety.hold import (
-    believable_arm,
     carry_load,
     hold_effort,
     keep_posture,
     object_load,
+    plausible_arm,
     update_load_error,
 )
 from slip_vic_controller.safety.latency import (
@@ -603,15 +603,15 @@ def _bridge(
 @part
 def _arm_of_load(config: ControllerConfig, state: ArmState, pad: Mat) -> Vec:
     """Return r = x_c - x_o at which the load pulls, on the axes of the pad whose attitude is `pad` [m] {ee}."""
-    slips, own, told = state.law.slips, config.law.contact[0], ZERO
+    slips, own, positions = state.law.slips, config.law.contact[0], ZERO
     # The levers of several shares of the weight cancel, as far as they can.
     if config.law.contacts > 1:
         r = mean_arm(config.law, config.gains, slips)
     else:
         r = contact_arm(pad, vec(own.position), own, slips[0])
     for k in range(config.law.contacts):
-        told = told + vec(config.law.contact[k].position)
-    return believable_arm(pad.T() @ ((1.0 / config.law.contacts) * told), r)
+        positions = positions + vec(config.law.contact[k].position)
+    return plausible_arm(pad.T() @ ((1.0 / config.law.contacts) * positions), r)
 
 
 @part
@@ -1110,7 +1110,7 @@ def watchdog(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, ou
     """Answer that joint states of an arm stay away: HOLD, efforts go to gravity compensation where the arm was.
 
     Args:
-        config_buffer, state_buffer, inputs_buffer, outputs_buffer: as of `cycle`.
+        config_buffer, state_buffer, inputs_buffer, outputs_buffer: as in `cycle`.
         arm: number of the arm.
 
     Returns:

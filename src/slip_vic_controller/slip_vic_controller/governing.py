@@ -90,7 +90,7 @@ def begin_pad(config: ControllerConfig, state: ArmState, arm: Arm, gains: LawGai
     nothing = Spatial(ZERO, ZERO)
     at_rest = load(held(config, state, gains), weights, mat(arm.rotation), ZERO, vec(config.governor.gravity), nothing)
     governor.start_pad(config.governor, state.pad, size(at_rest))
-    state.pad.grip = state.grip.actual / config.grip.told
+    state.pad.grip = state.grip.actual / config.grip.nominal
 
 
 @part
@@ -147,7 +147,7 @@ def squeeze(config: ControllerConfig, task: TaskState, state: ArmState, dt: floa
         load = max(load, load_ahead(task.grid, task.governor.time, config.grip.preview_s))
     F, _ = provisional(config.governor.estimate, pad.estimate)
     follow_load(config.grip, state.grip, load, F, dt)
-    pad.grip = state.grip.actual / config.grip.told
+    pad.grip = state.grip.actual / config.grip.nominal
 
 
 @part

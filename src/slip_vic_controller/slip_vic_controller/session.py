@@ -208,7 +208,7 @@ def check_common(params: Mapping[str, ControllerParams]) -> None:
         for what, a, b in zip(COMMON, common_values(first), common_values(of), strict=True):
             if a != b:
                 raise InputError(
-                    f"parameter {other}.{what}", got=b, expected=f"{a!r}, as of {name}: all arms hold one object"
+                    f"parameter {other}.{what}", got=b, expected=f"{a!r}, as for {name}: all arms hold one object"
                 )
 
 

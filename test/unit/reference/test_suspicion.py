@@ -28,7 +28,7 @@ def estimate(friction: Friction = Friction.LEARNT) -> SimpleNamespace:
     config, state, history = (
         record(new(dtype), dtype) for dtype in (ESTIMATE_CONFIG, ESTIMATE, LOAD_HISTORY)
     )  # fmt: skip
-    config.friction, config.told, config.kept, config.least, config.probe = friction, TOLD, KEPT, 0.01, 0.02
+    config.friction, config.configured, config.kept, config.least, config.probe = friction, TOLD, KEPT, 0.01, 0.02
     config.calmed = CALMED
     config.threshold, config.quiet_ns, config.sensor_delay_ns, config.trust = THRESHOLD, 50 * MS, DELAY_NS, 0.7
     start_estimate(config, state, history, 0.1)

@@ -20,12 +20,12 @@ from slip_vic_controller.safety.hold import (
     HOLD_CONFIG,
     LOAD_LEVER,
     SLOWEST,
-    believable_arm,
     carry_load,
     delay_margin,
     gains_for_delay,
     hold_effort,
     load_error,
+    plausible_arm,
     update_load_error,
 )
 from slip_vic_controller.safety.modes import Mode
@@ -326,8 +326,8 @@ def test_the_arm_rests_though_joint_states_are_late() -> None:
 def test_no_load_is_believed_to_be_metres_from_where_it_was_told_to_be() -> None:
     told = Vec(0.1, -0.2, 0.3)
     for slid in (Vec(0.0, 0.0, 0.0), Vec(0.06, -0.07, 0.0)):
-        assert believable_arm(told, told + slid) == told + slid  # to the last bit
-    far = believable_arm(told, told + Vec(2.02, -1.33, 0.0)) - told
+        assert plausible_arm(told, told + slid) == told + slid  # to the last bit
+    far = plausible_arm(told, told + Vec(2.02, -1.33, 0.0)) - told
     assert far.norm() == pytest.approx(LOAD_LEVER, rel=CLOSE)
     assert far.cross(Vec(2.02, -1.33, 0.0)).norm() < CLOSE
 

@@ -247,13 +247,13 @@ class McapFile:
             return
         name = index.compression.encode()
         head = self._read(offset, _CHUNK.size + len(name) + _LENGTH.size + _FRAME_HEAD_BYTES)
-        told = (int(Opcode.CHUNK), index.chunk_length - _HEAD.size, index.uncompressed_size, len(name))
+        stated = (int(Opcode.CHUNK), index.chunk_length - _HEAD.size, index.uncompressed_size, len(name))
         opcode, length, _, _, size, _, name_length = _CHUNK.unpack_from(head)
         at = _CHUNK.size + len(name)
         (packed,) = _LENGTH.unpack_from(head, at)
         if size > MAX_CHUNK_BYTES:
             raise DamagedError(f"chunk of {size} bytes, more than {MAX_CHUNK_BYTES}")
-        if (opcode, length, size, name_length) != told or head[_CHUNK.size : at] != name:
+        if (opcode, length, size, name_length) != stated or head[_CHUNK.size : at] != name:
             raise DamagedError("an index that points to something else")
         if at + _LENGTH.size + packed != index.chunk_length:
             raise DamagedError("a chunk that ends inside a record")

@@ -163,7 +163,7 @@ def elastic_step(law: FrictionLaw) -> Any:
         """Write the joint forces of the coming step; return 1, or 0 where they are not finite.
 
         Args:
-            factor, inverse_diagonal, tree: of the mass matrix, as of `rigid_step`.
+            factor, inverse_diagonal, tree: of the mass matrix, as in `rigid_step`.
             qvel, bias: joint velocities, and forces of motion and gravity; (nv,).
             effort: joint efforts, and what pushes the object; (nv,) [N, N m].
             frames: a FRAME per contact, then that of the object.
@@ -269,7 +269,7 @@ def elastic_step(law: FrictionLaw) -> Any:
 
 @kernel(VOID(IN1, IN2, IN1, REAL, OUT2))
 def elastic_after(qvel: Array, rows: Array, normal_forces: Array, dt: float, state: Array) -> None:
-    """Advance deflection and slip of all contacts; arguments as of `elastic_step`, qvel after the step.
+    """Advance deflection and slip of all contacts; arguments as in `elastic_step`, qvel after the step.
 
     A pad without pressure touches nothing: it is not bent, and its slip stays as it ended.
     """

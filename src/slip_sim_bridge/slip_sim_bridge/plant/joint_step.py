@@ -104,7 +104,7 @@ def joint_step(
     """Write torque and effort of each joint's drive; return how many passes it took, or 0 where they are not finite.
 
     Args:
-        factor, inverse_diagonal, tree: of the mass matrix, as of `rigid_step`.
+        factor, inverse_diagonal, tree: of the mass matrix, as in `rigid_step`.
         qpos, qvel: joint state; the joints with drives come first; (nq,), (nv,).
         force: all joint forces but these torques, bias subtracted; (nv,) [N, N m].
         dt: [s].

@@ -182,7 +182,7 @@ class Driven:
             period_s=params.control_period_s,
             friction_limit=params.governor.friction_limit,
             torsional_radius=params.governor.torsional_radius,
-            grip=params.grip.told_force,
+            grip=params.grip.nominal_force,
             most_grip=self._most_grip,
             mass=params.object.mass,
             inertia=np.array(params.object.inertia),
@@ -213,7 +213,7 @@ class _Arm:
         self._posture: Array | None = None
         self._slip, self._slip_time, self._start_ns = np.zeros(6), -math.inf, -1
         self._wrench = np.zeros(6)
-        self.grip = params.grip.told_force
+        self.grip = params.grip.nominal_force
         """Squeeze as configured, then as commanded [N]."""
         self.squeeze = scenario.bridges[name].grip.force
         """Squeeze of the simulated gripper at first, then as commanded [N]."""

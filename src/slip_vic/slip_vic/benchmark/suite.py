@@ -181,7 +181,7 @@ def slip_path(time: Array, velocity: Array) -> tuple[float, float]:
 
 def most_grip(track: Grip, scenario: Scenario) -> float:
     """Return the largest squeeze of a track [N]; that of the scenario where its gripper has no more."""
-    told = max(params.grip.told_force for params in scenario.controllers.values())
+    nominal = max(params.grip.nominal_force for params in scenario.controllers.values())
     if track == "capped":
-        return told
-    return max(told, min(params.grip.force_limit for params in scenario.controllers.values()))
+        return nominal
+    return max(nominal, min(params.grip.force_limit for params in scenario.controllers.values()))

@@ -119,7 +119,7 @@ def first_index(run: RecordedRun, from_s: float = 0.0) -> int:
 
 
 def first_indices(runs: Mapping[str, RecordedRun], from_s: float = 0.0) -> tuple[int, ...]:
-    """Return where in each arm's ledger a replay begins, as of `first_index`: in one cycle of all arms.
+    """Return where in each arm's ledger a replay begins, as in `first_index`: in one cycle of all arms.
 
     Raises:
         InputError: there is no such cycle.

@@ -99,7 +99,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def pad_load(params: ControllerParams, inertia: Array, r: Array, pad: PadMotion) -> float:
-    """Return |S^-1 Sigma h| [N] of the wrench that the pad must put on the object; arguments as of `pad_wrench`."""
+    """Return |S^-1 Sigma h| [N] of the wrench that the pad must put on the object; arguments as in `pad_wrench`."""
     R = pad.rotation
     force, torque = pad_wrench(params.object.mass, inertia, r, np.array(params.gravity), pad)
     slips = np.array(params.contacts.slip_axes[:6], dtype=float)

@@ -44,7 +44,7 @@ _MILD: Final = ("ok", "held")
 class Verdict:
     """How a run went.
 
-    outcome, reason: see `Outcome`; reason is empty where all is well. arms: the numbers of each arm by its name, as of
+    outcome, reason: see `Outcome`; reason is empty where all is well. arms: the numbers of each arm by its name, as in
     `summarise` and `share_of_friction`; empty where nothing ran. together: what they do to the object, see there.
     """
 

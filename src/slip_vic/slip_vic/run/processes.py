@@ -23,7 +23,7 @@ from slip_vic.run import shared_memory
 LAST_LINES = 12
 GRACE_S = 5.0
 HASTE_S = 3.0  # nodes end by themselves before that (`node_main.LONGEST_END_S`)
-Told = TypeVar("Told", bound=Event)
+EventKind = TypeVar("EventKind", bound=Event)
 
 
 class Child:
@@ -73,7 +73,7 @@ class Child:
                 self._last[type(event)] = event
                 self._on_event(self.name, event)
 
-    def last(self, kind: type[Told]) -> Told | None:
+    def last(self, kind: type[EventKind]) -> EventKind | None:
         """Return the last event of a kind; None where it has sent none."""
         event = self._last.get(kind)
         return event if isinstance(event, kind) else None

@@ -529,12 +529,12 @@ def _of_joints(value: Any, joints: int) -> Any:
 def _tell_friction(values: dict[str, dict[str, Any]], origin: str) -> None:
     """Tell the controller's governor of the friction that the scenario has, where it does not say so itself."""
     bridge = build(BridgeParams, values["bridge"], f"{origin}: bridge")
-    told = {
+    friction = {
         "governor.friction_limit": round(bridge.friction.mu_s * bridge.grip.force, 12),
         "governor.torsional_radius": bridge.friction.torsional_radius,
-        "grip.told_force": bridge.grip.force,
+        "grip.nominal_force": bridge.grip.force,
     }
-    values["controller"] = told | values["controller"]
+    values["controller"] = friction | values["controller"]
 
 
 def _find_arm(values: dict[str, dict[str, Any]], name_or_path: str) -> None:

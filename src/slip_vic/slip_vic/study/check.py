@@ -20,7 +20,7 @@ from slip_vic_controller.law.gains import gain_report
 
 
 class Corner(NamedTuple):
-    """A run in one wrong world: its outcome as of `CaseResult`."""
+    """A run in one wrong world: its outcome as in `CaseResult`."""
 
     mismatch: str
     outcome: str

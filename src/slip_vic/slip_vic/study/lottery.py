@@ -34,7 +34,7 @@ BIAS_FORCE = 0.1
 NOISE_FORCE = 0.05
 LATENCY_S = (0.001, 0.005)
 KINDS = ("scenario", "waypoints", "circle", "lemniscate")
-TROUBLES = ("none", "bias", "noise told", "noise untold", "latency")
+TROUBLES = ("none", "bias", "noise configured", "noise unconfigured", "latency")
 QUINTIC_PEAK = 5.7735
 """Largest acceleration of a quintic from rest to rest over way / duration^2."""
 WORSE_M = 5e-4
@@ -167,7 +167,7 @@ def _draw(number: int, rng: np.random.Generator, wanted: str) -> Ticket:
 
 
 def draw_drive(number: int, seed: int, scenario: str) -> tuple[str, ...]:
-    """Return drives, joints and sensors as they are, for a case of one arm: all troubles at once, none of them told.
+    """Return drives, joints and sensors as they are, for a case of one arm: all troubles at once, none configured.
 
     The drive is one of ARMS with its preset. Of measured torque: offset to 0.2 N m, friction to 0.3 of COULOMB, joint
     velocity noise to 0.01 rad/s. Mass and friction 0.6 to 1.4, friction that falls on the way, all three friction laws;
@@ -218,12 +218,14 @@ def with_drive(ticket: Ticket, seed: int) -> Ticket:
     drawn = draw_drive(ticket.number, seed, ticket.scenario)
     path = tuple(one for one in ticket.world if one.startswith("controller.trajectory."))
     ticket = replace(ticket, world=(*path, *drawn), trouble="all")
-    of, told = ticket.load(CLASSICAL).bridge, load_scenario(ticket.scenario).bridge
+    of, known = ticket.load(CLASSICAL).bridge, load_scenario(ticket.scenario).bridge
     left = of.friction.falls_to if of.friction.falls_at_s > 0.0 else 1.0
     slips = of.friction.mu_k if of.friction.model == "coulomb" else of.friction.mu_s
     wrong = {
-        "mass": of.object.mass / told.object.mass - 1.0, "friction": left * slips / told.friction.mu_s - 1.0, "com": 0.0
-    }  # fmt: skip
+        "mass": of.object.mass / known.object.mass - 1.0,
+        "friction": left * slips / known.friction.mu_s - 1.0,
+        "com": 0.0,
+    }
     return replace(ticket, wrong=wrong, feasible=carries_weight(load_scenario(ticket.scenario), wrong))
 
 
@@ -249,8 +251,8 @@ def wrench_trouble(trouble: str, rng: np.random.Generator) -> list[str]:
     if trouble == "latency":
         return [f"bridge.sensors.wrench.latency_s={float(rng.uniform(*LATENCY_S)):.4f}"]
     if trouble.startswith("noise"):
-        told = [f"controller.wrench_sensor.noise_force={NOISE_FORCE}"] if trouble == "noise told" else []
-        return [f"bridge.sensors.wrench.noise_force={NOISE_FORCE}", *told]
+        known = [f"controller.wrench_sensor.noise_force={NOISE_FORCE}"] if trouble == "noise configured" else []
+        return [f"bridge.sensors.wrench.noise_force={NOISE_FORCE}", *known]
     return []
 
 

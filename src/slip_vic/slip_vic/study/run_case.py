@@ -61,7 +61,7 @@ def failed(case: Case, outcome: Outcome, reason: str) -> CaseResult:
 
 
 def run_scenario(scenario: Scenario) -> tuple[Outcome, str, dict[str, float]]:
-    """Run a scenario and return outcome, reason and metrics, as of `CaseResult`."""
+    """Run a scenario and return outcome, reason and metrics, as in `CaseResult`."""
     verdict = judge(run_in_process(scenario), Track(scenario, whole=False))
     return verdict.outcome, verdict.reason, metrics_of(verdict)
 

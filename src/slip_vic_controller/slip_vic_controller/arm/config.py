@@ -73,7 +73,7 @@ def process(noise: Noise, bandwidth: float, period: float) -> tuple[Array, Array
 
 
 def process_over(noise: Noise, bandwidth: float, period: float, ticks: int) -> tuple[Array, Array]:
-    """Return F and Q over a number of control periods; arguments as of `process`."""
+    """Return F and Q over a number of control periods; arguments as in `process`."""
     F, Q = process(noise, bandwidth, period)
     over, spread = F, Q
     for _ in range(ticks - 1):

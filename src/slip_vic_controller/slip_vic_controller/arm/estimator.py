@@ -17,7 +17,7 @@ inputs of that time, and its estimate is predicted to now with the inputs since 
 works with this prediction.
 
 Position and velocity are compared with each other as well: where their difference grows beyond noise, one of them is
-wrong, and the joint goes on with the other.
+wrong, and the joint continues with the other.
 """
 
 from __future__ import annotations
@@ -280,7 +280,7 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
             (newer.vv * x_v + newer.vd * x_d + newer.vu * u),
         )
         of_q, of_v, trust = q[j] - x_q, qd[j] - x_v, state.trust[j]
-        if not new:  # what is known goes on
+        if not new:  # what is known stays
             of_q, of_v = 0.0, 0.0
         else:
             state.mean_q[j] += config.weight * (config.scale[0] * of_q - state.mean_q[j])
@@ -354,7 +354,7 @@ def use_estimate(config: EstimatorConfig, state: JointEstimate, sample: JointSam
 def foresee(config: EstimatorConfig, state: JointEstimate, sample: JointSampleLike) -> None:
     """Write the commanded state q + v / b + what is under way, and its velocity; [rad], [rad/s].
 
-    Implements: ours: with q' = v, v' = b (u - v) it is (q + v / b)' = u: a predictor as of O. J. M. Smith, 1957.
+    Implements: ours: with q' = v, v' = b (u - v) it is (q + v / b)' = u: a predictor after O. J. M. Smith, 1957.
     """
     for j in range(config.joints):
         ahead = state.position[j] + state.velocity[j] / config.bandwidth
@@ -367,7 +367,7 @@ def foresee(config: EstimatorConfig, state: JointEstimate, sample: JointSampleLi
 def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: float, q: Array, qd: Array) -> None:
     """Compare the way that positions show with that of the velocities, both faded over MEMORY_S.
 
-    Where they differ, the joint goes on with the measurement that is not to blame: one that is equal to the last bit
+    Where they differ, the joint continues with the measurement that is not to blame: one that is equal to the last bit
     while the other moves is stuck, one that moves against the other has a wrong sign, one that moves alone drifts.
     """
     fade, fade_lately = math.exp(-dt / MEMORY_S), math.exp(-dt / (LATELY * config.sensor_period))

@@ -223,7 +223,7 @@ def rest_begins(config: TareConfig, state: Tare, now_ns: int, q: Array) -> None:
 
 @part
 def measure_at_rest(config: TareConfig, state: Tare, now_ns: int, q: Array, qd: Array) -> bool:
-    """Take the joints of a cycle at rest in, begin anew where they move; return whether the time of rest is over.
+    """Take the joints of a cycle at rest in, begin again where they move; return whether the time of rest is over.
 
     Args:
         config: bounds.

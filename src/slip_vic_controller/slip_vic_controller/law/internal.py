@@ -10,7 +10,7 @@ W is the same on all axes, so the pads' attitudes drop out, and with d_j = r_j -
 
     (n rho^2 I + sum_j (d_j.d_j I - d_j d_j^T)) y = tau_o - r_mean x f_o,    share_i = (f_o / n + y x d_i, rho^2 y)
 
-as of n masses on massless bars: the shares are the least that hold the object.
+as if of n masses on massless bars: the shares are the least that hold the object.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def internal_wrench(
     """Return h_int of the own contact [N, N m] {ee}; zero where there is one contact only.
 
     Args:
-        config, gains, samples, slips: as of `object_motion`.
+        config, gains, samples, slips: as in `object_motion`.
         o: the object, with h_o.
 
     Implements: ours: h_int = h - W G^T (sum_j G_j W G_j^T)^-1 h_o.

@@ -111,7 +111,7 @@ class Given(Protocol):
     law: Evaluation
 
 
-class MotionTold(Protocol):
+class MotionToPredict(Protocol):
     """What an observer takes of the object's motion, see its record."""
 
     rotation: Array
@@ -199,7 +199,7 @@ def evaluate(config: LawConfig, arm: Arm, sample: JointMotion, memory: Memory, g
         arm: at this joint state.
         sample: position and velocity of the joints.
         memory: posture of the null space, and e_previous, for the branch of the orientation error.
-        given: as of `control_law`.
+        given: as in `control_law`.
 
     Implements: Eq. (21), (28), (29), the whole law.
     """
@@ -219,7 +219,7 @@ def scale_acceleration(
     """Command `factor` a_C instead of the a_C of an evaluation: torque and effort follow.
 
     Args:
-        config, arm, sample, memory, given: as of `evaluate`.
+        config, arm, sample, memory, given: as in `evaluate`.
         factor: of a guard, in [0, 1].
     """
     evaluation, q, qd = given.law, sample.position, sample.velocity
@@ -264,7 +264,7 @@ def is_finite(number: float) -> bool:
 @part
 def predict_motion(
     config: LawConfig, gains: LawGains, arm: Arm, samples: Records[ContactSample], slips: Records[Slip],
-    slip_twist: Array, motion: MotionTold,
+    slip_twist: Array, motion: MotionToPredict,
 ) -> bool:  # fmt: skip
     """Write what an observer takes of the object's motion; return whether every sample is finite.
 

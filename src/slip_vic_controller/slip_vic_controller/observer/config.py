@@ -26,7 +26,7 @@ MOST_ROWS = 100_000
 def witnesses(params: ControllerParams) -> int:
     """Return how many slip samples in a row it takes to be believed: a real sensor has outliers, a flag has none.
 
-    A sensor that is told to be perfect is believed at its word.
+    A sensor that is configured as perfect needs no second sample.
     """
     sensor = params.slip_sensor
     perfect = max(sensor.noise_linear, sensor.noise_angular, sensor.quantum_linear) == 0.0

@@ -227,7 +227,7 @@ def say_rest(config: ObserverConfig, state: Observer, rows: Records[Row], first:
 
 @part
 def believe_samples(config: ObserverConfig, state: Observer, rows: Records[Row], first: int) -> None:
-    """Begin anew at the sample of row `first`: the model's errors are as unknown as in the beginning.
+    """Begin again at the sample of row `first`: the model's errors are as unknown as in the beginning.
 
     A filter that is sure of a wrong model takes every sample for an outlier, and so would never come back.
     """

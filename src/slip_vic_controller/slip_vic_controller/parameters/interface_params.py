@@ -81,7 +81,7 @@ class CommandParams(ParameterModel):
 class GripParams(GripperModel):
     """Grip as a second output, where the gripper can follow and the object may be squeezed."""
 
-    told_force: float = parameter(
+    nominal_force: float = parameter(
         0.5, "grip for which governor.friction_limit holds; with control follow also the first and the least one",
         unit="N", gt=0.0,
     )  # fmt: skip

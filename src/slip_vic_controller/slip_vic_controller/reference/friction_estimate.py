@@ -57,7 +57,7 @@ class EstimateConfig(Record):
     """How friction is estimated."""
 
     friction: Whole  # Friction
-    told: Real  # N, mu N as configured, or the most that is ever probed
+    configured: Real  # N, mu N as configured, or the most that is ever probed
     kept: Real  # share of the load at which it slipped
     least: Real  # N, floor of F^
     calmed: Real  # share of a suspected load that is used once nothing has slipped for long
@@ -103,8 +103,8 @@ ESTIMATE_CONFIG, ESTIMATE = dtype_of(EstimateConfig), dtype_of(Estimate)
 @part
 def start_estimate(config: EstimateConfig, state: Estimate, history: LoadHistory, at_rest: float) -> None:
     """Begin with what is configured, or with what the object's weight shows; at_rest: load at rest [N]."""
-    state.F_hat, state.slipped_at = config.told, 0.0
-    state.certified = min(at_rest + config.probe, config.told)
+    state.F_hat, state.slipped_at = config.configured, 0.0
+    state.certified = min(at_rest + config.probe, config.configured)
     state.slipping, state.slip_ns, state.events, state.event_ns = 0, NEVER, 0, NEVER
     state.suspected, state.suspected_at, state.claimed_ns, state.found = 0, 0.0, NEVER, 0
     state.suspected_ns, state.suspected_speed = 0, 0.0
@@ -240,7 +240,7 @@ def suspect(
 def stay_calm(config: EstimateConfig, state: Estimate, history: LoadHistory, stamp_ns: int) -> None:
     """Let a load that is carried without slip for long count against a suspicion that has sunk below it.
 
-    What has begun to slip where friction ends goes on slipping there: what rests does not slip. Never beyond the load
+    What has begun to slip where friction ends continues to slip there: what rests does not slip. Never beyond the load
     at which slip was first suspected.
     """
     if state.suspected == 0 or state.found != 0 or state.slipping != 0:

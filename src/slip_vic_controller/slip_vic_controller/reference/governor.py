@@ -196,7 +196,7 @@ def start_governor(config: GovernorConfig, state: Governor, pad: GovernedPad) ->
 
 @part
 def steady(config: GovernorConfig, state: Governor) -> None:
-    """Let the moving average begin anew where the path is now."""
+    """Let the moving average begin again where the path is now."""
     for i in range(config.window):
         state.ring[i, 0], state.ring[i, 1], state.ring[i, 2] = state.s, state.rate, 0.0
     state.ring_count = 0
@@ -268,12 +268,12 @@ def with_weight(config: GovernorConfig, state: Governor, F: float) -> float:
     """Return a load [N], at least what the weight alone asks on the path, where that is to be tried.
 
     On the way there is nothing better than to go on slowly: a stop throws what hardly holds, and the weight is there
-    at rest too. With unknown friction what carries the weight can only be found by trying. What is told is the most.
+    at rest too. With unknown friction what carries the weight can only be found by trying, up to the configured limit.
     """
     if state.planned == 0 and config.estimate.friction != Friction.UNKNOWN:
         return F
     needed = MORE_THAN_WEIGHT * state.weight_load / config.path_margin
-    return float(max(F, min(needed, config.margin * config.estimate.told)))
+    return float(max(F, min(needed, config.margin * config.estimate.configured)))
 
 
 @part
@@ -284,7 +284,7 @@ def planned_load(config: GovernorConfig, state: Governor) -> float:
 
 @part
 def plan(config: GovernorConfig, state: Governor, grid: PathGrid) -> None:
-    """Do a cycle's share of the planning, and begin anew where F^ has changed."""
+    """Do a cycle's share of the planning, and begin again where F^ has changed."""
     if state.phase == Phase.SAMPLING:
         return
     F = planned_load(config, state)
@@ -517,7 +517,7 @@ def governed(state: Governor, point: Along) -> tuple[Spatial, Spatial]:
 
 @part
 def on_pad(config: GovernorConfig, point: Along, x_e: Vec, v_ee: Spatial) -> tuple[float, float]:
-    """Return sdot of the pad along the path, and how far ahead of the point it is; arguments as of `run`."""
+    """Return sdot of the pad along the path, and how far ahead of the point it is; arguments as in `run`."""
     p, w = point.tangent.linear, config.length * point.tangent.angular
     square = pace(config, point) + config.floor * config.floor
     return (p.dot(v_ee.linear) + config.length * w.dot(v_ee.angular)) / square, p.dot(x_e) / square
@@ -527,7 +527,7 @@ def on_pad(config: GovernorConfig, point: Along, x_e: Vec, v_ee: Spatial) -> tup
 def anchor(
     config: GovernorConfig, state: Governor, grid: PathGrid, point: Along, x_e: Vec, v_ee: Spatial, dt: float
 ) -> None:
-    """Let s follow the pad while the contact slips; arguments as of `run`."""
+    """Let s follow the pad while the contact slips; arguments as in `run`."""
     rate, ahead = on_pad(config, point, x_e, v_ee)
     cap = grid.points[cell(grid, state.s)].cap
     state.rate = min(max(rate, 0.0), math.sqrt(cap))

@@ -20,7 +20,7 @@ class GripConfig(Record):
     """How the grip may be commanded."""
 
     follow: Whole  # whether it is commanded
-    told: Real  # N, for which friction is configured; never less than this
+    nominal: Real  # N, for which friction is configured; never less than this
     most: Real  # N
     rate: Real  # N/s, of the command
     lag_s: Real  # s, of the gripper
@@ -38,7 +38,7 @@ class Grip(Record):
 @part
 def start_grip(config: GripConfig, grip: Grip) -> None:
     """Begin with the configured grip."""
-    grip.command = grip.actual = config.told
+    grip.command = grip.actual = config.nominal
 
 
 @part
@@ -67,16 +67,16 @@ def load_ahead(grid: PathGrid, time: float, preview_s: float) -> float:
 
 
 @part
-def follow_load(config: GripConfig, grip: Grip, load: float, F_told: float, dt: float) -> None:
+def follow_load(config: GripConfig, grip: Grip, load: float, F_nominal: float, dt: float) -> None:
     """Move the command towards what a load needs, and the gripper towards its command.
 
     Args:
         config, grip: parameters and state of the grip.
         load: that friction must carry [N].
-        F_told: friction limit at the configured grip [N].
+        F_nominal: friction limit at the nominal grip [N].
         dt: since the cycle before [s].
     """
-    wanted = min(max(load * config.told / (config.margin * F_told), config.told), config.most)
+    wanted = min(max(load * config.nominal / (config.margin * F_nominal), config.nominal), config.most)
     share = 1.0 - math.exp(-dt / config.lag_s) if config.lag_s > 0.0 else 1.0
     grip.actual += share * (grip.command - grip.actual)
     most = config.rate * dt

@@ -99,7 +99,7 @@ def step_timing(
     """Take a step on the path.
 
     Args:
-        config, memory, held: as of `begin_timing`.
+        config, memory, held: as in `begin_timing`.
         rotation, twist, acceleration: of the path at the governor's time, over the path's own time {w}.
         dt: control period [s].
         out: STEP; the result.

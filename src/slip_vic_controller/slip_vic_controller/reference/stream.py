@@ -134,7 +134,7 @@ def drop_passed(stream: Stream, time: float) -> None:
 def plan_stream(
     stream: Stream, held: Held, weights: Spatial, gravity: Vec, limits: tuple[float, float, float], F: float
 ) -> None:
-    """Find how fast each point may be passed; F: load that may be asked [N]. Arguments as of `take_point`."""
+    """Find how fast each point may be passed; F: load that may be asked [N]. Arguments as in `take_point`."""
     n = stream.count
     again = stream.load > REPLAN * F or REPLAN * stream.load < F
     first = stream.fresh

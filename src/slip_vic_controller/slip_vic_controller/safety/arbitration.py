@@ -240,7 +240,7 @@ def find_hold(
     contacts: int,
     now_ns: int,
 ) -> Reason:
-    """Return why the law must not work now; arguments as of `arbitrate`, fault: of the slip velocity."""
+    """Return why the law must not work now; arguments as in `arbitrate`, fault: of the slip velocity."""
     arbitration, at_work = config.arbitration, follows(state.mode.mode)
     unknown = not fine(fault) and arbitration.slip_needed != 0
     if health.outside != Fault.NONE:
@@ -272,7 +272,7 @@ def find_hold(
 
 @part
 def find_degraded(config: Configured, task: Shared, state: Judged, level: int, fault: int, now_ns: int) -> Reason:
-    """Return why to be careful; arguments as of `arbitrate`, fault: of the slip velocity."""
+    """Return why to be careful; arguments as in `arbitrate`, fault: of the slip velocity."""
     since = state.since
     if level == Level.OBSERVED:
         return of_fault(Cause.PREDICTED, Input.SLIP, fault)

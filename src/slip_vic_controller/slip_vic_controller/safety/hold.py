@@ -53,13 +53,13 @@ def object_load(config: HoldConfig, R: Mat, r: Vec) -> Spatial:
 
 
 @part
-def believable_arm(told: Vec, r_pad: Vec) -> Vec:
+def plausible_arm(configured: Vec, r_pad: Vec) -> Vec:
     """Return r_pad, no farther than LOAD_LEVER from where it is configured; [m], on any axes.
 
     A slip velocity that is wrong adds up to any distance, and the inertia of an object metres away makes HOLD swing.
     """
-    far = (r_pad - told).norm()
-    return r_pad if far <= LOAD_LEVER else told + (LOAD_LEVER / far) * (r_pad - told)
+    far = (r_pad - configured).norm()
+    return r_pad if far <= LOAD_LEVER else configured + (LOAD_LEVER / far) * (r_pad - configured)
 
 
 @part
@@ -84,7 +84,7 @@ def load_error(error: Spatial, model: Spatial, measured: Spatial, dt: float, mem
 
 @part
 def update_load_error(config: HoldConfig, state: Hold, arm: Arm, r_pad: Vec, measured: Spatial, dt: float) -> None:
-    """Take the measured wrench on the own pad {ee} into the load of HOLD; r_pad: as of `hold_effort`; dt [s]."""
+    """Take the measured wrench on the own pad {ee} into the load of HOLD; r_pad: as in `hold_effort`; dt [s]."""
     R = mat(arm.rotation)
     load = object_load(config, R, R @ r_pad)
     put_spatial(state.load_error, load_error(spatial(state.load_error), load, measured, dt, config.load_s))
@@ -197,7 +197,7 @@ def keep_posture(state: Hold, n: int, sample: JointRecord, velocity_limit: Array
 
 @part
 def carry_load(config: HoldConfig, state: Hold, arm: Arm, r_pad: Vec, torque: Array) -> None:
-    """Add -J^T h to `torque` (n,) [N m]: the load of an object that does not fall; arguments as of `hold_effort`."""
+    """Add -J^T h to `torque` (n,) [N m]: the load of an object that does not fall; arguments as in `hold_effort`."""
     R = mat(arm.rotation)
     h = R @ (object_load(config, R, R @ r_pad) + spatial(state.load_error))
     for j in range(config.joints):

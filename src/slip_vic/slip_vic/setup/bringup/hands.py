@@ -157,7 +157,7 @@ class Simulated:
 def simulated_hand(system: System, bridge: Mapping[str, Any]) -> Simulated:
     """Return the hand of a simulated arm, of which `hold.stiffness` and `grip.force` are known."""
     known = system.params
-    friction = known.governor.friction_limit / known.grip.told_force
+    friction = known.governor.friction_limit / known.grip.nominal_force
     return Simulated(system, bridge["hold.stiffness"], friction, bridge["grip.force"])
 
 

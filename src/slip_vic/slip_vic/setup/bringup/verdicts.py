@@ -339,23 +339,23 @@ def judge_mode(step: str, mode: str, wanted: Sequence[str]) -> Verdict:
     return Verdict(step, mode or "no mode", " or ".join(wanted), fix)
 
 
-def judge_friction(told: float, estimate: float, carried: float, events: int, goal: str, mode: str) -> Verdict:
+def judge_friction(configured: float, estimate: float, carried: float, events: int, goal: str, mode: str) -> Verdict:
     """Judge what the probing motions have shown of the friction.
 
     Args:
-        told: governor.friction_limit [N].
+        configured: governor.friction_limit [N].
         estimate: F^ in the end [N]; carried: largest load that was asked without slip [N].
         events: how often it has slipped.
         goal: what became of the last goal; mode: at its end.
     """
     slipped = f"slipped {events} times" if events else "never slipped"
     measured = f"F^ {estimate:.3f} N, carried {carried:.3f} N, {slipped}"
-    expected = f"goals that are reached, with at least a fifth of governor.friction_limit ({told:.3g} N)"
+    expected = f"goals that are reached, with at least a fifth of governor.friction_limit ({configured:.3g} N)"
     fix = ""
     if not goal.endswith("reached"):
         measured = f"{goal or 'no answer to the goal'} ({mode})"
         fix = "more grip; where the law has stopped, docs/troubleshooting.md has the fix for the reason"
-    elif estimate < 0.2 * told:
+    elif estimate < 0.2 * configured:
         fix = "more grip, or set governor.friction_limit; a sensor that reports slip where there is none does this too"
     return Verdict("friction", measured, expected, fix)
 

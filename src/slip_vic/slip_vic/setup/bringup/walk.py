@@ -230,20 +230,20 @@ class Walk:
     def _friction(self, q: Array) -> Verdict:
         """Move there and back, faster each time, until it slips or the configured friction is used."""
         here, R, _ = self._robot.frame(q)
-        way, told = PROBE_M * self._inwards(here), self._params.governor.friction_limit
-        carried, events, estimate = 0.0, 0, told
+        way, limit = PROBE_M * self._inwards(here), self._params.governor.friction_limit
+        carried, events, estimate = 0.0, 0, limit
         for number, duration in enumerate(PROBES_S):
             heard = self._go(here + way * (1 - number % 2), R, duration)
             scalars = heard.scalars
             estimate, events = float(scalars["friction_limit"][-1]), int(scalars["friction_events"][-1])
             holds = scalars["slipping"] == 0.0
             carried = max(carried, float(scalars["load_commanded"][holds].max(initial=0.0)))
-            enough = carried > 0.9 * self._params.governor.margin * told
+            enough = carried > 0.9 * self._params.governor.margin * limit
             if (number % 2 and (events or enough)) or not self._system.goal.endswith("reached"):
                 break
         if events:
             self.measured["governor.friction_limit"] = estimate
-        return verdicts.judge_friction(told, estimate, carried, events, self._system.goal, self._system.mode)
+        return verdicts.judge_friction(limit, estimate, carried, events, self._system.goal, self._system.mode)
 
     def _first_motion(self) -> Verdict:
         here, R, _ = self._robot.frame(self._system.listen(WATCHED_S).position)

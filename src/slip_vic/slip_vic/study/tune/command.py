@@ -17,7 +17,7 @@ from slip_vic.study.contents import gather
 from slip_vic.study.engines import EngineName, open_engine
 from slip_vic.study.progress import Report, progress
 from slip_vic.study.tune.page import Found, page, worst_mm
-from slip_vic.study.tune.search import Search, Told, Trial, best_of, run_search, run_sets
+from slip_vic.study.tune.search import ReportDone, Search, Trial, best_of, run_search, run_sets
 from slip_vic.study.tune.space import Bounds, assignments, search_space
 
 
@@ -64,13 +64,13 @@ def run_tune(wanted: Wanted, out: Path, engine: EngineName, jobs: int, command: 
     total = runs * wanted.trials + 2 * len(unseen.cases())
     with progress("tune", total, 0, Console(stderr=True)) as report, open_engine(engine, jobs) as workers:
         trials: list[Trial] = []
-        for trial in run_search(search, wanted.trials, contents, out, workers, _told(report, trials, runs)):
+        for trial in run_search(search, wanted.trials, contents, out, workers, _report_done(report, trials, runs)):
             trials.append(trial)
             if trial.number == 0:
                 check_time(trial.score.arrival, wanted.bounds.later_s, loaded.bridge.duration_s)
         best = best_of(trials)
         tried = {out / "unseen_default": {}, out / "unseen_tuned": best.values}
-        rows = run_sets(tried, unseen, contents, workers, _told(report, trials, runs))
+        rows = run_sets(tried, unseen, contents, workers, _report_done(report, trials, runs))
     found = Found(trials, best, *rows.values())
     tuned = case.load((*contents.assignments, *assignments(best.values)), contents.texts)
     (out / "controller.yaml").write_text(_parameter_file(tuned), encoding="utf-8")
@@ -102,12 +102,12 @@ def check_time(arrival: float, later: float, duration: float) -> None:
         )  # fmt: skip
 
 
-def _told(report: Report, trials: Sequence[Trial], runs: int) -> Told:
-    def told(done: int) -> None:
+def _report_done(report: Report, trials: Sequence[Trial], runs: int) -> ReportDone:
+    def report_done(done: int) -> None:
         best = f"best {best_of(trials).cost:.3g} mm" if trials else ""
         report(runs * len(trials) + done, best)
 
-    return told
+    return report_done
 
 
 def _parameter_file(scenario: Scenario) -> str:

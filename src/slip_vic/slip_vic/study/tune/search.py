@@ -30,7 +30,7 @@ STARTUP = 10
 """Sets that are drawn at random before the model of what is good counts."""
 
 Variant = tuple[tuple[str, ...], Case]
-Told = Callable[[int], None]
+ReportDone = Callable[[int], None]
 """Called with the number of finished runs of those under way."""
 
 
@@ -68,7 +68,7 @@ def run_variant(contents: Contents, variant: Variant) -> CaseResult:
 
 
 def run_sets(
-    sets: Mapping[Path, Mapping[str, float]], asked: Asked, contents: Contents, engine: Engine, told: Told
+    sets: Mapping[Path, Mapping[str, float]], asked: Asked, contents: Contents, engine: Engine, report_done: ReportDone
 ) -> dict[Path, list[Row]]:
     """Run the cases of several sets of parameters, all at once, each set into a folder; return its rows in order.
 
@@ -77,7 +77,7 @@ def run_sets(
         asked: the cases.
         contents: what all share.
         engine: where to.
-        told: called as runs end.
+        report_done: called as runs end.
     """
     with contextlib.ExitStack() as stack:
         tables: dict[tuple[str, ...], StudyTable] = {}
@@ -91,7 +91,7 @@ def run_sets(
         for number, ((own, case), result) in enumerate(engine.run(run_variant, contents, left), 1):
             row = failed(case, "crashed", result.reason) if isinstance(result, Died) else result
             tables[own].append(row)
-            told(there + number)
+            report_done(there + number)
         found = {}
         for folder, table in zip(sets, tables.values(), strict=True):
             table.sort()
@@ -101,7 +101,7 @@ def run_sets(
 
 
 def run_search(
-    search: Search, trials: int, contents: Contents, out: Path, engine: Engine, told: Told
+    search: Search, trials: int, contents: Contents, out: Path, engine: Engine, report_done: ReportDone
 ) -> Iterator[Trial]:
     """Yield every trial of a search in its order, the default first; continues where the folder stopped.
 
@@ -118,7 +118,7 @@ def run_search(
                 _propose(study, search, number)
             batch = study.trials[numbers.start : numbers.stop]
             folders = {out / "trials" / f"{trial.number:04d}": trial.params for trial in batch}
-            rows = run_sets(folders, search.asked, contents, engine, told)
+            rows = run_sets(folders, search.asked, contents, engine, report_done)
             for trial, found in zip(batch, rows.values(), strict=True):
                 default = default or (found, score(found, found, search.bounds))
                 scored = score(found, default[0], search.bounds)
