@@ -3,6 +3,9 @@
 import math
 from dataclasses import replace
 
+import pytest
+
+from slip_vic.cli import main
 from slip_vic.study import lottery
 from slip_vic.study.lottery import (
     ARMS,
@@ -68,6 +71,14 @@ def test_the_score_counts_what_it_says() -> None:
     assert found.ratio == (0.04 / 0.002 + 0.1 / 0.02) / 2
     assert score(results, GOVERNED.name).lost == 0
     assert lottery_table(results).row_count == 4
+
+
+def test_an_option_that_the_lottery_would_not_use_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["slip-vic", "study", "--lottery", "1", "--sensor", "ideal"])
+    assert main() == 2
+    assert "takes no --sensor" in capsys.readouterr().err
 
 
 def test_worlds_that_once_lost_the_object_are_kept() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
 from slip_vic.exit_code import ALLOW_FAULT, end_with
 from slip_vic.options import (
@@ -67,9 +68,14 @@ def workers(command: click.decorators.FC) -> click.decorators.FC:
 @DRIVE
 @ASSIGNMENTS
 @URDF
-@click.option("--lottery", "drawn", type=click.IntRange(0), default=0, help="draw so many random cases instead")
+@click.option(
+    "--lottery",
+    "drawn",
+    type=click.IntRange(0),
+    default=0,
+    help="draw so many random cases instead, without --drive with drives, joints and all troubles at once",
+)
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="of the lottery")
-@click.option("--drives", is_flag=True, help="the lottery draws drives, joints and all troubles at once too")
 @ALLOW_FAULT
 def study(
     *,
@@ -89,7 +95,6 @@ def study(
     urdf: Path | None,
     drawn: int,
     seed: int,
-    drives: bool,
     allow_fault: bool,
 ) -> None:
     """Run scenario x law x sensor x mismatch over seeds: study.csv, study.png; continues where it stopped.
@@ -97,7 +102,8 @@ def study(
     Names every case that did not end well in a line, and ends with exit code 1 where there is one.
     """
     if drawn:
-        _lottery(drawn, seed, scenarios, laws, assignments, out, jobs, drives)
+        of_command_line = _given({"drawn", "seed", "scenarios", "laws", "assignments", "out", "jobs", "drive"})
+        _lottery(drawn, seed, scenarios, laws, assignments, out, jobs, drive if "drive" in of_command_line else None)
         return
     from slip_vic.presets import preset_names
     from slip_vic.scenarios import scenario_names
@@ -120,6 +126,16 @@ def study(
     end_with(done.bad, allow_fault)
 
 
+def _given(used: set[str]) -> set[str]:
+    """Return the names of the options that the command line gives; one that the lottery does not use is an error."""
+    context = click.get_current_context()
+    given = {name for name in context.params if context.get_parameter_source(name) is ParameterSource.COMMANDLINE}
+    for option in context.command.params:
+        if option.name in given - used:
+            raise click.UsageError(f"--lottery draws its worlds itself and takes no {option.opts[0]}")
+    return given
+
+
 @click.command()
 @click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
 @out_option(None, "folder", required=True)
@@ -132,20 +148,24 @@ def merge(folders: tuple[Path, ...], out: Path) -> None:
 
 def _lottery(
     cases: int, seed: int, scenarios: tuple[str, ...], laws: tuple[Law, ...], assignments: tuple[str, ...], out: Path,
-    jobs: int, drives: bool,
+    jobs: int, drive: str | None,
 ) -> None:  # fmt: skip
-    """Draw cases, run each with every law, and say how the laws compare."""
+    """Draw cases, with drives unless one is given, run each with every law, and say how the laws compare."""
     from rich.console import Console
     from rich.progress import Progress
 
+    from slip_vic.scenarios import scenario_names
+    from slip_vic.scenarios.scenario import drive_assignments
     from slip_vic.study.lottery import lottery, lottery_table, write_lottery
 
+    if drive is not None:
+        assignments = (*drive_assignments(drive, (*scenarios, *scenario_names(1))[0], assignments), *assignments)
     out.mkdir(parents=True, exist_ok=True)
     results = []
     console = Console(stderr=True)
     with Progress(console=console, disable=not console.is_terminal) as progress:
         task = progress.add_task("lottery", total=cases)
-        for result in lottery(cases, seed, jobs, scenarios, laws, assignments, drives=drives):
+        for result in lottery(cases, seed, jobs, scenarios, laws, assignments, drives=drive is None):
             results.append(result)
             progress.update(task, completed=result[0].number + 1)
     write_lottery(out / "lottery.csv", results)
