@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -39,7 +40,11 @@ from slip_vic.study.cli import check, merge, study, tune
 
 if TYPE_CHECKING:
     from slip_vic.run.judge import Verdict
-    from slip_vic.scenarios.scenario import Estimator, Law, Mode
+    from slip_vic.run.launcher import RunResult
+    from slip_vic.scenarios.scenario import Estimator, Law, Mode, Scenario
+
+LONGEST_JUDGED_S = 60.0
+"""Longest run of which a bag is made only to judge it."""
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -94,9 +99,9 @@ def run(
     page: Path | None,
     allow_fault: bool,
 ) -> None:
-    """Run one scenario: bridge, controller and, with --record, recorder as processes on DDS.
+    """Run one scenario: bridge, controller and recorder as processes on DDS; --in-process needs no ROS.
 
-    Ends with slip, final error, arrival and changes of mode: with --record, or --in-process, which needs no ROS.
+    Ends with slip, final error, arrival and changes of mode, except after more than a minute without --record.
 
     Exit code 1 where the controller gave up, the object was lost, the path could not be followed or the arm saturated.
     """
@@ -129,8 +134,10 @@ def run(
             click.echo(f"page: {done.page(page)}")
         end_with([] if done.outcome == "ok" else [done.reason], allow_fault)
         return
-    if page is not None and record is None:
-        raise InputError("--page", got="no --record", expected="a bag to draw", fix="--record BAG, or --in-process")
+    if page is not None and record is None and loaded.duration_s > LONGEST_JUDGED_S:
+        raise InputError(
+            "--page", got=f"no --record, and {loaded.duration_s:g} s", expected="a bag to draw", fix="--record BAG"
+        )
 
     from slip_msgs_py.realtime import ProcessOptions, parse_cores
     from slip_msgs_py.without_ros import check_ros
@@ -140,42 +147,53 @@ def run(
     from slip_vic.run.progress import run_progress
 
     process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory, awake)
-    launcher = Launcher(
-        loaded, bag=record, wanted_domain=domain_id, namespace=namespace, process=process, one_process=one_process
-    )
-    with run_progress(Console(stderr=True)) as progress:
-        result = launcher.run(
-            progress.add_run(f"{loaded.name} {law}", loaded.duration_s),
-            lambda domain: click.echo(f"ROS domain {domain}; slip-vic watch shows the run"),
-        )
-    click.echo(
+    with tempfile.TemporaryDirectory(prefix="slip_vic_run_") as folder:
+        judged = Path(folder) / "bag" if loaded.duration_s <= LONGEST_JUDGED_S else None
+        launcher = Launcher(
+            loaded, bag=record or judged, keep_bag=record is not None, wanted_domain=domain_id, namespace=namespace,
+            process=process, one_process=one_process,
+        )  # fmt: skip
+        with run_progress(Console(stderr=True)) as progress:
+            result = launcher.run(
+                progress.add_run(f"{loaded.name} {law}", loaded.duration_s),
+                lambda domain: click.echo(f"ROS domain {domain}; slip-vic watch shows the run"),
+            )
+        for line in result_lines(result, loaded):
+            click.echo(line)
+        for line in result.warnings:
+            click.echo(f"warning: {line}", err=True)
+        if record is not None:
+            click.echo(f"bag: {record} ({result.messages} messages, {result.lost} lost)")
+        if page is not None:
+            from slip_vic.page.page import write_page
+
+            assert result.bag is not None
+            write_page(page, {law: result.bag}, command="slip-vic run", title=loaded.name)
+            click.echo(f"page: {page}")
+        elif record is not None:
+            click.echo(f"page: slip-vic report {record} -o report.html")
+    end_with(map(str, result.incidents), allow_fault)
+
+
+def result_lines(result: RunResult, scenario: Scenario) -> Iterator[str]:
+    """Yield what is said of a run over DDS at its end: its time, what its bag shows, where the bag is."""
+    yield (
         f"{result.ticks} ticks, {result.sim_time_s:.3f} s simulated in {result.wall_time_s:.2f} s "
         f"({result.real_time_factor:.2f} x real time)"
     )
-    if result.timing:
-        timing = result.timing
-        click.echo(
+    if timing := result.timing:
+        yield (
             f"fresh ticks {100.0 * timing['fresh_share']:.2f} %, overruns {timing['overruns']:.0f}, "
             f"missed {timing.get('missed', 0.0):.0f}; state to command "
             f"{1e3 * timing['latency_p50_s']:.2f} ms (p99 {1e3 * timing['latency_p99_s']:.2f}, "
             f"max {1e3 * timing['latency_max_s']:.2f})"
         )
-    for line in result.warnings:
-        click.echo(f"warning: {line}", err=True)
-    if result.bag is not None:
-        from slip_vic.run.judge import judge_bag, modes_of_bag
+    if result.bag is None:
+        yield "slip, error and arrival: with --record BAG, or --in-process"
+        return
+    from slip_vic.run.judge import judge_bag, modes_of_bag
 
-        for line in summary_lines(judge_bag(result.bag, loaded, result.incidents), modes_of_bag(result.bag, loaded)):
-            click.echo(line)
-        click.echo(f"bag: {result.bag} ({result.messages} messages, {result.lost} lost)")
-        if page is not None:
-            from slip_vic.page.page import write_page
-
-            write_page(page, {law: result.bag}, command="slip-vic run", title=loaded.name)
-        click.echo(f"page: {page}" if page else f"page: slip-vic report {result.bag} -o report.html")
-    else:
-        click.echo("slip, error and arrival: with --record BAG, or --in-process")
-    end_with(map(str, result.incidents), allow_fault)
+    yield from summary_lines(judge_bag(result.bag, scenario, result.incidents), modes_of_bag(result.bag, scenario))
 
 
 def summary_lines(verdict: Verdict, modes: Mapping[str, Sequence[tuple[float, str]]]) -> Iterator[str]:

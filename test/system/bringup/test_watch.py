@@ -2,6 +2,7 @@
 
 import re
 import signal
+import tempfile
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from slip_bags.reader import Bag
+from slip_vic.run.domain import domain_id
 from test.support.browser import chromium, open_page
 from test.support.browser import wait_until as wait_in_page
 from test.support.ros import Processes, wait_until
@@ -94,4 +96,18 @@ def test_address_is_local_and_serves_the_page_alone(processes: Processes) -> Non
     second = processes.python("second", "-m", "slip_vic.cli", "watch", "--port", port)
     assert processes.wait_end(second) == 2
     assert "choose another --port" in second.tail()
+    assert processes.stop(child, signal.SIGINT) == 0
+
+
+def test_it_goes_to_a_run_that_begins_later(
+    processes: Processes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where runs are noted is a folder of this test alone."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    command = ("-m", "slip_vic.cli", "watch", "--port", 0)
+    child = processes.python("watch", *command, ROS_DOMAIN_ID="", TMPDIR=str(tmp_path))
+    wait_until(lambda: "watching ROS domain 0 for joint_states" in child.tail(), "watch on 0", seen=child.tail)
+    with domain_id() as domain:
+        line = f"watching ROS domain {domain} for a run of slip-vic"
+        wait_until(lambda: line in child.tail(), line, seen=child.tail)
     assert processes.stop(child, signal.SIGINT) == 0

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import click
 
 from slip_core.errors import InputError
 from slip_vic.options import out_option
+
+LOOK_S = 1.0
+"""How often `watch` looks for another run."""
 
 
 @click.command()
@@ -45,40 +51,65 @@ def report(bags: tuple[Path, ...], out: Path, title: str, video: Path | None) ->
 @click.option("--rate", type=click.FloatRange(1.0, 60.0), default=10.0, show_default=True, help="frames a second")
 @click.option("--duration", type=click.FloatRange(0.0), default=0.0, help="end after so many seconds")
 def watch(namespace: str, domain_id: int | None, host: str, port: int, rate: float, duration: float) -> None:
-    """Show in the browser what runs now: the same picture and plots, from the topics."""
-    import time
+    """Show in the browser what runs now: the same picture and plots, from the topics.
 
+    Without --domain-id and ROS_DOMAIN_ID it follows `slip-vic run`: also one that begins later.
+    """
     from slip_msgs_py.without_ros import check_ros
 
     check_ros()
-    click.echo(choose_domain(domain_id), err=True)
     from slip_bags.ros_node import ros_node
     from slip_msgs_py.stop_flag import StopFlag
     from slip_vic.page.audience import Audience
     from slip_vic.page.live import watch as run_watch
+    from slip_vic.run.domain import check_domain, domain_from_environment, domains_in_use
 
+    wanted = domain_id if domain_id is not None else domain_from_environment()
+    domain = check_domain(wanted or 0)
     audience = Audience(host, port)
     click.echo(f"http://{host}:{audience.port}/  (Ctrl-C ends)")
     end = time.monotonic() + duration if duration else float("inf")
     try:
-        with StopFlag() as stop, ros_node("slip_vic_watch", "/") as node:
-            run_watch(node, audience, namespace, rate, lambda: stop() or time.monotonic() >= end)
+        with StopFlag() as stop:
+
+            def over() -> bool:
+                return bool(stop()) or time.monotonic() >= end
+
+            while not over():
+                runs = domains_in_use()
+                if wanted is None and runs:
+                    domain = runs[0]
+                    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+                os.environ["ROS_DOMAIN_ID"] = str(domain)
+                click.echo(what_is_watched(domain, runs), err=True)
+                ended_or_moved = over if wanted is not None else until_another_run(domain, over)
+                with ros_node("slip_vic_watch", "/") as node:
+                    run_watch(node, audience, namespace, rate, ended_or_moved)
     finally:
         audience.close()
 
 
-def choose_domain(wanted: int | None) -> str:
-    """Set ROS_DOMAIN_ID by the rule of `slip-vic run`, and return what is watched."""
-    import os
+def until_another_run(domain: int, over: Callable[[], bool]) -> Callable[[], bool]:
+    """Return a condition that is true when it is `over`, or `slip-vic run` is at work in other domains alone."""
+    from slip_vic.run.domain import domains_in_use
 
-    from slip_vic.run.domain import check_domain, domain_from_environment, domains_in_use
+    looked = 0.0
 
-    domain, runs = wanted if wanted is not None else domain_from_environment(), domains_in_use()
-    if domain is None and runs:
-        domain = runs[0]
-        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    os.environ["ROS_DOMAIN_ID"] = str(check_domain(domain or 0))
-    others = [str(one) for one in runs if one != (domain or 0)]
+    def stop() -> bool:
+        nonlocal looked
+        if over():
+            return True
+        if (now := time.monotonic()) < looked + LOOK_S:
+            return False
+        looked, runs = now, domains_in_use()
+        return bool(runs) and domain not in runs
+
+    return stop
+
+
+def what_is_watched(domain: int, runs: Sequence[int]) -> str:
+    """Return a line that tells what `slip-vic watch` looks at; runs: domains that runs of this suite hold."""
+    others = [str(one) for one in runs if one != domain]
     here = "a run of slip-vic" if domain in runs else "joint_states and robot_description"
     more = f"; runs are in domain {', '.join(others)} too (--domain-id)" if others else ""
-    return f"watching ROS domain {domain or 0} for {here}{more}"
+    return f"watching ROS domain {domain} for {here}{more}"

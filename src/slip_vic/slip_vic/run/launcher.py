@@ -68,6 +68,7 @@ class Launcher:
     Args:
         scenario: parameters of both nodes.
         bag: folder to record into, None records nothing; it must not exist yet.
+        keep_bag: whether the bag stays, so that the user is told where it is.
         wanted_domain: ROS domain id, None takes ROS_DOMAIN_ID or a free one.
         namespace: ROS namespace of all nodes.
         process: cores, priority and memory of bridge and controller: one core for both, or the bridge's and the
@@ -83,6 +84,7 @@ class Launcher:
         scenario: Scenario,
         *,
         bag: Path | None = None,
+        keep_bag: bool = True,
         wanted_domain: int | None = None,
         namespace: str = "",
         process: ProcessOptions = NO_OPTIONS,
@@ -90,6 +92,7 @@ class Launcher:
     ) -> None:
         self._scenario = scenario
         self._bag = bag
+        self._keep_bag = keep_bag
         self._on_progress: Callable[[float], None] = lambda _: None
         self._wanted_domain = domain_from_environment() if wanted_domain is None else check_domain(wanted_domain)
         self._namespace = f"/{namespace.strip('/')}" if namespace else ""
@@ -213,7 +216,7 @@ class Launcher:
 
     def _progress_text(self, group: ProcessGroup) -> str:
         done = next((child.results for child in group.children if child.name == "bridge"), {})
-        kept = f"; bag kept in {self._bag}" if self._bag is not None and self._bag.exists() else ""
+        kept = f"; bag kept in {self._bag}" if self._keep_bag and self._bag is not None and self._bag.exists() else ""
         return (f" after {done['sim_time_s']:.3f} s" if done else " before the start") + kept
 
     def _result(self, children: dict[str, Child]) -> RunResult:
