@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -23,19 +24,23 @@ class Vic:
     """Which law of `load_scenario` the parameters in `Setup` are for."""
     more: ClassVar[Mapping[str, Any]] = {}
     """Further parameters of the controller."""
+    stiffness: ClassVar[float] = 1.0
+    """Factor of the stiffness as configured; damping goes with its square root, so that the damping ratio stays."""
 
     def reset(self, setup: Setup) -> None:
         """Make the controller."""
-        params = {
-            name: build(ControllerNodeParams, {**flatten(own), **self.more}, f"controller {name}".strip())
-            if self.more
-            else own
-            for name, own in setup.parameters.items()
-        }
+        params = {name: self._configured(own, f"controller {name}".strip()) for name, own in setup.parameters.items()}
         self._session = ControllerSession(Controller(params, setup.urdfs, lockstep=True))
         self._follows = [own.grip.control == "follow" for own in params.values()]
         self._wrench_counts, self._slip_counts = [0] * len(params), [0] * len(params)
         self._tick = itertools.count()
+
+    def _configured(self, own: ControllerNodeParams, where: str) -> ControllerNodeParams:
+        changed = dict(self.more)
+        if self.stiffness != 1.0:
+            changed["gains.stiffness"] = [self.stiffness * value for value in own.gains.stiffness]
+            changed["gains.damping"] = [math.sqrt(self.stiffness) * value for value in own.gains.damping]
+        return build(ControllerNodeParams, flatten(own) | changed, where) if changed else own
 
     def step(self, seen: Seen) -> Answer | tuple[Answer, ...]:
         """Answer as the controller does."""
