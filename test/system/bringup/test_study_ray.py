@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -19,8 +20,11 @@ import psutil
 import pytest
 
 from slip_core.errors import InputError
+from slip_vic.benchmark import result
+from slip_vic.benchmark.suite import worlds
 from slip_vic.study.engines import Died
 from slip_vic.study.engines.cluster import RayEngine
+from slip_vic.study.lottery import Ticket
 from test.support.ray_cluster import busy_workers, kill_node, ray_cluster
 
 SUPPORT = Path(__file__).parents[2] / "support"
@@ -133,3 +137,24 @@ def test_a_client_that_is_killed_leaves_the_cluster_free(cluster: Any, tasks: Mo
         time.sleep(0.1)
     with RayEngine(1) as engine:
         assert dict(engine.run(tasks.note_and_square, str(tmp_path), range(3))) == {0: 0, 1: 1, 2: 4}
+
+
+@needs_ray
+def test_rows_of_the_benchmark_are_those_of_the_pool(
+    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The digest of the rows has all of them but the time of a step: three worlds with noisy drives and sensors."""
+    drawn = [world for world in worlds("capped", 1, 6) if world.drive == "drawn"]
+    short = [replace(world, ticket=shortened(world.ticket, 0.1)) for world in drawn]
+    assert len(short) == 3
+    monkeypatch.setattr(result, "suite", lambda *_, **__: short)
+    for engine in ("pool", "ray"):
+        result.run_law("vic", 3, tmp_path / engine, engine, 1)
+    pool, ray = (result.read_result(tmp_path / engine) for engine in ("pool", "ray"))
+    assert len(ray.rows) == 3
+    assert all(float(row["effort_rate_rms_n_m_s"]) > 0.0 for row in ray.rows)
+    assert ray.digest == pool.digest
+
+
+def shortened(ticket: Ticket, lasts_s: float) -> Ticket:
+    return replace(ticket, world=(*ticket.world, f"bridge.duration_s={lasts_s}"))

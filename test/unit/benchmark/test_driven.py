@@ -18,6 +18,8 @@ from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.robot import Robot
 from test.support.every import every
 
+GAINS_OF_FOUR = {"stiffness": 4.0, "damping": 2.0}
+
 
 def scenario(law: str = "vic", ticks: int = 60, **more: Any) -> Scenario:
     name = more.pop("name", "paper_planar")
@@ -44,6 +46,17 @@ def test_two_arms_give_the_same_bits_too() -> None:
     direct = [[effort.tobytes() for effort in tick.efforts] for tick in loaded.ticks()]
     through = [[effort.tobytes() for effort in tick.efforts] for tick in Driven(loaded, find_law("vic").kind()).ticks()]
     assert through == direct
+
+
+def test_a_factor_of_the_stiffness_is_that_of_the_configuration_with_the_damping_ratio_kept() -> None:
+    loaded = scenario("classical", 60, seed=3)
+    own = loaded.controllers[""].gains
+    gains = [f"{name}={[round(f * v, 12) for v in getattr(own, name)]}" for name, f in GAINS_OF_FOUR.items()]
+    stiffer = scenario("classical", 60, seed=3, set=[f"controller.gains.{one}" for one in gains])
+    law = find_law("classical?stiffness=4").kind()
+    through = [tick.effort.tobytes() for tick in Driven(loaded, law).ticks()]
+    assert through == [tick.effort.tobytes() for tick in Driven(stiffer, find_law("classical").kind()).ticks()]
+    assert through != [tick.effort.tobytes() for tick in Driven(loaded, find_law("classical").kind()).ticks()]
 
 
 def test_a_law_sees_nothing_of_the_simulated_world() -> None:

@@ -2,20 +2,23 @@
 
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
 from slip_core.errors import InputError
 from slip_vic.benchmark import result
-from slip_vic.benchmark.compare import compare
+from slip_vic.benchmark.compare import compare, joined
 from slip_vic.benchmark.law import find_law
-from slip_vic.benchmark.suite import World, run_world, slip_path, suite, worlds
+from slip_vic.benchmark.suite import TUNING_SEED, World, run_world, slip_path, suite, worlds
 from slip_vic.cli import cli
 from slip_vic.study.lottery import Ticket
+from test.support.pages import ROOT
 
 FIRST = ["0e500583c9eb7264", "fd488b4ff232056b", "69a69bce92f4bd47", "1f870f0ac5844efd"]
 
@@ -34,13 +37,28 @@ def two_worlds(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(result, "suite", chosen)
 
 
+class HereEngine:
+    """Runs tasks in this process: what is tested is not the pool, whose workers take seconds to start."""
+
+    def __enter__(self) -> Any:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def run(self, call: Any, shared: Any, tasks: Any) -> Iterator[Any]:
+        return ((task, call(shared, task)) for task in tasks)
+
+
+@pytest.fixture
+def here(two_worlds: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(result, "open_engine", lambda *_: HereEngine())
+
+
 def test_the_first_worlds_are_frozen() -> None:
     """All of them: `digest_of(SEED)`, ten seconds."""
     assert [world.digest for world in worlds("capped", 1, 4)] == FIRST
     assert [world.digest for world in worlds("capped", 2, 2)] == ["c4e9f41041143323", "746b93346f1c0f2e"]
-    assert {world.digest for world in worlds("capped", 1, 4, seed=result.__dict__.get("TUNING", 20260))}.isdisjoint(
-        FIRST
-    )
+    assert {world.digest for world in worlds("capped", 1, 4, seed=TUNING_SEED)}.isdisjoint(FIRST)
 
 
 def test_a_law_has_the_track_and_the_arms_that_it_can() -> None:
@@ -70,6 +88,9 @@ def test_a_result_goes_on_is_verified_and_compared(tmp_path: Path, two_worlds: N
     assert page.count("data:image/png;base64,") == 1
     assert not re.search(r'(src|href)="http', page)
     assert str(tmp_path / "compare.png") in line
+    shown = json.loads((tmp_path / "compare.json").read_text())["laws"]
+    assert [(one["law"], one["worlds"], one["peak [N]"]) for one in shown] == [("classical", "2", "0.5")]
+    assert list(pd.read_parquet(tmp_path / "compare.parquet")["squeeze_peak_n"]) == [0.5, 0.5]
 
     study = folder / "study.csv"
     row = result.read_rows(study, result.LAYOUT)[1]
@@ -78,6 +99,19 @@ def test_a_result_goes_on_is_verified_and_compared(tmp_path: Path, two_worlds: N
     assert "squeeze_peak_n is 0.5, the result has 0.4" in " ".join(wrong), wrong
     assert "rows have the digest" in wrong[0]
     assert CliRunner().invoke(cli, ["benchmark", "verify", str(folder)]).exit_code == 1
+
+
+def test_shards_of_a_law_are_compared_as_one(tmp_path: Path, here: None) -> None:
+    folders = [tmp_path / "first", tmp_path / "second"]
+    for k, folder in enumerate(folders, start=1):
+        result.run_law("classical", 2, folder, "pool", 1, shard=(k, 2))
+    assert [[row["world"] for row in result.read_result(folder).rows] for folder in folders] == [["1"], ["2"]]
+    result.run_law("classical", 2, tmp_path / "whole", "pool", 1)
+    timeless = lambda rows: {  # noqa: E731
+        tuple(value for name, value in row.items() if name not in result.TIMED) for row in rows
+    }
+    (joint,) = joined(folders)
+    assert timeless(joint.rows) == timeless(result.read_result(tmp_path / "whole").rows)
 
 
 def test_what_a_law_does_wrong_is_a_row(tmp_path: Path) -> None:
@@ -103,8 +137,26 @@ def test_a_number_of_a_law_can_be_changed_by_its_name() -> None:
     assert find_law("fixed_grip?factor=1.5").kind.factor == 1.5
     assert find_law("governed?governor.margin=0.8").kind.more == {"governor.margin": 0.8}
     assert find_law("fixed_grip?factor=1.5").label == "fixed_grip?factor=1.5"
+    assert find_law("classical?stiffness=2").kind.stiffness == 2.0
     with pytest.raises(InputError, match="of a number that the class has"):
         find_law("fixed_grip?factr=1.5")
+
+
+def test_the_steps_of_the_page_work_in_a_folder_of_its_own(
+    tmp_path: Path, here: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Word for word, in worlds that are shorter."""
+    page = (ROOT / "docs" / "your_law.md").read_text().partition("## In a folder of your own")[2]
+    (code, commands) = (re.search(rf"```{kind}\n(.*?)```", page, re.DOTALL) for kind in ("python", "bash"))
+    assert code
+    assert commands
+    monkeypatch.chdir(tmp_path)
+    Path("my_law.py").write_text(code[1])
+    for command in commands[1].splitlines():
+        ended = CliRunner().invoke(cli, command.split()[1:], catch_exceptions=False)
+        assert ended.exit_code == 0, f"{command}: {ended.output}"
+    assert "2 worlds ran again, all are equal" in ended.output
+    assert Path("out/benchmark/compare.html").is_file()
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import io
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,12 +18,13 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt  # the backend must be chosen first: no display is needed
 import numpy as np
+import pandas as pd
 from rich.table import Table
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_vic.benchmark.result import Result, read_result
-from slip_vic.benchmark.suite import LOST, SUITE
+from slip_vic.benchmark.suite import DIGEST, LOST, METRICS, SUITE
 from slip_vic.study.tune.page import STYLE, table
 
 SHOWN: Final = (
@@ -40,7 +42,7 @@ QUARTILES: Final = (0.25, 0.5, 0.75)
 
 
 def compare(folders: Sequence[Path], out: Path) -> tuple[Table, str]:
-    """Write picture and page of some results, in worlds that all of them have; return the table, and a line.
+    """Write what `write` writes of some results, in worlds that all of them have; return the table, and a line.
 
     Several folders of one law, for instance shards, count as one.
 
@@ -48,17 +50,26 @@ def compare(folders: Sequence[Path], out: Path) -> tuple[Table, str]:
         InputError: a folder holds no result, two of a law differ, or no world is in all of them.
     """
     laws = joined(folders)
-    lines = [line for arms in (1, 2) for line in lines_of(laws, arms)]
-    out.mkdir(parents=True, exist_ok=True)
-    picture = png(laws)
-    (out / "compare.png").write_bytes(picture)
-    (out / "compare.html").write_text(page(lines, picture), encoding="utf-8")
+    lines = write(laws, out)
+    (out / "compare.html").write_text(page(lines, (out / "compare.png").read_bytes()), encoding="utf-8")
     shown = Table(title=f"{SUITE}: medians; what is lost or does not arrive counts as infinite")
     for name in HEAD:
         shown.add_column(name, justify="left" if name in ("law", "grip") else "right")
     for line in lines:
         shown.add_row(*line)
-    return shown, f"{out / 'compare.html'}, {out / 'compare.png'}"
+    return shown, ", ".join(str(out / f"compare.{suffix}") for suffix in ("html", "png", "json", "parquet"))
+
+
+def write(laws: Sequence[Result], out: Path) -> list[list[str]]:
+    """Write compare.png, the table as compare.json and all rows as compare.parquet; return the table's lines."""
+    lines = [line for arms in (1, 2) for line in lines_of(laws, arms)]
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "compare.png").write_bytes(png(laws))
+    content = {"suite": SUITE, "digest": DIGEST, "laws": [dict(zip(HEAD, line, strict=True)) for line in lines]}
+    (out / "compare.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    frame = pd.concat([pd.DataFrame(law.rows).assign(law=law.label) for law in laws], ignore_index=True)
+    frame.astype(dict.fromkeys(METRICS, float)).to_parquet(out / "compare.parquet", index=False)
+    return lines
 
 
 def joined(folders: Sequence[Path]) -> list[Result]:
