@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
@@ -11,7 +10,7 @@ from slip_core.errors import InputError
 from slip_core.records import Mat3, Real, Record, Vec3, Whole, dtype_of
 from slip_core.vectors import Mat, Spatial, mat, spatial, vec
 from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.robot import Robot, rotation_of_rpy
 
 
 class WrenchSensor(Record):
@@ -61,7 +60,7 @@ def fill_wrench_sensor(sensor: WrenchSensor, params: ControllerParams, robot: Ro
         sensor.as_is = 1
         return
     placed = any((*given.position, *given.rpy))
-    position, rotation = np.array(given.position), Rotation.from_euler("xyz", given.rpy).as_matrix()
+    position, rotation = np.array(given.position), rotation_of_rpy(given.rpy)
     in_urdf = robot.placement(given.frame) if given.frame not in ("", params.ee_frame) else None
     if in_urdf is not None:
         if placed:

@@ -111,6 +111,11 @@ class Robot:
         return np.array(pin.computeGeneralizedGravity(self._model, self._data, q))
 
 
+def rotation_of_rpy(rpy: Sequence[float]) -> Array:
+    """Return the rotation matrix (3, 3) of roll, pitch and yaw [rad], as a URDF has them."""
+    return np.array(pin.rpy.rpyToMatrix(*rpy))
+
+
 def _parse(urdf_text: str) -> pin.Model:
     try:
         return pin.buildModelFromXML(urdf_text)
