@@ -8,27 +8,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import click
-import numpy as np
 
 import slip_vic
 from slip_core.errors import SlipVicError
 from slip_vic.presets import preset_names
-from slip_vic.run.run import Run
+from slip_vic.run.metrics import off_goal_m
 from slip_vic.scenarios import scenario_names
 
 SETTLES_S = 5.0
 """Time after the path as planned, in which an arm with friction comes to its goal."""
-
-
-def off_goal_mm(run: Run) -> float:
-    """Return how far the pad ends from the end of its path as planned [mm], wherever the reference rests."""
-    series = run.track.series()[0]
-    position, desired = series.law_six("position"), series.law_six("desired")
-    known = np.isfinite(desired).all(axis=1)
-    if not known.any():
-        return float("nan")
-    goal = desired[known][0, :3] + np.array(run.scenario.controller.trajectory.displacement)
-    return 1e3 * float(np.linalg.norm(position[known][-1, :3] - goal))
 
 
 def rows(drives: list[str], laws: list[str], sensors: list[str], seeds: int) -> Iterator[str]:
@@ -50,7 +38,8 @@ def result(name: str, law: str, drive: str, sensor: str, seed: int) -> str:
         run = slip_vic.load(name, law=law, drive=drive, sensor=sensor, seed=seed, set=[short]).run()  # type: ignore[arg-type]
     except SlipVicError as error:
         return f"refused: {error} | |"
-    return f"{run.slip_mm:.2f} | {off_goal_mm(run):.1f} | {run.outcome}{': ' if run.reason else ''}{run.reason}"
+    off_mm = 1e3 * off_goal_m(run.track.series()[0], run.scenario.controller.trajectory)
+    return f"{run.slip_mm:.2f} | {off_mm:.1f} | {run.outcome}{': ' if run.reason else ''}{run.reason}"
 
 
 @click.command()

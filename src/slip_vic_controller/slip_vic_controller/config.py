@@ -53,10 +53,16 @@ SAMPLES_AHEAD = 16
 LEAST_SLIP_M_S, NOISE_DEVIATIONS = 5e-5, 6.0
 """What counts as slip: a speed, and so many standard deviations of a sample."""
 NEVER_FROZEN_NS = 2**62
+CONFIRMED = 2
+"""Slip samples in a row that are believed where the observer finds slip too, on an arm whose joints are estimated: it
+finds some there that are none, and one sample may be an outlier."""
 QUIET_S = 0.05
 """Without slip for so long, it holds again."""
 FALL_SHARE = 1.0 / 3.0
 """Share of the speed of a fall that is a fault at which the compensation is given up: it may be what falls."""
+EARLY_FALL_M_S, LONGEST_S = 0.01, 1e3
+"""The same where joints are estimated: behind drives that are not known exactly a fall is not caught any more. And the
+time for which the compensation may then be at work, as long as nothing falls."""
 HOLD_PERIOD_S = 0.01
 """Longest control period at which HOLD has its configured gains; beyond it is the same loop in slow motion [s]."""
 QUANTISED_REPEATS = 5
@@ -159,14 +165,15 @@ def gate_shut(params: ControllerParams) -> bool:
     return params.slip_input == "flag" or params.grip.control == "follow"
 
 
-def compensates_too_late(params: ControllerParams) -> bool:
-    """Return whether the governor works better without compensation: it opens the gate late, and shuts it late.
+def prevents_alone(params: ControllerParams) -> bool:
+    """Return whether the governor works better without compensation: on an arm as it is, and where sensors are late.
 
-    Of the worlds in which slip sensor or drives are as late as this, prevention alone loses fewer objects.
+    Of the worlds with noise, friction and delays of joints that nobody has configured, prevention alone loses fewer
+    objects; and it does where slip sensor or drives are as late as this.
     """
     sensor = params.slip_sensor
     loop_s = sensor.latency_s + sensor.period_s + params.joint_sensor.latency_s + params.drive_lag_s
-    return params.governor.mode != "off" and loop_s > LONGEST_LOOP_S
+    return params.governor.mode != "off" and (loop_s > LONGEST_LOOP_S or params.estimates_joints)
 
 
 def _copy(config: Any, name: str, buffer: Array, layout: np.dtype[np.void]) -> None:
@@ -175,9 +182,12 @@ def _copy(config: Any, name: str, buffer: Array, layout: np.dtype[np.void]) -> N
 
 def _fill_giving_up(config: ControllerConfig, params: ControllerParams) -> None:
     given, gains = config.giving_up, params.gains
-    given.on, given.witness = int(gains.give_up), int(config.governor.mode != Governing.OFF)
-    given.longest_s, given.error = gains.give_up_after_s, gains.give_up_error_m
-    given.fall = FALL_SHARE * params.safety.load.drop_speed
+    bounded = gains.authority == "bounded" and params.estimates_joints
+    given.on, given.witness = int(gains.give_up or bounded), int(config.governor.mode != Governing.OFF)
+    given.longest_s, given.error, given.calm_s = gains.give_up_after_s, gains.give_up_error_m, gains.give_up_after_s
+    if not gains.give_up and params.command.interface == "effort":  # a slip that needs longer than that may still end
+        given.longest_s, given.error = LONGEST_S, math.inf
+    given.fall = EARLY_FALL_M_S if bounded else FALL_SHARE * params.safety.load.drop_speed
 
 
 def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> None:
@@ -196,7 +206,7 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
     cycle.dead_band_linear, cycle.dead_band_angular = dead_band.dead_band_linear, dead_band.dead_band_angular
     cycle.pad_stiffness = params.gains.pad_stiffness
     cycle.slip_delay_ns, cycle.gate_shut = (
-        seconds_to_ns(params.slip_delay_s), int(gate_shut(params) or compensates_too_late(params))
+        seconds_to_ns(params.slip_delay_s), int(gate_shut(params) or prevents_alone(params))
     )  # fmt: skip
     cycle.models_wrench = int(params.wrench.source == "none")
     cycle.leaves_gravity = int(params.effort.gravity == "robot_compensates")
@@ -333,5 +343,6 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     estimate.pre_sliding = given.pre_sliding
     estimate.growth = estimate.threshold if params.joint_sensor.estimates else 0.0
     estimate.witnesses = witnesses(params)
+    estimate.confirmed = min(CONFIRMED, estimate.witnesses) if params.estimates_joints else 1
     estimate.quiet_ns = seconds_to_ns(QUIET_S)
     estimate.sensor_delay_ns = seconds_to_ns(sensor.latency_s + sensor.period_s)

@@ -38,7 +38,7 @@ from slip_vic_controller.arm.estimator import (
     publish_joints,
     remember_input,
 )
-from slip_vic_controller.arm.tare import add_six, add_slip, measure_at_rest, start_tare, take_biases
+from slip_vic_controller.arm.tare import add, add_slip, measure_at_rest, start_tare, take_biases
 from slip_vic_controller.governing import (
     agree_on_friction,
     begin_governing,
@@ -316,7 +316,7 @@ def begin_law(
     if config.cycle.has_observer != 0:
         reset(config.observer, state.observer, sample.stamp_ns, inputs.arm.twist)
     if config.governor.mode != Governing.OFF:
-        gains_at(law.ramp, sample.stamp_ns, outputs.gains)
+        _gains_now(state, sample.stamp_ns, outputs)
         begin_pad(config, state, inputs.arm, outputs.gains)
     if lead:
         _begin_task(config, task, state, inputs)
@@ -427,12 +427,23 @@ def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> Non
             tare.wrench_ns = wrench.stamp_ns
             beyond = np.zeros(6)
             put_spatial(beyond, own_wrench(config, state, R) - spatial(weight))
-            add_six(tare.wrench, beyond)
+            add(tare.wrench, beyond, 6)
         if over:
             take_biases(config.tare, tare, weight)
     for k in range(queue.count):
         for i in range(6):
             queue.samples[k].twist[i] -= tare.slip_bias[i]
+
+
+@part
+def _gains_now(state: ArmState, stamp_ns: int, outputs: CycleOutputs) -> None:
+    """Write gains and payload in effect, with the mass that a tare has found; its inertia grows as much."""
+    gains_at(state.law.ramp, stamp_ns, outputs.gains)
+    measured = 1.0 + state.tare.mass_share
+    outputs.gains.object.mass *= measured
+    for i in range(3):
+        for j in range(3):
+            outputs.gains.object.inertia[i, j] *= measured
 
 
 @part
@@ -771,7 +782,7 @@ def sense(
     put_spatial(samples[0].wrench, own_wrench(config, state, mat(inputs.arm.rotation)))
     if slip_unknown:
         state.queue.count = 0
-    gains_at(law.ramp, law.stamp_ns, outputs.gains)
+    _gains_now(state, law.stamp_ns, outputs)
     measure_slip_latency(law.slip_latency, sample.stamp_ns, state.queue)
     outputs.follow_error[:] = 0.0
     if config.cycle.has_observer != 0:

@@ -70,6 +70,11 @@ class GainParams(ParameterModel):
         False,
         "switch the compensation off where it does not end the slip, and use plain impedance until the slip is over",
     )
+    authority: Literal["bounded", "printed"] = parameter(
+        "bounded",
+        "of the compensation where joints are estimated, that is on an arm with noise: bounded gives it up as soon as "
+        "the object falls, and behind drives with loops of their own as give_up does; printed does not",
+    )
     give_up_after_s: float = parameter(
         0.15, "give_up: longest time for which the slip activation may stay open", unit="s", gt=0.0
     )
@@ -280,8 +285,8 @@ class ControllerParams(ArmParams):
 
     @property
     def estimates_joints(self) -> bool:
-        """Whether the joint state is estimated: where it is noisy, or the drives follow commands of their own lag."""
-        return self.joint_sensor.estimates or self.command.interface != "effort"
+        """Whether the joint state is estimated: where it may be noisy, or drives follow commands with a lag."""
+        return self.joint_sensor.estimates or self.command.interface != "effort" or self.tare.duration_s > 0.0
 
     @property
     def fastest_rate(self) -> float:

@@ -97,7 +97,7 @@ _PRESENT = place(INPUTS, "present").start
 _RAMP = place(ARM_STATE, "law.ramp")
 _ANSWERS = [place(ARM_STATE, f"joint.answers.{name}").start for name in ("position", "velocity")]
 _CYCLES, _LAW_KNOWN = place(ARM_STATE, "cycles").start, place(ARM_STATE, "law.known").start
-_TARED = place(ARM_STATE, "tare.done").start
+_TARED, _ROUGHLY = place(ARM_STATE, "tare.done").start, place(ARM_STATE, "tare.rough").start
 _STATE_MODE, _PENDING = place(ARM_STATE, "mode.mode").start, place(ARM_STATE, "joint.pending").start
 _CONFIG_SIZE, _INPUTS_SIZE, _OUTPUTS_SIZE = CONFIG.itemsize // 8, INPUTS.itemsize // 8, OUTPUTS.itemsize // 8
 
@@ -497,6 +497,8 @@ class ArmSession:
     def ramp_to(self, params: ControllerParams, target: Array) -> None:
         """Let gains and payload ramp to those of `params`, whose LAW_GAINS is `target`."""
         least_s, law = params.gains.ramp_s, self.state.law
+        if params.object != self._tuned.object:
+            self.state.tare.mass_share = 0.0  # what a user gives counts
         self.state.tuned = make_ramp(self.controller.gains, target, 0, least_s).view(RAMP)[0]
         if law.known:
             start = new(LAW_GAINS)
@@ -510,11 +512,11 @@ class ArmSession:
         self._session.configure(self.index, lambda config: renew_config(config, params))
 
     def use_tare(self) -> None:
-        """Use the noise that a tare has measured once it is done, and what is configured until then."""
-        done = int(self._whole[_TARED])
-        if done != self._tared:
-            self._tared = done
-            params = with_measured_noise(self.tuned, self.state.tare) if done else self.tuned
+        """Use the noise that a tare has measured, and what is configured until then."""
+        measured = int(self._whole[_ROUGHLY]) + 2 * int(self._whole[_TARED])
+        if measured != self._tared:
+            self._tared = measured
+            params = with_measured_noise(self.tuned, self.state.tare) if measured else self.tuned
             limit = self.controller.robot.effort_limit
             self._session.configure(self.index, lambda config: use_noise(config, params, limit))
             self._estimates = bool(record(self.config, CONFIG).estimator.on)

@@ -7,12 +7,13 @@ import pytest
 
 from slip_core.records import new, record
 from slip_vic_controller.arm.tare import (
+    ROUGH,
     TARE,
     TARE_CONFIG,
     Sensor,
     Tare,
     TareConfig,
-    add_six,
+    add,
     add_slip,
     add_velocities,
     at_rest,
@@ -46,10 +47,10 @@ def test_means_and_spreads_are_those_of_numpy(seed: int) -> None:
     slips = rng.normal(rng.normal(size=6), 0.01, (SAMPLES, 6))
     velocities = rng.normal(rng.normal(size=N), 0.003, (SAMPLES, N))
     for slip, qd in zip(slips, velocities, strict=True):
-        add_six(state.slip, slip)
+        add(state.slip, slip, 6)
         add_velocities(config, state, qd)
-    np.testing.assert_allclose(state.slip.average, slips.mean(axis=0), rtol=1e-12)
-    np.testing.assert_allclose(state.velocity_average[:N], velocities.mean(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(state.slip.average[:6], slips.mean(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(state.velocity.average[:N], velocities.mean(axis=0), rtol=1e-12)
     spread = [deviation(state.slip.squares[k], state.slip.count) for k in range(6)]
     np.testing.assert_allclose(spread, slips.std(axis=0, ddof=1), rtol=1e-9)
 
@@ -70,8 +71,8 @@ def test_a_bias_out_of_bounds_is_named_with_axis_and_size(sensor: Sensor, axis: 
         slip, wrench, qd = np.zeros(6), np.zeros(6), np.zeros(N)
         target = {Sensor.SLIP: slip, Sensor.WRENCH: wrench, Sensor.JOINTS: qd}[sensor]
         target[axis] = bias
-        add_six(state.slip, slip)
-        add_six(state.wrench, wrench)
+        add(state.slip, slip, 6)
+        add(state.wrench, wrench, 6)
         add_velocities(config, state, qd)
     verdict = judge_tare(config, state)
     assert (verdict.sensor, verdict.axis) == (sensor, axis)
@@ -85,7 +86,7 @@ def test_noise_is_no_bias(seed: int) -> None:
     """With a bias at the bound, and noise ten times as large, some 300 samples accuse no sensor but by chance."""
     rng, config, state = np.random.default_rng(seed), bounds(), begun()
     for _ in range(SAMPLES):
-        add_six(state.slip, np.array([0.01, 0, 0, 0, 0, 0]) + rng.normal(0, 0.1, 6))
+        add(state.slip, np.array([0.01, 0, 0, 0, 0, 0]) + rng.normal(0, 0.1, 6), 6)
         add_velocities(config, state, rng.normal(0, 0.1, N))
     assert judge_tare(config, state).sensor == Sensor.NONE
 
@@ -113,7 +114,7 @@ def test_a_bias_beyond_all_bounds_is_the_majority() -> None:
 def test_few_samples_accuse_nobody() -> None:
     config, state = bounds(), begun()
     for _ in range(4):
-        add_six(state.slip, np.full(6, 9.0))
+        add(state.slip, np.full(6, 9.0), 6)
     assert judge_tare(config, state).sensor == Sensor.NONE
 
 
@@ -129,10 +130,9 @@ def test_a_bias_is_taken_out_and_noise_is_not() -> None:
     """A mean is a bias from four of its standard deviations on; a dead band that reads zero has none."""
     config, state, rng = bounds(), begun(), np.random.default_rng(3)
     for _ in range(SAMPLES):
-        add_six(
-            state.slip, np.array([0.01, 0.0, 0, 0, 0, 0.1]) + np.array([1e-3, 1e-3, 0, 0, 0, 0]) * rng.normal(size=6)
-        )
-        add_six(state.wrench, np.array([0.1, 0, 0, 0, 0, 0]) + 0.05 * rng.normal(size=6))
+        noise = np.array([1e-3, 1e-3, 0, 0, 0, 0]) * rng.normal(size=6)
+        add(state.slip, np.array([0.01, 0.0, 0, 0, 0, 0.1]) + noise, 6)
+        add(state.wrench, np.array([0.1, 0, 0, 0, 0, 0]) + 0.05 * rng.normal(size=6), 6)
         add_velocities(config, state, 3e-3 * rng.normal(size=N))
     take_biases(config, state, np.zeros(6))
     assert state.sensor == Sensor.NONE
@@ -151,17 +151,18 @@ def test_a_wrench_of_another_mass_is_no_bias(share: float, accused: Sensor) -> N
     """Up to half of the weight; what is across it is a bias all the same."""
     config, state, bias = bounds(), begun(), np.array([0.2, 0.08, 0.06, 0, 0, 0])
     for _ in range(SAMPLES):
-        add_six(state.wrench, share * WEIGHT + bias)
+        add(state.wrench, share * WEIGHT + bias, 6)
     take_biases(config, state, WEIGHT)
     assert state.sensor == accused
+    assert state.mass_share == pytest.approx(share if accused == Sensor.NONE else 0.0)
     np.testing.assert_allclose(state.wrench_bias, bias if accused == Sensor.NONE else 0.0, atol=1e-12)
 
 
 def test_what_is_out_of_bounds_is_not_taken_out() -> None:
     config, state = bounds(), begun()
     for _ in range(SAMPLES):
-        add_six(state.slip, np.array([0.01, 0, 0, 0, 0, 0]))
-        add_six(state.wrench, np.array([5.0, 0, 0, 0, 0, 0]))
+        add(state.slip, np.array([0.01, 0, 0, 0, 0, 0]), 6)
+        add(state.wrench, np.array([5.0, 0, 0, 0, 0, 0]), 6)
     take_biases(config, state, np.zeros(6))
     assert (state.sensor, state.worst, state.bound) == (Sensor.WRENCH, 5.0, config.force)
     assert not state.slip_bias.any()
@@ -174,4 +175,16 @@ def test_the_time_of_rest_begins_anew_where_a_joint_moves() -> None:
     over = [measure_at_rest(config, state, t * ms, q, np.zeros(N)) for t in range(60)]
     over += [measure_at_rest(config, state, t * ms, q + 0.01, np.zeros(N)) for t in range(60, 161)]
     assert over.index(True) == 160
-    assert state.velocity_count == 101
+    assert state.velocity.count == 101
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.1])
+def test_noise_of_joint_velocities_is_known_before_the_arm_rests(speed: float) -> None:
+    """From differences, in which a motion that is slow against the control period cancels."""
+    config, state, rng = bounds(), begun(), np.random.default_rng(5)
+    for k in range(ROUGH + 1):
+        assert not state.rough
+        add_velocities(config, state, speed * np.sin(0.01 * k) + 5e-3 * rng.normal(size=N))
+    assert state.rough
+    spread = [deviation(state.change.squares[j], state.change.count) for j in range(N)]
+    np.testing.assert_allclose(spread, np.sqrt(2.0) * 5e-3, rtol=0.3)

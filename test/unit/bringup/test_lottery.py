@@ -56,7 +56,7 @@ def test_drives_are_drawn_beside_the_same_motions_and_sensors() -> None:
 
 
 def drawn(outcome, slip) -> Drawn:
-    return Drawn(outcome, "", slip, 0.0, 0.0, 0.0, math.nan)
+    return Drawn(outcome, "", slip, 0.0, 0.0, 0.0, math.nan, slip)
 
 
 def test_the_score_counts_what_it_says() -> None:
@@ -68,6 +68,7 @@ def test_the_score_counts_what_it_says() -> None:
     ]
     found = score(results, OBSERVER.name)
     assert (found.cases, found.lost, found.classical_lost, found.lost_alone, found.worse) == (3, 1, 1, 1, 1)
+    assert (found.more, found.near) == (0, 1), "of the two that are kept one ends 2 mm, the other 20 mm from its goal"
     assert found.ratio == (0.04 / 0.002 + 0.1 / 0.02) / 2
     assert score(results, GOVERNED.name).lost == 0
     assert lottery_table(results).row_count == 4

@@ -19,7 +19,8 @@ class Judge:
     def __init__(self, on: bool = True, witness: bool = False) -> None:
         self.config, self.state = new(GIVING_UP), new(GIVEN_UP)
         config = record(self.config, GIVING_UP)
-        config.on, config.witness, config.longest_s, config.error, config.fall = int(on), int(witness), 0.15, 0.02, 0.1
+        config.on, config.witness, config.error, config.fall = int(on), int(witness), 0.02, 0.1
+        config.longest_s = config.calm_s = 0.15
 
     def cycles(self, v_s: np.ndarray, seconds: float, error: float = 0.0, fall: float = 0.0, seen: bool = True) -> bool:
         """Return whether the compensation is given up after so long."""

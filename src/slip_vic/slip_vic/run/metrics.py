@@ -11,6 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slip_vic.run.series import RunSeries
+from slip_vic.scenarios.reach import pad_path
+from slip_vic_controller.params import TrajectoryParams
 
 ARRIVED = 1e-3, float(np.radians(0.5))
 """[m], [rad]"""
@@ -64,6 +66,19 @@ def arrival_s(series: RunSeries) -> float:
         return math.nan
     first = 0 if near.all() else int(np.flatnonzero(~near)[-1]) + 1
     return float(times[first])
+
+
+def off_goal_m(series: RunSeries, path: TrajectoryParams) -> float:
+    """Return how far the pad ends from the end of a built-in path as planned [m]; NaN where the law was never at work.
+
+    Wherever the reference rests: a governed path may rest before its end.
+    """
+    position, desired = series.law_six("position"), series.law_six("desired")
+    known = np.isfinite(position).all(axis=1) & np.isfinite(desired).all(axis=1)
+    if not known.any():
+        return math.nan
+    goal = desired[known][0, :3] + pad_path(path, 2)[1][-1, :3]
+    return float(np.linalg.norm(position[known][-1, :3] - goal))
 
 
 def effort_rate(series: RunSeries) -> float:

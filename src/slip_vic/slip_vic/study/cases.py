@@ -18,7 +18,10 @@ NO_MISMATCH = "none"
 MISMATCHES = (
     NO_MISMATCH,
     *(f"{what}{sign}" for what in ("mass", "inertia", "com", "friction", "wrench_bias") for sign in "+-"),
+    "joint_friction+",
 )
+COULOMB = (1.0, 1.0, 0.8, 0.8, 0.4, 0.4, 0.3)
+"""Friction of an arm without compensation, joints 1 to 7; further ones have the last [N m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,8 +129,16 @@ class Asked:
         return whole[first - 1 :: shards]
 
 
+def coulomb_of(joints: int) -> list[float]:
+    """Return COULOMB of the joints of an arm (n,) [N m]."""
+    return [*COULOMB[:joints], *[COULOMB[-1]] * (joints - len(COULOMB))]
+
+
 def mismatch_assignments(name: str, known: Scenario) -> list[str]:
-    """Return what a mismatch sets in the bridge; a wrench bias is a share of the grip force along the pad's x."""
+    """Return what a mismatch sets in the bridge; a wrench bias is a share of the grip force along the pad's x.
+
+    More friction of the joints is SHARE of COULOMB, beside what their drives have.
+    """
     if name == NO_MISMATCH:
         return []
     what, factor = name[:-1], 1.0 + SHARE * (1.0 if name[-1] == "+" else -1.0)
@@ -142,6 +153,13 @@ def mismatch_assignments(name: str, known: Scenario) -> list[str]:
             for name, params in known.bridges.items()
             for own in [[value * factor for value in params.contacts.position[:3]]]
         ]
+    if what == "joint_friction":
+        found = []
+        for name, params in known.bridges.items():
+            own = params.drive.of_joints("coulomb", len(params.joint_names))
+            more = [a + SHARE * b for a, b in zip(own, coulomb_of(len(own)), strict=True)]
+            found.append(f"{name + '.' if name else ''}bridge.drive.coulomb={more}")
+        return found
     if what == "friction":
         friction = bridge.friction
         return [f"bridge.friction.mu_s={friction.mu_s * factor}", f"bridge.friction.mu_k={friction.mu_k * factor}"]

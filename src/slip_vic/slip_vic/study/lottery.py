@@ -21,9 +21,11 @@ from slip_core.errors import SlipVicError
 from slip_vic.presets import preset_names
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.judge import Outcome, judge
+from slip_vic.run.metrics import off_goal_m
 from slip_vic.run.track import Track
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import Estimator, Law, Scenario, drive_assignments, load_scenario
+from slip_vic.study.cases import coulomb_of
 from slip_vic.study.engines import Died, open_engine
 
 SPREAD = 0.3
@@ -39,8 +41,12 @@ QUINTIC_PEAK = 5.7735
 """Largest acceleration of a quintic from rest to rest over way / duration^2."""
 WORSE_M = 5e-4
 """Slip by which a law may exceed classical control before it counts as worse."""
+MORE_M = 1e-3
+"""Slip by which a law may exceed classical control, where both keep the object, before it is counted."""
 SLIPPERY_M = 5e-3
 """Slip of classical control above which a law is compared by ratio."""
+NEAR_M = 5e-3
+"""Distance from the goal within which a pad has come to it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,11 +93,11 @@ CLASSICAL = Entry("classical", "classical", None)
 OBSERVER = Entry("law + observer")
 GOVERNED = Entry("governed + observer", "governed")
 LAWS = (CLASSICAL, OBSERVER, GOVERNED)
-OF_LAW = {"classical": CLASSICAL, "vic": OBSERVER, "governed": GOVERNED}
+PRINTED = Entry("printed", "vic", "measured", ("controller.gains.spin=follow", "controller.gains.authority=printed"))
+"""The law as printed, with the samples of the slip sensor as they come."""
+OF_LAW = {"classical": CLASSICAL, "vic": OBSERVER, "governed": GOVERNED, "printed": PRINTED}
 ARMS = ("ideal", "torque_joint", "motor_current")
 """Drives that take efforts, of which `draw_drive` draws."""
-COULOMB = (1.0, 1.0, 0.8, 0.8, 0.4, 0.4, 0.3)
-"""Friction of an arm without compensation, joints 1 to 7, of which 0 to 0.3 are left where torque is measured [N m]."""
 BASE_RAD, BASE_M, LATE_S = 0.3 * np.pi / 180.0, 0.002, 0.01
 WEAKEST, MASS = 0.87, 0.1
 FASTEST_S, SLOWEST_S = 1.2, 2.0
@@ -102,7 +108,8 @@ mass, time of the motion."""
 class Drawn(NamedTuple):
     """Outcome of one case with one law; slip [m] and [rad] at the end, largest slip speed [m/s], arrival [s].
 
-    arrival: since when the pad stays within 1 mm and 0.5 deg of the goal; NaN where it does not arrive.
+    arrival: since when the pad stays within 1 mm and 0.5 deg of the goal; NaN where it does not arrive. off_goal: how
+    far it ends from the goal [m].
     """
 
     outcome: Outcome
@@ -112,9 +119,10 @@ class Drawn(NamedTuple):
     peak_speed: float
     drift: float
     arrival: float
+    off_goal: float
 
 
-REFUSED = Drawn("refused", "", math.nan, math.nan, math.nan, math.nan, math.nan)
+REFUSED = Drawn("refused", "", *(math.nan,) * 6)
 
 
 def draw(number: int, seed: int) -> Ticket:
@@ -198,13 +206,12 @@ def draw_drive(number: int, seed: int, scenario: str) -> tuple[str, ...]:
         falls_at = rng.uniform(0.2, 1.0) * known.controller.trajectory.duration_s
         world += [f"bridge.friction.falls_at_s={falls_at}", f"bridge.friction.falls_to={rng.uniform(0.7, 1.0)}"]
     noise, offset, share = rng.uniform(0.0, 0.01), rng.uniform(0.0, 0.2, joints), rng.uniform(0.0, 0.3)
-    of_joints = (*COULOMB[:joints], *[COULOMB[-1]] * (joints - len(COULOMB)))
     given = list(drive_assignments(drive, scenario, ()))
     if drive != "motor_current":
         world += [
             f"bridge.sensors.joint.noise_velocity={noise}",
             f"bridge.drive.offset={(offset * rng.choice((-1.0, 1.0), joints)).tolist()}",
-            f"bridge.drive.coulomb={(share * np.array(of_joints)).tolist()}",
+            f"bridge.drive.coulomb={(share * np.array(coulomb_of(joints))).tolist()}",
             f"bridge.drive.delay_s={late}",
             "controller.tare.duration_s=0.3",
         ]
@@ -309,10 +316,14 @@ def play(ticket: Ticket, law: Entry) -> Drawn:
 
 
 def _play(scenario: Scenario) -> Drawn:
-    verdict = judge(run_in_process(scenario), Track(scenario, whole=False))
+    track = Track(scenario, whole=False)
+    verdict = judge(run_in_process(scenario), track)
     kept = verdict.outcome not in ("lost", "fault")
     numbers = ("slip_linear_m", "slip_angular_rad", "slip_speed_peak_m_s", "error_peak_m", "arrival_s")
-    return Drawn("ok" if kept else verdict.outcome, "" if kept else verdict.reason, *map(verdict.worst, numbers))
+    pairs = zip(track.series(), scenario.controllers.values(), strict=True) if kept else ()
+    off_goal = max((off_goal_m(series, params.trajectory) for series, params in pairs), default=math.nan)
+    reason = "" if kept else verdict.reason
+    return Drawn("ok" if kept else verdict.outcome, reason, *map(verdict.worst, numbers), off_goal)
 
 
 def lottery(
@@ -361,12 +372,18 @@ class _Shared(NamedTuple):
     drives: bool
 
 
+def entry_of(law: str, ticket: Ticket) -> Entry:
+    """Return the configuration of a law in a case; several arms have laws of their own, and no slip sensor preset."""
+    of_one_arm = ticket.sensor or law != PRINTED.name
+    return OF_LAW[law] if law in OF_LAW and of_one_arm else Entry(law, cast(Law, law))
+
+
 def _drawn_and_played(shared: _Shared, number: int) -> tuple[Ticket, dict[str, Drawn]]:
     ticket = draw_of(number, shared.seed, shared.scenarios) if shared.scenarios else draw(number, shared.seed)
     if shared.drives and ticket.sensor:  # several arms have no slip sensor of their own to draw
         ticket = with_drive(ticket, shared.seed)
     ticket = replace(ticket, world=(*ticket.world, *shared.assignments))
-    entries = [OF_LAW.get(law) or Entry(law, cast(Law, law)) for law in shared.laws]
+    entries = [entry_of(law, ticket) for law in shared.laws]
     return ticket, {entry.name: play(ticket, entry) for entry in entries} if ticket.feasible else {}
 
 
@@ -374,7 +391,8 @@ class Score(NamedTuple):
     """How a law compares with classical control over some cases.
 
     lost: object lost or FAULT; lost_alone: where classical control keeps it; worse: slips more by WORSE_M or is lost
-    alone; ratio: median of classical slip over the law's where classical control slips more than SLIPPERY_M.
+    alone; more: slips more by MORE_M where both keep it; near: ends within NEAR_M of its goal; ratio: median of
+    classical slip over the law's where classical control slips more than SLIPPERY_M.
     """
 
     cases: int
@@ -382,6 +400,8 @@ class Score(NamedTuple):
     classical_lost: int
     lost_alone: int
     worse: int
+    more: int
+    near: int
     ratio: float
 
 
@@ -399,6 +419,8 @@ def score(results: Sequence[tuple[Ticket, Mapping[str, Drawn]]], law: str) -> Sc
         sum(a.outcome != "ok" for a, _ in pairs),
         sum(a.outcome == "ok" and b.outcome != "ok" for a, b in pairs),
         sum(a.outcome == "ok" and (b.outcome != "ok" or b.slip > a.slip + WORSE_M) for a, b in pairs),
+        sum(a.outcome == b.outcome == "ok" and b.slip > a.slip + MORE_M for a, b in pairs),
+        sum(b.outcome == "ok" and b.off_goal <= NEAR_M for _, b in pairs),
         median(ratios) if ratios else math.nan,
     )
 
@@ -406,7 +428,11 @@ def score(results: Sequence[tuple[Ticket, Mapping[str, Drawn]]], law: str) -> Sc
 def lottery_table(results: Sequence[tuple[Ticket, Mapping[str, Drawn]]]) -> Table:
     """Return how the laws compare with classical control, per scenario and over all."""
     table = Table(title="lottery: laws against classical control in equal worlds")
-    for name in ("scenario", "law", "cases", "lost", "classical lost", "lost alone", "worse", "median ratio"):
+    titles = (
+        "scenario", "law", "cases", "lost", "classical lost", "lost alone", "worse", "1 mm more", "within 5 mm of goal",
+        "median ratio",
+    )  # fmt: skip
+    for name in titles:
         table.add_column(name, justify="left" if name in ("scenario", "law") else "right")
     names = dict.fromkeys(ticket.scenario for ticket, _ in results)
     entries = dict.fromkeys(name for _, by_law in results for name in by_law if name != CLASSICAL.name)
@@ -414,8 +440,9 @@ def lottery_table(results: Sequence[tuple[Ticket, Mapping[str, Drawn]]]) -> Tabl
         chosen = [result for result in results if scenario in ("all", result[0].scenario)]
         for law in entries:
             found = score(chosen, law)
-            counts = (found.cases, found.lost, found.classical_lost, found.lost_alone, found.worse)
-            table.add_row(scenario, law, *map(str, counts), f"{found.ratio:.3g}")
+            counts = (found.cases, found.lost, found.classical_lost, found.lost_alone, found.worse, found.more)
+            near = f"{found.near} of {found.cases - found.lost}"
+            table.add_row(scenario, law, *map(str, counts), near, f"{found.ratio:.3g}")
     return table
 
 

@@ -23,6 +23,8 @@ MOST_SPEED: Final = 3.0
 """Speed of a joint whose filtered velocity is behind its position without a fault [rad/s]."""
 LEAST_POSITION, LEAST_VELOCITY = 2e-5, 1e-4
 """What is assumed of a sensor without noise [rad], [rad/s]."""
+UNMEASURED_VELOCITY = 3e-3
+"""What is assumed of a sensor until a tare has measured its noise, where none is configured [rad/s]."""
 LAG_ACCELERATION: Final = 5.0
 """Acceleration at which the lag of a velocity filter counts as noise [rad/s^2]."""
 MEAN_S, QUICK_S, SIGNIFICANT = 0.01, 0.03, 4.5
@@ -118,7 +120,7 @@ def sensor_noise(sensor: JointSensorModel, period: float) -> tuple[float, float]
     """
     quantum = sensor.quantum_position / math.sqrt(12.0)
     position = max(math.hypot(sensor.noise_position, quantum), LEAST_POSITION)
-    velocity = sensor.noise_velocity
+    velocity = sensor.noise_velocity if sensor.estimates else UNMEASURED_VELOCITY
     if sensor.velocity_filter_hz > 0.0:
         time = 1.0 / (2.0 * math.pi * sensor.velocity_filter_hz)
         weight = 1.0 - math.exp(-period / time)
@@ -128,21 +130,31 @@ def sensor_noise(sensor: JointSensorModel, period: float) -> tuple[float, float]
 
 
 def with_measured_noise(params: ControllerParams, tare: Tare) -> ControllerParams:
-    """Return the parameters with the noise that a tare has measured, where it is larger than what is configured."""
+    """Return the parameters with the noise that a tare has measured so far, where it is larger than what is configured.
+
+    Before the tare is done that is the noise of the joint velocities alone.
+    """
+    joints, joint = len(params.joint_names), params.joint_sensor
+    of, differences = (tare.velocity, 1.0) if tare.done else (tare.change, math.sqrt(2.0))
+    velocity = max(deviation(float(of.squares[j]), int(of.count)) for j in range(joints)) / differences
+    if not joint.estimates:
+        velocity = max(velocity, LEAST_VELOCITY)
+    if velocity >= LEAST_VELOCITY and velocity > LARGER * joint.noise_velocity:
+        params = params.model_copy(update={"joint_sensor": joint.model_copy(update={"noise_velocity": velocity})})
+    return with_measured_samples(params, tare) if tare.done else params
+
+
+def with_measured_samples(params: ControllerParams, tare: Tare) -> ControllerParams:
+    """Return the parameters with the noise of slip and wrench that a tare has measured, where that is larger."""
     axes = np.array(params.contacts.slip_axes[:6], dtype=bool)
-    joints = len(params.joint_names)
     slip, wrench = (
         np.array([deviation(float(of.squares[k]), int(of.count)) for k in range(6)]) * (of.count >= LEAST_SAMPLES)
         for of in (tare.slip, tare.wrench)
     )
-    velocity = max(deviation(float(tare.velocity_squares[j]), int(tare.velocity_count)) for j in range(joints))
-    if velocity < LEAST_VELOCITY:
-        velocity = 0.0
     slip = slip * axes
     found = {
         "slip_sensor": {"noise_linear": slip[:3].max(), "noise_angular": slip[3:].max()},
         "wrench_sensor": {"noise_force": wrench[:3].max(), "noise_torque": wrench[3:].max()},
-        "joint_sensor": {"noise_velocity": velocity},
     }
     groups = {}
     for group, numbers in found.items():

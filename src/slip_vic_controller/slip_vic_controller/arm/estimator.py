@@ -207,16 +207,6 @@ def start_estimate(config: EstimatorConfig, state: JointEstimate, stamp_ns: int,
 
 
 @part
-def forget_disturbance(state: JointEstimate) -> None:
-    """Forget what the model left out, as at the beginning."""
-    state.d[:] = 0.0
-    state.effort[:] = 0.0
-    state.slow_effort[:] = 0.0
-    state.taken_off[:] = 0.0
-    clear_findings(state)
-
-
-@part
 def clear_findings(state: JointEstimate) -> None:
     """Forget what was wrong: both measurements of every joint are used again."""
     state.finding, state.joint, state.value, state.limit = 0, 0, 0.0, 0.0

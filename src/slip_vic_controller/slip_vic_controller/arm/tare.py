@@ -2,9 +2,11 @@
 
 Nothing slips in HOLD, and the load of the resting object is known. So the mean of a slip sensor's samples is its bias,
 the mean of the wrench beyond the model's load is that of the wrench sensor, and the spread of all is their noise. A
-wrench that another mass of the object explains is that of another mass.
+wrench that another mass of the object explains is that of another mass, and the law works with that mass.
 Biases inside the configured bounds are taken out; a larger one is a reason not to begin, with the sensor's name.
-Noise that is larger than configured replaces what is configured (`arm/config.py`).
+Noise that is larger than configured replaces what is configured (`arm/config.py`); that of joint velocities at once,
+from their differences, in which a slow motion cancels: HOLD with too little noise configured shakes the arm, and finds
+no rest.
 """
 
 from __future__ import annotations
@@ -13,10 +15,12 @@ import math
 from enum import IntEnum, unique
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Vec6, Whole, dtype_of
-from slip_vic_controller.sizes import NEVER, Joints
+from slip_vic_controller.sizes import MAX_JOINTS, NEVER, Joints
 
 LEAST_SAMPLES: Final = 5
 """Samples of a sensor without which its mean says nothing."""
@@ -26,6 +30,8 @@ OUTLIER: Final = 3.0
 """Distance of a slip velocity from the mean, over its bound, from which it is an outlier."""
 SIGNIFICANT: Final = 4.0
 """Standard deviations of a mean from which it is a bias, and no noise."""
+ROUGH: Final = 50
+"""Differences of joint velocities whose spread is taken for noise, before the arm is at rest."""
 
 
 @unique
@@ -51,12 +57,12 @@ class TareConfig(Record):
     still: Real  # rad/s, of a joint; above it the arm is not at rest
 
 
-class Mean6(Record):
-    """Mean and spread of six numbers (Welford)."""
+class Mean(Record):
+    """Mean and spread of vectors (Welford)."""
 
     count: Whole
-    average: Vec6
-    squares: Vec6  # sum of squared differences from the mean
+    average: Joints
+    squares: Joints  # sum of squared differences from the mean
 
 
 class Tare(Record):
@@ -66,11 +72,13 @@ class Tare(Record):
     done: Whole
     position: Joints  # rad, then
     wrench_ns: Whole  # stamp of the last wrench that was taken in
-    slip: Mean6  # m/s, rad/s {ee}
-    wrench: Mean6  # N, N m {ee}, beyond the load of the resting object
-    velocity_count: Whole
-    velocity_average: Joints  # rad/s
-    velocity_squares: Joints  # rad^2/s^2
+    slip: Mean  # m/s, rad/s {ee}
+    wrench: Mean  # N, N m {ee}, beyond the load of the resting object
+    velocity: Mean  # rad/s
+    change: Mean  # rad/s, of the joint velocities from one cycle to the next, at rest or not
+    last_velocity: Joints  # rad/s
+    rough: Whole  # whether `change` shows what noise the joint velocities have
+    mass_share: Real  # of the object beyond the configured mass
     slip_bias: Vec6  # m/s, rad/s {ee}; taken out of the samples
     wrench_bias: Vec6  # N, N m {ee}
     velocity_bias: Joints  # rad/s
@@ -88,25 +96,31 @@ class TareVerdict(NamedTuple):
     bound: float
 
 
-TARE_CONFIG, MEAN6, TARE = dtype_of(TareConfig), dtype_of(Mean6), dtype_of(Tare)
+TARE_CONFIG, MEAN, TARE = dtype_of(TareConfig), dtype_of(Mean), dtype_of(Tare)
 
 
 @part
 def start_tare(state: Tare, never_ns: int) -> None:
     """Forget what was measured; never_ns: the stamp that stands for never [ns]."""
-    state.begun_ns, state.done, state.velocity_count, state.wrench_ns = never_ns, 0, 0, never_ns
+    state.begun_ns, state.done, state.wrench_ns, state.mass_share = never_ns, 0, never_ns, 0.0
     state.sensor, state.worst, state.bound = 0, 0.0, 0.0
     state.slip_bias[:], state.wrench_bias[:], state.velocity_bias[:] = 0.0, 0.0, 0.0
-    state.slip.count, state.slip.average[:], state.slip.squares[:] = 0, 0.0, 0.0
-    state.wrench.count, state.wrench.average[:], state.wrench.squares[:] = 0, 0.0, 0.0
-    state.velocity_average[:], state.velocity_squares[:] = 0.0, 0.0
+    forget_mean(state.slip)
+    forget_mean(state.wrench)
+    forget_mean(state.velocity)
 
 
 @part
-def add_six(state: Mean6, values: Array) -> None:
-    """Take a sample (6,) into a mean."""
+def forget_mean(state: Mean) -> None:
+    """Begin a mean anew."""
+    state.count, state.average[:], state.squares[:] = 0, 0.0, 0.0
+
+
+@part
+def add(state: Mean, values: Array, n: int) -> None:
+    """Take a sample (n,) into a mean."""
     state.count += 1
-    for k in range(6):
+    for k in range(n):
         beyond = values[k] - state.average[k]
         state.average[k] += beyond / state.count
         state.squares[k] += beyond * (values[k] - state.average[k])
@@ -125,7 +139,7 @@ def add_slip(config: TareConfig, state: Tare, twist: Array) -> None:
         bound = config.slip_linear if k < 3 else config.slip_angular
         far = far or abs(twist[k] - slip.average[k]) > OUTLIER * bound
     if slip.count == 0 or not far:
-        add_six(slip, twist)
+        add(slip, twist, 6)
         return
     slip.squares[:] *= (slip.count - 1) / slip.count
     slip.count -= 1
@@ -135,12 +149,14 @@ def add_slip(config: TareConfig, state: Tare, twist: Array) -> None:
 
 @part
 def add_velocities(config: TareConfig, state: Tare, qd: Array) -> None:
-    """Take joint velocities (n,) [rad/s] into their mean."""
-    state.velocity_count += 1
+    """Take joint velocities (n,) [rad/s] into their mean, and their change since the cycle before into its own."""
+    change = np.empty(MAX_JOINTS)
     for j in range(config.joints):
-        beyond = qd[j] - state.velocity_average[j]
-        state.velocity_average[j] += beyond / state.velocity_count
-        state.velocity_squares[j] += beyond * (qd[j] - state.velocity_average[j])
+        change[j], state.last_velocity[j] = qd[j] - state.last_velocity[j], qd[j]
+    add(state.velocity, qd, config.joints)
+    if state.velocity.count > 1 and state.rough == 0:
+        add(state.change, change, config.joints)
+        state.rough = 1 if state.change.count == ROUGH else 0
 
 
 @part
@@ -193,9 +209,9 @@ def leave_to_mass(config: TareConfig, state: Tare, weight: Array) -> None:
     for k in range(3):
         along += wrench.average[k] * weight[k]
         square += weight[k] * weight[k]
-    share = min(max(along / square, -MASS_SHARE), MASS_SHARE) if square > 0.0 else 0.0
+    state.mass_share = min(max(along / square, -MASS_SHARE), MASS_SHARE) if square > 0.0 else 0.0
     for k in range(6):
-        wrench.average[k] -= share * weight[k]
+        wrench.average[k] -= state.mass_share * weight[k]
 
 
 @part
@@ -204,12 +220,14 @@ def take_biases(config: TareConfig, state: Tare, weight: Array) -> None:
     leave_to_mass(config, state, weight)
     verdict = judge_tare(config, state)
     state.done, state.sensor, state.worst, state.bound = 1, verdict.sensor, verdict.size, verdict.bound
-    if verdict.sensor == Sensor.NONE:
+    if verdict.sensor != Sensor.NONE:
+        state.mass_share = 0.0
+    else:
         for k in range(6):
             state.slip_bias[k] = bias_of(state.slip.average[k], state.slip.squares[k], state.slip.count)
             state.wrench_bias[k] = bias_of(state.wrench.average[k], state.wrench.squares[k], state.wrench.count)
         for j in range(config.joints):
-            state.velocity_bias[j] = bias_of(state.velocity_average[j], state.velocity_squares[j], state.velocity_count)
+            state.velocity_bias[j] = bias_of(state.velocity.average[j], state.velocity.squares[j], state.velocity.count)
 
 
 @part
@@ -256,9 +274,9 @@ def judge_tare(config: TareConfig, state: Tare) -> TareVerdict:
                 unsure = 3.0 * deviation(six.squares[axis], six.count) / math.sqrt(six.count)
                 if size > bound + unsure:
                     return TareVerdict(group + 1, axis, size, bound)
-        elif group == 2 and state.velocity_count >= LEAST_SAMPLES:
-            axis, size = largest(state.velocity_average, 0, config.joints)
-            unsure = 3.0 * deviation(state.velocity_squares[axis], state.velocity_count)
-            if size > config.velocity + unsure / math.sqrt(state.velocity_count):
+        elif group == 2 and state.velocity.count >= LEAST_SAMPLES:
+            axis, size = largest(state.velocity.average, 0, config.joints)
+            unsure = 3.0 * deviation(state.velocity.squares[axis], state.velocity.count)
+            if size > config.velocity + unsure / math.sqrt(state.velocity.count):
                 return TareVerdict(0 + Sensor.JOINTS.value, axis, size, config.velocity)
     return TareVerdict(0 + Sensor.NONE.value, 0, 0.0, 0.0)

@@ -4,7 +4,7 @@ The law promises that slip decays at the rate k_s once the slip activation is op
 the arm has given way far, that promise is broken: the model is wrong, the slip is not there, or friction cannot carry
 the object. An open activation is then worse than none: it hands the arm's own acceleration back to it, and the arm
 drifts. Given up, the slip activation and the fading are off, as in classical impedance control, until slip has been
-insignificant for as long as it had been open.
+insignificant for a while.
 
 Below a governor nothing should slip: there the model alone is no proof, for it may be the model that is wrong, and the
 compensation is at work only while the slip sensor's own samples tell of slip.
@@ -30,6 +30,7 @@ class GivingUpConfig(Record):
     on: Whole  # 0 = never, as printed
     witness: Whole  # 1 = the compensation needs evidence from the slip sensor itself
     longest_s: Real  # s; that it may be at work
+    calm_s: Real  # s; that slip must be over after it has been given up
     error: Real  # m; by which the arm may give way in that time
     fall: Real  # m/s; speed down at which it may
 
@@ -78,7 +79,7 @@ def judge_compensation(
         return
     wanted = config.witness == 0 or seen != 0
     if wanted and slip_activation(gains, v_s) > OPEN:
-        state.open_s = min(state.open_s + dt, config.longest_s)
+        state.open_s = min(state.open_s + dt, config.longest_s if state.given_up == 0 else config.calm_s)
     else:
         state.open_s = max(state.open_s - dt, 0.0)
     if state.open_s == 0.0:
@@ -86,7 +87,7 @@ def judge_compensation(
     elif state.given_up == 0 and (
         state.open_s >= config.longest_s or error > state.error + config.error or fall > config.fall
     ):
-        state.given_up, state.open_s = 1, config.longest_s
+        state.given_up, state.open_s = 1, config.calm_s
         state.times += 1
     if state.given_up != 0 or not wanted:
         gains.alpha = 0.0

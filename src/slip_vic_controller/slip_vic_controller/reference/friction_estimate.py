@@ -66,6 +66,7 @@ class EstimateConfig(Record):
     pre_sliding: Real  # m, way that pads give before they slip
     threshold: Real  # m/s, slip speed |S v_s| that counts
     witnesses: Whole  # samples in a row that must show it
+    confirmed: Whole  # the same where the observer finds slip too
     quiet_ns: Whole  # without slip for so long, it holds again
     sensor_delay_ns: Whole  # age at which a cycle's load is known to have been carried
     trust: Real  # least that the model's load may be of the measured one; below it the model is not used
@@ -155,7 +156,7 @@ def slip_sample(
 ) -> bool:
     """Take a slip sample; return whether F^ has become smaller.
 
-    A single sample may be an outlier: it takes several in a row, or one that the observer confirms. Only the first
+    A single sample may be an outlier: it takes several in a row, or fewer that the observer confirms. Only the first
     sample of a slip tells where friction ended: what loads there are while it slides is the sliding friction and the
     law's doing.
 
@@ -182,7 +183,7 @@ def slip_sample(
     if state.slipping == 0 and speed <= GROSS and state.way < config.pre_sliding:
         return False
     first = state.slipping == 0
-    if first and state.said < config.witnesses and not found:
+    if first and state.said < (config.confirmed if found else config.witnesses):
         return False
     state.slipping, state.slip_ns = 1, max(stamp_ns, state.slip_ns)
     i = index_at(history, state.said_ns)

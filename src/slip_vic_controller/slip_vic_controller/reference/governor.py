@@ -63,6 +63,8 @@ OVER: Final = 1.1
 """sdot^2 over K beyond which an overrun is said, ..."""
 SLOWEST: Final = 2e-2
 """... if this speed of the pad or more is too much [m/s]."""
+BRAKES: Final = 1.1
+"""Of the load of the weight alone, where the estimate of friction does not carry that: the arm has to brake."""
 BACK: Final = 1e-3
 """How near the path's end the pad has come back when an overrun is over [m]."""
 
@@ -583,7 +585,8 @@ def hold_back(
     l_0 = turning(held, weights, R_ee, w_ee) + weight(held, weights, R_ee, vec(config.gravity))
     k = 1.0
     if config.mode != Governing.OFF and pad.estimate.slipping == 0:
-        k = guard_factor(l_a, l_0, ceiling)
+        alone = size(l_0)  # an object that holds shows that the limit is wrong, and one that slides needs no guard
+        k = guard_factor(l_a, l_0, ceiling if alone <= ceiling else BRAKES * alone)
     pad.guard, pad.commanded = k, size(k * l_a + l_0)
     put_spatial(pad.feedback, a_C - a_d)
     return k
