@@ -112,7 +112,7 @@ def start_tare(state: Tare, never_ns: int) -> None:
 
 @part
 def forget_mean(state: Mean) -> None:
-    """Begin a mean anew."""
+    """Let a mean begin again."""
     state.count, state.average[:], state.squares[:] = 0, 0.0, 0.0
 
 
