@@ -19,7 +19,7 @@ from slip_sim_bridge.params import WORLD, BridgeParams
 from slip_sim_bridge.plant import DivergenceError, Movable, Plant, ReadOut
 from slip_sim_bridge.plant.joint_step import JOINT_DRIVE_SIZE
 from slip_sim_bridge.plant.loose import LoosePlant
-from slip_sim_bridge.plant.model import urdf_dynamics
+from slip_sim_bridge.plant.model import motion_limits, urdf_dynamics
 
 OBEYED, CLIPPED, NOT_FINITE = 0, 1, 2
 MakePlant = Callable[[Mapping[str, BridgeParams], Mapping[str, str]], Plant]
@@ -70,10 +70,13 @@ class Arm:
         params: of this arm.
         limits: of its joint efforts; (n,) [N m].
         dynamics: friction [N m] and damping [N m s/rad] of its URDF's joints; (n,) each.
+        motion: lower and upper end [rad] and speed [rad/s] that drives with loops of their own keep to; (n,) each.
     """
 
-    def __init__(self, params: BridgeParams, limits: Array, dynamics: tuple[Array, Array]) -> None:
-        self.params, self.limits, self.layout = params, limits, ReadOut(len(limits))
+    def __init__(
+        self, params: BridgeParams, limits: Array, dynamics: tuple[Array, Array], motion: tuple[Array, Array, Array]
+    ) -> None:
+        self.params, self.limits, self.motion, self.layout = params, limits, motion, ReadOut(len(limits))
         self.drives = Drives(params.drive, limits, dynamics, params.control_period_s)
         self.gripper = Gripper(params.grip, params.control_period_s)
         self.largest_change = params.effort_rate * params.control_period_s
@@ -102,12 +105,28 @@ class Arm:
     def follow(self, command: Array | None, posture: Array) -> None:
         """Let drives with loops of their own follow a command, or rest; (n,) [rad/s] or [rad], posture (n,) [rad]."""
         if command is not None and np.isfinite(command).all():
-            self.posture, self.refused = None, False
-            self.drives.follow(command)
+            taken = self.followable(command, posture)
+            self.posture, self.refused, self.saturated = None, False, bool((taken != command).any())
+            self.drives.follow(taken)
             return
-        self.refused = command is not None
+        self.refused, self.saturated = command is not None, False
         self.posture = posture if self.posture is None else self.posture
         self.drives.follow(self.posture if self.drives.takes_positions else np.zeros_like(self.limits))
+
+    def followable(self, command: Array, posture: Array) -> Array:
+        """Return what drives with loops of their own follow of a command: inside the joints' ranges and speeds; (n,).
+
+        A position [rad] leads the joint by no more than its speed makes good. A velocity [rad/s] shrinks ahead of the
+        range's end, by a quarter of the loop's bandwidth for each radian, so that the joint does not overshoot.
+        """
+        (lower, upper, speed), bandwidth = self.motion, self.params.drive.bandwidth
+        if self.drives.takes_positions:
+            period = self.params.control_period_s
+            lead = speed * period / -math.expm1(-bandwidth * period)
+            return np.clip(np.clip(command, lower, upper), posture - lead, posture + lead)
+        down, up = np.maximum(posture - lower, 0.0), np.maximum(upper - posture, 0.0)
+        rate = 0.25 * bandwidth
+        return np.clip(command, -np.minimum(rate * down, speed), np.minimum(rate * up, speed))
 
     def obey(self, effort: Array | None) -> Array | None:
         """Return the effort that the drives apply; None where there is none, or one that is not finite. (n,) [N m]."""
@@ -159,7 +178,10 @@ class Simulation:
         self.loss: Loss | None = None
         """When and how the object left the first pad; None while all hold it."""
         dynamics = [urdf_dynamics(arm, urdfs[name]) for name, arm in params.items()]
-        self.arms = tuple(Arm(*each) for each in zip(params.values(), self._held.effort_limits, dynamics, strict=True))
+        motion = [motion_limits(arm, urdfs[name]) for name, arm in params.items()]
+        self.arms = tuple(
+            Arm(*each) for each in zip(params.values(), self._held.effort_limits, dynamics, motion, strict=True)
+        )
         self.notes = tuple(
             f"{prefix_of(name)}friction and damping of the URDF's joints are not simulated: drive.urdf_dynamics"
             for (name, arm), numbers in zip(params.items(), dynamics, strict=True)
@@ -213,7 +235,8 @@ class Simulation:
         """Advance one control period under a command of each arm, as its `drive.interface` takes it; None holds it.
 
         Efforts (n,) [N m] are clipped to the URDF's limits and change no faster than `effort_rate`; velocities [rad/s]
-        and positions [rad] are followed by the drives' own loops within the effort limits.
+        and positions [rad] to the joints' ranges and speeds, and followed by the drives' own loops within the effort
+        limits.
 
         Raises:
             InputError: where an effort has the wrong size.
@@ -249,7 +272,7 @@ class Simulation:
             arm.applied = arm.coming
             if not arm.drives.takes_efforts:
                 arm.applied = readonly(arm.drives.efforts)
-                arm.saturated = bool((np.abs(arm.applied) >= arm.limits).any())
+                arm.saturated |= bool((np.abs(arm.applied) >= arm.limits).any())
         self.stamp_ns += self._period_ns
 
     def reset(self) -> None:

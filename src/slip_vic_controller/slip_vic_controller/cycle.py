@@ -983,9 +983,11 @@ def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: Cycle
 def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
     """Write the velocity or position that the effort makes of the last one; without the law it comes to rest.
 
-    A short gap of good joint states is bridged with the velocity before.
+    A short gap of good joint states is bridged with the velocity before. A pause counts no longer than in the effort
+    limiter: drives that have come to rest at the last command meanwhile would take what it is worth in one period.
     """
-    motion, limited, dt = state.motion, np.zeros(MAX_JOINTS, np.int64), _passed_s(config, state, inputs)
+    motion, limited = state.motion, np.zeros(MAX_JOINTS, np.int64)
+    dt = min(_passed_s(config, state, inputs), config.motion.drive.longest_step_ns * 1e-9)
     if follows(state.mode.mode):
         qdd = np.zeros(MAX_JOINTS)
         _acceleration(config, state, inputs, qdd)

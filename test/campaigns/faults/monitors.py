@@ -24,7 +24,8 @@ REACTION_S = 0.02  # beyond the age limit: the watchdog's period and one cycle
 class Promise:
     """The limits of a command, (n,) [N m], [rad/s] or [rad], and of its slope, each per second.
 
-    longest_step_s, restart_after_s, period_s: as in the parameters.
+    longest_step_s, restart_after_s, period_s: as in the parameters. follows_last: whether drives follow their last
+    command until the next one, as those do that take velocities or positions.
     """
 
     most: Numbers
@@ -32,6 +33,7 @@ class Promise:
     longest_step_s: float
     restart_after_s: float
     period_s: float
+    follows_last: bool = False
 
 
 @dataclass
@@ -41,7 +43,7 @@ class CommandMonitor:
     promise: Promise
     violations: list[str] = field(default_factory=list)
     commands: int = 0
-    _last: tuple[int, Numbers] | None = None
+    _last: tuple[int, Numbers, int] | None = None
 
     def restarted(self) -> None:
         """The controller has lost its memory, or the command before the next one was not seen."""
@@ -60,11 +62,17 @@ class CommandMonitor:
             self.violations.append(f"{now_s:.3f} s: command {effort.tolist()} above the limits")
         return True
 
-    def take(self, now_ns: int, effort: Numbers, starts: Callable[[], Sequence[Numbers]]) -> None:
+    def take(
+        self, now_ns: int, effort: Numbers, starts: Callable[[], Sequence[Numbers]], measured_ns: int = -1
+    ) -> None:  # fmt: skip
         """Take a command.
 
         now_ns: when it was given, of a steady clock; starts: gives the commands from which a first one, or the first
-        after a pause, may begin: what is measured, gravity compensation or rest.
+        after a pause, may begin: what is measured, gravity compensation or rest; measured_ns: stamp of the joint state
+        that it answers.
+
+        After a pause without a new joint state the last command is all that is known of where drives are that follow
+        it: the next one goes on from there, with the step of a pause. What was measured before the pause is behind.
         """
         if len(effort) == 0:
             self._last = None
@@ -73,8 +81,11 @@ class CommandMonitor:
         promise = self.promise
         if not self.inside(now_ns, effort):
             return
-        passed_s = np.inf if self._last is None else NS * (now_ns - self._last[0])
-        known = None if self._last is None or passed_s > promise.restart_after_s else self._last[1]
+        known, passed_s = None, np.inf
+        if self._last is not None:
+            passed_s = NS * (now_ns - self._last[0])
+            blind = promise.follows_last and measured_ns == self._last[2]
+            known = self._last[1] if passed_s <= promise.restart_after_s or blind else None
         passed_s = promise.period_s if known is None else passed_s
         allowed = promise.rate * min(passed_s, promise.longest_step_s)
         before = [known] if known is not None else [np.clip(e, -promise.most, promise.most) for e in starts()]
@@ -85,7 +96,7 @@ class CommandMonitor:
                 f"{NS * now_ns:.3f} s: command steps {kind} by {beyond:.6g} more than allowed: {effort.tolist()}"
                 f" after {[start.tolist() for start in before]}"
             )
-        self._last = (now_ns, effort)
+        self._last = (now_ns, effort, measured_ns)
 
 
 @dataclass

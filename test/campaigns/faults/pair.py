@@ -203,7 +203,7 @@ class PairTrial:
                 continue
             self.modes[result.mode.name] += 1
             starts = partial(starts_of, team.arms[side], result.joint)
-            self.commands[side].take(now_ns, result.command.numbers, starts)
+            self.commands[side].take(now_ns, result.command.numbers, starts, result.joint.stamp_ns)
             self._channels[f"{SIDES[side]}/{EFFORT}"].send(result.command, t, now_ns)
         return any(result is not None for result in results)
 

@@ -309,7 +309,8 @@ class Trial:
         if result is None or self._controller is None:
             return
         self._modes[result.mode.name] += 1
-        self._commands.take(self._now_ns, result.command.numbers, partial(starts_of, self._controller, result.joint))
+        starts = partial(starts_of, self._controller, result.joint)
+        self._commands.take(self._now_ns, result.command.numbers, starts, result.joint.stamp_ns)
         self._channels[EFFORT].send(result.command, t, self._now_ns)
         if self._keep:
             self._record.append((self._now_ns, EFFORT, result.command))
@@ -326,7 +327,8 @@ def promise_of(arm: ArmController, period_s: float) -> Promise:
         most, rate = speed, command.acceleration_limit
     elif command.interface == "position":
         most, rate = np.maximum(-arm.robot.position_lower, arm.robot.position_upper), speed
-    return Promise(most, rate, limits.longest_step_s, limits.restart_after_s, period_s)
+    follows_last = command.interface != "effort"
+    return Promise(most, rate, limits.longest_step_s, limits.restart_after_s, period_s, follows_last)
 
 
 def starts_of(session: OneArm, joint: JointSample) -> list[NDArray[np.float64]]:

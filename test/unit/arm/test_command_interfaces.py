@@ -135,6 +135,23 @@ def test_without_joint_states_the_watchdog_brings_the_command_to_rest(realtime: 
     assert np.abs(np.diff(speeds)).max() <= ACCELERATION * 5 * PERIOD + ROUNDING
 
 
+@every("pause_ms", (20, 40, 70))
+@every("drive", tuple(KINDS))
+def test_a_pause_makes_no_larger_step_of_the_command(drive: str, pause_ms: int) -> None:
+    """At 250 Hz, in motion at 1.5 rad/s, the joint state silent from the pause on: the watchdog's command."""
+    slow = tuple(f"{node}.control_period_s=0.004" for node in ("controller", "bridge"))
+    scenario = load_scenario("paper_planar", mode="realtime", drive=drive, assignments=(NO_TARE, *slow))
+    session = OneArm(one_arm(scenario.controller, scenario.urdf, lockstep=False))
+    for k in range(1, 15):
+        before = feed(session, 4 * k, 0.2)
+    session.state.motion.velocity[0] = 1.5
+    after = session.failed((56 + pause_ms) * MS)
+    assert isinstance(after.command, KINDS[drive])
+    first = 1.5 if drive == "velocity_500" else before.command.numbers[0]
+    step = abs(after.command.numbers[0] - first)
+    assert 0.0 < step <= 5 * PERIOD * (ACCELERATION if drive == "velocity_500" else 1.5) + ROUNDING
+
+
 def test_a_failure_of_the_controller_itself_brings_the_command_to_rest(realtime: Controller) -> None:
     session = OneArm(realtime)
     for k in range(1, 60):

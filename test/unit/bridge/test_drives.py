@@ -12,6 +12,7 @@ from scipy.optimize import lsq_linear
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
+from slip_core.files.urdf import parse_urdf
 from slip_core.types import EffortCommand, JointSample, VelocityCommand
 from slip_description import urdf_text
 from slip_sim_bridge.drives.drive import Drives
@@ -154,6 +155,33 @@ def test_a_position_drive_comes_with_a_lag_of_first_order_and_holds_its_posture(
     for _ in range(300):
         simulation.step(None)
     np.testing.assert_allclose(simulation.observe().joint.position, start + STEP * FIRST, atol=1e-7)
+
+
+@every("towards", ("lower", "upper"))
+@every("joint", (3,))
+@every("interface", ("velocity", "position"))
+def test_drives_take_no_command_beyond_the_speed_and_range_of_a_joint(interface: str, joint: int, towards: str) -> None:
+    simulation = weightless(drive__interface=interface, drive__bandwidth=40.0, control_period_s=0.004)
+    command = np.zeros(7) if interface == "velocity" else simulation.observe().joint.position.copy()
+    command[joint] = 1e300 if towards == "upper" else -1e300
+    name = scenario_params().joint_names[joint]
+    (limit,) = (at.find("limit") for at in parse_urdf(urdf_text()).iter("joint") if at.get("name") == name)
+    end, fastest = float(limit.get(towards)), 0.0
+    for _ in range(750):
+        assert (end - simulation.observe().joint.position[joint]) * np.sign(command[joint]) >= -1e-6
+        simulation.step(command)
+        assert simulation.effort_saturated
+        fastest = max(fastest, abs(simulation.observe().joint.velocity[joint]))
+    assert simulation.observe().joint.position[joint] == pytest.approx(end, abs=1e-3)
+    assert fastest == pytest.approx(float(limit.get("velocity")), rel=1e-3)
+
+
+@every("interface", ("velocity", "position"))
+def test_a_command_that_jumps_to_and_fro_throws_no_arm(interface: str) -> None:
+    simulation, rng = weightless(drive__interface=interface, drive__bandwidth=300.0), np.random.default_rng(5)
+    for _ in range(1000):
+        simulation.step(rng.choice((-1.0, 1.0), 7) * 10.0 ** rng.uniform(-3.0, 300.0, 7))
+        assert np.isfinite(simulation.observe().numbers).all()
 
 
 @every("delay", (0, 1, 4))

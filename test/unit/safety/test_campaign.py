@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -145,6 +146,16 @@ def test_command_monitor_lets_the_fastest_allowed_pass() -> None:
     monitor.take(0, np.zeros(0), tuple)
     monitor.take(90 * MS, np.array([20.0, 1.0]), lambda: (np.array([19.0, 0.0]), ZERO))
     assert monitor.violations == []
+
+
+def test_command_monitor_after_a_pause_without_a_new_joint_state() -> None:
+    """Drives that follow their last command are met there; with a new joint state, where they are measured."""
+    promise = replace(PROMISE, follows_last=True)
+    for after, measured_ns, violations in ((20.0, 1, 0), (20.0, 2, 1), (0.0, 1, 1), (0.0, 2, 0), (10.0, 1, 1)):
+        monitor = CommandMonitor(promise)
+        monitor.take(0, np.array([20.0, 0.0]), lambda: (np.array([20.0, 0.0]),), 1)
+        monitor.take(100 * MS, np.array([after, 0.0]), lambda: (ZERO,), measured_ns)
+        assert len(monitor.violations) == violations
 
 
 def test_joint_monitor_sees_steps_and_unrest() -> None:

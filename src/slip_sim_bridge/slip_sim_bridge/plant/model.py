@@ -14,7 +14,7 @@ import numpy as np
 
 from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw, readonly
 from slip_core.errors import InputError
-from slip_core.files.urdf import numbers_of, parse_urdf, usable_urdf
+from slip_core.files.urdf import named, numbers_of, parse_urdf, usable_urdf
 from slip_core.records import WholeArray
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
@@ -204,6 +204,16 @@ def urdf_dynamics(params: BridgeParams, urdf_text: str) -> tuple[Array, Array]:
         for name in ("friction", "damping")
     )
     return friction, damping
+
+
+def motion_limits(params: BridgeParams, urdf_text: str) -> tuple[Array, Array, Array]:
+    """Return lower and upper end [rad] and speed [rad/s] of the URDF's joint limits; (n,) each."""
+    joints = named(parse_urdf(usable_urdf(urdf_text, params.ee_frame, params.joint_names)), "joint")
+    limits = [joints[name].find("limit") for name in params.joint_names]
+    lower, upper, speed = (
+        np.array([numbers_of(limit, name, (0.0,))[0] for limit in limits]) for name in ("lower", "upper", "velocity")
+    )
+    return lower, upper, speed
 
 
 def tree_of(model: mujoco.MjModel) -> WholeArray:
