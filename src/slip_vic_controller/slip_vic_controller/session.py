@@ -497,7 +497,7 @@ class ArmSession:
     def ramp_to(self, params: ControllerParams, target: Array) -> None:
         """Let gains and payload ramp to those of `params`, whose LAW_GAINS is `target`."""
         least_s, law = params.gains.ramp_s, self.state.law
-        if params.object != self._tuned.object:
+        if params.object != self.tuned.object:
             self.state.tare.mass_share = 0.0  # what a user gives counts
         self.state.tuned = make_ramp(self.controller.gains, target, 0, least_s).view(RAMP)[0]
         if law.known:
