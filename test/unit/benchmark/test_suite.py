@@ -1,8 +1,10 @@
 """The suite: its worlds are frozen, results are rows that go on, are verified and compared."""
 
 import json
+import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from click.testing import CliRunner
 
 from slip_core.errors import InputError
 from slip_vic.benchmark import result
-from slip_vic.benchmark.compare import compare, joined
+from slip_vic.benchmark.compare import HEAD, compare, joined, lines_of
 from slip_vic.benchmark.law import find_law
 from slip_vic.benchmark.suite import TUNING_SEED, World, run_world, slip_path, suite, worlds
 from slip_vic.cli import cli
@@ -124,6 +126,38 @@ def test_what_a_law_does_wrong_is_a_row(tmp_path: Path) -> None:
     assert (row.outcome, row.reason) == ("failed", "0.000 s: step raises ZeroDivisionError: division by zero")
     row = run_world(f"{file}:NotMade", short("capped", 1))
     assert (row.outcome, row.reason) == ("failed", "KeyError: 'no'")
+
+
+def test_who_stays_at_the_start_of_a_closed_path_has_not_arrived(tmp_path: Path) -> None:
+    file = tmp_path / "still.py"
+    file.write_text(
+        "class Still:\n    needs = frozenset()\n    def reset(self, setup): ...\n    def step(self, seen): ...\n"
+    )
+    path = {"kind": "circle", "duration_s": 0.2, "ramp_s": 0.1, "period_s": 0.1, "radius": 0.001}
+    closed = (*(f"controller.trajectory.{name}={value}" for name, value in path.items()), "bridge.duration_s=0.25")
+    world = short("capped", 1)
+    row = run_world(f"{file}:Still", replace(world, ticket=replace(world.ticket, world=closed)))
+    assert (row.outcome, row.reason) == ("stays", "the pad does not leave the start")
+    assert math.isnan(row.metrics["arrival_s"])
+    assert row.metrics["final_error_m"] < 1e-3
+
+
+def test_no_law_looks_better_by_what_it_does_not_carry() -> None:
+    """Four worlds in which the pad slides by 1 mm each: arrived, late, left short, never left; then one lost."""
+    cases = [("ok", 1.0, 0.0), ("ok", math.nan, 0.01), ("ok", math.nan, 0.03), ("stays", math.nan, 0.0)]
+    cases.append(("fault", math.nan, 0.0))
+    rows = tuple(
+        {**dict.fromkeys(result.LAYOUT.columns, "1"), "world": str(k), "track": "capped", "slip_path_m": "0.001"}
+        | {"outcome": outcome, "arrival_s": repr(arrival), "final_error_m": repr(error)}
+        for k, (outcome, arrival, error) in enumerate(cases)
+    )
+    law = result.Result("law", "law", "", oracle=False, several=False, digest="", rows=rows)
+    (line,) = lines_of([law], 1)
+    shown = dict(zip(HEAD, line, strict=True))
+    assert [shown[name] for name in ("worlds", "carried", "lost", "short", "late")] == ["5", "2", "1", "2", "1"]
+    assert (shown["slip [mm]"], shown["arrives [s]"], shown["peak [N]"]) == ("inf", "inf", "1")
+    (line,) = lines_of([replace(law, rows=rows[:3])], 1)
+    assert dict(zip(HEAD, line, strict=True))["slip [mm]"] == "1"
 
 
 def test_the_slip_path_is_its_length_and_not_where_it_ends() -> None:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import matplotlib as mpl
 
@@ -24,7 +24,8 @@ from rich.table import Table
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_vic.benchmark.result import Result, read_result
-from slip_vic.benchmark.suite import DIGEST, LOST, METRICS, SUITE
+from slip_vic.benchmark.suite import DIGEST, LOST, METRICS, SHORT_M, SUITE
+from slip_vic.study.table import Row
 from slip_vic.study.tune.page import STYLE, table
 
 SHOWN: Final = (
@@ -37,8 +38,16 @@ SHOWN: Final = (
     ("effort_rate_rms_n_m_s", 1.0, "effort rate [N m/s]"),
     ("step_p99_s", 1e3, "step [ms]"),
 )
-HEAD: Final = ("law", "grip", "arms", "worlds", "lost", "late", *(label for _, _, label in SHOWN))
+HEAD: Final = ("law", "grip", "arms", "worlds", "carried", "lost", "short", "late", *(label for _, _, label in SHOWN))
 QUARTILES: Final = (0.25, 0.5, 0.75)
+NOT_CARRIED: Final = 1e3
+ARRIVES_NEVER: Final = 10.0
+"""Where the picture has what is not carried [mm], and what is late or not carried [s]; no world lasts so long."""
+NEWTONS: Final = (0.5, 1.0, 2.0, 5.0, 10.0)
+OUTCOMES: Final = {"arrived": "#2a7f62", "late": "#9ccfb8", "short": "#e9c46a", "lost": "#c8553d"}
+"""With the colours of the picture."""
+NOTHING: Final = 1e-6
+"""What the table shows as 0."""
 
 
 def compare(folders: Sequence[Path], out: Path) -> tuple[Table, str]:
@@ -52,7 +61,7 @@ def compare(folders: Sequence[Path], out: Path) -> tuple[Table, str]:
     laws = joined(folders)
     lines = write(laws, out)
     (out / "compare.html").write_text(page(lines, (out / "compare.png").read_bytes()), encoding="utf-8")
-    shown = Table(title=f"{SUITE}: medians; what is lost or does not arrive counts as infinite")
+    shown = Table(title=f"{SUITE}: medians; what is lost or short counts as infinite")
     for name in HEAD:
         shown.add_column(name, justify="left" if name in ("law", "grip") else "right")
     for line in lines:
@@ -100,28 +109,39 @@ def common(laws: Sequence[Result], arms: int) -> frozenset[str]:
 
 
 def lines_of(laws: Sequence[Result], arms: int) -> list[list[str]]:
-    """Return a line of the table for each law: the tracks by themselves, in each the least slip first."""
+    """Return a line of the table for each law: the tracks by themselves, in each first what carries most."""
     worlds, lines = common(laws, arms), []
     for law in laws:
         rows = [row for row in law.rows if row["arms"] == str(arms) and row["world"] in worlds]
         if not rows:
             continue
         lost = sum(row["outcome"] in LOST for row in rows)
-        late = sum(not math.isfinite(float(row["arrival_s"])) for row in rows) - lost
+        short = sum(not carried(row) for row in rows) - lost
+        late = sum(not math.isfinite(float(row["arrival_s"])) for row in rows) - lost - short
         medians = [median(counted(law, metric, arms, worlds)) * scale for metric, scale, _ in SHOWN]
         name = f"{law.label} (oracle)" if law.oracle else law.label
-        cells = [name, rows[0]["track"], str(arms), str(len(rows)), str(lost), str(late), *map(cell, medians)]
-        lines.append(((rows[0]["track"], law.oracle, lost, medians[0]), cells))
+        counts = map(str, (arms, len(rows), len(rows) - lost - short, lost, short, late))
+        lines.append(
+            (
+                (rows[0]["track"], law.oracle, lost + short, medians[0]),
+                [name, rows[0]["track"], *counts, *map(cell, medians)],
+            )
+        )
     return [cells for _, cells in sorted(lines, key=lambda line: line[0])]
 
 
 def counted(law: Result, metric: str, arms: int, worlds: frozenset[str]) -> Array:
-    """Return a metric of each world; infinite where the object was lost, but for what does not depend on that."""
+    """Return a metric of each world; infinite where the object is not carried, but for what does not depend on that."""
     values = law.values(metric, arms, worlds)
     if metric.startswith(("squeeze", "step", "effort")):
         return values
     rows = [row for row in law.rows if row["arms"] == str(arms) and row["world"] in worlds]
-    return np.where([row["outcome"] in LOST for row in rows], math.inf, values)
+    return np.where([not carried(row) for row in rows], math.inf, values)
+
+
+def carried(row: Row) -> bool:
+    """Return whether the object has come with the pad, to `SHORT_M` from the goal."""
+    return row["outcome"] not in (*LOST, "stays") and float(row["final_error_m"]) <= SHORT_M
 
 
 def median(values: Array) -> float:
@@ -131,41 +151,60 @@ def median(values: Array) -> float:
 
 def cell(value: float) -> str:
     """Return a number with three digits."""
-    return f"{value:.3g}" if math.isfinite(value) else "inf"
+    return ("0" if abs(value) < NOTHING else f"{value:.3g}") if math.isfinite(value) else "inf"
 
 
 def png(laws: Sequence[Result]) -> bytes:
-    """Return slip against squeeze and slip against arrival: a law is its medians, bars are quartiles."""
+    """Return what became of the worlds with one arm, slip against squeeze, and slip against arrival.
+
+    A law is its medians, bars are quartiles; laws are drawn a little beside each other where they are the same.
+    """
     worlds = common(laws, 1)
-    figure, axes = plt.subplots(1, 2, figsize=(12.0, 5.0), constrained_layout=True)
-    pairs = (("squeeze_peak_n", "peak squeeze [N]"), ("arrival_s", "arrival [s]"))
-    for axis, (metric, label) in zip(axes, pairs, strict=True):
+    laws = sorted((law for law in laws if worlds), key=lambda law: (law.rows[0]["track"], law.label), reverse=True)
+    figure, (bars, *axes) = plt.subplots(1, 3, figsize=(16.0, 4.8), constrained_layout=True)
+    for k, law in enumerate(laws):
+        _draw_outcomes(bars, k, [row for row in law.rows if row["arms"] == "1" and row["world"] in worlds])
+    bars.set_yticks(range(len(laws)), [f"{law.label} ({law.rows[0]['track']})" for law in laws])
+    bars.set(xlabel="worlds")
+    handles = [plt.Rectangle((0, 0), 1, 1, color=colour) for colour in OUTCOMES.values()]
+    bars.legend(handles, OUTCOMES, ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
+    pairs = (("squeeze_peak_n", "peak squeeze [N]", math.inf), ("arrival_s", "arrival [s]", ARRIVES_NEVER))
+    for axis, (metric, label, most) in zip(axes, pairs, strict=True):
         for k, law in enumerate(laws):
-            x, y = counted(law, metric, 1, worlds), 1e3 * counted(law, "slip_path_m", 1, worlds)
-            if not len(y):
-                continue
+            beside = k - 0.5 * (len(laws) - 1)
+            x = np.fmin(counted(law, metric, 1, worlds), most)
+            x = x + 0.07 * beside if metric == "arrival_s" else x * 1.015**beside
+            y = np.fmin(1e3 * counted(law, "slip_path_m", 1, worlds), NOT_CARRIED)
             (x1, x2, x3), (y1, y2, y3) = (np.quantile(v, QUARTILES, method="higher") for v in (x, y))
-            if not (math.isfinite(x2) and math.isfinite(y2)):
-                axis.plot([], [], "x", color=f"C{k}", label=f"{law.label} (median lost or late)")
-                continue
-            spread = (
-                np.nan_to_num([[x2 - x1], [x3 - x2]], posinf=10.0),
-                np.nan_to_num([[y2 - y1], [y3 - y2]], posinf=1e3),
-            )
             marker = "s" if law.rows[0]["track"] == "capped" else "o"
-            axis.errorbar(
-                [x2], [y2], yerr=spread[1], xerr=spread[0], fmt=marker, color=f"C{k}", label=law.label, lw=0.8
-            )
+            spread = {"yerr": [[y2 - y1], [y3 - y2]], "xerr": [[x2 - x1], [x3 - x2]]}
+            axis.errorbar([x2], [y2], **spread, fmt=marker, color=f"C{k}", label=law.label, lw=0.9, ms=5)
         axis.set(xlabel=label, ylabel="slip of the pad on the object, path [mm]")
         axis.set_yscale("symlog", linthresh=0.1)
+        axis.set_yticks([0, 0.1, 1, 10, 100, NOT_CARRIED], ["0", "0.1", "1", "10", "100", "not carried"])
         axis.grid(alpha=0.3)
     axes[0].set_xscale("log")
-    axes[1].legend(fontsize="small", title="squares: capped grip")
-    figure.suptitle(f"{SUITE}, {len(worlds)} worlds with one arm: median and quartiles; less is better on all axes")
+    axes[0].set_xticks(NEWTONS, [f"{force:g}" for force in NEWTONS])
+    axes[0].minorticks_off()
+    seconds = np.arange(0.0, ARRIVES_NEVER, 2.0)
+    axes[1].set_xticks([*seconds, ARRIVES_NEVER], [*(f"{t:g}" for t in seconds), "never"])
+    axes[1].legend(*(part[::-1] for part in axes[1].get_legend_handles_labels()), fontsize="x-small")
+    figure.suptitle(f"{SUITE}, {len(worlds)} worlds with one arm; medians and quartiles, squares have capped grip")
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=100)
+    figure.savefig(buffer, format="png", dpi=80)
     plt.close(figure)
     return buffer.getvalue()
+
+
+def _draw_outcomes(axis: Any, k: int, rows: Sequence[Row]) -> None:
+    """Draw how many rows have each of `OUTCOMES`, as one bar."""
+    lost = sum(row["outcome"] in LOST for row in rows)
+    kept = sum(carried(row) for row in rows)
+    arrived = sum(math.isfinite(float(row["arrival_s"])) for row in rows if carried(row))
+    left = 0
+    for count, colour in zip((arrived, kept - arrived, len(rows) - kept - lost, lost), OUTCOMES.values(), strict=True):
+        axis.barh(k, count, left=left, color=colour)
+        left += count
 
 
 def page(lines: Sequence[Sequence[str]], picture: bytes) -> str:
@@ -175,8 +214,9 @@ def page(lines: Sequence[Sequence[str]], picture: bytes) -> str:
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{SUITE}</title>'
         f'<meta name="viewport" content="width=device-width"><style>{STYLE} img {{ max-width: 100%; }}</style></head>'
         f"<body><h1>{html.escape(SUITE)}</h1>"
-        "<p>Medians over the worlds that all laws have; where the object is lost or does not arrive it counts as "
-        "infinite. lost: the object, or the law failed. late: not at the goal to 1 mm and 0.5 degrees at the end. "
+        "<p>Medians over the worlds that all laws have; where the object is lost or left short it counts as infinite, "
+        "and where it is late its arrival does. lost: the object, or the law failed. short: more than 20 mm from the "
+        "goal at the end. late: nearer, but not to 1 mm and 0.5 degrees. "
         "peak and mean: of the squeeze. Laws with capped grip and with free grip are not ranked together: slip can be "
         "bought by squeeze, and by time.</p>"
         f'<p><img alt="slip against squeeze and arrival" src="data:image/png;base64,{image}"></p>'

@@ -49,6 +49,8 @@ TIMED: Final = ("step_p99_s",)
 """Metrics that are not the same in each run."""
 LOST: Final = ("lost", "fault", "failed", "crashed")
 """Outcomes in which the object does not arrive; failed: the law did what a law must not do."""
+SHORT_M: Final = 0.02
+"""Farther than this from the goal at the end, the object has not been carried there [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +136,10 @@ def suite(
 
 @dataclass(frozen=True, slots=True)
 class WorldResult:
-    """A row: outcome of `slip_vic.run.judge.Outcome`, why, and numbers by the names of `METRICS`."""
+    """A row: outcome of `slip_vic.run.judge.Outcome`, refused, failed or stays; why; numbers by the names of `METRICS`.
+
+    stays: the pad is at the start all the time, which of a closed path is its goal too.
+    """
 
     case: World
     outcome: str
@@ -158,11 +163,14 @@ def run_world(law: str, world: World) -> WorldResult:
     outcome, reason = ("failed", driven.failure) if driven.failure else (verdict.outcome, verdict.reason)
     if not track.ticks:
         return WorldResult(world, outcome, reason, nothing)
+    arrival = math.nan if outcome in LOST else verdict.worst("arrival_s")
+    if arrival == 0.0:  # of a closed path, whose goal is where it starts
+        outcome, reason, arrival = "stays", "the pad does not leave the start", math.nan
     paths = [slip_path(series.time, series.slip_velocity) for series in track.series()]
     numbers = {
         "slip_path_m": max(path[0] for path in paths),
         "slip_path_rad": max(path[1] for path in paths),
-        "arrival_s": math.nan if outcome in LOST else verdict.worst("arrival_s"),
+        "arrival_s": arrival,
         "final_error_m": max(float(np.linalg.norm(arm["final_error"][:3])) for arm in verdict.arms.values()),
         "final_error_rad": max(float(np.linalg.norm(arm["final_error"][3:])) for arm in verdict.arms.values()),
         "squeeze_peak_n": float(max(driven.grips)),

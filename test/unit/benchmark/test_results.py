@@ -1,0 +1,38 @@
+"""The results that the repository holds: tables and picture of the pages are those of their rows."""
+
+import json
+import runpy
+
+import pandas as pd
+
+from slip_vic.benchmark.compare import HEAD, lines_of
+from slip_vic.benchmark.result import digest_of_rows
+from slip_vic.benchmark.suite import DIGEST
+from test.support.pages import ROOT
+
+TOOL = runpy.run_path(str(ROOT / "tools" / "benchmark_tables.py"))
+LAWS = TOOL["results"]()
+
+
+def test_the_tables_of_the_pages_are_those_of_the_results() -> None:
+    for page in TOOL["PAGES"]:
+        assert page.read_text() == TOOL["page"](page, LAWS), "run: python tools/benchmark_tables.py"
+        assert page.read_text().count(TOOL["BEGIN"]) == 1
+
+
+def test_the_kept_table_and_rows_are_those_of_the_results() -> None:
+    kept = json.loads((TOOL["FOLDER"] / "compare.json").read_text())
+    lines = [line for arms in (1, 2) for line in lines_of(LAWS, arms)]
+    assert kept["digest"] == DIGEST
+    assert kept["laws"] == [dict(zip(HEAD, line, strict=True)) for line in lines]
+    frame = pd.read_parquet(TOOL["FOLDER"] / "compare.parquet")
+    assert sorted(frame.groupby("law").size().items()) == sorted((law.label, len(law.rows)) for law in LAWS)
+
+
+def test_no_row_was_changed_and_all_laws_have_the_same_worlds() -> None:
+    assert len(LAWS) >= 9
+    for law in LAWS:
+        assert law.digest == digest_of_rows(law.rows), law.label
+    for arms in ("1", "2"):
+        worlds = {frozenset(row["world"] for row in law.rows if row["arms"] == arms) for law in LAWS}
+        assert len(worlds - {frozenset()}) == 1
