@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from slip_vic.study.engines.pool import end_children, interrupts_later
-from test.campaigns.faults.plan import Plan, all_faults, make_plan
+from test.campaigns.faults.plan import Plan, all_faults, make_plan, with_task_and_joints
 
 IN_FLIGHT_PER_WORKER = 3
 
@@ -151,7 +151,8 @@ def plan_of(seed: int, trial: int, interface: str = "") -> Plan:
     """Return the plan of an in-process trial; interface: what the arm takes, empty = drawn."""
     from test.campaigns.faults.trial import LATEST_START_S, LONGEST_S
 
-    return make_plan(seed, trial, all_faults(), LATEST_START_S, LONGEST_S, interface)
+    plan = make_plan(seed, trial, all_faults(), LATEST_START_S, LONGEST_S, interface)
+    return with_task_and_joints(plan, LATEST_START_S, LONGEST_S)
 
 
 def judge(seed: int, trial: int, interface: str = "") -> Verdict:

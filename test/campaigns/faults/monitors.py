@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_vic_controller.reference.governor import Phase
+from slip_vic_controller.reference.path_grid import GRID_POINTS
 from test.campaigns.faults.plan import JOINT, WRENCH
 
 Numbers = NDArray[np.float64]
@@ -24,8 +27,9 @@ REACTION_S = 0.02  # beyond the age limit: the watchdog's period and one cycle
 class Promise:
     """The limits of a command, (n,) [N m], [rad/s] or [rad], and of its slope, each per second.
 
-    longest_step_s, restart_after_s, period_s: as in the parameters. follows_last: whether drives follow their last
-    command until the next one, as those do that take velocities or positions.
+    least: lower limits where they are not -most (positions). longest_step_s, restart_after_s, period_s: as in the
+    parameters. follows_last: whether drives follow their last command until the next one, as those do that take
+    velocities or positions.
     """
 
     most: Numbers
@@ -34,6 +38,12 @@ class Promise:
     restart_after_s: float
     period_s: float
     follows_last: bool = False
+    least: Numbers | None = None
+
+    @property
+    def lowest(self) -> Numbers:
+        """The lower limits."""
+        return -self.most if self.least is None else self.least
 
 
 @dataclass
@@ -58,7 +68,7 @@ class CommandMonitor:
         if not np.isfinite(effort).all():
             self.violations.append(f"{now_s:.3f} s: command {effort.tolist()}")
             return False
-        if (np.abs(effort) > self.promise.most).any():
+        if (effort > self.promise.most).any() or (effort < self.promise.lowest).any():
             self.violations.append(f"{now_s:.3f} s: command {effort.tolist()} above the limits")
         return True
 
@@ -88,7 +98,7 @@ class CommandMonitor:
             known = self._last[1] if passed_s <= promise.restart_after_s or blind else None
         passed_s = promise.period_s if known is None else passed_s
         allowed = promise.rate * min(passed_s, promise.longest_step_s)
-        before = [known] if known is not None else [np.clip(e, -promise.most, promise.most) for e in starts()]
+        before = [known] if known is not None else [np.clip(e, promise.lowest, promise.most) for e in starts()]
         beyond = min((float((np.abs(effort - start) - allowed).max()) for start in before), default=0.0)
         if beyond > ROUNDING:
             kind = "from what the joints feel" if known is None else f"in {1e3 * passed_s:.3f} ms"
@@ -97,6 +107,44 @@ class CommandMonitor:
                 f" after {[start.tolist() for start in before]}"
             )
         self._last = (now_ns, effort, measured_ns)
+
+
+@dataclass
+class WorkMonitor:
+    """No joint state waits for a plan: all good ones are answered, and a cycle plans no more than its share.
+
+    Virtual time shows no gap that computing makes, so work is counted, not time: points of the path that are left to be
+    sampled, and of the pass under way.
+
+    most: points that a cycle may plan; patience: joint states in a row that may go without an answer, while the
+    controller finds out whether their source has restarted.
+    """
+
+    most: int
+    patience: int
+    violations: list[str] = field(default_factory=list)
+    largest_seen: int = 0
+    _left: int = 0
+    _unanswered: int = 0
+
+    def restarted(self) -> None:
+        """The controller has lost its memory."""
+        self._left = self._unanswered = 0
+
+    def take(self, now_s: float, path: Any, answered: bool) -> None:
+        """Judge the cycle that a good joint state led to; path: GOVERNOR after it."""
+        self._unanswered = 0 if answered else self._unanswered + 1
+        if self._unanswered == self.patience + 1:
+            self.violations.append(f"{now_s:.3f} s: {self._unanswered} good joint states without an answer")
+        left = 0
+        if path.phase == Phase.SAMPLING:
+            left = 2 * GRID_POINTS - int(path.cursor)  # the pass comes after it
+        elif path.phase == Phase.BACKWARD:
+            left = int(path.cursor) + 1
+        done = self._left - left
+        self.largest_seen, self._left = max(self.largest_seen, done), left
+        if done > self.most:
+            self.violations.append(f"{now_s:.3f} s: one cycle plans {done} points")
 
 
 @dataclass

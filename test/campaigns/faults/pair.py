@@ -63,7 +63,7 @@ def prepared(name: str, interface: str = "effort") -> tuple[Scenario, Controller
     """Return a scenario as the campaign runs it, and its controller."""
     scenario = load_scenario(
         name,
-        drive=DRIVES[interface],
+        drive="" if interface == "effort" else DRIVES[interface][0],
         assignments=[
             f"controller.control_period_s={PERIOD_S}", f"bridge.control_period_s={PERIOD_S}",
             "controller.gains.k_s=100.0", "controller.gains.kappa=0.4", "controller.trajectory.start_s=0.0",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,8 +18,16 @@ ON_TOPICS = (
 )  # fmt: skip
 ON_NODES = ("kill", "stop")
 IDEAL = "ideal"
-DRIVES = {"effort": "", "velocity": "velocity_500", "position": "position_250"}
-"""What the arm has where a trial commands efforts, velocities or positions."""
+DRIVES = {
+    "effort": (IDEAL, "torque_joint", "motor_current"),
+    "velocity": ("velocity_500", "velocity_125"),
+    "position": ("position_250",),
+}
+"""Presets of drives that take efforts, velocities or positions."""
+TASKS = ("path", "goal", "topic")
+"""Where the reference comes from: the built-in path, goals, or a stream of references."""
+MOST_NOISE, MOST_FRICTION, MOST_OFFSET = 0.01, 0.3, 0.2
+"""Of joints that no parameter describes: velocity noise [rad/s], friction and torque offset [N m]."""
 PERIOD_S = 0.004
 
 
@@ -82,13 +90,21 @@ class Plan:
     controller: Law
     faults: tuple[Fault, ...]
     sensor: str = IDEAL
-    interface: str = "effort"
+    drive: str = IDEAL
+    task: str = "path"
+    joints: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Velocity noise [rad/s], friction and offset [N m] of the joints beyond the drive's, which nobody has told."""
+
+    @property
+    def interface(self) -> str:
+        """What the drives take."""
+        return next(interface for interface, drives in DRIVES.items() if self.drive in drives)
 
     @property
     def setting(self) -> str:
         """What runs, as reports count it."""
         observer = " observer" if self.observer else ""
-        return f"{self.scenario} {self.controller}{observer} {self.interface} {self.sensor}"
+        return f"{self.scenario} {self.controller}{observer} {self.task} {self.interface} {self.drive} {self.sensor}"
 
 
 def make_plan(
@@ -122,11 +138,36 @@ def make_plan(
     sensor = sensors[int(rng.integers(len(sensors)))]
     in_order = tuple(sorted(faults, key=lambda fault: fault.start_s))
     drawn = tuple(DRIVES)[int(rng.integers(len(DRIVES)))]
-    return Plan(trial, seed, scenario, observer, controller, in_order, sensor, interface or drawn)
+    of = DRIVES[interface or drawn]
+    return Plan(trial, seed, scenario, observer, controller, in_order, sensor, of[int(rng.integers(len(of)))])
+
+
+def with_task_and_joints(plan: Plan, latest_start_s: float, longest_s: float) -> Plan:
+    """Draw what a trial in process has beyond that: task, joints, and at times wild goals, references or parameters."""
+    rng = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 9)))
+    task = TASKS[int(rng.integers(len(TASKS)))]
+    joints = (0.0, 0.0, 0.0)
+    if rng.uniform() < 0.5:
+        most = (MOST_NOISE, MOST_FRICTION, MOST_OFFSET)
+        joints = tuple(float(rng.uniform(0.0, each)) for each in most)  # type: ignore[assignment]
+    more = [
+        kind
+        for kind, chance in ((f"wild_{task}", 0.7 * (task != "path")), ("parameter", 0.25))
+        if rng.uniform() < chance
+    ]
+    faults = [
+        Fault(
+            kind, CONTROLLER, float(rng.uniform(0.05, latest_start_s)),
+            float(np.exp(rng.uniform(np.log(0.002), np.log(longest_s)))), float(rng.uniform()),
+        )
+        for kind in more
+    ]  # fmt: skip
+    in_order = tuple(sorted((*plan.faults, *faults), key=lambda fault: fault.start_s))
+    return replace(plan, task=task, joints=joints, faults=in_order)
 
 
 def realtime_scenario(
-    name: str, observer: bool, controller: Law, sensor: str, assignments: Iterable[str], interface: str = "effort"
+    name: str, observer: bool, controller: Law, sensor: str, assignments: Iterable[str], drive: str = IDEAL
 ) -> Scenario:
     """Return a scenario as campaigns run it, in real time without an end; the ideal sensor leaves the gains."""
     usual = (
@@ -135,6 +176,6 @@ def realtime_scenario(
     )  # fmt: skip
     return load_scenario(
         name, law=controller, mode="realtime", assignments=(*usual, *assignments),
-        sensor="" if sensor == IDEAL else sensor, drive=DRIVES[interface],
+        sensor="" if sensor == IDEAL else sensor, drive="" if drive == IDEAL else drive,
         estimator="observer" if observer else "measured",
     )  # fmt: skip

@@ -12,16 +12,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_core.arrays import matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.params import build, flatten
-from slip_core.types import JointCommand, JointSample
+from slip_core.types import CartesianReference, JointCommand, JointSample, PoseGoal
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import Law, Scenario
+from slip_vic_controller.config import POINTS_PER_CYCLE
+from slip_vic_controller.governing import SAMPLES_PER_CYCLE
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session import ArmController, Controller, CycleResult
+from slip_vic_controller.session import RETUNABLE, ArmController, Controller, CycleResult
 from slip_vic_controller.sizes import MAX_JOINTS
 from test.campaigns.faults.carriers import SampleCarrier
 from test.campaigns.faults.channel import Channel, Delivery
@@ -33,6 +36,7 @@ from test.campaigns.faults.monitors import (
     JointMonitor,
     Promise,
     SafeStateMonitor,
+    WorkMonitor,
 )
 from test.campaigns.faults.plan import (
     BRIDGE,
@@ -56,6 +60,7 @@ LATEST_START_S, LONGEST_S = 0.6, 0.4
 START_NS = 1_000_000_000_000  # of the wall clock
 STEADY_NS = 5_000_000_000
 RESTART_S = 0.2  # time from the start of a node to its first message
+GOAL_TICKS, GOAL_STEP, AMPLITUDE = 100, np.array((0.0, 0.06, 0.02)), 0.02  # of goals [m] and references [m]
 
 
 @dataclass
@@ -76,15 +81,82 @@ class Outcome:
 
 @cache
 def prepared(
-    name: str, observer: bool, kind: Law, sensor: str = IDEAL, interface: str = "effort"
+    name: str, observer: bool, kind: Law, sensor: str = IDEAL, drive: str = IDEAL, task: str = "path"
 ) -> tuple[Scenario, Controller]:
     """Return a scenario as the campaign runs it, and its law; the ideal sensor leaves the gains what they are."""
     assignments = [f"controller.trajectory.duration_s={0.75 * DURATION_S}"]
     if name == "vertical_plane":
         # What friction cannot carry is to be met: more than just enough grip at the start.
         assignments += ["controller.trajectory.displacement=[0.0, 0.1, 0.05]"]
-    scenario = realtime_scenario(name, observer, kind, sensor, assignments, interface)
+    if task != "path":
+        assignments.append(f"controller.trajectory.kind={task}")
+    scenario = realtime_scenario(name, observer, kind, sensor, assignments, drive)
     return scenario, one_arm(scenario.controller, scenario.urdf, lockstep=False)
+
+
+def with_joints(params: BridgeParams, joints: tuple[float, float, float], seed: int) -> BridgeParams:
+    """Return the bridge's parameters with a seed; joints: noise, friction and offset beyond those of the drive."""
+    noise, friction, offset = joints
+    drive, sensors, n = params.drive, params.sensors, len(params.joint_names)
+    signs = np.random.default_rng(seed).choice((-1.0, 1.0), n)
+    update = {"coulomb": tuple((friction + np.array(drive.of_joints("coulomb", n))).tolist())}
+    if drive.interface == "effort":
+        update["offset"] = tuple((offset * signs + np.array(drive.of_joints("offset", n))).tolist())
+    joint = sensors.joint.model_copy(update={"noise_velocity": sensors.joint.noise_velocity + noise})
+    changed: dict[str, Any] = {"seed": seed}
+    if any(joints):
+        changed["drive"] = drive.model_copy(update=update)
+        changed["sensors"] = sensors.model_copy(update={"joint": joint})
+    return params.model_copy(update=changed)
+
+
+class User:
+    """Sends goals or references, good ones and wild ones.
+
+    Args:
+        task: "path", "goal" or "topic".
+        rng: of the wild ones.
+    """
+
+    def __init__(self, task: str, rng: np.random.Generator) -> None:
+        self._task, self._rng = task, rng
+        self._start: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+
+    def act(self, controller: OneArm, t: float, pad: Any, wild: Fault | None) -> None:
+        """Send what is due at time t [s]; pad: position [m] and attitude of the pad {w}."""
+        if self._task == "path":
+            return
+        self._start = self._start or (pad[0].copy(), pad[1].copy())
+        with suppress(InputError):  # refused is right, too
+            if wild is not None:
+                self._send_wild(controller)
+            elif self._task == "topic":
+                controller.set_reference(self._reference(t))
+            elif round(t / PERIOD_S) % GOAL_TICKS == GOAL_TICKS // 2:
+                there = self._start[0] + (round(t / PERIOD_S) // GOAL_TICKS % 2) * GOAL_STEP
+                controller.set_goal(PoseGoal(there, self._start[1], 0.5))
+
+    def _reference(self, t: float) -> CartesianReference:
+        """Return a slow oscillation about where the pad began."""
+        assert self._start is not None
+        twist, acceleration, w = np.zeros(6), np.zeros(6), 4.0
+        twist[1], acceleration[1] = AMPLITUDE * w * np.sin(w * t), AMPLITUDE * w * w * np.cos(w * t)
+        position = self._start[0] + np.array((0.0, AMPLITUDE * (1.0 - np.cos(w * t)), 0.0))
+        return CartesianReference(position, self._start[1], twist, acceleration)
+
+    def _send_wild(self, controller: OneArm) -> None:
+        """Send a goal or reference that nobody should: near to far, at once to never, still to absurdly fast."""
+        assert self._start is not None
+        rng = self._rng
+        there = self._start[0] + rng.normal(size=3) * 10.0 ** rng.uniform(-4.0, 1.5)
+        turn = matrix_from_quat_xyzw(rng.normal(size=4))
+        if self._task == "goal":
+            controller.set_goal(PoseGoal(there, turn, float(10.0 ** rng.uniform(-9.0, 9.0))))
+            return
+        twist, acceleration = (rng.normal(size=6) * 10.0 ** rng.uniform(-3.0, 4.0) for _ in range(2))
+        if rng.uniform() < 0.1:
+            twist[int(rng.integers(6))] = rng.choice((np.nan, np.inf, 1e308))
+        controller.set_reference(CartesianReference(there, turn, twist, acceleration))
 
 
 class Trial:
@@ -97,9 +169,11 @@ class Trial:
 
     def __init__(self, plan: Plan, *, keep: bool = False) -> None:
         self._plan, self._keep = plan, keep
-        self.scenario, self._law = prepared(plan.scenario, plan.observer, plan.controller, plan.sensor, plan.interface)
+        self.scenario, self._law = prepared(
+            plan.scenario, plan.observer, plan.controller, plan.sensor, plan.drive, plan.task
+        )  # fmt: skip
         noise = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 1)))
-        self._bridge_params = self.scenario.bridge.model_copy(update={"seed": int(noise.integers(2**31))})
+        self._bridge_params = with_joints(self.scenario.bridge, plan.joints, int(noise.integers(2**31)))
         controller, safety = self.scenario.controller, self.scenario.controller.safety
         self._channels = {
             name: Channel(
@@ -118,6 +192,10 @@ class Trial:
         slip_s = {} if plan.controller == "classical" else {SLIP: inputs.slip.age_s + PERIOD_S}  # it needs no slip
         degraded_s = safety.fallback.slow_down_s + (safety.fallback.observer_s if plan.observer else 0.0)
         ages_s |= {name: age_s + degraded_s for name, age_s in slip_s.items()}
+        self._work = WorkMonitor(POINTS_PER_CYCLE + SAMPLES_PER_CYCLE, inputs.accept_after + 1)
+        self._user = User(
+            plan.task, np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 10)))
+        )
         self._safe = SafeStateMonitor(ages_s, inputs.future_s, slip_s)
         self._stops = [fault for fault in plan.faults if fault.kind == "stop"]
         self._clock_stops = [fault for fault in plan.faults if fault.kind == "clock_stop"]
@@ -130,7 +208,7 @@ class Trial:
         self._newest_command: JointCommand | None = None
         self._recovered: float | None = None
         self._stand_still_ns: int | None = None
-        self._lost = 0
+        self._newest_stamp_ns = self._lost = 0
 
     def run(self) -> Outcome:
         """Run to the end; what the code raises is a violation too."""
@@ -140,7 +218,7 @@ class Trial:
             self._commands.violations.append(f"the arm's state is not physical any more: {error}")
         except Exception as error:  # whatever it is, it must not happen
             self._commands.violations.append(f"{type(error).__name__}: {error}")
-        violations = self._commands.violations + self._joints.violations + self._safe.violations
+        violations = self._commands.violations + self._joints.violations + self._safe.violations + self._work.violations
         return Outcome(
             self._plan, violations, self._recovered, self._modes, self._commands.commands, self._record, self._lost,
         )  # fmt: skip
@@ -202,10 +280,11 @@ class Trial:
                 self._done.add(fault)
                 self._controller, self._controller_back = None, t + fault.duration_s + RESTART_S
                 self._commands.restarted()
+                self._work.restarted()
             elif fault.kind == "kill":
                 self._done.add(fault)
                 self._restart_bridge(t + fault.duration_s + RESTART_S)
-            elif fault.kind in ("reset", "clock_jump", "gains", "request", "grip"):
+            elif fault.kind in ("reset", "clock_jump", "gains", "parameter", "request", "grip"):
                 self._happen(fault)
         if self._controller is None and t >= self._controller_back:
             self._controller = OneArm(self._law)
@@ -223,15 +302,19 @@ class Trial:
             self._bridge.set_grip_force(0, self.scenario.bridge.grip.force * 2.0 * fault.size**3)
         elif fault.kind == "request" and self._controller is not None:
             self._controller.request(Request(1 + int(3 * fault.size)))
-        elif fault.kind == "gains" and self._controller is not None:
+        elif fault.kind in ("gains", "parameter") and self._controller is not None:
             self._retune(self._controller, fault)
 
     def _retune(self, controller: OneArm, fault: Fault) -> None:
-        factor = 10.0 ** (2.0 * fault.size - 1.0)
-        values = flatten(self.scenario.controller)
-        values["gains.stiffness"] = [factor * k for k in values["gains.stiffness"]]
-        values["gains.k_s"] = min(factor * values["gains.k_s"], 200.0)
-        values["object.mass"] = values["object.mass"] * factor
+        factor, values = 10.0 ** (2.0 * fault.size - 1.0), flatten(self.scenario.controller)
+        if fault.kind == "gains":
+            values["gains.stiffness"] = [factor * k for k in values["gains.stiffness"]]
+            values["gains.k_s"] = min(factor * values["gains.k_s"], 200.0)
+            values["object.mass"] = values["object.mass"] * factor
+        else:
+            names = [name for name, value in values.items() if name.startswith(RETUNABLE) and np.all(np.isreal(value))]
+            name = names[int(1e6 * fault.size) % len(names)]
+            values[name] = (factor * np.array(values[name], float)).tolist()
         with suppress(InputError):  # gains may be refused; that is no violation
             controller.retune(build(ControllerNodeParams, values, "trial"))
 
@@ -274,7 +357,8 @@ class Trial:
             self._channels[name].send(shown, t, self._now_ns, self._now_ns - (outputs.stamp_ns - sample.stamp_ns))
         controller = self._controller
         follows = controller is not None and controller.mode.follows and not self._stopped(CONTROLLER, t)
-        self._joints.take(t, outputs.arms[0].joint.effort, outputs.arms[0].joint.velocity, follows)
+        true = self._bridge.simulation.observe(0).joint
+        self._joints.take(t, true.effort, true.velocity, follows)
         if self._keep:
             self._record += [(self._now_ns, name, sample) for name, sample in sent]
 
@@ -292,11 +376,17 @@ class Trial:
             for delivery in self._channels[name].arrivals(now_ns):
                 add(0, delivery.sample, now_ns)
                 self._note(name, delivery)
+        wild = next((f for f in self._plan.faults if f.kind.startswith("wild") and f.at(t)), None)
+        self._user.act(controller, t, self._bridge.simulation.observe(0).pad, wild)
         commands = self._commands.commands
         for delivery in self._channels[JOINT].arrivals(now_ns):
             controller.add_joint(delivery.sample, now_ns)
             self._note(JOINT, delivery)
-            self._answer(self._controller.cycle(now_ns), t)
+            result = self._controller.cycle(now_ns)
+            if delivery.clean and delivery.sample.stamp_ns > self._newest_stamp_ns:
+                self._newest_stamp_ns = delivery.sample.stamp_ns
+                self._work.take(t, controller.session.task.governor, result is not None)
+            self._answer(result, t)
         self._answer(self._controller.watchdog(now_ns), t)
         mode, answered = controller.mode, self._commands.commands > commands
         self._safe.check(t, mode.follows, answered, degraded=mode is not Mode.ACTIVE)
@@ -321,14 +411,15 @@ def promise_of(arm: ArmController, period_s: float) -> Promise:
     """Return what the commands of an arm keep to."""
     command, limits = arm.params.command, arm.params.safety.limits
     most: NDArray[np.float64] = arm.robot.effort_limit
+    least: NDArray[np.float64] | None = None
     rate: NDArray[np.float64] | float = limits.effort_rate
     speed = arm.robot.velocity_limit * limits.velocity_scale
     if command.interface == "velocity":
         most, rate = speed, command.acceleration_limit
     elif command.interface == "position":
-        most, rate = np.maximum(-arm.robot.position_lower, arm.robot.position_upper), speed
+        most, least, rate = arm.robot.position_upper, arm.robot.position_lower, speed
     follows_last = command.interface != "effort"
-    return Promise(most, rate, limits.longest_step_s, limits.restart_after_s, period_s, follows_last)
+    return Promise(most, rate, limits.longest_step_s, limits.restart_after_s, period_s, follows_last, least)
 
 
 def starts_of(session: OneArm, joint: JointSample) -> list[NDArray[np.float64]]:

@@ -38,6 +38,7 @@ from test.campaigns.faults.plan import (
     EFFORT,
     JOINT,
     SLIP,
+    TASKS,
     TOPICS,
     WRENCH,
     Fault,
@@ -158,6 +159,33 @@ def test_command_monitor_after_a_pause_without_a_new_joint_state() -> None:
         assert len(monitor.violations) == violations
 
 
+def test_command_monitor_knows_ranges_that_are_not_symmetric() -> None:
+    monitor = CommandMonitor(replace(PROMISE, least=np.array([1.0, -12.0])))
+    for first, violations in ((1.0, 0), (0.9, 1), (87.1, 2)):
+        monitor.inside(0, np.array([first, -12.0]))
+        assert len(monitor.violations) == violations
+
+
+def test_a_controller_that_plans_a_path_at_once_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And one that plans in pieces passes, whatever goals come."""
+    wild = Fault("wild_goal", CONTROLLER, start_s=0.5, duration_s=0.2, size=0.5)
+    plan = Plan(0, 1, "paper_planar", False, "governed", (wild,), task="goal")
+    assert run_trial(plan).violations == []
+
+    def at_once(config: Any) -> None:
+        config.governor.points_per_cycle = 1000
+
+    break_controller(monkeypatch, at_once)
+    assert any("one cycle plans" in text for text in run_trial(plan).violations)
+
+
+@every("kind", ("gains", "parameter"))
+def test_parameters_change_while_the_law_runs(kind: str) -> None:
+    outcome = run_trial(Plan(0, 1, "paper_planar", False, "vic", (Fault(kind, CONTROLLER, 0.2, 0.01, 0.55),)))
+    assert outcome.violations == []
+    assert outcome.modes["ACTIVE"] > 100
+
+
 def test_joint_monitor_sees_steps_and_unrest() -> None:
     monitor = JointMonitor(4.0)
     monitor.take(0.0, ZERO, ZERO, False)
@@ -230,6 +258,9 @@ def test_every_sensor_has_its_turn_with_every_controller() -> None:
     """And changes no fault that a seed has drawn before there were sensors."""
     plans = [plan_of(SEED, trial) for trial in range(300)]
     assert {plan.interface for plan in plans} == set(DRIVES)
+    assert {plan.drive for plan in plans} == {drive for drives in DRIVES.values() for drive in drives}
+    assert {plan.task for plan in plans} == set(TASKS)
+    assert sum(any(plan.joints) for plan in plans) > 100
     turns = {(plan.sensor, plan.controller, plan.observer) for plan in plans}
     assert len(turns) == len(preset_names("sensors")) * 3 * 2
     assert {plan.setting.split()[-1] for plan in plans} == set(preset_names("sensors"))
