@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from slip_vic.study.engines.pool import end_children, interrupts_later
-from test.campaigns.faults.plan import Plan, all_faults, make_plan, with_task_and_joints
+from test.campaigns.faults.plan import Plan, all_faults, make_plan, with_arm_and_task
 
 IN_FLIGHT_PER_WORKER = 3
 
@@ -152,7 +152,7 @@ def plan_of(seed: int, trial: int, interface: str = "") -> Plan:
     from test.campaigns.faults.trial import LATEST_START_S, LONGEST_S
 
     plan = make_plan(seed, trial, all_faults(), LATEST_START_S, LONGEST_S, interface)
-    return with_task_and_joints(plan, LATEST_START_S, LONGEST_S)
+    return with_arm_and_task(plan, LATEST_START_S, LONGEST_S)
 
 
 def judge(seed: int, trial: int, interface: str = "") -> Verdict:

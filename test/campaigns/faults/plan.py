@@ -93,7 +93,7 @@ class Plan:
     drive: str = IDEAL
     task: str = "path"
     joints: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Velocity noise [rad/s], friction and offset [N m] of the joints beyond the drive's, which nobody has told."""
+    """Velocity noise [rad/s], friction and offset [N m] of the joints beyond the drive's, which no parameter describes."""
 
     @property
     def interface(self) -> str:
@@ -138,14 +138,13 @@ def make_plan(
     sensor = sensors[int(rng.integers(len(sensors)))]
     in_order = tuple(sorted(faults, key=lambda fault: fault.start_s))
     drawn = tuple(DRIVES)[int(rng.integers(len(DRIVES)))]
-    of = DRIVES[interface or drawn]
-    return Plan(trial, seed, scenario, observer, controller, in_order, sensor, of[int(rng.integers(len(of)))])
+    return Plan(trial, seed, scenario, observer, controller, in_order, sensor, DRIVES[interface or drawn][0])
 
 
-def with_task_and_joints(plan: Plan, latest_start_s: float, longest_s: float) -> Plan:
-    """Draw what a trial in process has beyond that: task, joints, and at times wild goals, references or parameters."""
+def with_arm_and_task(plan: Plan, latest_start_s: float, longest_s: float) -> Plan:
+    """Draw what a trial in process has beyond that: drives, joints, task, and wild goals, references or parameters."""
     rng = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 9)))
-    task = TASKS[int(rng.integers(len(TASKS)))]
+    task, drives = TASKS[int(rng.integers(len(TASKS)))], DRIVES[plan.interface]
     joints = (0.0, 0.0, 0.0)
     if rng.uniform() < 0.5:
         most = (MOST_NOISE, MOST_FRICTION, MOST_OFFSET)
@@ -163,7 +162,7 @@ def with_task_and_joints(plan: Plan, latest_start_s: float, longest_s: float) ->
         for kind in more
     ]  # fmt: skip
     in_order = tuple(sorted((*plan.faults, *faults), key=lambda fault: fault.start_s))
-    return replace(plan, task=task, joints=joints, faults=in_order)
+    return replace(plan, drive=drives[int(rng.integers(len(drives)))], task=task, joints=joints, faults=in_order)
 
 
 def realtime_scenario(
