@@ -93,7 +93,7 @@ class Plan:
     drive: str = IDEAL
     task: str = "path"
     joints: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Velocity noise [rad/s], friction and offset [N m] of the joints beyond the drive's, which no parameter describes."""
+    """Velocity noise [rad/s], friction and offset [N m] of the joints beyond the drive's, in no parameter."""
 
     @property
     def interface(self) -> str:
