@@ -63,6 +63,8 @@ FALL_SHARE = 1.0 / 3.0
 EARLY_FALL_M_S, LONGEST_S = 0.01, 1e3
 """The same where joints are estimated: behind drives that are not known exactly a fall is not caught any more. And the
 time for which the compensation may then be at work, as long as nothing falls."""
+FASTEST_SLIP_M_S = 0.08
+"""Slip that compensation behind such drives does not end: where it is as fast, the two swing against each other."""
 HOLD_PERIOD_S = 0.01
 """Longest control period at which HOLD has its configured gains; beyond it is the same loop in slow motion [s]."""
 QUANTISED_REPEATS = 5
@@ -188,6 +190,7 @@ def _fill_giving_up(config: ControllerConfig, params: ControllerParams) -> None:
     if not gains.give_up and params.command.interface == "effort":  # a slip that needs longer than that may still end
         given.longest_s, given.error = LONGEST_S, math.inf
     given.fall = EARLY_FALL_M_S if bounded else FALL_SHARE * params.safety.load.drop_speed
+    given.speed = FASTEST_SLIP_M_S if bounded else math.inf
 
 
 def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> None:

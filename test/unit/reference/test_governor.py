@@ -321,6 +321,18 @@ def test_a_limit_learnt_below_the_weight_does_not_stop_what_is_on_its_way() -> N
     assert 800 < k < 5999
 
 
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_an_arm_can_brake_where_the_weight_alone_is_beyond_the_learnt_friction(direction: float) -> None:
+    """With a limit or a mass that is wrong by so much; without that it would drift on until a joint is too fast."""
+    G = Governor(BentPath(VERTICAL.way, VERTICAL.duration), VERTICAL, margin=1.0).plan()
+    R = G.before()[1]
+    rest = np.linalg.norm(G.load_of(R, np.zeros(3), np.zeros(6)))
+    a = direction * 5.0 * np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    G.state.ceiling = 0.5 * rest
+    assert 0.1 < G.after(a, a, R, np.zeros(3)) <= 1.0
+    assert G.pad.commanded <= governor.BRAKES * rest * (1 + ROUNDING)
+
+
 def test_unknown_friction_with_weight_in_the_slip_plane_is_tried() -> None:
     """What carries the weight along the path can only be found by going there; no more than that is asked."""
     G = Governor(BentPath(VERTICAL.way, VERTICAL.duration), VERTICAL, margin=1.0, estimator=Friction.UNKNOWN).plan()

@@ -85,6 +85,16 @@ def test_a_real_sensor_must_show_slip_three_times_in_a_row_or_be_confirmed() -> 
         assert np.isclose(e.state.F_hat, KEPT * (0.5 + 0.001 * first) if believed else TOLD), "the first one's load"
 
 
+def test_an_outlier_while_the_observer_finds_slip_is_no_slip_where_that_takes_two() -> None:
+    for speeds, believed in (((0.0, 2.0, 0.0, 2.0), False), ((0.0, 2.0, 2.0), True)):
+        e = estimate()
+        e.config.witnesses, e.config.confirmed = 3, 2
+        remember(e.history, 0, 0.5, 0.5)
+        for k, speed in enumerate(speeds):
+            slip_sample(e.config, e.state, e.history, (10 + 10 * k) * MS, speed * THRESHOLD, True)
+        assert bool(e.state.slipping) == believed
+
+
 def test_a_slip_is_over_when_no_sample_has_shown_one_for_so_long() -> None:
     """It takes several samples to begin, and a single one to last."""
     e = estimate()

@@ -18,7 +18,7 @@ from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole, dtype_of
 from slip_core.vectors import Spatial
 from slip_vic_controller.law.gains import Gains
-from slip_vic_controller.law.impedance import slip_activation
+from slip_vic_controller.law.impedance import slip_activation, slip_speed
 
 OPEN: Final = 0.1
 """Slip activation from which the compensation counts as at work."""
@@ -33,6 +33,7 @@ class GivingUpConfig(Record):
     calm_s: Real  # s; that slip must be over after it has been given up
     error: Real  # m; by which the arm may give way in that time
     fall: Real  # m/s; speed down at which it may
+    speed: Real  # m/s; of a slip that it does not end any more
 
 
 GIVING_UP = dtype_of(GivingUpConfig)
@@ -85,7 +86,10 @@ def judge_compensation(
     if state.open_s == 0.0:
         state.given_up, state.error = 0, error
     elif state.given_up == 0 and (
-        state.open_s >= config.longest_s or error > state.error + config.error or fall > config.fall
+        state.open_s >= config.longest_s
+        or error > state.error + config.error
+        or fall > config.fall
+        or (wanted and slip_speed(gains, v_s) > config.speed)
     ):
         state.given_up, state.open_s = 1, config.calm_s
         state.times += 1

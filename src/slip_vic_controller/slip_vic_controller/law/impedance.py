@@ -35,15 +35,22 @@ def faded(full: Array, gamma: Array, v_s: Spatial) -> Spatial:
 
 @part
 def slip_activation(gains: Gains, v_s: Spatial) -> float:
-    """Return tanh(alpha |v_s|) in [0, 1], |.| the norm of the 6-vector [m/s, rad/s], any axes.
-
-    Turning counts by its characteristic length: |v_s|^2 = |v_sl|^2 + l^2 |v_sa|^2; l = 1 m as printed.
+    """Return tanh(alpha |v_s|) in [0, 1], |.| as in `slip_speed`, any axes.
 
     Implements: Eq. (29), tanh(alpha |v_s|).
     """
+    return math.tanh(gains.alpha * slip_speed(gains, v_s))
+
+
+@part
+def slip_speed(gains: Gains, v_s: Spatial) -> float:
+    """Return the size of a slip velocity [m/s], turning by its characteristic length l, which is 1 m as printed.
+
+    |v_s|^2 = |v_sl|^2 + l^2 |v_sa|^2.
+    """
     length = gains.characteristic_length
     linear, angular = v_s.linear, v_s.angular
-    return math.tanh(gains.alpha * math.sqrt(linear.dot(linear) + length * length * angular.dot(angular)))
+    return math.sqrt(linear.dot(linear) + length * length * angular.dot(angular))
 
 
 @part
