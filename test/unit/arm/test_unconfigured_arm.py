@@ -59,7 +59,7 @@ def test_the_law_works_with_the_mass_that_the_tare_has_found(share: float) -> No
 
 
 def test_vic_alone_gives_its_compensation_up_before_the_object_falls() -> None:
-    """Where weight loads the grasp, behind friction and a slow slip sensor: it fell at 0.9 s, and classical keeps it."""
+    """Where weight loads the grasp, behind friction and a slow slip sensor: it fell at 0.9 s."""
     scenario = load_scenario(
         "vertical_plane", law="vic", drive="torque_joint", sensor="vision_60", seed=3,
         assignments=("bridge.duration_s=1.1",),
