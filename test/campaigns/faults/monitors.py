@@ -131,9 +131,9 @@ class WorkMonitor:
         """The controller has lost its memory."""
         self._left = self._unanswered = 0
 
-    def take(self, now_s: float, path: Any, answered: bool) -> None:
-        """Judge the cycle that a good joint state led to; path: GOVERNOR after it."""
-        self._unanswered = 0 if answered else self._unanswered + 1
+    def take(self, now_s: float, path: Any, answered: bool, good: bool) -> None:
+        """Judge a cycle that a joint state led to; path: GOVERNOR after it; good: whether that one must be answered."""
+        self._unanswered = 0 if answered else self._unanswered + good
         if self._unanswered == self.patience + 1:
             self.violations.append(f"{now_s:.3f} s: {self._unanswered} good joint states without an answer")
         left = 0

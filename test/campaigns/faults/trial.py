@@ -383,9 +383,10 @@ class Trial:
             controller.add_joint(delivery.sample, now_ns)
             self._note(JOINT, delivery)
             result = self._controller.cycle(now_ns)
-            if delivery.clean and delivery.sample.stamp_ns > self._newest_stamp_ns:
+            good = delivery.clean and delivery.sample.stamp_ns > self._newest_stamp_ns
+            if good:
                 self._newest_stamp_ns = delivery.sample.stamp_ns
-                self._work.take(t, controller.session.task.governor, result is not None)
+            self._work.take(t, controller.session.task.governor, result is not None, good)
             self._answer(result, t)
         self._answer(self._controller.watchdog(now_ns), t)
         mode, answered = controller.mode, self._commands.commands > commands
