@@ -19,6 +19,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt  # the backend must be chosen first: no display is needed
 import numpy as np
 import pandas as pd
+from matplotlib.patches import Patch
 from rich.table import Table
 
 from slip_core.arrays import Array
@@ -166,7 +167,7 @@ def png(laws: Sequence[Result]) -> bytes:
         _draw_outcomes(bars, k, [row for row in law.rows if row["arms"] == "1" and row["world"] in worlds])
     bars.set_yticks(range(len(laws)), [f"{law.label} ({law.rows[0]['track']})" for law in laws])
     bars.set(xlabel="worlds")
-    handles = [plt.Rectangle((0, 0), 1, 1, color=colour) for colour in OUTCOMES.values()]
+    handles = [Patch(color=colour) for colour in OUTCOMES.values()]
     bars.legend(handles, OUTCOMES, ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
     pairs = (("squeeze_peak_n", "peak squeeze [N]", math.inf), ("arrival_s", "arrival [s]", ARRIVES_NEVER))
     for axis, (metric, label, most) in zip(axes, pairs, strict=True):
