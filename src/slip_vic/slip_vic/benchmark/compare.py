@@ -189,7 +189,7 @@ def png(laws: Sequence[Result]) -> bytes:
     axes[0].minorticks_off()
     seconds = np.arange(0.0, ARRIVES_NEVER, 2.0)
     axes[1].set_xticks([*seconds, ARRIVES_NEVER], [*(f"{t:g}" for t in seconds), "never"])
-    axes[1].legend(*(part[::-1] for part in axes[1].get_legend_handles_labels()), fontsize="x-small")
+    axes[1].legend(*(part[::-1] for part in axes[1].get_legend_handles_labels()), fontsize="x-small", loc="center left")
     figure.suptitle(f"{SUITE}, {len(worlds)} worlds with one arm; medians and quartiles, squares have capped grip")
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=80)
