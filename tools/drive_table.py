@@ -1,6 +1,7 @@
 """Print the table of docs/drives.md: slip and distance from the goal of laws on drives, in every scenario of one arm.
 
 python tools/drive_table.py --drive torque_joint --law governed --sensor all     # a row per scenario and sensor
+python tools/drive_table.py --drive velocity_500 --scenario ur5e/paper_planar.yaml   # an arm of `slip-vic arm`
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ SETTLES_S = 5.0
 """Time after the path as planned, in which an arm with friction comes to its goal."""
 
 
-def rows(drives: list[str], laws: list[str], sensors: list[str], seeds: int) -> Iterator[str]:
+def rows(drives: list[str], scenarios: list[str], laws: list[str], sensors: list[str], seeds: int) -> Iterator[str]:
     """Yield the rows of the table."""
     for drive in drives:
-        for name in scenario_names(1):
+        for name in scenarios:
             for sensor in sensors:
                 for law in laws:
                     for seed in range(seeds):
@@ -44,15 +45,16 @@ def result(name: str, law: str, drive: str, sensor: str, seed: int) -> str:
 
 @click.command()
 @click.option("--drive", "drives", default="ideal,torque_joint,motor_current", show_default=True)
+@click.option("--scenario", "scenarios", default=",".join(scenario_names(1)), help="names or .yaml files")
 @click.option("--law", "laws", default="classical,vic,governed", show_default=True)
 @click.option("--sensor", "sensors", default="all", show_default=True)
 @click.option("--seeds", default=1, show_default=True)
-def main(drives: str, laws: str, sensors: str, seeds: int) -> None:
+def main(drives: str, scenarios: str, laws: str, sensors: str, seeds: int) -> None:
     """Run all and print a row each."""
     click.echo("| drive | scenario | sensor | law | seed | slip, mm | off the goal, mm | outcome |")
     click.echo("|---|---|---|---|---|---|---|---|")
     chosen = list(preset_names("sensors")) if sensors == "all" else sensors.split(",")
-    for row in rows(drives.split(","), laws.split(","), chosen, seeds):
+    for row in rows(drives.split(","), scenarios.split(","), laws.split(","), chosen, seeds):
         click.echo(row)
 
 
