@@ -16,7 +16,7 @@ from slip_vic_controller.arm.config import estimator_config
 from slip_vic_controller.arm.estimator import ESTIMATOR_CONFIG
 from slip_vic_controller.arm.tare import TareConfig
 from slip_vic_controller.interfaces import fill_wrench_sensor
-from slip_vic_controller.law.bounds import INTERNAL_BOUND, ROUNDING, internal_gain_limit
+from slip_vic_controller.law.bounds import DRIVE_SHARE, INTERNAL_BOUND, ROUNDING, internal_gain_limit
 from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
 from slip_vic_controller.law.contact import fill_contacts
 from slip_vic_controller.law.gains import LAW_GAINS, gain_report, make_law_gains
@@ -214,6 +214,8 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
     cycle.models_wrench = int(params.wrench.source == "none")
     cycle.leaves_gravity = int(params.effort.gravity == "robot_compensates")
     cycle.k_s_adapts, cycle.k_s_margin = int(params.gains.k_s_mode != "fixed"), params.gains.k_s_margin
+    cycle.drive_lag_s = params.drive_lag_s
+    cycle.kappa_share = 1.0 if params.command.interface == "effort" else DRIVE_SHARE
 
 
 def _fill_inputs(config: ControllerConfig, params: ControllerParams, robot: Robot, *, lockstep: bool) -> None:

@@ -863,13 +863,14 @@ def _adapt_slip_gain(config: ControllerConfig, state: ArmState, outputs: CycleOu
 
 @part
 def _limit_internal_gain(config: ControllerConfig, state: ArmState, outputs: CycleOutputs) -> None:
-    """Lower kappa to what the measured delay from a wrench to its answer allows."""
+    """Lower kappa to what the measured delay from a wrench to its answer, and the drives' lag, allow."""
     gains, late_ns = outputs.gains.gains, 0
     for k in range(config.law.contacts):
         late_ns = max(late_ns, state.joint.answers.stamp_ns - state.wrench_inputs[k].stamp_ns)
-    delay_s = 1e-9 * (config.cycle.period_ns + state.latency.most_ns + late_ns)
+    delay_s = config.cycle.drive_lag_s + 1e-9 * (config.cycle.period_ns + state.latency.most_ns + late_ns)
     least = min(gains.M_D[0], gains.M_D[1], gains.M_D[2])
-    gains.kappa = min(gains.kappa, internal_gain_limit(least, config.cycle.pad_stiffness, delay_s))
+    most = internal_gain_limit(least, config.cycle.pad_stiffness, delay_s)
+    gains.kappa = min(gains.kappa, config.cycle.kappa_share * most)
 
 
 @part

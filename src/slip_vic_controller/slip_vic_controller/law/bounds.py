@@ -85,6 +85,8 @@ def held_sample_limit(held: int, delay: int) -> float:
 
 INTERNAL_BOUND = 0.38
 """Of kappa k tau^2 / M_D."""
+DRIVE_SHARE = 0.25
+"""Of that bound, where drives have a loop of their own: with their lag in tau two pads swing from 0.65 on."""
 
 
 @kernel(REAL(REAL, REAL, REAL))
