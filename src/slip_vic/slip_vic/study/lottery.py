@@ -319,11 +319,12 @@ def _play(scenario: Scenario) -> Drawn:
     track = Track(scenario, whole=False)
     verdict = judge(run_in_process(scenario), track)
     kept = verdict.outcome not in ("lost", "fault")
-    numbers = ("slip_linear_m", "slip_angular_rad", "slip_speed_peak_m_s", "error_peak_m", "arrival_s")
+    names = ("slip_linear_m", "slip_angular_rad", "slip_speed_peak_m_s", "error_peak_m", "arrival_s")
+    slip, angle, peak_speed, drift, arrival = map(verdict.worst, names)
     pairs = zip(track.series(), scenario.controllers.values(), strict=True) if kept else ()
     off_goal = max((off_goal_m(series, params.trajectory) for series, params in pairs), default=math.nan)
     reason = "" if kept else verdict.reason
-    return Drawn("ok" if kept else verdict.outcome, reason, *map(verdict.worst, numbers), off_goal)
+    return Drawn("ok" if kept else verdict.outcome, reason, slip, angle, peak_speed, drift, arrival, off_goal)
 
 
 def lottery(
