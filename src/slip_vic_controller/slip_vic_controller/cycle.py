@@ -678,7 +678,9 @@ def _keep_joints(config: ControllerConfig, state: ArmState, inputs: CycleInputs)
     """
     law, sample, n = state.law, state.joint.answers, config.law.joints
     law.stamp_ns = max(sample.stamp_ns, law.stamp_ns)
-    law.position[:n], law.gravity[:n] = sample.position[:n], inputs.arm.gravity[:n]
+    law.position[:n] = sample.position[:n]
+    if all_finite(inputs.arm.gravity[:n]):
+        law.gravity[:n] = inputs.arm.gravity[:n]
     if config.law.contacts > 1 and state.mode.reason.cause != Cause.FALLS:
         r = _arm_of_load(config, state, pad_rotation(config.law.contact[0], law.slips[0]))
         carry_load(config.hold, state.hold, inputs.arm, r, law.gravity)

@@ -322,3 +322,16 @@ def test_a_slow_sensor_of_a_late_velocity_drive_is_followed_between_its_samples(
         errors.append((abs(found[0][0] - q[-1]), abs(found[1][0] - v[-1])))
     assert np.max(errors[200:], axis=0) == pytest.approx(0.0, abs=1e-9)
     assert joints.state.finding == Finding.NONE
+
+
+@pytest.mark.parametrize("wild", [1e6, -1e85, math.inf, math.nan])
+def test_an_estimate_that_runs_away_begins_again_at_the_measurement(wild: float) -> None:
+    """The model's forces grow with the square of velocity, so its input can do so within some cycles."""
+    joints, speed = Joints(configuration(joint_sensor__latency_s=2e-3)), 16.0
+    for k in range(40):
+        joints.act(wild if k >= 20 else 0.0)
+        at = 0.3 + speed * k * T
+        q, qd = joints.sample(at, speed)
+        assert np.abs(q - at).max() < 0.5
+        assert np.abs(qd - speed).max() < 20.0
+    assert np.isfinite(joints.state.d).all()

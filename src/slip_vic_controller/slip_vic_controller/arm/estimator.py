@@ -46,6 +46,10 @@ SAME_SIZE: Final = 0.2
 """How much two ways of opposite sign may differ in size, over their difference, and be one way with a wrong sign."""
 DOUBTFUL: Final = 0.3
 """Share of the difference between position and velocity from which a jump may be a wrong measurement."""
+FAR: Final = 0.5
+FAST: Final = 20.0
+"""Distance from the measurement [rad], [rad/s] from which an estimate is none: the forces of the model grow with the
+square of velocity, so one that runs away doubles its exponent in every cycle."""
 SLOW_S: Final = 0.2
 """Time constant of the disturbance that is no collision [s]."""
 
@@ -306,6 +310,21 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
                 (whole.vv * x_v + whole.vd * x_d + whole.vu * u),
             )
         state.position[j], state.velocity[j] = x_q, x_v
+    if far_off(config, state, q, qd):
+        start_estimate(config, state, stamp_ns, q, qd)
+        state.d[:] = 0.0
+
+
+@part
+def far_off(config: EstimatorConfig, state: JointEstimate, q: Array, qd: Array) -> bool:
+    """Return whether the estimate of a joint is not finite, or far from a measurement that is used; [rad], [rad/s]."""
+    far = False
+    for j in range(config.joints):
+        trust = state.trust[j]
+        far = far or not (trust == Trust.VELOCITY or abs(state.position[j] - q[j]) < FAR)
+        measured = 0.0 if trust == Trust.POSITION else qd[j]  # then at least a speed that joints have
+        far = far or not abs(state.velocity[j] - measured) < FAST
+    return far
 
 
 @part

@@ -46,13 +46,13 @@ def start_limiter(
     """Set what the first command, or the first after a pause, is limited from; (n,) [N m].
 
     The measured effort is what the joints feel now. Where there is none (not finite, or all zero, which a driver
-    without torque sensors publishes) it is gravity compensation: a restart makes no torque step. The first step counts
-    one control period.
+    without torque sensors publishes) it is gravity compensation: a restart makes no torque step. Where that is not
+    known either it is the last command. The first step counts one control period.
     """
     known = all_finite(measured[:n]) and measured[:n].any()
     good = all_finite(gravity[:n])
     for j in range(n):
-        start = measured[j] if known else gravity[j] if good else 0.0
+        start = measured[j] if known else gravity[j] if good else state.effort[j]
         state.effort[j] = min(max(start, -limits.effort[j]), limits.effort[j])
     state.started, state.now_ns = 1, now_ns - limits.period_ns
 
