@@ -566,8 +566,10 @@ def _stop_first(config: ControllerConfig, state: ArmState, request: int, now_ns:
     """Let a user's HOLD begin when the path has come to rest: a sudden stop throws a weakly gripped object."""
     stays = request == Request.ENABLE or request == Request.RESET_FAULT or request == Request.FAILED
     if stays or not follows(state.mode.mode):
+        stopping = state.since.stopping_ns != NEVER
         state.since.stopping_ns = NEVER
-        return request
+        # An input that stopped the law on the way to rest does not take the user's wish away.
+        return request if stays or not stopping else Request.HOLD.value
     if request == Request.HOLD and state.since.stopping_ns == NEVER:
         state.since.stopping_ns = now_ns
         return Request.NONE.value

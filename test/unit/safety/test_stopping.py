@@ -101,6 +101,19 @@ def test_a_second_wish_to_hold_stops_no_more_suddenly() -> None:
     assert path.modes[-1] == Mode.HOLD
 
 
+def test_an_input_that_stops_the_law_on_the_way_to_rest_does_not_take_the_wish_to_hold_away() -> None:
+    path = Path()
+    path.run(700)
+    path.made_up.session.request(Request.HOLD)
+    path.run(100)
+    assert path.modes[-1].follows
+    path.run(200, wrench=None)
+    assert path.modes[-1] == Mode.HOLD
+    path.run(1000)
+    assert path.modes[-1] == Mode.HOLD
+    assert path.made_up.session.reason == "hold requested"
+
+
 def test_a_user_who_enables_again_goes_on() -> None:
     path = Path()
     path.run(300)
