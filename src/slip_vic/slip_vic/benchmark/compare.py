@@ -116,12 +116,10 @@ def lines_of(laws: Sequence[Result], arms: int) -> list[list[str]]:
         rows = [row for row in law.rows if row["arms"] == str(arms) and row["world"] in worlds]
         if not rows:
             continue
-        lost = sum(row["outcome"] in LOST for row in rows)
-        short = sum(not carried(row) for row in rows) - lost
-        late = sum(not math.isfinite(float(row["arrival_s"])) for row in rows) - lost - short
+        arrived, late, short, lost = outcomes(rows)
         medians = [median(counted(law, metric, arms, worlds)) * scale for metric, scale, _ in SHOWN]
         name = f"{law.label} (oracle)" if law.oracle else law.label
-        counts = map(str, (arms, len(rows), len(rows) - lost - short, lost, short, late))
+        counts = map(str, (arms, len(rows), arrived + late, lost, short, late))
         lines.append(
             (
                 (rows[0]["track"], law.oracle, lost + short, medians[0]),
@@ -138,6 +136,13 @@ def counted(law: Result, metric: str, arms: int, worlds: frozenset[str]) -> Arra
         return values
     rows = [row for row in law.rows if row["arms"] == str(arms) and row["world"] in worlds]
     return np.where([not carried(row) for row in rows], math.inf, values)
+
+
+def outcomes(rows: Sequence[Row]) -> tuple[int, int, int, int]:
+    """Return how many rows have each of `OUTCOMES`, in that order."""
+    lost, kept = sum(row["outcome"] in LOST for row in rows), [row for row in rows if carried(row)]
+    arrived = sum(math.isfinite(float(row["arrival_s"])) for row in kept)
+    return arrived, len(kept) - arrived, len(rows) - len(kept) - lost, lost
 
 
 def carried(row: Row) -> bool:
@@ -199,11 +204,8 @@ def png(laws: Sequence[Result]) -> bytes:
 
 def _draw_outcomes(axis: Any, k: int, rows: Sequence[Row]) -> None:
     """Draw how many rows have each of `OUTCOMES`, as one bar."""
-    lost = sum(row["outcome"] in LOST for row in rows)
-    kept = sum(carried(row) for row in rows)
-    arrived = sum(math.isfinite(float(row["arrival_s"])) for row in rows if carried(row))
     left = 0
-    for count, colour in zip((arrived, kept - arrived, len(rows) - kept - lost, lost), OUTCOMES.values(), strict=True):
+    for count, colour in zip(outcomes(rows), OUTCOMES.values(), strict=True):
         axis.barh(k, count, left=left, color=colour)
         left += count
 

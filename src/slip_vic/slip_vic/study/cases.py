@@ -8,7 +8,17 @@ from dataclasses import dataclass
 from typing import Any, Self, cast
 
 from slip_core.errors import UnknownName
-from slip_vic.scenarios.scenario import CLASSICAL, LAWS, NO_TEXTS, Estimator, Law, Scenario, Texts, load_scenario
+from slip_vic.scenarios.scenario import (
+    CLASSICAL,
+    LAWS,
+    NO_TEXTS,
+    Estimator,
+    Law,
+    Scenario,
+    Texts,
+    load_scenario,
+    of_joints,
+)
 
 ESTIMATORS = ("measured", "observer")
 NO_ESTIMATOR = "none"
@@ -131,7 +141,8 @@ class Asked:
 
 def coulomb_of(joints: int) -> list[float]:
     """Return COULOMB of the joints of an arm (n,) [N m]."""
-    return [*COULOMB[:joints], *[COULOMB[-1]] * (joints - len(COULOMB))]
+    values: list[float] = of_joints(list(COULOMB), joints)
+    return values
 
 
 def mismatch_assignments(name: str, known: Scenario) -> list[str]:
