@@ -51,7 +51,7 @@ def _record(dtype: np.dtype[np.void], given: Any) -> Any:
 
 
 def _records(dtype: np.dtype[np.void], given: Any) -> Any:
-    return (given if given.dtype.names else given.reshape(-1).view(dtype)).view(np.recarray)
+    return given if given.dtype.names else given.reshape(-1).view(dtype)
 
 
 def _array(dtype: str, given: Any) -> Any:

@@ -24,13 +24,12 @@ def internal_wrenches(
         centre: of the object's mass (3,) [m] {w}.
         radius: rho [m].
     """
-    W, turn, G = np.diag([1.0] * 3 + [radius * radius] * 3), [], []
-    for x, R in zip(places, attitudes, strict=True):
-        r = x - centre
-        S = np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
-        G.append(np.block([[np.eye(3), np.zeros((3, 3))], [S, np.eye(3)]]))
-        turn.append(np.kron(np.eye(2), R))
-    world = [T @ h for T, h in zip(turn, wrenches, strict=True)]
-    total = np.sum([g @ h for g, h in zip(G, world, strict=True)], axis=0)
-    y = np.linalg.solve(sum(g @ W @ g.T for g in G), total)
-    return total, [T.T @ (h - W @ g.T @ y) for T, h, g in zip(turn, world, G, strict=True)]
+    n, r, R = len(places), np.array(places) - centre, np.array(attitudes)
+    W = np.array([1.0] * 3 + [radius * radius] * 3)
+    G = np.tile(np.eye(6), (n, 1, 1))
+    G[:, 3:, :3] = np.cross(r[:, np.newaxis], np.eye(3)).transpose(0, 2, 1)
+    world = (np.array(wrenches).reshape(n, 2, 3) @ R.transpose(0, 2, 1)).reshape(n, 6)
+    total = np.einsum("kij,kj->i", G, world)
+    y = np.linalg.solve(np.einsum("kij,j,klj->il", G, W, G), total)
+    internal = world - W * np.einsum("kji,j->ki", G, y)
+    return total, list((internal.reshape(n, 2, 3) @ R).reshape(n, 6))

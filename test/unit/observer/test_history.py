@@ -35,7 +35,7 @@ def ordered_rows(observer: Observer) -> np.ndarray:
 
 def test_samples_contradict_the_estimate_where_the_newest_in_a_row_all_do() -> None:
     observer = Observer(make_params(**SENSOR))
-    state, rows = observer.state, observer.history.view(ROW)[:, 0].view(np.recarray)
+    state, rows = observer.state, observer.history.view(ROW)[:, 0]
     state.first, state.rows = 0, LASTING
     rows.kind[:LASTING], rows.contradicts[:LASTING] = SAMPLE_ROW, 1
     assert contradicted_since(state, rows) == 0  # the oldest row counts too

@@ -12,7 +12,7 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -99,33 +99,37 @@ class Driven:
     def ticks(self) -> Iterator[Tick]:
         """Run and yield every tick with the law's command in it, until the end or until the law fails."""
         begun = False
-        for tick in run_in_process(self.scenario):
-            try:
-                seen = self._seen(tick)
-                if not begun:
-                    self._guarded("reset", self._setup(tick), math.inf)
-                    begun = True
-                answers = self._answers(self._guarded("step", seen, LONGEST_STEP_S))
-                for arm, answer in enumerate(answers):
-                    self._apply(tick, arm, answer)
-            except LawError as error:
-                self.failure = f"{tick.time_s:.3f} s: {error}"
-                return
-            self.grips.append(max(arm.squeeze for arm in self._arms))
-            yield tick
+        with _alarm() as set_alarm:
+            for tick in run_in_process(self.scenario):
+                try:
+                    seen = self._seen(tick)
+                    if not begun:
+                        self._guarded("reset", self._setup(tick))
+                        begun = True
+                    answers = self._answers(self._guarded("step", seen, set_alarm))
+                    for arm, answer in enumerate(answers):
+                        self._apply(tick, arm, answer)
+                except LawError as error:
+                    self.failure = f"{tick.time_s:.3f} s: {error}"
+                    return
+                self.grips.append(max(arm.squeeze for arm in self._arms))
+                yield tick
 
-    def _guarded(self, method: str, argument: Any, limit_s: float) -> Any:
+    def _guarded(self, method: str, argument: Any, set_alarm: Callable[[float], None] = lambda _: None) -> Any:
         """Call the law; whatever it raises is a `LawError`."""
         call = getattr(self._law, method)
         try:
-            with _time_limit(limit_s):
-                begin = time.perf_counter()
+            begin = time.perf_counter()
+            set_alarm(LONGEST_STEP_S)
+            try:
                 result = call(argument)
-                if method == "step":
-                    self.step_s.append(time.perf_counter() - begin)
-                return result
+            finally:
+                set_alarm(0.0)
+            if method == "step":
+                self.step_s.append(time.perf_counter() - begin)
+            return result
         except _TooSlowError:
-            raise LawError(f"step takes longer than {limit_s:g} s") from None
+            raise LawError(f"step takes longer than {LONGEST_STEP_S:g} s") from None
         except Exception as error:  # a law is someone else's
             raise LawError(f"{method} raises {type(error).__name__}: {' '.join(str(error).split())}") from error
 
@@ -286,19 +290,21 @@ class _TooSlowError(BaseException):
 
 
 @contextlib.contextmanager
-def _time_limit(limit_s: float) -> Iterator[None]:
-    """Raise `_TooSlowError` in the block after this time; only the main thread of a process has an alarm."""
-    if math.isinf(limit_s) or threading.current_thread() is not threading.main_thread():
-        yield
+def _alarm() -> Iterator[Callable[[float], None]]:
+    """Yield what sets the time after which `_TooSlowError` is raised [s]; 0: never.
+
+    Only the main thread of a process has an alarm.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda _: None
         return
 
     def stop(*_: object) -> None:
         raise _TooSlowError
 
     before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, limit_s)
     try:
-        yield
+        yield lambda after_s: signal.setitimer(signal.ITIMER_REAL, after_s) and None
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
