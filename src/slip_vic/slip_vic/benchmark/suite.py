@@ -32,6 +32,8 @@ DIGEST: Final = "8e44fee3abe2ed8c"
 """Of all worlds of the suite: `digest_of(SEED)`."""
 AFTER_S: Final = 2.0
 """Simulated time after the end of the path as given [s]: a law that slows down may take it."""
+TARE_S: Final = 0.3
+"""How long laws of this project read their sensors at rest before they begin [s]."""
 
 Grip = Literal["capped", "free"]
 """The two tracks. capped: the object would break, the squeeze is at most what the scenario has. free: what the gripper
@@ -82,12 +84,16 @@ class World:
         return (self.track, str(self.arms), *names, self.digest, str(self.number))
 
     def load(self, configured: Law) -> Scenario:
-        """Return the scenario with the controller's parameters of this law."""
+        """Return the scenario with the controller's parameters of this law.
+
+        A law of this project reads its sensors at rest first, as the presets of drives have it.
+        """
         estimator: Estimator | None = None if configured == "classical" or self.arms > 1 else "observer"
         loaded = self.ticket.load(Entry("", configured, estimator))
         own = next(iter(loaded.controllers.values())).trajectory
         lasts = min(own.start_s + own.duration_s + AFTER_S, loaded.duration_s)
-        return self.ticket.load(Entry("", configured, estimator, (f"bridge.duration_s={lasts}",)))
+        tare = f"controller.tare.duration_s={TARE_S}"
+        return self.ticket.load(Entry("", configured, estimator, (f"bridge.duration_s={lasts}", tare)))
 
 
 def worlds(track: Grip, arms: int, count: int, seed: int = SEED) -> Iterator[World]:
@@ -111,7 +117,7 @@ def worlds(track: Grip, arms: int, count: int, seed: int = SEED) -> Iterator[Wor
 
 
 def without_tare(ticket: Ticket) -> Ticket:
-    """Return a world in which no sensor is read at rest first: an object heavier than configured refuses to begin."""
+    """Return a world of which no tare is part: that is the law's own."""
     return replace(ticket, world=tuple(one for one in ticket.world if not one.startswith("controller.tare.")))
 
 
