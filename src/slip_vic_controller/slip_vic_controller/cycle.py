@@ -68,7 +68,7 @@ from slip_vic_controller.law.giving_up import judge_compensation, start_giving_u
 from slip_vic_controller.law.internal import mean_arm
 from slip_vic_controller.law.law import evaluate, predict_motion, scale_acceleration
 from slip_vic_controller.law.symbols import SYMBOLS, SlipEstimate, no_symbols, symbols
-from slip_vic_controller.observer.layouts import ROW_SIZE, Motion, Observer
+from slip_vic_controller.observer.layouts import ROW_SIZE, Observer
 from slip_vic_controller.observer.observer import observe, reset
 from slip_vic_controller.reference.goals import rest_at
 from slip_vic_controller.reference.grip import start_grip
@@ -735,10 +735,22 @@ def _follow(
     axes, law = config.law.contact[0].slip_axes, outputs.law
     observe_motion(config.drop, axes, state.observed, inputs.arm, law, outputs.reference, dt_ns * 1e-9)
     watch_for_blindness(state.observed, law.slip_speed, config.drop.evidence, inputs.now_ns)
-    R, h = mat(inputs.arm.rotation), np.zeros(6)
-    put_spatial(h, R @ own_wrench(config, state, R))
-    watch_following(state.following, n, inputs.arm, law, h, state.limiter.effort, inputs.now_ns)
+    _watch_following(config, state, inputs, outputs)
     _finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, True)
+
+
+@part
+def _watch_following(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
+    """Look whether the arm moves as commanded; its velocity of now is not that of the commands under way."""
+    R, h, twist, commanded = mat(inputs.arm.rotation), np.zeros(6), inputs.arm.twist.copy(), np.zeros(MAX_JOINTS)
+    put_spatial(h, R @ own_wrench(config, state, R))
+    if config.command.interface != Interface.EFFORT:
+        commanded[:] = state.motion.velocity
+        _put_twist_now(config, state, inputs, twist)
+    n, q, effort, now_ns = config.law.joints, state.joint.answers.position, state.limiter.effort, inputs.now_ns
+    watch_following(
+        state.following, config.motion, n, q, twist, inputs.arm, outputs.law, h, effort, commanded, now_ns
+    )  # fmt: skip
 
 
 @part
@@ -796,7 +808,7 @@ def sense(
         if config.estimator.on != 0:
             pad_variances(config.estimator, inputs.arm, motion)
             if config.command.interface != Interface.EFFORT:
-                _put_twist_now(config, state, inputs, motion)
+                _put_twist_now(config, state, inputs, motion.v_ee)
         if not observe(config.observer, observer, history, motion, sample.stamp_ns, queue.samples, queue.count):
             return Cause.NO_ESTIMATE.value
         _put_estimate(observer, outputs.estimate)
@@ -820,12 +832,12 @@ def sense(
 
 
 @part
-def _put_twist_now(config: ControllerConfig, state: ArmState, inputs: CycleInputs, motion: Motion) -> None:
-    """Let an observer have the pad's twist of now {w}: the law's is that of the commands under way."""
+def _put_twist_now(config: ControllerConfig, state: ArmState, inputs: CycleInputs, twist: Array) -> None:
+    """Write the pad's twist of now (6,) {w}: the law's is that of the commands under way."""
     for i in range(6):
-        motion.v_ee[i] = 0.0
+        twist[i] = 0.0
         for j in range(config.law.joints):
-            motion.v_ee[i] += inputs.arm.J[i, j] * state.estimate.velocity[j]
+            twist[i] += inputs.arm.J[i, j] * state.estimate.velocity[j]
 
 
 @part

@@ -49,6 +49,21 @@ def test_torque_gives_the_commanded_acceleration() -> None:
         np.testing.assert_allclose(task + null + bias, tau, atol=ROUNDING * np.abs(tau).max())
 
 
+def test_a_posture_pulled_to_by_a_rate_is_approached_at_that_rate_along_the_null_space_of_the_jacobian() -> None:
+    """M^-1 N^T tau_0 = -(r/2)^2 Z Z^T (q - q_0) of an arm at rest, Z the null space of J by its SVD."""
+    for seed in range(5):
+        case, rate = at_state(seed), 10.0
+        case.qd = np.zeros(7)
+        case.config.nullspace_rate = rate
+        found, arm = case.evaluate(), case.arm
+        M, J = np.array(arm.M[:7, :7]), np.array(arm.J[:, :7])
+        _, null = parts_of(case)
+        Z = np.linalg.svd(J)[2][6:].T
+        wanted = -0.25 * rate * rate * Z @ Z.T @ (case.q - case.posture)
+        np.testing.assert_allclose(np.linalg.solve(M, null), wanted, atol=1e-5 * np.abs(wanted).max())
+        assert found.ok
+
+
 def test_null_space_torque_does_not_move_the_pad() -> None:
     for seed in range(5):
         case = at_state(seed)

@@ -3,18 +3,26 @@
 import numpy as np
 
 from slip_core.records import new, record
+from slip_core.types import JointSample, WrenchSample
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.law import EVALUATION
-from slip_vic_controller.safety.following import FAR, FOLLOWING, STUCK_NS, Following, stuck, watch_following
+from slip_vic_controller.safety.following import AT_END, FAR, FOLLOWING, STUCK_NS, Following, stuck, watch_following
+from slip_vic_controller.safety.limit_avoidance import MOTION_LIMITS
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety.reasons import Cause, Reason, describe
 from slip_vic_controller.sizes import NEVER
+from test.support.every import every
 from test.support.made_up import POSITION, law_at_work
 from test.support.made_up import N as ARM_JOINTS
+from test.support.one_arm import OneArm, one_arm
 
 N, MS = 3, 1_000_000
 BIAS, FORCE = np.array([1.0, -2.0, 0.5]), np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 J = np.random.default_rng(0).normal(size=(6, N))
+NOTHING = np.zeros(N)
+RANGE = record(new(MOTION_LIMITS), MOTION_LIMITS)
+RANGE.near_lower[:], RANGE.near_upper[:] = -1.5, 1.5
 
 
 def begun() -> Following:
@@ -23,12 +31,16 @@ def begun() -> Following:
     return state
 
 
-def watch(state: Following, now_ns: int, error: float, speed: float, extra: np.ndarray, angle: float = 0.0) -> None:
+def watch(
+    state: Following, now_ns: int, error: float, speed: float, extra: np.ndarray, angle: float = 0.0,
+    q: np.ndarray = NOTHING, commanded: np.ndarray = NOTHING,
+) -> None:  # fmt: skip
     """One cycle of an arm whose efforts exceed what it needs at rest by `extra` [N m]."""
     arm, law = record(new(ARM), ARM), record(new(EVALUATION), EVALUATION)
-    arm.twist[0], arm.bias[:N], arm.J[:, :N] = speed, BIAS, J
+    arm.bias[:N], arm.J[:, :N] = BIAS, J
     law.error_linear, law.error_angular = error, angle
-    watch_following(state, N, arm, law, FORCE, BIAS - J.T @ FORCE + extra, now_ns)
+    twist, effort = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]), BIAS - J.T @ FORCE + extra
+    watch_following(state, RANGE, N, q, twist, arm, law, FORCE, effort, commanded, now_ns)
 
 
 def test_a_joint_whose_torque_has_no_effect_is_named() -> None:
@@ -51,6 +63,47 @@ def test_a_pad_that_is_only_turned_away_is_reported_by_its_angle() -> None:
     text = describe(Reason(Cause.NOT_FOLLOWING, state.joint, 0, state.torque, state.error), ("a", "b", "c"))
     assert text.startswith("b does not follow: -4.00 N m")
     assert "rests 11.5 degrees off" in text
+
+
+def test_the_joint_that_a_drive_of_its_own_loop_cannot_move_is_named() -> None:
+    """Inertia couples the joints, so that the largest torque need not be that of the joint that is blocked."""
+    state = begun()
+    for ms in range(STUCK_NS // MS + 2):
+        watch(state, ms * MS, 0.05, 0.0, np.array([0.1, -4.0, 0.2]), commanded=np.array([0.0, 0.001, -0.2]))
+    assert stuck(state, STUCK_NS + MS)
+    assert state.joint == 2
+
+
+def test_a_joint_at_the_end_of_its_range_is_named_though_no_torque_is_left() -> None:
+    """Limit avoidance balances what the law wants there."""
+    for error, angle, rests in ((0.116, 0.0, "116 mm"), (0.0, 0.2, "11.5 degrees")):
+        state = begun()
+        for ms in range(STUCK_NS // MS + 2):
+            watch(state, ms * MS, error, 0.0, NOTHING, angle, q=np.array([0.0, -1.6, 1.55]))
+        assert stuck(state, STUCK_NS + MS)
+        reason = Reason(Cause.RANGE_END, state.joint - AT_END, 0, state.torque, state.error)
+        text = describe(reason, ("a", "b", "c"))
+        assert text == f"b is at the end of its range, at -1.60 rad, and the pad rests {rests} off its reference"
+
+
+@every("margin, reason", ((0.1, "does not follow"), (1.0, "arm_joint4 is at the end of its range, at -2.36 rad")))
+@every("drive", ("ideal", "velocity_500", "position_250"))
+def test_an_arm_that_stays_while_its_path_goes_on_is_degraded(drive: str, margin: float, reason: str) -> None:
+    """Of three interfaces, with a brake on; and near the end of a joint's range, where limit avoidance holds it."""
+    set_ = (f"controller.safety.limits.position_margin={margin}", "controller.tare.duration_s=0")
+    scenario = load_scenario("paper_planar", mode="realtime", law="classical", drive=drive, assignments=set_)
+    session = OneArm(one_arm(scenario.controller, scenario.urdf, lockstep=False))
+    found = set()
+    for k in range(1, 3000):
+        jitter, now_ns = 1e-7 * (k % 7), k * MS
+        session.add_wrench(0, WrenchSample(now_ns, np.array([jitter, 0.0, 4.9, 0.0, 0.0, 0.0])), now_ns)
+        session.add_joint(
+            JointSample(now_ns, np.array(scenario.bridge.initial_position) + jitter, np.zeros(7), np.zeros(7)), now_ns
+        )
+        result = session.cycle(now_ns)
+        if reason in result.reason:
+            found.add(result.mode)
+    assert found == {Mode.DEGRADED}
 
 
 def test_an_arm_that_moves_or_is_near_follows() -> None:

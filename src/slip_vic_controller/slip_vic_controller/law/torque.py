@@ -20,6 +20,9 @@ from slip_vic_controller.law.config import LawConfig
 from slip_vic_controller.law.contact import ContactSample
 from slip_vic_controller.sizes import Joints
 
+LEAST_SQUARE: Final = 1e-8
+"""Added to the squares of the singular values of J, where the part of a way along its null space is looked for."""
+
 
 class Torque(Record):
     """The parts of Eq. (21), before the limits."""
@@ -51,7 +54,7 @@ def joint_torque(
         q, qd, posture: joint state and posture of the null space; [rad], [rad/s], [rad].
         out: result.
 
-    Implements: Eq. (9), (21), with tau_0 = -k (q - q_0) - d qd; ours, by a rate: M (-(r/2)^2 (q - q_0) - r qd).
+    Implements: Eq. (9), (21), with tau_0 = -k (q - q_0) - d qd, or by a rate.
     """
     n = config.joints
     J, M = arm.J[:, :n], arm.M[:n, :n]
@@ -60,11 +63,7 @@ def joint_torque(
     for j in range(n):
         out.tau_0[j] = config.nullspace_stiffness * (posture[j] - q[j]) - config.nullspace_damping * qd[j]
     if config.nullspace_rate > 0.0:
-        rate, half = config.nullspace_rate, 0.5 * config.nullspace_rate
-        for j in range(n):
-            out.tau_0[j] = 0.0
-            for k in range(n):
-                out.tau_0[j] += M[j, k] * (half * half * (posture[k] - q[k]) - rate * qd[k])
+        posture_torque_by_rate(config.nullspace_rate, J, M, q, qd, posture, out.tau_0)
 
     L, Y, y = np.empty((n, n)), np.empty((6, n)), np.empty(n)
     if not cholesky(M, L):  # B = L L^T
@@ -95,6 +94,40 @@ def joint_torque(
             total += J[i, j] * (out.task[i] - out.h_ee[i] - out.null[i])
         out.tau[j] = total + arm.bias[j] + out.tau_0[j]
     return True, damping_squared
+
+
+@part
+def posture_torque_by_rate(rate: float, J: Array, M: Array, q: Array, qd: Array, posture: Array, tau_0: Array) -> None:
+    """Write the torque (n,) [N m] that pulls to a posture at a rate [1/s], however large the inertia is.
+
+    Stiffness -k (q - q_0) rests where the way to q_0 has no part along the null space of J. So that the arm rests in
+    the same posture, only that part P (q - q_0) pulls. Weighted with M instead, the wrist would move and the base stay.
+
+    Args:
+        rate: rate [1/s]; J: Jacobian (6, n) {w}; M: inertia (n, n) [kg m^2].
+        q, qd, posture: (n,) [rad], [rad/s], [rad].
+        tau_0: result.
+
+    Implements: ours: tau_0 = M (-(r/2)^2 P (q - q_0) - r qd), P = 1 - J^T (J J^T)^-1 J.
+    """
+    n, half = J.shape[1], 0.5 * rate
+    G, C, x, back = np.empty((6, 6)), np.empty((6, 6)), np.zeros(6), np.empty(n)
+    gram(J, G)
+    for i in range(6):
+        G[i, i] += LEAST_SQUARE
+    for j in range(n):
+        back[j] = posture[j] - q[j]
+        for i in range(6):
+            x[i] += J[i, j] * back[j]
+    if cholesky(G, C):
+        solve_factored(C, x)
+        for j in range(n):
+            for i in range(6):
+                back[j] -= J[i, j] * x[i]
+    for j in range(n):
+        tau_0[j] = 0.0
+        for k in range(n):
+            tau_0[j] += M[j, k] * (half * half * back[k] - rate * qd[k])
 
 
 @part

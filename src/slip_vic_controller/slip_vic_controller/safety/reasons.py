@@ -47,6 +47,7 @@ class Cause(IntEnum):
     HALTED = 24
     TARE = 26
     NOT_FOLLOWING = 28  # detail: joint, + TURNED; value: torque on it [N m], limit: error [m], with TURNED [rad]
+    RANGE_END = 29  # detail: joint, + TURNED; value: its position [rad], limit: error [m], with TURNED [rad]
     BIASED = 27  # detail: the sensor; value, limit in its unit
     JOINT = 25  # detail: joint + 256 * Finding of the estimator; value, limit [rad] or [N m]
 
@@ -157,13 +158,13 @@ def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> st
     if cause == Cause.JOINT:
         finding, joint = divmod(reason.detail, 256)
         return finding_text(Finding(finding), joint_names[joint], value, limit)
-    if cause == Cause.NOT_FOLLOWING:
+    if cause in (Cause.NOT_FOLLOWING, Cause.RANGE_END):
         turned, joint = divmod(reason.detail, TURNED)
-        rests = f"{math.degrees(limit):.1f} degrees" if turned else f"{1e3 * limit:.0f} mm"
-        return (
-            f"{joint_names[joint]} does not follow: {value:.2f} N m more than it needs at rest do not move it, "
-            f"and the pad rests {rests} off its reference"
-        )
+        off = f"{math.degrees(limit):.1f} degrees" if turned else f"{1e3 * limit:.0f} mm"
+        why = f"does not follow: {value:.2f} N m more than it needs at rest do not move it"
+        if cause == Cause.RANGE_END:
+            why = f"is at the end of its range, at {value:.2f} rad"
+        return f"{joint_names[joint]} {why}, and the pad rests {off} off its reference"
     if cause == Cause.BIASED:
         name, unit = _OF_SENSOR[Sensor(reason.detail)]
         return f"the {name} reads {value:.3g} {unit} at rest, at most {limit:.3g} are taken out: check it, call ~/tare"
