@@ -10,6 +10,9 @@ from slip_core.params import ParameterModel, parameter
 CommandInterface = Literal["effort", "velocity", "position"]
 
 
+EACH = "one number for all joints or one per joint, empty = none"
+
+
 class DriveModel(ParameterModel):
     """Drives of the joints: what is known of them; the launcher fills it from the drive's preset."""
 
@@ -22,6 +25,18 @@ class DriveModel(ParameterModel):
     bandwidth: float = parameter(
         300.0, "interfaces velocity and position: rate with which the joint follows its command", unit="rad/s", gt=0.0
     )
+    coulomb: tuple[float, ...] = parameter((), f"Coulomb friction of the joints; {EACH}", unit="N m")
+
+    def of_joints(self, name: str, joints: int) -> tuple[float, ...]:
+        """Return what is configured by such a list, of each joint.
+
+        Raises:
+            ValueError: neither one number nor one per joint.
+        """
+        values: tuple[float, ...] = getattr(self, name) or (0.0,)
+        if len(values) not in (1, joints):
+            raise ValueError(f"drive.{name}: {len(values)} numbers for {joints} joints; one for all, or one per joint")
+        return values * joints if len(values) == 1 else values
 
 
 class JointSensorModel(ParameterModel):

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum, unique
+from typing import NamedTuple
 
 import numpy as np
 
@@ -344,10 +345,11 @@ def _look(
     outputs: CycleOutputs,
     lead: bool,
     alone: bool,
+    together: AtRest,
 ) -> None:
     """Look at the inputs of an arm and decide; the mode is that of this cycle then.
 
-    lead: whether it is the first arm; alone: whether another arm is not answered in this cycle.
+    lead: whether it is the first arm; alone: whether another arm is not answered in this cycle; together: see `AtRest`.
     """
     decision = outputs.decision
     decision.step, decision.request = Step.NONE.value, inputs.request
@@ -373,12 +375,17 @@ def _look(
     _classify_inputs(config, state, inputs, outputs, fault, alone)
     if state.law.known == 0:
         begin_law(config, task, state, inputs, outputs, lead)
-    _decide(config, task, state, inputs, outputs)
+    _decide(config, task, state, inputs, outputs, together)
 
 
 @part
 def _decide(
-    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs
+    config: ControllerConfig,
+    task: TaskState,
+    state: ArmState,
+    inputs: CycleInputs,
+    outputs: CycleOutputs,
+    together: AtRest,
 ) -> None:
     """Find what speaks against the law, and go to the mode of this cycle."""
     sample, fault, now_ns, decision = state.joint.answers, outputs.health.joint, inputs.now_ns, outputs.decision
@@ -393,7 +400,7 @@ def _decide(
     measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns, config.cycle.late_ns)
     request = _stop_first(config, state, inputs.request, now_ns)
     if config.tare.duration_ns > 0:
-        _tare(config, state, inputs)
+        _tare(config, state, inputs, together)
     freezes = frozen(config.joint, state.joint, now_ns)
     n, contacts = config.law.joints, config.law.contacts
     reasons, level = arbitrate(config, task, state, outputs.health, freezes, n, contacts, sample.velocity, now_ns)
@@ -406,8 +413,35 @@ def _decide(
     put_reason(decision.fault, reasons.fault)
 
 
+class AtRest(NamedTuple):
+    """What the wrenches of several arms show together at rest.
+
+    arms: how many; known: whether all hold it and all are measured; beyond: force beyond the weight of the object, a
+    share of it for each arm [N] {w}. What is left of a single wrench may be internal: arms may press on each other.
+    """
+
+    arms: int
+    known: bool
+    beyond: Vec
+
+
 @part
-def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
+def _all_at_rest(configs: Records[ControllerConfig], states: Records[ArmState], inputs: Records[CycleInputs]) -> AtRest:
+    """Return what the wrenches of all arms show together at rest; of one arm nothing."""
+    n, known, total = len(configs), len(configs) > 1 and configs[0].tare.duration_ns > 0, ZERO
+    for k in range(n):
+        known = known and states[k].mode.mode == Mode.HOLD and states[k].wrench_inputs[0].seen != 0
+    if not known:
+        return AtRest(n, False, ZERO)
+    for k in range(n):
+        R = mat(inputs[k].arm.rotation)
+        total = total + R @ wrench_at_pad(configs[k].wrench_sensor, states[k].wrench_inputs[0].values, R).linear
+    weight = configs[0].law.contacts * vec(configs[0].hold.weight)
+    return AtRest(n, True, (1.0 / n) * (total - weight))
+
+
+@part
+def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, together: AtRest) -> None:
     """Read the sensors at rest while HOLD keeps the arm, and take what is a bias out of the samples of this cycle."""
     tare, queue = state.tare, state.queue
     if inputs.request == Request.TARE and not follows(state.mode.mode):
@@ -423,10 +457,14 @@ def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> Non
         for k in range(queue.count):
             if queue.samples[k].stamp_ns >= tare.begun_ns:
                 add_slip(config.tare, tare, queue.samples[k].twist)
-        if config.law.contacts == 1 and wrench.stamp_ns > tare.wrench_ns:  # of several, arms may press on each other
+        if wrench.stamp_ns > tare.wrench_ns and (together.arms == 1 or together.known):
             tare.wrench_ns = wrench.stamp_ns
             beyond = np.zeros(6)
-            put_spatial(beyond, own_wrench(config, state, R) - spatial(weight))
+            if together.arms == 1:
+                put_spatial(beyond, own_wrench(config, state, R) - spatial(weight))
+            else:
+                put_spatial(beyond, Spatial(R.T() @ together.beyond, ZERO))
+                weight *= config.law.contacts / together.arms  # a law of its own wrench alone has all of it
             add(tare.wrench, beyond, 6)
         if over:
             take_biases(config.tare, tare, weight)
@@ -1104,9 +1142,10 @@ def cycle(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outpu
     task, states = record(state_buffer[:TASK_SIZE], TASK_STATE), records(state_buffer[TASK_SIZE:end], ARM_STATE)
     history = state_buffer[end:].reshape(-1, ROW_SIZE)
     alone = _begin_together(task, states, inputs)
+    together = _all_at_rest(configs, states, inputs)
     for k in range(n):
         if inputs[k].present != 0:
-            _look(configs[k], task, states[k], inputs[k], outputs[k], k == 0, alone)
+            _look(configs[k], task, states[k], inputs[k], outputs[k], k == 0, alone, together)
     _agree(configs, task, states, inputs, outputs, alone)
     for k in range(n):
         if inputs[k].present != 0:

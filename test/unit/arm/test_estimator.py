@@ -216,14 +216,14 @@ def test_noise_and_motion_alone_are_no_fault() -> None:
         assert state.finding == Finding.NONE
 
 
-def opposed(d: Any, steps: int, **values: Any) -> tuple[Any, np.ndarray]:
+def opposed(d: Any, steps: int, v: float = 0.0, **values: Any) -> tuple[Any, np.ndarray]:
     config, state = configuration(**values), record(new(JOINT_ESTIMATE), JOINT_ESTIMATE)
     root = np.random.default_rng(1).normal(size=(N, N))
     M = root @ root.T + np.eye(N)
     torque = np.zeros(N)
     for k in range(steps):
         state.d[:N] = np.linalg.solve(M, d(k * T))
-        torque = np.ones(N)
+        torque, state.velocity[:N] = np.ones(N), v
         call(oppose_disturbance, config, state, M, T, torque)
     return state, torque - 1.0
 
@@ -259,6 +259,17 @@ def test_a_jump_is_a_collision_and_friction_that_reverses_is_none() -> None:
     assert (Finding(state.finding), state.joint) == (Finding.COLLISION, 1)
     assert state.value > state.limit == pytest.approx(15.0)
     assert opposed(step(10.0), 400)[0].finding == Finding.NONE
+
+
+def test_friction_that_turns_round_is_no_collision() -> None:
+    """Twice the friction, against the velocity; what jumps along with it, or by more, is something else."""
+    friction = {"drive__coulomb": (4.0,)}
+    for v, size, found in (
+        (-1.0, 20.0, Finding.NONE), (0.01, 20.0, Finding.NONE), (1.0, 20.0, Finding.COLLISION),
+        (1.0, -20.0, Finding.NONE), (-1.0, 25.0, Finding.COLLISION),
+    ):  # fmt: skip
+        state, _ = opposed(lambda t, size=size: np.array([0.0, size if t > 0.1 else 0.0, 0.0]), 130, v, **friction)
+        assert state.finding == found
 
 
 def test_friction_that_reverses_is_followed_fast_and_noise_alone_is_not() -> None:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from slip_core.drive_params import CommandInterface, DriveModel
+from slip_core.drive_params import EACH, CommandInterface, DriveModel
 from slip_core.params import parameter
-
-EACH = "one number for all joints or one per joint, empty = none"
 
 
 class DriveParams(DriveModel):
@@ -16,7 +14,6 @@ class DriveParams(DriveModel):
     interface: CommandInterface = parameter(
         "effort", "what the drives take: effort [N m], or velocity [rad/s] or position [rad] with a loop of their own"
     )
-    coulomb: tuple[float, ...] = parameter((), f"Coulomb friction of the joints; {EACH}", unit="N m")
     viscous: tuple[float, ...] = parameter((), f"viscous friction of the joints; {EACH}", unit="N m s/rad")
     offset: tuple[float, ...] = parameter(
         (), f"interface effort: constant added to the effort at the joint; {EACH}", unit="N m"
@@ -31,17 +28,6 @@ class DriveParams(DriveModel):
         "friction and damping of `<dynamics>` in the URDF. leave_out: not simulated, which the bridge reports where "
         "they are not zero; add: added to coulomb and viscous",
     )
-
-    def of_joints(self, name: str, joints: int) -> tuple[float, ...]:
-        """Return coulomb, viscous or offset of each joint.
-
-        Raises:
-            ValueError: neither one number nor one per joint.
-        """
-        values: tuple[float, ...] = getattr(self, name) or (0.0,)
-        if len(values) not in (1, joints):
-            raise ValueError(f"drive.{name}: {len(values)} numbers for {joints} joints; one for all, or one per joint")
-        return values * joints if len(values) == 1 else values
 
     def check(self, joints: int) -> None:
         """See that the lists fit an arm.

@@ -50,6 +50,8 @@ FAR: Final = 0.5
 FAST: Final = 20.0
 """Distance from the measurement [rad], [rad/s] from which an estimate is none: the forces of the model grow with the
 square of velocity, so one that runs away doubles its exponent in every cycle."""
+MOVES: Final = 0.02
+"""Speed from which the sign of a joint's friction is known [rad/s]."""
 SLOW_S: Final = 0.2
 """Time constant of the disturbance that is no collision [s]."""
 
@@ -105,6 +107,7 @@ class EstimatorConfig(Record):
     rate: Joints  # N m/s; of what is taken off
     settling: Real  # s; time constant with which it follows the estimate
     collision: Joints  # N m; jump of the disturbance that is a collision
+    friction: Joints  # N m; of the joints, as configured: it changes its sign with the velocity
     collision_s: Real  # s; that it must last
     disturbed_s: Real  # s; that a disturbance may stay beyond its bound
 
@@ -446,12 +449,23 @@ def oppose_disturbance(config: EstimatorConfig, state: JointEstimate, M: Array, 
         jump = effort - state.slow_effort[j]
         state.slow_effort[j] += weight * jump
         doubtful = state.trust[j] != Trust.BOTH or abs(state.moved[j] - state.swept[j]) > DOUBTFUL * config.difference
-        state.jumped_s[j] = state.jumped_s[j] + dt if abs(jump) > config.collision[j] and not doubtful else 0.0
+        most = config.collision[j] + friction_jump(config, state, j, jump)
+        state.jumped_s[j] = state.jumped_s[j] + dt if abs(jump) > most and not doubtful else 0.0
         state.beyond_s[j] = state.beyond_s[j] + dt if abs(effort) > bound else 0.0
         if state.jumped_s[j] > config.collision_s:
-            find(state, Finding.COLLISION.value, j, jump, config.collision[j])
+            find(state, Finding.COLLISION.value, j, jump, most)
         elif state.beyond_s[j] > config.disturbed_s:
             find(state, Finding.DISTURBED.value, j, effort, bound)
+
+
+@part
+def friction_jump(config: EstimatorConfig, state: JointEstimate, j: int, jump: float) -> float:
+    """Return how much of a jump of the disturbance a change of sign of the friction of joint j explains [N m].
+
+    Friction turns round against the velocity; a joint that comes to rest may be held in either direction.
+    """
+    along = jump * state.velocity[j] > 0.0 and abs(state.velocity[j]) > MOVES
+    return 0.0 if along else 2.0 * float(config.friction[j])
 
 
 @part
