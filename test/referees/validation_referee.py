@@ -114,9 +114,11 @@ class JointReferee:
         if fault == Fault.JUMP and self.silent(now_ns):
             fault = Fault.RESTARTED
         if fault in (Fault.CLOCK_JUMP, Fault.JUMP):
-            if self.after_jump and self.fault_of(sample, now_ns, self.after_jump[-1]) not in GOOD:
+            follows = self.fault_of(sample, now_ns, self.after_jump[-1]) if self.after_jump else fault
+            if follows not in (*GOOD, Fault.DUPLICATE):
                 self.after_jump = []
-            self.after_jump.append((sample, now_ns))
+            if follows != Fault.DUPLICATE:
+                self.after_jump.append((sample, now_ns))
             if len(self.after_jump) >= self.accept_after:
                 fault = Fault.RESTARTED
         self.counts[fault] += fault != Fault.NONE

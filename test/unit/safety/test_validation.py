@@ -207,6 +207,17 @@ def test_a_good_sample_between_jumps_makes_them_forgotten() -> None:
         assert v.joint(at(k)[0], position, np.zeros(N), at(k)[1]) == (Fault.NONE if good else Fault.JUMP)
 
 
+@pytest.mark.parametrize("step_ns", [10**10, -(10**10)])
+def test_a_clock_that_jumps_is_taken_up_where_every_sample_comes_twice(step_ns: int) -> None:
+    v = begun()
+    for k in range(5, 5 + ACCEPT):
+        expected = Fault.CLOCK_JUMP if k < 4 + ACCEPT else Fault.RESTARTED
+        for again in (0, 1):
+            arrival_ns = at(k)[1] + again * MS // 10
+            fault = v.joint(at(k)[0] + step_ns, POSITION + 1e-6 * k, np.zeros(N), arrival_ns)
+            assert fault == (Fault.DUPLICATE if again and expected == Fault.RESTARTED else expected)
+
+
 def test_in_lockstep_a_jump_is_a_restart_at_once() -> None:
     v = Validation(lockstep=True)
     assert v.joint(*(STAMP_NS, POSITION, np.zeros(N)), NOW_NS) == Fault.NONE

@@ -394,13 +394,13 @@ def receive_joints(
         # Nobody has seen where the arm went in the meantime: efforts for the old posture would kick it.
         fault = Fault.RESTARTED.value
     if fault == Fault.CLOCK_JUMP or fault == Fault.JUMP:
-        agrees = False
+        again = fault
         if state.candidate_known != 0:
             again, _ = classify_joints(limits, stamp_ns, q, qd, now_ns, state.candidate, state.candidate_ns, True)
-            agrees = fine(again)
-        state.agreeing = state.agreeing + 1 if agrees else 1
-        state.candidate_known, state.candidate_ns = 1, now_ns
-        _copy_sample(state.candidate, stamp_ns, q, qd, effort)
+        if again != Fault.DUPLICATE:  # one that came twice neither agrees nor contradicts
+            state.agreeing = state.agreeing + 1 if fine(again) else 1
+            state.candidate_known, state.candidate_ns = 1, now_ns
+            _copy_sample(state.candidate, stamp_ns, q, qd, effort)
         if state.agreeing >= limits.accept_after:
             fault = Fault.RESTARTED.value
     if fault != Fault.NONE:
