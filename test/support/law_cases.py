@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.records import Record, Records, Vec3, dtype_of, new, place, record
+from slip_core.records import Record, Records, Vec3, dtype_of, layout, new, place, record
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.attitude import LOG, RPY
 from slip_vic_controller.law.config import LAW_CONFIG
@@ -48,7 +48,7 @@ class LawMemory(Record):
 
 
 SAMPLES, SLIPS, MEMORY = dtype_of(Samples), dtype_of(Slips), dtype_of(LawMemory)
-GIVEN = np.dtype([
+GIVEN = layout([
     ("gains", LAW_GAINS), ("samples", CONTACT_SAMPLE, MAX_CONTACTS), ("slips", SLIP, MAX_CONTACTS),
     ("reference", REFERENCE), ("follow_error", "f8", 6), ("law", EVALUATION),
 ])  # fmt: skip

@@ -77,7 +77,12 @@ def dtype_of(declared: type[Record]) -> np.dtype[np.void]:
         TypeError: a field that is no number, array or record.
     """
     hints = get_type_hints(declared, include_extras=True)
-    return np.dtype((View, [(name, *_field(f"{declared.__name__}.{name}", hint)) for name, hint in hints.items()]))
+    return layout([(name, *_field(f"{declared.__name__}.{name}", hint)) for name, hint in hints.items()])
+
+
+def layout(fields: list[Any]) -> np.dtype[np.void]:
+    """Return the dtype of a record from its fields: name, type and, of an array, shape, as numpy wants them."""
+    return np.dtype((View, fields))
 
 
 def _field(name: str, hint: Any) -> tuple[Any, ...]:

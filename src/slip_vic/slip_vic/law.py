@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
-from slip_core.records import Record, Vec3, dtype_of, new, record
+from slip_core.records import Record, Vec3, dtype_of, layout, new, record
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.attitude import LOG, RPY
 from slip_vic_controller.law.config import LAW_CONFIG
@@ -33,7 +33,7 @@ class LawMemory(Record):
 
 
 MEMORY = dtype_of(LawMemory)
-GIVEN = np.dtype([
+GIVEN = layout([
     ("gains", LAW_GAINS), ("samples", CONTACT_SAMPLE, MAX_CONTACTS), ("slips", SLIP, MAX_CONTACTS),
     ("reference", REFERENCE), ("follow_error", "f8", 6), ("law", EVALUATION),
 ])  # fmt: skip

@@ -41,7 +41,8 @@ def test_samples_contradict_the_estimate_where_the_newest_in_a_row_all_do() -> N
     assert contradicted_since(state, rows) == 0  # the oldest row counts too
     rows["contradicts"][0] = 0
     assert contradicted_since(state, rows) == -1
-    state.rows, rows["kind"][LASTING : LASTING + 2], rows["contradicts"][LASTING + 1] = LASTING + 2, (TICK_ROW, SAMPLE_ROW), 1
+    rows["kind"][LASTING : LASTING + 2], rows["contradicts"][LASTING + 1] = (TICK_ROW, SAMPLE_ROW), 1
+    state.rows = LASTING + 2
     assert contradicted_since(state, rows) == 1  # whatever ticks lie between
     state.rows = 0
     assert contradicted_since(state, rows) == -1

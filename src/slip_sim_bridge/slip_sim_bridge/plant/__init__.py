@@ -13,7 +13,7 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.errors import SlipVicError
-from slip_core.records import REAL, Mat3, Record, Vec3, Vec6, dtype_of
+from slip_core.records import REAL, Mat3, Record, Vec3, Vec6, dtype_of, layout
 
 # No picture is drawn here. Without this, `import mujoco` looks for a window library in a process of its own.
 os.environ.setdefault("MUJOCO_GL", "disable")
@@ -55,7 +55,7 @@ class ReadOut:
     """
 
     def __init__(self, joints: int) -> None:
-        self.layout = np.dtype([("grasp", GRASP), ("position", REAL, joints), ("velocity", REAL, joints)])
+        self.layout = layout([("grasp", GRASP), ("position", REAL, joints), ("velocity", REAL, joints)])
         self.size = self.layout.itemsize // 8
         self.position, self.velocity = self._slice("position"), self._slice("velocity")
         self.wrench, self.slip_displacement = self._slice("wrench"), self._slice("slip_displacement")

@@ -8,11 +8,9 @@ from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
-
 from slip_core.arrays import Array
 from slip_core.compiled import BOOL, IN1, IN2, OUT1, REAL, VOID, kernel, part
-from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, record
+from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, layout, record
 from slip_core.vectors import ZERO, Spatial, mat, spatial, vec
 from slip_vic_controller.reference import governor
 from slip_vic_controller.reference.governor import GOVERNOR, GOVERNOR_CONFIG, PAD
@@ -41,7 +39,7 @@ class Step(Record):
     arrived: Real  # 1 at the path's end, at rest
 
 
-HELD_OBJECT, STEP, MEMORY = dtype_of(HeldObject), dtype_of(Step), np.dtype(
+HELD_OBJECT, STEP, MEMORY = dtype_of(HeldObject), dtype_of(Step), layout(
     [("governor", GOVERNOR), ("grid", PATH_GRID), ("pad", PAD)]
 )  # fmt: skip
 
