@@ -63,7 +63,7 @@ class View(np.void):  # type: ignore[misc]  # numpy says final, and has np.recor
     def __getattr__(self, name: str) -> Any:
         try:
             return self[name]
-        except KeyError:
+        except ValueError:
             raise AttributeError(f"the record has no field {name}") from None
 
     def __setattr__(self, name: str, value: Any) -> None:

@@ -63,6 +63,15 @@ def test_a_view_writes_through_and_nested_records_are_assigned_whole() -> None:
     assert view.parts[0].gain == 0.0
 
 
+def test_a_misspelt_field_of_a_view_is_an_error_and_not_a_new_attribute() -> None:
+    view = record(new(EVERYTHING), EVERYTHING)
+    with pytest.raises(AttributeError, match="no field gian"):
+        view.part.gian  # noqa: B018
+    with pytest.raises(ValueError, match="gian"):
+        view.part.gian = 1.0
+    assert not hasattr(view, "gian")
+
+
 def test_what_is_no_field_is_refused() -> None:
     with pytest.raises(TypeError, match=r"Wrong\.name"):
         dtype_of(Wrong)
