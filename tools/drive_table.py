@@ -1,4 +1,4 @@
-"""Print the table of docs/drives.md: slip and distance from the goal of laws on drives, in every scenario of one arm.
+"""Print the table of docs/drives.md: slip and distance from the goal of laws on drives, in the scenarios of one arm, or others.
 
 python tools/drive_table.py --drive torque_joint --law governed --sensor all     # a row per scenario and sensor
 python tools/drive_table.py --drive velocity_500 --scenario ur5e/paper_planar.yaml   # an arm of `slip-vic arm`
@@ -33,13 +33,14 @@ def rows(drives: list[str], scenarios: list[str], laws: list[str], sensors: list
 
 def result(name: str, law: str, drive: str, sensor: str, seed: int) -> str:
     """Return slip, distance from the goal and outcome of a run, as cells."""
-    planned = slip_vic.load(name).controller.trajectory
+    planned = next(iter(slip_vic.load(name).controllers.values())).trajectory
     short = f"bridge.duration_s={planned.start_s + planned.duration_s + SETTLES_S}"
     try:
         run = slip_vic.load(name, law=law, drive=drive, sensor=sensor, seed=seed, set=[short]).run()  # type: ignore[arg-type]
     except SlipVicError as error:
         return f"refused: {error} | |"
-    off_mm = 1e3 * off_goal_m(run.track.series()[0], run.scenario.controller.trajectory)
+    several = run.scenario.several  # their path is that of the object
+    off_mm = run.final_error_mm if several else 1e3 * off_goal_m(run.track.series()[0], planned)
     return f"{run.slip_mm:.2f} | {off_mm:.1f} | {run.outcome}{': ' if run.reason else ''}{run.reason}"
 
 

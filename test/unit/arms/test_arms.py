@@ -20,6 +20,7 @@ from slip_vic.study.lottery import draw_arms
 from slip_vic_controller.law.bounds import internal_gain_limit
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import Controller
+from test.support.every import every
 
 UPRIGHT, FLAT = "pane_two_arms_upright", "pane_two_arms_flat"
 SOON = ("controller.trajectory.start_s=0.0",)
@@ -65,6 +66,20 @@ def grasped(scenario: Scenario, tick: Tick) -> tuple[list[np.ndarray], list[np.n
         places.append(object_.position + object_.rotation @ np.array(arm.contacts.position) + R_p @ slip[:3])
         attitudes.append(R_p @ Rotation.from_rotvec(np.array(slip[3:])).as_matrix())
     return places, attitudes
+
+
+@every("law, bias", (("classical", 0.2), ("governed", 0.0)))
+def test_what_arms_press_on_each_other_at_rest_is_no_bias_but_what_both_together_read_is(law: str, bias: float) -> None:
+    """Half of a bias is taken off each wrench, so that their sum is right."""
+    biased = f"left.bridge.sensors.wrench.bias=[0.0, 0.0, {bias}, 0.0, 0.0, 0.0]"
+    loop = ClosedLoop(load_scenario(FLAT, law=law, drive="velocity_500", assignments=(biased,)))
+    for tick in ticks(loop, 405):
+        results = tick.results
+    assert all(result.mode.follows for result in results)
+    turned = [np.array(result.arm.rotation) for result in results]
+    found = [R @ arm.state.tare.wrench_bias[:3] for R, arm in zip(turned, loop.session.arms, strict=True)]
+    np.testing.assert_allclose(np.sum(found, axis=0), [0.0, 0.0, bias], atol=0.01)
+    np.testing.assert_allclose(found[0], found[1], atol=0.01)
 
 
 def test_perfect_sensors_show_the_true_internal_wrench() -> None:
