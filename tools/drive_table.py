@@ -1,4 +1,4 @@
-"""Print the table of docs/drives.md: slip and distance from the goal of laws on drives, in the scenarios of one arm, or others.
+"""Print the table of docs/drives.md: slip and distance from the goal of laws on drives, in every scenario of one arm.
 
 python tools/drive_table.py --drive torque_joint --law governed --sensor all     # a row per scenario and sensor
 python tools/drive_table.py --drive velocity_500 --scenario ur5e/paper_planar.yaml   # an arm of `slip-vic arm`
