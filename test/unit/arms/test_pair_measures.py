@@ -11,7 +11,7 @@ import pytest
 from slip_sim_bridge.internal import internal_wrenches
 from slip_vic.page.runs import shown
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic.study.lottery import Entry, draw_of, lottery_table, play, write_lottery
+from slip_vic.study.lottery import Entry, draw_of, lottery_file, lottery_table, play
 from slip_vic_controller.robot import Robot
 
 SHORT = ("left.bridge.duration_s=0.03", "right.bridge.duration_s=0.03")
@@ -63,8 +63,11 @@ def test_a_lottery_runs_every_law_in_every_world_and_counts(tmp_path: Path) -> N
     played = [(ticket, {law.name: play(ticket, law) for law in laws}) for ticket in short]
     assert {drawn.outcome for _, by_law in played for drawn in by_law.values()} == {"ok"}
     assert lottery_table(played).row_count == 3
-    write_lottery(tmp_path / "lottery.csv", played)
-    assert len((tmp_path / "lottery.csv").read_text().splitlines()) == 5
+    with lottery_file(tmp_path / "lottery.csv") as write:
+        for done, (ticket, by_law) in enumerate(played, start=1):
+            write(ticket, by_law)
+            rows = (tmp_path / "lottery.csv").read_text().splitlines()
+            assert len(rows) == 1 + 2 * done  # on the disk as soon as the case ends
 
 
 def test_both_arms_have_a_slip_observer_of_their_own_contact() -> None:

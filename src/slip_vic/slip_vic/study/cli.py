@@ -152,23 +152,24 @@ def _lottery(
 ) -> None:  # fmt: skip
     """Draw cases, with drives unless one is given, run each with every law, and say how the laws compare."""
     from rich.console import Console
-    from rich.progress import Progress
 
     from slip_vic.scenarios import scenario_names
     from slip_vic.scenarios.scenario import drive_assignments
-    from slip_vic.study.lottery import lottery, lottery_table, write_lottery
+    from slip_vic.study.lottery import lottery, lottery_file, lottery_table
+    from slip_vic.study.progress import progress
 
     if drive is not None:
         assignments = (*drive_assignments(drive, (*scenarios, *scenario_names(1))[0], assignments), *assignments)
     out.mkdir(parents=True, exist_ok=True)
     results = []
-    console = Console(stderr=True)
-    with Progress(console=console, disable=not console.is_terminal) as progress:
-        task = progress.add_task("lottery", total=cases)
-        for result in lottery(cases, seed, jobs, scenarios, laws, assignments, drives=drive is None):
-            results.append(result)
-            progress.update(task, completed=result[0].number + 1)
-    write_lottery(out / "lottery.csv", results)
+    with (
+        lottery_file(out / "lottery.csv") as write,
+        progress("lottery", cases, 0, Console(stderr=True)) as report,
+    ):
+        for ticket, by_law in lottery(cases, seed, jobs, scenarios, laws, assignments, drives=drive is None):
+            write(ticket, by_law)
+            results.append((ticket, by_law))
+            report(ticket.number + 1, "")
     Console().print(lottery_table(results))
     click.echo(f"{len(results)} of {cases} drawn cases are feasible; {out / 'lottery.csv'}")
 

@@ -6,9 +6,10 @@ trouble of the wrench sensor. A configuration is a list of assignments, so laws 
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
@@ -447,12 +448,16 @@ def lottery_table(results: Sequence[tuple[Ticket, Mapping[str, Drawn]]]) -> Tabl
     return table
 
 
-def write_lottery(path: Path, results: Sequence[tuple[Ticket, Mapping[str, Drawn]]]) -> None:
-    """Write one row per case and law."""
+@contextlib.contextmanager
+def lottery_file(path: Path) -> Iterator[Callable[[Ticket, Mapping[str, Drawn]], None]]:
+    """Open a table with a row per case and law; yield what writes those of a case, which are on the disk at once."""
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(("number", "scenario", "kind", "sensor", "seed", "trouble", "world", "law", *Drawn._fields))
-        for ticket, by_law in results:
+
+        def write(ticket: Ticket, by_law: Mapping[str, Drawn]) -> None:
             case = (ticket.number, ticket.scenario, ticket.kind, ticket.sensor, ticket.seed, ticket.trouble)
-            for law, drawn in by_law.items():
-                rows.writerow((*case, " ".join(ticket.world), law, *drawn))
+            rows.writerows((*case, " ".join(ticket.world), law, *drawn) for law, drawn in by_law.items())
+            file.flush()
+
+        yield write
