@@ -465,6 +465,7 @@ def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, togeth
             else:
                 put_spatial(beyond, Spatial(R.T() @ together.beyond, ZERO))
                 weight *= config.law.contacts / together.arms  # a law of its own wrench alone has all of it
+                weight[3:] = 0.0  # torques are not compared
             add(tare.wrench, beyond, 6)
         if over:
             take_biases(config.tare, tare, weight)

@@ -82,6 +82,18 @@ def test_what_arms_press_on_each_other_at_rest_is_no_bias_but_what_both_together
     np.testing.assert_allclose(found[0], found[1], atol=0.01)
 
 
+def test_arms_find_the_mass_of_an_object_that_is_heavier_than_configured() -> None:
+    """Together: a share of what their wrenches add up to, and no torque of it, since torques are not compared."""
+    mass = 1.3 * load_scenario(FLAT).controllers["left"].object.mass
+    heavier = (f"bridge.object.mass={mass}", "controller.tare.duration_s=0.3")
+    loop = ClosedLoop(load_scenario(FLAT, law="classical", assignments=heavier))
+    for tick in ticks(loop, 800):
+        results = tick.results
+    assert all(result.mode.follows for result in results), [result.reason for result in results]
+    for arm in loop.session.arms:
+        assert arm.state.tare.mass_share == pytest.approx(0.3, abs=0.02)
+
+
 def test_perfect_sensors_show_the_true_internal_wrench() -> None:
     for name in (UPRIGHT, FLAT):
         scenario = load_scenario(name, assignments=(*SOON, "controller.trajectory.duration_s=0.8"))
