@@ -32,6 +32,8 @@ DIGEST: Final = "8e44fee3abe2ed8c"
 """Of all worlds of the suite: `digest_of(SEED)`."""
 AFTER_S: Final = 2.0
 """Simulated time after the end of the path as given [s]: a law that slows down may take it."""
+CONFIGURED_SINCE: Final = ("controller.drive.coulomb=",)
+"""What the presets of drives configure in the controller since the suite was frozen; it changes no world."""
 TARE_S: Final = 0.3
 """How long laws of this project read their sensors at rest before they begin [s]."""
 
@@ -71,9 +73,10 @@ class World:
 
     @property
     def digest(self) -> str:
-        """Digest of everything that makes it."""
+        """Digest of everything that makes it, without `CONFIGURED_SINCE`."""
         ticket = self.ticket
-        parts = (ticket.scenario, ticket.sensor, str(ticket.seed), *ticket.world)
+        world = (one for one in ticket.world if not one.startswith(CONFIGURED_SINCE))
+        parts = (ticket.scenario, ticket.sensor, str(ticket.seed), *world)
         return digest(part.encode() for part in parts)
 
     @property
