@@ -427,17 +427,35 @@ class AtRest(NamedTuple):
 
 @part
 def _all_at_rest(configs: Records[ControllerConfig], states: Records[ArmState], inputs: Records[CycleInputs]) -> AtRest:
-    """Return what the wrenches of all arms show together at rest; of one arm nothing."""
-    n, known, total = len(configs), len(configs) > 1 and configs[0].tare.duration_ns > 0, ZERO
+    """Return what the wrenches of all arms show together at rest; of one arm, or after the tare of all, nothing."""
+    n, held, wanted, total = len(configs), configs[0].tare.duration_ns > 0, False, ZERO
     for k in range(n):
-        known = known and states[k].mode.mode == Mode.HOLD and states[k].wrench_inputs[0].seen != 0
-    if not known:
+        held = held and states[k].mode.mode == Mode.HOLD and states[k].wrench_inputs[0].seen != 0
+        wanted = wanted or states[k].tare.done == 0
+    if n == 1 or not held or not wanted:
         return AtRest(n, False, ZERO)
     for k in range(n):
         R = mat(inputs[k].arm.rotation)
         total = total + R @ wrench_at_pad(configs[k].wrench_sensor, states[k].wrench_inputs[0].values, R).linear
     weight = configs[0].law.contacts * vec(configs[0].hold.weight)
     return AtRest(n, True, (1.0 / n) * (total - weight))
+
+
+@part
+def _wrench_at_rest(
+    config: ControllerConfig, state: ArmState, inputs: CycleInputs, together: AtRest
+) -> tuple[Spatial, Spatial]:
+    """Return the object's wrench on the pad beyond that of the model, and that of the model [N, N m] {ee}.
+
+    Of several arms a share of what they show together, in which torques are not compared.
+    """
+    R = mat(inputs.arm.rotation)
+    r = _arm_of_load(config, state, pad_rotation(config.law.contact[0], state.law.slips[0]))
+    expected = object_load(config.hold, R, R @ r)
+    if together.arms == 1:
+        return own_wrench(config, state, R) - expected, expected
+    share = config.law.contacts / together.arms  # a law of its own wrench alone has all of it
+    return Spatial(R.T() @ together.beyond, ZERO), Spatial(share * expected.linear, ZERO)
 
 
 @part
@@ -448,9 +466,7 @@ def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, togeth
         start_tare(tare, NEVER)
     if tare.done == 0 and state.mode.mode == Mode.HOLD:
         n, stamp_ns, wrench = config.law.joints, state.joint.answers.stamp_ns, state.wrench_inputs[0]
-        R, weight = mat(inputs.arm.rotation), np.zeros(6)
-        r = _arm_of_load(config, state, pad_rotation(config.law.contact[0], state.law.slips[0]))
-        put_spatial(weight, object_load(config.hold, R, R @ r))
+        six, (beyond, expected) = np.zeros(6), _wrench_at_rest(config, state, inputs, together)
         over = measure_at_rest(
             config.tare, tare, stamp_ns, state.joint.last.position[:n], state.joint.last.velocity[:n]
         )
@@ -459,16 +475,11 @@ def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, togeth
                 add_slip(config.tare, tare, queue.samples[k].twist)
         if wrench.stamp_ns > tare.wrench_ns and (together.arms == 1 or together.known):
             tare.wrench_ns = wrench.stamp_ns
-            beyond = np.zeros(6)
-            if together.arms == 1:
-                put_spatial(beyond, own_wrench(config, state, R) - spatial(weight))
-            else:
-                put_spatial(beyond, Spatial(R.T() @ together.beyond, ZERO))
-                weight *= config.law.contacts / together.arms  # a law of its own wrench alone has all of it
-                weight[3:] = 0.0  # torques are not compared
-            add(tare.wrench, beyond, 6)
+            put_spatial(six, beyond)
+            add(tare.wrench, six, 6)
         if over:
-            take_biases(config.tare, tare, weight)
+            put_spatial(six, expected)
+            take_biases(config.tare, tare, six)
     for k in range(queue.count):
         for i in range(6):
             queue.samples[k].twist[i] -= tare.slip_bias[i]

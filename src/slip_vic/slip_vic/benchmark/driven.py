@@ -291,7 +291,7 @@ class _TooSlowError(BaseException):
 
 @contextlib.contextmanager
 def _alarm() -> Iterator[Callable[[float], None]]:
-    """Yield what sets the time after which `_TooSlowError` is raised [s]; 0: never.
+    """Yield a function of the time after which `_TooSlowError` is raised [s]; 0: never.
 
     Only the main thread of a process has an alarm.
     """
@@ -302,9 +302,12 @@ def _alarm() -> Iterator[Callable[[float], None]]:
     def stop(*_: object) -> None:
         raise _TooSlowError
 
+    def set_alarm(after_s: float) -> None:
+        signal.setitimer(signal.ITIMER_REAL, after_s)
+
     before = signal.signal(signal.SIGALRM, stop)
     try:
-        yield lambda after_s: signal.setitimer(signal.ITIMER_REAL, after_s) and None
+        yield set_alarm
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
