@@ -180,6 +180,8 @@ class Driven:
             x, R, twist, acceleration = (np.array(part, dtype=float) for part in point)
             return Reference(x, R, twist.reshape(6), acceleration.reshape(6))
 
+        reference(0.0)  # compiled here where it is the first one on a machine: no step of the law waits for it
+
         return Setup(
             reference=reference,
             duration_s=float(ends) + start_s,
