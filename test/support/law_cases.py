@@ -9,11 +9,12 @@ from typing import Annotated, Any
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.records import Record, Records, Vec3, dtype_of, layout, new, place, record
+from slip_core.records import Record, Records, dtype_of, new, place, record
+from slip_vic.law import GIVEN, MEMORY
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.attitude import LOG, RPY
 from slip_vic_controller.law.config import LAW_CONFIG
-from slip_vic_controller.law.contact import CONTACT_SAMPLE, SLIP, ContactSample, Slip, integrate_slips
+from slip_vic_controller.law.contact import ContactSample, Slip, integrate_slips
 from slip_vic_controller.law.gains import LAW_GAINS
 from slip_vic_controller.law.law import EVALUATION, evaluate, predict_motion, scale_acceleration
 from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, published, symbols
@@ -21,7 +22,7 @@ from slip_vic_controller.observer.layouts import MOTION
 from slip_vic_controller.reference import paths
 from slip_vic_controller.reference.paths import PATH, REFERENCE
 from slip_vic_controller.safety.validation import JOINT_SAMPLE
-from slip_vic_controller.sizes import MAX_CONTACTS, Joints
+from slip_vic_controller.sizes import MAX_CONTACTS
 from test.referees.law_referee import RefereeInput, exponential
 from test.support.call import call
 
@@ -40,19 +41,7 @@ class Slips(Record):
     at: Annotated[Records[Slip], MAX_CONTACTS]
 
 
-class LawMemory(Record):
-    """What an evaluation takes of the one before."""
-
-    posture: Joints
-    e_previous: Vec3
-
-
-SAMPLES, SLIPS, MEMORY = dtype_of(Samples), dtype_of(Slips), dtype_of(LawMemory)
-GIVEN = layout([
-    ("gains", LAW_GAINS), ("samples", CONTACT_SAMPLE, MAX_CONTACTS), ("slips", SLIP, MAX_CONTACTS),
-    ("reference", REFERENCE), ("follow_error", "f8", 6), ("law", EVALUATION),
-])  # fmt: skip
-"""What an evaluation is made of."""
+SAMPLES, SLIPS = dtype_of(Samples), dtype_of(Slips)
 
 
 def put_reference(path: Array, t: float, position: Array, rotation: Array, out: Array) -> None:
