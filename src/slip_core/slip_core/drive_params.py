@@ -3,18 +3,20 @@ on it."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from slip_core.params import ParameterModel, parameter
 
 CommandInterface = Literal["effort", "velocity", "position"]
-
-
 EACH = "one number for all joints or one per joint, empty = none"
+"""What a list of joints means; see `DriveModel.of_joints`."""
 
 
 class DriveModel(ParameterModel):
     """Drives of the joints: what is known of them; the launcher fills it from the drive's preset."""
+
+    FRICTION: ClassVar[tuple[str, ...]] = ("coulomb",)
+    """Lists of the joints that are not negative."""
 
     delay_s: float = parameter(
         0.0, "time from a command to its effect, which no stamp shows; whole control periods", unit="s", ge=0.0, le=0.1
@@ -37,6 +39,17 @@ class DriveModel(ParameterModel):
         if len(values) not in (1, joints):
             raise ValueError(f"drive.{name}: {len(values)} numbers for {joints} joints; one for all, or one per joint")
         return values * joints if len(values) == 1 else values
+
+    def check(self, joints: int) -> None:
+        """See that the lists fit an arm.
+
+        Raises:
+            ValueError: a list of another length, or negative friction.
+        """
+        for name in self.FRICTION:
+            values = self.of_joints(name, joints)
+            if min(values) < 0.0:
+                raise ValueError(f"drive.{name} {list(values)}: friction is not negative")
 
 
 class JointSensorModel(ParameterModel):

@@ -294,6 +294,11 @@ class ControllerParams(ArmParams):
         return FOLLOWED / self.drive_lag_s if self.drive_lag_s > 0.0 else math.inf
 
     @model_validator(mode="after")
+    def _drives_fit_the_arm(self) -> ControllerParams:
+        self.drive.check(len(self.joint_names))
+        return self
+
+    @model_validator(mode="after")
     def _a_flag_is_no_speed(self) -> ControllerParams:
         if self.slip_input == "flag" and self.slip_estimator == "observer":
             raise ValueError("slip_estimator observer needs slip velocities: with slip_input flag use measured")

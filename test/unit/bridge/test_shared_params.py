@@ -55,10 +55,19 @@ def test_both_nodes_take_the_same_quaternions(norm):
         {"object.inertia": (math.nan,) * 6},
         {"joint_names": ()},
         {"joint_names": ("a",) * 7},
+        {"drive.coulomb": (1.0,) * 3},
+        {"drive.coulomb": (*(1.0,) * 6, -1.0)},
     ],
 )
 def test_both_nodes_refuse_the_same(values):
     assert [accepts(model, values) for model in NODES] == [False, False]
+
+
+@every("values, expected", (((), (0.0,) * 7), ((2.0,), (2.0,) * 7), (tuple(range(7)), tuple(range(7)))))
+def test_a_list_of_the_joints_means_the_same_to_both_nodes(values, expected):
+    for model in NODES:
+        drive = build(model, {"drive.coulomb": values}, "test").drive
+        assert drive.of_joints("coulomb", 7) == expected
 
 
 def test_parameters_of_one_name_have_one_declaration():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from slip_core.drive_params import EACH, CommandInterface, DriveModel
 from slip_core.params import parameter
@@ -11,6 +11,7 @@ from slip_core.params import parameter
 class DriveParams(DriveModel):
     """Drives of an arm."""
 
+    FRICTION: ClassVar[tuple[str, ...]] = ("coulomb", "viscous")
     interface: CommandInterface = parameter(
         "effort", "what the drives take: effort [N m], or velocity [rad/s] or position [rad] with a loop of their own"
     )
@@ -30,12 +31,6 @@ class DriveParams(DriveModel):
     )
 
     def check(self, joints: int) -> None:
-        """See that the lists fit an arm.
-
-        Raises:
-            ValueError: a list of another length, or negative friction.
-        """
-        for name in ("coulomb", "viscous", "offset"):
-            values = self.of_joints(name, joints)
-            if name != "offset" and min(values) < 0.0:
-                raise ValueError(f"drive.{name} {list(values)}: friction is not negative")
+        """See `DriveModel.check`."""
+        super().check(joints)
+        self.of_joints("offset", joints)

@@ -498,7 +498,7 @@ def apply_drive(values: dict[str, dict[str, Any]], preset: DrivePreset) -> None:
     joints = len(values["bridge"].get("joint_names", BridgeParams.model_fields["joint_names"].default))
     known = {info.name for info in parameter_infos(ControllerNodeParams)}
     for part, group in (("drive", "drive"), ("joint", "sensors.joint")):
-        flat = {name: of_joints(value, joints) for name, value in flatten(getattr(preset, part)).items()}
+        flat = {name: cut_or_extend(value, joints) for name, value in flatten(getattr(preset, part)).items()}
         values["bridge"] |= {f"{group}.{name}": value for name, value in flat.items()}
         own = "joint_sensor" if part == "joint" else part
         values["controller"] |= {f"{own}.{name}": value for name, value in flat.items() if f"{own}.{name}" in known}
@@ -519,8 +519,11 @@ def drive_assignments(drive: str, scenario: str, assignments: Iterable[str]) -> 
     )
 
 
-def of_joints(value: Any, joints: int) -> Any:
-    """Return a list for an arm with this number of joints; one number stays one for all."""
+def cut_or_extend(value: Any, joints: int) -> Any:
+    """Return a list of another arm's joints for this number of joints: cut, or its last number for further ones.
+
+    What is no list, or has one number for all joints, is returned as it is.
+    """
     if not isinstance(value, list) or len(value) < 2:
         return value
     return [*value[:joints], *[value[-1]] * (joints - len(value))]

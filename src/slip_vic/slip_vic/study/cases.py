@@ -16,8 +16,8 @@ from slip_vic.scenarios.scenario import (
     Law,
     Scenario,
     Texts,
+    cut_or_extend,
     load_scenario,
-    of_joints,
 )
 
 ESTIMATORS = ("measured", "observer")
@@ -141,7 +141,7 @@ class Asked:
 
 def coulomb_of(joints: int) -> list[float]:
     """Return COULOMB of the joints of an arm (n,) [N m]."""
-    values: list[float] = of_joints(list(COULOMB), joints)
+    values: list[float] = cut_or_extend(list(COULOMB), joints)
     return values
 
 

@@ -214,13 +214,6 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
         model.rate * effort_limit,
     )
     config.collision[:n] = (model.collision if by_effort else math.inf) * effort_limit
-    config.friction[:n] = _friction(params, n)
+    config.friction[:n] = params.drive.of_joints("coulomb", n)
     config.collision_s, config.disturbed_s = model.collision_s, model.sustained_s
     return buffer
-
-
-def _friction(params: ControllerParams, joints: int) -> tuple[float, ...]:
-    try:
-        return params.drive.of_joints("coulomb", joints)
-    except ValueError as error:
-        raise InputError("parameter drive.coulomb", got=str(error), expected="one number, or one per joint") from error
