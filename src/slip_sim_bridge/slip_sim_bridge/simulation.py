@@ -19,7 +19,7 @@ from slip_sim_bridge.params import WORLD, BridgeParams
 from slip_sim_bridge.plant import DivergenceError, Movable, Plant, ReadOut
 from slip_sim_bridge.plant.joint_step import JOINT_DRIVE_SIZE
 from slip_sim_bridge.plant.loose import LoosePlant
-from slip_sim_bridge.plant.model import motion_limits, urdf_dynamics
+from slip_sim_bridge.plant.model import UrdfJoints, urdf_joints
 
 OBEYED, CLIPPED, NOT_FINITE = 0, 1, 2
 MakePlant = Callable[[Mapping[str, BridgeParams], Mapping[str, str]], Plant]
@@ -69,15 +69,12 @@ class Arm:
     Args:
         params: of this arm.
         limits: of its joint efforts; (n,) [N m].
-        dynamics: friction [N m] and damping [N m s/rad] of its URDF's joints; (n,) each.
-        motion: lower and upper end [rad] and speed [rad/s] that drives with loops of their own keep to; (n,) each.
+        joints: of its URDF; drives with loops of their own keep to their ends and speeds.
     """
 
-    def __init__(
-        self, params: BridgeParams, limits: Array, dynamics: tuple[Array, Array], motion: tuple[Array, Array, Array]
-    ) -> None:
-        self.params, self.limits, self.motion, self.layout = params, limits, motion, ReadOut(len(limits))
-        self.drives = Drives(params.drive, limits, dynamics, params.control_period_s)
+    def __init__(self, params: BridgeParams, limits: Array, joints: UrdfJoints) -> None:
+        self.params, self.limits, self.joints, self.layout = params, limits, joints, ReadOut(len(limits))
+        self.drives = Drives(params.drive, limits, (joints.friction, joints.damping), params.control_period_s)
         self.gripper = Gripper(params.grip, params.control_period_s)
         self.largest_change = params.effort_rate * params.control_period_s
         self.edge = 0.5 * params.grip.pad_size[0], 0.5 * params.grip.pad_size[1]
@@ -119,7 +116,8 @@ class Arm:
         A position [rad] leads the joint by no more than its speed makes good. A velocity [rad/s] shrinks ahead of the
         range's end, by a quarter of the loop's bandwidth for each radian, so that the joint does not overshoot.
         """
-        (lower, upper, speed), bandwidth = self.motion, self.params.drive.bandwidth
+        lower, upper, speed = self.joints.lower, self.joints.upper, self.joints.speed
+        bandwidth = self.params.drive.bandwidth
         if self.drives.takes_positions:
             period = self.params.control_period_s
             lead = speed * period / -math.expm1(-bandwidth * period)
@@ -177,15 +175,14 @@ class Simulation:
         self.plant: Movable = self._held
         self.loss: Loss | None = None
         """When and how the object left the first pad; None while all hold it."""
-        dynamics = [urdf_dynamics(arm, urdfs[name]) for name, arm in params.items()]
-        motion = [motion_limits(arm, urdfs[name]) for name, arm in params.items()]
         self.arms = tuple(
-            Arm(*each) for each in zip(params.values(), self._held.effort_limits, dynamics, motion, strict=True)
+            Arm(arm, limits, urdf_joints(arm, urdfs[name]))
+            for (name, arm), limits in zip(params.items(), self._held.effort_limits, strict=True)
         )
         self.notes = tuple(
             f"{prefix_of(name)}friction and damping of the URDF's joints are not simulated: drive.urdf_dynamics"
-            for (name, arm), numbers in zip(params.items(), dynamics, strict=True)
-            if np.any(numbers) and arm.drive.urdf_dynamics == "leave_out"
+            for name, arm in zip(params, self.arms, strict=True)
+            if (arm.joints.friction.any() or arm.joints.damping.any()) and arm.params.drive.urdf_dynamics == "leave_out"
         )
         """What the simulation leaves out of its input, one line each."""
         self._drives: Array | None = None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -195,25 +196,25 @@ def effort_limits(model: mujoco.MjModel, joint_names: Sequence[str]) -> Array:
     return readonly([model.jnt_actfrcrange[j, 1] if model.jnt_actfrclimited[j] else math.inf for j in joints])
 
 
-def urdf_dynamics(params: BridgeParams, urdf_text: str) -> tuple[Array, Array]:
-    """Return friction [N m] and damping [N m s/rad] of `<dynamics>` of each joint; (n,) each, 0 where there is none."""
-    joints = {joint.get("name"): joint.find("dynamics") for joint in parse_urdf(urdf_text).iter("joint")}
-    found = [joints.get(name) for name in params.joint_names]
-    friction, damping = (
-        np.array([0.0 if each is None else numbers_of(each, name, (0.0,))[0] for each in found])
-        for name in ("friction", "damping")
-    )
-    return friction, damping
+class UrdfJoints(NamedTuple):
+    """What the URDF has of an arm's joints, 0 where it has none; (n,) each."""
+
+    lower: Array  # rad
+    upper: Array  # rad
+    speed: Array  # rad/s
+    friction: Array  # N m
+    damping: Array  # N m s/rad
 
 
-def motion_limits(params: BridgeParams, urdf_text: str) -> tuple[Array, Array, Array]:
-    """Return lower and upper end [rad] and speed [rad/s] of the URDF's joint limits; (n,) each."""
+def urdf_joints(params: BridgeParams, urdf_text: str) -> UrdfJoints:
+    """Return `<limit>` and `<dynamics>` of the joints of an arm."""
     joints = named(parse_urdf(usable_urdf(urdf_text, params.ee_frame, params.joint_names)), "joint")
-    limits = [joints[name].find("limit") for name in params.joint_names]
-    lower, upper, speed = (
-        np.array([numbers_of(limit, name, (0.0,))[0] for limit in limits]) for name in ("lower", "upper", "velocity")
-    )
-    return lower, upper, speed
+
+    def of(element: str, name: str) -> Array:
+        return np.array([numbers_of(joints[joint].find(element), name, (0.0,))[0] for joint in params.joint_names])
+
+    limits, dynamics = ("lower", "upper", "velocity"), ("friction", "damping")
+    return UrdfJoints(*(of("limit", name) for name in limits), *(of("dynamics", name) for name in dynamics))
 
 
 def tree_of(model: mujoco.MjModel) -> WholeArray:
