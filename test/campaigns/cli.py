@@ -23,7 +23,7 @@ for command in (bench, faults, soak):
 
 def main() -> int:
     """Run one of them."""
-    return run_command(campaigns, "slip-vic")
+    return run_command(campaigns, "./run")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""``slip-vic bench``."""
+"""``./run bench``."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def read_metrics(path: Path) -> dict[str, Metric]:
         raise InputError(f"file {path}", got=str(error), expected="JSON") from None
     metrics = stored.get("metrics") if isinstance(stored, dict) else None
     if not isinstance(metrics, dict):
-        raise InputError(f"file {path}", got="no metrics", expected="a bench.json of slip-vic bench")
+        raise InputError(f"file {path}", got="no metrics", expected="a bench.json of ./run bench")
     return {name: metric_from(name, value) for name, value in metrics.items()}
 
 
@@ -73,7 +73,7 @@ def compare(before: Mapping[str, Metric], after: Mapping[str, Metric]) -> list[C
 
 
 def comparison_table(changes: list[Change]) -> Table:
-    """Return the table of ``slip-vic bench --compare``."""
+    """Return the table of ``./run bench --compare``."""
     table = Table(title="what changed beyond the noise of both files")
     for heading in ("", "before", "after", "change", "verdict"):
         table.add_column(heading, justify="left" if not heading else "right")

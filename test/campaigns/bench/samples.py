@@ -62,7 +62,7 @@ def metric_from(name: str, stored: Mapping[str, Any]) -> Metric:
     try:
         return Metric(name, stored["unit"], stored["better"], tuple(map(float, stored["values"])), stored["note"])
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"metric {name}", got=repr(error), expected="what slip-vic bench writes") from None
+        raise InputError(f"metric {name}", got=repr(error), expected="what ./run bench writes") from None
 
 
 @dataclass(slots=True)

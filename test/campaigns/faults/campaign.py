@@ -6,6 +6,7 @@ import itertools
 import json
 import multiprocessing
 import os
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass, field
@@ -17,6 +18,7 @@ from slip_vic.study.engines.pool import end_children, interrupts_later
 from test.campaigns.faults.plan import Plan, all_faults, make_plan, with_arm_and_task
 
 IN_FLIGHT_PER_WORKER = 3
+WRITTEN_EVERY_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +33,10 @@ class Verdict:
     modes: dict[str, int]
     objects_lost: int = 0
     setting: str = ""
+
+    def text(self) -> str:
+        """Return the number of the trial, its faults and its first violation."""
+        return f"trial {self.trial} ({', '.join(self.faults)}): {self.violations[0]}"
 
 
 @dataclass
@@ -103,17 +109,23 @@ def upper_bound_95(trials: int, failures: int) -> float:
 
 
 def run_in_process(
-    seed: int, trials: Iterable[int], workers: int, on_done: Callable[[Verdict], None], *, two_arms: bool = False,
-    interface: str = "",
-) -> Tally:  # fmt: skip
-    """Run trials in spawned workers; the results do not depend on their number or order."""
-    tally = Tally(seed, over_dds=False, two_arms=two_arms, interface=interface)
-    judge_one = partial(judge_pair if two_arms else judge, interface=interface)
-    for verdict in _verdicts(seed, iter(trials), workers, judge_one):
-        tally.verdicts.append(verdict)
-        on_done(verdict)
-    tally.verdicts.sort(key=lambda verdict: verdict.trial)
-    return tally
+    tally: Tally, trials: Iterable[int], workers: int, out: Path, on_done: Callable[[Verdict], None]
+) -> None:
+    """Run trials in spawned workers, into a tally; the results do not depend on their number or order.
+
+    faults.json in `out` is written now and then: a campaign that is killed has left what it found.
+    """
+    judge_one = partial(judge_pair if tally.two_arms else judge, interface=tally.interface)
+    written_s = time.monotonic()
+    try:
+        for verdict in _verdicts(tally.seed, iter(trials), workers, judge_one):
+            tally.verdicts.append(verdict)
+            on_done(verdict)
+            if verdict.violations or time.monotonic() > written_s + WRITTEN_EVERY_S:
+                write_results(out, tally)
+                written_s = time.monotonic()
+    finally:
+        tally.verdicts.sort(key=lambda verdict: verdict.trial)
 
 
 def _verdicts(

@@ -1,4 +1,4 @@
-"""``slip-vic faults``."""
+"""``./run faults``."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from pathlib import Path
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from slip_core.errors import InputError
+from slip_vic.study.progress import progress
 
 SHOWN_VIOLATIONS = 5
 
@@ -47,7 +47,8 @@ def faults(
 ) -> None:
     """Seeded fault campaign: is every effort finite, inside its limits, and does the arm come to a safe state?
 
-    Exit code 1 where a trial shows otherwise; it leaves a bag, and the command that runs it again.
+    Exit code 1 where a trial shows otherwise; it leaves a bag, and the command that runs it again. Violations are
+    printed as they are found; Ctrl-C ends with the summary so far.
     """
     from test.campaigns.faults import campaign, network
 
@@ -62,33 +63,31 @@ def faults(
     if dds:
         network.enter()
     console = Console(stderr=True)
-    numbers = range(first, first + trials)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
-        task = progress.add_task("fault trials", total=trials)
-        failures = 0
+    numbers, failures = range(first, first + trials), 0
+    tally = campaign.Tally(seed, over_dds=dds, two_arms=two_arms, interface=interface or "")
 
-        def on_done(verdict: campaign.Verdict) -> None:
-            nonlocal failures
-            failures += bool(verdict.violations)
-            progress.update(task, advance=1, description=f"fault trials, {failures} with violations")
+    def on_done(verdict: campaign.Verdict) -> None:
+        nonlocal failures
+        if verdict.violations:
+            failures += 1
+            console.print(verdict.text(), markup=False, highlight=False, soft_wrap=True)
+        report(len(tally.verdicts), f"{failures} with violations")
 
-        if dds:
-            from test.campaigns.faults.dds_campaign import run_over_dds
+    finished = False
+    try:
+        with progress("fault trials", trials, 0, console) as report:
+            if dds:
+                from test.campaigns.faults.dds_campaign import run_over_dds
 
-            tally = run_over_dds(seed, numbers, out, on_done)
-        else:
-            jobs = workers or min(trials, os.cpu_count() or 1)
-            tally = campaign.run_in_process(seed, numbers, jobs, on_done, two_arms=two_arms, interface=interface or "")
-    path = campaign.write_results(out, tally)
-    _report(tally, out)
-    click.echo(f"results: {path}")
+                run_over_dds(tally, numbers, out, on_done)
+            else:
+                campaign.run_in_process(tally, numbers, workers or min(trials, os.cpu_count() or 1), out, on_done)
+        finished = True
+    finally:
+        if tally.verdicts:
+            path = campaign.write_results(out, tally)
+            _report(tally, out, leave_bags=finished)
+            click.echo(f"results: {path}")
     if tally.failed:
         sys.exit(1)
 
@@ -113,14 +112,17 @@ def _attack(only: tuple[str, ...], out: Path) -> None:
         for text in row.violations[:SHOWN_VIOLATIONS]:
             click.echo(f"  {text}", err=True)
 
-    rows = run_attacks(names, out, on_done)
-    Console().print(table)
-    click.echo(f"results: {out / 'attacks.json'}")
+    try:
+        rows = run_attacks(names, out, on_done)
+    finally:
+        if table.row_count:
+            Console().print(table)
+            click.echo(f"results: {out / 'attacks.json'}")
     if not all(row.kept for row in rows):
         sys.exit(1)
 
 
-def _report(tally: object, out: Path) -> None:
+def _report(tally: object, out: Path, *, leave_bags: bool) -> None:
     from test.campaigns.faults.campaign import Tally
 
     assert isinstance(tally, Tally)
@@ -136,11 +138,11 @@ def _report(tally: object, out: Path) -> None:
         f"95 % bound on the share of bad trials: {100.0 * summary['bound_95']:.3g} %"
     )
     for verdict in tally.failed[:SHOWN_VIOLATIONS]:
-        click.echo(f"trial {verdict.trial} ({', '.join(verdict.faults)}): {verdict.violations[0]}")
+        click.echo(verdict.text())
         flag = " --dds" if tally.over_dds else " --two-arms" if tally.two_arms else ""
         flag += f" --interface {tally.interface}" if tally.interface else ""
-        click.echo(f"  again: slip-vic faults{flag} --seed {tally.seed} --first {verdict.trial} --trials 1")
-        if not tally.over_dds and not tally.two_arms:
+        click.echo(f"  again: ./run faults{flag} --seed {tally.seed} --first {verdict.trial} --trials 1")
+        if leave_bags and not tally.over_dds and not tally.two_arms:
             from test.campaigns.faults.evidence import leave_bag
 
             click.echo(f"  bag: {leave_bag(tally.seed, verdict.trial, out, tally.interface)}")

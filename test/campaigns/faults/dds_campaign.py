@@ -91,20 +91,19 @@ def campaign_scenario(plan: Plan = USUAL) -> Scenario:
 
 
 def run_over_dds(
-    seed: int,
+    tally: Tally,
     trials: Iterable[int],
     out: Path,
     on_done: Callable[[Verdict], None],
     *,
     effort_rate: float | None = None,
-) -> Tally:
-    """Run trials one after the other in a domain of their own; a violation leaves a bag in `out`.
+) -> None:
+    """Run trials one after the other in a domain of their own, into a tally; a violation leaves a bag in `out`.
 
     effort_rate: what the monitor allows [N m/s]; None takes the controller's own limit.
     """
-    tally = Tally(seed, over_dds=True)
     for _, numbers in itertools.groupby(trials, lambda trial: trial // TRIALS_PER_SETTING):
-        plans, before = [plan_over_dds(seed, trial) for trial in numbers], tally.notes
+        plans, before = [plan_over_dds(tally.seed, trial) for trial in numbers], tally.notes
         with campaign_of(DdsCampaign, out, effort_rate, plans[0]) as campaign:
             for plan in plans:
                 verdict = campaign.run(plan)
@@ -112,7 +111,6 @@ def run_over_dds(
                 tally.notes = _added(before, campaign.notes())
                 write_results(out, tally)  # an hour of trials is not lost with the last one
                 on_done(verdict)
-    return tally
 
 
 def _added(notes: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""``slip-vic soak``."""
+"""``./run soak``."""
 
 from __future__ import annotations
 

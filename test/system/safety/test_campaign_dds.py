@@ -22,7 +22,9 @@ def _own_domain(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(tmp_path: Path, *cases: tuple[str, str], effort_rate: float | None = None) -> Tally:
-    return run_over_dds(SEED, [CASES.index(case) for case in cases], tmp_path, lambda _: None, effort_rate=effort_rate)
+    tally, trials = Tally(SEED, over_dds=True), [CASES.index(case) for case in cases]
+    run_over_dds(tally, trials, tmp_path, lambda _: None, effort_rate=effort_rate)
+    return tally
 
 
 def test_promise_holds_while_messages_are_damaged_and_the_controller_is_killed_and_stopped(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import signal
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +25,7 @@ from slip_vic.scenarios.scenario import Law
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.state import CONFIG
+from test.campaigns.cli import main as campaigns
 from test.campaigns.faults import trial as trials
 from test.campaigns.faults.campaign import Tally, Verdict, judge, plan_of, upper_bound_95
 from test.campaigns.faults.cli import faults
@@ -103,6 +105,32 @@ def test_a_limiter_without_rate_limit_is_caught_and_leaves_its_bag(
     with Bag(tmp_path / f"trial_{SEED}_{trial}") as bag:
         assert bag.topics["/effort_command"].message_count > 100
         assert bag.custom_data["violations"]
+
+
+def test_an_interrupted_campaign_prints_what_it_has_found(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A violation as soon as it is found, the summary and faults.json at the end; Ctrl-C comes in the second trial."""
+
+    def without_rate_limit(config: Any) -> None:
+        config.motion.drive.rate = 1e9
+
+    def interrupted(seed: int, trial: int, interface: str = "") -> Verdict:
+        if trial > 466:
+            assert "trial 466 (" in capsys.readouterr().err
+            signal.raise_signal(signal.SIGINT)
+        return judge(seed, trial, interface)
+
+    break_controller(monkeypatch, without_rate_limit)
+    monkeypatch.setattr("test.campaigns.faults.campaign.judge", interrupted)
+    words = ["--interface", "effort", "--trials", "3", "--first", "466", "--seed", str(SEED), "--workers", "1"]
+    monkeypatch.setattr("sys.argv", ["run", "faults", *words, "--out", str(tmp_path)])
+    assert campaigns() == 2
+    printed = capsys.readouterr()
+    assert printed.err.strip() == "error: interrupted"
+    assert "1 trials with violations" in printed.out
+    assert f"again: ./run faults --interface effort --seed {SEED} --first 466 --trials 1" in printed.out
+    assert json.loads((tmp_path / "faults.json").read_text())["trials"] == 1
 
 
 def test_a_controller_that_lets_bad_numbers_through_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
