@@ -7,10 +7,10 @@ from slip_core.types import JointSample, WrenchSample
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.law import EVALUATION
-from slip_vic_controller.safety.following import AT_END, FAR, FOLLOWING, STUCK_NS, Following, stuck, watch_following
+from slip_vic_controller.safety.following import FAR, FOLLOWING, STUCK_NS, Following, stuck, watch_following
 from slip_vic_controller.safety.limit_avoidance import MOTION_LIMITS
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.safety.reasons import Cause, Reason, describe
+from slip_vic_controller.safety.reasons import Reason, describe
 from slip_vic_controller.sizes import NEVER
 from test.support.every import every
 from test.support.made_up import POSITION, law_at_work
@@ -43,6 +43,10 @@ def watch(
     watch_following(state, RANGE, N, q, twist, arm, law, FORCE, effort, commanded, now_ns)
 
 
+def words(state: Following) -> str:
+    return describe(Reason(state.cause, state.joint, 0, state.value, state.error), ("a", "b", "c"))
+
+
 def test_a_joint_whose_torque_has_no_effect_is_named() -> None:
     state, extra = begun(), np.array([0.1, -4.0, 0.2])
     for ms in range(STUCK_NS // MS + 1):
@@ -50,8 +54,8 @@ def test_a_joint_whose_torque_has_no_effect_is_named() -> None:
         assert not stuck(state, ms * MS)
     assert stuck(state, STUCK_NS + MS)
     assert state.joint == 1
-    assert np.isclose(state.torque, -4.0)
-    text = describe(Reason(Cause.NOT_FOLLOWING, state.joint, 0, state.torque, state.error), ("a", "b", "c"))
+    assert np.isclose(state.value, -4.0)
+    text = words(state)
     assert text.startswith("b does not follow: -4.00 N m")
     assert "50 mm" in text
 
@@ -60,7 +64,7 @@ def test_a_pad_that_is_only_turned_away_is_reported_by_its_angle() -> None:
     state = begun()
     for ms in range(STUCK_NS // MS + 2):
         watch(state, ms * MS, 0.0, 0.0, np.array([0.1, -4.0, 0.2]), angle=0.2)
-    text = describe(Reason(Cause.NOT_FOLLOWING, state.joint, 0, state.torque, state.error), ("a", "b", "c"))
+    text = words(state)
     assert text.startswith("b does not follow: -4.00 N m")
     assert "rests 11.5 degrees off" in text
 
@@ -81,9 +85,9 @@ def test_a_joint_at_the_end_of_its_range_is_named_though_no_torque_is_left() -> 
         for ms in range(STUCK_NS // MS + 2):
             watch(state, ms * MS, error, 0.0, NOTHING, angle, q=np.array([0.0, -1.6, 1.55]))
         assert stuck(state, STUCK_NS + MS)
-        reason = Reason(Cause.RANGE_END, state.joint - AT_END, 0, state.torque, state.error)
-        text = describe(reason, ("a", "b", "c"))
-        assert text == f"b is at the end of its range, at -1.60 rad, and the pad rests {rests} off its reference"
+        assert (
+            words(state) == f"b is at the end of its range, at -1.60 rad, and the pad rests {rests} off its reference"
+        )
 
 
 @every("margin, reason", ((0.1, "does not follow"), (1.0, "arm_joint4 is at the end of its range, at -2.36 rad")))

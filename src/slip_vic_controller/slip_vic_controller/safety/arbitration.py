@@ -19,7 +19,7 @@ from slip_vic_controller.arm.tare import Sensor, Tare, TareConfig
 from slip_vic_controller.law.giving_up import CompensationState
 from slip_vic_controller.safety.drop_detection import BLIND, DropDetectionConfig, ObservedMotion
 from slip_vic_controller.safety.faults import Fault, Input
-from slip_vic_controller.safety.following import AT_END, Following, stuck
+from slip_vic_controller.safety.following import Following, stuck
 from slip_vic_controller.safety.latency import Latency
 from slip_vic_controller.safety.limit_avoidance import MotionLimits, too_fast
 from slip_vic_controller.safety.modes import NOTHING, Mode, ModeState, TransitionReasons, follows
@@ -284,9 +284,7 @@ def find_degraded(config: Configured, task: Shared, state: Judged, level: int, f
         return because(Cause.SATURATED, 0)
     if stuck(state.following, now_ns):
         following = state.following
-        if following.joint >= AT_END:
-            return Reason(Cause.RANGE_END.value, following.joint - AT_END, 0, following.torque, following.error)
-        return Reason(Cause.NOT_FOLLOWING.value, following.joint, 0, following.torque, following.error)
+        return Reason(following.cause, following.joint, 0, following.value, following.error)
     if task.governor.overrun != 0:
         return because(Cause.OVERRUNS, 0)
     if task.governor.halted != 0:

@@ -10,6 +10,7 @@ from slip_core.records import Real, Record, Whole, dtype_of
 from slip_core.vectors import vec
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.law import Evaluation
+from slip_vic_controller.safety.reasons import Cause
 from slip_vic_controller.sizes import NEVER
 
 FAR, FAR_TURNED = 0.01, 0.05
@@ -18,12 +19,13 @@ LEAST_TORQUE: Final = 0.05
 """Torque without effect that is friction: an object of another weight balances an arm far off, too [N m]."""
 RESTS: Final = 1e-3
 """Speed of a pad that rests [m/s]."""
-LEAST_COMMAND: Final = 1e-6
-"""Commanded velocity that counts as much as 1 N m: with drives that take velocities the command alone [rad/s/(N m)]."""
-TURNED: Final = 256
-"""Added to the joint where the pad is at its place and turned away from its reference."""
-AT_END: Final = 512
-"""Added to the joint that limit avoidance keeps from the end of its range."""
+TORQUE_WEIGHT: Final = 1e-6
+"""Weight of a torque without effect beside a commanded velocity [rad/s/(N m)].
+
+A velocity that is commanded and not there names the joint that is blocked. Inertia couples the joints, so that the
+largest torque need not be that joint's: it decides between equal commands alone, as all are with drives that take
+efforts (zero).
+"""
 STUCK_NS: Final = 1_000_000_000
 """How long it must rest there [ns]."""
 
@@ -39,9 +41,10 @@ class Following(Record):
     """Whether the arm rests far from its reference."""
 
     since_ns: Whole  # NEVER = it does not
-    joint: Whole  # the one on which the most torque has no effect; + TURNED where only its attitude is far, + AT_END
-    error: Real  # m, with TURNED rad
-    torque: Real  # N m; on that joint, beyond what the model needs at rest; with AT_END its position, rad
+    cause: Whole  # NOT_FOLLOWING or RANGE_END; NOT_TURNING or RANGE_END_TURNED where only its attitude is far
+    joint: Whole  # that keeps it there
+    value: Real  # of that joint; unit: see Cause
+    error: Real  # distance from the reference; unit: see Cause
 
 
 FOLLOWING = dtype_of(Following)
@@ -50,7 +53,8 @@ FOLLOWING = dtype_of(Following)
 @part
 def stuck(state: Following, now_ns: int) -> bool:
     """Return whether the arm has not followed for long."""
-    prevented = state.joint >= AT_END or abs(state.torque) > LEAST_TORQUE
+    at_end = state.cause == Cause.RANGE_END or state.cause == Cause.RANGE_END_TURNED
+    prevented = at_end or abs(state.value) > LEAST_TORQUE
     return bool(state.since_ns != NEVER and prevented and now_ns - state.since_ns > STUCK_NS)
 
 
@@ -82,15 +86,17 @@ def watch_following(
     if state.since_ns == NEVER:
         state.since_ns = now_ns
     state.error = law.error_linear if away else law.error_angular
-    turned, most, deepest = 0 if away else TURNED, -1.0, 0.0
+    most, deepest = -1.0, 0.0
+    state.cause = Cause.NOT_FOLLOWING.value if away else Cause.NOT_TURNING.value
     for j in range(n):
         torque = effort[j] - arm.bias[j]
         for i in range(6):
             torque += arm.J[i, j] * h[i]
-        against = abs(commanded[j]) + abs(torque) * LEAST_COMMAND
+        against = abs(commanded[j]) + abs(torque) * TORQUE_WEIGHT
         if against > most:
-            most, state.joint, state.torque = against, j + turned, torque
+            most, state.joint, state.value = against, j, torque
     for j in range(n):
         depth = max(limits.near_lower[j] - q[j], q[j] - limits.near_upper[j])
         if depth > deepest:
-            deepest, state.joint, state.torque = depth, j + turned + AT_END, q[j]
+            state.cause = Cause.RANGE_END.value if away else Cause.RANGE_END_TURNED.value
+            deepest, state.joint, state.value = depth, j, q[j]

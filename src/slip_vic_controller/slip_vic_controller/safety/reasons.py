@@ -12,7 +12,6 @@ from slip_core.records import Real, Record, Whole
 from slip_vic_controller.arm.estimator import Finding
 from slip_vic_controller.arm.tare import Sensor
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
-from slip_vic_controller.safety.following import TURNED
 from slip_vic_controller.sizes import MAX_CONTACTS
 
 
@@ -46,8 +45,10 @@ class Cause(IntEnum):
     GIVEN_UP = 23
     HALTED = 24
     TARE = 26
-    NOT_FOLLOWING = 28  # detail: joint, + TURNED; value: torque on it [N m], limit: error [m], with TURNED [rad]
-    RANGE_END = 29  # detail: joint, + TURNED; value: its position [rad], limit: error [m], with TURNED [rad]
+    NOT_FOLLOWING = 28  # detail: joint; value: torque on it beyond what it needs at rest [N m], limit: error [m]
+    NOT_TURNING = 30  # the same where only the attitude is far: limit: error [rad]
+    RANGE_END = 29  # detail: joint; value: its position [rad], limit: error [m]
+    RANGE_END_TURNED = 31  # the same where only the attitude is far: limit: error [rad]
     BIASED = 27  # detail: the sensor; value, limit in its unit
     JOINT = 25  # detail: joint + 256 * Finding of the estimator; value, limit [rad] or [N m]
 
@@ -158,13 +159,12 @@ def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> st
     if cause == Cause.JOINT:
         finding, joint = divmod(reason.detail, 256)
         return finding_text(Finding(finding), joint_names[joint], value, limit)
-    if cause in (Cause.NOT_FOLLOWING, Cause.RANGE_END):
-        turned, joint = divmod(reason.detail, TURNED)
-        off = f"{math.degrees(limit):.1f} degrees" if turned else f"{1e3 * limit:.0f} mm"
+    if cause in (*_AWAY, *_TURNED):
+        off = f"{1e3 * limit:.0f} mm" if cause in _AWAY else f"{math.degrees(limit):.1f} degrees"
         why = f"does not follow: {value:.2f} N m more than it needs at rest do not move it"
-        if cause == Cause.RANGE_END:
+        if cause in (Cause.RANGE_END, Cause.RANGE_END_TURNED):
             why = f"is at the end of its range, at {value:.2f} rad"
-        return f"{joint_names[joint]} {why}, and the pad rests {off} off its reference"
+        return f"{joint_names[reason.detail]} {why}, and the pad rests {off} off its reference"
     if cause == Cause.BIASED:
         name, unit = _OF_SENSOR[Sensor(reason.detail)]
         return f"the {name} reads {value:.3g} {unit} at rest, at most {limit:.3g} are taken out: check it, call ~/tare"
@@ -197,6 +197,7 @@ _OF_SENSOR = {
     Sensor.WRENCH: ("wrench sensor", "N or N m"),
     Sensor.JOINTS: ("joint velocity", "rad/s"),
 }
+_AWAY, _TURNED = (Cause.NOT_FOLLOWING, Cause.RANGE_END), (Cause.NOT_TURNING, Cause.RANGE_END_TURNED)
 _OF_FAULT = {Cause.INPUT: "", Cause.PREDICTED: ": predicting it from the wrench", Cause.SLOWING: ": slowing down"}
 _WORDS = {
     Cause.NONE: "",
