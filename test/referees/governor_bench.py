@@ -29,7 +29,7 @@ def configuration(case, **changes):
     config.radius, config.slip_axes[:], config.gravity[:] = case.radius, case.axes, case.gravity
     config.duration, config.length, config.floor, config.most_grip = 2.0, 0.1, 0.05, 1.0
     config.most_speed = config.most_turning = 1e3
-    config.points_per_cycle, config.window = 25, 1
+    config.points_per_cycle, config.window, config.led = 25, 1, 1
     e = config.estimate
     e.friction, e.configured, e.kept, e.least, e.probe = Friction.LEARNT, case.force, 0.95, 0.02 * case.force, 0.01
     e.threshold, e.quiet_ns, e.sensor_delay_ns, e.trust = 5e-5, 50_000_000, 0, 0.5
@@ -83,7 +83,7 @@ def _before(config, state, grid, pad, grasped, R, twist, acceleration, x_e, R_ee
 @kernel(VOID(IN1, IN1, IN2, IN1, IN1, OUT1))
 def _reference(config, state, R, twist, acceleration, out):
     c, s = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR)
-    v, a = g.governed(s, along(c, c.duration, s.out_time, mat(R), spatial(twist), spatial(acceleration)))
+    v, a = g.governed(c, s, along(c, c.duration, s.out_time, mat(R), spatial(twist), spatial(acceleration)))
     put_spatial(out[:6], v)
     put_spatial(out[6:], a)
 

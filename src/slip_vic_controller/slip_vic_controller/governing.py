@@ -253,7 +253,7 @@ def follow_stream(
     now = at(stream, path.time)
     point = Along(now.rotation, now.twist, now.acceleration, 1.0, 0.0)
     seen, u = seen_from(now, arm, pad), 0.0
-    if path.estimate.slipping != 0:
+    if governor.is_led(limits_of, path):
         rate, ahead = governor.on_pad(limits_of, point, seen.x, seen.v)
         path.rate = min(max(rate, 0.0), 1.0)
         last = stream.points[stream.count - 1].time
@@ -386,7 +386,7 @@ def governed_reference(config: ControllerConfig, task: TaskState, state: ArmStat
         path.out_speed, path.out_bend = point.speed, point.bend
     else:
         point = along_at(planned.rotation, planned.twist, planned.acceleration, path.out_speed, path.out_bend)
-    twist, acceleration = governor.governed(path, point)
+    twist, acceleration = governor.governed(config.governor, path, point)
     return Reference(planned.position, planned.rotation, twist, acceleration)
 
 

@@ -321,3 +321,11 @@ def test_two_arms_on_velocities_keep_the_pane_and_do_not_swing_against_each_othe
     assert run.slip_mm < 0.01
     for arm in ("left", "right"):
         assert np.ptp(run.frame(arm).wrench_x[-300:]) < 1.0  # N; 6 N where they swing
+
+
+def test_two_arms_on_velocities_keep_to_the_path_of_a_pane_that_slips() -> None:
+    """A friction of 0.3 N is soon used up by what the arms press on each other: coasting apart they lose the pane."""
+    run = slip_vic.load(FLAT, law="governed", drive="velocity_500", seed=1, set=["bridge.duration_s=3.2"]).run()
+    assert run.outcome == "ok", run.reason
+    assert run.slip_mm < 0.3
+    assert run.final_error_mm < 1.0

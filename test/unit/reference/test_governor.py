@@ -139,6 +139,19 @@ def test_while_it_slips_the_reference_follows_the_pad() -> None:
             assert G.state.s == pytest.approx(s, abs=2.0 * G.dt * slower)
 
 
+def test_pads_that_do_not_give_way_to_each_other_keep_to_the_path_while_they_slip() -> None:
+    """Each without the path's acceleration, they pull the object apart and do not brake for the end."""
+    sticks, slips = (Governor(BentPath(PAPER.way, PAPER.duration), PAPER).plan() for _ in range(2))
+    slips.config.led = 0
+    for G in (sticks, slips):
+        while G.state.s < 0.4 * G.state.end:
+            G.before()
+    slips.state.estimate.slipping = 1
+    for _ in range(200):
+        for kept, followed in zip(sticks.before(), slips.before(), strict=True):
+            np.testing.assert_array_equal(followed, kept)
+
+
 def test_a_late_sample_teaches_the_load_of_its_own_stamp() -> None:
     G = Governor(BentPath(PAPER.way, 2.0), PAPER)
     for k in range(200):

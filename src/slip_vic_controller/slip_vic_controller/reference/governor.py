@@ -106,6 +106,7 @@ class GovernorConfig(Record):
     most_turning: Real  # rad/s
     points_per_cycle: Whole  # of planning
     window: Whole  # cycles of the moving average
+    led: Whole  # whether an object that slips leads the path; pads that do not give way to each other keep to it
     estimate: EstimateConfig
 
 
@@ -408,7 +409,7 @@ def run(
             state.overrun = 0
         smooth(config, state, grid, 0.0)
         return
-    if state.estimate.slipping == 1:
+    if is_led(config, state):
         anchor(config, state, grid, point, pad.x, pad.v, dt)
         return
     u = step_on(config, state, bound(grid, state.s + dt * state.rate), held, point, pad, most_rate, dt)
@@ -506,13 +507,19 @@ def time_at(config: GovernorConfig, state: Governor, grid: PathGrid, s: float) -
 
 
 @part
-def governed(state: Governor, point: Along) -> tuple[Spatial, Spatial]:
+def is_led(config: GovernorConfig, state: Governor) -> bool:
+    """Return whether the object slips and leads the path."""
+    return state.estimate.slipping == 1 and config.led != 0
+
+
+@part
+def governed(config: GovernorConfig, state: Governor, point: Along) -> tuple[Spatial, Spatial]:
     """Return twist and acceleration of the reference {w}; point: the path at state.out_time, from `along`.
 
-    While the contact slips a_d = 0: the object leads, and a reference would drag it.
+    While a slipping object leads a_d = 0: a reference would drag it.
     """
     rate = state.out_rate
-    if state.estimate.slipping == 1:
+    if is_led(config, state):
         return rate * point.tangent, 0.0 * point.tangent
     return rate * point.tangent, rate * rate * point.curve + state.out_u * point.tangent
 
