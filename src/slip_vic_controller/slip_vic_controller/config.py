@@ -339,8 +339,8 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     governor.most_grip = params.grip.force_limit / params.grip.nominal_force if params.grip.control == "follow" else 1.0
     governor.points_per_cycle = POINTS_PER_CYCLE
     governor.window = min(max(1, round(given.window_s / params.control_period_s)), MAX_WINDOW)
-    # Drives' own loops leave a hundredth of kappa: arms without a common path would pull at each other.
-    governor.led = int(params.command.interface == "effort" or len(params.contacts.position) == 3)
+    # Several arms without a common path pull the object apart, and no way is left to brake in.
+    governor.led = int(len(params.contacts.position) == 3)
     estimate = governor.estimate
     estimate.friction, estimate.configured, estimate.kept = Friction[given.friction.upper()], given.friction_limit, KEPT
     estimate.calmed = GIVEN_UP

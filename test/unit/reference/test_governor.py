@@ -139,7 +139,7 @@ def test_while_it_slips_the_reference_follows_the_pad() -> None:
             assert G.state.s == pytest.approx(s, abs=2.0 * G.dt * slower)
 
 
-def test_pads_that_do_not_give_way_to_each_other_keep_to_the_path_while_they_slip() -> None:
+def test_several_arms_keep_to_the_path_while_a_pad_slips() -> None:
     """Each without the path's acceleration, they pull the object apart and do not brake for the end."""
     sticks, slips = (Governor(BentPath(PAPER.way, PAPER.duration), PAPER).plan() for _ in range(2))
     slips.config.led = 0

@@ -106,7 +106,7 @@ class GovernorConfig(Record):
     most_turning: Real  # rad/s
     points_per_cycle: Whole  # of planning
     window: Whole  # cycles of the moving average
-    led: Whole  # whether an object that slips leads the path; pads that do not give way to each other keep to it
+    led: Whole  # whether an object that slips leads the path; several arms keep to it
     estimate: EstimateConfig
 
 
