@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import traceback
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
@@ -44,7 +45,7 @@ class Failures:
             self._report(f"failed in {kind}: {' '.join(str(error).split())}{where}")
 
 
-class LastResort:
+class LastResort(ABC):
     """Mixin in front of an rclpy node: its callbacks, also those that rclpy makes for itself, hand failures over.
 
     Calls of its parameter services and transitions have limits (`service_limits`).
@@ -56,9 +57,9 @@ class LastResort:
         for service in self.services:  # type: ignore[attr-defined]
             self._limits.guard(service)
 
+    @abstractmethod
     def on_failure(self, what: str, error: Exception) -> None:
         """Decide what an exception in a callback of `what` means; must not raise."""
-        raise NotImplementedError
 
     def fail(self, what: str, error: Exception) -> None:
         """Hand an exception over that is just being handled; where failures are loud, raise it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import replace
 from typing import ClassVar, Final
 
@@ -15,7 +16,7 @@ PLAN_POINTS: Final = 100
 """Points of the path at which a law that plans looks at the load (ours)."""
 
 
-class GripLaw(Classical):
+class GripLaw(Classical, ABC):
     """Classical impedance control moves the arm; `squeeze` commands the grip of each."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"wrench", "slip", "grip"})
@@ -36,16 +37,16 @@ class GripLaw(Classical):
         )
         return found if len(found) > 1 else found[0]
 
+    @abstractmethod
     def squeeze(self, arm: int, seen: Seen) -> float:
         """Return the squeeze that is wanted [N]."""
-        raise NotImplementedError
 
     def load(self, seen: Seen) -> float:
         """Return the load of the pad by the limit surface, force and torque together [N]."""
         return float(np.linalg.norm(measured_load(self.setup, seen.wrench)))
 
 
-class MotionLaw:
+class MotionLaw(ABC):
     """The grip stays; `wanted` changes the reference, which impedance of the configured gains follows."""
 
     needs: ClassVar[frozenset[str]] = frozenset()
@@ -63,9 +64,9 @@ class MotionLaw:
         error = np.concatenate((wanted.position - seen.position, turn))
         return Pad(wanted.acceleration + self._stiffness * error + self._damping * (wanted.twist - seen.twist))
 
+    @abstractmethod
     def wanted(self, seen: Seen) -> Reference:
         """Return the reference of this tick."""
-        raise NotImplementedError
 
 
 def measured_load(setup: Setup, wrench: Array) -> Array:
