@@ -171,6 +171,11 @@ class SlipSimBridge(LastResort, Node):
 
     # -- running -----------------------------------------------------------------------------------
 
+    def destroy_node(self) -> None:
+        """Release everything; what the executor waits for it holds, and with it the participant's shared memory."""
+        self._executor.shutdown()
+        super().destroy_node()
+
     def run(self, should_stop: Callable[[], bool]) -> None:
         """Run until the duration is over or the process is asked to stop."""
         if not self._wait_for_peers(should_stop):

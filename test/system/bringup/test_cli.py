@@ -84,6 +84,21 @@ def nodes_of(process: subprocess.Popen[str]) -> int:
     return len(psutil.Process(process.pid).children())
 
 
+@pytest.mark.parametrize("words", [(), ("--one-process",)], ids=["three processes", "one process"])
+def test_a_run_that_ends_by_itself_leaves_no_shared_memory(words: tuple[str, ...], tmp_path: Path) -> None:
+    environment = child_environment(0)
+    del environment["ROS_DOMAIN_ID"], environment["SLIP_VIC_EVENTS"]
+    command = [sys.executable, "-m", "slip_vic.cli", "run", "--record", str(tmp_path / "bag"), *words]
+    process = subprocess.Popen([*command, "--set", "bridge.duration_s=1.0"], env=environment, stdout=subprocess.DEVNULL)
+    mapped_by_it: set[Path] = set()
+    while process.poll() is None:
+        mapped_by_it |= segments_of(process)
+        time.sleep(0.1)
+    assert process.returncode == 0
+    assert mapped_by_it
+    assert not shared_memory.orphans(mapped_by_it)
+
+
 MOMENTS = {
     "importing": lambda process: mapped(process, "pydantic_core"),
     "checking": lambda process: mapped(process, "libpinocchio"),
