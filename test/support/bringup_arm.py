@@ -33,8 +33,7 @@ BRINGUP = (
     "bridge.stop_after_duration=false",
 )  # fmt: skip
 SENSORS = ("ideal", "optical_flow_120", "event_1000", "force_tactile_500", "vision_60", "vision_25")
-DRIVES = ("", "torque_joint")
-"""Drives that the simulated hand can turn; those with a loop of their own hold against it."""
+DRIVES = ("", "torque_joint", "velocity_500", "velocity_125", "position_250")
 SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
 SCALARS = ("friction_limit", "load_commanded", "friction_events", "slipping")
 DECIMATION = 10

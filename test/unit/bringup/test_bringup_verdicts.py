@@ -117,6 +117,9 @@ def test_a_wrong_weight_names_what_is_wrong(force: np.ndarray, torque: np.ndarra
 def test_joints_are_found_by_the_one_that_moves() -> None:
     names = ("shoulder", "elbow", "wrist")
     assert verdicts.judge_joint(names, 1, np.array([0.0, 0.03, 0.005])).holds
+    skipped = verdicts.judge_joint(names, 1, None)
+    assert skipped.holds
+    assert "not turned" in str(skipped)
     for moved, word in (
         ([0.0, 0.0, 0.0], "further"), ([0.0, 0.0, 0.03], "calls elbow what the URDF calls wrist"),
         ([0.0, -0.03, 0.0], "other sense"), ([0.0, 0.03, 0.02], "coupled"),

@@ -38,8 +38,8 @@ class Hands(Protocol):
         """Wait until the arm may do what is said."""
         ...
 
-    def turn(self, joint: int, inertia: Array) -> Heard:
-        """Turn one joint in its positive sense; inertia: (n, n), of the arm as it stands."""
+    def turn(self, joint: int, inertia: Array) -> Heard | None:
+        """Turn one joint in its positive sense; inertia: (n, n), of the arm as it stands. None: it cannot be turned."""
         ...
 
     def push(self, words: str, direction: Array) -> Heard:
@@ -69,7 +69,9 @@ class Person:
 
     def turn(self, joint: int, inertia: Array) -> Heard:
         """Ask for a few degrees of one joint."""
-        return self._during(f"turn {self._names[joint]} by a few degrees in its positive sense, and keep it there")
+        how = "" if self._system.params.command.interface == "effort" else ", from the pendant or in free drive,"
+        words = f"turn {self._names[joint]}{how} by a few degrees in its positive sense, and keep it there"
+        return self._during(words)
 
     def push(self, words: str, direction: Array) -> Heard:
         """Ask for a push."""
@@ -108,8 +110,10 @@ class Simulated:
     def ready(self, words: str) -> None:
         """Continue: a simulated arm has no person beside it."""
 
-    def turn(self, joint: int, inertia: Array) -> Heard:
-        """Lean on all joints such that one of them moves alone."""
+    def turn(self, joint: int, inertia: Array) -> Heard | None:
+        """Lean on all joints such that one of them moves alone; drives with a loop of their own hold against it."""
+        if self._system.params.command.interface != "effort":
+            return None
         effort = self._stiffness * TURN * inertia[:, joint]
         with self._leaning({"push.effort": effort.tolist()}, {"push.effort": [0.0] * len(effort)}):
             self._system.listen(SETTLED_S)

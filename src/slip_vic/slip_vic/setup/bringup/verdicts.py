@@ -241,17 +241,20 @@ def judge_weight(force: Array, torque: Array, expected_force: Array, expected_to
     return Verdict("weight", measured, expected, fix)
 
 
-def judge_joint(names: Sequence[str], joint: int, moved: Array) -> Verdict:
+def judge_joint(names: Sequence[str], joint: int, moved: Array | None) -> Verdict:
     """Judge which joint has moved, and which way, when one was turned by hand in its positive sense.
 
     Args:
         names: of the joints.
         joint: the one that was turned.
-        moved: by how much each of them has; (n,) [rad, m].
+        moved: by how much each of them has; (n,) [rad, m]; None: no hand can turn it.
     """
+    step = f"joint {names[joint]}"
+    expected = f"{names[joint]} by more than {LEAST_TURN:+g}, the others by less than half of it"
+    if moved is None:
+        return Verdict(step, "not turned: its drive holds against the simulated hand", expected)
     most = int(np.abs(moved).argmax())
     measured = f"{names[most]} by {moved[most]:+.3f}"
-    expected = f"{names[joint]} by more than {LEAST_TURN:+g}, the others by less than half of it"
     fix = ""
     if abs(moved[most]) < LEAST_TURN:
         fix = "it did not move enough: turn it further, or release its brake"
@@ -261,7 +264,7 @@ def judge_joint(names: Sequence[str], joint: int, moved: Array) -> Verdict:
         fix = "its sign is that of the other sense: turn the axis in the URDF, or the sign in the driver"
     elif (np.abs(np.delete(moved, joint)) > 0.5 * abs(moved[joint])).any():
         fix = "others moved with it: turn it alone, or look whether joints are coupled in the driver"
-    return Verdict(f"joint {names[joint]}", measured, expected, fix)
+    return Verdict(step, measured, expected, fix)
 
 
 def judge_push(axis: str, change: Array, direction: Array, size: float | None) -> Verdict:

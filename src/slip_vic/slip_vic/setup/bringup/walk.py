@@ -120,8 +120,8 @@ class Walk:
         names, hands, params = self._params.joint_names, self._hands, self._params
         before = self._system.listen(WATCHED_S)
         for joint in range(len(names)):
-            moved = hands.turn(joint, self._inertia(before.position)).position - before.position
-            yield verdicts.judge_joint(names, joint, moved)
+            turned = hands.turn(joint, self._inertia(before.position))
+            yield verdicts.judge_joint(names, joint, turned.position - before.position if turned else None)
             before = self._system.listen(2.0 * WATCHED_S)
         rest = self._wrench(before)[0]
         for axis, words in enumerate(AXES):
