@@ -24,7 +24,7 @@ _BAG = click.argument("bag_path", metavar="BAG", type=_FOLDER)
 
 @click.group()
 def bag() -> None:
-    """Record, inspect, play, verify and export ROS 2 bags (rosbag2 folders with MCAP files)."""
+    """Record, inspect, play, export and recover ROS 2 bags (rosbag2 folders with MCAP files)."""
 
 
 @bag.command()
