@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from slip_vic.run import shared_memory
@@ -187,3 +188,15 @@ def call_service(node: Any, kind: Any, name: str, request: Any, wait: Callable[[
     wait(answered, f"answer of {name}")
     node.destroy_client(client)
     return next(answer.result() for answer in answers if answer.done())
+
+
+def segments_of(pid: int) -> set[Path]:
+    """Files of shared memory that a process and its children have mapped: their own, unlike those of other tests."""
+    found: set[Path] = set()
+    with contextlib.suppress(psutil.Error):
+        parent = psutil.Process(pid)
+        for each in (parent, *parent.children(recursive=True)):
+            with contextlib.suppress(psutil.Error, OSError):
+                words = Path(f"/proc/{each.pid}/maps").read_text().split()
+                found.update(Path(word) for word in words if word.startswith(str(shared_memory.SHM)))
+    return found

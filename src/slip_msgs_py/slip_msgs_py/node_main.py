@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import resource
 import sys
@@ -96,6 +97,8 @@ def _run(factory: Callable[[], RunnableNode], stop: StopFlag) -> int:
             patient = wanted() and not stop.in_haste
             deliver(node, DELIVERY_S if not stop() else LAUNCHED_DELIVERY_S if patient else STOP_DELIVERY_S)
             node.destroy_node()
+        else:
+            gc.collect()  # a node that refused its parameters has cycles, and holds its part of /dev/shm
         rclpy.try_shutdown()
     return 0
 

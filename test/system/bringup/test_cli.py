@@ -1,6 +1,5 @@
 """The command line: every mistake is one clear line and exit code 2, and nothing is left half-written."""
 
-import contextlib
 import os
 import signal
 import subprocess
@@ -13,7 +12,7 @@ import pytest
 
 from slip_vic.run import shared_memory
 from slip_vic.run.processes import child_environment
-from test.support.ros import wait_until
+from test.support.ros import segments_of, wait_until
 
 DEADLINE_S = 150.0  # a hang: every command takes seconds
 
@@ -68,18 +67,6 @@ def mapped(process: subprocess.Popen[str], library: str) -> bool:
     return library in Path(f"/proc/{process.pid}/maps").read_text()
 
 
-def segments_of(process: subprocess.Popen[str]) -> set[Path]:
-    """Files of shared memory that a run has mapped: its own, unlike those of other tests."""
-    found: set[Path] = set()
-    with contextlib.suppress(psutil.Error):
-        parent = psutil.Process(process.pid)
-        for each in (parent, *parent.children(recursive=True)):
-            with contextlib.suppress(psutil.Error, OSError):
-                words = Path(f"/proc/{each.pid}/maps").read_text().split()
-                found.update(Path(word) for word in words if word.startswith(str(shared_memory.SHM)))
-    return found
-
-
 def nodes_of(process: subprocess.Popen[str]) -> int:
     return len(psutil.Process(process.pid).children())
 
@@ -92,7 +79,7 @@ def test_a_run_that_ends_by_itself_leaves_no_shared_memory(words: tuple[str, ...
     process = subprocess.Popen([*command, "--set", "bridge.duration_s=1.0"], env=environment, stdout=subprocess.DEVNULL)
     mapped_by_it: set[Path] = set()
     while process.poll() is None:
-        mapped_by_it |= segments_of(process)
+        mapped_by_it |= segments_of(process.pid)
         time.sleep(0.1)
     assert process.returncode == 0
     assert mapped_by_it
@@ -131,7 +118,7 @@ def test_ctrl_c_at_any_moment_leaves_nothing(command: str, moment: str, tmp_path
     )
     try:
         wait_until(lambda: MOMENTS[moment](process), moment, DEADLINE_S)
-        mapped_by_it = segments_of(process)
+        mapped_by_it = segments_of(process.pid)
         assert mapped_by_it or moment != "running"
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=DEADLINE_S)
