@@ -7,6 +7,7 @@ the compiler never started.
 from __future__ import annotations
 
 import contextlib
+import importlib
 import os
 import sys
 from collections.abc import Iterator, Mapping
@@ -41,6 +42,7 @@ class _Guard:
 
     def install(self) -> None:
         if not self.installed:
+            importlib.import_module("matplotlib.font_manager")  # asks fc-list for fonts, once on a machine
             sys.addaudithook(self.hear)
             self.installed = True
 

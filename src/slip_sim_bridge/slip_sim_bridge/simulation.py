@@ -200,6 +200,8 @@ class Simulation:
         for index, arm in enumerate(self.arms):
             self.push(index, np.array(arm.params.push.wrench), np.array(arm.params.push.effort))
         self._diverged = False
+        self._readings: list[Readings | None] = [None] * len(self.arms)
+        """What was read of each arm at the present stamp."""
         self._start()
 
     def start_at(self, stamp_ns: int) -> None:
@@ -286,15 +288,19 @@ class Simulation:
 
         h_ee of Eq. (1) is that of the step that just ended, v_s that of Eq. (14).
         """
+        kept = self._readings[arm]
+        if kept is not None and kept.joint.stamp_ns == self.stamp_ns:
+            return kept
         stamp_ns, at, numbers = self.stamp_ns, self.arms[arm].layout, self.plant.read(arm)
         numbers.setflags(write=False)
-        return Readings(
+        readings = self._readings[arm] = Readings(
             JointSample(stamp_ns, numbers[at.position], numbers[at.velocity], self.arms[arm].applied),
             WrenchSample(stamp_ns, numbers[at.wrench]),
             SlipSample(stamp_ns, numbers[at.slip_velocity]),
             numbers,
             at,
         )
+        return readings
 
     def _drive(self, index: int, arm: Arm, command: Array | None) -> Array | None:
         """Return what drives with a delay, a lag or loops of their own apply; None holds the arm. (n,) [N m]."""

@@ -10,6 +10,7 @@ from numba.core.errors import NumbaWarning
 
 from slip_sim_bridge.friction import friction_law, law_names
 from slip_sim_bridge.friction.params import FrictionParams
+from slip_sim_bridge.plant.fixed_point import next_point, remember
 from slip_sim_bridge.plant.rigid import STOP_AGREEMENT, compile_laws
 from slip_sim_bridge.plant.rigid_step import rigid_step
 from slip_sim_bridge.simulation import Simulation
@@ -114,3 +115,22 @@ def test_the_step_of_every_law_is_kept_as_machine_code():
         law, _ = friction_law(FrictionParams.model_validate({"model": name}))
         stats = getattr(rigid_step(law), "stats", None)
         assert stats is None or sum(stats.cache_hits.values()) + sum(stats.cache_misses.values()) == 1
+
+
+def test_what_is_linear_takes_two_more_values_than_it_has_unknowns():
+    """Anderson's acceleration with a full memory solves x = A x + b exactly, whatever A is."""
+    rng = np.random.default_rng(5)
+    for n in (2, 3, 5):
+        A, b = rng.normal(size=(n, n)), rng.normal(size=n)
+        x, points, values, count = np.zeros(n), np.empty((n + 1, n)), np.empty((n + 1, n)), 0
+        for _ in range(n + 1):
+            count = remember(points, values, x, A @ x + b, count)
+            next_point(points, values, count, x)
+        assert np.abs(x - np.linalg.solve(np.eye(n) - A, b)).max() < 1e-9
+
+
+def test_a_step_between_equal_points_says_nothing():
+    """Two values at one point have no slope: the older one gets no share, and the result is finite."""
+    points, values, x = np.zeros((4, 3)), np.ones((4, 3)), np.zeros(3)
+    next_point(points, values, 2, x)
+    assert np.array_equal(x, np.ones(3))

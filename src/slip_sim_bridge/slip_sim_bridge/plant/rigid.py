@@ -7,7 +7,6 @@ pad, and its force is applied on the relative joints; `rigid_step` has the formu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import cast
 
 import mujoco
@@ -21,8 +20,7 @@ from slip_sim_bridge.friction import friction_law, law_names
 from slip_sim_bridge.friction.params import FrictionParams
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError, ReadOut
-from slip_sim_bridge.plant.fixed_point import fixed_point
-from slip_sim_bridge.plant.joint_step import AGREEMENT, TORQUE, joint_step
+from slip_sim_bridge.plant.joint_step import JOINT_DRIVE_SIZE
 from slip_sim_bridge.plant.model import (
     OBJECT,
     PAD,
@@ -42,6 +40,7 @@ from slip_sim_bridge.plant.rigid_step import RIGID_CONTACT, RigidContact, read_o
 SLIP_JOINTS = ("grasp_slip_x", "grasp_slip_y", "grasp_slip_rz")
 STOP_PASSES = 20
 STOP_AGREEMENT = 1e-10  # N, N m
+NO_DRIVES = np.zeros((0, JOINT_DRIVE_SIZE))
 
 
 def build_model(params: BridgeParams, urdf_text: str) -> mujoco.MjModel:
@@ -220,10 +219,12 @@ class RigidPlant:
         point = self.data.xpos[self._body]
         mujoco.mj_applyFT(self.model, self.data, self._push[:3], self._push[3:], point, self._body, self._outside)
 
-    def _solve(self, effort: Array, normal_force: float, substeps: int, stops: Array, keep: int) -> int:
+    def _solve(
+        self, effort: Array, normal_force: float, substeps: int, stops: Array, keep: int, drives: Array = NO_DRIVES
+    ) -> int:
         return self._step(
             self._factor, self._inverse_diagonal, self._tree, self._qpos, self._qvel, self._bias, stops,
-            effort, self._law, self._pad, normal_force, substeps, keep, self._applied,
+            effort, self._law, self._pad, normal_force, substeps, keep, drives, self._applied,
         )  # fmt: skip
 
     def _agree_with_drives(self, drives: Array, effort: Array, normal_force: float, substeps: int) -> int:
@@ -232,8 +233,8 @@ class RigidPlant:
         substeps = self._solve(effort, normal_force, substeps, self._outside, 0)
         stops = np.zeros(self.model.nv)
         for _ in range(STOP_PASSES):
-            given = (stops + self._outside, drives, effort, normal_force, substeps)
-            fixed_point(partial(self._grip_of, given), self._slip_tau.copy(), AGREEMENT)
+            if not self._solve(effort, normal_force, substeps, stops + self._outside, 0, drives):
+                raise DivergenceError("simulation diverged: the torques of the drives are not finite; reset it")
             if not data.nefc:
                 break
             mujoco.mj_fwdActuation(self.model, data)
@@ -245,25 +246,6 @@ class RigidPlant:
                 break
         self._state[:] = self._next_state
         return substeps
-
-    def _grip_of(self, given: tuple[Array, Array, Array, float, int], slip: Array) -> Array:
-        """Return the grasp's forces on the relative joints under the torques that the drives have with these; (3,).
-
-        given: what else acts on the joints, drives, efforts, normal force, sub-steps. Writes all joint forces of the
-        coming step.
-        """
-        outside, drives, effort, normal_force, substeps = given
-        n, force = self._n, outside - self._bias
-        force[:n] += effort
-        force[n:] += slip
-        if not joint_step(
-            self._factor, self._inverse_diagonal, self._tree, self._qpos, self._qvel, force, self._period / substeps,
-            drives,
-        ):  # fmt: skip
-            raise DivergenceError("simulation diverged: the torques of the drives are not finite; reset it")
-        torque = drives[:, TORQUE]
-        self._solve(effort + torque, normal_force, substeps, outside, 0)
-        return self._slip_tau.copy()
 
     def _agree_with_joint_stops(self, effort: Array, normal_force: float, substeps: int) -> None:
         """Repeat friction and the forces of active joint stops in turn until both fit; a pass gains a factor of 40."""

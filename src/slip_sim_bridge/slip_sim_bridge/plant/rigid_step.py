@@ -15,13 +15,16 @@ from typing import Any
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.compiled import IN1, IN2, INT, OUT1, REAL, VOID, WHOLE1, kernel, part
+from slip_core.compiled import IN1, IN2, INT, OUT1, OUT2, REAL, VOID, WHOLE1, kernel, part
 from slip_core.records import Real, Record, Vec3, WholeArray, dtype_of, record
 from slip_core.symmetric import Sym
 from slip_core.vectors import ZERO, Vec, mat, put, put_mat, vec
 from slip_sim_bridge.friction import FrictionLaw
 from slip_sim_bridge.friction.limit_surface import scaled, substeps_needed
 from slip_sim_bridge.plant import GRASP, GRASP_SIZE, Grasp
+from slip_sim_bridge.plant.fixed_point import PASSES, next_point, remember
+from slip_sim_bridge.plant.half import solve_half
+from slip_sim_bridge.plant.joint_step import AGREEMENT, TORQUE, joint_step
 
 
 class RigidContact(Record):
@@ -38,17 +41,6 @@ class RigidContact(Record):
 
 
 RIGID_CONTACT = dtype_of(RigidContact)
-
-
-@part
-def solve_half(factor: Array, tree: WholeArray, x: Array) -> None:
-    """Replace x by L^-T x, with M = L^T D L as MuJoCo keeps it: rows of L side by side, the diagonal last."""
-    n = x.shape[0]
-    for step in range(n):
-        i = n - 1 - step
-        first, count = tree[i], tree[n + i]
-        for at in range(first, first + count - 1):
-            x[tree[2 * n + at]] -= factor[at] * x[i]
 
 
 @part
@@ -85,12 +77,13 @@ def rigid_step(law: FrictionLaw) -> Any:
     """Compile the step for a friction law: effort and friction of the coming sub-step become joint forces."""
     law_layout = law.LAYOUT
 
-    @kernel(INT(IN1, IN1, WHOLE1, IN1, IN1, IN1, IN1, IN1, IN1, OUT1, REAL, INT, INT, OUT1))
+    @kernel(INT(IN1, IN1, WHOLE1, IN1, IN1, IN1, IN1, IN1, IN1, OUT1, REAL, INT, INT, OUT2, OUT1))
     def step(
         factor: Array, inverse_diagonal: Array, tree: WholeArray, qpos: Array, qvel: Array, bias: Array, stops: Array,
-        effort: Array, parameters: Array, pad: Array, normal_force: float, substeps: int, keep: int, applied: Array,
+        effort: Array, parameters: Array, pad: Array, normal_force: float, substeps: int, keep: int, drives: Array,
+        applied: Array,
     ) -> int:  # fmt: skip
-        """Write the joint forces to `applied` and return the number of sub-steps of the period.
+        """Write the joint forces to `applied` and return the number of sub-steps of the period, 0 if not finite.
 
         Args:
             factor, inverse_diagonal: of the mass matrix, MuJoCo's qLD and qLDiagInv.
@@ -101,32 +94,51 @@ def rigid_step(law: FrictionLaw) -> Any:
             parameters: of the friction law.
             pad: laid out by `RIGID_CONTACT`; `next_state` is written.
             normal_force: [N]; without pressure there is no friction, not even viscous.
-            substeps: into how many steps the period is split; 0 chooses.
+            substeps: into how many steps the period is split; 0 chooses, where no drives act on the joints.
             keep: 1 where this is the step's last solution, and `state` moves on too.
-            applied: joint forces; (nv,) [N, N m].
+            drives: a JOINT_DRIVE per joint, whose torques are written; (n, 8), or (0, 8) where none acts on them.
+            applied: joint forces; (nv,) [N, N m]. With drives those of the relative joints are tried first.
+
+        Friction of the grasp and torques of the drives depend on each other: both are repeated until they fit, the
+        grasp last.
         """
         contact: RigidContact = record(pad, RIGID_CONTACT)
         friction = record(parameters, law_layout)
         nv, n = len(qpos), len(effort)
-        force = np.empty(nv)
-        for i in range(nv):
-            applied[i] = effort[i] if i < n else 0.0
-            force[i] = applied[i] - bias[i] + stops[i]
-        place, rate = vec(qpos[n:]), vec(qvel[n:])
+        place, rate, rho = vec(qpos[n:]), vec(qvel[n:]), contact.torsional_radius
         x, y = place.x, place.y
-        mobility, acceleration = contact_motion(factor, inverse_diagonal, tree, force, x, y)
-        rho = contact.torsional_radius
-        if substeps == 0:
-            fall = law.steepest_fall(friction, max(0.0, normal_force))
-            substeps = substeps_needed(fall, scaled(rho, contact.period * mobility))
-        dt = contact.period / substeps
-        v_free = Vec(rate.x + y * rate.z, rate.y - x * rate.z, rate.z) + dt * acceleration
-        f_hat, following = ZERO, ZERO
-        if normal_force > 0.0:
-            u_free = Vec(v_free.x, v_free.y, rho * v_free.z)
-            A_hat = scaled(rho, dt * mobility)
-            f_hat, _, following = law.solve(friction, u_free, A_hat, normal_force, dt, vec(contact.state))
-        put(applied[n:], Vec(f_hat.x, f_hat.y, rho * f_hat.z + y * f_hat.x - x * f_hat.y))
+        slip, force = applied[n:].copy(), np.empty(nv)
+        points, values = np.empty((nv - n + 1, nv - n)), np.empty((nv - n + 1, nv - n))
+        count, following = 0, ZERO
+        for _ in range(PASSES):
+            for i in range(n):
+                applied[i] = effort[i]
+            if len(drives) > 0:
+                for i in range(nv):
+                    force[i] = (effort[i] if i < n else slip[i - n]) - bias[i] + stops[i]
+                dt = contact.period / substeps
+                if not joint_step(factor, inverse_diagonal, tree, qpos, qvel, force, dt, drives):
+                    return 0
+                for i in range(n):
+                    applied[i] += drives[i, TORQUE]
+            for i in range(nv):
+                force[i] = (applied[i] if i < n else 0.0) - bias[i] + stops[i]
+            mobility, acceleration = contact_motion(factor, inverse_diagonal, tree, force, x, y)
+            if substeps == 0:
+                fall = law.steepest_fall(friction, max(0.0, normal_force))
+                substeps = substeps_needed(fall, scaled(rho, contact.period * mobility))
+            dt = contact.period / substeps
+            v_free = Vec(rate.x + y * rate.z, rate.y - x * rate.z, rate.z) + dt * acceleration
+            f_hat, following = ZERO, ZERO
+            if normal_force > 0.0:
+                u_free = Vec(v_free.x, v_free.y, rho * v_free.z)
+                A_hat = scaled(rho, dt * mobility)
+                f_hat, _, following = law.solve(friction, u_free, A_hat, normal_force, dt, vec(contact.state))
+            put(applied[n:], Vec(f_hat.x, f_hat.y, rho * f_hat.z + y * f_hat.x - x * f_hat.y))
+            if len(drives) == 0 or np.abs(applied[n:] - slip).max() < AGREEMENT:
+                break
+            count = remember(points, values, slip, applied[n:], count)
+            next_point(points, values, count, slip)
         put(contact.next_state, following)
         if keep == 1:
             put(contact.state, following)
