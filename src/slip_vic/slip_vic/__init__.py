@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from slip_core.errors import InputError
     from slip_vic.api import load, read_bag
-    from slip_vic.benchmark.law import Effort, Law, Pad, Seen, Setup
+    from slip_vic.benchmark.law import Effort, Law, Pad, Seen, Setup, Velocity
     from slip_vic.law import Evaluation, evaluate_law
     from slip_vic.presets import preset_names
     from slip_vic.run.in_process import Tick
@@ -40,6 +40,7 @@ __all__ = [
     "Seen",
     "Setup",
     "Tick",
+    "Velocity",
     "Verdict",
     "evaluate_law",
     "load",
@@ -59,6 +60,7 @@ _HOME = {
     "Seen": "slip_vic.benchmark.law",
     "Setup": "slip_vic.benchmark.law",
     "Tick": "slip_vic.run.in_process",
+    "Velocity": "slip_vic.benchmark.law",
     "Verdict": "slip_vic.run.judge",
     "evaluate_law": "slip_vic.law",
     "load": "slip_vic.api",

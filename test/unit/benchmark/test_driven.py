@@ -108,6 +108,66 @@ def test_the_limiter_is_the_last_whatever_a_law_wants() -> None:
     assert np.abs(np.diff(efforts, axis=0)).max() <= params.safety.limits.effort_rate * 1e-3 * (1.0 + 1e-12)
 
 
+def circling(seen: Any) -> Any:
+    """Return velocities with which the joints turn to and fro."""
+    return 0.2 * np.sin(2.0 * np.pi * 2.0 * seen.time) * np.ones(7)
+
+
+@every("drive", ["ideal", "velocity_500", "position_250"])
+def test_joint_velocities_are_followed_by_drives_of_every_kind(drive: str) -> None:
+    """The lag of a loop of rate k behind a sine of w rad/s, and the dead time of the preset, bound the error."""
+    seen: list[Any] = []
+    loaded = scenario("classical", 500, drive=drive)
+    run = Driven(loaded, law_of(lambda one: seen.append(one) or slip_vic.Velocity(circling(one))))
+    truth = np.array([tick.outputs.arms[0].readings.joint.velocity for tick in run.ticks()])
+    assert run.failure == ""
+    wanted = np.array([circling(one) for one in seen])
+    w, settled = 2.0 * np.pi * 2.0, slice(200, None)
+    rate, dead = {"ideal": (50.0, 0.001), "velocity_500": (100.0, 0.004), "position_250": (60.0, 0.008)}[drive]
+    lag = np.arctan(w / rate) / w + dead
+    late = round(1e3 * lag)
+    behind = np.roll(wanted, late, axis=0)[settled] / np.hypot(1.0, w / rate)
+    assert np.abs(truth[settled] - behind).max() < 0.02
+    assert np.abs(truth[settled]).max() > 0.15
+
+
+@every("drive", ["velocity_500", "position_250"])
+def test_a_law_of_accelerations_follows_its_path_on_drives_with_loops_of_their_own(drive: str) -> None:
+    errors: list[Any] = []
+
+    def step(seen: Any) -> Any:
+        wanted = own.setup.reference(seen.time)
+        turn = 0.5 * np.cross(seen.rotation, wanted.rotation, axis=0).sum(axis=1)
+        error = np.concatenate((wanted.position - seen.position, turn))
+        errors.append((np.linalg.norm(error), np.linalg.norm(wanted.twist[:3])))
+        return slip_vic.Pad(wanted.acceleration + 100.0 * error + 20.0 * (wanted.twist - seen.twist))
+
+    own = law_of(step)
+    run = Driven(scenario("classical", 600, drive=drive, set=["controller.trajectory.duration_s=4.0"]), own)
+    assert len(list(run.ticks())) == 600
+    off, speed = np.max(errors, axis=0)
+    assert off < 1e-3  # m, rad
+    assert speed > 0.05
+
+
+@every("drive", ["velocity_500", "position_250"])
+def test_wild_velocities_stay_inside_the_limits_of_the_motion(drive: str) -> None:
+    wild = iter(np.random.default_rng(6).choice([-1e9, 1e9, 0.3], size=(300, 7)))
+    loaded = scenario("classical", 200, drive=drive)
+    run = Driven(loaded, law_of(lambda _: slip_vic.Velocity(next(wild))))
+    commands = np.array([tick.commands[0].numbers for tick in run.ticks()])
+    velocity = commands if drive == "velocity_500" else np.diff(commands, axis=0) / 1e-3
+    config = run._arms[0].config.command
+    assert (np.abs(velocity) <= config.velocity[:7] * (1.0 + 1e-9)).all()
+    assert (np.abs(np.diff(velocity, axis=0)) <= config.acceleration[:7] * 1.01e-3 + 1e-9).all()
+
+
+def test_efforts_are_no_answer_for_drives_that_take_none() -> None:
+    run = Driven(scenario(ticks=5, drive="velocity_500"), law_of(lambda one: slip_vic.Effort(one.bias)))
+    assert list(run.ticks()) == []
+    assert "the drives take no efforts; expected Pad, Velocity or None" in run.failure
+
+
 def test_a_grip_is_limited_by_the_track_and_by_the_gripper() -> None:
     def squeezed(most: float | None) -> float:
         run = Driven(scenario(ticks=3), law_of(lambda one: slip_vic.Effort(one.bias, grip=1e3)), most)
@@ -128,9 +188,10 @@ def raises(_: Any) -> None:
         (lambda _: slip_vic.Pad(np.full(6, np.nan)), "Pad.acceleration is not finite"),
         (lambda _: slip_vic.Pad(np.zeros(3)), r"Pad.acceleration has the shape \(3,\); expected \(6,\)"),
         (lambda _: slip_vic.Effort(np.zeros(6)), r"Effort.effort has the shape \(6,\); expected \(7,\)"),
+        (lambda _: slip_vic.Velocity(np.zeros(2)), r"Velocity.velocity has the shape \(2,\); expected \(7,\)"),
         (lambda _: slip_vic.Effort("much"), "Effort.effort is 'much'; expected 7 numbers"),
         (lambda _: slip_vic.Effort(np.zeros(7), grip=-1.0), "grip is -1 N; expected 0 or more"),
-        (lambda _: np.zeros(7), "step returns ndarray; expected Pad, Effort or None"),
+        (lambda _: np.zeros(7), "step returns ndarray; expected Pad, Effort, Velocity or None"),
         (lambda _: time.sleep(60.0), "step takes longer than 0.05 s"),
     ],
 )
@@ -172,8 +233,3 @@ def test_what_is_no_law_is_refused_with_one_line(tmp_path_factory: Any, name: st
     file.write_text(text)
     with pytest.raises(InputError, match=message):
         find_law(name.replace("FILE", str(file)))
-
-
-def test_drives_that_take_velocities_are_refused() -> None:
-    with pytest.raises(InputError, match=r"command\.interface: got velocity, expected effort"):
-        Driven(scenario(drive="velocity_500"), law_of(lambda _: None))

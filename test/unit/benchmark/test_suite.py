@@ -1,5 +1,6 @@
 """The suite: its worlds are frozen, results are rows that go on, are verified and compared."""
 
+import io
 import json
 import math
 import re
@@ -12,10 +13,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
+from rich.console import Console
 
 from slip_core.errors import InputError
 from slip_vic.benchmark import result
-from slip_vic.benchmark.compare import HEAD, compare, joined, lines_of
+from slip_vic.benchmark.compare import HEAD, NARROW, compare, joined, lines_of, table_for
 from slip_vic.benchmark.law import find_law
 from slip_vic.benchmark.suite import TUNING_SEED, World, run_world, slip_path, suite, worlds
 from slip_vic.cli import cli
@@ -84,8 +86,13 @@ def test_a_result_goes_on_is_verified_and_compared(tmp_path: Path, two_worlds: N
 
     with pytest.raises(InputError, match="law=slip_vic"):
         result.run_law("fixed_grip", 1, folder, "pool", 1)
-    table, line = compare([folder, folder], tmp_path)
-    assert [cell.strip() for cell in table.columns[0].cells] == ["classical"]
+    lines, line = compare([folder, folder], tmp_path)
+    assert [cells[0] for cells in lines] == ["classical"]
+    for width, columns in ((300, HEAD), (80, NARROW)):
+        console = Console(width=width, record=True, file=io.StringIO())
+        console.print(table_for(console, lines))
+        head = console.export_text().splitlines()[2]
+        assert [cell.strip() for cell in head.strip("┃").split("┃")] == list(columns)
     page = (tmp_path / "compare.html").read_text()
     assert page.count("data:image/png;base64,") == 1
     assert not re.search(r'(src|href)="http', page)

@@ -49,9 +49,11 @@ def compare(folders: tuple[Path, ...], out: Path) -> None:
     from rich.console import Console
 
     from slip_vic.benchmark.compare import compare as write
+    from slip_vic.benchmark.compare import table_for
 
-    shown, line = write(folders, out)
-    Console().print(shown)
+    lines, line = write(folders, out)
+    console = Console()
+    console.print(table_for(console, lines))
     click.echo(line)
 
 

@@ -20,7 +20,9 @@ import matplotlib.pyplot as plt  # the backend must be chosen first: no display 
 import numpy as np
 import pandas as pd
 from matplotlib.patches import Patch
+from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
@@ -40,6 +42,10 @@ SHOWN: Final = (
     ("step_p99_s", 1e3, "step [ms]"),
 )
 HEAD: Final = ("law", "grip", "arms", "worlds", "carried", "lost", "short", "late", *(label for _, _, label in SHOWN))
+NARROW: Final = ("law", "arms", "carried", "lost", "short", "slip [mm]", "arrives [s]", "peak [N]")
+"""Of `HEAD`, what a terminal of 80 columns has room for; compare.html has all."""
+WIDE: Final = 1000
+"""Columns in which any table fits."""
 QUARTILES: Final = (0.25, 0.5, 0.75)
 NOT_CARRIED: Final = 1e3
 ARRIVES_NEVER: Final = 10.0
@@ -51,8 +57,8 @@ NOTHING: Final = 1e-6
 """What the table shows as 0."""
 
 
-def compare(folders: Sequence[Path], out: Path) -> tuple[Table, str]:
-    """Write what `write` writes of some results, in worlds that all of them have; return the table, and a line.
+def compare(folders: Sequence[Path], out: Path) -> tuple[list[list[str]], str]:
+    """Write what `write` writes of some results, in worlds that all of them have; return its lines, and where it is.
 
     Several folders of one law, for instance shards, count as one.
 
@@ -62,12 +68,24 @@ def compare(folders: Sequence[Path], out: Path) -> tuple[Table, str]:
     laws = joined(folders)
     lines = write(laws, out)
     (out / "compare.html").write_text(page(lines, (out / "compare.png").read_bytes()), encoding="utf-8")
+    return lines, ", ".join(str(out / f"compare.{suffix}") for suffix in ("html", "png", "json", "parquet"))
+
+
+def table_for(console: Console, lines: Sequence[Sequence[str]]) -> Table:
+    """Return the table for a terminal: where it is too narrow for all columns, those of `NARROW`."""
+    whole = _table(lines, HEAD)
+    wide = console.options.update(max_width=WIDE)
+    return whole if console.measure(whole, options=wide).maximum <= console.width else _table(lines, NARROW)
+
+
+def _table(lines: Sequence[Sequence[str]], names: Sequence[str]) -> Table:
     shown = Table(title=f"{SUITE}: medians; what is lost or short counts as infinite")
-    for name in HEAD:
-        shown.add_column(name, justify="left" if name in ("law", "grip") else "right")
+    for name in names:
+        shown.add_column(Text(name), justify="left" if name in ("law", "grip") else "right", no_wrap=name != "law")
     for line in lines:
-        shown.add_row(*line)
-    return shown, ", ".join(str(out / f"compare.{suffix}") for suffix in ("html", "png", "json", "parquet"))
+        cells = dict(zip(HEAD, line, strict=True))
+        shown.add_row(*(cells[name] for name in names))
+    return shown
 
 
 def write(laws: Sequence[Result], out: Path) -> list[list[str]]:
@@ -183,6 +201,8 @@ def png(laws: Sequence[Result]) -> bytes:
             y = np.fmin(1e3 * counted(law, "slip_path_m", 1, worlds), NOT_CARRIED)
             (x1, x2, x3), (y1, y2, y3) = (np.quantile(v, QUARTILES, method="higher") for v in (x, y))
             marker = "s" if law.rows[0]["track"] == "capped" else "o"
+            if not math.isfinite(x2 + y2):
+                continue  # no world was carried: the bars of outcomes show it
             spread = {"yerr": [[y2 - y1], [y3 - y2]], "xerr": [[x2 - x1], [x3 - x2]]}
             axis.errorbar([x2], [y2], **spread, fmt=marker, color=f"C{k}", label=law.label, lw=0.9, ms=5)
         axis.set(xlabel=label, ylabel="slip of the pad on the object, path [mm]")

@@ -18,14 +18,21 @@ from typing import Any, Final
 import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
-from slip_core.errors import InputError
 from slip_core.params import build, flatten
 from slip_core.records import Records, new, record, records
-from slip_core.types import EffortCommand, SlipSample
+from slip_core.types import COMMANDS, EffortCommand, JointCommand, SlipSample
 from slip_core.vectors import spatial
-from slip_vic.benchmark.law import Effort, Law, Pad, Reference, Seen, Setup, numbers
+from slip_vic.benchmark.law import Answer, Effort, Law, Pad, Reference, Seen, Setup, Velocity, numbers
 from slip_vic.run.in_process import Tick, run_in_process
 from slip_vic.scenarios.scenario import Scenario
+from slip_vic_controller.arm.command import (
+    MOTION_COMMAND,
+    Interface,
+    MotionCommand,
+    advance_motion,
+    joint_acceleration,
+    start_motion,
+)
 from slip_vic_controller.law.contact import CONTACT_SAMPLE, ContactSample
 from slip_vic_controller.law.torque import TORQUE, Torque, joint_torque
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
@@ -42,13 +49,18 @@ from slip_vic_controller.state import CONFIG, ControllerConfig
 
 LONGEST_STEP_S: Final = 2.0
 """A step that takes longer ends the run."""
+SERVO_RATE: Final = 50.0
+"""Of the loop with which drives that take efforts follow joint velocities [1/s]; between those of the presets."""
 WATCH: Final[dict[str, Any]] = {
-    "controller": "classical", "governor.mode": "off", "slip_estimator": "measured", "gains.give_up": False,
-    "joint_sensor.noise_velocity": 0.0, "joint_sensor.quantum_position": 0.0, "grip.control": "fixed",
-    "tare.duration_s": 0.0, "safety.inputs.joint.frozen_s": 1e3, "safety.load.drop_speed": 1e3,
-    "safety.limits.error_linear": 1e3, "safety.limits.error_angular": 1e3,
+    "controller": "classical", "command.interface": "effort", "governor.mode": "off", "slip_estimator": "measured",
+    "gains.give_up": False, "joint_sensor.noise_velocity": 0.0, "joint_sensor.quantum_position": 0.0,
+    "grip.control": "fixed", "tare.duration_s": 0.0, "safety.inputs.joint.frozen_s": 1e3,
+    "safety.load.drop_speed": 1e3, "safety.limits.error_linear": 1e3, "safety.limits.error_angular": 1e3,
 }  # fmt: skip
-"""Of the controller that watches: the path waits for no law, and samples are used as they are measured."""
+"""Of the controller that watches: the path waits for no law, and samples are used as they are measured.
+
+With drives that take velocities it would estimate the joints from commands of its own, which do not leave.
+"""
 
 
 class LawError(Exception):
@@ -66,9 +78,6 @@ class Driven:
         law: made for this run.
         most_grip: largest squeeze that is let through [N]; None: what the gripper can.
 
-    Raises:
-        InputError: drives that take no efforts.
-
     Attributes:
         scenario: the same with the controller that watches.
         failure: what the law did wrong, in one line; it ends the run.
@@ -77,12 +86,6 @@ class Driven:
 
     def __init__(self, scenario: Scenario, law: Law, most_grip: float | None = None) -> None:
         self._known, self._law = scenario, law
-        for params in scenario.controllers.values():
-            if params.command.interface != "effort":
-                raise InputError(
-                    "parameter command.interface", got=params.command.interface, expected="effort",
-                    fix="a law of one's own gives efforts or accelerations: choose drives that take efforts",
-                )  # fmt: skip
         watching = {
             name: build(ControllerNodeParams, flatten(params) | WATCH, f"controller {name}".strip())
             for name, params in scenario.controllers.items()
@@ -141,28 +144,20 @@ class Driven:
         return given
 
     def _apply(self, tick: Tick, k: int, answer: Any) -> None:
-        """Put an answer into a tick: through the torque law, and always through the limiter."""
+        """Put an answer into a tick, through the limits of the drives."""
         arm, tick.grips[k] = self._arms[k], None
         try:
             if answer is not None:
-                if not isinstance(answer, Pad | Effort):
-                    raise ValueError(f"step returns {type(answer).__name__}; expected Pad, Effort or None")
+                if not isinstance(answer, Pad | Effort | Velocity):
+                    raise ValueError(f"step returns {type(answer).__name__}; expected Pad, Effort, Velocity or None")
                 if answer.grip is not None:
                     (grip,) = numbers("grip", [answer.grip], 1)
                     if grip < 0.0:
                         raise ValueError(f"grip is {grip:g} N; expected 0 or more")
                     arm.grip = tick.grips[k] = arm.squeeze = min(float(grip), self._most_grip)
-                if isinstance(answer, Pad):
-                    wanted = arm.torque(tick.results[k], numbers("Pad.acceleration", answer.acceleration, 6))
-                else:
-                    wanted = numbers("Effort.effort", answer.effort, arm.joints)
+            tick.commands[k] = arm.command(answer, tick, k)
         except ValueError as error:
             raise LawError(str(error)) from None
-        if answer is None:
-            arm.limiter.started = 0
-            tick.commands[k] = EffortCommand(tick.outputs.stamp_ns, np.zeros(0))
-            return
-        tick.commands[k] = EffortCommand(tick.outputs.stamp_ns, arm.limited(wanted, tick, k))
 
     def _seen(self, tick: Tick) -> Seen:
         first, *others = [arm.see(tick, k, self._law.needs) for k, arm in enumerate(self._arms)]
@@ -214,11 +209,14 @@ class _Arm:
         self.joints = len(params.joint_names)
         self.config: ControllerConfig = record(np.array(make_config(params, robot, lockstep=True)), CONFIG)
         self.limiter: EffortLimiter = record(new(LIMITER), LIMITER)
+        self._motion: MotionCommand = record(new(MOTION_COMMAND), MOTION_COMMAND)
         self._torque: Torque = record(new(TORQUE), TORQUE)
         self._samples: Records[ContactSample] = records(new(CONTACT_SAMPLE), CONTACT_SAMPLE)
         self._posture: Array | None = None
         self._slip, self._slip_time, self._start_ns = np.zeros(6), -math.inf, -1
         self._wrench = np.zeros(6)
+        self._period_s = params.control_period_s
+        self._command: Callable[[int, Array], JointCommand] = COMMANDS[params.command.interface]
         self.grip = params.grip.nominal_force
         """Squeeze as configured, then as commanded [N]."""
         self.squeeze = scenario.bridges[name].grip.force
@@ -257,6 +255,61 @@ class _Arm:
             wrenches=outputs.wrenches if "wrench" in needs else (),
             slips=slips if "slip" in needs else (),
         )
+
+    def command(self, answer: Answer, tick: Tick, k: int) -> JointCommand:
+        """Return what the drives get of an answer, inside their limits; nothing where there is none.
+
+        Raises:
+            ValueError: an answer that these drives do not take, or that gives no finite command; one line.
+        """
+        interface, stamp_ns, result = self.config.command.interface, tick.outputs.stamp_ns, tick.results[k]
+        if answer is None:
+            self.limiter.started = self._motion.started = 0
+            return self._command(stamp_ns, np.zeros(0))
+        if interface != Interface.EFFORT:
+            self._move(self._acceleration(answer, result), result)
+            moved = self._motion.velocity if interface == Interface.VELOCITY else self._motion.position
+            return self._command(stamp_ns, np.array(moved[: self.joints]))
+        if isinstance(answer, Pad):
+            wanted = self.torque(result, numbers("Pad.acceleration", answer.acceleration, 6))
+        elif isinstance(answer, Velocity):
+            wanted = self._servo(result, numbers("Velocity.velocity", answer.velocity, self.joints))
+        else:
+            wanted = numbers("Effort.effort", answer.effort, self.joints)
+        return EffortCommand(stamp_ns, self.limited(wanted, tick, k))
+
+    def _acceleration(self, answer: Pad | Effort | Velocity, result: Any) -> Array:
+        """Return the joint acceleration of an answer for drives with loops of their own; (n,) [rad/s^2]."""
+        if self._motion.started == 0:
+            start_motion(self.config.command, self._motion, result.joint.position, result.joint.velocity)
+        if isinstance(answer, Velocity):
+            wanted = numbers("Velocity.velocity", answer.velocity, self.joints)
+            return (wanted - self._motion.velocity[: self.joints]) / self._period_s
+        if isinstance(answer, Effort):
+            raise ValueError("step returns Effort, but the drives take no efforts; expected Pad, Velocity or None")
+        tau, arm, qdd = (
+            self.torque(result, numbers("Pad.acceleration", answer.acceleration, 6)),
+            result.arm,
+            np.zeros(self.joints),
+        )
+        if not joint_acceleration(self.joints, arm.M, arm.bias, arm.J, self._torque.h_ee, tau, qdd):
+            raise ValueError("Pad.acceleration gives no finite acceleration of the joints at this posture")
+        return qdd
+
+    def _move(self, qdd: Array, result: Any) -> None:
+        """Integrate a joint acceleration over a period inside the limits of the motion; (n,) [rad/s^2]."""
+        limited = np.zeros(self.joints, np.int64)
+        advance_motion(self.config.command, self._motion, qdd, result.joint.velocity, self._period_s, limited)
+
+    def _servo(self, result: Any, velocity: Array) -> Array:
+        """Return the effort with which a joint goes to a velocity at `SERVO_RATE`; (n,) [rad/s] -> (n,) [N m].
+
+        M qdd + C qd + g - J^T h, with qdd = rate (velocity - qd): Eq. (1).
+        """
+        arm, n = result.arm, self.joints
+        h = np.concatenate((arm.rotation @ self._wrench[:3], arm.rotation @ self._wrench[3:]))
+        qdd = SERVO_RATE * (velocity - result.joint.velocity)
+        return np.asarray(arm.M[:n, :n] @ qdd + arm.bias[:n] - arm.J[:, :n].T @ h)
 
     def torque(self, result: Any, acceleration: Array) -> Array:
         """Return the effort of an acceleration of the pad; (6,) {w} -> (n,) [N m].

@@ -110,6 +110,8 @@ class Seen:
 class Pad:
     """Acceleration of the pad; (6,) [m/s2, rad/s2] {w}, linear part first. It becomes an effort by Eq. (21).
 
+    For drives that take velocities or positions the acceleration that this effort gives the joints is integrated.
+
     grip: squeeze that is wanted, sum over both pads [N]; None: as before.
     """
 
@@ -119,13 +121,24 @@ class Pad:
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """Joint efforts (n,) [N m] with the arm's weight. grip: see `Pad`."""
+    """Joint efforts (n,) [N m] with the arm's weight, for drives that take them. grip: see `Pad`."""
 
     effort: Array
     grip: float | None = None
 
 
-Answer = Pad | Effort | None
+@dataclass(frozen=True, slots=True)
+class Velocity:
+    """Joint velocities (n,) [rad/s]. grip: see `Pad`.
+
+    Drives that take efforts follow it by a velocity loop (`SERVO_RATE` of `driven`), others by their own.
+    """
+
+    velocity: Array
+    grip: float | None = None
+
+
+Answer = Pad | Effort | Velocity | None
 """None: no command, the arm holds its posture by itself."""
 
 
@@ -139,7 +152,7 @@ class Law(Protocol):
             def step(self, seen): return slip_vic.Pad(np.zeros(6))
 
     needs: of `NEEDS`. `reset` is called once, before the first `step`; slow things (planning, compiling) belong there.
-    `step` is called in every control period and returns `Pad`, `Effort` or None. A law of several arms has
+    `step` is called in every control period and returns `Pad`, `Effort`, `Velocity` or None. A law of several arms has
     `several = True` and returns a tuple with one answer for each.
     """
 

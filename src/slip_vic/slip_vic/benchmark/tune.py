@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from slip_vic.benchmark.law import find_law
-from slip_vic.benchmark.suite import COUNTS, LOST, TUNING_SEED, World, WorldResult, run_world, suite
+from slip_vic.benchmark.suite import LOST, TUNING_SEED, WorldResult, run_world, suite
 from slip_vic.run.prepare import prepare
 
 
@@ -24,13 +24,6 @@ def cost(results: Sequence[WorldResult]) -> tuple[int, float, float]:
     return lost, slip, float(np.mean(squeezes)) if squeezes else math.inf
 
 
-def tuning_worlds(law: str, count: int) -> list[World]:
-    """Return the first `count` worlds with one arm, and as many with several as the suite has for so many."""
-    found = find_law(law)
-    shares = {arms: count * of_suite // COUNTS[1] for arms, of_suite in COUNTS.items()}
-    return [world for n in COUNTS for world in suite(found, shares[n], seed=TUNING_SEED, arms=(n,))]
-
-
 def tried(law: str, attribute: str, values: Sequence[float], count: int) -> Iterator[str]:
     """Yield a line for each value, and one on the best.
 
@@ -41,7 +34,7 @@ def tried(law: str, attribute: str, values: Sequence[float], count: int) -> Iter
     prepare()
     for value in values:
         name = f"{law}?{attribute}={value:g}"
-        worlds = tuning_worlds(name, count)
+        worlds = [world for world in suite(find_law(name), count, seed=TUNING_SEED) if world.arms == 1]
         costs[value] = cost([run_world(name, world) for world in worlds])
         lost, slip, squeeze = costs[value]
         yield f"{name}: {lost / 2:g} lost, log slip {slip:.3f}, mean squeeze {squeeze:.2f} N"

@@ -18,6 +18,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from rich.table import Table
 
+from slip_core.arrays import Array
 from slip_core.errors import SlipVicError
 from slip_vic.presets import preset_names
 from slip_vic.run.in_process import run_in_process
@@ -126,6 +127,14 @@ class Drawn(NamedTuple):
 REFUSED = Drawn("refused", "", *(math.nan,) * 6)
 
 
+def length(vector: Array) -> float:
+    """Return the length of a vector, to the same bits on every processor: numpy's depends on its instruction set."""
+    total = 0.0
+    for value in vector.tolist():
+        total += value * value
+    return math.sqrt(total)
+
+
 def draw(number: int, seed: int) -> Ticket:
     """Return case `number` of the lottery with this seed: the same one whatever else is drawn."""
     return _draw(number, np.random.default_rng((seed, number)), "")
@@ -188,8 +197,8 @@ def draw_drive(number: int, seed: int, scenario: str) -> tuple[str, ...]:
     bridge, joints = known.bridge, len(known.bridge.joint_names)
     mass, friction = rng.uniform(0.6, 1.4, 2)
     force, slip = rng.normal(size=3), rng.normal(size=2)
-    force *= rng.uniform(0.0, BIAS_FORCE) / np.linalg.norm(force)
-    slip *= rng.uniform(0.0, 0.01) / np.linalg.norm(slip)
+    force *= rng.uniform(0.0, BIAS_FORCE) / length(force)
+    slip *= rng.uniform(0.0, 0.01) / length(slip)
     late = float(rng.integers(0, 5)) * 1e-3
     world = [
         f"bridge.object.mass={bridge.object.mass * mass}",
@@ -254,7 +263,7 @@ def wrench_trouble(trouble: str, rng: np.random.Generator) -> list[str]:
     """Return what is wrong with the wrench sensor."""
     if trouble == "bias":
         direction = rng.normal(size=3)
-        force = rng.uniform(0.0, BIAS_FORCE) * direction / np.linalg.norm(direction)
+        force = rng.uniform(0.0, BIAS_FORCE) * direction / length(direction)
         return [f"bridge.sensors.wrench.bias={[*force.tolist(), 0.0, 0.0, 0.0]}"]
     if trouble == "latency":
         return [f"bridge.sensors.wrench.latency_s={float(rng.uniform(*LATENCY_S)):.4f}"]
@@ -273,15 +282,15 @@ def motion(kind: str, known: Scenario, rng: np.random.Generator) -> list[str]:
     way, turn = np.array(own.displacement), np.array(own.rotation)
     if kind == "waypoints":
         shares = np.array([1.0, 2.0]) / 3.0 + rng.uniform(-0.08, 0.08, 2)
-        bend = 0.08 * np.linalg.norm(way) * rng.uniform(-1.0, 1.0, 2)
-        across = np.cross(turn / np.linalg.norm(turn), way / np.linalg.norm(way))
+        bend = 0.08 * length(way) * rng.uniform(-1.0, 1.0, 2)
+        across = np.cross(turn / length(turn), way / length(way))
         points = [np.concatenate((k * way + b * across, k * turn)) for k, b in zip(shares, bend, strict=True)]
         flat = np.concatenate([*points, way, turn]).tolist()
         return ["controller.trajectory.kind=waypoints", f"controller.trajectory.waypoints={flat}"]
     if kind in ("circle", "lemniscate"):
         plane = {0: "yz", 1: "zx", 2: "xy"}[int(np.argmax(np.abs(turn)))]
         radius = 0.08
-        fastest = QUINTIC_PEAK * float(np.linalg.norm(way)) / own.duration_s**2
+        fastest = QUINTIC_PEAK * length(way) / own.duration_s**2
         period = 2.0 * math.pi * math.sqrt(radius / (fastest * rng.uniform(0.4, 1.0)))
         return [
             f"controller.trajectory.kind={kind}", f"controller.trajectory.plane={plane}",
@@ -305,7 +314,7 @@ def carries_weight(known: Scenario, wrong: Mapping[str, float]) -> bool:
     force = weight - normal * (normal @ weight)
     torque = float(normal @ np.cross(-lever, weight))
     limit = bridge.friction.mu_s * (1.0 + wrong["friction"]) * bridge.grip.force
-    return math.hypot(float(np.linalg.norm(force)), torque / bridge.friction.torsional_radius) < limit
+    return math.hypot(length(force), torque / bridge.friction.torsional_radius) < limit
 
 
 def play(ticket: Ticket, law: Entry) -> Drawn:
