@@ -39,7 +39,7 @@ from slip_vic_controller.arm.estimator import (
     publish_joints,
     remember_input,
 )
-from slip_vic_controller.arm.tare import add, add_slip, measure_at_rest, start_tare, take_biases
+from slip_vic_controller.arm.tare import add, add_slip, measure_at_rest, measure_without_rest, start_tare, take_biases
 from slip_vic_controller.governing import (
     agree_on_friction,
     begin_governing,
@@ -480,6 +480,8 @@ def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, togeth
         if over:
             put_spatial(six, expected)
             take_biases(config.tare, tare, six)
+    elif tare.done == 0:  # FAULT damps the same velocities as HOLD
+        measure_without_rest(config.tare, tare, state.joint.last.velocity[: config.law.joints])
     for k in range(queue.count):
         for i in range(6):
             queue.samples[k].twist[i] -= tare.slip_bias[i]

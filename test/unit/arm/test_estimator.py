@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -192,6 +193,20 @@ def test_position_and_velocity_that_contradict_each_other_are_found_within_milli
         assert 0 <= found <= most
         assert error < 0.8, finding
         assert list(state.trust[[0, 2]]) == [Trust.BOTH, Trust.BOTH]
+
+
+def test_a_velocity_against_its_position_is_never_what_the_joint_goes_on_with() -> None:
+    """From crawling to fast, and at 250 Hz, where some samples before it still count: it was taken for a drift."""
+    for period_ms, speed in itertools.product((1, 4), (0.03, 0.3, 3.0)):
+        config, rng = configuration(control_period_s=period_ms * T), np.random.default_rng(4)
+        state = record(new(JOINT_ESTIMATE), JOINT_ESTIMATE)
+        for k in range(1000 // period_ms):
+            t, wrong = k * period_ms * T, k >= 300 // period_ms
+            v = speed + 2e-3 * rng.normal()
+            q = np.array([0.0, speed * t, 0.0]) + 2e-5 * rng.normal(size=N)
+            call(estimate_joints, config, state, k * period_ms * MS, q, np.array([0.0, -v if wrong else v, 0.0]))
+        found = Finding(state.finding), state.joint, Trust(state.trust[1])
+        assert found == (Finding.VELOCITY_SIGN, 1, Trust.POSITION), (period_ms, speed)
 
 
 def test_a_position_that_drifts_at_rest_is_found_and_not_followed() -> None:

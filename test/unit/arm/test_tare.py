@@ -20,6 +20,7 @@ from slip_vic_controller.arm.tare import (
     deviation,
     judge_tare,
     measure_at_rest,
+    measure_without_rest,
     start_tare,
     take_biases,
 )
@@ -175,6 +176,20 @@ def test_the_time_of_rest_begins_anew_where_a_joint_moves() -> None:
     over = [measure_at_rest(config, state, t * ms, q, np.zeros(N)) for t in range(60)]
     over += [measure_at_rest(config, state, t * ms, q + 0.01, np.zeros(N)) for t in range(60, 161)]
     assert over.index(True) == 160
+    assert state.velocity.count == 101
+
+
+def test_what_is_measured_without_rest_is_noise_and_rest_begins_anew_after_it() -> None:
+    config, state, q, ms = bounds(), begun(), np.zeros(N), 1_000_000
+    config.duration_ns = 100 * ms
+    rng = np.random.default_rng(3)
+    for t in range(30):
+        measure_at_rest(config, state, t * ms, q, 5e-3 * rng.normal(size=N))
+    for _ in range(ROUGH):
+        measure_without_rest(config, state, 5e-3 * rng.normal(size=N))
+    assert state.rough
+    over = [measure_at_rest(config, state, t * ms, q, np.zeros(N)) for t in range(80, 181)]
+    assert over.index(True) == 100
     assert state.velocity.count == 101
 
 

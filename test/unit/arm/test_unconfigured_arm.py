@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -19,15 +21,15 @@ def loop(name: str, *assignments: str, law: Law = "governed", drive: str = "idea
     return ClosedLoop(scenario)
 
 
-def until_the_law_works(of: ClosedLoop, most: int = 700) -> CycleResult:
-    """Return the first result with the law at work."""
+def until(of: ClosedLoop, wanted: Callable[[Mode], bool], most: int = 700) -> CycleResult:
+    """Return the first result in a mode that is wanted."""
     for _ in range(most):
         outputs = of.observe()
         result = of.control(outputs)
-        if follows(result.mode):
+        if wanted(result.mode):
             return result
         of.bridge.advance([result.command])
-    raise AssertionError(f"the law does not begin: {result.mode} {result.reason}")
+    raise AssertionError(f"the mode stays {result.mode}: {result.reason}")
 
 
 def test_hold_does_not_tilt_under_torque_offsets() -> None:
@@ -43,15 +45,30 @@ def test_hold_does_not_tilt_under_torque_offsets() -> None:
 
 def test_velocity_noise_far_above_the_configured_one_does_not_keep_the_tare_from_ending() -> None:
     of = loop("vertical_plane", "bridge.sensors.joint.noise_velocity=0.009", TARE, drive="torque_joint")
-    until_the_law_works(of)
+    until(of, follows)
     assert of.controller.state.tare.rough
+
+
+def test_an_arm_rests_in_a_fault_that_comes_before_its_noise_is_known() -> None:
+    """FAULT damps joint velocities as HOLD does: with too little noise configured it kept the wrist moving."""
+    of = loop("glass_transport", "bridge.sensors.joint.noise_velocity=0.009", TARE, drive="torque_joint")
+    until(of, lambda mode: mode is Mode.HOLD)
+    of.controller.set_publishers({}, 2)
+    fastest = 0.0
+    for k in range(500):
+        result = of.control(of.observe())
+        of.bridge.advance([result.command])
+        if k >= 400:
+            fastest = max(fastest, float(np.abs(of.bridge.simulation.observe(0).joint.velocity).max()))
+    assert result.mode is Mode.FAULT
+    assert fastest < 0.01
 
 
 @pytest.mark.parametrize("share", [-0.35, 0.35])
 def test_the_law_works_with_the_mass_that_the_tare_has_found(share: float) -> None:
     known = load_scenario("vertical_plane").controller.object
     of = loop("vertical_plane", TARE, f"bridge.object.mass={(1.0 + share) * known.mass}", "bridge.grip.force=9.0")
-    result = until_the_law_works(of)
+    result = until(of, follows)
     used = result.record.gains.object
     assert used.mass == pytest.approx((1.0 + share) * known.mass, rel=1e-3)
     assert used.inertia[0, 0] == pytest.approx((1.0 + share) * known.inertia[0], rel=1e-3)

@@ -39,11 +39,13 @@ LONGEST_STEP: Final = 5.0
 MEMORY_S: Final = 0.5
 """Time over which position and velocity are compared [s]."""
 LATELY: Final = 3.0
-"""Control periods over which it is judged which of the two is wrong."""
+LATELY_S: Final = 0.012
+"""Sensor periods, and least time [s], over which it is judged which of the two is wrong."""
 STUCK: Final = 3
 """Samples in a row that are equal to the last bit while the other quantity moves: then the sensor is stuck."""
-SAME_SIZE: Final = 0.2
-"""How much two ways of opposite sign may differ in size, over their difference, and be one way with a wrong sign."""
+OPPOSED, SAME_SIZE = 0.3, 0.67
+"""Share of the longer of two ways in opposite directions from which the shorter one is no noise, and from which both
+are one way with a wrong sign."""
 DOUBTFUL: Final = 0.3
 """Share of the difference between position and velocity from which a jump may be a wrong measurement."""
 FAR: Final = 0.5
@@ -380,9 +382,11 @@ def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: floa
     """Compare the way that positions show with that of the velocities, both faded over MEMORY_S.
 
     Where they differ, the joint continues with the measurement that is not to blame: one that is equal to the last bit
-    while the other moves is stuck, one that moves against the other has a wrong sign, one that moves alone drifts.
+    while the other moves is stuck, one that moves alone drifts. Where they move in opposite directions, in the newest
+    sample or lately, it is the velocity: damping by it would throw the joint, while a position that drifts moves the
+    joint no faster than that.
     """
-    fade, fade_lately = math.exp(-dt / MEMORY_S), math.exp(-dt / (LATELY * config.sensor_period))
+    fade, fade_lately = math.exp(-dt / MEMORY_S), math.exp(-dt / max(LATELY * config.sensor_period, LATELY_S))
     for j in range(config.joints):
         before_q, before_v = state.measured_position[j], state.measured_velocity[j]
         way_q, way_v = q[j] - before_q, 0.5 * dt * (qd[j] + before_v)
@@ -401,12 +405,19 @@ def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: floa
             finding = Finding.VELOCITY_STUCK.value
         elif state.same_position[j] >= STUCK:
             finding, trust = Finding.POSITION_STUCK.value, Trust.VELOCITY.value
-        elif moved * swept < 0.0 and abs(moved + swept) < SAME_SIZE * abs(moved - swept):
-            finding = Finding.VELOCITY_SIGN.value
+        elif opposed(way_q, dt * qd[j], OPPOSED) or opposed(moved, swept, OPPOSED):
+            if opposed(way_q, dt * qd[j], SAME_SIZE) or opposed(moved, swept, SAME_SIZE):
+                finding = Finding.VELOCITY_SIGN.value
         elif abs(moved) > abs(swept):
             finding, trust = Finding.POSITION_DRIFTS.value, Trust.VELOCITY.value
         state.trust[j] = trust
         find(state, finding, j, difference, config.difference)
+
+
+@part
+def opposed(a: float, b: float, share: float) -> bool:
+    """Return whether two ways [rad] go in opposite directions, the shorter by more than a share of the longer."""
+    return a * b < 0.0 and min(abs(a), abs(b)) > share * max(abs(a), abs(b))
 
 
 @part

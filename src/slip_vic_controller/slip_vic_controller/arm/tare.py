@@ -257,6 +257,16 @@ def measure_at_rest(config: TareConfig, state: Tare, now_ns: int, q: Array, qd: 
 
 
 @part
+def measure_without_rest(config: TareConfig, state: Tare, qd: Array) -> None:
+    """Take in the joint velocities (n,) [rad/s] of a cycle that is no part of the rest: their changes show the noise.
+
+    The time of rest begins anew after it.
+    """
+    state.begun_ns = NEVER
+    add_velocities(config, state, qd)
+
+
+@part
 def judge_tare(config: TareConfig, state: Tare) -> TareVerdict:
     """Return the first sensor whose mean is out of bounds; a sensor with too few samples is not judged.
 
