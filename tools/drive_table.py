@@ -20,13 +20,13 @@ SETTLES_S = 5.0
 """Time after the path as planned, in which an arm with friction comes to its goal."""
 
 
-def rows(drives: list[str], scenarios: list[str], laws: list[str], sensors: list[str], seeds: int) -> Iterator[str]:
+def rows(drives: list[str], scenarios: list[str], laws: list[str], sensors: list[str], seeds: range) -> Iterator[str]:
     """Yield the rows of the table."""
     for drive in drives:
         for name in scenarios:
             for sensor in sensors:
                 for law in laws:
-                    for seed in range(seeds):
+                    for seed in seeds:
                         cells = result(name, law, drive, sensor, seed)
                         yield f"| {drive} | {name} | {sensor} | {law} | {seed} | {cells} |"
 
@@ -49,13 +49,15 @@ def result(name: str, law: str, drive: str, sensor: str, seed: int) -> str:
 @click.option("--scenario", "scenarios", default=",".join(scenario_names(1)), help="names or .yaml files")
 @click.option("--law", "laws", default="classical,vic,governed", show_default=True)
 @click.option("--sensor", "sensors", default="all", show_default=True)
-@click.option("--seeds", default=1, show_default=True)
-def main(drives: str, scenarios: str, laws: str, sensors: str, seeds: int) -> None:
+@click.option("--seeds", default=1, show_default=True, help="how many")
+@click.option("--first", default=0, show_default=True, help="the first seed")
+def main(drives: str, scenarios: str, laws: str, sensors: str, seeds: int, first: int) -> None:
     """Run all and print a row each."""
     click.echo("| drive | scenario | sensor | law | seed | slip, mm | off the goal, mm | outcome |")
     click.echo("|---|---|---|---|---|---|---|---|")
     chosen = list(preset_names("sensors")) if sensors == "all" else sensors.split(",")
-    for row in rows(drives.split(","), scenarios.split(","), laws.split(","), chosen, seeds):
+    of = range(first, first + seeds)
+    for row in rows(drives.split(","), scenarios.split(","), laws.split(","), chosen, of):
         click.echo(row)
 
 

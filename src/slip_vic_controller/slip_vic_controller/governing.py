@@ -249,7 +249,8 @@ def follow_stream(
     weights = surface(spatial(limits_of.slip_axes), limits_of.radius)
     catch_up = CATCH_UP if limits_of.mode == Governing.TIME_OPTIMAL else 1.0
     limits = catch_up, limits_of.most_speed, limits_of.most_turning
-    plan_stream(stream, grasped, weights, vec(limits_of.gravity), limits, limits_of.path_margin * path.usable)
+    F = limits_of.path_margin * path.usable
+    plan_stream(stream, grasped, weights, vec(limits_of.gravity), limits, F, limits_of.reserve)
     now = at(stream, path.time)
     point = Along(now.rotation, now.twist, now.acceleration, 1.0, 0.0)
     seen, u = seen_from(now, arm, pad), 0.0

@@ -132,6 +132,11 @@ class GovernorParams(ParameterModel):
         return "off" if value is False else value
 
     margin: float = parameter(0.95, "share of the friction limit that a motion may ask", gt=0.0, le=1.0)
+    reserve: float = parameter(
+        0.0, "share of the friction that the weight leaves which the path does not use: it is for what drives add; "
+        "not with friction unknown",
+        ge=0.0, lt=1.0,
+    )  # fmt: skip
     friction: Literal["known", "learnt", "unknown"] = parameter(
         "learnt",
         "known: as configured; learnt: reduced where it slips; unknown: found by loading a little more each time",

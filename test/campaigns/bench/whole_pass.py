@@ -19,4 +19,4 @@ def whole_pass(state: Array, F: float) -> None:
     """
     grid = record(state[:TASK_SIZE], TASK_STATE).grid
     for k in range(grid.points.shape[0]):
-        step_back(grid, grid.points.shape[0] - 1 - k, F, True)
+        step_back(grid, grid.points.shape[0] - 1 - k, F, 0.0, True)

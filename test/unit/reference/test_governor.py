@@ -25,6 +25,9 @@ STICKS_MM = 0.001
 """Slip of a grasp that holds, and until the first sample of a slip tells [mm]."""
 ROUNDING = 1e-9
 DT = 1e-3
+RESERVE = 0.5
+BETWEEN_POINTS = 0.02
+"""Share that braking between the points of the grid takes of the reserve."""
 
 
 def travel(G, most=6000, disturbance=None, seed=0):
@@ -98,6 +101,33 @@ def test_the_moving_average_keeps_the_end_where_a_jerk_clamp_would_not() -> None
     q = run(PAPER, margin=1.0, window=20, end=2.2, **TO)
     assert q.overshoot_mm < 0.05
     assert q.slip_mm < STICKS_MM
+
+
+def test_the_path_leaves_the_reserve_of_what_the_weight_leaves_and_is_not_refused_for_it() -> None:
+    for case, margin in ((PAPER, 0.95), (VERTICAL, 1.0)):
+        for mode in (Governing.SLOW_DOWN, Governing.TIME_OPTIMAL):
+            G = Governor(BentPath(case.way, case.duration), case, margin=margin, reserve=RESERVE, mode=mode).plan()
+            used = []
+            for _ in range(6000):
+                _, R, v, a = G.before()
+                G.after(a, a, R, v[3:])
+                weight = np.linalg.norm(G.load_of(R, np.zeros(3), np.zeros(6)))
+                load = np.linalg.norm(G.load_of(R, v[3:], a))
+                used.append(float((load - weight) / (G.state.usable - weight)))
+                if G.state.arrived:
+                    break
+            assert G.state.arrived == 1
+            assert 0.95 * (1 - RESERVE) < max(used) < 1 - RESERVE + BETWEEN_POINTS
+
+
+def test_braking_uses_the_reserve_where_friction_falls_before_anything_is_overrun() -> None:
+    falls = {"falls": (1.0, 0.6), "end": 4.5}
+    assert run(PAPER, **falls).overrun
+    q = run(PAPER, reserve=0.3, **falls)
+    assert q.events == 1
+    assert not q.overrun
+    assert q.slip_mm < STICKS_MM
+    assert q.arrive < 4.5
 
 
 def test_above_the_limit_there_is_no_guard() -> None:

@@ -83,6 +83,13 @@ def test_a_stream_too_fast_for_friction_is_followed_more_slowly_and_nothing_slip
     assert np.abs(np.diff(run.poses, axis=0) / 1e-3 - run.twists[:-1, :3]).max() < 1e-2, "twist is that of the pose"
 
 
+def test_a_stream_leaves_the_reserve_and_is_run_through() -> None:
+    """Without weight in the slip plane it asks for half of what it would ask for; feedback adds to that."""
+    run = Streamed(4.0, "controller.governor.reserve=0.5", period=10)
+    assert run.load < 0.65
+    assert np.abs(run.poses[-1] - WAY).max() < 1e-9
+
+
 def test_a_stream_that_friction_carries_is_followed_later_by_the_preview() -> None:
     run = Streamed(2.3, "controller.governor.friction_limit=2.0", "bridge.friction.mu_s=4.0", period=4, stamped=False)
     due = np.array([motion((tick - FIRST) * 1e-3 - 0.1)[0] for tick in range(len(run.poses))])

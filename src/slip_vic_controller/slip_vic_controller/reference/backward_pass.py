@@ -119,16 +119,24 @@ def at_rest(point: GridPoint, F: float) -> bool:
 
 
 @part
-def step_back(grid: PathGrid, i: int, F: float, free_end: bool) -> float:
+def left_for_motion(F: float, weight: float, reserve: float) -> float:
+    """Return the load that a motion may ask: F less a share of what the weight leaves of it; all in N."""
+    return F - reserve * max(F - weight, 0.0)
+
+
+@part
+def step_back(grid: PathGrid, i: int, F: float, reserve: float, free_end: bool) -> float:
     """Write K_next of point i from that of point i + 1; return it, -1 where the weight is too much.
 
     Args:
         grid: PATH_GRID.
         i: index, counted down from the last.
         F: load that may be asked [N].
+        reserve: share of what the weight leaves of it that is not used.
         free_end: whether sdot need not be 0 at the end of a path that itself ends at rest.
     """
     point, last = grid.points[i], len(grid.points) - 1
+    F = left_for_motion(F, math.sqrt(point.cc), reserve)
     if i == last:
         K = point.cap if free_end and at_rest(point, F) else 0.0
         K = -1.0 if point.cc > F * F else K

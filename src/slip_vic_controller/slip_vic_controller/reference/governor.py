@@ -19,7 +19,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
 from slip_core.vectors import Mat, Spatial, Vec, put_spatial, spatial, vec
-from slip_vic_controller.reference.backward_pass import at_rest, range_of_u, step_back
+from slip_vic_controller.reference.backward_pass import at_rest, left_for_motion, range_of_u, step_back
 from slip_vic_controller.reference.friction_estimate import (
     Estimate,
     EstimateConfig,
@@ -94,6 +94,7 @@ class GovernorConfig(Record):
     mode: Whole  # Governing
     margin: Real  # beta, share of F^ that a motion may use
     path_margin: Real  # share of that in the backward pass
+    reserve: Real  # share of the friction beside the weight that the path does not use
     given_up: Real  # share of the load at which it slipped that may be used where nothing less stops on the path
     radius: Real  # m, rho
     slip_axes: Vec6  # Sigma, 0 or 1, {ee}
@@ -298,8 +299,9 @@ def plan(config: GovernorConfig, state: Governor, grid: PathGrid) -> None:
         begin_plan(state, F)
     if state.phase == Phase.BACKWARD:
         free_end = config.mode != Governing.TIME_OPTIMAL
+        reserve = config.reserve if state.search == Search.NO else 0.0
         for _ in range(min(config.points_per_cycle, state.cursor + 1)):
-            step_back(grid, state.cursor, config.path_margin * state.pass_load, free_end)
+            step_back(grid, state.cursor, config.path_margin * state.pass_load, reserve, free_end)
             state.cursor -= 1
         if state.cursor < 0:
             end_pass(config, state, grid)
@@ -309,14 +311,15 @@ def plan(config: GovernorConfig, state: Governor, grid: PathGrid) -> None:
 def end_pass(config: GovernorConfig, state: Governor, grid: PathGrid) -> None:
     """Take the plan if the pad can still stop under it; otherwise give up margin first, and the path's end last.
 
-    The least load in [asked, given_up * slipped_at] that stops on the path is looked for, by bisection.
+    The reserve is margin too. The least load in [asked, given_up * slipped_at] that stops on the path is looked for, by
+    bisection.
     """
     late = state.planned == 1 and state.rate * state.rate > bound_next(grid, state.s)
     _, slipped_at = provisional(config.estimate, state.estimate)
     most = config.most_grip * (config.given_up * slipped_at)
-    if late and state.search == Search.NO and most > state.asked:
-        state.search, state.high_load = Search.CEILING, most
-        begin_pass(state, most)
+    if late and state.search == Search.NO and (most > state.asked or config.reserve > 0.0):
+        state.search, state.high_load = Search.CEILING, max(most, state.asked)
+        begin_pass(state, state.high_load)
     elif late and state.estimate.suspected != 0 and (state.search == Search.NO or state.search == Search.CEILING):
         state.estimate.suspected, state.urgent = 0, 0  # it is too late for the observer's word alone
         begin_plan(state, planned_load(config, state))
@@ -443,18 +446,24 @@ def step_on(
 ) -> float:
     """Return sddot of this cycle; ahead: K and its slope where the path will be.
 
-    The largest whose load, with that of the impedance's feedback, is allowed, and after which sdot^2 is within K. While
-    a smaller F^ is being planned for: the smallest.
+    The largest whose load, with that of the impedance's feedback, is allowed, after which sdot^2 is within K, and that
+    without feedback leaves the reserve; braking may use it. While a smaller F^ is being planned for: the smallest.
     """
     weights, R_ee, w_ee = surface(spatial(config.slip_axes), config.radius), pad.R, pad.v.angular
     (K, slope), rate = ahead, state.rate
     a = rate * rate * point.curve + pad.feedback
     b = drawn(held, weights, R_ee, a) + turning(held, weights, R_ee, w_ee)
-    b = b + weight(held, weights, R_ee, vec(config.gravity))
+    l_g = weight(held, weights, R_ee, vec(config.gravity))
+    b = b + l_g
     l_u = drawn(held, weights, R_ee, point.tangent)
     uu, ub = l_u.dot(l_u), l_u.dot(b)
     low, high, any_u = range_or_least(uu, ub, b.dot(b), state.usable)
     state.strained = 0 if any_u else 1
+    if config.reserve > 0.0:
+        b_d = b - drawn(held, weights, R_ee, pad.feedback)
+        F = left_for_motion(state.usable, size(l_g), config.reserve)
+        _, most, _ = range_or_least(uu, l_u.dot(b_d), b_d.dot(b_d), F)
+        high = max(min(most, high), low)
     stop = -rate / dt
     state.bound = rate * rate / K if K > 0.0 else (0.0 if rate <= 0.0 else FASTEST)
     m = 0.5 * slope * dt

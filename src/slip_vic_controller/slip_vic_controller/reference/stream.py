@@ -8,6 +8,7 @@ braked for. A stream that ends in motion is gone on with, in a straight line, wh
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Final
 
 from slip_core.compiled import part
@@ -20,7 +21,7 @@ from slip_vic_controller.law.rotation import (
     left_jacobian_rate,
     logarithm,
 )
-from slip_vic_controller.reference.backward_pass import most
+from slip_vic_controller.reference.backward_pass import left_for_motion, most
 from slip_vic_controller.reference.governor import Governor
 from slip_vic_controller.reference.load import Held
 from slip_vic_controller.reference.path_grid import Along, GridPoint, take_point
@@ -132,9 +133,15 @@ def drop_passed(stream: Stream, time: float) -> None:
 
 @part
 def plan_stream(
-    stream: Stream, held: Held, weights: Spatial, gravity: Vec, limits: tuple[float, float, float], F: float
+    stream: Stream,
+    held: Held,
+    weights: Spatial,
+    gravity: Vec,
+    limits: tuple[float, float, float],
+    F: float,
+    reserve: float,
 ) -> None:
-    """Find how fast each point may be passed; F: load that may be asked [N]. Arguments as in `take_point`."""
+    """Find how fast each point may be passed; F, reserve: as in `step_back`. Other arguments as in `take_point`."""
     n = stream.count
     again = stream.load > REPLAN * F or REPLAN * stream.load < F
     first = stream.fresh
@@ -146,11 +153,12 @@ def plan_stream(
         return
     stream.load, stream.fresh = F, n
     last = stream.points[n - 1]
-    last.K = max(most(last, F, LAX_S, last.cap), 0.0)
+    last.K = max(most(last, left_for_motion(F, math.sqrt(last.cc), reserve), LAX_S, last.cap), 0.0)
     for k in range(1, n):
         i = n - 1 - k
         point, after = stream.points[i], stream.points[i + 1]
-        K = max(most(point, F, after.time - point.time, after.K), 0.0)
+        left = left_for_motion(F, math.sqrt(point.cc), reserve)
+        K = max(most(point, left, after.time - point.time, after.K), 0.0)
         if K == point.K and i < first and not again:
             break
         point.K = K
