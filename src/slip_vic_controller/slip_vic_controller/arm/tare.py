@@ -260,7 +260,7 @@ def measure_at_rest(config: TareConfig, state: Tare, now_ns: int, q: Array, qd: 
 def measure_without_rest(config: TareConfig, state: Tare, qd: Array) -> None:
     """Take in the joint velocities (n,) [rad/s] of a cycle that is no part of the rest: their changes show the noise.
 
-    The time of rest begins anew after it.
+    The time of rest starts again after it.
     """
     state.begun_ns = NEVER
     add_velocities(config, state, qd)
