@@ -111,7 +111,7 @@ def record(buffer: Array, dtype: np.dtype[np.void]) -> Any:
         buffer: float64, as `new` makes it.
         dtype: its layout; in compiled code a module's constant.
     """
-    return buffer.view(dtype)[0]
+    return np.ndarray(1, dtype, buffer)[0]  # `view` looks at every field of a layout first: 0.3 us instead of up to 43
 
 
 @overload(record)
@@ -126,7 +126,7 @@ def records(matrix: Array, dtype: np.dtype[np.void]) -> Any:
         matrix: float64, by rows.
         dtype: layout of a row; in compiled code a module's constant.
     """
-    return matrix.reshape(matrix.size).view(dtype)
+    return np.ndarray(matrix.nbytes // dtype.itemsize, dtype, matrix)
 
 
 @overload(records)
