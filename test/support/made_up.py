@@ -25,11 +25,13 @@ LOAD = np.array([0.1, 0.2, -4.9, 0.0, 0.0, 0.01])
 SLIP = np.array([0.004, -0.002, 0.0, 0.0, 0.0, 0.03])
 NOISE = 1e-7 * np.random.default_rng(0).uniform(-1.0, 1.0, (4096, 10))  # no measured number is equal to the one before
 N = len(HOME)
+UNRELATED = {"joint_sensor__difference": 1.0}  # rad; made-up velocities are not those of the made-up positions
 
 
 def controller_of(lockstep: bool = False, **values: Any) -> Controller:
     """Return a controller of parameters, flat names with `__` for the dot."""
-    return _controller(lockstep, tuple((name.replace("__", "."), value) for name, value in values.items()))
+    given = {**UNRELATED, **values}
+    return _controller(lockstep, tuple((name.replace("__", "."), value) for name, value in given.items()))
 
 
 @lru_cache

@@ -1010,8 +1010,8 @@ def _finish(
     finite = limit_effort(config.motion.drive, state.limiter, n, torque, now_ns, clipped, outputs.limited)
     if not by_effort:
         _move(config, state, inputs, outputs)
+    _remember_input(config, state, inputs, by_effort)
     if config.estimator.on != 0:
-        _remember_input(config, state, inputs, by_effort)
         publish_joints(state.estimate, outputs.joints)
     saturated = 0
     for j in range(n):

@@ -557,10 +557,8 @@ class ArmSession:
             given = record(own, INPUTS)
             given.health_given, given.health = 1, tuple(int(part) for part in health)
         if _GOOD[fault]:
-            q, qd = joint.position, joint.velocity
-            if self._estimates:
-                estimate_joint_state(self.config, self.row)
-                q, qd = self._answers
+            estimate_joint_state(self.config, self.row)
+            q, qd = self._answers
             self.controller.robot.terms(q, qd, own[_ARM])
         return joint
 

@@ -19,6 +19,10 @@ TOLD = (
     f"bridge.sensors.joint.noise_velocity={NOISE}", "bridge.sensors.joint.noise_position=1e-5",
     f"controller.joint_sensor.noise_velocity={NOISE}",
 )  # fmt: skip
+EXACT = (
+    "bridge.sensors.joint.noise_velocity=0.0", "bridge.sensors.joint.noise_position=0.0",
+    "controller.joint_sensor.noise_velocity=0.0",
+)  # fmt: skip
 SIGNS = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0])
 
 
@@ -96,6 +100,33 @@ def test_a_wrong_velocity_is_a_fault_with_the_joint_s_name_and_the_arm_rests(joi
     assert result.reason.startswith(f"{name}: its velocity ")
     assert run.arm.state.estimate.finding == finding
     run.cycles(1)
+    assert run.speed < 0.1
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda q, qd, first: (q, -qd), "its velocity has the wrong sign"),
+        (lambda q, qd, first: (q, 0.0), "its velocity is stuck"),
+        (lambda q, qd, first: (first, qd), "its position is stuck"),
+    ],
+)
+def test_samples_that_are_used_as_they_are_may_not_contradict_each_other(change: Any, words: str) -> None:
+    """Without noise configured a wrong sign threw the arm to 90 rad/s."""
+    run, joint, fastest = Run(*EXACT), 3, 0.0
+    first = run.cycles(900).joint.position[joint]
+    assert not run.arm.estimated_joints
+
+    def wrong(q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        q[joint], qd[joint] = change(q[joint], qd[joint], first)
+        return q, qd
+
+    for _ in range(50):
+        result = run.cycles(30, wrong)
+        fastest = max(fastest, run.speed)
+    assert result.mode == Mode.FAULT
+    assert result.reason.startswith(f"{run.arm.controller.robot.joint_names[joint]}: {words}"), result.reason
+    assert fastest < 2.0
     assert run.speed < 0.1
 
 

@@ -176,9 +176,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.joints, config.period = n, period
     by_effort = params.command.interface == "effort"
     config.bandwidth = 0.0 if by_effort else params.drive.bandwidth
-    if not params.estimates_joints:
-        return buffer
-    config.on = 1
+    config.on = int(params.estimates_joints)
     config.late_ticks, config.late_rest = divide(sensor.latency_s, period)
     ticks = max(1, round(1.0 / (sensor.rate_hz * period))) if sensor.rate_hz > 0.0 else 1
     config.sensor_ticks, config.sensor_period = ticks, ticks * period

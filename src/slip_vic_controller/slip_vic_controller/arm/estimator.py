@@ -39,11 +39,11 @@ LONGEST_STEP: Final = 5.0
 MEMORY_S: Final = 0.5
 """Time over which position and velocity are compared [s]."""
 LATELY: Final = 3.0
-LATELY_S: Final = 0.012
+LATELY_S: Final = 0.006
 """Sensor periods, and least time [s], over which it is judged which of the two is wrong."""
 STUCK: Final = 3
-"""Samples in a row that are equal to the last bit while the other quantity moves: then the sensor is stuck."""
-OPPOSED, SAME_SIZE = 0.3, 0.67
+"""Positions in a row that are equal to the last bit while the velocity is not zero: then they are stuck."""
+OPPOSED, SAME_SIZE = 0.3, 0.8
 """Share of the longer of two ways in opposite directions from which the shorter one is no noise, and from which both
 are one way with a wrong sign."""
 DOUBTFUL: Final = 0.3
@@ -84,7 +84,7 @@ class Finding(IntEnum):
 class EstimatorConfig(Record):
     """What does not change while the controller runs."""
 
-    on: Whole  # 0: samples are used as they are
+    on: Whole  # 0: samples are used as they are, until one contradicts another
     joints: Whole
     period: Real  # s; of control
     bandwidth: Real  # rad/s; of velocity drives, 0 = efforts
@@ -258,7 +258,7 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
         start_estimate(config, state, stamp_ns, q, qd)
         return
     new = is_new(config, state, q, qd)
-    if new:
+    if new and not repeats(config, state, q, qd):
         compare_measurements(config, state, (stamp_ns - state.renewed_ns) * 1e-9, q, qd)
         state.renewed_ns = stamp_ns
     state.stamp_ns = stamp_ns
@@ -339,25 +339,32 @@ def is_new(config: EstimatorConfig, state: JointEstimate, q: Array, qd: Array) -
     For no longer than its period: an arm at rest may read the same for ever.
     """
     state.repeats += 1
-    if state.repeats < config.sensor_ticks:
-        same = True
-        for j in range(config.joints):
-            same = same and q[j] == state.measured_position[j] and qd[j] == state.measured_velocity[j]
-        if same:
-            return False
+    if state.repeats < config.sensor_ticks and repeats(config, state, q, qd):
+        return False
     state.repeats = 0
     return True
 
 
 @part
+def repeats(config: EstimatorConfig, state: JointEstimate, q: Array, qd: Array) -> bool:
+    """Return whether a sample (n,) [rad], [rad/s] is equal to the one before to the last bit."""
+    same = True
+    for j in range(config.joints):
+        same = same and q[j] == state.measured_position[j] and qd[j] == state.measured_velocity[j]
+    return same
+
+
+@part
 def use_estimate(config: EstimatorConfig, state: JointEstimate, sample: JointSampleLike) -> None:
-    """Take a joint state in, and put the estimate of now in its place.
+    """Take a joint state in, and put the estimate of now in its place; where it is off, from a finding on.
 
     Of drives with loops of their own it is the state to which the commands that have been sent lead: then the law
     commands what is free of their lag, and the joint does the same that much later.
     """
     n = config.joints
     estimate_joints(config, state, sample.stamp_ns, sample.position[:n], sample.velocity[:n])
+    if config.on == 0 and state.finding == Finding.NONE:
+        return
     if config.bandwidth > 0.0:
         foresee(config, state, sample)
     else:
@@ -381,6 +388,7 @@ def foresee(config: EstimatorConfig, state: JointEstimate, sample: JointSampleLi
 def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: float, q: Array, qd: Array) -> None:
     """Compare the way that positions show with that of the velocities, both faded over MEMORY_S.
 
+    Between two samples the velocity may have had any value between theirs.
     Where they differ, the joint continues with the measurement that is not to blame: one that is equal to the last bit
     while the other moves is stuck, one that moves alone drifts. Where they move in opposite directions, in the newest
     sample or lately, it is the velocity: damping by it would throw the joint, while a position that drifts moves the
@@ -389,19 +397,22 @@ def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: floa
     fade, fade_lately = math.exp(-dt / MEMORY_S), math.exp(-dt / max(LATELY * config.sensor_period, LATELY_S))
     for j in range(config.joints):
         before_q, before_v = state.measured_position[j], state.measured_velocity[j]
-        way_q, way_v = q[j] - before_q, 0.5 * dt * (qd[j] + before_v)
+        way_q = q[j] - before_q
+        way_v = min(max(way_q, dt * min(qd[j], before_v)), dt * max(qd[j], before_v))  # whatever it was in between
         state.moved[j], state.swept[j] = fade * state.moved[j] + way_q, fade * state.swept[j] + way_v
         state.moved_lately[j] = fade_lately * state.moved_lately[j] + way_q
         state.swept_lately[j] = fade_lately * state.swept_lately[j] + way_v
         state.same_position[j] = state.same_position[j] + 1 if q[j] == before_q else 0
         state.same_velocity[j] = state.same_velocity[j] + 1 if qd[j] == before_v else 0
         state.measured_position[j], state.measured_velocity[j] = q[j], qd[j]
+        if dt > LONGEST_STEP * config.sensor_period:
+            state.moved[j] = state.swept[j] = state.moved_lately[j] = state.swept_lately[j] = 0.0
         moved, swept = state.moved_lately[j], state.swept_lately[j]
         difference = abs(state.moved[j] - state.swept[j])
         if state.trust[j] != Trust.BOTH or not difference > config.difference:
             continue
         finding, trust = Finding.VELOCITY_BIASED.value, Trust.POSITION.value
-        if state.same_velocity[j] >= STUCK:
+        if state.same_velocity[j] > 0 and way_q != 0.0:
             finding = Finding.VELOCITY_STUCK.value
         elif state.same_position[j] >= STUCK:
             finding, trust = Finding.POSITION_STUCK.value, Trust.VELOCITY.value
@@ -447,6 +458,10 @@ def oppose_disturbance(config: EstimatorConfig, state: JointEstimate, M: Array, 
     Implements: ours: tau -= M d.
     """
     n, weight, follow = config.joints, 1.0 - math.exp(-dt / SLOW_S), 1.0 - math.exp(-dt / config.settling)
+    doubtful = False  # the inertia carries a joint that is measured wrongly into the torques of the others
+    for j in range(n):
+        differs = abs(state.moved[j] - state.swept[j]) > DOUBTFUL * config.difference
+        doubtful = doubtful or state.trust[j] != Trust.BOTH or differs
     for j in range(n):
         effort = 0.0
         for k in range(n):
@@ -459,7 +474,6 @@ def oppose_disturbance(config: EstimatorConfig, state: JointEstimate, M: Array, 
         torque[j] += state.taken_off[j]
         jump = effort - state.slow_effort[j]
         state.slow_effort[j] += weight * jump
-        doubtful = state.trust[j] != Trust.BOTH or abs(state.moved[j] - state.swept[j]) > DOUBTFUL * config.difference
         most = config.collision[j] + friction_jump(config, state, j, jump)
         state.jumped_s[j] = state.jumped_s[j] + dt if abs(jump) > most and not doubtful else 0.0
         state.beyond_s[j] = state.beyond_s[j] + dt if abs(effort) > bound else 0.0
