@@ -23,10 +23,18 @@ def test_velocities_go_out_and_end_at_zero_on_sigint(processes: Processes, tmp_p
 
     stamped: list[Any] = []
     plain: list[list[float]] = []
-    ros_node.create_subscription(JointState, "velocity_command", stamped.append, 100)
-    ros_node.create_subscription(
-        Float64MultiArray, "velocity_controller/commands", lambda message: plain.append(list(message.data)), 100
-    )
+    moving: tuple[set[tuple[float, ...]], set[tuple[float, ...]]] = (set(), set())
+
+    def take_stamped(message: Any) -> None:
+        stamped.append(message)
+        moving[0].add(tuple(message.velocity))
+
+    def take_plain(message: Any) -> None:
+        plain.append(list(message.data))
+        moving[1].add(tuple(message.data))
+
+    ros_node.create_subscription(JointState, "velocity_command", take_stamped, 1000)
+    ros_node.create_subscription(Float64MultiArray, "velocity_controller/commands", take_plain, 1000)
     scenario = load_scenario("paper_planar", law="governed", mode="realtime", drive="velocity_500", assignments=PERIOD)
     started = {}
     for name, module in MODULES.items():
@@ -40,8 +48,7 @@ def test_velocities_go_out_and_end_at_zero_on_sigint(processes: Processes, tmp_p
         wait_until(lambda: executor.spin_once(0.02) or condition(), what)
 
     try:
-        both = lambda: {tuple(m.velocity) for m in stamped if any(m.velocity)} & set(map(tuple, plain))  # noqa: E731
-        see(lambda: len(both()) > SOME, "the same velocities on both topics")
+        see(lambda: len(moving[0] & moving[1]) > SOME, "the same velocities on both topics")
         commands = [message for message in stamped if len(message.velocity)]
         assert all(len(message.effort) == len(message.position) == 7 for message in commands)
         assert np.isfinite([message.velocity for message in commands]).all()

@@ -209,6 +209,20 @@ def test_a_velocity_against_its_position_is_never_what_the_joint_goes_on_with() 
         assert found == (Finding.VELOCITY_SIGN, 1, Trust.POSITION), (period_ms, speed)
 
 
+def test_what_a_joint_does_while_samples_are_missing_contradicts_nothing() -> None:
+    """Velocity goes up and down faster than samples arrive: the trapezoids between them were taken for a drift."""
+    config, rng = configuration(), np.random.default_rng(7)
+    state = record(new(JOINT_ESTIMATE), JOINT_ESTIMATE)
+    w = 2.0 * np.pi * 40.0
+    for k in range(2000):
+        if rng.random() < 0.5:
+            continue
+        t = k * T
+        q, qd = 4.0 * (t - math.sin(w * t) / w), 4.0 * (1.0 - math.cos(w * t))
+        call(estimate_joints, config, state, k * MS, np.array([q, 0.0, 0.0]), np.array([qd, 0.0, 0.0]))
+    assert Finding(state.finding) == Finding.NONE
+
+
 def test_a_position_that_drifts_at_rest_is_found_and_not_followed() -> None:
     joints, rng = Joints(configuration()), np.random.default_rng(2)
     for k in range(3000):

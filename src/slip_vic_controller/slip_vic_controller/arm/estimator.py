@@ -38,6 +38,8 @@ LONGEST_STEP: Final = 5.0
 """Control periods after which a sample begins the estimate again: what the arm did in between is not known."""
 MEMORY_S: Final = 0.5
 """Time over which position and velocity are compared [s]."""
+GAP: Final = 1.5
+"""Sensor periods between two samples from which one is missing."""
 LATELY: Final = 3.0
 LATELY_S: Final = 0.006
 """Sensor periods, and least time [s], over which it is judged which of the two is wrong."""
@@ -388,7 +390,8 @@ def foresee(config: EstimatorConfig, state: JointEstimate, sample: JointSampleLi
 def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: float, q: Array, qd: Array) -> None:
     """Compare the way that positions show with that of the velocities, both faded over MEMORY_S.
 
-    Between two samples the velocity may have had any value between theirs.
+    Between two samples the velocity may have had any value between theirs; where one is missing, any at all, and that
+    way is not compared.
     Where they differ, the joint continues with the measurement that is not to blame: one that is equal to the last bit
     while the other moves is stuck, one that moves alone drifts. Where they move in opposite directions, in the newest
     sample or lately, it is the velocity: damping by it would throw the joint, while a position that drifts moves the
@@ -397,16 +400,16 @@ def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: floa
     fade, fade_lately = math.exp(-dt / MEMORY_S), math.exp(-dt / max(LATELY * config.sensor_period, LATELY_S))
     for j in range(config.joints):
         before_q, before_v = state.measured_position[j], state.measured_velocity[j]
-        way_q = q[j] - before_q
-        way_v = min(max(way_q, dt * min(qd[j], before_v)), dt * max(qd[j], before_v))  # whatever it was in between
+        way_q = way_v = 0.0
+        if dt < GAP * config.sensor_period:
+            way_q = q[j] - before_q
+            way_v = min(max(way_q, dt * min(qd[j], before_v)), dt * max(qd[j], before_v))
         state.moved[j], state.swept[j] = fade * state.moved[j] + way_q, fade * state.swept[j] + way_v
         state.moved_lately[j] = fade_lately * state.moved_lately[j] + way_q
         state.swept_lately[j] = fade_lately * state.swept_lately[j] + way_v
         state.same_position[j] = state.same_position[j] + 1 if q[j] == before_q else 0
         state.same_velocity[j] = state.same_velocity[j] + 1 if qd[j] == before_v else 0
         state.measured_position[j], state.measured_velocity[j] = q[j], qd[j]
-        if dt > LONGEST_STEP * config.sensor_period:
-            state.moved[j] = state.swept[j] = state.moved_lately[j] = state.swept_lately[j] = 0.0
         moved, swept = state.moved_lately[j], state.swept_lately[j]
         difference = abs(state.moved[j] - state.swept[j])
         if state.trust[j] != Trust.BOTH or not difference > config.difference:
