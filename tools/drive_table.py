@@ -6,7 +6,7 @@ python tools/drive_table.py --drive velocity_500 --scenario ur5e/paper_planar.ya
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import click
 
@@ -20,23 +20,26 @@ SETTLES_S = 5.0
 """Time after the path as planned, in which an arm with friction comes to its goal."""
 
 
-def rows(drives: list[str], scenarios: list[str], laws: list[str], sensors: list[str], seeds: range) -> Iterator[str]:
+def rows(
+    drives: list[str], scenarios: list[str], laws: list[str], sensors: list[str], seeds: range, changes: Sequence[str]
+) -> Iterator[str]:
     """Yield the rows of the table."""
     for drive in drives:
         for name in scenarios:
             for sensor in sensors:
                 for law in laws:
                     for seed in seeds:
-                        cells = result(name, law, drive, sensor, seed)
+                        cells = result(name, law, drive, sensor, seed, changes)
                         yield f"| {drive} | {name} | {sensor} | {law} | {seed} | {cells} |"
 
 
-def result(name: str, law: str, drive: str, sensor: str, seed: int) -> str:
+def result(name: str, law: str, drive: str, sensor: str, seed: int, changes: Sequence[str] = ()) -> str:
     """Return slip, distance from the goal and outcome of a run, as cells."""
     planned = next(iter(slip_vic.load(name).controllers.values())).trajectory
     short = f"bridge.duration_s={planned.start_s + planned.duration_s + SETTLES_S}"
     try:
-        run = slip_vic.load(name, law=law, drive=drive, sensor=sensor, seed=seed, set=[short]).run()  # type: ignore[arg-type]
+        world = slip_vic.load(name, law=law, drive=drive, sensor=sensor, seed=seed, set=[short, *changes])  # type: ignore[arg-type]
+        run = world.run()
     except SlipVicError as error:
         return f"refused: {error} | |"
     several = run.scenario.several  # their path is that of the object
@@ -51,13 +54,16 @@ def result(name: str, law: str, drive: str, sensor: str, seed: int) -> str:
 @click.option("--sensor", "sensors", default="all", show_default=True)
 @click.option("--seeds", default=1, show_default=True, help="how many")
 @click.option("--first", default=0, show_default=True, help="the first seed")
-def main(drives: str, scenarios: str, laws: str, sensors: str, seeds: int, first: int) -> None:
+@click.option("--set", "changes", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable")
+def main(
+    drives: str, scenarios: str, laws: str, sensors: str, seeds: int, first: int, changes: tuple[str, ...]
+) -> None:
     """Run all and print a row each."""
     click.echo("| drive | scenario | sensor | law | seed | slip, mm | off the goal, mm | outcome |")
     click.echo("|---|---|---|---|---|---|---|---|")
     chosen = list(preset_names("sensors")) if sensors == "all" else sensors.split(",")
     of = range(first, first + seeds)
-    for row in rows(drives.split(","), scenarios.split(","), laws.split(","), chosen, of):
+    for row in rows(drives.split(","), scenarios.split(","), laws.split(","), chosen, of, changes):
         click.echo(row)
 
 

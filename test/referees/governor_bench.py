@@ -8,7 +8,7 @@ import numpy as np
 
 from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, new, record
-from slip_core.vectors import ZERO, Spatial, mat, put_spatial, spatial, vec
+from slip_core.vectors import ZERO, Spatial, Vec, mat, put_spatial, spatial, vec
 from slip_vic_controller.reference import governor as g
 from slip_vic_controller.reference.friction_estimate import Friction, slip_sample
 from slip_vic_controller.reference.load import ALONE, Held, load, size, surface
@@ -107,7 +107,7 @@ def _feel(config, state, pad, h_ee, now_ns):
 @kernel(BOOL(IN1, OUT1, OUT1, INT, REAL))
 def _slip(config, state, pad, stamp_ns, speed):
     c, s, p = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR), record(pad, g.PAD)
-    return slip_sample(c.estimate, s.estimate, p.loads, stamp_ns, speed, False)
+    return slip_sample(c.estimate, s.estimate, p.loads, stamp_ns, Spatial(Vec(speed, 0.0, 0.0), ZERO), False)
 
 
 @kernel(REAL(IN1, OUT1, OUT1, IN1, IN2, IN1, IN1, IN1))

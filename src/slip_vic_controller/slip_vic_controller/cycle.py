@@ -479,7 +479,7 @@ def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, togeth
             add(tare.wrench, six, 6)
         if over:
             put_spatial(six, expected)
-            take_biases(config.tare, tare, six)
+            take_biases(config.tare, tare, six, stamp_ns, state.joint.last.position[:n])
     elif tare.done == 0:  # FAULT damps the same velocities as HOLD
         measure_without_rest(config.tare, tare, state.joint.last.velocity[: config.law.joints])
     for k in range(queue.count):
@@ -1041,8 +1041,14 @@ def _passed_s(config: ControllerConfig, state: ArmState, inputs: CycleInputs) ->
 def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: CycleInputs, torque: Array) -> None:
     """Take what the model of the arm leaves out off the effort; without a good joint state as in the cycle before."""
     if inputs.arm.M[0, 0] > 0.0:
-        dt = _passed_s(config, state, inputs)
-        oppose_disturbance(config.estimator, state.estimate, inputs.arm.M, dt, torque)
+        dt, arm = _passed_s(config, state, inputs), inputs.arm
+        R_ee = mat(arm.rotation)
+        h, of_wrench = np.zeros(6), np.zeros(MAX_JOINTS)
+        put_spatial(h, R_ee @ own_wrench(config, state, R_ee))
+        for j in range(config.law.joints):
+            for i in range(6):
+                of_wrench[j] += arm.J[i, j] * h[i]
+        oppose_disturbance(config.estimator, state.estimate, arm.M, of_wrench, dt, torque)
     else:
         for j in range(config.law.joints):
             torque[j] += state.estimate.taken_off[j]

@@ -49,8 +49,6 @@ from slip_vic_controller.state import ArmState, ControllerConfig, CycleOutputs, 
 
 UNLIMITED = 1e3
 """A speed along the path that limits nothing."""
-OBSERVED = 0.5
-"""Share of the threshold that a slip sample must show where the observer has found slip: two pieces of evidence."""
 CATCH_UP = 1.5
 """How much faster than it came a stream may be run through where the timing is free."""
 SAMPLES_PER_CYCLE = 10
@@ -279,11 +277,10 @@ def seen_from(planned: Reference, arm: Arm, pad: GovernedPad) -> governor.Pad:
 
 
 @part
-def slip_speed(config: GovernorConfig, twist: Array) -> float:
-    """Return |S v_s| of a slip twist on the slip axes, turning as a speed at the torsional radius [m/s]."""
+def scaled_slip(config: GovernorConfig, twist: Array) -> Spatial:
+    """Return S v_s of a slip twist on the slip axes, turning as a speed at the torsional radius [m/s]."""
     v = spatial(config.slip_axes) * spatial(twist)
-    turning = config.radius * v.angular.norm()
-    return math.sqrt(v.linear.dot(v.linear) + turning * turning)
+    return Spatial(v.linear, config.radius * v.angular)
 
 
 @part
@@ -293,14 +290,14 @@ def feel_pad(config: ControllerConfig, task: TaskState, state: ArmState, outputs
         squeeze(config, task, state, dt)
     pad, stamp_ns = state.pad, state.joint.answers.stamp_ns
     found = bool(config.cycle.has_observer != 0 and state.observer.sliding != 0)
-    share = OBSERVED if found else 1.0
     governor.feel(config.governor, pad, spatial(outputs.samples[0].wrench), stamp_ns)
     for k in range(state.queue.count):
         sample = state.queue.samples[k]
-        speed = slip_speed(config.governor, sample.twist)
-        slip_sample(config.governor.estimate, pad.estimate, pad.loads, sample.stamp_ns, speed / share, found)
+        slip = scaled_slip(config.governor, sample.twist)
+        slip_sample(config.governor.estimate, pad.estimate, pad.loads, sample.stamp_ns, slip, found)
     if config.cycle.has_observer != 0:
-        speed = slip_speed(config.governor, state.observer.twist)
+        observed = scaled_slip(config.governor, state.observer.twist)
+        speed = math.sqrt(observed.dot(observed))
         heavy = 0.0 if config.grip.follow != 0 else task.governor.weight_load
         suspect(config.governor.estimate, pad.estimate, pad.loads, stamp_ns, found, speed, heavy)
 

@@ -245,7 +245,7 @@ def test_noise_and_motion_alone_are_no_fault() -> None:
         assert state.finding == Finding.NONE
 
 
-def opposed(d: Any, steps: int, v: float = 0.0, **values: Any) -> tuple[Any, np.ndarray]:
+def opposed(d: Any, steps: int, v: float = 0.0, wrench: Any = None, **values: Any) -> tuple[Any, np.ndarray]:
     config, state = configuration(**values), record(new(JOINT_ESTIMATE), JOINT_ESTIMATE)
     root = np.random.default_rng(1).normal(size=(N, N))
     M = root @ root.T + np.eye(N)
@@ -253,7 +253,7 @@ def opposed(d: Any, steps: int, v: float = 0.0, **values: Any) -> tuple[Any, np.
     for k in range(steps):
         state.d[:N] = np.linalg.solve(M, d(k * T))
         torque, state.velocity[:N] = np.ones(N), v
-        call(oppose_disturbance, config, state, M, T, torque)
+        call(oppose_disturbance, config, state, M, wrench(k * T) if wrench else np.zeros(N), T, torque)
     return state, torque - 1.0
 
 
@@ -288,6 +288,18 @@ def test_a_jump_is_a_collision_and_friction_that_reverses_is_none() -> None:
     assert (Finding(state.finding), state.joint) == (Finding.COLLISION, 1)
     assert state.value > state.limit == pytest.approx(15.0)
     assert opposed(step(10.0), 400)[0].finding == Finding.NONE
+
+
+def test_a_disturbance_that_jumps_with_the_wrench_is_no_collision_and_not_taken_off() -> None:
+    """The joints do not feel a wrench that is measured wrongly, which may jump to and fro before they would."""
+    for of_wrench, found in ((-20.0, Finding.NONE), (-2.0, Finding.COLLISION), (20.0, Finding.NONE)):
+        state, added = opposed(
+            lambda t: np.array([0.0, 20.0 if t > 0.1 else 0.0, 0.0]),
+            130,
+            wrench=lambda t, size=of_wrench: np.array([0.0, size if 0.1 < t < 0.105 else 0.0, 0.0]),
+        )
+        assert state.finding == found
+        assert (added[1] > -3.0) == (found == Finding.NONE)
 
 
 def test_friction_that_turns_round_is_no_collision() -> None:

@@ -42,6 +42,12 @@ def begun() -> Tare:
     return state
 
 
+def take(config: TareConfig, state: Tare, weight: np.ndarray, way: float = 0.0) -> None:
+    """Take the biases after SAMPLES ms of rest, in which every joint moves by `way` [rad]."""
+    state.begun_ns, state.position[:] = 0, 0.4
+    take_biases(config, state, weight, SAMPLES * 1_000_000, np.full(N, 0.4 + way))
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_means_and_spreads_are_those_of_numpy(seed: int) -> None:
     rng, config, state = np.random.default_rng(seed), bounds(), begun()
@@ -100,7 +106,7 @@ def test_outliers_are_neither_bias_nor_noise(seed: int) -> None:
     for k in range(SAMPLES):
         outlier = rng.choice((-1.0, 1.0), 6) * (0.2, 0.2, 0.2, 5.0, 5.0, 5.0) * (k == 0 or rng.random() < 0.02)
         add_slip(config, state, bias + outlier + 1e-3 * rng.normal(size=6))
-    take_biases(config, state, np.zeros(6))
+    take(config, state, np.zeros(6))
     np.testing.assert_allclose(state.slip_bias, bias, atol=3e-4)
     assert deviation(state.slip.squares[:3].max(), state.slip.count) < 1.2e-3
 
@@ -135,7 +141,7 @@ def test_a_bias_is_taken_out_and_noise_is_not() -> None:
         add(state.slip, np.array([0.01, 0.0, 0, 0, 0, 0.1]) + noise, 6)
         add(state.wrench, np.array([0.1, 0, 0, 0, 0, 0]) + 0.05 * rng.normal(size=6), 6)
         add_velocities(config, state, 3e-3 * rng.normal(size=N))
-    take_biases(config, state, np.zeros(6))
+    take(config, state, np.zeros(6))
     assert state.sensor == Sensor.NONE
     np.testing.assert_allclose(state.slip_bias, [0.01, 0, 0, 0, 0, 0.1], atol=2e-4)
     assert np.count_nonzero(state.slip_bias) == 2
@@ -153,10 +159,21 @@ def test_a_wrench_of_another_mass_is_no_bias(share: float, accused: Sensor) -> N
     config, state, bias = bounds(), begun(), np.array([0.2, 0.08, 0.06, 0, 0, 0])
     for _ in range(SAMPLES):
         add(state.wrench, share * WEIGHT + bias, 6)
-    take_biases(config, state, WEIGHT)
+    take(config, state, WEIGHT)
     assert state.sensor == accused
     assert state.mass_share == pytest.approx(share if accused == Sensor.NONE else 0.0)
     np.testing.assert_allclose(state.wrench_bias, bias if accused == Sensor.NONE else 0.0, atol=1e-12)
+
+
+def test_a_slow_motion_is_no_bias_of_the_velocities() -> None:
+    """What counts as rest may be faster than a bias that matters."""
+    config, rng = bounds(), np.random.default_rng(1)
+    for speed, bias in ((0.0, 0.01), (0.006, 0.0), (-0.006, 0.01)):
+        state = begun()
+        for _ in range(SAMPLES):
+            add_velocities(config, state, speed + bias + 1e-3 * rng.normal(size=N))
+        take(config, state, np.zeros(6), way=1e-3 * SAMPLES * speed)
+        np.testing.assert_allclose(state.velocity_bias[:N], bias, atol=3e-4)
 
 
 def test_what_is_out_of_bounds_is_not_taken_out() -> None:
@@ -164,7 +181,7 @@ def test_what_is_out_of_bounds_is_not_taken_out() -> None:
     for _ in range(SAMPLES):
         add(state.slip, np.array([0.01, 0, 0, 0, 0, 0]), 6)
         add(state.wrench, np.array([5.0, 0, 0, 0, 0, 0]), 6)
-    take_biases(config, state, np.zeros(6))
+    take(config, state, np.zeros(6))
     assert (state.sensor, state.worst, state.bound) == (Sensor.WRENCH, 5.0, config.force)
     assert not state.slip_bias.any()
     assert not state.wrench_bias.any()

@@ -98,6 +98,9 @@ LAWS = (CLASSICAL, OBSERVER, GOVERNED)
 PRINTED = Entry("printed", "vic", "measured", ("controller.gains.spin=follow", "controller.gains.authority=printed"))
 """The law as printed, with the samples of the slip sensor as they come."""
 OF_LAW = {"classical": CLASSICAL, "vic": OBSERVER, "governed": GOVERNED, "printed": PRINTED}
+SLOWER, SETTLES_S = 3.0, 5.0
+"""How many times the time of its path a case with drives lasts, and for how long an arm with friction then comes to its
+goal [s]."""
 ARMS = ("ideal", "torque_joint", "motor_current")
 """Drives that take efforts, of which `draw_drive` draws."""
 BASE_RAD, BASE_M, LATE_S = 0.3 * np.pi / 180.0, 0.002, 0.01
@@ -231,10 +234,14 @@ def draw_drive(number: int, seed: int, scenario: str) -> tuple[str, ...]:
 
 
 def with_drive(ticket: Ticket, seed: int) -> Ticket:
-    """Return a case with drives and joints as `draw_drive` has them; feasible where friction carries the weight."""
+    """Return a case with drives and joints as `draw_drive` has them; feasible where friction carries the weight.
+
+    It lasts long enough for a law that takes its time: SLOWER times the path as planned.
+    """
     drawn = draw_drive(ticket.number, seed, ticket.scenario)
     path = tuple(one for one in ticket.world if one.startswith("controller.trajectory."))
-    ticket = replace(ticket, world=(*path, *drawn), trouble="all")
+    path_s = ticket.load(CLASSICAL).controller.trajectory.duration_s
+    ticket = replace(ticket, world=(*path, *drawn, f"bridge.duration_s={SLOWER * path_s + SETTLES_S}"), trouble="all")
     of, known = ticket.load(CLASSICAL).bridge, load_scenario(ticket.scenario).bridge
     left = of.friction.falls_to if of.friction.falls_at_s > 0.0 else 1.0
     slips = of.friction.mu_k if of.friction.model == "coulomb" else of.friction.mu_s

@@ -58,6 +58,8 @@ MOVES: Final = 0.02
 """Speed from which the sign of a joint's friction is known [rad/s]."""
 SLOW_S: Final = 0.2
 """Time constant of the disturbance that is no collision [s]."""
+WITH_WRENCH: Final = 0.5
+"""Share of a jump of the disturbance from which the wrench that has jumped too explains it."""
 
 
 @unique
@@ -144,6 +146,8 @@ class JointEstimate(Record):
     trust: WholeJoints  # Trust
     effort: Joints  # N m; disturbance
     slow_effort: Joints  # N m; its low-pass
+    slow_wrench: Joints  # N m; low-pass of the measured wrench's torque
+    wrench_jump: Joints  # N m; how far that has been off its low-pass, faded
     taken_off: Joints  # N m; added to the effort against it
     jumped_s: Joints  # s; for how long the disturbance has been off its low-pass
     beyond_s: Joints  # s; for how long it has been beyond its bound
@@ -448,13 +452,19 @@ def publish_joints(state: JointEstimate, out: PublishedJoints) -> None:
 
 
 @part
-def oppose_disturbance(config: EstimatorConfig, state: JointEstimate, M: Array, dt: float, torque: Array) -> None:
+def oppose_disturbance(
+    config: EstimatorConfig, state: JointEstimate, M: Array, of_wrench: Array, dt: float, torque: Array
+) -> None:
     """Take the disturbance off the effort, inside its bound and rate, and look for jumps and lasting excess.
+
+    A wrench that is measured wrongly looks like a disturbance, since the joints do not feel it. So a disturbance that
+    jumps together with the wrench is no collision, and is not taken off.
 
     Args:
         config: what does not change.
         state: changed.
         M: inertia (n, n) [kg m2].
+        of_wrench: J^T h, torque of the measured wrench; (n,) [N m].
         dt: since the cycle before [s].
         torque: changed; (n,) [N m].
 
@@ -470,15 +480,20 @@ def oppose_disturbance(config: EstimatorConfig, state: JointEstimate, M: Array, 
         for k in range(n):
             effort += M[j, k] * state.d[k]
         state.effort[j] = effort
+        jump, wrench_jump = effort - state.slow_effort[j], of_wrench[j] - state.slow_wrench[j]
+        state.wrench_jump[j] = max(abs(wrench_jump), (1.0 - weight) * state.wrench_jump[j])
+        most = config.collision[j] + friction_jump(config, state, j, jump)
+        far, of_wrench_too = abs(jump) > most, state.wrench_jump[j] > WITH_WRENCH * abs(jump)
+        lasting = state.slow_effort[j] if far and of_wrench_too else effort
+        state.slow_effort[j] += weight * jump
+        state.slow_wrench[j] += weight * wrench_jump
+        jumped = far and not of_wrench_too and not doubtful
+        state.jumped_s[j] = state.jumped_s[j] + dt if jumped else 0.0
         bound, step = config.bound[j], config.rate[j] * dt
-        wanted = min(max(-effort, -bound), bound) if config.compensates != 0 else 0.0
+        wanted = min(max(-lasting, -bound), bound) if config.compensates != 0 else 0.0
         before = state.taken_off[j]
         state.taken_off[j] = min(max(before + follow * (wanted - before), before - step), before + step)
         torque[j] += state.taken_off[j]
-        jump = effort - state.slow_effort[j]
-        state.slow_effort[j] += weight * jump
-        most = config.collision[j] + friction_jump(config, state, j, jump)
-        state.jumped_s[j] = state.jumped_s[j] + dt if abs(jump) > most and not doubtful else 0.0
         state.beyond_s[j] = state.beyond_s[j] + dt if abs(effort) > bound else 0.0
         if state.jumped_s[j] > config.collision_s:
             find(state, Finding.COLLISION.value, j, jump, most)

@@ -215,9 +215,24 @@ def leave_to_mass(config: TareConfig, state: Tare, weight: Array) -> None:
 
 
 @part
-def take_biases(config: TareConfig, state: Tare, weight: Array) -> None:
-    """Take what was measured as biases, or name the sensor that is out of bounds; weight: see `leave_to_mass`."""
+def leave_to_motion(config: TareConfig, state: Tare, now_ns: int, q: Array) -> None:
+    """Take what the joints have moved by, as their positions (n,) [rad] show it, off the mean of their velocities.
+
+    At rest means slower than `still`, which is more than a bias may be.
+    """
+    seconds = 1e-9 * (now_ns - state.begun_ns)
+    for j in range(config.joints):
+        state.velocity.average[j] -= (q[j] - state.position[j]) / seconds if seconds > 0.0 else 0.0
+
+
+@part
+def take_biases(config: TareConfig, state: Tare, weight: Array, now_ns: int, q: Array) -> None:
+    """Take what was measured as biases, or name the sensor that is out of bounds.
+
+    weight: see `leave_to_mass`; now_ns, q: of the last joint state (n,) [rad], see `leave_to_motion`.
+    """
     leave_to_mass(config, state, weight)
+    leave_to_motion(config, state, now_ns, q)
     verdict = judge_tare(config, state)
     state.done, state.sensor, state.worst, state.bound = 1, verdict.sensor, verdict.size, verdict.bound
     if verdict.sensor != Sensor.NONE:

@@ -26,11 +26,11 @@ MOST_ROWS = 100_000
 def witnesses(params: ControllerParams) -> int:
     """Return how many slip samples in a row it takes to be believed: a real sensor has outliers, a flag has none.
 
-    A sensor that is configured as perfect needs no second sample.
+    A sensor that is configured as perfect needs no second sample, unless the arm it is on is not: then nothing is.
     """
     sensor = params.slip_sensor
     perfect = max(sensor.noise_linear, sensor.noise_angular, sensor.quantum_linear) == 0.0
-    return 1 if perfect or params.slip_input == "flag" else WITNESSES
+    return 1 if (perfect and not params.estimates_joints) or params.slip_input == "flag" else WITNESSES
 
 
 def observer_config(params: ControllerParams) -> Array:

@@ -10,11 +10,13 @@ law does not use it, and the guard holds nothing back for it, until the slip sen
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum, unique
 from typing import Annotated, Final
 
 from slip_core.compiled import part
-from slip_core.records import Real, Record, Records, Whole, dtype_of
+from slip_core.records import Real, Record, Records, Vec6, Whole, dtype_of
+from slip_core.vectors import Spatial, put_spatial, spatial
 from slip_vic_controller.sizes import NEVER
 
 LOADS: Final = 256
@@ -23,8 +25,10 @@ PLAUSIBLE: Final = 0.5
 """Share of what is known of friction below which a slip that the observer alone finds is the model's error."""
 
 
-GROSS: Final = 1e-3
-"""Speed from which a slip is no pre-sliding [m/s]."""
+OBSERVED: Final = 0.5
+"""Share of the threshold that a slip sample must show where the observer has found slip: two pieces of evidence."""
+FASTEST_GROWTH: Final = 30.0
+"""Most that a slip gains speed: a few times gravity [m/s^2]."""
 CALM_NS: Final = 200_000_000
 """How long nothing may slip, beyond the delay of the sensor, until what is carried counts against a suspicion [ns]."""
 
@@ -93,8 +97,8 @@ class Estimate(Record):
     found: Whole  # whether the observer finds slip now
     said: Whole  # samples in a row that show slip
     said_ns: Whole  # stamp of the first of them
-    last_ns: Whole  # and of the last
-    way: Real  # m, that they have slipped
+    last_ns: Whole  # and of the newest sample that is no outlier
+    way: Vec6  # m, that they have slipped; turning at the torsional radius
 
 
 LOAD, LOAD_HISTORY = dtype_of(Load), dtype_of(LoadHistory)
@@ -110,7 +114,7 @@ def start_estimate(config: EstimateConfig, state: Estimate, history: LoadHistory
     state.suspected, state.suspected_at, state.claimed_ns, state.found = 0, 0.0, NEVER, 0
     state.suspected_ns, state.suspected_speed = 0, 0.0
     state.first_at, state.calm_ns, state.calmed = 0.0, NEVER, 0
-    state.said, state.said_ns, state.last_ns, state.way = 0, NEVER, NEVER, 0.0
+    state.said, state.said_ns, state.last_ns, state.way[:] = 0, NEVER, NEVER, 0.0
     history.count = 0
 
 
@@ -151,37 +155,60 @@ def carried(config: EstimateConfig, load: Load) -> float:
 
 
 @part
+def is_outlier(config: EstimateConfig, state: Estimate, stamp_ns: int, speed: float) -> bool:
+    """Return whether a slip cannot have become as fast as this [m/s] since the newest sample.
+
+    A perfect sensor has none. What lasts is none: the time since then grows.
+    """
+    if config.witnesses == 1 or not NEVER < state.last_ns <= stamp_ns:
+        return False
+    return speed > config.threshold + FASTEST_GROWTH * 1e-9 * (stamp_ns - state.last_ns)
+
+
+@part
+def gives_way(config: EstimateConfig, state: Estimate, stamp_ns: int, slip: Spatial) -> bool:
+    """Return whether a slip may be pads that give way before they slip: to and fro, not far from where it began."""
+    passed_s = 1e-9 * (stamp_ns - state.last_ns) if NEVER < state.last_ns <= stamp_ns else 0.0
+    way = spatial(state.way) + passed_s * slip
+    put_spatial(state.way, way)
+    return math.sqrt(way.dot(way)) < config.pre_sliding
+
+
+@part
 def slip_sample(
-    config: EstimateConfig, state: Estimate, history: LoadHistory, stamp_ns: int, speed: float, found: bool
+    config: EstimateConfig, state: Estimate, history: LoadHistory, stamp_ns: int, slip: Spatial, found: bool
 ) -> bool:
     """Take a slip sample; return whether F^ has become smaller.
 
-    A single sample may be an outlier: it takes several in a row, or fewer that the observer confirms. Only the first
-    sample of a slip tells where friction ended: what loads there are while it slides is the sliding friction and the
-    law's doing.
+    A single sample may be an outlier: it takes several in a row, or fewer that the observer confirms. One that is
+    faster than a slip can have become since the sample before is an outlier, and is left out. Only the first sample of
+    a slip tells where friction ended: what loads there are while it slides is the sliding friction and the law's doing.
 
     Args:
         config, state, history: ESTIMATE_CONFIG, ESTIMATE, LOAD_HISTORY.
         stamp_ns: when the sample was measured.
-        speed: |S v_s| [m/s]; of a flag: infinite or 0.
+        slip: S v_s, turning at the torsional radius [m/s]; of a flag: infinite or 0.
         found: whether the observer finds slip.
 
     Implements: ours: F^ <- min(F^, 0.95 min(|S^-1 h_ee|, |l(a_C)|)) at the stamp of the first slip sample.
     """
-    if not speed > config.threshold:
-        state.said, state.way = 0, 0.0
+    speed = math.sqrt(slip.dot(slip))
+    if not speed > (OBSERVED if found else 1.0) * config.threshold:
+        state.said, state.way[:], state.last_ns = 0, 0.0, stamp_ns
         if state.suspected != 0 and state.claimed_ns != NEVER and stamp_ns >= state.claimed_ns:
             state.suspected = 0
         if state.slipping != 0 and stamp_ns - state.slip_ns >= config.quiet_ns:
             state.slipping = 0
         return False
+    if state.slipping == 0 and state.said == 0 and is_outlier(config, state, stamp_ns, speed):
+        return False
+    stays = state.slipping == 0 and gives_way(config, state, stamp_ns, slip)
+    state.last_ns = stamp_ns
+    if stays:
+        return False
     if state.said == 0:
         state.said_ns = stamp_ns
-    elif speed <= GROSS:
-        state.way += speed * 1e-9 * max(stamp_ns - state.last_ns, 0)
-    state.said, state.last_ns = state.said + 1, stamp_ns
-    if state.slipping == 0 and speed <= GROSS and state.way < config.pre_sliding:
-        return False
+    state.said += 1
     first = state.slipping == 0
     if first and state.said < (config.confirmed if found else config.witnesses):
         return False
