@@ -66,7 +66,7 @@ SLOWEST: Final = 2e-2
 BRAKES: Final = 1.1
 """Of the load of the weight alone, where the estimate of friction does not carry that: the arm has to brake."""
 BACK: Final = 1e-3
-"""How near the path's end the pad has come back when an overrun is over [m]."""
+"""How near its path the pad has come back when an overrun is over, where it can stop on the path again [m]."""
 
 
 @unique
@@ -407,9 +407,9 @@ def run(
     """
     plan(config, state, grid)
     allow(config, state)
+    if pad.x.dot(pad.x) < BACK * BACK and (state.arrived == 1 or state.bound <= 1.0):
+        state.overrun = 0
     if state.planned == 0 or state.arrived == 1:
-        if pad.x.dot(pad.x) < BACK * BACK:
-            state.overrun = 0
         smooth(config, state, grid, 0.0)
         return
     if is_led(config, state):
