@@ -1,7 +1,7 @@
 """Measurements of the pages: ``python test/system/nodes/measure_signals.py kills|ends``; nothing is asserted.
 
-kills    a recorder of a bridge at 250 Hz is ended by kill -9 and the next one started at once: time until it hears the bridge
-ends     SIGINT and SIGTERM at moments of a start, beside busy loops: time until controller, bridge, recorder, run have ended
+kills    a recorder of a bridge at 250 Hz is killed (-9) and the next one started at once: until it hears the bridge
+ends     SIGINT and SIGTERM at moments of a start, beside busy loops: time until controller, bridge, recorder, run end
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from slip_msgs_py.events import Started, Status
+from slip_msgs_py.events import EVENTS_VARIABLE, Started, Status
 from slip_vic.run.domain import domain_id
 from slip_vic.run.node_command import node_command
 from slip_vic.run.processes import Child, ProcessGroup, child_environment, python_module
@@ -71,7 +71,7 @@ def ends(busy: int) -> None:
     try:
         with domain_id() as domain, tempfile.TemporaryDirectory() as scratch:
             folder, environment = Path(scratch), child_environment(domain)
-            del environment["SLIP_VIC_EVENTS"]  # as a user starts them
+            del environment[EVENTS_VARIABLE]  # as a user starts them
             number = 0
             for what in ("controller", "bridge", "recorder", "run"):
                 for how in (signal.SIGINT, signal.SIGTERM):
