@@ -7,12 +7,14 @@ ends     SIGINT and SIGTERM at moments of a start, beside busy loops: time until
 from __future__ import annotations
 
 import argparse
+import itertools
 import signal
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from slip_msgs_py.events import EVENTS_VARIABLE, Started, Status
@@ -22,7 +24,7 @@ from slip_vic.run.processes import Child, ProcessGroup, child_environment, pytho
 from slip_vic.scenarios.scenario import load_scenario
 
 GIVE_UP_S = 30.0
-MOMENTS_S = (0.2, 0.5, 1.0, 1.5, 2.0, 4.0)
+MOMENTS_S = (0.2, 0.5, 1.0, 1.5, 2.0, 4.0, 15.0)  # at the last a run is on its way, also on a busy machine
 ENDLESS = ("bridge.stop_after_duration=false", "bridge.control_period_s=0.004", "controller.control_period_s=0.004")
 
 
@@ -64,35 +66,43 @@ def kills(rounds: int) -> None:
     )
 
 
-def ends(busy: int) -> None:
+def ends(busy: int, only: Sequence[str]) -> None:
     """Signal processes at moments of their start; print how long each took to end, and its exit code."""
     scenario = load_scenario("paper_planar", mode="realtime", assignments=ENDLESS)
+    of_run = [word for assignment in ENDLESS for word in ("--set", assignment)]
     loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(busy)]
     try:
         with domain_id() as domain, tempfile.TemporaryDirectory() as scratch:
             folder, environment = Path(scratch), child_environment(domain)
             del environment[EVENTS_VARIABLE]  # as a user starts them
-            number = 0
-            for what in ("controller", "bridge", "recorder", "run"):
-                for how in (signal.SIGINT, signal.SIGTERM):
-                    row = []
-                    for moment_s in MOMENTS_S:
-                        number += 1
-                        command = {
-                            "recorder": recorder(folder, number),
-                            "run": python_module("slip_vic.cli", "run", "paper_planar", "--mode", "realtime"),
-                        }.get(what) or node_command(what, getattr(scenario, what), folder)
-                        with ProcessGroup() as group:
-                            child = group.start(what, command, environment, lambda *_: None)
-                            time.sleep(moment_s)
-                            start = time.monotonic()
-                            child.send(how)
-                            child.wait(GIVE_UP_S)
-                            row.append(f"{time.monotonic() - start:.1f} ({child.exit_code})")
-                    print(f"| {what} | {how.name} | " + " | ".join(row) + " |", flush=True)
+            run = python_module("slip_vic.cli", "run", "--mode", "realtime", *of_run)
+            commands: dict[str, Callable[[int], list[str]]] = {
+                "controller": lambda _: node_command("controller", scenario.controller, folder),
+                "bridge": lambda _: node_command("bridge", scenario.bridge, folder),
+                "recorder": lambda number: recorder(folder, number),
+                "run": lambda _: run,
+                "run --record": lambda number: [*run, "--record", str(folder / f"bag_{number}")],
+            }
+            numbers = itertools.count()
+            for what, how in itertools.product(only or commands, (signal.SIGINT, signal.SIGTERM)):
+                row = [
+                    end_of(what, commands[what](next(numbers)), environment, how, moment_s) for moment_s in MOMENTS_S
+                ]
+                print(f"| {what} | {how.name} | " + " | ".join(row) + " |", flush=True)
     finally:
         for loop in loops:
             loop.kill()
+
+
+def end_of(what: str, command: list[str], environment: Mapping[str, str], how: signal.Signals, moment_s: float) -> str:
+    """Start a process and signal it after so long; return how long it took to end [s], and its exit code."""
+    with ProcessGroup() as group:
+        child = group.start(what, command, environment, lambda *_: None)
+        time.sleep(moment_s)
+        start = time.monotonic()
+        child.send(how)
+        child.wait(GIVE_UP_S)
+        return f"{time.monotonic() - start:.1f} ({child.exit_code})"
 
 
 def main() -> None:
@@ -101,11 +111,12 @@ def main() -> None:
     parser.add_argument("what", choices=["kills", "ends"])
     parser.add_argument("--rounds", type=int, default=40, help="kills: how many recorders")
     parser.add_argument("--busy", type=int, default=4, help="ends: busy loops beside it")
+    parser.add_argument("--only", action="append", default=[], help="ends: names of rows, as they are printed")
     arguments = parser.parse_args()
     if arguments.what == "kills":
         kills(arguments.rounds)
     else:
-        ends(arguments.busy)
+        ends(arguments.busy, arguments.only)
 
 
 if __name__ == "__main__":
