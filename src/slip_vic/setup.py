@@ -50,5 +50,5 @@ setup(
     maintainer_email="maintainers@slip-vic.example",
     description="Launcher, demo, replay, report and the slip-vic command line.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["slip-vic = slip_vic.cli:main"]},
+    entry_points={"console_scripts": ["slip-vic = slip_vic.cli:process"]},
 )

@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterator
+from typing import Any
 
 import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from slip_msgs_py.dead_ports import make_heard
 from slip_msgs_py.localhost import stay_on_this_machine
 
 
@@ -32,7 +34,8 @@ def ros_node(name: str, namespace: str = "/") -> Iterator[Node]:
     context = rclpy.Context()
     rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        node = Node(name, namespace=namespace, context=context, start_parameter_services=False, enable_rosout=False)
+        words: Any = {"start_parameter_services": False, "enable_rosout": False}
+        node = make_heard(lambda: Node(name, namespace=namespace, context=context, **words))
         try:
             yield node
         finally:

@@ -18,6 +18,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from slip_core.errors import SlipVicError
+from slip_msgs_py.dead_ports import make_heard
 from slip_msgs_py.events import wanted
 from slip_msgs_py.executor import wake_all
 from slip_msgs_py.localhost import stay_on_this_machine
@@ -80,7 +81,7 @@ def _run(factory: Callable[[], RunnableNode], stop: StopFlag) -> int:
     node: RunnableNode | None = None
     try:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-        node = factory()
+        node = make_heard(factory)
         node.run(stop)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass  # a wanted end

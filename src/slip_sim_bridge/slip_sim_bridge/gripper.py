@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 
 from slip_core.errors import InputError
+from slip_core.params import RANGES
 from slip_sim_bridge.params import GripParams
+
+LARGEST = RANGES["N"][1]
 
 
 class Gripper:
@@ -29,10 +32,10 @@ class Gripper:
         """Ask for a force [N].
 
         Raises:
-            InputError: where it is negative or not finite.
+            InputError: where it is negative, beyond what a parameter may have, or not finite.
         """
-        if not math.isfinite(force) or force < 0.0:
-            raise InputError("grip force", got=force, expected="a finite number >= 0")
+        if not 0.0 <= force <= LARGEST:
+            raise InputError("grip force", got=force, expected=f"a number from 0 to {LARGEST:g} N")
         self._commanded = float(force)
 
     def step(self) -> float:

@@ -82,13 +82,8 @@ class SlipSimBridge(LastResort, Node):
         self._executor.add_node(self)
 
     def _on_change(self, wanted: Any) -> None:
-        """Take changed run-time parameters: sensor faults, a hand that pushes, and grip force."""
         changed: dict[str, BridgeParams] = by_arm(wanted)
-        for index, (name, arm) in enumerate(changed.items()):
-            self.session.set_faults(index, arm.sensors)
-            self.session.set_push(index, arm.push)
-            if arm.grip.force != self._params[name].grip.force:
-                self.session.set_grip_force(index, arm.grip.force)
+        self.session.change(tuple(changed.values()))
         self.params, self._params = wanted, changed
 
     def _create_endpoints(self) -> None:
@@ -166,7 +161,7 @@ class SlipSimBridge(LastResort, Node):
 
     def _on_reset(self, _request: Any, response: Any) -> Any:
         self.session.request_reset()
-        response.success, response.message = True, "reset before the next tick; time continues"
+        response.success, response.message = True, "reset before the next tick; time, pushes and sensor faults stay"
         return response
 
     # -- running -----------------------------------------------------------------------------------

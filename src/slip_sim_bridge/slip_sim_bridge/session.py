@@ -64,7 +64,7 @@ class BridgeSession:
 
     def __init__(self, params: Mapping[str, BridgeParams], urdfs: Mapping[str, str]) -> None:
         self.simulation = Simulation(params, urdfs)
-        self._arms = tuple(params.values())
+        self._arms = self._live = tuple(params.values())
         self._sensors = [
             SensorSuite(arm.model_copy(update={"seed": arm.seed + index}) if index else arm)
             for index, arm in enumerate(self._arms)
@@ -98,11 +98,20 @@ class BridgeSession:
         loss = self.simulation.loss
         return None if loss is None else Incident("lost", 1e-9 * (loss.stamp_ns - self._start_ns), loss.text)
 
+    def change(self, params: Sequence[BridgeParams]) -> None:
+        """Take changed run-time parameters of each arm: sensor faults, a hand that pushes, and grip force."""
+        for index, (before, now) in enumerate(zip(self._live, params, strict=True)):
+            self.set_faults(index, now.sensors)
+            self.set_push(index, now.push)
+            if now.grip.force != before.grip.force:
+                self.set_grip_force(index, now.grip.force)
+        self._live = tuple(params)
+
     def set_grip_force(self, arm: int, force: float) -> None:
         """Set the grip force of an arm from the next tick on; [N].
 
         Raises:
-            InputError: negative or not finite.
+            InputError: negative, beyond what a parameter may have, or not finite.
         """
         self.simulation.set_grip_force(arm, force)
 
@@ -115,7 +124,7 @@ class BridgeSession:
         self._sensors[arm].set_faults(sensors)
 
     def request_reset(self) -> None:
-        """Put everything back before the next tick; time continues."""
+        """Put everything back before the next tick, the grip force of the start too; time, pushes and faults stay."""
         self._reset_wanted = True
 
     def observe(self) -> TickOutputs:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 import tempfile
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+import psutil
 
 from slip_bags.cli import bag, run_command
 from slip_core.errors import InputError
+from slip_msgs_py.stop_flag import ending
 from slip_vic import __version__
 from slip_vic.benchmark.cli import benchmark
 from slip_vic.exit_code import ALLOW_FAULT, end_with
@@ -43,6 +47,7 @@ if TYPE_CHECKING:
     from slip_vic.run.launcher import RunResult
     from slip_vic.scenarios.scenario import Estimator, Law, Mode, Scenario
 
+LONGEST_END_S = 2.0  # after a signal, where nothing has been started
 LONGEST_JUDGED_S = 60.0
 """Longest run of which a bag is made only to judge it."""
 
@@ -294,9 +299,31 @@ cli.add_command(watch)
 
 
 def main() -> int:
-    """Entry point of ``slip-vic``."""
+    """Run the command line ``slip-vic``; return its exit code."""
     return run_command(cli, "slip-vic")
 
 
+def process() -> None:
+    """Run the command line as this process, and end it.
+
+    What starts nodes ends without taking down the interpreter: with its libraries that takes seconds on a busy machine.
+    """
+    if sys.argv[1:2] not in (["run"], ["demo"]):
+        sys.exit(main())
+    with ending(_end_in_time):
+        code = main()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def _end_in_time(_number: int) -> None:
+    """End a process that has no others to end and is held up, by a library that is being loaded for instance."""
+    time.sleep(LONGEST_END_S)
+    if not psutil.Process().children():
+        os.write(sys.stderr.fileno(), b"error: interrupted\n")
+        os._exit(InputError.exit_code)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    process()

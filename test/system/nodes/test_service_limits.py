@@ -75,10 +75,11 @@ def test_a_storm_of_transitions_and_parameters_does_not_end_the_controller(contr
     assert controller.exit_code is None, controller.tail()
     assert any(future.done() for future in futures)
     assert any("too many" in line for line in refusals(controller)), controller.tail()
-    if watcher.call(GetState, f"{CONTROLLER}/get_state", GetState.Request()).current_state.id != (
-        State.PRIMARY_STATE_UNCONFIGURED
-    ):
+    # Which of the storm's transitions were among those taken depends on the machine: it may have been deactivated.
+    state = watcher.call(GetState, f"{CONTROLLER}/get_state", GetState.Request()).current_state.id
+    if state == State.PRIMARY_STATE_ACTIVE:
         assert watcher.change(Transition.TRANSITION_DEACTIVATE)
+    if state != State.PRIMARY_STATE_UNCONFIGURED:
         assert watcher.change(Transition.TRANSITION_CLEANUP)
     assert watcher.change(Transition.TRANSITION_CONFIGURE)
     answer = watcher.call(

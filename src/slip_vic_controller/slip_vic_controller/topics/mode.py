@@ -21,6 +21,7 @@ from slip_vic_controller.session import ArmSession, ControllerSession, CycleResu
 
 PUBLISHERS_PERIOD_S = 0.02  # so long a foreign command may go unseen; a look takes some 30 us
 GO_ON = "; to continue call ~/reset_fault, then ~/enable"
+ENABLE = "; to continue call ~/enable"
 LEVELS = {Mode.ACTIVE: 0, Mode.DEGRADED: 1, Mode.HOLD: 1, Mode.WAITING_INPUT: 1, Mode.FAULT: 2}
 
 
@@ -73,7 +74,7 @@ class ModeInterface:
         self._refusals = refusals
         self._status = status
         self._topic = create_publisher(node, "controller/mode")
-        self._last: tuple[Mode, tuple[int, ...]] | None = None
+        self._last: tuple[Mode, tuple[int, ...], str] | None = None
         self._incidents = IncidentWatch()
         self._each_second = OnceEvery(DIAGNOSTICS_PERIOD_NS, MODE_PHASE)
         self._command_topic = ""
@@ -88,14 +89,16 @@ class ModeInterface:
 
     def publish(self, result: CycleResult) -> None:
         """Publish what has changed, and the status about once a second of the joint state's clock."""
-        mode, stamp_ns, now = result.mode, result.joint.stamp_ns, (result.mode, result.reason_key)
+        mode, stamp_ns = result.mode, result.joint.stamp_ns
+        go_on = GO_ON if mode == Mode.FAULT else ENABLE if mode == Mode.HOLD and not result.record.mode.enabled else ""
+        now = (mode, result.reason_key, go_on)
         if not self._each_second.due(stamp_ns) and now == self._last:
             return
         incident = self._incidents.see(result)
         if incident is not None:
             name = self._arm.name
             emit(replace(incident, text=f"{name}: {incident.text}") if name else incident)
-        reason = result.reason + GO_ON if mode == Mode.FAULT else result.reason
+        reason = result.reason + go_on
         if now != self._last:
             line = f"{mode.name}: {reason}" if reason else mode.name
             self._topic.publish(to_msgs.string(line))
