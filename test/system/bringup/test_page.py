@@ -12,11 +12,12 @@ from playwright.sync_api import Browser, Page
 
 from slip_bags.reader import Bag
 from test.support.browser import address_of, chromium, open_page, wait_until
+from test.system.conftest import DEMO_S
 
 MIDDLE_S = 0.9
 MOST_BYTES = 5_000_000
 POSITION_TOLERANCE_M = 1e-6  # poses are float32
-FRAME_S = 8.0 / 2000
+FRAME_S = DEMO_S / 2000
 FEWEST_COLOURS = 50
 
 
