@@ -59,7 +59,9 @@ MOVES: Final = 0.02
 SLOW_S: Final = 0.2
 """Time constant of the disturbance that is no collision [s]."""
 WITH_WRENCH: Final = 0.5
-"""Share of a jump of the disturbance from which the wrench that has jumped too explains it."""
+"""Share of a jump of the disturbance from which the wrench that has jumped too explains it, ..."""
+NOTICED: Final = 0.3
+"""... where that is this share of what is a collision: an object that is accelerated jumps less."""
 
 
 @unique
@@ -483,11 +485,11 @@ def oppose_disturbance(
         jump, wrench_jump = effort - state.slow_effort[j], of_wrench[j] - state.slow_wrench[j]
         state.wrench_jump[j] = max(abs(wrench_jump), (1.0 - weight) * state.wrench_jump[j])
         most = config.collision[j] + friction_jump(config, state, j, jump)
-        far, of_wrench_too = abs(jump) > most, state.wrench_jump[j] > WITH_WRENCH * abs(jump)
-        lasting = state.slow_effort[j] if far and of_wrench_too else effort
+        with_wrench = state.wrench_jump[j] > max(WITH_WRENCH * abs(jump), NOTICED * config.collision[j])
+        lasting = state.slow_effort[j] if with_wrench else effort
         state.slow_effort[j] += weight * jump
         state.slow_wrench[j] += weight * wrench_jump
-        jumped = far and not of_wrench_too and not doubtful
+        jumped = abs(jump) > most and not with_wrench and not doubtful
         state.jumped_s[j] = state.jumped_s[j] + dt if jumped else 0.0
         bound, step = config.bound[j], config.rate[j] * dt
         wanted = min(max(-lasting, -bound), bound) if config.compensates != 0 else 0.0
