@@ -21,7 +21,8 @@ from slip_vic_controller.params import ControllerParams, GainParams
 
 
 UNKNOWN_LAG = 0.3
-"""Share of the configured lag of drives that is not known, and so stays in the slip loop when slip is predicted."""
+"""Share of the configured lag of drives that may not be there, and so stays in the slip loop where slip is predicted:
+the object's motion is predicted over the rest, since a pad that is held back too much only slips the other way."""
 
 
 class Gains(Record):
