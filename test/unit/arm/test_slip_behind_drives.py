@@ -19,7 +19,8 @@ FRICTION = 3.0
 def slip_after(seconds: float, k_s: float, share: float, delay_s: float, bandwidth: float) -> np.ndarray:
     """Return the slip [m/s] of a pad behind a drive on an object that friction moves at FRICTION [m/s^2].
 
-    The law is a_C = a_o - k_s v, v the slip predicted over `share` of LAG_S; drive: `delay_s` [s], `bandwidth` [rad/s].
+    The law is a_C = a_o - k_s v, v the slip predicted over `share` of LAG_S, 0 = as it is.
+    Drive: `delay_s` [s], `bandwidth` [rad/s].
     """
     commands, pad, thing, slips = [0.1] * 100, 0.1, 0.0, []
     for _ in range(round(seconds / T)):
@@ -48,7 +49,11 @@ def test_with_constant_acceleration_the_predicted_slip_is_that_of_later() -> Non
     assert ahead == pytest.approx(pads[later] - thing[later], abs=2e-3 * FRICTION)
 
 
-@every("delay_s, bandwidth", ((DELAY_S, BANDWIDTH), (0.010, BANDWIDTH), (DELAY_S, 28.0), (0.010, 28.0), (DELAY_S, 52.0)))
+DRIVES = (DELAY_S, BANDWIDTH), (0.010, BANDWIDTH), (DELAY_S, 28.0), (0.010, 28.0), (DELAY_S, 52.0)
+"""Dead time [s] and bandwidth [rad/s] of drives that are configured as the first."""
+
+
+@every("delay_s, bandwidth", DRIVES)
 def test_a_predicted_slip_does_not_swing_where_the_drives_are_others_than_configured(
     delay_s: float, bandwidth: float
 ) -> None:
