@@ -19,7 +19,6 @@ from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, n
 from slip_vic_controller.law.bounds import GainReport, check_gains, judge_gains
 from slip_vic_controller.params import ControllerParams, GainParams
 
-
 UNKNOWN_LAG = 0.3
 """Share of the configured lag of drives that may not be there, and so stays in the slip loop where slip is predicted:
 the object's motion is predicted over the rest, since a pad that is held back too much only slips the other way."""
