@@ -19,7 +19,7 @@ from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import DRIVE_SHARE, INTERNAL_BOUND, ROUNDING, internal_gain_limit
 from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
 from slip_vic_controller.law.contact import fill_contacts
-from slip_vic_controller.law.gains import LAW_GAINS, gain_report, make_law_gains
+from slip_vic_controller.law.gains import LAW_GAINS, UNKNOWN_LAG, gain_report, make_law_gains
 from slip_vic_controller.observer.config import observer_config, witnesses
 from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
 from slip_vic_controller.parameters.arm_params import TareParams
@@ -63,8 +63,9 @@ FALL_SHARE = 1.0 / 3.0
 EARLY_FALL_M_S, LONGEST_S = 0.01, 1e3
 """The same where joints are estimated: behind drives that are not known exactly a fall is not caught any more. And the
 time for which the compensation may then be at work, as long as nothing falls."""
-FASTEST_SLIP_M_S = 0.08
-"""Slip that compensation behind such drives does not end: where it is as fast, the two swing against each other."""
+FASTEST_SLIP_M_S, FASTEST_SLIP_S = 0.08, 0.01
+"""Slip that compensation behind such drives does not end: where it is as fast, the two swing against each other. And
+for how long: an estimate that begins with a wrong model is as fast for some cycles."""
 HOLD_PERIOD_S = 0.01
 """Longest control period at which HOLD has its configured gains; beyond it is the same loop in slow motion [s]."""
 QUANTISED_REPEATS = 5
@@ -184,13 +185,13 @@ def _copy(config: Any, name: str, buffer: Array, layout: np.dtype[np.void]) -> N
 
 def _fill_giving_up(config: ControllerConfig, params: ControllerParams) -> None:
     given, gains = config.giving_up, params.gains
-    bounded = gains.authority == "bounded" and params.estimates_joints
+    bounded = params.bounded_authority
     given.on, given.witness = int(gains.give_up or bounded), int(config.governor.mode != Governing.OFF)
     given.longest_s, given.error, given.calm_s = gains.give_up_after_s, gains.give_up_error_m, gains.give_up_after_s
-    if not gains.give_up and params.command.interface == "effort":  # a slip that needs longer than that may still end
+    if not gains.give_up:  # a slip that needs longer than that may still end
         given.longest_s, given.error = LONGEST_S, math.inf
     given.fall = EARLY_FALL_M_S if bounded else FALL_SHARE * params.safety.load.drop_speed
-    given.speed = FASTEST_SLIP_M_S if bounded else math.inf
+    given.speed, given.fast_s = FASTEST_SLIP_M_S if bounded else math.inf, FASTEST_SLIP_S
 
 
 def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> None:
@@ -215,6 +216,8 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
     cycle.leaves_gravity = int(params.effort.gravity == "robot_compensates")
     cycle.k_s_adapts, cycle.k_s_margin = int(params.gains.k_s_mode != "fixed"), params.gains.k_s_margin
     cycle.drive_lag_s = params.drive_lag_s
+    foresees = params.foresees_slip and cycle.gate_shut == 0
+    cycle.slip_ahead_s = (1.0 - UNKNOWN_LAG) * params.drive_lag_s if foresees else 0.0
     cycle.kappa_share = 1.0 if params.command.interface == "effort" else DRIVE_SHARE
 
 

@@ -66,6 +66,7 @@ from slip_vic_controller.law.contact import (
 )
 from slip_vic_controller.law.gains import gains_at
 from slip_vic_controller.law.giving_up import judge_compensation, start_giving_up
+from slip_vic_controller.law.impedance import slip_speed
 from slip_vic_controller.law.internal import mean_arm
 from slip_vic_controller.law.law import evaluate, predict_motion, scale_acceleration
 from slip_vic_controller.law.symbols import SYMBOLS, SlipEstimate, no_symbols, symbols
@@ -885,9 +886,12 @@ def sense(
 
 @part
 def _put_twist_now(config: ControllerConfig, state: ArmState, inputs: CycleInputs, twist: Array) -> None:
-    """Write the pad's twist of now (6,) {w}: the law's is that of the commands under way."""
+    """Write the pad's twist of now (6,) {w}: the law's is that of the commands under way.
+
+    So is its Jacobian: what that changes on the way there is taken off.
+    """
     for i in range(6):
-        twist[i] = 0.0
+        twist[i] = -config.cycle.drive_lag_s * inputs.arm.jdot_qd[i]
         for j in range(config.law.joints):
             twist[i] += inputs.arm.J[i, j] * state.estimate.velocity[j]
 
@@ -908,6 +912,8 @@ def command(
     fall = state.observed.fall_speed
     judge_compensation(config.giving_up, law.given_up, outputs.gains.gains, v_s, slipping, error, fall, dt)
     integrate_slips(config.law, outputs.samples, law.slips, dt, outputs.slips)
+    if config.cycle.slip_ahead_s > 0.0:
+        _foresee_slip(config, state, inputs, outputs)
     evaluate(config.law, inputs.arm, sample, law, outputs)
     if config.governor.mode != Governing.OFF and outputs.law.ok != 0:
         factor = guard(config, task, state, inputs.arm, outputs, held(config, state, outputs.gains))
@@ -915,6 +921,30 @@ def command(
             scale_acceleration(config.law, inputs.arm, sample, law, factor, outputs)
     outputs.evaluated = outputs.law.ok
     return Cause.NONE.value if outputs.law.ok != 0 else Cause.NO_TORQUE.value
+
+
+@part
+def _foresee_slip(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
+    """Replace the slip velocity by the one to which the commands under way lead, as the joints are, see `foresee`.
+
+    Until then the pad's twist changes by what is known, and the object's as the wrench accelerates it now. Else the law
+    would answer for as long as drives take to what it has answered already. No larger than now: where the object
+    nearly holds, its acceleration changes with the pad's, and what is predicted is none.
+
+    Implements: ours: v_s + J (qd_commanded - qd) - t (G^T a_o + Phi2), a predictor after O. J. M. Smith, 1957.
+    """
+    contact, sample, now = config.law.contact[0], outputs.samples[0], np.zeros(6)
+    v_s = slip_velocity(contact, sample)
+    if v_s.dot(v_s) == 0.0:
+        return
+    _put_twist_now(config, state, inputs, now)
+    follow = spatial(outputs.motion.follow)
+    change = spatial(inputs.arm.twist) - spatial(now) - config.cycle.slip_ahead_s * follow
+    error = config.cycle.slip_ahead_s * spatial(outputs.follow_error)
+    ahead = v_s + spatial(contact.slip_axes) * (mat(inputs.arm.rotation).T() @ change - error)
+    gains = outputs.gains.gains
+    most, speed = slip_speed(gains, v_s), slip_speed(gains, ahead)
+    put_spatial(sample.slip_twist, (most / speed) * ahead if speed > most else ahead)
 
 
 @part

@@ -72,8 +72,8 @@ class GainParams(ParameterModel):
     )
     authority: Literal["bounded", "printed"] = parameter(
         "bounded",
-        "of the compensation where joints are estimated, that is on an arm with noise: bounded gives it up as soon as "
-        "the object falls, and behind drives with loops of their own as give_up does; printed does not",
+        "of the compensation where joints are estimated, that is on an arm with noise: bounded fades the impedance as "
+        "the slip activation opens, and gives the compensation up as soon as the object falls; printed does neither",
     )
     give_up_after_s: float = parameter(
         0.15, "give_up: longest time for which the slip activation may stay open", unit="s", gt=0.0
@@ -292,6 +292,16 @@ class ControllerParams(ArmParams):
     def estimates_joints(self) -> bool:
         """Whether the joint state is estimated: where it may be noisy, or drives follow commands with a lag."""
         return self.joint_sensor.estimates or self.command.interface != "effort" or self.tare.duration_s > 0.0
+
+    @property
+    def bounded_authority(self) -> bool:
+        """Whether the compensation's authority is bounded, see `gains.authority`."""
+        return self.gains.authority == "bounded" and self.estimates_joints
+
+    @property
+    def foresees_slip(self) -> bool:
+        """Whether the law works with the slip velocity to which the commands under way lead."""
+        return self.command.interface != "effort" and self.slip_estimator == "observer"
 
     @property
     def fastest_rate(self) -> float:

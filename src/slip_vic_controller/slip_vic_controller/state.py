@@ -57,7 +57,8 @@ class CycleConfig(Record):
     k_s_adapts: Whole  # whether k_s follows the measured delays
     k_s_margin: Real
     pad_stiffness: Real  # N/m; for the bound on kappa
-    drive_lag_s: Real  # from a command to the motion that it asks for; for the bound on kappa
+    drive_lag_s: Real  # from a command to the motion that it asks for
+    slip_ahead_s: Real  # s; by which the object's part of the law's slip velocity is predicted, 0 = none of it is
     kappa_share: Real  # of that bound, which the drives leave
     slip_delay_ns: Whole  # by which the stamps of slip samples are too late
     gate_shut: Whole  # whether the law takes the object as held

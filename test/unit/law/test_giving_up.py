@@ -20,7 +20,7 @@ class Judge:
         self.config, self.state = new(GIVING_UP), new(GIVEN_UP)
         config = record(self.config, GIVING_UP)
         config.on, config.witness, config.error, config.fall = int(on), int(witness), 0.02, 0.1
-        config.longest_s, config.calm_s, config.speed = 0.15, 0.15, 0.08
+        config.longest_s, config.calm_s, config.speed, config.fast_s = 0.15, 0.15, 0.08, 0.01
 
     def cycles(self, v_s: np.ndarray, seconds: float, error: float = 0.0, fall: float = 0.0, seen: bool = True) -> bool:
         """Return whether the compensation is given up after so long."""
@@ -70,14 +70,19 @@ def test_an_arm_that_gives_way_far_meanwhile_ends_it_at_once() -> None:
     assert judge.cycles(STICKS, 0.148, error=0.0)
 
 
-def test_a_slip_that_grows_faster_than_it_is_answered_ends_it_at_once() -> None:
-    """Arm and object swing against each other: behind late drives the gate then feeds what it should end."""
+def test_a_slip_that_grows_faster_than_it_is_answered_ends_it() -> None:
+    """Arm and object swing against each other: behind late drives the gate then feeds what it should end.
+
+    Not at once: an estimate that begins with a wrong model is as fast for some cycles.
+    """
     for turning in (False, True):
         fast = np.zeros(6)
         fast[5 if turning else 0] = 0.1 / (0.03 if turning else 1.0)
         judge = Judge()
         assert not judge.cycles(0.7 * fast, 0.02)
-        assert judge.cycles(fast, 0.001)
+        assert not judge.cycles(fast, 0.008)
+        assert not judge.cycles(0.7 * fast, 0.02)
+        assert judge.cycles(fast, 0.012)
         assert judge.cycles(STICKS, 0.148)
         assert not judge.cycles(STICKS, 0.004)
 

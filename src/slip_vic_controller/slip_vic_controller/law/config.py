@@ -24,6 +24,7 @@ class LawConfig(Record):
     nullspace_rate: Real  # 1/s; instead of both, where drives with loops of their own cannot follow them; 0 = it is not
     sigma_min: Real  # smallest singular value of J below which the torque is damped
     most_damping: Real  # kg^-1/2; the largest damping
+    yields: Whole  # 0 or 1: whether a_d and the impedance fade as the slip activation opens
     radius: Real  # m; torsional radius of the pads
     effort_limit: Joints  # N m
     contact: Annotated[Records[Contact], MAX_CONTACTS]
@@ -46,6 +47,7 @@ def make_law_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.nullspace_stiffness, config.nullspace_damping = params.nullspace.stiffness, params.nullspace.damping
     if params.command.interface != "effort":
         config.nullspace_rate = min(params.fastest_rate, NULLSPACE_RATE)
+    config.yields = params.bounded_authority
     config.radius = params.governor.torsional_radius
     config.sigma_min, config.most_damping = params.singularity.sigma_min, params.singularity.damping
     config.effort_limit[: len(effort_limit)] = effort_limit

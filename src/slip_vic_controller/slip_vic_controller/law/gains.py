@@ -19,6 +19,10 @@ from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, n
 from slip_vic_controller.law.bounds import GainReport, check_gains, judge_gains
 from slip_vic_controller.params import ControllerParams, GainParams
 
+UNKNOWN_LAG = 0.3
+"""Share of the configured lag of drives that may not be there, and so stays in the slip loop where slip is predicted:
+the object's motion is predicted over the rest, since a pad that is held back too much only slips the other way."""
+
 
 class Gains(Record):
     """Gains of the law, diagonals as vectors, linear part first.
@@ -125,13 +129,13 @@ def fill_gains(params: GainParams, slip_axes: Array, k_s: float, gains: Gains, *
 def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
     """Return the verdict on the gains of the configured slip loop, with the delays of slip sensor and drives.
 
-    An observer takes those of the sensor out.
+    An observer takes those of the sensor out, and the prediction of the slip those of the drives, as far as known.
 
     Raises:
         InputError: where `refuse`, a k_s that is fixed beyond its bound, or damping for which a proposition has no
             lambda.
     """
-    direct = params.slip_estimator == "measured"
+    direct, unknown = params.slip_estimator == "measured", UNKNOWN_LAG if params.foresees_slip else 1.0
     unsafe = refuse and params.controller != "classical"  # without a slip loop nothing is
     judge = check_gains if unsafe else judge_gains
     return judge(
@@ -141,7 +145,7 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
         gain_margin=params.gains.k_s_margin,
         control_period_s=params.control_period_s,
         sensor_period_s=params.slip_sensor.period_s if direct else 0.0,
-        latency_s=(params.slip_sensor.latency_s if direct else 0.0) + params.drive_lag_s,
+        latency_s=(params.slip_sensor.latency_s if direct else 0.0) + unknown * params.drive_lag_s,
     )
 
 

@@ -34,6 +34,7 @@ class GivingUpConfig(Record):
     error: Real  # m; by which the arm may give way in that time
     fall: Real  # m/s; speed down at which it may
     speed: Real  # m/s; of a slip that it does not end any more
+    fast_s: Real  # s; that it must be as fast
 
 
 GIVING_UP = dtype_of(GivingUpConfig)
@@ -46,6 +47,7 @@ class CompensationState(Record):
     times: Whole  # how often
     open_s: Real  # s; how long the slip activation has been open, less how long it has been shut since
     error: Real  # m; when it opened
+    fast_s: Real  # s; for how long the slip has been faster than it may be
 
 
 GIVEN_UP = dtype_of(CompensationState)
@@ -54,7 +56,7 @@ GIVEN_UP = dtype_of(CompensationState)
 @part
 def start_giving_up(state: CompensationState) -> None:
     """Begin: the compensation is at work."""
-    state.given_up, state.times, state.open_s, state.error = 0, 0, 0.0, 0.0
+    state.given_up, state.times, state.open_s, state.error, state.fast_s = 0, 0, 0.0, 0.0, 0.0
 
 
 @part
@@ -83,13 +85,14 @@ def judge_compensation(
         state.open_s = min(state.open_s + dt, config.longest_s if state.given_up == 0 else config.calm_s)
     else:
         state.open_s = max(state.open_s - dt, 0.0)
+    state.fast_s = state.fast_s + dt if wanted and slip_speed(gains, v_s) > config.speed else 0.0
     if state.open_s == 0.0:
         state.given_up, state.error = 0, error
     elif state.given_up == 0 and (
         state.open_s >= config.longest_s
         or error > state.error + config.error
         or fall > config.fall
-        or (wanted and slip_speed(gains, v_s) > config.speed)
+        or state.fast_s > config.fast_s
     ):
         state.given_up, state.open_s = 1, config.calm_s
         state.times += 1
