@@ -799,7 +799,7 @@ def _watch_following(config: ControllerConfig, state: ArmState, inputs: CycleInp
     put_spatial(h, R @ own_wrench(config, state, R))
     if config.command.interface != Interface.EFFORT:
         commanded[:] = state.motion.velocity
-        _put_twist_now(config, state, inputs, twist)
+        _put_twist_of_joints(config, state, inputs, twist)
     n, q, effort, now_ns = config.law.joints, state.joint.answers.position, state.limiter.effort, inputs.now_ns
     watch_following(
         state.following, config.motion, n, q, twist, inputs.arm, outputs.law, h, effort, commanded, now_ns
@@ -890,8 +890,16 @@ def _put_twist_now(config: ControllerConfig, state: ArmState, inputs: CycleInput
 
     So is its Jacobian: what that changes on the way there is taken off.
     """
+    _put_twist_of_joints(config, state, inputs, twist)
     for i in range(6):
-        twist[i] = -config.cycle.drive_lag_s * inputs.arm.jdot_qd[i]
+        twist[i] -= config.cycle.drive_lag_s * inputs.arm.jdot_qd[i]
+
+
+@part
+def _put_twist_of_joints(config: ControllerConfig, state: ArmState, inputs: CycleInputs, twist: Array) -> None:
+    """Write the twist (6,) {w} that the joints' velocities of now give the pad: zero where none moves."""
+    for i in range(6):
+        twist[i] = 0.0
         for j in range(config.law.joints):
             twist[i] += inputs.arm.J[i, j] * state.estimate.velocity[j]
 

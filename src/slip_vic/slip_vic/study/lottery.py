@@ -234,14 +234,10 @@ def draw_drive(number: int, seed: int, scenario: str) -> tuple[str, ...]:
 
 
 def with_drive(ticket: Ticket, seed: int) -> Ticket:
-    """Return a case with drives and joints as `draw_drive` has them; feasible where friction carries the weight.
-
-    It lasts long enough for a law that takes its time: SLOWER times the path as planned.
-    """
+    """Return a case with drives and joints as `draw_drive` has them; feasible where friction carries the weight."""
     drawn = draw_drive(ticket.number, seed, ticket.scenario)
     path = tuple(one for one in ticket.world if one.startswith("controller.trajectory."))
-    path_s = ticket.load(CLASSICAL).controller.trajectory.duration_s
-    ticket = replace(ticket, world=(*path, *drawn, f"bridge.duration_s={SLOWER * path_s + SETTLES_S}"), trouble="all")
+    ticket = replace(ticket, world=(*path, *drawn), trouble="all")
     of, known = ticket.load(CLASSICAL).bridge, load_scenario(ticket.scenario).bridge
     left = of.friction.falls_to if of.friction.falls_at_s > 0.0 else 1.0
     slips = of.friction.mu_k if of.friction.model == "coulomb" else of.friction.mu_s
@@ -251,6 +247,12 @@ def with_drive(ticket: Ticket, seed: int) -> Ticket:
         "com": 0.0,
     }
     return replace(ticket, wrong=wrong, feasible=carries_weight(load_scenario(ticket.scenario), wrong))
+
+
+def long_enough(ticket: Ticket) -> Ticket:
+    """Return a case that lasts as long as a law that takes its time needs."""
+    path_s = ticket.load(CLASSICAL).controller.trajectory.duration_s
+    return replace(ticket, world=(*ticket.world, f"bridge.duration_s={SLOWER * path_s + SETTLES_S}"))
 
 
 def world_assignments(known: Scenario, wrong: Mapping[str, float]) -> list[str]:
@@ -399,7 +401,7 @@ def entry_of(law: str, ticket: Ticket) -> Entry:
 def _drawn_and_played(shared: _Shared, number: int) -> tuple[Ticket, dict[str, Drawn]]:
     ticket = draw_of(number, shared.seed, shared.scenarios) if shared.scenarios else draw(number, shared.seed)
     if shared.drives and ticket.sensor:  # several arms have no slip sensor of their own to draw
-        ticket = with_drive(ticket, shared.seed)
+        ticket = long_enough(with_drive(ticket, shared.seed))
     ticket = replace(ticket, world=(*ticket.world, *shared.assignments))
     entries = [entry_of(law, ticket) for law in shared.laws]
     return ticket, {entry.name: play(ticket, entry) for entry in entries} if ticket.feasible else {}
