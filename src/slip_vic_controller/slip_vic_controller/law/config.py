@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from slip_core.arrays import Array
@@ -24,7 +25,7 @@ class LawConfig(Record):
     nullspace_rate: Real  # 1/s; instead of both, where drives with loops of their own cannot follow them; 0 = it is not
     sigma_min: Real  # smallest singular value of J below which the torque is damped
     most_damping: Real  # kg^-1/2; the largest damping
-    yields: Whole  # 0 or 1: whether a_d and the impedance fade as the slip activation opens
+    yields: Real  # m; off the reference, from which a_d and the impedance no longer fade with the slip activation
     radius: Real  # m; torsional radius of the pads
     effort_limit: Joints  # N m
     contact: Annotated[Records[Contact], MAX_CONTACTS]
@@ -32,6 +33,8 @@ class LawConfig(Record):
 
 NULLSPACE_RATE = 10.0
 """Rate of the null space with drives that take no efforts [1/s]."""
+YIELDS_M = 0.15
+"""Way off the reference within which the impedance of an arm that takes efforts fades [m]."""
 
 LAW_CONFIG = dtype_of(LawConfig)
 
@@ -47,7 +50,8 @@ def make_law_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.nullspace_stiffness, config.nullspace_damping = params.nullspace.stiffness, params.nullspace.damping
     if params.command.interface != "effort":
         config.nullspace_rate = min(params.fastest_rate, NULLSPACE_RATE)
-    config.yields = params.bounded_authority
+    if params.bounded_authority:
+        config.yields = YIELDS_M if params.command.interface == "effort" else math.inf
     config.radius = params.governor.torsional_radius
     config.sigma_min, config.most_damping = params.singularity.sigma_min, params.singularity.damping
     config.effort_limit[: len(effort_limit)] = effort_limit

@@ -133,8 +133,9 @@ def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) ->
         given: gains, samples, slips, reference, follow_error; and the evaluation.
 
     Ours: with `yields` a_d and the impedance fade on the slip axes as Theta does. What is left of them drives a slip of
-    their size over k_s, which delays bound. With several contacts the pad gives way to its internal wrench, which the
-    torque would cancel.
+    their size over k_s, which delays bound. Far off the reference they do not fade: an estimate that takes noise for
+    slip would let the arm drift. With several contacts the pad gives way to its internal wrench, which the torque would
+    cancel.
 
     Implements: Eq. (23), (28), (29), with a_d of Eq. (23) outside of the gate.
     """
@@ -181,8 +182,9 @@ def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) ->
     comp = slip_axes * (follow - k_s * v_s - R_ee.T() @ Theta)
     gated = limit_spin(gains.gains.spin_limit, out.gate * comp)
     a_C = a_d + Z + Theta + R_ee @ gated
-    if config.yields:
-        a_C = a_C - out.gate * (R_ee @ (slip_axes * (R_ee.T() @ (a_d + Z))))
+    if config.yields > 0.0:
+        fading = out.gate * max(1.0 - out.error_linear / config.yields, 0.0)
+        a_C = a_C - fading * (R_ee @ (slip_axes * (R_ee.T() @ (a_d + Z))))
     h_int = internal_wrench(config, gains, samples, slips, o)
     if gains.gains.kappa != 0.0:
         a_C = a_C + gains.gains.kappa * (R_ee @ h_int) / M_D
