@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterator
-from typing import Any
+from functools import partial
 
 import rclpy
 from rclpy.node import Node
@@ -34,8 +34,8 @@ def ros_node(name: str, namespace: str = "/") -> Iterator[Node]:
     context = rclpy.Context()
     rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        words: Any = {"start_parameter_services": False, "enable_rosout": False}
-        node = make_heard(lambda: Node(name, namespace=namespace, context=context, **words))
+        bare = {"start_parameter_services": False, "enable_rosout": False}
+        node = make_heard(partial(Node, name, namespace=namespace, context=context, **bare))
         try:
             yield node
         finally:

@@ -82,9 +82,8 @@ class SlipSimBridge(LastResort, Node):
         self._executor.add_node(self)
 
     def _on_change(self, wanted: Any) -> None:
-        changed: dict[str, BridgeParams] = by_arm(wanted)
-        self.session.change(tuple(changed.values()))
-        self.params, self._params = wanted, changed
+        self.session.change(tuple(by_arm(wanted).values()))
+        self.params = wanted
 
     def _create_endpoints(self) -> None:
         common = self._common
