@@ -18,9 +18,9 @@ def held_inertia(M: Array, J: Array, r: Array, mass: float, inertia: Array) -> A
 
 
 def load_error(error: Array, model: Array, measured: Array, dt: float, memory_s: float) -> Array:
-    weight = float(np.linalg.norm(model[:3]))
+    most = max(float(np.linalg.norm(model[:3])), 5.0)
     wanted = np.concatenate(
-        (_shortened(measured[:3] - model[:3], weight), _shortened(measured[3:] - model[3:], LOAD_LEVER * weight))
+        (_shortened(measured[:3] - model[:3], most), _shortened(measured[3:] - model[3:], LOAD_LEVER * most))
     )
     share = math.exp(-dt / memory_s)
     return share * error + (1.0 - share) * wanted

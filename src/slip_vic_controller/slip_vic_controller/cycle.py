@@ -1033,6 +1033,7 @@ def _finish(
         law_at_work: whether the effort is the law's; then the pad's speed is limited too.
     """
     n, now_ns, by_effort = config.law.joints, inputs.now_ns, config.command.interface == Interface.EFFORT
+    moves_s = min(_passed_s(config, state, inputs), 1e-9 * config.motion.drive.longest_step_ns)
     if needs_restart(config.motion.drive, state.limiter, now_ns):
         if by_effort:
             start_limiter(config.motion.drive, state.limiter, n, felt, state.law.gravity, now_ns)
@@ -1040,14 +1041,15 @@ def _finish(
             start_limiter(config.motion.drive, state.limiter, n, np.zeros(MAX_JOINTS), state.law.gravity, now_ns)
             if state.motion.started == 0 or inputs.arm.M[0, 0] > 0.0:  # else nothing tells where the drives are by now
                 start_motion(config.command, state.motion, q, qd)
+                moves_s = min(moves_s, 1e-9 * config.motion.drive.period_ns)
     torque, clipped = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64)
     torque[:n] = outputs.wanted[:n]
     if config.estimator.on != 0:
-        _oppose_disturbance(config, state, inputs, torque)
+        _oppose_disturbance(config, state, inputs, not law_at_work, torque)
     avoid_limits(config.motion, n, q, qd, inputs.arm, law_at_work, torque)
     finite = limit_effort(config.motion.drive, state.limiter, n, torque, now_ns, clipped, outputs.limited)
     if not by_effort:
-        _move(config, state, inputs, outputs)
+        _move(config, state, inputs, outputs, moves_s)
     _remember_input(config, state, inputs, by_effort)
     if config.estimator.on != 0:
         publish_joints(state.estimate, outputs.joints)
@@ -1076,7 +1078,9 @@ def _passed_s(config: ControllerConfig, state: ArmState, inputs: CycleInputs) ->
 
 
 @part
-def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: CycleInputs, torque: Array) -> None:
+def _oppose_disturbance(
+    config: ControllerConfig, state: ArmState, inputs: CycleInputs, to_rest: bool, torque: Array
+) -> None:
     """Take what the model of the arm leaves out off the effort; without a good joint state as in the cycle before."""
     if inputs.arm.M[0, 0] > 0.0:
         dt, arm = _passed_s(config, state, inputs), inputs.arm
@@ -1086,21 +1090,25 @@ def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: Cycle
         for j in range(config.law.joints):
             for i in range(6):
                 of_wrench[j] += arm.J[i, j] * h[i]
-        oppose_disturbance(config.estimator, state.estimate, arm.M, of_wrench, dt, torque)
+        oppose_disturbance(config.estimator, state.estimate, arm.M, of_wrench, dt, to_rest, torque)
     else:
         for j in range(config.law.joints):
             torque[j] += state.estimate.taken_off[j]
 
 
 @part
-def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
+def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, dt: float) -> None:
     """Write the velocity or position that the effort makes of the last one; without the law it comes to rest.
 
     A short gap of good joint states is bridged with the velocity before. A pause counts no longer than in the effort
-    limiter: drives that have come to rest at the last command meanwhile would take what it is worth in one period.
+    limiter, and not at all where the command begins anew: drives that have come to rest at the last command meanwhile
+    would take what it is worth in one period.
+
+    Args:
+        config, state, inputs, outputs: of the arm.
+        dt: time that the command moves on [s].
     """
     motion, limited = state.motion, np.zeros(MAX_JOINTS, np.int64)
-    dt = min(_passed_s(config, state, inputs), config.motion.drive.longest_step_ns * 1e-9)
     if follows(state.mode.mode):
         qdd = np.zeros(MAX_JOINTS)
         _acceleration(config, state, inputs, qdd)

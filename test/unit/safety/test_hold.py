@@ -18,6 +18,7 @@ from slip_vic_controller.safety.hold import (
     EXCESS,
     HOLD,
     HOLD_CONFIG,
+    LEAST_LOAD,
     LOAD_LEVER,
     SLOWEST,
     carry_load,
@@ -210,11 +211,12 @@ def test_the_wrench_corrects_the_load_slowly_and_by_no_more_than_the_weight() ->
     for _ in range(100):
         error = flat(call(load_error, error, model, measured, 0.004, 0.1))
     np.testing.assert_allclose(error, (1.0 - math.exp(-4.0)) * (measured - model), atol=1e-12)
-    wild = 1e6 * np.ones(6)
-    for _ in range(1000):
-        error = flat(call(load_error, error, model, wild, 0.004, 0.1))
-    assert np.linalg.norm(error[:3]) == pytest.approx(4.0)
-    assert np.linalg.norm(error[3:]) == pytest.approx(4.0 * LOAD_LEVER)
+    for weight, most in ((12.0, 12.0), (0.6, LEAST_LOAD)):  # a mass told too small: the object is carried all the same
+        model = np.array([0.0, 0.0, -weight, 0.1, 0.0, 0.0])
+        for _ in range(1000):
+            error = flat(call(load_error, error, model, 1e6 * np.ones(6), 0.004, 0.1))
+        assert np.linalg.norm(error[:3]) == pytest.approx(most)
+        assert np.linalg.norm(error[3:]) == pytest.approx(most * LOAD_LEVER)
 
 
 # -- the delay that it bears --------------------------------------------------------------------------

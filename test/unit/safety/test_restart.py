@@ -27,8 +27,8 @@ PAUSE_NS = 400_000_000
 class Loop:
     """Bridge and controller without topics, by virtual steady time."""
 
-    def __init__(self) -> None:
-        scenario, self.law = prepared("paper_planar", True, "vic")
+    def __init__(self, drive: str = "ideal") -> None:
+        scenario, self.law = prepared("paper_planar", True, "vic", drive=drive)
         assert scenario.controller.safety.limits.effort_rate * PERIOD_S == STEP
         self.bridge = begun_bridge(scenario)
         self.controller = OneArm(self.law)
@@ -49,7 +49,7 @@ class Loop:
         assert result is not None
         self.bridge.advance([result.command])
         self.now_ns += round(1e9 * PERIOD_S)
-        return result.command.effort
+        return result.command.numbers
 
     def run(self, ticks: int) -> np.ndarray:
         """Run and return the last effort."""
@@ -91,6 +91,20 @@ def test_after_a_pause_efforts_begin_where_the_joints_are_though_positions_jumpe
     assert loop.fault == Fault.RESTARTED
     limit = loop.law.first.robot.effort_limit
     assert np.abs(effort - np.clip(jumped.effort, -limit, limit)).max() <= STEP + ROUNDING
+
+
+def test_after_a_pause_velocities_begin_at_those_of_the_joints_and_brake_for_one_period() -> None:
+    """Found by the campaign: the first command braked for as long as the longest step of a pause."""
+    loop = Loop("velocity_500")
+    loop.run(150)
+    loop.now_ns += PAUSE_NS
+    joint = loop.observe()
+    moves = dataclasses.replace(joint, velocity=np.full(7, 0.2), stamp_ns=joint.stamp_ns + PAUSE_NS)
+    velocity = loop.cycle(moves)
+    assert loop.controller.mode == Mode.HOLD
+    assert np.abs(velocity - moves.velocity).max() > 0.0
+    most = loop.law.first.params.command.acceleration_limit * PERIOD_S
+    assert np.abs(velocity - moves.velocity).max() <= most + ROUNDING
 
 
 def test_after_a_pause_efforts_of_a_second_source_are_not_believed() -> None:

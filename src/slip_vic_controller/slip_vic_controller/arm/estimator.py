@@ -455,9 +455,12 @@ def publish_joints(state: JointEstimate, out: PublishedJoints) -> None:
 
 @part
 def oppose_disturbance(
-    config: EstimatorConfig, state: JointEstimate, M: Array, of_wrench: Array, dt: float, torque: Array
+    config: EstimatorConfig, state: JointEstimate, M: Array, of_wrench: Array, dt: float, to_rest: bool, torque: Array
 ) -> None:
     """Take the disturbance off the effort, inside its bound and rate, and look for jumps and lasting excess.
+
+    Where the arm is to rest, a joint that its friction holds may stay: what is taken off would grow until it breaks
+    loose, again and again.
 
     A wrench that is measured wrongly looks like a disturbance, since the joints do not feel it. So a disturbance that
     jumps together with the wrench is no collision, and is not taken off.
@@ -468,6 +471,7 @@ def oppose_disturbance(
         M: inertia (n, n) [kg m2].
         of_wrench: J^T h, torque of the measured wrench; (n,) [N m].
         dt: since the cycle before [s].
+        to_rest: whether the arm is held; else it follows a motion.
         torque: changed; (n,) [N m].
 
     Implements: ours: tau -= M d.
@@ -487,13 +491,20 @@ def oppose_disturbance(
         most = config.collision[j] + friction_jump(config, state, j, jump)
         with_wrench = state.wrench_jump[j] > max(WITH_WRENCH * abs(jump), NOTICED * config.collision[j])
         lasting = state.slow_effort[j] if with_wrench else effort
-        state.slow_effort[j] += weight * jump
-        state.slow_wrench[j] += weight * wrench_jump
+        if with_wrench:  # neither low-pass may run to it: a wrench of some hundred newtons gets there in a few cycles
+            most_slow = NOTICED * config.collision[j]
+            state.slow_effort[j] += weight * min(max(jump, -most_slow), most_slow)
+            state.slow_wrench[j] += weight * min(max(wrench_jump, -most_slow), most_slow)
+        else:
+            state.slow_effort[j] += weight * jump
+            state.slow_wrench[j] += weight * wrench_jump
         jumped = abs(jump) > most and not with_wrench and not doubtful
         state.jumped_s[j] = state.jumped_s[j] + dt if jumped else 0.0
         bound, step = config.bound[j], config.rate[j] * dt
         wanted = min(max(-lasting, -bound), bound) if config.compensates != 0 else 0.0
         before = state.taken_off[j]
+        if to_rest and config.friction[j] > 0.0 and abs(state.velocity[j]) < MOVES:
+            wanted = before
         state.taken_off[j] = min(max(before + follow * (wanted - before), before - step), before + step)
         torque[j] += state.taken_off[j]
         state.beyond_s[j] = state.beyond_s[j] + dt if abs(effort) > bound else 0.0

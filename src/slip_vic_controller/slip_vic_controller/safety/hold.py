@@ -16,6 +16,7 @@ from slip_vic_controller.sizes import MAX_JOINTS, Joints
 
 EXCESS = 1.5  # times that the inertia in HOLD may be what is moved
 LOAD_LEVER = 0.1  # [m]: how far off the pad centre the unknown part of a load may pull; no pad is longer
+LEAST_LOAD = 5.0  # [N]: what HOLD carries at least, where the wrench shows it: a mass that is told too small
 SLOWEST = 0.45  # of the loop in slow motion: with the default gains no joint gives way under a load that slides
 
 
@@ -66,9 +67,9 @@ def plausible_arm(configured: Vec, r_pad: Vec) -> Vec:
 def load_error(error: Spatial, model: Spatial, measured: Spatial, dt: float, memory_s: float) -> Spatial:
     """Return what has to be added to the load of the model, from its value before; [N, N m] {ee} each.
 
-    Low-pass of the wrench that the model does not explain. Slow and bounded by the weight itself, so that HOLD depends
-    on the wrench no more than it must: an object that has slid while the arm came to rest pulls at another point than
-    the model says, and the pads would give way and tilt.
+    Low-pass of the wrench that the model does not explain. Slow and bounded by the weight itself, at least LEAST_LOAD,
+    so that HOLD depends on the wrench no more than it must: an object that has slid while the arm came to rest pulls at
+    another point than the model says, and the pads would give way and tilt.
 
     Args:
         error: of the cycle before.
@@ -77,8 +78,8 @@ def load_error(error: Spatial, model: Spatial, measured: Spatial, dt: float, mem
         dt: since the cycle before [s].
         memory_s: time constant [s].
     """
-    weight, beyond = model.linear.norm(), measured - model
-    wanted = Spatial(_shortened(beyond.linear, weight), _shortened(beyond.angular, LOAD_LEVER * weight))
+    most, beyond = max(model.linear.norm(), LEAST_LOAD), measured - model
+    wanted = Spatial(_shortened(beyond.linear, most), _shortened(beyond.angular, LOAD_LEVER * most))
     return error + (1.0 - math.exp(-dt / memory_s)) * (wanted - error)
 
 
