@@ -25,6 +25,7 @@ from slip_vic_controller.safety.hold import (
     delay_margin,
     gains_for_delay,
     hold_effort,
+    keep_posture,
     load_error,
     plausible_arm,
     update_load_error,
@@ -124,6 +125,17 @@ def test_a_joint_that_was_thrown_rests_where_it_becomes_slow_again() -> None:
     thrown = np.abs(velocity) > limit
     np.testing.assert_array_equal(made_up.state.hold.posture[:N], np.where(thrown, away.position, before))
     assert thrown.tolist() == [True, True, False, False, False, False, True]
+
+
+def test_a_joint_that_rests_elsewhere_stays_there_where_disturbances_are_compensated() -> None:
+    """Found by the campaign: compensation broke a wrist loose half a second later, and HOLD turned it back."""
+    hold, sample = record(new(HOLD), HOLD), record(new(JOINT_SAMPLE), JOINT_SAMPLE)
+    sample.position[:N] = [0.009, 0.011, -0.3, 0.3, 0.011, 0.0, -0.011]
+    sample.velocity[:N] = [0.0, 0.0, -0.019, 0.021, 0.1, 0.0, 0.0]
+    for compensated, expected in ((False, np.zeros(N)), (True, [0.0, 0.011, -0.3, 0.0, 0.0, 0.0, -0.011])):
+        hold.posture[:N] = 0.0
+        call(keep_posture, hold, N, sample, np.full(N, 2.0), compensated)
+        np.testing.assert_array_equal(hold.posture[:N], expected)
 
 
 def test_what_the_wrench_has_told_of_the_load_stays_over_a_silence_and_ends_with_the_law() -> None:

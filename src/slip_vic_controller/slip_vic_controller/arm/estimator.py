@@ -459,8 +459,8 @@ def oppose_disturbance(
 ) -> None:
     """Take the disturbance off the effort, inside its bound and rate, and look for jumps and lasting excess.
 
-    Where the arm is to rest, a joint that its friction holds may stay: what is taken off would grow until it breaks
-    loose, again and again.
+    Where the arm is to rest, what lasts is enough: against a joint that friction holds what is taken off would soon
+    grow until it breaks loose, and noise that nobody has told would move the arm.
 
     A wrench that is measured wrongly looks like a disturbance, since the joints do not feel it. So a disturbance that
     jumps together with the wrench is no collision, and is not taken off.
@@ -490,7 +490,7 @@ def oppose_disturbance(
         state.wrench_jump[j] = max(abs(wrench_jump), (1.0 - weight) * state.wrench_jump[j])
         most = config.collision[j] + friction_jump(config, state, j, jump)
         with_wrench = state.wrench_jump[j] > max(WITH_WRENCH * abs(jump), NOTICED * config.collision[j])
-        lasting = state.slow_effort[j] if with_wrench else effort
+        lasting = state.slow_effort[j] if with_wrench or to_rest else effort
         if with_wrench:  # neither low-pass may run to it: a wrench of some hundred newtons gets there in a few cycles
             most_slow = NOTICED * config.collision[j]
             state.slow_effort[j] += weight * min(max(jump, -most_slow), most_slow)
@@ -503,8 +503,6 @@ def oppose_disturbance(
         bound, step = config.bound[j], config.rate[j] * dt
         wanted = min(max(-lasting, -bound), bound) if config.compensates != 0 else 0.0
         before = state.taken_off[j]
-        if to_rest and config.friction[j] > 0.0 and abs(state.velocity[j]) < MOVES:
-            wanted = before
         state.taken_off[j] = min(max(before + follow * (wanted - before), before - step), before + step)
         torque[j] += state.taken_off[j]
         state.beyond_s[j] = state.beyond_s[j] + dt if abs(effort) > bound else 0.0

@@ -17,6 +17,8 @@ from slip_vic_controller.sizes import MAX_JOINTS, Joints
 EXCESS = 1.5  # times that the inertia in HOLD may be what is moved
 LOAD_LEVER = 0.1  # [m]: how far off the pad centre the unknown part of a load may pull; no pad is longer
 LEAST_LOAD = 5.0  # [N]: what HOLD carries at least, where the wrench shows it: a mass that is told too small
+RESTS = 0.02  # [rad/s]: speed of a joint at rest, with the noise of its sensor
+ELSEWHERE = 0.01  # [rad]: off the posture that HOLD keeps; a pad has then moved by some millimetres
 SLOWEST = 0.45  # of the loop in slow motion: with the default gains no joint gives way under a load that slides
 
 
@@ -182,18 +184,24 @@ def hold_effort(
 
 
 @part
-def keep_posture(state: Hold, n: int, sample: JointRecord, velocity_limit: Array) -> None:
+def keep_posture(state: Hold, n: int, sample: JointRecord, velocity_limit: Array, compensated: bool) -> None:
     """Let a joint that was thrown rest where it becomes slow again: the way back would be as fast as it is allowed.
+
+    So may one that has come to rest elsewhere, where disturbances are compensated: friction holds it there until the
+    compensation has grown enough to break it loose. Without compensation it would give way to a load, step by step.
 
     Args:
         state: of HOLD; changed.
         n: number of joints.
         sample: position and velocity of the joints; [rad], [rad/s].
         velocity_limit: (n,) [rad/s].
+        compensated: whether what lasts of a disturbance is taken off the efforts.
     """
     for j in range(n):
-        if abs(sample.velocity[j]) > velocity_limit[j]:
-            state.posture[j] = sample.position[j]
+        speed, rests_at = abs(sample.velocity[j]), sample.position[j]
+        elsewhere = compensated and speed < RESTS and abs(state.posture[j] - rests_at) > ELSEWHERE
+        if speed > velocity_limit[j] or elsewhere:
+            state.posture[j] = rests_at
 
 
 @part
