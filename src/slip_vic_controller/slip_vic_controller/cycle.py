@@ -1046,7 +1046,7 @@ def _finish(
     torque, clipped = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64)
     torque[:n] = outputs.wanted[:n]
     if config.estimator.on != 0:
-        _oppose_disturbance(config, state, inputs, not law_at_work, torque)
+        _oppose_disturbance(config, state, inputs, torque)
     avoid_limits(config.motion, n, q, qd, inputs.arm, law_at_work, torque)
     finite = limit_effort(config.motion.drive, state.limiter, n, torque, now_ns, clipped, outputs.limited)
     if not by_effort:
@@ -1079,9 +1079,7 @@ def _passed_s(config: ControllerConfig, state: ArmState, inputs: CycleInputs) ->
 
 
 @part
-def _oppose_disturbance(
-    config: ControllerConfig, state: ArmState, inputs: CycleInputs, to_rest: bool, torque: Array
-) -> None:
+def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: CycleInputs, torque: Array) -> None:
     """Take what the model of the arm leaves out off the effort; without a good joint state as in the cycle before."""
     if inputs.arm.M[0, 0] > 0.0:
         dt, arm = _passed_s(config, state, inputs), inputs.arm
@@ -1091,7 +1089,7 @@ def _oppose_disturbance(
         for j in range(config.law.joints):
             for i in range(6):
                 of_wrench[j] += arm.J[i, j] * h[i]
-        oppose_disturbance(config.estimator, state.estimate, arm.M, of_wrench, dt, to_rest, torque)
+        oppose_disturbance(config.estimator, state.estimate, arm.M, of_wrench, dt, torque)
     else:
         for j in range(config.law.joints):
             torque[j] += state.estimate.taken_off[j]

@@ -455,12 +455,9 @@ def publish_joints(state: JointEstimate, out: PublishedJoints) -> None:
 
 @part
 def oppose_disturbance(
-    config: EstimatorConfig, state: JointEstimate, M: Array, of_wrench: Array, dt: float, to_rest: bool, torque: Array
+    config: EstimatorConfig, state: JointEstimate, M: Array, of_wrench: Array, dt: float, torque: Array
 ) -> None:
     """Take the disturbance off the effort, inside its bound and rate, and look for jumps and lasting excess.
-
-    Where the arm is to rest, what lasts is enough: against a joint that friction holds what is taken off would soon
-    grow until it breaks loose, and noise that nobody has told would move the arm.
 
     A wrench that is measured wrongly looks like a disturbance, since the joints do not feel it. So a disturbance that
     jumps together with the wrench is no collision, and is not taken off.
@@ -471,7 +468,6 @@ def oppose_disturbance(
         M: inertia (n, n) [kg m2].
         of_wrench: J^T h, torque of the measured wrench; (n,) [N m].
         dt: since the cycle before [s].
-        to_rest: whether the arm is held; else it follows a motion.
         torque: changed; (n,) [N m].
 
     Implements: ours: tau -= M d.
@@ -490,7 +486,7 @@ def oppose_disturbance(
         state.wrench_jump[j] = max(abs(wrench_jump), (1.0 - weight) * state.wrench_jump[j])
         most = config.collision[j] + friction_jump(config, state, j, jump)
         with_wrench = state.wrench_jump[j] > max(WITH_WRENCH * abs(jump), NOTICED * config.collision[j])
-        lasting = state.slow_effort[j] if with_wrench or to_rest else effort
+        lasting = state.slow_effort[j] if with_wrench else effort
         if with_wrench:  # neither low-pass may run to it: a wrench of some hundred newtons gets there in a few cycles
             most_slow = NOTICED * config.collision[j]
             state.slow_effort[j] += weight * min(max(jump, -most_slow), most_slow)
