@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 from rich.markup import escape
 from rich.table import Table
 
-from slip_vic.scenarios.scenario import Estimator, Law, Scenario, load_scenario, read_parameters
+from slip_vic.options import Choice
+from slip_vic.scenarios.scenario import Scenario
 from slip_vic.study.cases import NO_MISMATCH, mismatch_assignments
-from slip_vic.study.path_load import PathLoad, path_load
+from slip_vic.study.path_load import PathLoad
 from slip_vic.study.run_case import run_scenario
 from slip_vic_controller.law.bounds import GainReport
 from slip_vic_controller.law.gains import gain_report
@@ -33,52 +32,23 @@ class Corner(NamedTuple):
         return self.outcome == "ok"
 
 
-@dataclass(frozen=True, slots=True)
-class Question:
-    """What is checked: a scenario with a controller, a sensor, a parameter file of the controller and overrides.
+def gains(scenario: Scenario) -> GainReport:
+    """Return the verdict on the gains, without refusing them."""
+    return gain_report(next(iter(scenario.controllers.values())), refuse=False)
 
-    Raises:
-        InputError: unknown scenario, sensor or parameter; an unreadable file.
+
+def run_corners(choice: Choice, mismatches: Sequence[str], report: Callable[[str], None]) -> Iterator[Corner]:
+    """Run the configured world, then each mismatch, and yield outcomes; `report` gets what runs.
+
+    Where the path is refused already there is nothing more to run.
     """
-
-    scenario: str
-    controller: Law
-    sensor: str = ""
-    estimator: Estimator | None = None
-    file: Path | None = None
-    assignments: Sequence[str] = ()
-
-    def load(self, mismatch: Sequence[str] = ()) -> Scenario:
-        """Return the scenario, with assignments of the simulated world."""
-        return load_scenario(
-            self.scenario,
-            law=self.controller,
-            sensor=self.sensor,
-            estimator=self.estimator,
-            parameters=read_parameters(self.file),
-            assignments=(*self.assignments, *mismatch),
-        )
-
-    def gains(self) -> GainReport:
-        """Return the verdict on the gains, without refusing them."""
-        return gain_report(next(iter(self.load().controllers.values())), refuse=False)
-
-    def path(self) -> PathLoad:
-        """Return what the path takes of the friction."""
-        return path_load(self.load())
-
-    def corners(self, mismatches: Sequence[str], report: Callable[[str], None]) -> Iterator[Corner]:
-        """Run the configured world, then each mismatch, and yield outcomes; `report` gets what runs.
-
-        Where the path is refused already there is nothing more to run.
-        """
-        known = self.load()
-        for name in dict.fromkeys((NO_MISMATCH, *mismatches)):
-            report(name)
-            corner = Corner(name, *run_scenario(self.load(mismatch_assignments(name, known))))
-            yield corner
-            if name == NO_MISMATCH and corner.outcome == "refused":
-                return
+    known = choice.load()
+    for name in dict.fromkeys((NO_MISMATCH, *mismatches)):
+        report(name)
+        corner = Corner(name, *run_scenario(choice.load(*mismatch_assignments(name, known))))
+        yield corner
+        if name == NO_MISMATCH and corner.outcome == "refused":
+            return
 
 
 def gain_table(scenario: Scenario, report: GainReport, sensor: str) -> Table:

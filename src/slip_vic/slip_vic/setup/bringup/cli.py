@@ -26,12 +26,10 @@ def bringup(namespace: str, domain_id: int | None, simulated: bool, out: Path) -
     if domain_id is not None:
         os.environ["ROS_DOMAIN_ID"] = str(domain_id)
     from slip_msgs_py.without_ros import check_ros
-    from slip_vic.scenarios.parameter_files import write_files
+    from slip_vic.scenarios.parameter_files import check_writable, write_files
 
     check_ros()
-    if not out.exists():  # a place that cannot be written ends here, not after the walk
-        write_files(out.parent, {out.name: ""})
-        out.unlink()
+    check_writable(out)  # here, not after the walk
     from slip_bags.ros_node import ros_node
     from slip_vic.setup.bringup.hands import Hands, Person, simulated_hand
     from slip_vic.setup.bringup.ros_system import RosSystem
