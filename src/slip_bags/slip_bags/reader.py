@@ -139,6 +139,11 @@ class Bag:
                 return self.topics[candidate]
         raise InputError(f"topic {name} of bag {self.path}", got="no such topic", expected=nearest(name, self.topics))
 
+    def ending(self, name: str, arm: str = "") -> str | None:
+        """Return the first topic that is called so in any namespace, of an arm below its name; None without one."""
+        own = f"/{arm}/{name}" if arm else f"/{name}"
+        return next((topic for topic in self.topics if topic.endswith(own)), None)
+
     def raw(
         self, topics: Collection[str] | None = None, *, start_ns: int | None = None, end_ns: int | None = None
     ) -> Iterator[RawMessage]:

@@ -115,9 +115,9 @@ def run(
             loaded, bag=record or judged, keep_bag=record is not None, wanted_domain=domain_id, namespace=namespace,
             process=process, one_process=one_process,
         )  # fmt: skip
-        with run_progress(Console(stderr=True)) as progress:
+        with run_progress(Console(stderr=True)) as add_bar:
             result = launcher.run(
-                progress.add_run(f"{loaded.name} {law}", loaded.duration_s),
+                add_bar(f"{loaded.name} {law}", loaded.duration_s),
                 lambda domain: click.echo(f"ROS domain {domain}; slip-vic watch shows the run"),
             )
         for line in result_lines(result, loaded):

@@ -180,7 +180,10 @@ def choosing(*parts: str) -> Decorator:
         def with_choice(**given: Any) -> Any:
             return command(choice=Choice(**{part: given.pop(part) for part in parts}), **given)
 
-        return functools.reduce(lambda inner, part: _OF_CHOICE[part](inner), reversed(parts), with_choice)
+        found: Callable[..., Any] = with_choice
+        for part in reversed(parts):
+            found = _OF_CHOICE[part](found)
+        return found
 
     return add
 

@@ -23,6 +23,7 @@ from slip_core.params import flat_names, flatten
 from slip_core.types import COMMAND_TOPICS
 from slip_vic.page.packing import Packer
 from slip_vic.page.urdf import links_of
+from slip_vic.run.series import AXES, mode_changes
 
 if TYPE_CHECKING:
     from slip_vic.run import run as run_module
@@ -37,7 +38,6 @@ PAD_THICKNESS: Final = 0.003
 """[m]"""
 SMALLEST_SIDE: Final = 0.004
 """[m]; of a box that is drawn for an object of unknown size."""
-_XYZ, _XYZW = ("x", "y", "z"), ("x", "y", "z", "w")
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ def duration_s(paths: Sequence[Path]) -> float:
     for path in paths:
         with Bag(path) as bag:
             for arm in arms_of(bag):
-                stamps = _stamps(bag, arm.names["joint_states"])
+                stamps = bag.series(arm.names["joint_states"]).stamps
                 longest = max(longest, float(stamps[-1] - stamps[0]) * 1e-9)
     return longest
 
@@ -128,12 +128,12 @@ def read_run(path: Path, label: str, times: Array, end: str = "") -> Run:
     """
     with Bag(path) as bag:
         topics = arms_of(bag)
-        start_ns = int(min(_stamps(bag, arm.names["joint_states"])[0] for arm in topics))
+        start_ns = int(min(bag.series(arm.names["joint_states"]).stamps[0] for arm in topics))
         pose_topic = next((name for name, info in bag.topics.items() if _is_object(name) and info.message_count), None)
         parameters = _parameters(bag, "bridge.params.yaml", topics[0].name)
         pose = None
         if pose_topic is not None:
-            pose = _held(bag, pose_topic, start_ns, times, _pose_of("pose.pose"))
+            pose = _held(bag, pose_topic, start_ns, times, "pose.pose.position", "pose.pose.orientation")
         return Run(
             label=label,
             arms=tuple(_read_arm(bag, arm, start_ns, times, end) for arm in topics),
@@ -209,17 +209,17 @@ def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array, end: str) -> A
         values |= slip_values(_on_grid(truth, truth["position"], start_ns, times))
         slip_velocity = _on_grid(truth, truth["velocity"], start_ns, times)
     elif (topic := arm.names.get("slip_velocity")) is not None:
-        slip_velocity = _held(bag, topic, start_ns, times, _six_of("twist.linear", "twist.angular"))
+        slip_velocity = _held(bag, topic, start_ns, times, "twist.linear", "twist.angular")
     values |= speed_values(slip_velocity)
     planned = np.empty((0, 3))
     if (topic := arm.names.get("controller/scalars")) is not None:
         scalars = bag.series(topic)
         symbols = [str(name) for name in scalars["name"][0]]
         values |= law_values(symbols, _on_grid(scalars, scalars["position"], start_ns, times))
-        desired = scalars["position"][:, [symbols.index(f"desired_{axis}") for axis in _XYZ]]
+        desired = scalars["position"][:, [symbols.index(f"desired_{axis}") for axis in "xyz"]]
         planned = desired[np.isfinite(desired).all(axis=1)]
     if (topic := arm.names.get("wrench")) is not None:
-        wrench = _held(bag, topic, start_ns, times, _six_of("wrench.force", "wrench.torque"))
+        wrench = _held(bag, topic, start_ns, times, "wrench.force", "wrench.torque")
         values["load"] = load_ratio(wrench, parameters)
     values |= _internal(bag, arm, start_ns, times)
     efforts = np.full((len(times), len(names)), np.nan)
@@ -238,16 +238,19 @@ def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array, end: str) -> A
         values=values,
         efforts=efforts,
         effort_limits=effort_limits_of(urdf, names),
-        modes=(*_modes(bag, arm, states, start_ns), *([(_last_s(bag, arm, start_ns), end)] if end else [])),
+        modes=(
+            *mode_changes(bag, arm.names.get("controller/mode"), states, start_ns),
+            *([(1e-9 * float(states.stamps[-1] - start_ns), end)] if end else []),
+        ),
     )
 
 
 def _internal(bag: Bag, arm: Topics, start_ns: int, times: Array) -> dict[str, Array]:
     """Return the series of what several arms do to each other: force in the slip plane, moment about the normal."""
-    topic = next((name for name in bag.topics if name.endswith(f"/{arm.name}/internal_wrench")), None)
+    topic = bag.ending("internal_wrench", arm.name)
     if topic is None or not bag.topics[topic].message_count:
         return {}
-    wrench = _held(bag, topic, start_ns, times, _six_of("wrench.force", "wrench.torque"))
+    wrench = _held(bag, topic, start_ns, times, "wrench.force", "wrench.torque")
     return {"internal_n": np.linalg.norm(wrench[:, :2], axis=1), "internal_nm": np.abs(wrench[:, 5])}
 
 
@@ -268,7 +271,7 @@ def law_values(names: Sequence[str], symbols: Array) -> dict[str, Array]:
     """Return the series of the law's symbols; names of the columns, (N, k)."""
 
     def six(name: str) -> Array:
-        return symbols[:, [names.index(f"{name}_{axis}") for axis in ("x", "y", "z", "rx", "ry", "rz")]]
+        return symbols[:, [names.index(f"{name}_{axis}") for axis in AXES]]
 
     error, stiffness = six("e"), six("K")
     mode = {"mode": symbols[:, names.index("mode")]} if "mode" in names else {}
@@ -349,48 +352,15 @@ def effort_limits_of(urdf: str, names: tuple[str, ...]) -> tuple[float, ...]:
     return tuple(float(limit.get("effort", 0.0)) if limit is not None else 0.0 for limit in found)
 
 
-def _modes(bag: Bag, arm: Topics, states: Series, start_ns: int) -> tuple[tuple[float, str], ...]:
-    """Texts of the mode, at the stamp of the joint state received last before each."""
-    topic = arm.names.get("controller/mode")
-    if topic is None or states.stamp_ns is None:
-        return ()
-    found = []
-    for message in bag.messages(topic):
-        place = max(0, int(np.searchsorted(states.log_time_ns, message.log_time_ns, side="right")) - 1)
-        found.append((float(states.stamp_ns[place] - start_ns) * 1e-9, str(message.value.data)))
-    return tuple(found)
-
-
-def _last_s(bag: Bag, arm: Topics, start_ns: int) -> float:
-    return float(_stamps(bag, arm.names["joint_states"])[-1] - start_ns) * 1e-9
-
-
-def _stamps(bag: Bag, topic: str) -> NDArray[np.int64]:
-    stamps = bag.series(topic).stamp_ns
-    if stamps is None:
-        raise InputError(f"topic {topic} of {bag.path}", got="messages without a header", expected="stamped messages")
-    return stamps
-
-
-def _six_of(linear: str, angular: str) -> list[str]:
-    return [f"{part}.{axis}" for part in (linear, angular) for axis in _XYZ]
-
-
-def _pose_of(path: str) -> list[str]:
-    return [f"{path}.position.{axis}" for axis in _XYZ] + [f"{path}.orientation.{axis}" for axis in _XYZW]
-
-
-def _held(bag: Bag, topic: str, start_ns: int, times: Array, fields: Sequence[str]) -> Array:
+def _held(bag: Bag, topic: str, start_ns: int, times: Array, *fields: str) -> Array:
     series = bag.series(topic)
-    return _on_grid(series, np.stack([series[name] for name in fields], axis=1), start_ns, times)
+    return _on_grid(series, series.columns(*fields), start_ns, times)
 
 
 def _on_grid(series: Series, values: NDArray[Any], start_ns: int, times: Array) -> Array:
     """Return the newest row at each time; NaN before the first and from one grid step after the last on."""
-    if series.stamp_ns is None:
-        raise InputError("a topic of the bag", got="messages without a header", expected="stamped messages")
     rows = np.asarray(values, dtype=np.float64)
-    own = (series.stamp_ns - start_ns) * 1e-9
+    own = (series.stamps - start_ns) * 1e-9
     places = np.searchsorted(own, times + 1e-9, side="right") - 1
     found = rows[np.clip(places, 0, None)].copy()
     longest = max(float(np.diff(own).max(initial=0.0)), float(times[1] - times[0]) if len(times) > 1 else 0.0)

@@ -87,8 +87,8 @@ def _over_dds(
     """Run as processes, record a bag of each into `folder`, and write the page of them."""
     runs: dict[str, Numbers] = {}
     series: dict[str, RunSeries] = {}
-    with run_progress(console) as progress:
-        bars = {law: progress.add_run(f"{made.name} {law}", made.duration_s) for law, made in loaded.items()}
+    with run_progress(console) as add_bar:
+        bars = {law: add_bar(f"{made.name} {law}", made.duration_s) for law, made in loaded.items()}
         for law, scenario in loaded.items():
             result = Launcher(scenario, bag=folder / law, wanted_domain=domain).run(bars[law])
             read = [read_series(folder / law, arm) for arm in scenario.controllers]
