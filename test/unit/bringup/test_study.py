@@ -22,9 +22,9 @@ from slip_vic.scenarios import scenario_text
 from slip_vic.study.cases import MISMATCHES, Asked, Case, all_cases
 from slip_vic.study.contents import MixedVersions, check_versions, gather
 from slip_vic.study.progress import progress
-from slip_vic.study.run_case import METRICS, CaseResult, run_case
+from slip_vic.study.run_case import run_case
 from slip_vic.study.summary import spread, write_picture
-from slip_vic.study.table import COLUMNS, Settings, StudyTable, merge
+from slip_vic.study.table import METRICS, STUDY, CaseResult, Settings, StudyTable, merge
 
 ISSUE_COLUMNS = (
     "scenario,law,sensor,estimator,mismatch,seed,outcome,slip_linear_m,slip_angular_rad,slip_speed_peak_m_s,"
@@ -42,7 +42,7 @@ def result(of: Case, value: float = 1.0) -> CaseResult:
 
 
 def test_columns_are_the_promised_ones() -> None:
-    assert ",".join(COLUMNS).startswith(ISSUE_COLUMNS)
+    assert ",".join(STUDY.columns).startswith(ISSUE_COLUMNS)
 
 
 def test_every_combination_once() -> None:
@@ -235,7 +235,7 @@ def test_spread_is_median_interval_and_worst() -> None:
 
 
 def test_picture_of_a_study_with_missing_numbers(tmp_path: Path) -> None:
-    row = dict(zip(COLUMNS, [*case().key, "crashed", *["nan"] * len(METRICS), "died"], strict=True))
+    row = dict(zip(STUDY.columns, [*case().key, "crashed", *["nan"] * len(METRICS), "died"], strict=True))
     write_picture(tmp_path / "study.png", [row])
     assert (tmp_path / "study.png").exists()
 

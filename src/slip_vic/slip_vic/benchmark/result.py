@@ -12,7 +12,6 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
@@ -20,24 +19,22 @@ from slip_vic.benchmark.law import find_law
 from slip_vic.benchmark.suite import (
     COUNTS,
     DIGEST,
-    KEY,
+    LAYOUT,
     METRICS,
     SUITE,
     TIMED,
     Grip,
     World,
-    WorldResult,
     run_world,
     suite,
 )
 from slip_vic.run.prepare import prepare
 from slip_vic.run.versions import versions
 from slip_vic.study.contents import check_versions
-from slip_vic.study.engines import Died, EngineName, open_engine
-from slip_vic.study.progress import progress
-from slip_vic.study.table import Layout, Row, Settings, StudyTable, read_rows
+from slip_vic.study.engines import EngineName
+from slip_vic.study.runner import fill
+from slip_vic.study.table import CaseResult, Row, Settings, StudyTable, read_rows
 
-LAYOUT = Layout(KEY, METRICS)
 SAMPLE = 10
 """Worlds that `verify` runs again."""
 
@@ -49,7 +46,7 @@ class Shared(NamedTuple):
     versions: Mapping[str, str]
 
 
-def run_on_worker(shared: Shared, world: World) -> WorldResult:
+def run_on_worker(shared: Shared, world: World) -> CaseResult[World]:
     """Run a world in this process.
 
     Raises:
@@ -105,21 +102,7 @@ def run_law(
     prepare()
     settings = Settings((f"law={law.name}",), {"suite": DIGEST, "law": law.source}, versions(), ())
     with StudyTable(out, settings, LAYOUT) as table:
-        done = table.done()
-        left = [world for world in wanted if world.key not in done]
-        now = there = len(wanted) - len(left)
-        with progress(law.label, len(wanted), there, Console(stderr=True)) as report:
-            if left:
-                with open_engine(engine, jobs) as workers:
-                    for world, result in workers.run(run_on_worker, Shared(law.name, versions()), left):
-                        if isinstance(result, Died):
-                            nothing = dict.fromkeys(METRICS, math.nan)
-                            table.append(WorldResult(world, "crashed", result.reason, nothing))
-                        else:
-                            table.append(result)
-                        now += 1
-                        report(now, "")
-        table.sort()
+        there, _ = fill(table, law.label, wanted, run_on_worker, Shared(law.name, versions()), engine, jobs)
         rows = table.rows()
         bad = sum(row["outcome"] != "ok" for row in rows)
     _write(out, law.label, law.oracle, law.several, rows)

@@ -21,6 +21,7 @@ from slip_vic.run.versions import digest
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import Estimator, Law, Scenario
 from slip_vic.study.lottery import Entry, Ticket, draw, draw_arms, with_drive
+from slip_vic.study.table import CaseResult, Layout
 
 SUITE: Final = "carry-2026.1"
 SEED: Final = 20261
@@ -49,6 +50,7 @@ METRICS: Final = (
 """slip_path_*: length of the way that the pad slides and turns on the object; final_error_*: at the end; squeeze_*:
 as commanded, of the arm with most; step_p99_s: time of a step of the law, which differs from run to run. Of several
 arms the worst."""
+LAYOUT: Final = Layout(KEY, METRICS)
 TIMED: Final = ("step_p99_s",)
 """Metrics that are not the same in each run."""
 LOST: Final = ("lost", "fault", "failed", "crashed")
@@ -155,22 +157,12 @@ def suite(
     return [world for n in arms for world in worlds(own, n, min(count, COUNTS[n]), seed)]
 
 
-@dataclass(frozen=True, slots=True)
-class WorldResult:
-    """A row: outcome of `slip_vic.run.judge.Outcome`, refused, failed or stays; why; numbers by the names of `METRICS`.
+def run_world(law: str, world: World) -> CaseResult[World]:
+    """Run a world under a law; whatever goes wrong becomes a row.
 
-    stays: the pad is at the start all the time, which of a closed path is its goal too.
+    Outcomes are those of `slip_vic.run.judge.Outcome`, refused, failed, and stays: the pad is at the start all the
+    time, which of a closed path is its goal too.
     """
-
-    case: World
-    outcome: str
-    reason: str
-    metrics: dict[str, float]
-
-
-def run_world(law: str, world: World) -> WorldResult:
-    """Run a world under a law; whatever goes wrong becomes a row."""
-    nothing = dict.fromkeys(METRICS, math.nan)
     try:
         kind = find_law(law).kind
         scenario = world.load(getattr(kind, "configured", "classical"))
@@ -178,12 +170,12 @@ def run_world(law: str, world: World) -> WorldResult:
         track = Track(driven.scenario, whole=False)
         verdict = judge(driven.ticks(), track)
     except SlipVicError as error:
-        return WorldResult(world, "refused", str(error), nothing)
+        return LAYOUT.failed(world, "refused", str(error))
     except Exception as error:  # a class of someone else's
-        return WorldResult(world, "failed", f"{type(error).__name__}: {error}", nothing)
+        return LAYOUT.failed(world, "failed", f"{type(error).__name__}: {error}")
     outcome, reason = ("failed", driven.failure) if driven.failure else (verdict.outcome, verdict.reason)
     if not track.ticks:
-        return WorldResult(world, outcome, reason, nothing)
+        return LAYOUT.failed(world, outcome, reason)
     arrival = math.nan if outcome in LOST else verdict.worst("arrival_s")
     if arrival == 0.0:  # of a closed path, whose goal is where it starts
         outcome, reason, arrival = "stays", "the pad does not leave the start", math.nan
@@ -199,7 +191,7 @@ def run_world(law: str, world: World) -> WorldResult:
         "effort_rate_rms_n_m_s": max(effort_rate(series) for series in track.series()),
         "step_p99_s": float(np.quantile(driven.step_s, 0.99)),
     }
-    return WorldResult(world, outcome, reason, numbers)
+    return CaseResult(world, outcome, reason, numbers)
 
 
 def slip_path(time: Array, velocity: Array) -> tuple[float, float]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,49 +14,17 @@ from slip_vic.run.judge import Outcome, Verdict, judge
 from slip_vic.run.track import Track
 from slip_vic.scenarios.scenario import NO_TEXTS, Scenario, Texts
 from slip_vic.study.cases import Case
-
-METRICS = (
-    "slip_linear_m",
-    "slip_angular_rad",
-    "slip_speed_peak_m_s",
-    "tracking_rms_m",
-    "final_error_m",
-    "final_error_rad",
-    "attitude_excursion_rad",
-    "effort_rate_rms_n_m_s",
-    "arrival_s",
-    "slip_linear_peak_m",
-)
-"""At the end: slip_*, final_error_*; arrival_s: since when the pad stays within 1 mm and 0.5 degrees of the end of its
-path; effort_rate_rms_n_m_s: of the norm of the change of all efforts from tick to tick."""
+from slip_vic.study.table import METRICS, STUDY, CaseResult
 
 
-@dataclass(frozen=True, slots=True)
-class CaseResult:
-    """Outcome of a run, see `slip_vic.run.judge.Outcome`, and why.
-
-    metrics: by the names of `METRICS`, NaN where there is nothing to measure.
-    """
-
-    case: Case
-    outcome: Outcome
-    reason: str
-    metrics: dict[str, float]
-
-
-def run_case(case: Case, assignments: Sequence[str], texts: Texts = NO_TEXTS) -> CaseResult:
+def run_case(case: Case, assignments: Sequence[str], texts: Texts = NO_TEXTS) -> CaseResult[Case]:
     """Run one case; whatever goes wrong becomes a result. Files whose contents stand in `texts` are not opened."""
     try:
         return CaseResult(case, *run_scenario(case.load(assignments, texts)))
     except SlipVicError as error:
-        return failed(case, "refused", str(error))
+        return STUDY.failed(case, "refused", str(error))
     except Exception as error:  # a study must survive whatever a case does
-        return failed(case, "crashed", f"{type(error).__name__}: {error}")
-
-
-def failed(case: Case, outcome: Outcome, reason: str) -> CaseResult:
-    """Return the result of a case that has no numbers."""
-    return CaseResult(case, outcome, reason, dict.fromkeys(METRICS, math.nan))
+        return STUDY.failed(case, "crashed", f"{type(error).__name__}: {error}")
 
 
 def run_scenario(scenario: Scenario) -> tuple[Outcome, str, dict[str, float]]:
