@@ -64,7 +64,7 @@ class Error:
 
 
 class Loop:
-    """A closed loop with an error in it; the methods are those of `System`."""
+    """A closed loop with an error in it; the methods are those of `RosSystem`."""
 
     def __init__(
         self,

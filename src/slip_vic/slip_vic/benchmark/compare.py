@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import html
 import io
 import json
 import math
@@ -28,8 +27,8 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_vic.benchmark.result import Result, read_result
 from slip_vic.benchmark.suite import DIGEST, LOST, METRICS, SHORT_M, SUITE
+from slip_vic.page.document import document, table
 from slip_vic.study.table import Row
-from slip_vic.study.tune.page import STYLE, table
 
 SHOWN: Final = (
     ("slip_path_m", 1e3, "slip [mm]"),
@@ -233,16 +232,14 @@ def _draw_outcomes(axis: Any, k: int, rows: Sequence[Row]) -> None:
 
 def page(lines: Sequence[Sequence[str]], picture: bytes) -> str:
     """Return the page as HTML."""
-    image = base64.b64encode(picture).decode()
-    return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{SUITE}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{STYLE} img {{ max-width: 100%; }}</style></head>'
-        f"<body><h1>{html.escape(SUITE)}</h1>"
+    return document(
+        SUITE,
         "<p>Medians over the worlds that all laws have; where the object is lost or left short it counts as infinite, "
         "and where it is late its arrival does. lost: the object, or the law failed. short: more than 20 mm from the "
         "goal at the end. late: nearer, but not to 1 mm and 0.5 degrees. "
         "peak and mean: of the squeeze. Laws with capped grip and with free grip are not ranked together: slip can be "
-        "bought by squeeze, and by time.</p>"
-        f'<p><img alt="slip against squeeze and arrival" src="data:image/png;base64,{image}"></p>'
-        f"{table(HEAD, lines)}</body></html>\n"
+        "bought by squeeze, and by time.</p>",
+        '<p><img alt="slip against squeeze and arrival" src="data:image/png;base64,'
+        f'{base64.b64encode(picture).decode()}"></p>',
+        table(HEAD, lines),
     )

@@ -41,7 +41,7 @@ SCALARS: Final = ("friction_limit", "load_commanded", "friction_events", "slippi
 
 
 class RosSystem:
-    """A controller that runs, and what it listens to; the methods are those of `System`.
+    """A controller that runs, with its drivers.
 
     Args:
         node: in no executor.
