@@ -55,7 +55,7 @@ class HereEngine:
 
 @pytest.fixture
 def here(two_worlds: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(result, "open_engine", lambda *_: HereEngine())
+    monkeypatch.setattr("slip_vic.study.runner.open_engine", lambda *_: HereEngine())
 
 
 def test_the_first_worlds_are_frozen() -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 import yaml
 from pydantic import Field
@@ -133,10 +132,6 @@ class Scenario:
     bridges: Mapping[str, BridgeParams]
     urdfs: Mapping[str, str]
     placed: Mapping[str, str]
-    modules: ClassVar[dict[str, str]] = {
-        "controller": "slip_vic_controller.main", "bridge": "slip_sim_bridge.main", "both": "slip_vic.run.both_nodes"
-    }  # fmt: skip
-    """What runs as a process."""
 
     @property
     def several(self) -> bool:
@@ -229,15 +224,6 @@ class Scenario:
         """URDFs as the controllers have them, by the name of the file in a bag."""
         return {f"{name or 'arm'}.urdf": urdf for name, urdf in self.placed.items()}
 
-    def run_parameters(self, peers: tuple[str, ...]) -> tuple[ParameterModel, ParameterModel]:
-        """Return the parameters of both nodes for a run with these peers."""
-        ready = dataclasses.replace(
-            self,
-            controllers=_updated(self.controllers, {"expected_subscribers": len(peers)}),
-            bridges=_updated(self.bridges, {"wait_for": peers}),
-        )
-        return ready.controller, ready.bridge
-
     def check(self) -> None:
         """Make controller and simulation once, so that what does not fit is said before any process starts.
 
@@ -277,13 +263,6 @@ class Scenario:
         for name, known in self.controllers.items():
             robot = Robot(self.placed[name], known.ee_frame, known.joint_names, known.gravity)
             check_start(robot, known, self.bridges[name])
-
-
-Params = TypeVar("Params", bound=ParameterModel)
-
-
-def _updated(arms: Mapping[str, Params], update: Mapping[str, Any]) -> dict[str, Params]:
-    return {name: params.model_copy(update=dict(update)) for name, params in arms.items()}
 
 
 @dataclass(frozen=True, slots=True)
