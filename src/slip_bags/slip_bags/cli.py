@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 
@@ -60,7 +60,9 @@ def info(bag_path: Path, as_json: bool, no_scan: bool, attachment: str | None) -
 @click.option(
     "-f", "--format", "file_format", type=click.Choice(["csv", "parquet", "mcap"]), default="csv", show_default=True
 )
-def export(bag_path: Path, output: Path, topics: tuple[str, ...], file_format: Any) -> None:
+def export(
+    bag_path: Path, output: Path, topics: tuple[str, ...], file_format: Literal["csv", "parquet", "mcap"]
+) -> None:
     """Export topics as tables: CSV or Parquet, one row per message, one column per number; mcap: a bag with /tf."""
     from slip_bags.export import export as write_tables
     from slip_bags.export import export_bag

@@ -129,7 +129,7 @@ def _constant_names(series: Series) -> list[str] | None:
     return labels if len(set(labels)) == len(labels) else None
 
 
-def _plain(values: NDArray[Any]) -> Any:
+def _plain(values: NDArray[Any]) -> NDArray[Any] | list[str | None]:
     """Keep numbers and texts; turn arrays of varying length into JSON text."""
     if values.dtype != object or all(isinstance(value, str) for value in values):
         return values

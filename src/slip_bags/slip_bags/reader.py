@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import functools
 import heapq
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path, PurePath
@@ -210,7 +210,7 @@ class Bag:
         """
         return self._mcap_schema(self.topic(topic)).data.decode("utf-8", "replace")
 
-    def _decoder(self, info: TopicInfo) -> Any:
+    def _decoder(self, info: TopicInfo) -> Callable[[bytes], Any]:
         schema = self._mcap_schema(info)
         try:
             return DecoderFactory().decoder_for(info.encoding, schema)

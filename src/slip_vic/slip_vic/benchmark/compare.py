@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import matplotlib as mpl
 
@@ -18,6 +18,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt  # the backend must be chosen first: no display is needed
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 from rich.console import Console
 from rich.table import Table
@@ -222,7 +223,7 @@ def png(laws: Sequence[Result]) -> bytes:
     return buffer.getvalue()
 
 
-def _draw_outcomes(axis: Any, k: int, rows: Sequence[Row]) -> None:
+def _draw_outcomes(axis: Axes, k: int, rows: Sequence[Row]) -> None:
     """Draw how many rows have each of `OUTCOMES`, as one bar."""
     left = 0
     for count, colour in zip(outcomes(rows), OUTCOMES.values(), strict=True):

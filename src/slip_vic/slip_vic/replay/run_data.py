@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import yaml
@@ -30,6 +30,9 @@ from slip_msgs_py.messages.from_msgs import (
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.snapshot import cycle_of
+
+if TYPE_CHECKING:
+    from rcl_interfaces.msg import ParameterValue
 
 LEDGER: Final = "controller/ledger"
 STATE: Final = "controller/state"
@@ -217,7 +220,7 @@ def _changes(source: _Source, params: ControllerNodeParams, ledger: Series) -> t
     return tuple(changes)
 
 
-def _parameter_value(value: Any) -> Any:
+def _parameter_value(value: ParameterValue) -> object:
     """Return what a rcl_interfaces/ParameterValue holds, by its type number."""
     name = _VALUE_FIELDS[value.type]
     found = getattr(value, f"{name}_value")

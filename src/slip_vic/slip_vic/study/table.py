@@ -14,7 +14,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import IO, Any, Generic, Protocol, Self, TypeVar
 
 from slip_core.errors import InputError
 from slip_vic.study.cases import Asked
@@ -304,6 +304,6 @@ def _write_whole(path: Path, text: str) -> None:
     partial.replace(path)
 
 
-def _to_disk(file: Any) -> None:
+def _to_disk(file: IO[str]) -> None:
     file.flush()
     os.fsync(file.fileno())

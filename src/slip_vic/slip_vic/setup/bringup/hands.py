@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 import click
@@ -123,7 +123,7 @@ class Simulated:
         self._system.tune_bridge({"grip.force": FIRM_N if firmly else self._grip})
         self._system.listen(SETTLED_S)
 
-    def _pushing(self, force: Array) -> Any:
+    def _pushing(self, force: Array) -> AbstractContextManager[None]:
         still: list[float] = [0.0] * 6
         return self._leaning({"push.wrench": [*force.tolist(), 0.0, 0.0, 0.0]}, {"push.wrench": still})
 

@@ -154,7 +154,7 @@ def _propose(study: optuna.Study, search: Search, number: int) -> None:
     study.ask({one.name: _distribution(one) for one in search.space})
 
 
-def _distribution(one: Range) -> Any:
+def _distribution(one: Range) -> optuna.distributions.FloatDistribution:
     return optuna.distributions.FloatDistribution(one.low, one.high, log=one.log)
 
 
