@@ -28,7 +28,7 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_vic.benchmark.result import Result, read_result
 from slip_vic.benchmark.suite import DIGEST, LOST, METRICS, SHORT_M, SUITE
-from slip_vic.page.document import document, table
+from slip_vic.document import document, table
 from slip_vic.study.table import Row
 
 SHOWN: Final = (

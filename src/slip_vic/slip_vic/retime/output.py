@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from slip_bags.typedefs import find_definition
 from slip_core.arrays import Array
-from slip_vic.page.document import document, drawn, table
+from slip_vic.document import document, drawn, table
 from slip_vic.retime.certificate import Certificate, Motion
 from slip_vic.retime.path import TRAJECTORY
 from slip_vic_controller.joint_path import POSE_COLUMNS

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 
-from slip_vic.page.document import document, drawn, table
+from slip_vic.document import document, drawn, table
 from slip_vic.study.table import Row
 from slip_vic.study.tune.search import Search, Trial
 from slip_vic.study.tune.space import slip_of
