@@ -29,16 +29,7 @@ from slip_sim_bridge.params import BridgeParams
 from slip_vic.page.audience import Audience
 from slip_vic.page.packing import Packer
 from slip_vic.page.plots import describe_plots, plot_series
-from slip_vic.page.runs import (
-    Arm,
-    Run,
-    describe,
-    effort_limits_of,
-    law_values,
-    load_ratio,
-    slip_values,
-    speed_values,
-)
+from slip_vic.page.runs import Arm, Run, arm_of, describe
 from slip_vic.page.urdf import box_of
 from slip_vic.run.series import AXES
 
@@ -202,42 +193,31 @@ def arm_now(watched: WatchedArm) -> Arm:
     """Return what the page shows of an arm, for one instant."""
     newest = {name: topic.newest for name, topic in watched.topics.items()}
     states, truth, scalars = newest["joint_states"], newest["slip_truth"], newest["controller/scalars"]
-    urdf, mode = watched.text("robot_description") or "", watched.text(MODE)
-    names = tuple(states.name)
-    none = np.full((1, 6), np.nan)
-    slip = none if truth is None else np.array([truth.velocity])
-    values = slip_values(none if truth is None else np.array([truth.position])) | speed_values(slip)
-    efforts = np.full((1, len(names)), np.nan)
-    symbols: dict[str, float] = {}
-    if scalars is not None:
-        values |= law_values(scalars.name, np.array([scalars.position]))
-        symbols = dict(zip(scalars.name, scalars.position, strict=True))
-        found = [symbols.get(f"effort_{joint + 1}", np.nan) for joint in range(len(names))]
-        efforts = np.array([found])
-    values["load"] = _load(symbols, watched.parameters)
-    return Arm(
-        name=watched.name,
-        urdf=urdf,
-        tip=str(watched.parameters.get("ee_frame", "ee")),
-        joint_names=names,
+    mode, names, none = watched.text(MODE), tuple(states.name), np.full((1, 6), np.nan)
+    symbols: dict[str, float] = {} if scalars is None else dict(zip(scalars.name, scalars.position, strict=True))
+    return arm_of(
+        watched.name,
+        watched.text("robot_description") or "",
+        names,
+        watched.parameters,
         joints=np.array([states.position]),
-        slip_velocity=slip,
-        planned=np.empty((0, 3)),
-        values=values,
-        efforts=efforts,
-        effort_limits=effort_limits_of(urdf, names),
+        velocity=none if truth is None else np.array([truth.velocity]),
+        efforts=np.array([[symbols.get(f"effort_{joint + 1}", np.nan) for joint in range(len(names))]]),
+        displacement=none if truth is None else np.array([truth.position]),
+        law=None if scalars is None else (scalars.name, np.array([scalars.position])),
+        wrench=_wrench(symbols),
         modes=() if mode is None else ((0.0, mode),),
     )
 
 
-def _load(symbols: Mapping[str, float], parameters: Mapping[str, Any]) -> Array:
-    """Return the load ratio (1,) from the wrench on the object, which the law has on world axes."""
+def _wrench(symbols: Mapping[str, float]) -> Array:
+    """Return the wrench on the pad's axes, of that on the object, which the law has on world axes; (1, 6)."""
     wrench = np.array([symbols.get(f"h_ee_{axis}", np.nan) for axis in AXES])
     turn = np.array([symbols.get(f"position_{axis}", np.nan) for axis in AXES[3:]])
     if not np.isfinite(turn).all():
-        return np.full(1, np.nan)
+        return np.full((1, 6), np.nan)
     inverse = Rotation.from_rotvec(turn).inv()
-    return load_ratio(np.hstack([inverse.apply(wrench[:3]), inverse.apply(wrench[3:])])[None], parameters)
+    return np.hstack([inverse.apply(wrench[:3]), inverse.apply(wrench[3:])])[None]
 
 
 def description(run: Run) -> tuple[object, ...]:
