@@ -23,9 +23,7 @@ from slip_vic.options import ALLOW_FAULT, DOMAIN_ID, IN_PROCESS, SCENARIOS, Choi
 from slip_vic.page.cli import report, watch
 from slip_vic.replay.cli import references, verify
 from slip_vic.retime.cli import retime
-from slip_vic.setup.arm.cli import arm
-from slip_vic.setup.bringup.cli import bringup
-from slip_vic.setup.cli import identify
+from slip_vic.setup.cli import arm, bringup, identify
 from slip_vic.study.cli import check, merge, study, tune
 
 if TYPE_CHECKING:
@@ -162,7 +160,7 @@ def summary_lines(verdict: Verdict, modes: Mapping[str, Sequence[tuple[float, st
     """Yield what is said of a run at its end: a line for each arm, and one for each change of its mode."""
     for name, numbers in verdict.arms.items():
         arrival = numbers["arrival_s"]
-        error, arm = 1e3 * math.hypot(*numbers["final_error"][:3]), f"{name}: " if name else ""
+        error, arm = 1e3 * numbers["final_error_m"], f"{name}: " if name else ""
         yield (
             f"{arm}slip {1e3 * numbers['slip_linear_m']:.2f} mm, {math.degrees(numbers['slip_angular_rad']):.2f} deg; "
             + ("at the end the law was not at work; " if math.isnan(error) else f"final error {error:.3f} mm; ")

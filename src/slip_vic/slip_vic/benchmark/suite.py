@@ -15,7 +15,6 @@ from slip_core.errors import SlipVicError
 from slip_vic.benchmark.driven import Driven
 from slip_vic.benchmark.law import FoundLaw, find_law
 from slip_vic.run.judge import judge
-from slip_vic.run.metrics import effort_rate
 from slip_vic.run.track import Track
 from slip_vic.run.versions import digest
 from slip_vic.scenarios import scenario_names
@@ -184,11 +183,11 @@ def run_world(law: str, world: World) -> CaseResult[World]:
         "slip_path_m": max(path[0] for path in paths),
         "slip_path_rad": max(path[1] for path in paths),
         "arrival_s": arrival,
-        "final_error_m": max(float(np.linalg.norm(arm["final_error"][:3])) for arm in verdict.arms.values()),
-        "final_error_rad": max(float(np.linalg.norm(arm["final_error"][3:])) for arm in verdict.arms.values()),
+        "final_error_m": verdict.worst("final_error_m"),
+        "final_error_rad": verdict.worst("final_error_rad"),
         "squeeze_peak_n": float(max(driven.grips)),
         "squeeze_mean_n": float(np.mean(driven.grips)),
-        "effort_rate_rms_n_m_s": max(effort_rate(series) for series in track.series()),
+        "effort_rate_rms_n_m_s": verdict.worst("effort_rate_rms_n_m_s"),
         "step_p99_s": float(np.quantile(driven.step_s, 0.99)),
     }
     return CaseResult(world, outcome, reason, numbers)

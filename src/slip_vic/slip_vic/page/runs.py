@@ -369,7 +369,7 @@ def effort_limits_of(urdf: str, names: tuple[str, ...]) -> tuple[float, ...]:
 
 
 def newest_on_grid(values: NDArray[Any], own_s: NDArray[Any], times: Array) -> Array:
-    """Return the newest row at each time, by their own times; NaN before the first and from a step after the last on."""
+    """Return the newest row at each time, by their own; NaN before the first, and from a step after the last on."""
     places = np.searchsorted(own_s, times + 1e-9, side="right") - 1
     found = np.array(values[np.maximum(places, 0)], dtype=np.float64)
     longest = max(float(np.diff(own_s).max(initial=0.0)), float(times[1] - times[0]) if len(times) > 1 else 0.0)
