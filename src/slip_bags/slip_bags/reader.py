@@ -24,7 +24,7 @@ from mcap.records import Message
 from mcap.records import Schema as McapSchema
 from mcap_ros2.decoder import DecoderFactory
 
-from slip_bags.format import BagMetadata, FileInfo, TopicInfo, parse_metadata, parse_qos
+from slip_bags.format import BagMetadata, TopicInfo, parse_metadata, parse_qos
 from slip_bags.series import Series
 from slip_bags.storage.mcap_file import McapFile
 from slip_core.errors import InputError, nearest
@@ -299,9 +299,6 @@ def _folder_metadata(folder: Path) -> BagMetadata:
         if PurePath(file.path).is_absolute() or ".." in PurePath(file.path).parts:
             raise InputError(str(path), got=file.path, expected="files of the bag's own folder")
         if not (folder / file.path).is_file():
-            raise _missing(what, file, files)
+            expected = f"the files of metadata.yaml, found {files}"
+            raise InputError(what, got=f"{file.path} is missing", expected=expected)
     return metadata
-
-
-def _missing(what: str, file: FileInfo, files: list[str]) -> InputError:
-    return InputError(what, got=f"{file.path} is missing", expected=f"the files of metadata.yaml, found {files}")

@@ -129,7 +129,8 @@ def read_run(path: Path, label: str, times: Array, end: str = "") -> Run:
     with Bag(path) as bag:
         topics = arms_of(bag)
         start_ns = int(min(bag.series(arm.names["joint_states"]).stamps[0] for arm in topics))
-        pose_topic = next((name for name, info in bag.topics.items() if _is_object(name) and info.message_count), None)
+        ends = ("/object_state", "/object/state")
+        pose_topic = next((name for name, i in bag.topics.items() if name.endswith(ends) and i.message_count), None)
         parameters = _parameters(bag, "bridge.params.yaml", topics[0].name)
         pose = None
         if pose_topic is not None:
@@ -209,9 +210,10 @@ def arm_of(
         wrench: of the object on the pad (N, 6) {ee}.
         internal: wrench with which several arms work against each other; (N, 6) pad axes.
     """
-    values = speed_values(velocity)
+    values = {"slip_speed": 1e3 * np.linalg.norm(velocity[:, :3], axis=1)}
     if displacement is not None:
-        values |= slip_values(displacement)
+        values["slip_mm"] = 1e3 * np.linalg.norm(displacement[:, :3], axis=1)
+        values["slip_deg"] = np.degrees(np.linalg.norm(displacement[:, 3:], axis=1))
     if law is not None:
         values |= law_values(*law)
     if wrench is not None:
@@ -220,10 +222,6 @@ def arm_of(
         values |= {"internal_n": np.linalg.norm(internal[:, :2], axis=1), "internal_nm": np.abs(internal[:, 5])}
     limits, tip = effort_limits_of(urdf, joint_names), str(parameters.get("ee_frame", "ee"))
     return Arm(name, urdf, tip, joint_names, joints, velocity, planned, values, efforts, limits, modes)
-
-
-def _is_object(topic: str) -> bool:
-    return topic.rpartition("/")[2] == "object_state" or topic.endswith("object/state")
 
 
 def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array, end: str) -> Arm:
@@ -268,19 +266,6 @@ def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array, end: str) -> A
         planned=planned,
         modes=(*mode_changes(bag, arm.names.get("controller/mode"), states, start_ns), *ends),
     )
-
-
-def slip_values(displacement: Array) -> dict[str, Array]:
-    """Return the series of the slip displacement; (N, 6) [m, rad] {p}."""
-    return {
-        "slip_mm": 1e3 * np.linalg.norm(displacement[:, :3], axis=1),
-        "slip_deg": np.degrees(np.linalg.norm(displacement[:, 3:], axis=1)),
-    }
-
-
-def speed_values(velocity: Array) -> dict[str, Array]:
-    """Return the series of the slip velocity; (N, 6) [m/s, rad/s]."""
-    return {"slip_speed": 1e3 * np.linalg.norm(velocity[:, :3], axis=1)}
 
 
 def law_values(names: Sequence[str], symbols: Array) -> dict[str, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -48,7 +49,7 @@ def run_retime(source: Path, choice: Choice, out: Path, *, timing: str = "slow_d
         output.write_bag(out / "trajectory.mcap", path.names, motion)
         speeds, efforts = arm_shares(controller.robot, held_object(params), np.array(params.gravity), motion)
         data |= {"peak_velocity_share": float(speeds.max()), "peak_effort_share": float(efforts.max())}
-    output.write_json(out / "certificate.json", data)
+    (out / "certificate.json").write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
     output.write_page(out / "retime.html", f"{source.name} retimed", data, output.draw(certificate, motion))
     yield f"arrival {data['arrival_s']:.3f} s; the path as given takes {path.duration:.3f} s"
     yield f"load at most {100.0 * certificate.peak_share:.2f} % of the friction, at {data['peak_at_s']:.3f} s"

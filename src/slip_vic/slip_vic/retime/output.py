@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +32,7 @@ def write_csv(path: Path, names: tuple[str, ...], motion: Motion) -> None:
     """
     columns: dict[str, Array] = {"time": motion.times}
     if names == POSE_COLUMNS:
-        quaternions = _quaternions(motion)
+        quaternions = Rotation.from_matrix(np.array([pad.rotation for pad in motion.pads])).as_quat()
         poses = np.hstack((np.array([pad.position for pad in motion.pads]), quaternions))
         columns |= dict(zip(POSE_COLUMNS, poses.T, strict=True))
         twists = np.array([pad.twist for pad in motion.pads])
@@ -116,15 +115,6 @@ def write_page(path: Path, title: str, data: dict[str, float | int | bool], figu
     path.write_text(document(title, table(("number", "value"), rows), drawn(figure)), encoding="utf-8")
 
 
-def write_json(path: Path, data: dict[str, Any]) -> None:
-    """Write numbers as JSON."""
-    path.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
-
-
 def _duration(seconds: float) -> dict[str, int]:
     sec, nanosec = divmod(round(1e9 * seconds), 1_000_000_000)
     return {"sec": sec, "nanosec": nanosec}
-
-
-def _quaternions(motion: Motion) -> Array:
-    return np.array(Rotation.from_matrix(np.array([pad.rotation for pad in motion.pads])).as_quat())

@@ -43,10 +43,11 @@ def arm(
     """Make a folder that runs from an arm's URDF or xacro file: arm.urdf, scenarios, parameters for the real arm."""
     from rich.console import Console
 
-    from slip_vic.setup.arm.write import Arm, read_arm, way_table, write_arm
+    from slip_core.files.urdf_file import read_urdf
+    from slip_vic.setup.arm.write import Arm, way_table, write_arm
 
     made = Arm(
-        read_arm(urdf),
+        read_urdf(str(urdf), f"URDF {urdf}"),
         link=link,
         approach=approach or "",
         normal=normal or "",

@@ -52,7 +52,7 @@ def run_corners(choice: Choice, mismatches: Sequence[str], report: Callable[[str
 
 
 def gain_table(scenario: Scenario, report: GainReport, sensor: str) -> Table:
-    """Return the conditions on the gains; `gain_reasons` has why."""
+    """Return the conditions on the gains."""
     params = next(iter(scenario.controllers.values()))  # the law is the same in all arms
     title = (
         f"k_s configured {report.asked:g}, used {report.used:.6g} 1/s ({params.gains.k_s_mode}, {params.slip_estimator}"
@@ -67,11 +67,6 @@ def gain_table(scenario: Scenario, report: GainReport, sensor: str) -> Table:
         empty = low >= high
         table.add_row(name, f"{low:.4g}", f"{high:g}", "", "[red]empty[/]" if empty else "[green]between them[/]")
     return table
-
-
-def gain_reasons(report: GainReport) -> list[str]:
-    """Return a line for each condition on the gains: why its limit is what it is."""
-    return [f"{c.name}: {c.reason}" for c in report.conditions]
 
 
 def corner_table(corners: Sequence[Corner]) -> Table:

@@ -187,7 +187,7 @@ def check(*, choice: Choice, mismatches: str) -> None:
     from rich.console import Console
 
     from slip_vic.study.cases import MISMATCHES, check_names
-    from slip_vic.study.check import corner_table, gain_reasons, gain_table, gains, path_lines, refusal, run_corners
+    from slip_vic.study.check import corner_table, gain_table, gains, path_lines, refusal, run_corners
     from slip_vic.study.path_load import path_load
 
     wanted = MISMATCHES if mismatches == "all" else names(mismatches)
@@ -197,8 +197,8 @@ def check(*, choice: Choice, mismatches: str) -> None:
     loaded.check_arm()
     console = Console()
     console.print(gain_table(loaded, report, choice.sensor))
-    for line in gain_reasons(report):
-        click.echo(line)
+    for condition in report.conditions:
+        click.echo(f"{condition.name}: {condition.reason}")
     if not report.hold:
         raise click.exceptions.Exit(2)
     loaded.check()

@@ -13,7 +13,6 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import optuna
 
@@ -98,8 +97,9 @@ def run_search(
     with locked(out):
         study = _study(out / "journal.log", search)
         default: tuple[list[Row], Score] | None = None
+        waiting = optuna.trial.TrialState.WAITING  # for its parameters
         for numbers in _batches(trials, search.batch):
-            while (number := len(_proposed(study))) < numbers.stop:
+            while (number := sum(trial.state != waiting for trial in study.trials)) < numbers.stop:
                 _propose(study, search, number)
             batch = study.trials[numbers.start : numbers.stop]
             folders = {out / "trials" / f"{trial.number:04d}": trial.params for trial in batch}
@@ -137,11 +137,6 @@ def _study(journal: Path, search: Search) -> optuna.Study:
     return study
 
 
-def _proposed(study: optuna.Study) -> list[Any]:
-    """Return the trials that have their parameters."""
-    return [trial for trial in study.trials if trial.state != optuna.trial.TrialState.WAITING]
-
-
 def _propose(study: optuna.Study, search: Search, number: int) -> None:
     """Add a trial; the sampler is made again for each, so that a resumed search proposes the same."""
     if number == 0 and not study.trials:
@@ -151,11 +146,8 @@ def _propose(study: optuna.Study, search: Search, number: int) -> None:
         study.sampler = optuna.samplers.TPESampler(
             seed=1_000_003 * search.seed + number, n_startup_trials=STARTUP, multivariate=True, constant_liar=True
         )
-    study.ask({one.name: _distribution(one) for one in search.space})
-
-
-def _distribution(one: Range) -> optuna.distributions.FloatDistribution:
-    return optuna.distributions.FloatDistribution(one.low, one.high, log=one.log)
+    ranges = {one.name: optuna.distributions.FloatDistribution(one.low, one.high, log=one.log) for one in search.space}
+    study.ask(ranges)
 
 
 def best_of(trials: Sequence[Trial]) -> Trial:
