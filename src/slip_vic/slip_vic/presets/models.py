@@ -50,11 +50,11 @@ def load_sensor(name_or_path: str, text: str | None = None) -> SensorPreset:
     return _load(SensorPreset, "sensor", name_or_path, text)
 
 
-def load_drive(name_or_path: str, text: str | None = None) -> DrivePreset:
+def load_drive(name_or_path: str) -> DrivePreset:
     """Read drives by name or from a YAML file, as `load_sensor` does."""
-    return _load(DrivePreset, "drive", name_or_path, text)
+    return _load(DrivePreset, "drive", name_or_path)
 
 
-def _load(model: type[Kind], kind: str, name_or_path: str, text: str | None) -> Kind:
+def _load(model: type[Kind], kind: str, name_or_path: str, text: str | None = None) -> Kind:
     content = read_yaml(preset_text(f"{kind}s", name_or_path) if text is None else text)
     return validate(model, content, f"{kind} {name_or_path}")

@@ -14,6 +14,7 @@ from pydantic import Field
 
 from slip_core.arms import ONE_ARM, params_of_arms, prefix_of
 from slip_core.errors import InputError, UnknownName
+from slip_core.files.placed_urdf import on_base
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf_file import read_urdf
 from slip_core.grasp_params import BaseParams, Three
@@ -274,7 +275,6 @@ class Texts:
 
     scenarios: Mapping[str, str] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
-    drives: Mapping[str, str] = field(default_factory=dict)
     urdfs: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -325,7 +325,7 @@ def load_scenario(
         if sensor:
             apply_sensor(own, load_sensor(sensor, texts.sensors.get(sensor)))
         if drive:
-            apply_drive(own, load_drive(drive, texts.drives.get(drive)))
+            apply_drive(own, load_drive(drive))
     _apply_parameters(values, parameters, keep_sensor=bool(sensor))
     for own in values.values():
         if estimator is not None:
@@ -377,17 +377,9 @@ def _made(
         urdfs[name] = (
             params.robot_description or texts.urdfs.get(file) or read_urdf(file, "parameter robot_description_file")
         )
-        placed[name] = _placed(urdfs[name], params.base)
+        placed[name] = on_base(urdfs[name], params.base)
         bridges[name] = _mismatched(params, wrong, last=last)
     return Scenario(outer.name, outer.description, text, law, controllers, bridges, urdfs, placed)
-
-
-def _placed(urdf: str, base: BaseParams) -> str:
-    if not any((*base.position, *base.rotation)):
-        return urdf
-    from slip_core.files.placed_urdf import placed_urdf
-
-    return placed_urdf(urdf, base.position, base.rotation)
 
 
 def _mismatched(params: BridgeParams, wrong: Mismatch, *, last: bool) -> BridgeParams:

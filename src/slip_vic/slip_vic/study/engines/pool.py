@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import resource_tracker
-from types import TracebackType
 from typing import Any, Self
 
 from slip_vic.study.engines import DEATHS, Died, Result, Shared, Task
@@ -38,9 +37,7 @@ class PoolEngine:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         for worker in (*self._idle, *self._busy.values()):
             worker.shutdown(wait=False, cancel_futures=True)
         if error is not None:
