@@ -172,7 +172,7 @@ class Watcher:
     def _begin(self, run: Run) -> None:
         """Make the model that says what stands in a frame; topics that appear later lead to another one."""
         packer = Packer()
-        described, _ = describe(run, np.zeros(1), packer)
+        described, _ = describe(run, packer)
         plots = describe_plots([run], packer, empty=True)
         self.model = packer.pack({"time": packer.add(np.zeros(1)), "runs": [described], "plots": plots})
 

@@ -126,7 +126,7 @@ def _page(
     packer = Packer()
     described, missing = [], []
     for run, colour in zip(runs, colours([run.label for run in runs]), strict=True):
-        made, lacking = describe(run, times, packer, colour)
+        made, lacking = describe(run, packer, colour)
         described.append(made)
         missing += lacking
     scenario = next((run.facts["scenario"] for run in runs if "scenario" in run.facts), "")

@@ -372,7 +372,7 @@ def colours(labels: Sequence[str]) -> list[int]:
     return [COLOURS[label] for label in labels] if set(labels) <= set(COLOURS) else [k % 6 for k in range(len(labels))]
 
 
-def describe(run: Run, times: Array, packer: Packer, colour: int = 1) -> tuple[dict[str, Any], list[str]]:
+def describe(run: Run, packer: Packer, colour: int = 1) -> tuple[dict[str, Any], list[str]]:
     """Return a run as the page's script reads it, and what could not be drawn."""
     missing: list[str] = []
     arms = []

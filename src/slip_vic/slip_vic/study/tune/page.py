@@ -62,7 +62,7 @@ def page(search: Search, found: Found, title: str, command: str) -> str:
         "turning counted with 30 mm a radian; the worst of all cases counts. Allowed in each world: "
         f"{bounds.effort_rate:g} times the default's worst effort rate, and {bounds.later_s:g} s later arrival.</p>",
         table(("", "default", "tuned"), scores),
-        _trade_off(search, found),
+        _trade_off(found),
         "<h2>Parameters of the controller</h2>",
         table(("", "default", "tuned", "searched"), parameters),
         "<h2>Seeds that the search did not see</h2>",
@@ -78,7 +78,7 @@ def number(value: float) -> str:
     return f"{value:.4g}"
 
 
-def _trade_off(search: Search, found: Found) -> str:
+def _trade_off(found: Found) -> str:
     """Return slip over effort rate, and the best cost so far, as SVG."""
     figure = Figure(figsize=(11.0, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2)
