@@ -212,7 +212,7 @@ def play(
     from slip_bags.ros_node import request_realtime, ros_node
     from slip_msgs_py.stop_flag import StopFlag
 
-    options = PlayOptions(remaps=_pairs("--remap", remap, ":="), **others)
+    options = PlayOptions(remaps=_remaps(remap), **others)
     with (
         Bag(bag_path) as opened,
         StopFlag() as stop,
@@ -233,14 +233,24 @@ def play(
     )
 
 
-def _pairs(option: str, texts: Sequence[str], sign: str = "=") -> dict[str, str]:
-    result = {}
+def _remaps(texts: Sequence[str]) -> dict[str, str]:
+    remaps = {}
     for text in texts:
-        key, found, value = text.partition(sign)
-        if not key or not found or (sign == ":=" and not value):
-            raise InputError(option, got=text, expected="OLD:=NEW" if sign == ":=" else "KEY=VALUE")
-        result[key] = value
-    return result
+        old, _, new = text.partition(":=")
+        if not old or not new:
+            raise InputError("--remap", got=text, expected="OLD:=NEW")
+        remaps[old] = new
+    return remaps
+
+
+def _pairs(option: str, texts: Sequence[str]) -> dict[str, str]:
+    pairs = {}
+    for text in texts:
+        key, sign, value = text.partition("=")
+        if not key or not sign:
+            raise InputError(option, got=text, expected="KEY=VALUE")
+        pairs[key] = value
+    return pairs
 
 
 def _read_attachments(texts: Sequence[str]) -> dict[str, bytes]:

@@ -63,8 +63,7 @@ def export(bag: Bag, topics: Sequence[str], folder: Path, file_format: FileForma
     try:
         folder.mkdir(parents=True)
     except OSError as error:
-        got = error.strerror or str(error)
-        raise InputError(f"output {folder}", got=got, expected="a new folder", fix="choose another --out") from None
+        raise InputError(f"output {folder}", got=error, expected="a new folder", fix="choose another --out") from None
     written = []
     for name in names:
         table = dataframe(bag, name)

@@ -271,7 +271,7 @@ def load_yaml(path: Path) -> dict[str, Any]:
     try:
         content = read_yaml(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f"file {path}", got=error.strerror or str(error), expected="a readable YAML file") from None
+        raise InputError(f"file {path}", got=error, expected="a readable YAML file") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise InputError(f"file {path}", got=str(error), expected="valid YAML") from None
     if not isinstance(content, dict):

@@ -47,6 +47,8 @@ class HereEngine:
     def __enter__(self) -> Any:
         return self
 
+    deaths = 0
+
     def __exit__(self, *_: object) -> None: ...
 
     def run(self, call: Any, shared: Any, tasks: Any) -> Iterator[Any]:

@@ -87,8 +87,7 @@ def write_text(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
         temporary.replace(path)
     except OSError as error:
-        got = error.strerror or str(error)
-        raise InputError(f"output {path}", got=got, expected="a file that can be written") from None
+        raise InputError(f"output {path}", got=error, expected="a file that can be written") from None
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)

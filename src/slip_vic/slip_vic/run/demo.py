@@ -147,9 +147,7 @@ def _staging_folder(out: Path) -> Path:
     try:
         staging.mkdir(parents=True)
     except OSError as error:
-        raise InputError(
-            f"output folder {out}", got=error.strerror or str(error), expected="a folder that can be written"
-        ) from None
+        raise InputError(f"output folder {out}", got=error, expected="a folder that can be written") from None
     return staging
 
 
