@@ -297,6 +297,6 @@ def _folder_metadata(folder: Path) -> BagMetadata:
         if PurePath(file.path).is_absolute() or ".." in PurePath(file.path).parts:
             raise InputError(str(path), got=file.path, expected="files of the bag's own folder")
         if not (folder / file.path).is_file():
-            expected = f"the files of metadata.yaml, found {files}"
-            raise InputError(what, got=f"{file.path} is missing", expected=expected)
+            got = f"{file.path} is missing"
+            raise InputError(what, got=got, expected=f"the files of metadata.yaml, found {files}")
     return metadata
