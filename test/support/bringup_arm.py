@@ -21,8 +21,7 @@ from slip_sim_bridge.params import BridgeParams
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.setup.bringup.hands import simulated_hand
-from slip_vic.setup.bringup.system import Endpoint, Heard, Track
-from slip_vic.setup.bringup.verdicts import Verdict
+from slip_vic.setup.bringup.verdicts import Endpoint, Heard, Track, Verdict
 from slip_vic.setup.bringup.walk import Walk
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Request

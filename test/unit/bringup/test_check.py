@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from slip_vic.cli import cli
 from slip_vic.options import Choice
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic.study.path_load import path_load
+from slip_vic.study.check import path_load
 
 
 def check(*words: str) -> tuple[int, str]:

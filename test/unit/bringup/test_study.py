@@ -17,11 +17,11 @@ from slip_core.errors import InputError
 from slip_description import urdf_text
 from slip_vic.cli import cli, main
 from slip_vic.presets import preset_text
+from slip_vic.run.progress import progress
 from slip_vic.run.versions import versions
 from slip_vic.scenarios import scenario_text
 from slip_vic.study.cases import MISMATCHES, Asked, Case, all_cases
 from slip_vic.study.contents import MixedVersions, check_versions, gather
-from slip_vic.study.progress import progress
 from slip_vic.study.run_case import run_case
 from slip_vic.study.summary import spread, write_picture
 from slip_vic.study.table import METRICS, STUDY, CaseResult, Settings, StudyTable, merge
@@ -213,7 +213,7 @@ def test_a_worker_with_other_versions_is_named() -> None:
 
 def test_progress_without_a_terminal_is_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
-    monkeypatch.setattr("slip_vic.study.progress.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("slip_vic.run.progress.time.monotonic", lambda: now[0])
     written = io.StringIO()
     with progress("study", 100, 40, Console(file=written)) as report:
         for done in range(41, 101):

@@ -153,10 +153,10 @@ def _lottery(
     """Draw cases, with drives unless one is given, run each with every law, and say how the laws compare."""
     from rich.console import Console
 
+    from slip_vic.run.progress import progress
     from slip_vic.scenarios import scenario_names
     from slip_vic.scenarios.scenario import drive_assignments
     from slip_vic.study.lottery import lottery, lottery_file, lottery_table
-    from slip_vic.study.progress import progress
 
     if drive is not None:
         assignments = (*drive_assignments(drive, (*scenarios, *scenario_names(1))[0], assignments), *assignments)
@@ -187,8 +187,7 @@ def check(*, choice: Choice, mismatches: str) -> None:
     from rich.console import Console
 
     from slip_vic.study.cases import MISMATCHES, check_names
-    from slip_vic.study.check import corner_table, gain_table, gains, path_lines, refusal, run_corners
-    from slip_vic.study.path_load import path_load
+    from slip_vic.study.check import corner_table, gain_table, gains, path_lines, path_load, refusal, run_corners
 
     wanted = MISMATCHES if mismatches == "all" else names(mismatches)
     check_names("mismatch", wanted, MISMATCHES)

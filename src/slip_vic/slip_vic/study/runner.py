@@ -8,10 +8,10 @@ from typing import Any
 from rich.console import Console
 
 from slip_vic.run.prepare import prepare
+from slip_vic.run.progress import progress
 from slip_vic.study.cases import Case
 from slip_vic.study.contents import Contents, check_versions
 from slip_vic.study.engines import Died, Engine, EngineName, Shared, open_engine
-from slip_vic.study.progress import progress
 from slip_vic.study.run_case import run_case
 from slip_vic.study.table import STUDY, CaseResult, Layout, Named, StudyTable
 

@@ -28,7 +28,7 @@ from slip_core.topics import TOPICS
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.messages.from_msgs import JointOrder, vector6
 from slip_msgs_py.qos import create_publisher, message_class
-from slip_vic.setup.bringup.system import Endpoint, Heard, Track
+from slip_vic.setup.bringup.verdicts import Endpoint, Heard, Track
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 
 CONTROLLER: Final = "slip_vic_controller"

@@ -17,8 +17,7 @@ from slip_core.records import new, record
 from slip_core.vectors import mat
 from slip_vic.setup.bringup import verdicts
 from slip_vic.setup.bringup.hands import Hands, unit
-from slip_vic.setup.bringup.system import Heard
-from slip_vic.setup.bringup.verdicts import Verdict
+from slip_vic.setup.bringup.verdicts import Heard, Verdict
 from slip_vic_controller.interfaces import WRENCH_SENSOR, fill_wrench_sensor, wrench_at_pad
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.robot import Robot

@@ -11,12 +11,12 @@ from rich.console import Console
 from slip_core.errors import InputError, SlipVicError
 from slip_vic.options import Choice
 from slip_vic.run.prepare import prepare
+from slip_vic.run.progress import Report, progress
 from slip_vic.scenarios.scenario import NODES, Estimator, Law, Scenario, ros_parameter_file
 from slip_vic.study.cases import Asked
 from slip_vic.study.check import gain_table, gains
 from slip_vic.study.contents import gather
 from slip_vic.study.engines import EngineName, open_engine
-from slip_vic.study.progress import Report, progress
 from slip_vic.study.tune.page import Found, page, worst_mm
 from slip_vic.study.tune.search import ReportDone, Search, Trial, best_of, run_search, run_sets
 from slip_vic.study.tune.space import Bounds, assignments, search_space
