@@ -41,7 +41,7 @@ class PoolEngine:
         for worker in (*self._idle, *self._busy.values()):
             worker.shutdown(wait=False, cancel_futures=True)
         if error is not None:
-            end_children()
+            _end_children()
 
     def run(
         self, call: Callable[[Shared, Task], Result], shared: Shared, tasks: Iterable[Task]
@@ -76,7 +76,7 @@ class PoolEngine:
         while True:
             worker = self._idle.pop()
             try:
-                with interrupts_later():
+                with _interrupts_later():
                     future = worker.submit(call, shared, task)
             except BrokenProcessPool:
                 self._replace(worker)
@@ -95,7 +95,7 @@ def _worker() -> ProcessPoolExecutor:
 
 
 @contextlib.contextmanager
-def interrupts_later() -> Iterator[None]:
+def _interrupts_later() -> Iterator[None]:
     """Hold SIGINT back while processes are started: they inherit the mask, so that Ctrl-C is left to this one."""
     resource_tracker.ensure_running()  # it would lift the mask
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
@@ -105,7 +105,7 @@ def interrupts_later() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def end_children() -> None:
+def _end_children() -> None:
     """End the worker processes: the interpreter would wait at its end until their cases are done."""
     for child in multiprocessing.active_children():
         child.terminate()
