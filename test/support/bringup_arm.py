@@ -155,12 +155,9 @@ def _track(rows: list[Any], columns: int) -> Track:
     return Track(np.array(arrival), np.array(stamp), np.array(values))
 
 
-def bring_up(system: Loop, say: Callable[[Verdict], None] = lambda verdict: None) -> tuple[list[Verdict], Walk]:
-    walk, found = Walk(system, simulated_hand(system, flatten(system.bridge_params))), []
-    for verdict in walk.steps():
-        say(verdict)
-        found.append(verdict)
-    return found, walk
+def bring_up(system: Loop) -> tuple[list[Verdict], Walk]:
+    walk = Walk(system, simulated_hand(system, flatten(system.bridge_params)))
+    return list(walk.steps()), walk
 
 
 def _with(outputs: Any, **changed: Any) -> Any:

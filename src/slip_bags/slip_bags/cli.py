@@ -206,7 +206,7 @@ def play(
 
     Keys: space pause/resume, right arrow or s one message, up/down rate, q quit.
     """
-    from slip_bags.playing.keyboard import TerminalControls, raw_keys, terminal
+    from slip_bags.playing.keyboard import TerminalControls, raw_keys
     from slip_bags.playing.player import Player, PlayOptions, wait_for_discovery
     from slip_bags.reader import Bag
     from slip_bags.ros_node import request_realtime, ros_node
@@ -220,7 +220,9 @@ def play(
         ros_node("player") as node,
         raw_keys(sys.stdin) as keys,
     ):
-        controls = TerminalControls(None if disable_keyboard_controls else keys, terminal(), stop)
+        controls = TerminalControls(
+            None if disable_keyboard_controls else keys, sys.stderr if sys.stderr.isatty() else None, stop
+        )
         player = Player(node, opened, options, controls, lambda text: click.echo(f"warning: {text}", err=True))
         wait_for_discovery(player, delay, stop, everybody=wait_for_subscribers)
         result = player.run()

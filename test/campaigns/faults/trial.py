@@ -439,6 +439,6 @@ def starts_of(session: OneArm, joint: JointSample) -> list[NDArray[np.float64]]:
     return [*starts, session.gravity] if session.begun else starts
 
 
-def run_trial(plan: Plan, *, keep: bool = False) -> Outcome:
+def run_trial(plan: Plan) -> Outcome:
     """Run one plan in process."""
-    return Trial(plan, keep=keep).run()
+    return Trial(plan).run()

@@ -403,10 +403,10 @@ def describe(run: Run, packer: Packer, colour: int = 1) -> tuple[dict[str, Any],
     }, missing
 
 
-def thinned(points: Array, distance: float = 2e-3) -> Array:
-    """Return a path with its points at least `distance` [m] apart, first and last kept; (P, 3) -> (Q, 3)."""
+def thinned(points: Array) -> Array:
+    """Return a path with its points at least 2 mm apart, first and last kept; (P, 3) [m] -> (Q, 3)."""
     if len(points) < 2:
         return points
     walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    keep = np.unique(np.searchsorted(walked, np.arange(0.0, walked[-1], distance)))
+    keep = np.unique(np.searchsorted(walked, np.arange(0.0, walked[-1], 2e-3)))
     return points[np.unique(np.append(keep, len(points) - 1))]

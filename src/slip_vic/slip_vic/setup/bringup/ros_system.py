@@ -254,8 +254,8 @@ class RosSystem:
             track(self._slip, 6, slip[self.params.slip_input]), dict(zip(SCALARS, rows.T, strict=True)),
         )  # fmt: skip
 
-    def _until(self, done: Callable[[], bool], seconds: float = DISCOVERY_S) -> bool:
-        end = time.monotonic() + seconds
+    def _until(self, done: Callable[[], bool]) -> bool:
+        end = time.monotonic() + DISCOVERY_S
         while not done():
             if time.monotonic() > end:
                 return False
