@@ -48,8 +48,8 @@ def write_page(
     title: str = "",
     description: str = "",
     ends: Mapping[str, str] = MappingProxyType({}),
-) -> dict[str, dict[str, Any]]:
-    """Write the page of some recorded runs, given by label, and return the numbers of its table.
+) -> None:
+    """Write the page of some recorded runs, given by label.
 
     `ends` says by label why a run did not end well.
 
@@ -58,9 +58,7 @@ def write_page(
     """
     if not bags:
         raise InputError("report", got="no bags", expected="recorded runs")
-    text, numbers = make_page(bags, command=command, title=title, description=description, ends=ends)
-    write_text(path, text)
-    return numbers
+    write_text(path, make_page(bags, command=command, title=title, description=description, ends=ends)[0])
 
 
 def write_runs(path: Path, made: Mapping[str, run.Run], *, command: str, title: str, description: str = "") -> None:
