@@ -102,11 +102,10 @@ def make_bag(
     topics: dict[str, str] | None = None,
     options: WriterOptions | None = None,
     flush_every: int = 50,
-    seed: int = 1,
     qos: Sequence[QosProfile] = (QosProfile(),),
 ) -> dict[str, list[tuple[int, int, int, Any]]]:
     """Write a bag; return per topic (log time, publish time, sequence, message) of everything in it."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     topics = SUITE_TOPICS if topics is None else topics
     writer = BagWriter(folder, options or WriterOptions())
     content: dict[str, list[tuple[int, int, int, Any]]] = {name: [] for name in topics}

@@ -21,8 +21,7 @@ from slip_sim_bridge.params import BridgeParams
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.setup.bringup.hands import simulated_hand
-from slip_vic.setup.bringup.system import Endpoint, Heard, Track
-from slip_vic.setup.bringup.verdicts import Verdict
+from slip_vic.setup.bringup.verdicts import Endpoint, Heard, Track, Verdict
 from slip_vic.setup.bringup.walk import Walk
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Request
@@ -64,7 +63,7 @@ class Error:
 
 
 class Loop:
-    """A closed loop with an error in it; the methods are those of `System`."""
+    """A closed loop with an error in it; the methods are those of `RosSystem`."""
 
     def __init__(
         self,
@@ -156,12 +155,9 @@ def _track(rows: list[Any], columns: int) -> Track:
     return Track(np.array(arrival), np.array(stamp), np.array(values))
 
 
-def bring_up(system: Loop, say: Callable[[Verdict], None] = lambda verdict: None) -> tuple[list[Verdict], Walk]:
-    walk, found = Walk(system, simulated_hand(system, flatten(system.bridge_params))), []
-    for verdict in walk.steps():
-        say(verdict)
-        found.append(verdict)
-    return found, walk
+def bring_up(system: Loop) -> tuple[list[Verdict], Walk]:
+    walk = Walk(system, simulated_hand(system, flatten(system.bridge_params)))
+    return list(walk.steps()), walk
 
 
 def _with(outputs: Any, **changed: Any) -> Any:

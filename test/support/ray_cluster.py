@@ -11,7 +11,7 @@ import psutil
 
 
 @contextlib.contextmanager
-def ray_cluster(nodes: int, cores: int = 1) -> Iterator[Any]:
+def ray_cluster(nodes: int) -> Iterator[Any]:
     """Start a head without cores and so many nodes; RAY_ADDRESS names it while the block runs."""
     from ray.cluster_utils import Cluster
 
@@ -19,7 +19,7 @@ def ray_cluster(nodes: int, cores: int = 1) -> Iterator[Any]:
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
     try:
         for _ in range(nodes):
-            cluster.add_node(num_cpus=cores)
+            cluster.add_node(num_cpus=1)
         os.environ["RAY_ADDRESS"] = cluster.address
         yield cluster
     finally:

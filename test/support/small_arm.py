@@ -16,16 +16,15 @@ JOINT_NAMES = tuple(f"arm_joint{i}" for i in range(1, 8))
 HOME = (0.1, -0.5, 0.2, -2.0, 0.1, 1.6, 0.7)
 
 
-def small_arm_urdf(*, extra_joint: bool = False, continuous: bool = False, effort: float | None = None) -> str:
+def small_arm_urdf(*, extra_joint: bool = False, effort: float | None = None) -> str:
     """Return the URDF; options make it odd for the tests of bad input."""
     parts = ['<robot name="small"><link name="link0"/>']
     for i, (xyz, rpy, mass, com, inertia, limit) in enumerate(_ROWS, start=1):
-        kind = "continuous" if continuous and i == 3 else "revolute"
         parts.append(
             f'<link name="link{i}"><inertial><origin xyz="{_text(com)}"/><mass value="{mass}"/>'
             f'<inertia ixx="{inertia[0]}" iyy="{inertia[1]}" izz="{inertia[2]}" ixy="0" ixz="0" iyz="0"/>'
             "</inertial></link>"
-            f'<joint name="arm_joint{i}" type="{kind}"><parent link="link{i - 1}"/><child link="link{i}"/>'
+            f'<joint name="arm_joint{i}" type="revolute"><parent link="link{i - 1}"/><child link="link{i}"/>'
             f'<origin xyz="{_text(xyz)}" rpy="{_text(rpy)}"/><axis xyz="0 0 1"/>'
             f'<limit lower="-2.9" upper="2.9" effort="{limit if effort is None else effort}" velocity="2.5"/></joint>'
         )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from slip_vic.study.cases import Case
     from slip_vic.study.contents import Contents
-    from slip_vic.study.run_case import CaseResult
+    from slip_vic.study.table import CaseResult
 
 
 def note_and_square(folder: str, number: int) -> int:
@@ -43,7 +43,7 @@ def wrong(folder: str, number: int) -> int:
 
 def deadly_case(contents: Contents, case: Case) -> CaseResult:
     """Kill the worker with seed 1, else give numbers that come from the case alone."""
-    from slip_vic.study.run_case import METRICS, CaseResult  # the other tasks need nothing, and start sooner
+    from slip_vic.study.table import METRICS, CaseResult  # the other tasks need nothing, and start sooner
 
     if case.seed == 1:
         os.kill(os.getpid(), signal.SIGKILL)

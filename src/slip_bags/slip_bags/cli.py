@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 
@@ -60,7 +60,9 @@ def info(bag_path: Path, as_json: bool, no_scan: bool, attachment: str | None) -
 @click.option(
     "-f", "--format", "file_format", type=click.Choice(["csv", "parquet", "mcap"]), default="csv", show_default=True
 )
-def export(bag_path: Path, output: Path, topics: tuple[str, ...], file_format: Any) -> None:
+def export(
+    bag_path: Path, output: Path, topics: tuple[str, ...], file_format: Literal["csv", "parquet", "mcap"]
+) -> None:
     """Export topics as tables: CSV or Parquet, one row per message, one column per number; mcap: a bag with /tf."""
     from slip_bags.export import export as write_tables
     from slip_bags.export import export_bag
@@ -107,14 +109,16 @@ def recover(bag_path: Path, output: Path | None, compression: str) -> None:
 @click.option("--compression", type=click.Choice(["zstd", "lz4", "none"]), default="zstd", show_default=True)
 @click.option("-b", "--max-bag-size", type=click.IntRange(0), default=0, help="split after so many bytes")
 @click.option("-d", "--max-bag-duration", type=click.FloatRange(0.0), default=0.0, help="split after so many seconds")
-@click.option("--duration", type=click.FloatRange(0.0), default=0.0, help="end after so many seconds")
+@click.option("--duration", "duration_s", type=click.FloatRange(0.0), default=0.0, help="end after so many seconds")
 @click.option("--queue-depth", type=click.IntRange(1), default=QUEUE_DEPTH, show_default=True, help="per topic")
 @click.option("--attach", multiple=True, metavar="NAME=FILE", help="store a file in the bag")
 @click.option("--custom-data", multiple=True, metavar="KEY=VALUE", help="store a text in metadata.yaml")
 @click.option("--tf", "transforms", is_flag=True, help="make /tf of joint states and odometry, instead of recording it")
 @click.option("--node-name", default="recorder", show_default=True)
 @click.option("--namespace", default="/", show_default=True, help="of the recorder's node and of relative names")
-@click.option("--flush-period", type=click.FloatRange(0.0), default=1.0, show_default=True, help="[s]")
+@click.option(
+    "--flush-period", "flush_period_s", type=click.FloatRange(0.0), default=1.0, show_default=True, help="[s]"
+)
 @click.option("--min-free-mib", type=click.IntRange(0), default=64, show_default=True, help="stop below so much space")
 def record(
     *,
@@ -128,15 +132,10 @@ def record(
     compression: str,
     max_bag_size: int,
     max_bag_duration: float,
-    duration: float,
-    queue_depth: int,
     attach: tuple[str, ...],
     custom_data: tuple[str, ...],
-    transforms: bool,
-    node_name: str,
-    namespace: str,
-    flush_period: float,
     min_free_mib: int,
+    **others: Any,
 ) -> None:
     """Record topics until Ctrl-C; QoS follows the publishers, topics may appear late."""
     from slip_bags.recording.listeners import Listener, TerminalListener
@@ -161,13 +160,8 @@ def record(
                 custom_data=_pairs("--custom-data", custom_data),
                 attachments=_read_attachments(attach),
             ),
-            queue_depth=queue_depth,
-            transforms=transforms,
-            duration_s=duration,
-            flush_period_s=flush_period,
             min_free_bytes=min_free_mib << 20,
-            node_name=node_name,
-            namespace=namespace,
+            **others,
         )
         with StopFlag() as stop:
             summary = run_recorder(options, Listener() if events.wanted() else TerminalListener(), stop)
@@ -183,8 +177,10 @@ def record(
 @click.argument("bag_path", metavar="BAG", type=_FOLDER)
 @click.option("-r", "--rate", type=click.FloatRange(0.0, min_open=True), default=1.0, show_default=True)
 @click.option("-l", "--loop", is_flag=True, help="start again at the end")
-@click.option("--start-offset", type=click.FloatRange(0.0), default=0.0, help="seconds from the bag's start")
-@click.option("--playback-duration", type=click.FloatRange(0.0), help="play so many seconds of the bag")
+@click.option(
+    "--start-offset", "start_offset_s", type=click.FloatRange(0.0), default=0.0, help="seconds from the bag's start"
+)
+@click.option("--playback-duration", "duration_s", type=click.FloatRange(0.0), help="play so many seconds of the bag")
 @click.option("--topics", multiple=True, help="only this topic; repeatable")
 @click.option("-e", "--regex", default="", help="only topics this matches")
 @click.option("-x", "--exclude-regex", default="", help="except what this matches")
@@ -199,43 +195,24 @@ def record(
 def play(
     *,
     bag_path: Path,
-    rate: float,
-    loop: bool,
-    start_offset: float,
-    playback_duration: float | None,
-    topics: tuple[str, ...],
-    regex: str,
-    exclude_regex: str,
     remap: tuple[str, ...],
-    clock_hz: float,
-    start_paused: bool,
     delay: float,
     realtime: bool,
     wait_for_subscribers: bool,
     disable_keyboard_controls: bool,
+    **others: Any,
 ) -> None:
     """Publish a bag's messages again, with their recorded spacing.
 
     Keys: space pause/resume, right arrow or s one message, up/down rate, q quit.
     """
-    from slip_bags.playing.keyboard import TerminalControls, raw_keys, terminal
+    from slip_bags.playing.keyboard import TerminalControls, raw_keys
     from slip_bags.playing.player import Player, PlayOptions, wait_for_discovery
     from slip_bags.reader import Bag
     from slip_bags.ros_node import request_realtime, ros_node
     from slip_msgs_py.stop_flag import StopFlag
 
-    options = PlayOptions(
-        rate=rate,
-        loop=loop,
-        start_offset_s=start_offset,
-        duration_s=playback_duration,
-        topics=topics,
-        regex=regex,
-        exclude_regex=exclude_regex,
-        remaps=_remaps(remap),
-        clock_hz=clock_hz,
-        start_paused=start_paused,
-    )
+    options = PlayOptions(remaps=_remaps(remap), **others)
     with (
         Bag(bag_path) as opened,
         StopFlag() as stop,
@@ -243,7 +220,9 @@ def play(
         ros_node("player") as node,
         raw_keys(sys.stdin) as keys,
     ):
-        controls = TerminalControls(None if disable_keyboard_controls else keys, terminal(), stop)
+        controls = TerminalControls(
+            None if disable_keyboard_controls else keys, sys.stderr if sys.stderr.isatty() else None, stop
+        )
         player = Player(node, opened, options, controls, lambda text: click.echo(f"warning: {text}", err=True))
         wait_for_discovery(player, delay, stop, everybody=wait_for_subscribers)
         result = player.run()
@@ -256,24 +235,24 @@ def play(
     )
 
 
-def _remaps(texts: tuple[str, ...]) -> dict[str, str]:
+def _remaps(texts: Sequence[str]) -> dict[str, str]:
     remaps = {}
     for text in texts:
-        old, sign, new = text.partition(":=")
-        if not old or not sign or not new:
+        old, _, new = text.partition(":=")
+        if not old or not new:
             raise InputError("--remap", got=text, expected="OLD:=NEW")
         remaps[old] = new
     return remaps
 
 
 def _pairs(option: str, texts: Sequence[str]) -> dict[str, str]:
-    result = {}
+    pairs = {}
     for text in texts:
         key, sign, value = text.partition("=")
         if not key or not sign:
             raise InputError(option, got=text, expected="KEY=VALUE")
-        result[key] = value
-    return result
+        pairs[key] = value
+    return pairs
 
 
 def _read_attachments(texts: Sequence[str]) -> dict[str, bytes]:

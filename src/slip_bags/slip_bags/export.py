@@ -63,8 +63,7 @@ def export(bag: Bag, topics: Sequence[str], folder: Path, file_format: FileForma
     try:
         folder.mkdir(parents=True)
     except OSError as error:
-        got = error.strerror or str(error)
-        raise InputError(f"output {folder}", got=got, expected="a new folder", fix="choose another --out") from None
+        raise InputError(f"output {folder}", got=error, expected="a new folder", fix="choose another --out") from None
     written = []
     for name in names:
         table = dataframe(bag, name)
@@ -129,7 +128,7 @@ def _constant_names(series: Series) -> list[str] | None:
     return labels if len(set(labels)) == len(labels) else None
 
 
-def _plain(values: NDArray[Any]) -> Any:
+def _plain(values: NDArray[Any]) -> NDArray[Any] | list[str | None]:
     """Keep numbers and texts; turn arrays of varying length into JSON text."""
     if values.dtype != object or all(isinstance(value, str) for value in values):
         return values

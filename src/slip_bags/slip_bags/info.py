@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
-from typing import Any
+from array import array
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
 
+import numpy as np
+
+from slip_bags.format import QosProfile
 from slip_bags.reader import Bag, RawMessage
 from slip_core.errors import InputError
 from slip_core.stamps import stamp_of
@@ -27,50 +31,35 @@ class TopicReport:
     stamps_repeated: int | None = None
 
 
-class _TopicScan:
-    """Measures one topic while its messages pass by."""
+@dataclass(slots=True)
+class _Scan:
+    """Log time, sequence number and stamp of each message of a topic, as they pass by."""
 
-    def __init__(self, report: TopicReport, stamp_offset: int | None) -> None:
-        self._report = report
-        self._stamp_offset = stamp_offset
-        self._first = self._last = 0
-        self._gap = 0
-        self._count = 0
-        self._stamp: int | None = None
-        self._backward = self._repeated = 0
-        self._sequence_first = self._sequence_last = 0
-        self._increasing = True
+    stamp_offset: int | None
+    times: array[int] = field(default_factory=lambda: array("q"))
+    sequences: array[int] = field(default_factory=lambda: array("q"))
+    stamps: array[int] = field(default_factory=lambda: array("q"))
 
     def add(self, message: RawMessage) -> None:
-        if self._count:
-            self._gap = max(self._gap, message.log_time_ns - self._last)
-            self._increasing = self._increasing and message.sequence > self._sequence_last
-        else:
-            self._first, self._sequence_first = message.log_time_ns, message.sequence
-        self._last, self._sequence_last = message.log_time_ns, message.sequence
-        self._count += 1
-        if self._stamp_offset is not None:
-            self._add_stamp(message.data)
+        self.times.append(message.log_time_ns)
+        self.sequences.append(message.sequence)
+        if self.stamp_offset is not None:
+            self.stamps.append(stamp_of(message.data, self.stamp_offset))
 
-    def _add_stamp(self, data: bytes) -> None:
-        assert self._stamp_offset is not None
-        stamp = stamp_of(data, self._stamp_offset)
-        if self._stamp is not None:
-            self._backward += stamp < self._stamp
-            self._repeated += stamp == self._stamp
-        self._stamp = stamp
-
-    def finish(self, recorded_loss: int | None) -> None:
-        report = self._report
-        if self._count > 1:
-            if self._last > self._first:
-                report.rate_hz = (self._count - 1) / (self._last - self._first) * 1e9
-            report.largest_gap_ms = self._gap * 1e-6
+    def finish(self, report: TopicReport, recorded_loss: int | None) -> None:
+        times, sequences, stamps = (
+            np.array(part, dtype=np.int64) for part in (self.times, self.sequences, self.stamps)
+        )
         report.lost = recorded_loss
-        if recorded_loss is None and self._count and self._increasing and self._sequence_first:
-            report.lost = self._sequence_last - self._sequence_first + 1 - self._count
-        if self._stamp_offset is not None:
-            report.stamps_backward, report.stamps_repeated = self._backward, self._repeated
+        if len(times) > 1:
+            if times[-1] > times[0]:
+                report.rate_hz = float((len(times) - 1) / (times[-1] - times[0]) * 1e9)
+            report.largest_gap_ms = float(np.diff(times).max() * 1e-6)
+        if recorded_loss is None and len(times) and sequences[0] and (np.diff(sequences) > 0).all():
+            report.lost = int(sequences[-1] - sequences[0]) + 1 - len(sequences)
+        if self.stamp_offset is not None:
+            steps = np.diff(stamps)
+            report.stamps_backward, report.stamps_repeated = int((steps < 0).sum()), int((steps == 0).sum())
 
 
 @dataclass(slots=True)
@@ -104,12 +93,12 @@ def bag_report(bag: Bag, *, scan: bool = True) -> BagReport:
         name: TopicReport(name, info.type_name, info.message_count, _qos(info.qos)) for name, info in bag.topics.items()
     }
     if scan:
-        scans = {name: _TopicScan(report, _stamp_offset(bag, name)) for name, report in reports.items()}
+        scans = {name: _Scan(_stamp_offset(bag, name)) for name in reports}
         for message in bag.raw():
             scans[message.topic].add(message)
         recorded = _recorded_losses(bag)
         for name, topic_scan in scans.items():
-            topic_scan.finish(recorded.get(name))
+            topic_scan.finish(reports[name], recorded.get(name))
     span = bag.span_ns
     return BagReport(
         path=str(bag.path),
@@ -126,7 +115,7 @@ def bag_report(bag: Bag, *, scan: bool = True) -> BagReport:
     )
 
 
-def _qos(profiles: Any) -> str:
+def _qos(profiles: Sequence[QosProfile]) -> str:
     offers = sorted({f"{qos.reliability}, {qos.durability}" for qos in profiles})
     return "; ".join(offers) + (f" ({len(profiles)} publishers)" if len(profiles) > 1 else "")
 

@@ -13,18 +13,18 @@ from __future__ import annotations
 
 import functools
 import heapq
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path, PurePath
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from mcap.records import Message
 from mcap.records import Schema as McapSchema
 from mcap_ros2.decoder import DecoderFactory
 
-from slip_bags.format import BagMetadata, FileInfo, TopicInfo, parse_metadata, parse_qos
+from slip_bags.format import BagMetadata, TopicInfo, parse_metadata, parse_qos
 from slip_bags.series import Series
 from slip_bags.storage.mcap_file import McapFile
 from slip_core.errors import InputError, nearest
@@ -82,9 +82,7 @@ class Bag:
     def __enter__(self) -> Bag:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -138,6 +136,11 @@ class Bag:
             if candidate in self.topics:
                 return self.topics[candidate]
         raise InputError(f"topic {name} of bag {self.path}", got="no such topic", expected=nearest(name, self.topics))
+
+    def ending(self, name: str, arm: str = "") -> str | None:
+        """Return the first topic that is called so in any namespace, of an arm below its name; None without one."""
+        own = f"/{arm}/{name}" if arm else f"/{name}"
+        return next((topic for topic in self.topics if topic.endswith(own)), None)
 
     def raw(
         self, topics: Collection[str] | None = None, *, start_ns: int | None = None, end_ns: int | None = None
@@ -205,7 +208,7 @@ class Bag:
         """
         return self._mcap_schema(self.topic(topic)).data.decode("utf-8", "replace")
 
-    def _decoder(self, info: TopicInfo) -> Any:
+    def _decoder(self, info: TopicInfo) -> Callable[[bytes], Any]:
         schema = self._mcap_schema(info)
         try:
             return DecoderFactory().decoder_for(info.encoding, schema)
@@ -294,9 +297,6 @@ def _folder_metadata(folder: Path) -> BagMetadata:
         if PurePath(file.path).is_absolute() or ".." in PurePath(file.path).parts:
             raise InputError(str(path), got=file.path, expected="files of the bag's own folder")
         if not (folder / file.path).is_file():
-            raise _missing(what, file, files)
+            got = f"{file.path} is missing"
+            raise InputError(what, got=got, expected=f"the files of metadata.yaml, found {files}")
     return metadata
-
-
-def _missing(what: str, file: FileInfo, files: list[str]) -> InputError:
-    return InputError(what, got=f"{file.path} is missing", expected=f"the files of metadata.yaml, found {files}")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_core.errors import InputError
 from slip_msgs_py.messages.layout import Layout, Leaf, Schema, Text
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ class Series(Mapping[str, NDArray[Any]]):
 
     def __init__(self, schema: Schema, messages: Iterable[RawMessage]) -> None:
         rows = list(messages)
+        self._topic = rows[0].topic if rows else ""
         self.log_time_ns = _ints(row.log_time_ns for row in rows)
         self.publish_time_ns = _ints(row.publish_time_ns for row in rows)
         self.sequence = _ints(row.sequence for row in rows)
@@ -55,6 +57,26 @@ class Series(Mapping[str, NDArray[Any]]):
     def count(self) -> int:
         """Number of messages."""
         return len(self.log_time_ns)
+
+    @property
+    def stamps(self) -> Ints:
+        """The header stamps; (n,) int64 [ns].
+
+        Raises:
+            InputError: the type has none.
+        """
+        if self.stamp_ns is None:
+            raise InputError(f"topic {self._topic}", got="messages without a header", expected="stamped messages")
+        return self.stamp_ns
+
+    def columns(self, *paths: str) -> NDArray[Any]:
+        """Return the components x, y, z and, where there is one, w of some fields as columns; (n, 3 or 4 per field)."""
+        names = [f"{path}.{axis}" for path in paths for axis in "xyzw" if axis != "w" or f"{path}.w" in self]
+        return np.stack([self[name] for name in names], axis=1)
+
+    def newest(self, times_ns: NDArray[Any]) -> NDArray[np.intp]:
+        """Return the number of the newest message at each time by its stamp, -1 before the first one."""
+        return np.searchsorted(self.stamps, times_ns, side="right") - 1
 
     def _stamp(self) -> Ints | None:
         for prefix in ("header.stamp.", "stamp.", "clock."):

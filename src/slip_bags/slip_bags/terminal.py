@@ -7,7 +7,7 @@ import sys
 from typing import Any
 
 import click
-from rich.console import Console, Group, RenderableType
+from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
@@ -16,10 +16,6 @@ from slip_bags.info import BagReport
 
 def print_report(report: BagReport) -> None:
     """Show a report as text and tables."""
-    Console().print(_rendered(report))
-
-
-def _rendered(report: BagReport) -> RenderableType:
     head = Table.grid(padding=(0, 2))
     for label, value in _head(report):
         head.add_row(Text(label, style="bold"), Text(value))
@@ -35,9 +31,8 @@ def _rendered(report: BagReport) -> RenderableType:
         rate = "-" if topic.rate_hz is None else f"{topic.rate_hz:.2f}"
         table.add_row(topic.name, str(topic.message_count), rate, *map(_cell, cells))
         offers.add_row(topic.name, topic.type_name.replace("/msg/", "/"), topic.qos)
-    return Group(
-        head, Text(""), table, Text(""), offers, *(Text(f"note: {note}", style="yellow") for note in report.notes)
-    )
+    notes = (Text(f"note: {note}", style="yellow") for note in report.notes)
+    Console().print(Group(head, Text(""), table, Text(""), offers, *notes))
 
 
 def _head(report: BagReport) -> list[tuple[str, str]]:

@@ -12,8 +12,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-import numpy as np
-
 from slip_bags.format import QosProfile, TopicInfo
 from slip_bags.reader import RawMessage
 from slip_bags.series import Series
@@ -34,9 +32,6 @@ SOURCES: Final = {
     "nav_msgs/msg/Odometry": "",
 }
 """Types that are looked at, and the last word of the topic, where it matters."""
-_POSE: Final = [
-    f"pose.pose.{part}.{axis}" for part, axes in (("position", "xyz"), ("orientation", "xyzw")) for axis in axes
-]
 
 
 def tf_topic() -> tuple[TopicInfo, str]:
@@ -138,4 +133,4 @@ class Transforms:
     def _body(self, source: _Source, row: Series, stamp_ns: int) -> bytes:
         if source.encoder is None:
             source.encoder = TransformEncoder([(str(row["header.frame_id"][0]), str(row["child_frame_id"][0]))])
-        return source.encoder.encode(stamp_ns, np.array([[row[name][0] for name in _POSE]]))
+        return source.encoder.encode(stamp_ns, row.columns("pose.pose.position", "pose.pose.orientation"))

@@ -306,8 +306,7 @@ def _make_folder(folder: Path) -> None:
             f"bag {folder}", got="it exists", expected="a new folder", fix="choose another name or remove it"
         ) from None
     except OSError as error:
-        got = error.strerror or str(error)
-        raise InputError(f"bag {folder}", got=got, expected="a folder that can be made") from None
+        raise InputError(f"bag {folder}", got=error, expected="a folder that can be made") from None
 
 
 class _Syncer:

@@ -36,7 +36,7 @@ IN2_F = numba.types.Array(REAL, 2, "F", readonly=True)
 """Matrix by columns, as Eigen has them."""
 
 
-def kernel(signature: Any) -> Callable[[F], F]:
+def kernel(signature: object) -> Callable[[F], F]:
     """Return a decorator that compiles a function for one signature when its module is imported.
 
     The machine code is kept beside the sources, or in the user's cache folder where those are read-only, under a name
@@ -58,7 +58,7 @@ def part(function: F) -> F:
     return function if config.DISABLE_JIT else cast(F, Part(function, _kept))
 
 
-def _kept(function: Callable[..., Any], *signature: Any) -> Any:
+def _kept(function: Callable[..., Any], *signature: object) -> Callable[..., Any]:
     """Return a function compiled for a signature now, or for that of each first call; the machine code is kept."""
     if not config.DISABLE_JIT:
         config.CACHE_DIR = str(_folder(_package(Path(function.__code__.co_filename))))

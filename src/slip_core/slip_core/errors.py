@@ -17,7 +17,7 @@ class InputError(SlipVicError):
 
     Args:
         what: the thing that is wrong, e.g. ``parameter gains.k_s``.
-        got: the value or state that was found.
+        got: the value or state that was found, or what the system says of it.
         expected: what is allowed.
         fix: what to do about it; may be empty where `expected` says it all.
     """
@@ -77,5 +77,7 @@ def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
 
 
 def _short(value: object, limit: int = 120) -> str:
+    if isinstance(value, OSError):
+        value = value.strerror or str(value)
     text = value if isinstance(value, str) else repr(value)
     return text if len(text) <= limit else f"{text[: limit - 3]}..."

@@ -179,7 +179,7 @@ def flatten(model: ParameterModel) -> dict[str, Any]:
     return {name: list(value) if isinstance(value, tuple) else value for name, value in flat.items()}
 
 
-def build(model: type[Model], values: Mapping[str, Any], origin: str) -> Model:
+def build(model: type[Model], values: Mapping[str, object], origin: str) -> Model:
     """Make a model from dotted or nested names.
 
     Args:
@@ -198,7 +198,7 @@ def build(model: type[Model], values: Mapping[str, Any], origin: str) -> Model:
     return validate(model, nested_names(flat), origin)
 
 
-def validate(model: type[Model], nested: Mapping[str, Any], origin: str) -> Model:
+def validate(model: type[Model], nested: Mapping[str, object], origin: str) -> Model:
     """Make a model from nested values.
 
     Raises:
@@ -224,7 +224,7 @@ def _expected(message: str) -> str:
     return message
 
 
-def flat_names(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def flat_names(values: Mapping[str, object], prefix: str = "") -> dict[str, Any]:
     """Return nested groups under dotted names; names that are dotted already stay."""
     flat: dict[str, Any] = {}
     for key, value in values.items():
@@ -235,7 +235,7 @@ def flat_names(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def nested_names(flat: Mapping[str, Any]) -> dict[str, Any]:
+def nested_names(flat: Mapping[str, object]) -> dict[str, Any]:
     """Return dotted names as nested groups: the inverse of `flat_names`."""
     nested: dict[str, Any] = {}
     for name, value in flat.items():
@@ -271,7 +271,7 @@ def load_yaml(path: Path) -> dict[str, Any]:
     try:
         content = read_yaml(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f"file {path}", got=error.strerror or str(error), expected="a readable YAML file") from None
+        raise InputError(f"file {path}", got=error, expected="a readable YAML file") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise InputError(f"file {path}", got=str(error), expected="valid YAML") from None
     if not isinstance(content, dict):

@@ -19,7 +19,7 @@ from typing import Annotated, Any, Protocol, TypeVar, get_args, get_origin, get_
 
 import numpy as np
 from numba.extending import overload
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from slip_core.arrays import Array
 
@@ -66,7 +66,7 @@ class View(np.void):  # type: ignore[misc]  # numpy says final, and has np.recor
         except ValueError:
             raise AttributeError(f"the record has no field {name}") from None
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: ArrayLike) -> None:
         self[name] = value
 
 
@@ -85,7 +85,7 @@ def layout(fields: list[Any]) -> np.dtype[np.void]:
     return np.dtype((View, fields))
 
 
-def _field(name: str, hint: Any) -> tuple[Any, ...]:
+def _field(name: str, hint: object) -> tuple[Any, ...]:
     """Return type and, of an array, shape of a field, as numpy wants them."""
     if isinstance(hint, type) and issubclass(hint, Record):
         return (dtype_of(hint),)

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import struct
-from typing import Any, Final
+from typing import Final, Protocol
 
 NS_PER_S = 1_000_000_000
 _IN_HEADER: Final = 4  # of a serialised message: behind four bytes that say how it is written
+
+
+class Stamp(Protocol):
+    """A builtin_interfaces/Time, decoded by ROS or by a bag reader."""
+
+    sec: int
+    nanosec: int
 
 
 def split_ns(stamp_ns: int) -> tuple[int, int]:
@@ -14,8 +21,8 @@ def split_ns(stamp_ns: int) -> tuple[int, int]:
     return divmod(stamp_ns, NS_PER_S)
 
 
-def stamp_to_ns(stamp: Any) -> int:
-    """Return the nanoseconds of a builtin_interfaces/Time, decoded by ROS or by a bag reader."""
+def stamp_to_ns(stamp: Stamp) -> int:
+    """Return the nanoseconds of a stamp."""
     return int(stamp.sec) * NS_PER_S + int(stamp.nanosec)
 
 

@@ -6,15 +6,16 @@ the time of measurement. 6-vectors are linear part first.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 from types import MappingProxyType
+from typing import Any, TypeVar, cast, dataclass_transform
 
 import numpy as np
 
 from slip_core.arrays import Array, readonly
 
 _FLOAT64 = np.dtype(np.float64)
-_set = object.__setattr__
+T = TypeVar("T")
 
 
 def _frozen(values: Array) -> Array:
@@ -24,10 +25,26 @@ def _frozen(values: Array) -> Array:
     return readonly(values)
 
 
-# The constructors are written out: samples are made in every tick, and the generated ones cost three times as much.
+@dataclass_transform(frozen_default=True)
+def sample(declared: type[T]) -> type[T]:
+    """Make a frozen dataclass with slots, whose constructor takes arrays as `_frozen` does.
+
+    The constructor is put together as text, as `dataclass` does with its own: samples are made in every tick, and one
+    with a `__post_init__` costs three times as much.
+    """
+    made: Any = dataclass(frozen=True, slots=True, init=False)(declared)
+    given, lines = ["self"], []
+    scope: dict[str, Any] = {"keep": object.__setattr__, "frozen": _frozen}
+    for one in fields(made):
+        scope[f"default_{one.name}"] = one.default
+        given.append(one.name if one.default is MISSING else f"{one.name}=default_{one.name}")
+        lines.append(f"    keep(self, {one.name!r}, {f'frozen({one.name})' if one.type == 'Array' else one.name})")
+    exec("\n".join((f"def __init__({', '.join(given)}):", *lines)), scope)
+    made.__init__ = scope["__init__"]
+    return cast(type[T], made)
 
 
-@dataclass(frozen=True, slots=True, init=False)
+@sample
 class JointSample:
     """Joint state in the controller's joint order; (n,) [rad], (n,) [rad/s], (n,) [N m]."""
 
@@ -36,26 +53,16 @@ class JointSample:
     velocity: Array
     effort: Array
 
-    def __init__(self, stamp_ns: int, position: Array, velocity: Array, effort: Array) -> None:
-        _set(self, "stamp_ns", stamp_ns)
-        _set(self, "position", _frozen(position))
-        _set(self, "velocity", _frozen(velocity))
-        _set(self, "effort", _frozen(effort))
 
-
-@dataclass(frozen=True, slots=True, init=False)
+@sample
 class WrenchSample:
     """Wrench h_ee of the object on the robot at the pad centre; (6,) [N, N m] {ee} axes."""
 
     stamp_ns: int
     wrench: Array
 
-    def __init__(self, stamp_ns: int, wrench: Array) -> None:
-        _set(self, "stamp_ns", stamp_ns)
-        _set(self, "wrench", _frozen(wrench))
 
-
-@dataclass(frozen=True, slots=True, init=False)
+@sample
 class SlipSample:
     """Slip velocity v_s of the pad relative to the object's material under it; (6,) [m/s, rad/s] {ee} axes.
 
@@ -66,13 +73,8 @@ class SlipSample:
     twist: Array
     valid: bool = True
 
-    def __init__(self, stamp_ns: int, twist: Array, valid: bool = True) -> None:
-        _set(self, "stamp_ns", stamp_ns)
-        _set(self, "twist", _frozen(twist))
-        _set(self, "valid", valid)
 
-
-@dataclass(frozen=True, slots=True, init=False)
+@sample
 class DisplacementSample:
     """Slip displacement: pose of the pad as seen from where it took the object, on its axes then {p}.
 
@@ -83,13 +85,8 @@ class DisplacementSample:
     pose: Array
     valid: bool = True
 
-    def __init__(self, stamp_ns: int, pose: Array, valid: bool = True) -> None:
-        _set(self, "stamp_ns", stamp_ns)
-        _set(self, "pose", _frozen(pose))
-        _set(self, "valid", valid)
 
-
-@dataclass(frozen=True, slots=True, init=False)
+@sample
 class CartesianReference:
     """Desired motion of {ee}: position (3,) [m], rotation (3, 3), twist (6,), acceleration (6,), all {w}.
 
@@ -102,15 +99,8 @@ class CartesianReference:
     acceleration: Array
     stamp_ns: int = 0
 
-    def __init__(self, position: Array, rotation: Array, twist: Array, acceleration: Array, stamp_ns: int = 0) -> None:
-        _set(self, "stamp_ns", stamp_ns)
-        _set(self, "position", _frozen(position))
-        _set(self, "rotation", _frozen(rotation))
-        _set(self, "twist", _frozen(twist))
-        _set(self, "acceleration", _frozen(acceleration))
 
-
-@dataclass(frozen=True, slots=True, init=False)
+@sample
 class PoseGoal:
     """Where {ee} shall come to rest: position (3,) [m], rotation (3, 3), {w}; duration [s] that is asked for."""
 
@@ -118,22 +108,13 @@ class PoseGoal:
     rotation: Array
     duration_s: float
 
-    def __init__(self, position: Array, rotation: Array, duration_s: float) -> None:
-        _set(self, "position", _frozen(position))
-        _set(self, "rotation", _frozen(rotation))
-        _set(self, "duration_s", duration_s)
 
-
-@dataclass(frozen=True, slots=True, init=False)
+@sample
 class EffortCommand:
     """Joint effort answering the joint state of the same stamp; (n,) [N m]."""
 
     stamp_ns: int
     effort: Array
-
-    def __init__(self, stamp_ns: int, effort: Array) -> None:
-        _set(self, "stamp_ns", stamp_ns)
-        _set(self, "effort", _frozen(effort))
 
     @property
     def numbers(self) -> Array:
@@ -141,16 +122,12 @@ class EffortCommand:
         return self.effort
 
 
-@dataclass(frozen=True, slots=True, init=False)
+@sample
 class VelocityCommand:
     """Joint velocity answering the joint state of the same stamp; (n,) [rad/s]."""
 
     stamp_ns: int
     velocity: Array
-
-    def __init__(self, stamp_ns: int, velocity: Array) -> None:
-        _set(self, "stamp_ns", stamp_ns)
-        _set(self, "velocity", _frozen(velocity))
 
     @property
     def numbers(self) -> Array:
@@ -158,16 +135,12 @@ class VelocityCommand:
         return self.velocity
 
 
-@dataclass(frozen=True, slots=True, init=False)
+@sample
 class PositionCommand:
     """Joint position answering the joint state of the same stamp; (n,) [rad]."""
 
     stamp_ns: int
     position: Array
-
-    def __init__(self, stamp_ns: int, position: Array) -> None:
-        _set(self, "stamp_ns", stamp_ns)
-        _set(self, "position", _frozen(position))
 
     @property
     def numbers(self) -> Array:
@@ -184,7 +157,7 @@ COMMAND_TOPICS = tuple(f"{interface}_command" for interface in COMMANDS)
 """Where they travel: an arm has one of them."""
 
 
-@dataclass(frozen=True, slots=True, init=False)
+@sample
 class ObjectTruth:
     """Ground truth of the grasp: object pose and twist {w}, slip s and v_s on pad axes.
 
@@ -198,19 +171,3 @@ class ObjectTruth:
     twist: Array
     slip_displacement: Array
     slip_velocity: Array
-
-    def __init__(
-        self,
-        stamp_ns: int,
-        position: Array,
-        rotation: Array,
-        twist: Array,
-        slip_displacement: Array,
-        slip_velocity: Array,
-    ) -> None:
-        _set(self, "stamp_ns", stamp_ns)
-        _set(self, "position", _frozen(position))
-        _set(self, "rotation", _frozen(rotation))
-        _set(self, "twist", _frozen(twist))
-        _set(self, "slip_displacement", _frozen(slip_displacement))
-        _set(self, "slip_velocity", _frozen(slip_velocity))

@@ -32,7 +32,7 @@ _OPERATORS = {
 _METHODS: dict[str, dict[type | None, Callable[..., Any]]] = {}
 
 
-def _class_of(numba_type: Any) -> type | None:
+def _class_of(numba_type: object) -> type | None:
     """Return the named tuple class of a type of the compiler, None where it is none."""
     return getattr(numba_type, "instance_class", None)
 

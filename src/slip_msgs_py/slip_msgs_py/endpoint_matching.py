@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
-from typing import Any
 
+from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSCompatibility, qos_check_compatible
+from rclpy.subscription import Subscription
 
 from slip_core.errors import ProtocolError
 from slip_msgs_py.starting import somebody_starts
@@ -24,7 +26,11 @@ class EndpointMatching:
     """
 
     def __init__(
-        self, node: Any, *, publishers: Iterable[tuple[Any, int]] = (), subscriptions: Iterable[Any] = ()
+        self,
+        node: Node,
+        *,
+        publishers: Iterable[tuple[Publisher, int]] = (),
+        subscriptions: Iterable[Subscription] = (),
     ) -> None:
         self._node = node
         self._publishers = tuple(publishers)
@@ -42,7 +48,7 @@ class EndpointMatching:
                 phrases.append(f"{publisher.topic_name} has {count} of {least} subscribers")
         return phrases
 
-    def _adjective(self, subscription: Any) -> str:
+    def _adjective(self, subscription: Subscription) -> str:
         """Return what is wrong with publishers that are there but do not match: their QoS."""
         for info in self._node.get_publishers_info_by_topic(subscription.topic_name):
             verdict, reason = qos_check_compatible(info.qos_profile, subscription.qos_profile)
@@ -58,7 +64,7 @@ class Waiting:
         report: takes the line.
     """
 
-    def __init__(self, report: Callable[[str], Any]) -> None:
+    def __init__(self, report: Callable[[str], object]) -> None:
         self._report = report
         self._next_s = time.monotonic() + FIRST_SAID_S
 

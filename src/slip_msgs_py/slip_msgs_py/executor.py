@@ -8,10 +8,11 @@ future leaves 32 bytes behind in them, so that is not what is done in every tick
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 from weakref import WeakSet
 
 from rclpy.clock import Clock, ClockType
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
 from rclpy.task import Future
 
 _LONG_S = 10.0
@@ -34,12 +35,12 @@ class Spinner:
         executor: an EventsExecutor.
     """
 
-    def __init__(self, executor: Any) -> None:
+    def __init__(self, executor: EventsExecutor) -> None:
         self._executor = executor
         self._enough = Future()
         _spinners.add(self)
 
-    def spin_while(self, node: Any, goes_on: Callable[[], bool], every_s: float) -> None:
+    def spin_while(self, node: Node, goes_on: Callable[[], bool], every_s: float) -> None:
         """Run callbacks for as long as `goes_on` says so, which is asked so often, and after `enough`."""
 
         def look() -> None:

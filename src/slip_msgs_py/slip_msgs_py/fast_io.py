@@ -7,18 +7,21 @@ message of any other form goes the slow way and is checked again.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
+from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
+from rclpy.subscription import Subscription
 
 from slip_core.errors import InputError
 from slip_core.stamps import NS_PER_S
 from slip_core.topics import topic
 from slip_msgs_py.messages.cdr import CdrCodec, numbers_at
 from slip_msgs_py.messages.forms import Form
-from slip_msgs_py.qos import create_publisher, create_subscription, message_class
+from slip_msgs_py.qos import NodeLike, create_publisher, create_subscription, message_class
 
 Sample = TypeVar("Sample")
 _MOST_FORMS: Final = 16  # forms a receiver learns; a publisher that changes form all the time is read the slow way
@@ -32,7 +35,7 @@ class Sender:
         form: what its messages look like.
     """
 
-    def __init__(self, publisher: Any, form: Form) -> None:
+    def __init__(self, publisher: Publisher, form: Form) -> None:
         self.publisher = publisher
         self._publish = publisher.handle.publish_raw  # rclpy's own `publish` adds twice the time of this
         self._form = form
@@ -43,7 +46,7 @@ class Sender:
         template = self._form.make(0, *self._form.zeros(sizes))
         return CdrCodec(template, self._form.fields, self._form.stamp)
 
-    def encode(self, stamp_ns: int, *numbers: Any) -> bytes:
+    def encode(self, stamp_ns: int, *numbers: Sequence[float] | NDArray[Any]) -> bytes:
         """Return the message's bytes; one array of numbers per field of the form."""
         try:
             return self._usual(stamp_ns, *numbers)
@@ -53,12 +56,12 @@ class Sender:
             self._others[sizes] = self._codec(sizes)
         return self._others[sizes].encode(stamp_ns, *numbers)
 
-    def send(self, stamp_ns: int, *numbers: Any) -> None:
+    def send(self, stamp_ns: int, *numbers: Sequence[float] | NDArray[Any]) -> None:
         """Publish; one array of numbers per field of the form."""
         self._publish(self.encode(stamp_ns, *numbers))
 
 
-def create_sender(node: Any, name: str, form: Form, *, events: bool = True) -> Sender:
+def create_sender(node: NodeLike, name: str, form: Form, *, events: bool = True) -> Sender:
     """Create the publisher of a topic of the table and what sends through it; arguments as in `create_publisher`."""
     return Sender(create_publisher(node, name, events=events), form)
 
@@ -123,7 +126,7 @@ class Refusals:
         report: takes the line.
     """
 
-    def __init__(self, report: Callable[[str], Any]) -> None:
+    def __init__(self, report: Callable[[str], object]) -> None:
         self._report = report
         self._last: dict[str, str] = {}
         self.counts: dict[str, int] = {}
@@ -142,7 +145,7 @@ class Refusals:
 
 
 def create_receiver(
-    node: Any,
+    node: NodeLike,
     name: str,
     fields: tuple[str, ...],
     learn: Callable[[Any], Callable[..., Sample]],
@@ -153,7 +156,7 @@ def create_receiver(
     reliable: bool,
     stamp: str = "header.stamp",
     actual_name: str | None = None,
-) -> Any:
+) -> Subscription:
     """Subscribe raw to a topic of the table: good messages are delivered as samples, others counted as refused."""
     receiver = Receiver(topic(name).type, fields, learn, stamp)
     shown = actual_name or name

@@ -13,6 +13,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
+from rclpy.service import Service
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
+
 from slip_msgs_py.service_limits import ServiceLimits
 
 LOUD_VARIABLE: Final = "SLIP_VIC_FAIL_LOUDLY"
@@ -31,7 +35,7 @@ class Failures:
         report: takes the line.
     """
 
-    def __init__(self, report: Callable[[str], Any]) -> None:
+    def __init__(self, report: Callable[[str], object]) -> None:
         self._report = report
         self._known: set[str] = set()
 
@@ -68,11 +72,11 @@ class LastResort(ABC):
         self.on_failure(what, error)
 
     def create_subscription(
-        self, msg_type: Any, topic: str, callback: Callable[[Any], None], *rest: Any, **options: Any
-    ) -> Any:
+        self, msg_type: type, topic: str, callback: Callable[[Any], object], *rest: Any, **options: Any
+    ) -> Subscription:
         """Create a subscription as rclpy does."""
 
-        def take(message: Any) -> None:
+        def take(message: object) -> None:
             try:
                 callback(message)
             except Exception as error:
@@ -80,7 +84,7 @@ class LastResort(ABC):
 
         return super().create_subscription(msg_type, topic, take, *rest, **options)  # type: ignore[misc]
 
-    def create_timer(self, period_s: float, callback: Callable[[], None], *rest: Any, **options: Any) -> Any:
+    def create_timer(self, period_s: float, callback: Callable[[], None], *rest: Any, **options: Any) -> Timer:
         """Create a timer as rclpy does."""
 
         def tick() -> None:
@@ -95,15 +99,15 @@ class LastResort(ABC):
         return timer
 
     def create_service(
-        self, srv_type: Any, name: str, callback: Callable[[Any, Any], Any], *rest: Any, **options: Any
-    ) -> Any:
+        self, srv_type: type, name: str, callback: Callable[[Any, Any], object], *rest: Any, **options: Any
+    ) -> Service:
         """Create a service as rclpy does; a failed call is answered with the response as it was then."""
         return super().create_service(srv_type, name, self.answering(name, callback), *rest, **options)  # type: ignore[misc]
 
-    def answering(self, name: str, callback: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    def answering(self, name: str, callback: Callable[[Any, Any], object]) -> Callable[[object, object], object]:
         """Return a service's callback that always answers."""
 
-        def answer(request: Any, response: Any) -> Any:
+        def answer(request: object, response: object) -> object:
             try:
                 return callback(request, response)
             except Exception as error:

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 
 from slip_core.topics import Topic, topic
+from slip_msgs_py.node_part import NodePart
+
+NodeLike: TypeAlias = Node | NodePart
 
 
-def message_class(type_name: str) -> Any:
+def message_class(type_name: str) -> type:
     """Return the Python class of ``pkg/msg/Type``."""
     package, _, name = type_name.split("/")
     return getattr(importlib.import_module(f"{package}.msg"), name)
@@ -41,7 +48,7 @@ def subscription_qos(row: Topic, *, depth: int, reliable: bool) -> QoSProfile:
     )
 
 
-def create_publisher(node: Any, name: str, *, actual_name: str | None = None, events: bool = True) -> Any:
+def create_publisher(node: NodeLike, name: str, *, actual_name: str | None = None, events: bool = True) -> Publisher:
     """Create the publisher of a topic of the table, under another name where one contact of many needs it.
 
     Without `events` rclpy warns of no incompatible subscriber, and a destroyed publisher is gone at once: an executor
@@ -55,15 +62,15 @@ def create_publisher(node: Any, name: str, *, actual_name: str | None = None, ev
 
 
 def create_subscription(
-    node: Any,
+    node: NodeLike,
     name: str,
-    callback: Any,
+    callback: Callable[[Any], None],
     *,
     depth: int,
     reliable: bool,
     actual_name: str | None = None,
     raw: bool = False,
-) -> Any:
+) -> Subscription:
     """Create a subscription to a topic of the table; a raw one hands over bytes."""
     row = topic(name)
     qos = subscription_qos(row, depth=depth, reliable=reliable)

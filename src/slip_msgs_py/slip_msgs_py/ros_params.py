@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from slip_core.arms import model_of_arms
@@ -21,7 +23,7 @@ NO_TEXTS = [""]
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
 
-def declare(node: Any, model: type[Model]) -> Model:
+def declare(node: Node, model: type[Model]) -> Model:
     """Declare every parameter of `model` on `node` and return the values given by file or command line.
 
     The node must have been made with ``automatically_declare_parameters_from_overrides=True``: that is
@@ -41,7 +43,7 @@ def declare(node: Any, model: type[Model]) -> Model:
     return values
 
 
-def declare_arms(node: Any, model: type[ParameterModel]) -> ParameterModel:
+def declare_arms(node: Node, model: type[ParameterModel]) -> ParameterModel:
     """Declare the parameters of all arms on `node` as `declare` does: `arms` names them, and none is one arm.
 
     Returns:
@@ -86,12 +88,12 @@ def descriptor(info: ParameterInfo) -> ParameterDescriptor:
     return result
 
 
-def _plain(value: Any) -> Any:
-    plain = list(value) if hasattr(value, "typecode") else value
+def _plain(value: object) -> object:
+    plain = value.tolist() if isinstance(value, array) else value
     return [] if plain == NO_TEXTS else plain
 
 
-def _ros_value(info: ParameterInfo, value: Any) -> Any:
+def _ros_value(info: ParameterInfo, value: object) -> object:
     # An empty list has no element type in ROS: the kind of the model decides.
     if value == []:
         text = str(info.kind)
@@ -105,14 +107,14 @@ def _ros_value(info: ParameterInfo, value: Any) -> Any:
     return value
 
 
-def allow_changes(node: Any, current: Model, apply: Callable[[Model], None]) -> None:
+def allow_changes(node: Node, current: Model, apply: Callable[[Model], None]) -> None:
     """Let run-time parameters change: checked as a whole, handed to `apply`, refused with the reason where it raises.
 
     What ROS calls read-only never gets here. Where anything is refused, all values of the request stay as they were.
     """
     state = {"values": current}
 
-    def on_set(parameters: list[Any]) -> SetParametersResult:
+    def on_set(parameters: list[Parameter]) -> SetParametersResult:
         if any(p.name == "use_sim_time" and p.value is not False for p in parameters):
             return SetParametersResult(successful=False, reason=NO_SIM_TIME)
         if not all(p.name for p in parameters):  # rclpy takes this one for declared

@@ -23,6 +23,7 @@ from rcl_interfaces.srv import (
     SetParameters,
     SetParametersAtomically,
 )
+from rclpy.service import Service
 
 MOST_ITEMS: Final = 256  # parameters or names in a request; the controller declares some 170
 MOST_BYTES: Final = 1 << 16
@@ -61,6 +62,8 @@ class _ChangeState(ctypes.Structure):
     _fields_ = (("id", ctypes.c_uint8), ("label", _Sequence))
 
 
+Answer = Callable[[Any, Any], Any]
+"""Callback of a service: request and response to answer it in."""
 _WIDTHS: Final = (("name", 1), ("string_value", 1), ("bytes", 1), ("bools", 1), ("integers", 8), ("doubles", 8))
 
 
@@ -106,13 +109,13 @@ _pointer.restype, _pointer.argtypes = ctypes.c_void_p, (ctypes.py_object, ctypes
 _PARTS: Final = ("_CREATE_ROS_MESSAGE", "_DESTROY_ROS_MESSAGE", "_CONVERT_FROM_PY", "_TYPE_SUPPORT")
 
 
-def bounded(kind: Any) -> Any:
+def bounded(kind: Any) -> type:
     """Return a service type with which rclpy takes requests as with `kind`; large ones become `TOO_LARGE`."""
     kind.Request.__class__.__import_type_support__()
     meta, measure = kind.Request.__class__, _MEASURES[kind]
     convert = _Converter(_pointer(meta._CONVERT_TO_PY, None))
 
-    def take(address: int) -> Any:
+    def take(address: int) -> object:
         try:
             return TOO_LARGE if measure(address) > MOST_BYTES else convert(address)
         except Exception:  # nothing may be raised into C
@@ -155,7 +158,7 @@ class ServiceLimits:
         report: takes a line for the log.
     """
 
-    def __init__(self, report: Callable[[str], Any]) -> None:
+    def __init__(self, report: Callable[[str], object]) -> None:
         self._report = report
         self._time = Allowance(BURST_S, SHARE)
         self._transitions = Allowance(TRANSITIONS, TRANSITIONS_PER_S)
@@ -163,7 +166,7 @@ class ServiceLimits:
         self._refused: dict[str, int] = {}
         self._said_s = -1.0
 
-    def guard(self, service: Any) -> None:
+    def guard(self, service: Service) -> None:
         """Put the limits in front of a service, where it is one that has them."""
         kind, callback, name = service.srv_type, service.callback, service.srv_name.rsplit("/", 1)[-1]
         if kind not in _MEASURES:
@@ -171,14 +174,14 @@ class ServiceLimits:
         service.srv_type = bounded(kind)
         allowed = self._transition if kind is ChangeState else self._parameters
 
-        def answer(request: Any, response: Any) -> Any:
+        def answer(request: object, response: object) -> object:
             if request is TOO_LARGE:
                 return self._refuse(name, f"a request may have {MOST_ITEMS} items and {MOST_BYTES} bytes", response)
             return allowed(name, callback, request, response)
 
         service.callback = answer
 
-    def _transition(self, name: str, callback: Any, request: Any, response: Any) -> Any:
+    def _transition(self, name: str, callback: Answer, request: Any, response: Any) -> Any:
         now_s = time.monotonic()
         self._asked_s = [*(at for at in self._asked_s[-CALM:] if now_s - at < STORM_S), now_s]
         wanted = request.transition
@@ -188,7 +191,7 @@ class ServiceLimits:
         self._transitions.use(1.0)
         return callback(request, response)
 
-    def _parameters(self, name: str, callback: Any, request: Any, response: Any) -> Any:
+    def _parameters(self, name: str, callback: Answer, request: Any, response: Any) -> Any:
         """Answer within the time that is left; each parameter of `set_parameters` counts for itself."""
         if not isinstance(request, SetParameters.Request):
             return self._timed(name, callback, request, response)
@@ -197,7 +200,7 @@ class ServiceLimits:
             response.results += self._timed(name, callback, one, SetParameters.Response()).results
         return response
 
-    def _timed(self, name: str, callback: Any, request: Any, response: Any) -> Any:
+    def _timed(self, name: str, callback: Answer, request: Any, response: Any) -> Any:
         if self._time.left(time.monotonic()) <= 0.0:
             return self._refuse(name, "too many calls at once; try again later", response)
         began_s = time.thread_time()
@@ -206,7 +209,7 @@ class ServiceLimits:
         finally:
             self._time.use(time.thread_time() - began_s)
 
-    def _refuse(self, name: str, reason: str, response: Any) -> Any:
+    def _refuse(self, name: str, reason: str, response: Any) -> object:
         self._refused[name] = self._refused.get(name, 0) + 1
         now_s = time.monotonic()
         if now_s - self._said_s > 1.0:

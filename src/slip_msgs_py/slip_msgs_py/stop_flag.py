@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from types import FrameType
 from typing import Any, Final
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -60,12 +61,12 @@ class StopFlag:
         """Return whether a signal has come."""
         return self._is_set
 
-    def _report_others(self, unraisable: Any) -> None:
+    def _report_others(self, unraisable: sys.UnraisableHookArgs) -> None:
         """Report what code that cannot raise swallows, but for our interrupts: callers poll for them."""
         if not isinstance(unraisable.exc_value, KeyboardInterrupt):
             self._report(unraisable)
 
-    def _set(self, number: int, _frame: Any) -> None:
+    def _set(self, number: int, _frame: FrameType | None) -> None:
         self._is_set = True
         self.in_haste |= number != signal.SIGINT
         if self._interrupts:

@@ -49,25 +49,19 @@ __all__ = [
     "scenario_names",
 ]
 
-_HOME = {
-    "Effort": "slip_vic.benchmark.law",
-    "Evaluation": "slip_vic.law",
-    "InputError": "slip_core.errors",
-    "Law": "slip_vic.benchmark.law",
-    "Pad": "slip_vic.benchmark.law",
-    "Run": "slip_vic.run.run",
-    "Scenario": "slip_vic.scenarios.scenario",
-    "Seen": "slip_vic.benchmark.law",
-    "Setup": "slip_vic.benchmark.law",
-    "Tick": "slip_vic.run.in_process",
-    "Velocity": "slip_vic.benchmark.law",
-    "Verdict": "slip_vic.run.judge",
-    "evaluate_law": "slip_vic.law",
-    "load": "slip_vic.api",
-    "preset_names": "slip_vic.presets",
-    "read_bag": "slip_vic.api",
-    "scenario_names": "slip_vic.scenarios",
+_MODULES = {
+    "slip_core.errors": ("InputError",),
+    "slip_vic.api": ("load", "read_bag"),
+    "slip_vic.benchmark.law": ("Effort", "Law", "Pad", "Seen", "Setup", "Velocity"),
+    "slip_vic.law": ("Evaluation", "evaluate_law"),
+    "slip_vic.presets": ("preset_names",),
+    "slip_vic.run.in_process": ("Tick",),
+    "slip_vic.run.judge": ("Verdict",),
+    "slip_vic.run.run": ("Run",),
+    "slip_vic.scenarios": ("scenario_names",),
+    "slip_vic.scenarios.scenario": ("Scenario",),
 }
+_HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:

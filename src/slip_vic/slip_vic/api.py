@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slip_vic.presets import find_preset
-from slip_vic.scenarios import find_scenario
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,9 +50,9 @@ def load(
     Raises:
         InputError: an unknown name (the nearest are offered), a bad value, a file that cannot be read.
     """
-    find_scenario(str(name_or_file))
-    if sensor:
-        find_preset("sensors", str(sensor))
+    for kind, name in (("scenarios", name_or_file), ("sensors", sensor), ("drives", drive)):
+        if name:
+            find_preset(kind, str(name))
     from slip_vic.scenarios.scenario import load_scenario
 
     return load_scenario(

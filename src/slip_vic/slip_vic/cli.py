@@ -19,33 +19,17 @@ from slip_core.errors import InputError
 from slip_msgs_py.stop_flag import ending
 from slip_vic import __version__
 from slip_vic.benchmark.cli import benchmark
-from slip_vic.exit_code import ALLOW_FAULT, end_with
-from slip_vic.options import (
-    ASSIGNMENTS,
-    DRIVE,
-    ESTIMATOR,
-    IN_PROCESS,
-    LAW,
-    PARAMS,
-    SCENARIO,
-    SCENARIOS,
-    SEED,
-    SENSOR,
-    URDF,
-    out_option,
-)
+from slip_vic.options import ALLOW_FAULT, DOMAIN_ID, IN_PROCESS, SCENARIOS, Choice, choosing, end_with, out_option
 from slip_vic.page.cli import report, watch
 from slip_vic.replay.cli import references, verify
 from slip_vic.retime.cli import retime
-from slip_vic.setup.arm.cli import arm
-from slip_vic.setup.bringup.cli import bringup
-from slip_vic.setup.cli import identify
+from slip_vic.setup.cli import arm, bringup, identify
 from slip_vic.study.cli import check, merge, study, tune
 
 if TYPE_CHECKING:
     from slip_vic.run.judge import Verdict
     from slip_vic.run.launcher import RunResult
-    from slip_vic.scenarios.scenario import Estimator, Law, Mode, Scenario
+    from slip_vic.scenarios.scenario import Scenario
 
 LONGEST_END_S = 2.0  # after a signal, where nothing has been started
 LONGEST_JUDGED_S = 60.0
@@ -59,19 +43,12 @@ def cli() -> None:
 
 
 @cli.command()
-@SCENARIO
-@LAW
-@click.option("--mode", type=click.Choice(["lockstep", "realtime"]), default="lockstep", show_default=True)
-@SEED
-@SENSOR
-@DRIVE
-@ESTIMATOR
-@PARAMS
+@choosing(
+    "scenario", "law", "mode", "seed", "sensor", "drive", "estimator", "params", "assignments", "urdf"
+)  # fmt: skip
 @click.option("--record", type=click.Path(path_type=Path), help="record a bag into this new folder")
-@ASSIGNMENTS
-@URDF
 @click.option("--namespace", default="", help="ROS namespace of all nodes")
-@click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
+@DOMAIN_ID
 @click.option("--cpu", "cpus", help="core of bridge and controller, or two: 2,3; default in real time: the last two")
 @click.option("--fifo", type=click.IntRange(1, 99), help="their SCHED_FIFO priority, where permitted")
 @click.option("--lock-memory", is_flag=True, help="keep their memory in RAM, where permitted")
@@ -82,17 +59,8 @@ def cli() -> None:
 @ALLOW_FAULT
 def run(
     *,
-    scenario: str,
-    law: Law,
-    mode: Mode,
-    seed: int,
-    sensor: str,
-    drive: str,
-    estimator: Estimator | None,
-    params: Path | None,
+    choice: Choice,
     record: Path | None,
-    assignments: tuple[str, ...],
-    urdf: Path | None,
     namespace: str,
     domain_id: int | None,
     cpus: str | None,
@@ -110,25 +78,12 @@ def run(
 
     Exit code 1 where the controller gave up, the object was lost, the path could not be followed or the arm saturated.
     """
-    from slip_vic.scenarios.scenario import load_scenario, read_parameters
-
-    loaded = load_scenario(
-        scenario,
-        law=law,
-        mode=mode,
-        seed=seed,
-        sensor=sensor,
-        drive=drive,
-        estimator=estimator,
-        assignments=assignments,
-        urdf_file=urdf,
-        parameters=read_parameters(params),
-    )
+    loaded, law = choice.load(), choice.law
 
     from rich.console import Console
 
     if in_process:
-        if mode == "realtime" or record is not None:
+        if choice.mode == "realtime" or record is not None:
             given = "--record" if record is not None else "--mode realtime"
             raise InputError("--in-process", got=given, expected="lockstep without DDS: there is nothing to record")
         with Console(stderr=True).status(f"{loaded.name} {law}"):
@@ -158,9 +113,9 @@ def run(
             loaded, bag=record or judged, keep_bag=record is not None, wanted_domain=domain_id, namespace=namespace,
             process=process, one_process=one_process,
         )  # fmt: skip
-        with run_progress(Console(stderr=True)) as progress:
+        with run_progress(Console(stderr=True)) as add_bar:
             result = launcher.run(
-                progress.add_run(f"{loaded.name} {law}", loaded.duration_s),
+                add_bar(f"{loaded.name} {law}", loaded.duration_s),
                 lambda domain: click.echo(f"ROS domain {domain}; slip-vic watch shows the run"),
             )
         for line in result_lines(result, loaded):
@@ -205,7 +160,7 @@ def summary_lines(verdict: Verdict, modes: Mapping[str, Sequence[tuple[float, st
     """Yield what is said of a run at its end: a line for each arm, and one for each change of its mode."""
     for name, numbers in verdict.arms.items():
         arrival = numbers["arrival_s"]
-        error, arm = 1e3 * math.hypot(*numbers["final_error"][:3]), f"{name}: " if name else ""
+        error, arm = 1e3 * numbers["final_error_m"], f"{name}: " if name else ""
         yield (
             f"{arm}slip {1e3 * numbers['slip_linear_m']:.2f} mm, {math.degrees(numbers['slip_angular_rad']):.2f} deg; "
             + ("at the end the law was not at work; " if math.isnan(error) else f"final error {error:.3f} mm; ")
@@ -219,49 +174,24 @@ def summary_lines(verdict: Verdict, modes: Mapping[str, Sequence[tuple[float, st
 
 
 @cli.command()
-@SCENARIO
+@choosing("scenario", "seed", "sensor", "drive", "params", "assignments", "urdf")
 @out_option("out", "output folder")
-@SEED
-@DRIVE
-@PARAMS
-@ASSIGNMENTS
-@URDF
-@SENSOR
 @IN_PROCESS
-@click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
+@DOMAIN_ID
 @ALLOW_FAULT
-def demo(
-    *,
-    scenario: str,
-    out: Path,
-    seed: int,
-    drive: str,
-    params: Path | None,
-    assignments: tuple[str, ...],
-    urdf: Path | None,
-    sensor: str,
-    in_process: bool,
-    domain_id: int | None,
-    allow_fault: bool,
-) -> None:
+def demo(*, choice: Choice, out: Path, in_process: bool, domain_id: int | None, allow_fault: bool) -> None:
     """Compare classical, variable and governed impedance on one scenario: table, report.html, summary.json, bags."""
     from slip_msgs_py.without_ros import check_ros
-    from slip_vic.scenarios.scenario import load_scenario, read_parameters, urdf_assignment
 
     if not in_process:
         check_ros()
-    given = (*urdf_assignment(urdf), *assignments)
-    load_scenario(scenario, sensor=sensor, drive=drive, assignments=given)  # a typo ends here
+    choice.load()  # a typo ends here
 
     from rich.console import Console
 
-    from slip_vic.run.demo import run_demo, run_demo_in_process
+    from slip_vic.run.demo import run_demo
 
-    console, common = Console(stderr=True), read_parameters(params)
-    if in_process:
-        summary = run_demo_in_process(scenario, out, seed, given, console, common, sensor, drive)
-    else:
-        summary = run_demo(scenario, out, seed, given, domain_id, console, common, sensor, drive)
+    summary = run_demo(choice, out, Console(stderr=True), domain_id, in_process=in_process)
     lines = (f"{kind}: {incident}" for kind, run in summary["runs"].items() for incident in run["incidents"])
     end_with(lines, allow_fault)
 

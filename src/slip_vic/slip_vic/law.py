@@ -149,11 +149,9 @@ def evaluate_law(
     n = len(q)
     if not 1 <= n <= MAX_JOINTS:
         raise InputError("q", got=f"{n} joints", expected=f"1 to {MAX_JOINTS}")
-    buffers = {name: new(dtype) for name, dtype in (("config", LAW_CONFIG), ("arm", ARM), ("given", GIVEN))}
-    buffers |= {"joints": new(JOINT_SAMPLE), "memory": new(MEMORY)}
-    config, arm = record(buffers["config"], LAW_CONFIG), record(buffers["arm"], ARM)
-    given, joints = record(buffers["given"], GIVEN), record(buffers["joints"], JOINT_SAMPLE)
-    memory = record(buffers["memory"], MEMORY)
+    config, arm, joints, memory, given = (
+        record(new(kind), kind) for kind in (LAW_CONFIG, ARM, JOINT_SAMPLE, MEMORY, GIVEN)
+    )
     try:
         config.joints, config.contacts, config.attitude = n, 1, RPY if attitude == "rpy" else LOG
         config.feed_forward, config.radius = 1, 1.0

@@ -1,20 +1,69 @@
-"""Options that several commands take, each in one form. A mistyped name is answered before anything heavy is loaded."""
+"""Options that several commands take, each in one form, and how a command ends where a run went wrong.
+
+A mistyped name is answered before anything heavy is loaded.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from slip_core.errors import UnknownName
 from slip_core.files.resources import add_package
 from slip_vic.presets import find_preset
-from slip_vic.scenarios import find_scenario
+
+if TYPE_CHECKING:
+    from slip_vic.scenarios.scenario import Estimator, Law, Mode, Scenario
 
 ALL_LAWS: Final = ("classical", "vic", "governed", "leader_follower", "classical_internal", "printed", "shared")
 """The last four are of several arms."""
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A scenario as a command line chooses it; `slip_vic.load` says what each part is. params: a parameter file."""
+
+    scenario: str
+    law: Law = "governed"
+    mode: Mode = "lockstep"
+    seed: int = 0
+    sensor: str = ""
+    drive: str = ""
+    estimator: Estimator | None = None
+    params: Path | None = None
+    assignments: tuple[str, ...] = ()
+    urdf: Path | None = None
+
+    def load(self, *more: str, parameters: Mapping[str, Any] | None = None) -> Scenario:
+        """Return the scenario.
+
+        Args:
+            more: further assignments.
+            parameters: of the controller, instead of those of the file.
+
+        Raises:
+            InputError: unknown scenario, sensor, drive or parameter; an unreadable file.
+        """
+        from slip_vic.scenarios.scenario import load_scenario, read_parameters
+
+        return load_scenario(
+            self.scenario,
+            law=self.law,
+            mode=self.mode,
+            seed=self.seed,
+            sensor=self.sensor,
+            drive=self.drive,
+            estimator=self.estimator,
+            assignments=(*self.assignments, *more),
+            urdf_file=self.urdf,
+            parameters=read_parameters(self.params) if parameters is None else parameters,
+        )
 
 
 def names(text: str) -> tuple[str, ...]:
@@ -22,33 +71,34 @@ def names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
-def _scenario(context: click.Context, parameter: click.Parameter, value: str) -> str:
-    find_scenario(value)
-    return value
+def _law(name: str) -> None:
+    if name not in ALL_LAWS:
+        raise UnknownName("law", name, ALL_LAWS)
 
 
-def _scenarios(context: click.Context, parameter: click.Parameter, value: str) -> tuple[str, ...]:
-    for name in names(value):
-        find_scenario(name)
-    return names(value)
+def _one(find: Callable[[str], object]) -> Callable[[click.Context, click.Parameter, str], str]:
+    """Return the callback of an option with a name that `find` must know, or none."""
+
+    def check(context: click.Context, parameter: click.Parameter, value: str) -> str:
+        if value:
+            find(value)
+        return value
+
+    return check
 
 
-def _sensors(context: click.Context, parameter: click.Parameter, value: str) -> tuple[str, ...]:
-    for name in names(value):
-        find_preset("sensors", name)
-    return names(value)
+def _many(find: Callable[[str], object]) -> Callable[[click.Context, click.Parameter, str], tuple[str, ...]]:
+    """Return the callback of an option with names that `find` must know."""
+
+    def check(context: click.Context, parameter: click.Parameter, value: str) -> tuple[str, ...]:
+        for name in names(value):
+            find(name)
+        return names(value)
+
+    return check
 
 
-def _sensor(context: click.Context, parameter: click.Parameter, value: str) -> str:
-    if value:
-        find_preset("sensors", value)
-    return value
-
-
-def _drive(context: click.Context, parameter: click.Parameter, value: str) -> str:
-    if value:
-        find_preset("drives", value)
-    return value
+_SCENARIO, _SENSOR, _DRIVE = (functools.partial(find_preset, kind) for kind in ("scenarios", "sensors", "drives"))
 
 
 def _package(context: click.Context, parameter: click.Parameter, values: tuple[str, ...]) -> None:
@@ -56,12 +106,7 @@ def _package(context: click.Context, parameter: click.Parameter, values: tuple[s
         add_package(text)
 
 
-def URDF(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--urdf`` and ``--package``."""
-    return _URDF(PACKAGE(command))
-
-
-def out_option(default: str | None, text: str, **more: Any) -> Callable[[Any], Any]:
+def out_option(default: str | None, text: str, **more: Any) -> Decorator:
     """Return the option ``-o/--out``; default: None where there is none; text: its help."""
     return click.option(
         "-o", "--out", type=click.Path(path_type=Path), default=default if default is None else Path(default),
@@ -70,57 +115,92 @@ def out_option(default: str | None, text: str, **more: Any) -> Callable[[Any], A
 
 
 SCENARIO: Final = click.option(
-    "--scenario", default="paper_planar", show_default=True, callback=_scenario, help="name or .yaml file"
+    "--scenario", default="paper_planar", show_default=True, callback=_one(_SCENARIO), help="name or .yaml file"
 )
 SCENARIOS: Final = click.option(
-    "--scenario",
-    "scenarios",
+    "--scenario", "scenarios", default="", callback=_many(_SCENARIO),
+    help="names or .yaml files, comma separated; default all",
+)  # fmt: skip
+LAWS_OPTION: Final = click.option(
+    "--law", "laws", default="classical,vic,governed", show_default=True, callback=_many(_law), help="comma separated"
+)
+SENSOR: Final = click.option("--sensor", default="", callback=_one(_SENSOR), help="name or .yaml file of a slip sensor")
+SENSORS: Final = click.option(
+    "--sensor",
+    "sensors",
     default="",
-    callback=_scenarios,
+    callback=_many(_SENSOR),
     help="names or .yaml files, comma separated; default all",
 )
-
-
-def _laws(context: click.Context, parameter: click.Parameter, value: str) -> tuple[str, ...]:
-    for name in names(value):
-        if name not in ALL_LAWS:
-            raise UnknownName("law", name, ALL_LAWS)
-    return names(value)
-
-
-LAWS_OPTION: Final = click.option(
-    "--law", "laws", default="classical,vic,governed", show_default=True, callback=_laws, help="comma separated"
-)
-LAW: Final = click.option(
-    "--law", type=click.Choice(ALL_LAWS), default="governed", show_default=True, help="control law"
+DRIVE: Final = click.option(
+    "--drive", default="", callback=_one(_DRIVE), help="name or .yaml file of the arm's drives"
 )  # fmt: skip
-SENSOR: Final = click.option("--sensor", default="", callback=_sensor, help="name or .yaml file of a slip sensor")
-DRIVE: Final = click.option("--drive", default="", callback=_drive, help="name or .yaml file of the arm's drives")
-SENSORS: Final = click.option(
-    "--sensor", "sensors", default="", callback=_sensors, help="names or .yaml files, comma separated; default all"
-)
-ESTIMATOR: Final = click.option(
-    "--estimator", type=click.Choice(["measured", "observer"]), help="slip: default what suits the sensor"
-)
-PARAMS: Final = click.option(
-    "--params", type=click.Path(path_type=Path), help="parameter file of the controller, e.g. of bringup or tune"
-)
 ASSIGNMENTS: Final = click.option(
     "--set", "assignments", multiple=True, metavar="KEY=VALUE", help="override a parameter; repeatable"
 )
 PACKAGE: Final = click.option(
-    "--package",
-    multiple=True,
-    metavar="NAME=DIR",
-    expose_value=False,
-    is_eager=True,
-    callback=_package,
+    "--package", multiple=True, metavar="NAME=DIR", expose_value=False, is_eager=True, callback=_package,
     help="folder behind package://NAME and $(find NAME) of a URDF or xacro file; repeatable",
-)
-_URDF: Final = click.option("--urdf", type=click.Path(path_type=Path), help="another arm: URDF or xacro file")
+)  # fmt: skip
+
+
+def URDF(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add ``--urdf`` and ``--package``."""
+    urdf = click.option("--urdf", type=click.Path(path_type=Path), help="another arm: URDF or xacro file")
+    return urdf(PACKAGE(command))
+
+
+_OF_CHOICE: Final[Mapping[str, Decorator]] = {
+    "scenario": SCENARIO,
+    "law": click.option(
+        "--law", type=click.Choice(ALL_LAWS), default="governed", show_default=True, help="control law"
+    ),
+    "mode": click.option("--mode", type=click.Choice(["lockstep", "realtime"]), default="lockstep", show_default=True),
+    "seed": click.option(
+        "--seed", type=click.IntRange(0), default=0, show_default=True, help="seed of the sensor noise"
+    ),
+    "sensor": SENSOR,
+    "drive": DRIVE,
+    "estimator": click.option(
+        "--estimator", type=click.Choice(["measured", "observer"]), help="slip: default what suits the sensor"
+    ),
+    "params": click.option(
+        "--params", type=click.Path(path_type=Path), help="parameter file of the controller, e.g. of bringup or tune"
+    ),
+    "assignments": ASSIGNMENTS,
+    "urdf": URDF,
+}
+
+
+def choosing(*parts: str) -> Decorator:
+    """Add the options of these fields of `Choice`; the command gets them as one argument, `choice`."""
+
+    def add(command: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(command)
+        def with_choice(**given: Any) -> Any:
+            return command(choice=Choice(**{part: given.pop(part) for part in parts}), **given)
+
+        found: Callable[..., Any] = with_choice
+        for part in reversed(parts):
+            found = _OF_CHOICE[part](found)
+        return found
+
+    return add
+
+
 IN_PROCESS: Final = click.option(
     "--in-process", is_flag=True, help="bridge and controller in this process, without DDS: seconds, and no ROS"
 )
-SEED: Final = click.option(
-    "--seed", type=click.IntRange(0), default=0, show_default=True, help="seed of the sensor noise"
+DOMAIN_ID: Final = click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID, else a free one")
+ALLOW_FAULT: Final = click.option(
+    "--allow-fault", is_flag=True, help="exit with 0 although a run ended in FAULT or lost the object: an experiment"
 )
+
+
+def end_with(incidents: Iterable[str], allowed: bool) -> None:
+    """Report what went wrong, a line each, and end with exit code 1 where anything did and that is not wanted."""
+    lines = list(incidents)
+    for line in lines:
+        click.echo(line, err=True)
+    if lines and not allowed:
+        raise click.exceptions.Exit(1)

@@ -42,7 +42,7 @@ def read_metrics(path: Path) -> dict[str, Metric]:
     try:
         stored: Any = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f"file {path}", got=error.strerror or str(error), expected="a readable bench.json") from None
+        raise InputError(f"file {path}", got=error, expected="a readable bench.json") from None
     except ValueError as error:
         raise InputError(f"file {path}", got=str(error), expected="JSON") from None
     metrics = stored.get("metrics") if isinstance(stored, dict) else None

@@ -88,14 +88,14 @@ def lockstep_tick_s(scenario: Scenario, *, one_process: bool = False, record: bo
     return result.wall_time_s / result.ticks
 
 
-def free_run(rate_hz: int, duration_s: float, process: ProcessOptions, *, record: bool = True) -> RunResult:
+def free_run(rate_hz: int, duration_s: float, process: ProcessOptions) -> RunResult:
     """Run in real time at a rate, with the recorder; the result has the share of fresh ticks and the latencies."""
     scenario = load_scenario(
         SCENARIO,
         mode="realtime",
         assignments=(f"control_period_s={1.0 / rate_hz!r}", f"bridge.duration_s={duration_s}"),
     )
-    return _run(scenario, record=record, process=process)
+    return _run(scenario, record=True, process=process)
 
 
 def _run(

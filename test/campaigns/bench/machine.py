@@ -54,11 +54,14 @@ def calibration_s() -> float:
     return time.perf_counter() - start
 
 
-def stalled_share(duration_s: float = 0.2) -> float:
+STALLS_LOOKED_FOR_S = 0.2
+
+
+def stalled_share() -> float:
     """Return the share of time in which this process, though always ready, did not run for more than 0.1 ms at once."""
     start = last = time.perf_counter()
     stalled = 0.0
-    while last - start < duration_s:
+    while last - start < STALLS_LOOKED_FOR_S:
         now = time.perf_counter()
         if now - last > _STALL_S:
             stalled += now - last

@@ -32,9 +32,7 @@ def write_results(out: Path, result: BenchResult) -> tuple[Path, Path]:
         out.mkdir(parents=True, exist_ok=True)
         numbers.write_text(json.dumps(result.as_dict(), indent=2) + "\n", encoding="utf-8")
     except OSError as error:
-        raise InputError(
-            f"output folder {out}", got=error.strerror or str(error), expected="a folder that can be written"
-        ) from None
+        raise InputError(f"output folder {out}", got=error, expected="a folder that can be written") from None
     _picture(picture, result)
     return numbers, picture
 

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 import json
-import multiprocessing
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass, field
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from slip_vic.study.engines.pool import end_children, interrupts_later
+from slip_vic.study.engines import Died
+from slip_vic.study.engines.pool import PoolEngine
 from test.campaigns.faults.plan import Plan, all_faults, make_plan, with_arm_and_task
 
-IN_FLIGHT_PER_WORKER = 3
 WRITTEN_EVERY_S = 60.0
 
 
@@ -118,7 +115,7 @@ def run_in_process(
     judge_one = partial(judge_pair if tally.two_arms else judge, interface=tally.interface)
     written_s = time.monotonic()
     try:
-        for verdict in _verdicts(tally.seed, iter(trials), workers, judge_one):
+        for verdict in _verdicts(tally.seed, trials, workers, judge_one):
             tally.verdicts.append(verdict)
             on_done(verdict)
             if verdict.violations or time.monotonic() > written_s + WRITTEN_EVERY_S:
@@ -129,33 +126,26 @@ def run_in_process(
 
 
 def _verdicts(
-    seed: int, trials: Iterator[int], workers: int, judge_one: Callable[[int, int], Verdict]
+    seed: int, trials: Iterable[int], workers: int, judge_one: Callable[[int, int], Verdict]
 ) -> Iterator[Verdict]:
     if workers == 1:
         yield from (judge_one(seed, trial) for trial in trials)
         return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_quiet) as pool:
-        try:
-            with interrupts_later():
-                pending = {
-                    pool.submit(judge_one, seed, trial)
-                    for trial in itertools.islice(trials, IN_FLIGHT_PER_WORKER * workers)
-                }
-            while pending:
-                done, pending = wait(pending, return_when=FIRST_COMPLETED)
-                for future in done:
-                    yield future.result()
-                    trial = next(trials, None)
-                    if trial is not None:
-                        pending.add(pool.submit(judge_one, seed, trial))
-        except BaseException:
-            end_children()
-            raise
+    with PoolEngine(workers) as engine:
+        for trial, verdict in engine.run(partial(_quietly, judge_one), seed, trials):
+            if isinstance(verdict, Died):
+                raise RuntimeError(f"trial {trial}: {verdict.reason}")
+            yield verdict
 
 
-def _quiet() -> None:
-    """Drop what the middleware's decoder prints about every damaged message; errors come back as exceptions."""
+def _quietly(judge_one: Callable[[int, int], Verdict], seed: int, trial: int) -> Verdict:
+    """Judge on a worker; what the middleware's decoder prints about every damaged message is dropped."""
+    _no_stderr()
+    return judge_one(seed, trial)
+
+
+@cache
+def _no_stderr() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from slip_core.errors import InputError
-from slip_vic.study.progress import progress
+from slip_vic.run.progress import progress
 
 SHOWN_VIOLATIONS = 5
 

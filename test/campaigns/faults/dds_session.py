@@ -217,6 +217,3 @@ class Nodes:
             request = SetParameters.Request()
             request.parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
             self._set.call_async(request)
-
-
-__all__ = ["BRIDGE", "CONTROLLER", "Nodes"]

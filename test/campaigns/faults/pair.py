@@ -19,7 +19,19 @@ from slip_vic_controller.session import Controller, ControllerSession, Results
 from test.campaigns.faults.carriers import SampleCarrier
 from test.campaigns.faults.channel import Channel
 from test.campaigns.faults.monitors import NS, CommandMonitor, SafeStateMonitor
-from test.campaigns.faults.plan import DRIVES, EFFORT, JOINT, ON_TOPICS, SLIP, TOPICS, WRENCH, Fault
+from test.campaigns.faults.plan import (
+    DRIVES,
+    EFFORT,
+    JOINT,
+    ON_TOPICS,
+    SLIP,
+    TOPICS,
+    WRENCH,
+    Fault,
+    draw_faults,
+    in_order,
+    one_in_turn,
+)
 from test.campaigns.faults.trial import promise_of, starts_of
 from test.campaigns.faults.wire import Wire
 
@@ -40,22 +52,11 @@ CASES = (
 
 
 def make_plan(seed: int, trial: int, interface: str = "") -> tuple[str, tuple[Fault, ...], str]:
-    """Draw a trial: its scenario, what its arms take where that is not given, and its faults in order.
-
-    One fault comes in turn, and up to two others at random.
-    """
+    """Draw a trial: its scenario, what its arms take where that is not given, and its faults in order."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial,)))
-    chosen = [CASES[trial % len(CASES)]]
-    chosen += [CASES[int(rng.integers(len(CASES)))] for _ in range(int(rng.integers(0, 3)))]
-    faults = [
-        Fault(
-            kind, target, float(rng.uniform(0.05, LATEST_START_S)),
-            float(np.exp(rng.uniform(np.log(0.002), np.log(LONGEST_S)))), float(rng.uniform()),
-        )
-        for kind, target in chosen
-    ]  # fmt: skip
+    faults = draw_faults(rng, one_in_turn(rng, trial, CASES), (LATEST_START_S, LONGEST_S))
     scenario, drawn = SCENARIOS[int(rng.integers(2))], tuple(DRIVES)[int(rng.integers(len(DRIVES)))]
-    return scenario, tuple(sorted(faults, key=lambda fault: fault.start_s)), interface or drawn
+    return scenario, in_order(faults), interface or drawn
 
 
 @cache

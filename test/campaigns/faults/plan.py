@@ -107,18 +107,16 @@ class Plan:
         return f"{self.scenario} {self.controller}{observer} {self.task} {self.interface} {self.drive} {self.sensor}"
 
 
-def make_plan(
-    seed: int, trial: int, cases: tuple[tuple[str, str], ...], latest_start_s: float, longest_s: float,
-    interface: str = "",
-) -> Plan:  # fmt: skip
-    """Draw a trial: one fault in turn, so that every kind comes up equally often, and up to two others at random.
+Cases = tuple[tuple[str, str], ...]
+"""Kind and target of faults."""
 
-    interface: what the arm takes; empty = drawn, too.
-    """
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial,)))
-    chosen = [cases[trial % len(cases)]]
-    chosen += [cases[int(rng.integers(len(cases)))] for _ in range(int(rng.integers(0, 3)))]
-    faults = [
+
+def draw_faults(
+    rng: np.random.Generator, chosen: Iterable[tuple[str, str]], times_s: tuple[float, float]
+) -> list[Fault]:
+    """Draw when faults come and how bad they are; times_s: their latest start and longest duration [s]."""
+    latest_start_s, longest_s = times_s
+    return [
         Fault(
             kind,
             target,
@@ -129,6 +127,29 @@ def make_plan(
         )
         for kind, target in chosen
     ]
+
+
+def in_order(faults: Iterable[Fault]) -> tuple[Fault, ...]:
+    """Return faults in order of their start."""
+    return tuple(sorted(faults, key=lambda fault: fault.start_s))
+
+
+def one_in_turn(rng: np.random.Generator, trial: int, cases: Cases) -> list[tuple[str, str]]:
+    """Return one case in turn, so that every kind comes up equally often, and up to two others at random."""
+    others = [cases[int(rng.integers(len(cases)))] for _ in range(int(rng.integers(0, 3)))]
+    return [cases[trial % len(cases)], *others]
+
+
+def make_plan(
+    seed: int, trial: int, cases: Cases, latest_start_s: float, longest_s: float,
+    interface: str = "",
+) -> Plan:  # fmt: skip
+    """Draw a trial.
+
+    interface: what the arm takes; empty = drawn, too.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial,)))
+    faults = draw_faults(rng, one_in_turn(rng, trial, cases), (latest_start_s, longest_s))
     scenario = "vertical_plane" if rng.uniform() < 0.25 else "paper_planar"
     observer = bool(rng.uniform() < 0.5)
     scenario = "glass_transport" if rng.uniform() < 0.2 else scenario
@@ -136,9 +157,8 @@ def make_plan(
     controller: Law = "vic" if u < 0.5 else "governed" if u < 0.85 else "classical"
     sensors = preset_names("sensors")
     sensor = sensors[int(rng.integers(len(sensors)))]
-    in_order = tuple(sorted(faults, key=lambda fault: fault.start_s))
     drawn = tuple(DRIVES)[int(rng.integers(len(DRIVES)))]
-    return Plan(trial, seed, scenario, observer, controller, in_order, sensor, DRIVES[interface or drawn][0])
+    return Plan(trial, seed, scenario, observer, controller, in_order(faults), sensor, DRIVES[interface or drawn][0])
 
 
 def with_arm_and_task(plan: Plan, latest_start_s: float, longest_s: float) -> Plan:
@@ -154,15 +174,9 @@ def with_arm_and_task(plan: Plan, latest_start_s: float, longest_s: float) -> Pl
         for kind, chance in ((f"wild_{task}", 0.7 * (task != "path")), ("parameter", 0.25))
         if rng.uniform() < chance
     ]
-    faults = [
-        Fault(
-            kind, CONTROLLER, float(rng.uniform(0.05, latest_start_s)),
-            float(np.exp(rng.uniform(np.log(0.002), np.log(longest_s)))), float(rng.uniform()),
-        )
-        for kind in more
-    ]  # fmt: skip
-    in_order = tuple(sorted((*plan.faults, *faults), key=lambda fault: fault.start_s))
-    return replace(plan, drive=drives[int(rng.integers(len(drives)))], task=task, joints=joints, faults=in_order)
+    faults = draw_faults(rng, [(kind, CONTROLLER) for kind in more], (latest_start_s, longest_s))
+    drive = drives[int(rng.integers(len(drives)))]
+    return replace(plan, drive=drive, task=task, joints=joints, faults=in_order((*plan.faults, *faults)))
 
 
 def realtime_scenario(

@@ -439,14 +439,6 @@ def starts_of(session: OneArm, joint: JointSample) -> list[NDArray[np.float64]]:
     return [*starts, session.gravity] if session.begun else starts
 
 
-def run_trial(plan: Plan, *, keep: bool = False) -> Outcome:
+def run_trial(plan: Plan) -> Outcome:
     """Run one plan in process."""
-    return Trial(plan, keep=keep).run()
-
-
-def follows_again(outcome: Outcome) -> bool:
-    """Return whether the law was at work again at the end of the faults."""
-    return outcome.recovery_s is not None
-
-
-__all__ = ["DURATION_S", "LATEST_START_S", "LONGEST_S", "Mode", "Outcome", "Trial", "follows_again", "run_trial"]
+    return Trial(plan).run()

@@ -28,8 +28,8 @@ def soak(minutes: float, rate: float, scenario: str, out: Path) -> None:
 
     loaded = soak_scenario(scenario, minutes, rate)
     loaded.check()
-    with run_progress(Console(stderr=True)) as progress:
-        result = run_soak(loaded, minutes, progress.add_run(f"soak at {rate:g} Hz", 60.0 * minutes))
+    with run_progress(Console(stderr=True)) as add_bar:
+        result = run_soak(loaded, minutes, add_bar(f"soak at {rate:g} Hz", 60.0 * minutes))
     limits = Limits()
     path = write_result(out, result, limits)
     table = Table("process", "memory first / last / most [MiB]", "slope [MiB/h]", "open files", "threads", "grows")

@@ -19,7 +19,7 @@ from slip_core.errors import ProtocolError
 from slip_msgs_py.events import Event, Started, Warned
 from slip_vic.run import shared_memory
 from slip_vic.run.domain import domain_id
-from slip_vic.run.node_command import node_command
+from slip_vic.run.node_command import node_command, run_parameters
 from slip_vic.run.processes import Child, ProcessGroup, child_environment
 from slip_vic.run.recording import recorder_command
 from slip_vic.scenarios.scenario import Scenario, load_scenario
@@ -124,8 +124,7 @@ def run_soak(scenario: Scenario, minutes: float, on_time: Callable[[float], None
 def _start(
     group: ProcessGroup, scenario: Scenario, environment: dict[str, str], folder: Path, result: SoakResult
 ) -> dict[str, Child]:
-    controller = scenario.controller.model_copy(update={"expected_subscribers": 2})
-    bridge = scenario.bridge.model_copy(update={"wait_for": ("controller", "recorder")})
+    controller, bridge = run_parameters(scenario, recording=True)
     recorder = recorder_command(scenario, folder / "bag", folder, "")
     commands = {"recorder": [*recorder, "--max-bag-duration", str(SPLIT_S)]}
     for name, params in (("controller", controller), ("bridge", bridge)):

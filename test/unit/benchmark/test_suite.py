@@ -47,6 +47,8 @@ class HereEngine:
     def __enter__(self) -> Any:
         return self
 
+    deaths = 0
+
     def __exit__(self, *_: object) -> None: ...
 
     def run(self, call: Any, shared: Any, tasks: Any) -> Iterator[Any]:
@@ -55,7 +57,7 @@ class HereEngine:
 
 @pytest.fixture
 def here(two_worlds: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(result, "open_engine", lambda *_: HereEngine())
+    monkeypatch.setattr("slip_vic.study.runner.open_engine", lambda *_: HereEngine())
 
 
 def test_the_first_worlds_are_frozen() -> None:
@@ -158,7 +160,7 @@ def test_no_law_looks_better_by_what_it_does_not_carry() -> None:
         | {"outcome": outcome, "arrival_s": repr(arrival), "final_error_m": repr(error)}
         for k, (outcome, arrival, error) in enumerate(cases)
     )
-    law = result.Result("law", "law", "", oracle=False, several=False, digest="", rows=rows)
+    law = result.Result("law", "law", "", oracle=False, digest="", rows=rows)
     (line,) = lines_of([law], 1)
     shown = dict(zip(HEAD, line, strict=True))
     assert [shown[name] for name in ("worlds", "carried", "lost", "short", "late")] == ["5", "2", "1", "2", "1"]

@@ -15,7 +15,7 @@ from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.slip import dead_band, lifted_chip_reading
 from slip_sim_bridge.sensors.suite import SensorSuite
 from slip_vic.presets import preset_names
-from slip_vic.presets.sensors import load_sensor
+from slip_vic.presets.models import load_sensor
 from test.support.every import every
 
 MS = 1_000_000

@@ -9,7 +9,7 @@ import pytest
 
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.setup.bringup import verdicts
-from slip_vic.setup.bringup.system import Endpoint, Track
+from slip_vic.setup.bringup.verdicts import Endpoint, Track
 
 BRINGUP = (
     "controller.trajectory.kind=goal", "controller.safety.auto_enable=false", "controller.governor.friction=unknown",

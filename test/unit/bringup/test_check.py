@@ -7,9 +7,9 @@ import math
 from click.testing import CliRunner
 
 from slip_vic.cli import cli
+from slip_vic.options import Choice
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic.study.check import Question
-from slip_vic.study.path_load import path_load
+from slip_vic.study.check import path_load
 
 
 def check(*words: str) -> tuple[int, str]:
@@ -69,7 +69,7 @@ def test_an_object_that_is_held_beside_its_goal_does_not_simply_hold() -> None:
 
 
 def test_the_sensor_and_the_estimator_are_those_that_run() -> None:
-    loaded = Question("paper_planar", "governed", "vision_25", "measured").load()
+    loaded = Choice("paper_planar", sensor="vision_25", estimator="measured").load()
     assert loaded.bridge.sensors.slip.rate_hz == loaded.controller.slip_sensor.rate_hz == 25.0
     assert loaded.controller.slip_estimator == "measured"
     assert loaded.controller.governor.mode == "slow_down"

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from slip_core.arrays import Array
 from slip_description import urdf_text
 from slip_vic.cli import cli
-from slip_vic.presets.drives import load_drive
+from slip_vic.presets.models import load_drive
 from slip_vic.setup.identify import Motion, identify
 from slip_vic_controller.robot import Robot
 from test.unit.bridge.scenes import scene

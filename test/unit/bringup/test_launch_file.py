@@ -171,12 +171,10 @@ def test_the_plan_of_two_arms_is_that_of_slip_vic_run(tmp_path: Path) -> None:
     made = plan(tmp_path, scenario="pane_two_arms_upright", assignments=["object.mass=0.9"], namespace="")
     scenario = load_scenario("pane_two_arms_upright", law="classical", seed=3, assignments=["object.mass=0.9"])
     controller, bridge = run_parameters(scenario, recording=True)
-    assert made.two_arms
     assert made.bridge is not None
     assert read(made.controller, "controller", TWO_ARMS) == flatten(controller)
     assert read(made.bridge, "bridge", TWO_ARMS) == flatten(bridge)
     assert made.recorder == recorder_command(scenario, tmp_path / "bag", tmp_path, "")
-    assert not plan(tmp_path).two_arms
 
 
 def test_without_bag_and_without_bridge(tmp_path: Path) -> None:

@@ -17,14 +17,14 @@ from slip_core.errors import InputError
 from slip_description import urdf_text
 from slip_vic.cli import cli, main
 from slip_vic.presets import preset_text
+from slip_vic.run.progress import progress
 from slip_vic.run.versions import versions
 from slip_vic.scenarios import scenario_text
 from slip_vic.study.cases import MISMATCHES, Asked, Case, all_cases
 from slip_vic.study.contents import MixedVersions, check_versions, gather
-from slip_vic.study.progress import progress
-from slip_vic.study.run_case import METRICS, CaseResult, run_case
+from slip_vic.study.run_case import run_case
 from slip_vic.study.summary import spread, write_picture
-from slip_vic.study.table import COLUMNS, Settings, StudyTable, merge
+from slip_vic.study.table import METRICS, STUDY, CaseResult, Settings, StudyTable, merge
 
 ISSUE_COLUMNS = (
     "scenario,law,sensor,estimator,mismatch,seed,outcome,slip_linear_m,slip_angular_rad,slip_speed_peak_m_s,"
@@ -42,7 +42,7 @@ def result(of: Case, value: float = 1.0) -> CaseResult:
 
 
 def test_columns_are_the_promised_ones() -> None:
-    assert ",".join(COLUMNS).startswith(ISSUE_COLUMNS)
+    assert ",".join(STUDY.columns).startswith(ISSUE_COLUMNS)
 
 
 def test_every_combination_once() -> None:
@@ -213,7 +213,7 @@ def test_a_worker_with_other_versions_is_named() -> None:
 
 def test_progress_without_a_terminal_is_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
-    monkeypatch.setattr("slip_vic.study.progress.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("slip_vic.run.progress.time.monotonic", lambda: now[0])
     written = io.StringIO()
     with progress("study", 100, 40, Console(file=written)) as report:
         for done in range(41, 101):
@@ -235,7 +235,7 @@ def test_spread_is_median_interval_and_worst() -> None:
 
 
 def test_picture_of_a_study_with_missing_numbers(tmp_path: Path) -> None:
-    row = dict(zip(COLUMNS, [*case().key, "crashed", *["nan"] * len(METRICS), "died"], strict=True))
+    row = dict(zip(STUDY.columns, [*case().key, "crashed", *["nan"] * len(METRICS), "died"], strict=True))
     write_picture(tmp_path / "study.png", [row])
     assert (tmp_path / "study.png").exists()
 

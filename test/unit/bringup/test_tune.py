@@ -16,8 +16,7 @@ from slip_vic.cli import cli
 from slip_vic.scenarios.scenario import Texts
 from slip_vic.study.cases import Asked, Case
 from slip_vic.study.contents import Contents
-from slip_vic.study.run_case import METRICS, CaseResult, failed
-from slip_vic.study.table import COLUMNS, Row
+from slip_vic.study.table import METRICS, STUDY, CaseResult, Row
 from slip_vic.study.tune.space import Bounds, Range, cost, score, search_space
 
 pytest.importorskip("optuna", reason="this environment is older than requirements.lock")
@@ -44,18 +43,16 @@ class MadeUp:
     def __init__(self, stop_after: float = math.inf) -> None:
         self.runs, self._stop_after = 0, stop_after
 
-    def run(
-        self, call: Callable[..., Any], shared: Contents, tasks: Iterable[tuple[tuple[str, ...], Case]]
-    ) -> Iterator[Any]:
-        for own, case in tasks:
+    def run(self, call: Callable[..., Any], shared: Contents, tasks: Iterable[Case]) -> Iterator[Any]:
+        for case in tasks:
             if self.runs >= self._stop_after:
                 raise Stop
             self.runs += 1
-            k_s, margin = (float(text.partition("=")[2]) for text in (own or ("k_s=1000.0", "margin=0.95")))
+            k_s, margin = (float(text.partition("=")[2]) for text in (case.own or ("k_s=1000.0", "margin=0.95")))
             slip = 1e-3 * (1.0 + abs(math.log(k_s / 200.0)) + margin + 0.1 * case.seed)
             values = dict.fromkeys(METRICS, 0.0)
             values |= {"slip_linear_m": slip, "effort_rate_rms_n_m_s": 1.0 / margin**2, "arrival_s": 2.0}
-            yield (own, case), CaseResult(case, "ok", "", values)
+            yield case, CaseResult(case, "ok", "", values)
 
 
 def ignore(done: int) -> None:
@@ -107,7 +104,7 @@ def test_a_folder_keeps_to_one_search(tmp_path: Path) -> None:
 
 def row(**changes: object) -> Row:
     values = dict.fromkeys(METRICS, "0.0") | {"outcome": "ok", "arrival_s": "2.0", "effort_rate_rms_n_m_s": "10.0"}
-    return dict.fromkeys(COLUMNS, "") | values | {name: str(value) for name, value in changes.items()}
+    return dict.fromkeys(STUDY.columns, "") | values | {name: str(value) for name, value in changes.items()}
 
 
 def test_less_slip_beyond_the_bounds_costs_more_than_the_default() -> None:
@@ -148,8 +145,8 @@ def test_runs_that_end_before_the_latest_arrival_that_is_allowed_are_refused() -
 def test_a_set_whose_runs_fail_has_rows_all_the_same(tmp_path: Path) -> None:
     class Failing(MadeUp):
         def run(self, call: Any, shared: Any, tasks: Iterable[Any]) -> Iterator[Any]:
-            for own, case in tasks:
-                yield (own, case), failed(case, "refused", "no such gain")
+            for case in tasks:
+                yield case, STUDY.failed(case, "refused", "no such gain")
 
     rows = run_sets({tmp_path / "0": {"gains.k_s": -1.0}}, ASKED, CONTENTS, Failing(), ignore)  # type: ignore[arg-type]
     assert [one["outcome"] for one in rows[tmp_path / "0"]] == ["refused"] * 4

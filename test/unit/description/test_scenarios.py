@@ -8,6 +8,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from slip_core.errors import InputError
 from slip_core.params import build
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
@@ -40,9 +41,9 @@ def bridge_params(name):
 
 def test_names_and_unknown_name():
     assert scenario_names(1) == NAMES
-    with pytest.raises(KeyError, match="paper_planer"):
+    with pytest.raises(InputError, match="did you mean paper_planar"):
         scenario_text("paper_planer")
-    with pytest.raises(KeyError):
+    with pytest.raises(InputError, match="unknown scenario"):
         scenario_text("../urdf/arm")
 
 

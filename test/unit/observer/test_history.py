@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slip_vic.presets import preset_names
-from slip_vic.presets.sensors import load_sensor
+from slip_vic.presets.models import load_sensor
 from slip_vic_controller.observer.config import SPARE_ROWS, capacity
 from slip_vic_controller.observer.layouts import ROW, SAMPLE_ROW, TICK_ROW
 from slip_vic_controller.observer.slip import LASTING, contradicted_since

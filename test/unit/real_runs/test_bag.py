@@ -14,7 +14,7 @@ from slip_bags.reader import Bag
 from slip_core.errors import InputError
 from slip_vic.cli import cli
 from slip_vic.page.runs import duration_s, grid, read_run
-from slip_vic.presets.sensors import load_sensor
+from slip_vic.presets.models import load_sensor
 from tools.real_data import calibrate
 from tools.real_data.bag import LATEST, sensor, write_bag
 from tools.real_data.detect import observe_bag

@@ -20,7 +20,7 @@ from slip_bags.reader import Bag
 from slip_core.records import record
 from slip_core.types import EffortCommand, JointSample
 from slip_vic.presets import preset_names
-from slip_vic.presets.sensors import load_sensor
+from slip_vic.presets.models import load_sensor
 from slip_vic.scenarios.scenario import Law
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode

@@ -9,7 +9,7 @@ from slip_core.records import record
 from slip_core.types import JointSample, SlipSample
 from slip_sim_bridge.sensors.slip import SlipMeasurement
 from slip_vic.presets import preset_names
-from slip_vic.presets.sensors import load_sensor
+from slip_vic.presets.models import load_sensor
 from slip_vic_controller.arrival import is_silent, receive_joint_state, receive_slip, receive_wrench
 from slip_vic_controller.cycle import ARM_SIZE, ARM_STATE, CONFIG, TASK_SIZE
 from slip_vic_controller.parameters.safety_params import SafetyParams

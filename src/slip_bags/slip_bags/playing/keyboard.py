@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import select
-import sys
 import termios
 import time
 import tty
@@ -120,8 +119,3 @@ class TerminalControls(Controls):
             f"\r[{'#' * filled}{'.' * (_WIDTH - filled)}] {seconds}  {player.played} messages  {state}\x1b[K"
         )
         self._screen.flush()
-
-
-def terminal(stream: TextIO = sys.stderr) -> TextIO | None:
-    """Return the stream where it is a terminal, else None."""
-    return stream if stream.isatty() else None

@@ -10,11 +10,12 @@ import time
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
@@ -55,7 +56,7 @@ class Due(NamedTuple):
     """One message to send."""
 
     log_time_ns: int
-    publisher: Any
+    publisher: Publisher
     data: bytes
 
 
@@ -109,7 +110,7 @@ class Player:
         if self.start_ns > span[1]:
             got = f"{options.start_offset_s:g} s"
             raise InputError("--start-offset", got=got, expected=f"at most {(span[1] - span[0]) * 1e-9:.3f} s")
-        self._publishers: dict[str, Any] = {}
+        self._publishers: dict[str, Publisher] = {}
         for name in self._selected():
             publisher = self._publisher(bag.topics[name], warn)
             if publisher is not None:
@@ -243,7 +244,7 @@ class Player:
             names = [name for name in names if name != "/clock"]
         return names
 
-    def _publisher(self, topic: TopicInfo, warn: Callable[[str], None]) -> Any:
+    def _publisher(self, topic: TopicInfo, warn: Callable[[str], None]) -> Publisher | None:
         try:
             package, kind = split_type_name(topic.type_name)
             message_class = getattr(importlib.import_module(f"{package}.msg"), kind)

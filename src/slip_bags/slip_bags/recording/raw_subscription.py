@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -55,7 +55,7 @@ class RawSubscription:
         self._node.destroy_subscription(self._subscription)
 
 
-def _arrival(data: bytes, info: Any) -> Arrival:
+def _arrival(data: bytes, info: Mapping[str, int]) -> Arrival:
     return Arrival(
         info["received_timestamp"], info["source_timestamp"], info["publication_sequence_number"] or 0, bytes(data)
     )

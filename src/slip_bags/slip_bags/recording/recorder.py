@@ -16,6 +16,7 @@ from operator import itemgetter
 from typing import Any, Final
 
 from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_hash import TypeHash
 
 from slip_bags.format import QosProfile, TopicInfo
@@ -298,7 +299,7 @@ def _hash_text(version: int, value: bytes) -> str:
     return str(TypeHash(version=version, value=value))
 
 
-def _offer(info: Any) -> Offer:
+def _offer(info: TopicEndpointInfo) -> Offer:
     """Turn rclpy's description of a publisher into ours."""
     qos, found = info.qos_profile, info.topic_type_hash
     type_hash = _hash_text(found.version, bytes(found.value))

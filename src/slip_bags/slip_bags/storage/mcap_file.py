@@ -79,7 +79,7 @@ class McapFile:
             self._file = open(path, "rb")  # noqa: SIM115 - closed by `close`
             self.size = path.stat().st_size
         except OSError as error:
-            raise InputError(f"bag {path}", got=error.strerror or str(error), expected="a readable file") from None
+            raise InputError(f"bag {path}", got=error, expected="a readable file") from None
         try:
             self._check_ends()
             self._file.seek(0)

@@ -73,7 +73,7 @@ def salvage(path: Path, found: Salvage) -> Iterator[SalvagedMessage]:
         with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
             yield from _walk(data, path, found)
     except OSError as error:
-        raise InputError(f"bag file {path}", got=error.strerror or str(error), expected="a readable file") from None
+        raise InputError(f"bag file {path}", got=error, expected="a readable file") from None
     except ValueError:
         raise InputError(f"bag file {path}", got="an empty file", expected="an MCAP file") from None
 

@@ -39,7 +39,7 @@ class NumberBlock:
     count: int
 
 
-def laid_out(message: Any) -> tuple[bytes, Layout]:
+def laid_out(message: object) -> tuple[bytes, Layout]:
     """Return a typed message in CDR, with zeros as padding, and where its fields lie."""
     data = serialize_message(message)
     layout = Schema.of_class(type(message)).layout(data)
@@ -87,7 +87,7 @@ class CdrCodec:
         ValueError: where an array has another size than the template's.
     """
 
-    def __init__(self, template: Any, fields: Sequence[str], stamp: str = "header.stamp") -> None:
+    def __init__(self, template: object, fields: Sequence[str], stamp: str = "header.stamp") -> None:
         for path in filter(None, (*fields, stamp)):
             _at(template, path)
         data, layout = laid_out(template)
@@ -170,7 +170,7 @@ class CdrCodec:
         body = data[_HEADER_BYTES:]  # a copy in which numbers are aligned as CDR aligns them
         return stamp_ns, [_frombuffer(body, dtype, count, start) for dtype, count, start in self._starts]
 
-    def _prove(self, template: Any, padding: Sequence[int]) -> None:
+    def _prove(self, template: object, padding: Sequence[int]) -> None:
         """Write every varying place with a number of its own and have rclpy read and write the same."""
         probes: list[Numbers] = []
         for block in self._blocks:
@@ -204,12 +204,12 @@ def _stamp_offset(layout: Layout, path: str) -> int:
     return sec.offset
 
 
-def numbers_at(message: Any, path: str) -> list[Any]:
+def numbers_at(message: object, path: str) -> list[Any]:
     """Return all numbers at `path` of a typed message, in the order of its fields."""
     return _numbers_of(_at(message, path))
 
 
-def _at(message: Any, path: str) -> Any:
+def _at(message: object, path: str) -> Any:
     value = message
     for name in path.split("."):
         if not hasattr(value, name):

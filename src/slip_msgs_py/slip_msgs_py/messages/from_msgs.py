@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -22,13 +22,18 @@ from slip_core.types import (
     VelocityCommand,
 )
 
+if TYPE_CHECKING:  # the fields are the same, whether ROS or a bag reader decodes
+    from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3, WrenchStamped
+    from sensor_msgs.msg import JointState
+    from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
+
 Sample = TypeVar("Sample")
 FLAG_UP = 0.5
 WORLD = "world"
 LEAST_NORM = 1e-6
 
 
-def vector6(linear: Any, angular: Any) -> Array:
+def vector6(linear: Vector3, angular: Vector3) -> Array:
     """Return the six numbers of two Vector3; (6,), unit and frame of the message."""
     return np.array([linear.x, linear.y, linear.z, angular.x, angular.y, angular.z])
 
@@ -65,7 +70,7 @@ class JointOrder:
         return self._index
 
 
-def joint_samples(message: Any, order: JointOrder) -> Callable[[int, Array, Array, Array], JointSample]:
+def joint_samples(message: JointState, order: JointOrder) -> Callable[[int, Array, Array, Array], JointSample]:
     """Check names and sizes of a JointState; return what makes samples of (stamp_ns, position, velocity, effort).
 
     Efforts that the message leaves out are zero.
@@ -90,7 +95,7 @@ def joint_samples(message: Any, order: JointOrder) -> Callable[[int, Array, Arra
 
 
 def joint_commands(
-    message: Any, order: JointOrder, interface: str
+    message: JointState, order: JointOrder, interface: str
 ) -> Callable[[int, Array, Array, Array], JointCommand]:
     """Check names and sizes of a command; return what makes commands of (stamp_ns, position, velocity, effort).
 
@@ -118,7 +123,9 @@ def _picker(index: list[int]) -> Callable[[Array], Array]:
     return lambda values: values if in_order and len(values) == len(index) else values[index]
 
 
-def in_frame(message: Any, *, frame: str, make: Callable[[int, Array], Sample]) -> Callable[[int, Array], Sample]:
+def in_frame(
+    message: WrenchStamped | TwistStamped | PoseStamped, *, frame: str, make: Callable[[int, Array], Sample]
+) -> Callable[[int, Array], Sample]:
     """Check the frame of a stamped message, where it names one; return what makes samples of (stamp_ns, numbers).
 
     Raises:
@@ -149,7 +156,7 @@ def slip_flag(stamp_ns: int, flags: Array) -> SlipSample:
     return SlipSample(stamp_ns, np.full(6, float((known > FLAG_UP).any())), valid=len(known) > 0)
 
 
-def flag_samples(message: Any) -> Callable[[int, Array], SlipSample]:
+def flag_samples(message: JointState) -> Callable[[int, Array], SlipSample]:
     """Check that a JointState has a position per name; return what makes samples of (stamp_ns, positions).
 
     Raises:
@@ -161,7 +168,7 @@ def flag_samples(message: Any) -> Callable[[int, Array], SlipSample]:
     return slip_flag
 
 
-def cartesian_reference(message: Any) -> CartesianReference:
+def cartesian_reference(message: MultiDOFJointTrajectory) -> CartesianReference:
     """Return the first point of a MultiDOFJointTrajectory as the desired motion of {ee} in {w}.
 
     Velocities and accelerations that the message leaves out are zero.
@@ -187,7 +194,7 @@ def cartesian_reference(message: Any) -> CartesianReference:
     )
 
 
-def streamed_reference(message: Any) -> CartesianReference:
+def streamed_reference(message: MultiDOFJointTrajectory) -> CartesianReference:
     """Return a reference of a stream that is governed.
 
     Raises:
@@ -204,7 +211,7 @@ def streamed_reference(message: Any) -> CartesianReference:
     return reference
 
 
-def pose_goal(message: Any, duration_s: float) -> PoseGoal:
+def pose_goal(message: MultiDOFJointTrajectory, duration_s: float) -> PoseGoal:
     """Return the one point of a MultiDOFJointTrajectory as a goal at rest for {ee} in {w}.
 
     Its time_from_start is the duration; where that is zero it is `duration_s`.
@@ -227,7 +234,7 @@ def pose_goal(message: Any, duration_s: float) -> PoseGoal:
     return PoseGoal(reference.position, reference.rotation, duration)
 
 
-def joint_trajectory(message: Any) -> tuple[Array, Array, tuple[str, ...]]:
+def joint_trajectory(message: JointTrajectory) -> tuple[Array, Array, tuple[str, ...]]:
     """Return times (m,) [s], positions (m, n) [rad] and joint names of a JointTrajectory.
 
     Raises:

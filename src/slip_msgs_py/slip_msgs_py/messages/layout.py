@@ -248,7 +248,7 @@ class _Walker:
         return place
 
 
-def _class_name(kind: Any) -> str:
+def _class_name(kind: type) -> str:
     return f"{kind.__module__.partition('.')[0]}/{kind.__name__}"
 
 

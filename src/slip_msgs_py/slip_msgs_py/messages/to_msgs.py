@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -31,6 +30,7 @@ from slip_core.arrays import Array, readonly
 from slip_core.stamps import split_ns
 from slip_core.types import CartesianReference, ObjectTruth, SlipSample
 
+Floats = Array | Sequence[float]
 WORLD = "world"
 OBJECT = "object"
 SLIP_AXES = ("s_x", "s_y", "s_z", "s_rx", "s_ry", "s_rz")
@@ -48,7 +48,9 @@ def header(stamp_ns: int, frame_id: str) -> Header:
     return Header(stamp=time_msg(stamp_ns), frame_id=frame_id)
 
 
-def joint_state(stamp_ns: int, names: Sequence[str], position: Any, velocity: Any = (), effort: Any = ()) -> JointState:
+def joint_state(
+    stamp_ns: int, names: Sequence[str], position: Floats, velocity: Floats = (), effort: Floats = ()
+) -> JointState:
     """Return named joints, or any named numbers in the position field; [rad, rad/s, N m] for joints."""
     return JointState(
         header=header(stamp_ns, ""),
@@ -108,7 +110,7 @@ def float64(value: float) -> Float64:
     return Float64(data=float(value))
 
 
-def float64_array(values: Any) -> Float64MultiArray:
+def float64_array(values: Floats) -> Float64MultiArray:
     """Return numbers without layout."""
     return Float64MultiArray(data=_floats(values))
 
@@ -162,7 +164,7 @@ def odometry_numbers(truth: ObjectTruth) -> tuple[Array, Array]:
 # -- parts of messages --------------------------------------------------------------------------------
 
 
-def vector3(values: Any) -> Vector3:
+def vector3(values: Floats) -> Vector3:
     """Return three numbers."""
     x, y, z = _floats(values)
     return Vector3(x=x, y=y, z=z)
@@ -179,5 +181,5 @@ def pose(numbers: Array) -> Pose:
     return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
 
 
-def _floats(values: Any) -> list[float]:
+def _floats(values: Floats) -> list[float]:
     return [float(value) for value in values]

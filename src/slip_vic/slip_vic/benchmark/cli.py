@@ -25,12 +25,11 @@ def benchmark() -> None:
 @click.option("--worlds", type=click.IntRange(1), default=300, show_default="all", help="the first N of each track")
 @click.option("--track", type=click.Choice(["capped", "free"]), help="of the grip; default: that of the law")
 @click.option("--arms", type=click.Choice(["1", "2"]), help="only worlds with so many; default: both")
-@click.option("--suite", type=click.Choice(["carry-2026.1"]), default="carry-2026.1", show_default=True)
 @out_option(None, "folder of this law; default out/benchmark/LAW")
 @workers
 @click.option("--shard", default="1/1", callback=shard, metavar="I/N", help="every N-th world from the I-th on")
 def run(
-    *, law: str, worlds: int, track: Grip | None, arms: str | None, suite: str, out: Path | None, jobs: int,
+    *, law: str, worlds: int, track: Grip | None, arms: str | None, out: Path | None, jobs: int,
     engine: EngineName, shard: tuple[int, int],
 ) -> None:  # fmt: skip
     """Run LAW (a name, module:Class or file.py:Class); a folder that has worlds already continues."""

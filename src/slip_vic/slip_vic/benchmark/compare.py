@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import base64
-import html
 import io
 import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import matplotlib as mpl
 
@@ -19,6 +18,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt  # the backend must be chosen first: no display is needed
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 from rich.console import Console
 from rich.table import Table
@@ -28,8 +28,8 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_vic.benchmark.result import Result, read_result
 from slip_vic.benchmark.suite import DIGEST, LOST, METRICS, SHORT_M, SUITE
+from slip_vic.document import document, table
 from slip_vic.study.table import Row
-from slip_vic.study.tune.page import STYLE, table
 
 SHOWN: Final = (
     ("slip_path_m", 1e3, "slip [mm]"),
@@ -223,7 +223,7 @@ def png(laws: Sequence[Result]) -> bytes:
     return buffer.getvalue()
 
 
-def _draw_outcomes(axis: Any, k: int, rows: Sequence[Row]) -> None:
+def _draw_outcomes(axis: Axes, k: int, rows: Sequence[Row]) -> None:
     """Draw how many rows have each of `OUTCOMES`, as one bar."""
     left = 0
     for count, colour in zip(outcomes(rows), OUTCOMES.values(), strict=True):
@@ -233,16 +233,14 @@ def _draw_outcomes(axis: Any, k: int, rows: Sequence[Row]) -> None:
 
 def page(lines: Sequence[Sequence[str]], picture: bytes) -> str:
     """Return the page as HTML."""
-    image = base64.b64encode(picture).decode()
-    return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{SUITE}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{STYLE} img {{ max-width: 100%; }}</style></head>'
-        f"<body><h1>{html.escape(SUITE)}</h1>"
+    return document(
+        SUITE,
         "<p>Medians over the worlds that all laws have; where the object is lost or left short it counts as infinite, "
         "and where it is late its arrival does. lost: the object, or the law failed. short: more than 20 mm from the "
         "goal at the end. late: nearer, but not to 1 mm and 0.5 degrees. "
         "peak and mean: of the squeeze. Laws with capped grip and with free grip are not ranked together: slip can be "
-        "bought by squeeze, and by time.</p>"
-        f'<p><img alt="slip against squeeze and arrival" src="data:image/png;base64,{image}"></p>'
-        f"{table(HEAD, lines)}</body></html>\n"
+        "bought by squeeze, and by time.</p>",
+        '<p><img alt="slip against squeeze and arrival" src="data:image/png;base64,'
+        f'{base64.b64encode(picture).decode()}"></p>',
+        table(HEAD, lines),
     )

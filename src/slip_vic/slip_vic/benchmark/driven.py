@@ -45,6 +45,7 @@ from slip_vic_controller.safety.effort_limiter import (
     needs_restart,
     start_limiter,
 )
+from slip_vic_controller.session import CycleResult
 from slip_vic_controller.state import CONFIG, ControllerConfig
 
 LONGEST_STEP_S: Final = 2.0
@@ -118,7 +119,7 @@ class Driven:
                 self.grips.append(max(arm.squeeze for arm in self._arms))
                 yield tick
 
-    def _guarded(self, method: str, argument: Any, set_alarm: Callable[[float], None] = lambda _: None) -> Any:
+    def _guarded(self, method: str, argument: object, set_alarm: Callable[[float], None] = lambda _: None) -> object:
         """Call the law; whatever it raises is a `LawError`."""
         call = getattr(self._law, method)
         try:
@@ -136,14 +137,14 @@ class Driven:
         except Exception as error:  # a law is someone else's
             raise LawError(f"{method} raises {type(error).__name__}: {' '.join(str(error).split())}") from error
 
-    def _answers(self, given: Any) -> Sequence[Any]:
+    def _answers(self, given: object) -> Sequence[object]:
         if not self._several:
             return (given,)
         if not isinstance(given, tuple) or len(given) != len(self._arms):
             raise LawError(f"step returns {type(given).__name__}; expected a tuple of {len(self._arms)} answers")
         return given
 
-    def _apply(self, tick: Tick, k: int, answer: Any) -> None:
+    def _apply(self, tick: Tick, k: int, answer: object) -> None:
         """Put an answer into a tick, through the limits of the drives."""
         arm, tick.grips[k] = self._arms[k], None
         try:
@@ -278,7 +279,7 @@ class _Arm:
             wanted = numbers("Effort.effort", answer.effort, self.joints)
         return EffortCommand(stamp_ns, self.limited(wanted, tick, k))
 
-    def _acceleration(self, answer: Pad | Effort | Velocity, result: Any) -> Array:
+    def _acceleration(self, answer: Pad | Effort | Velocity, result: CycleResult) -> Array:
         """Return the joint acceleration of an answer for drives with loops of their own; (n,) [rad/s^2]."""
         if self._motion.started == 0:
             start_motion(self.config.command, self._motion, result.joint.position, result.joint.velocity)
@@ -296,12 +297,12 @@ class _Arm:
             raise ValueError("Pad.acceleration gives no finite acceleration of the joints at this posture")
         return qdd
 
-    def _move(self, qdd: Array, result: Any) -> None:
+    def _move(self, qdd: Array, result: CycleResult) -> None:
         """Integrate a joint acceleration over a period inside the limits of the motion; (n,) [rad/s^2]."""
         limited = np.zeros(self.joints, np.int64)
         advance_motion(self.config.command, self._motion, qdd, result.joint.velocity, self._period_s, limited)
 
-    def _servo(self, result: Any, velocity: Array) -> Array:
+    def _servo(self, result: CycleResult, velocity: Array) -> Array:
         """Return the effort with which a joint goes to a velocity at `SERVO_RATE`; (n,) [rad/s] -> (n,) [N m].
 
         M qdd + C qd + g - J^T h, with qdd = rate (velocity - qd): Eq. (1).
@@ -311,7 +312,7 @@ class _Arm:
         qdd = SERVO_RATE * (velocity - result.joint.velocity)
         return np.asarray(arm.M[:n, :n] @ qdd + arm.bias[:n] - arm.J[:, :n].T @ h)
 
-    def torque(self, result: Any, acceleration: Array) -> Array:
+    def torque(self, result: CycleResult, acceleration: Array) -> Array:
         """Return the effort of an acceleration of the pad; (6,) {w} -> (n,) [N m].
 
         Raises:

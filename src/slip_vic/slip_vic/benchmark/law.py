@@ -265,7 +265,7 @@ def _module_of_file(path: Path) -> ModuleType:
     return module
 
 
-def numbers(what: str, given: Any, size: int) -> Array:
+def numbers(what: str, given: object, size: int) -> Array:
     """Return what a law gave as an array of this size.
 
     Raises:

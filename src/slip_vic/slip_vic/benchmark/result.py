@@ -12,32 +12,29 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
-from slip_vic.benchmark.law import find_law
+from slip_vic.benchmark.law import FoundLaw, find_law
 from slip_vic.benchmark.suite import (
     COUNTS,
     DIGEST,
-    KEY,
+    LAYOUT,
     METRICS,
     SUITE,
     TIMED,
     Grip,
     World,
-    WorldResult,
     run_world,
     suite,
 )
 from slip_vic.run.prepare import prepare
 from slip_vic.run.versions import versions
 from slip_vic.study.contents import check_versions
-from slip_vic.study.engines import Died, EngineName, open_engine
-from slip_vic.study.progress import progress
-from slip_vic.study.table import Layout, Row, Settings, StudyTable, read_rows
+from slip_vic.study.engines import EngineName
+from slip_vic.study.runner import fill
+from slip_vic.study.table import CaseResult, Row, Settings, StudyTable, read_rows
 
-LAYOUT = Layout(KEY, METRICS)
 SAMPLE = 10
 """Worlds that `verify` runs again."""
 
@@ -49,7 +46,7 @@ class Shared(NamedTuple):
     versions: Mapping[str, str]
 
 
-def run_on_worker(shared: Shared, world: World) -> WorldResult:
+def run_on_worker(shared: Shared, world: World) -> CaseResult[World]:
     """Run a world in this process.
 
     Raises:
@@ -64,15 +61,13 @@ def run_on_worker(shared: Shared, world: World) -> WorldResult:
 class Result:
     """Rows of a law, and what they are of.
 
-    name: as on the command line; label: in tables; oracle: not ranked; several: whether two arms are part of it;
-    digest: of the rows as they were written.
+    name: as on the command line; label: in tables; oracle: not ranked; digest: of the rows as they were written.
     """
 
     name: str
     label: str
     source: str
     oracle: bool
-    several: bool
     digest: str
     rows: tuple[Row, ...]
 
@@ -105,28 +100,14 @@ def run_law(
     prepare()
     settings = Settings((f"law={law.name}",), {"suite": DIGEST, "law": law.source}, versions(), ())
     with StudyTable(out, settings, LAYOUT) as table:
-        done = table.done()
-        left = [world for world in wanted if world.key not in done]
-        now = there = len(wanted) - len(left)
-        with progress(law.label, len(wanted), there, Console(stderr=True)) as report:
-            if left:
-                with open_engine(engine, jobs) as workers:
-                    for world, result in workers.run(run_on_worker, Shared(law.name, versions()), left):
-                        if isinstance(result, Died):
-                            nothing = dict.fromkeys(METRICS, math.nan)
-                            table.append(WorldResult(world, "crashed", result.reason, nothing))
-                        else:
-                            table.append(result)
-                        now += 1
-                        report(now, "")
-        table.sort()
+        there, _ = fill(table, law.label, wanted, run_on_worker, Shared(law.name, versions()), engine, jobs)
         rows = table.rows()
         bad = sum(row["outcome"] != "ok" for row in rows)
-    _write(out, law.label, law.oracle, law.several, rows)
+    _write(out, law, rows)
     return f"{law.label}: {len(rows)} worlds, {bad} not ok, {there} were there already; {out}"
 
 
-def _write(out: Path, label: str, oracle: bool, several: bool, rows: Sequence[Row]) -> None:
+def _write(out: Path, law: FoundLaw, rows: Sequence[Row]) -> None:
     settings = Settings.read(out / "study.json")
     frame = pd.DataFrame(rows, columns=list(LAYOUT.columns)).astype(dict.fromkeys(METRICS, float))
     frame.to_parquet(out / "rows.parquet", index=False)
@@ -134,12 +115,12 @@ def _write(out: Path, label: str, oracle: bool, several: bool, rows: Sequence[Ro
         "suite": SUITE,
         "suite_digest": settings.digests["suite"],
         "law": settings.assignments[0].removeprefix("law="),
-        "label": label,
+        "label": law.label,
         "source": settings.digests["law"],
-        "oracle": oracle,
-        "several": several,
+        "oracle": law.oracle,
+        "several": law.several,
         "worlds": len(rows),
-        "worlds_of_suite": sum(count for arms, count in COUNTS.items() if arms == 1 or several),
+        "worlds_of_suite": sum(count for arms, count in COUNTS.items() if arms == 1 or law.several),
         "rows": digest_of_rows(rows),
         "versions": dict(settings.versions),
     }
@@ -162,7 +143,7 @@ def read_result(folder: Path) -> Result:
         content = json.loads((folder / "result.json").read_text(encoding="utf-8"))
         rows = tuple(read_rows(folder / "study.csv", LAYOUT))
         law, label, source, digest = (str(content[name]) for name in ("law", "label", "source", "rows"))
-        found = Result(law, label, source, bool(content["oracle"]), bool(content["several"]), digest, rows)
+        found = Result(law, label, source, bool(content["oracle"]), digest, rows)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"folder {folder}", got=f"{type(error).__name__}: {error}", expected="a result of slip-vic benchmark run"

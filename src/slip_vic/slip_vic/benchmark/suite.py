@@ -15,12 +15,12 @@ from slip_core.errors import SlipVicError
 from slip_vic.benchmark.driven import Driven
 from slip_vic.benchmark.law import FoundLaw, find_law
 from slip_vic.run.judge import judge
-from slip_vic.run.metrics import effort_rate
 from slip_vic.run.track import Track
 from slip_vic.run.versions import digest
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import Estimator, Law, Scenario
 from slip_vic.study.lottery import Entry, Ticket, draw, draw_arms, with_drive
+from slip_vic.study.table import CaseResult, Layout
 
 SUITE: Final = "carry-2026.1"
 SEED: Final = 20261
@@ -49,6 +49,7 @@ METRICS: Final = (
 """slip_path_*: length of the way that the pad slides and turns on the object; final_error_*: at the end; squeeze_*:
 as commanded, of the arm with most; step_p99_s: time of a step of the law, which differs from run to run. Of several
 arms the worst."""
+LAYOUT: Final = Layout(KEY, METRICS)
 TIMED: Final = ("step_p99_s",)
 """Metrics that are not the same in each run."""
 LOST: Final = ("lost", "fault", "failed", "crashed")
@@ -155,22 +156,12 @@ def suite(
     return [world for n in arms for world in worlds(own, n, min(count, COUNTS[n]), seed)]
 
 
-@dataclass(frozen=True, slots=True)
-class WorldResult:
-    """A row: outcome of `slip_vic.run.judge.Outcome`, refused, failed or stays; why; numbers by the names of `METRICS`.
+def run_world(law: str, world: World) -> CaseResult[World]:
+    """Run a world under a law; whatever goes wrong becomes a row.
 
-    stays: the pad is at the start all the time, which of a closed path is its goal too.
+    Outcomes are those of `slip_vic.run.judge.Outcome`, refused, failed, and stays: the pad is at the start all the
+    time, which of a closed path is its goal too.
     """
-
-    case: World
-    outcome: str
-    reason: str
-    metrics: dict[str, float]
-
-
-def run_world(law: str, world: World) -> WorldResult:
-    """Run a world under a law; whatever goes wrong becomes a row."""
-    nothing = dict.fromkeys(METRICS, math.nan)
     try:
         kind = find_law(law).kind
         scenario = world.load(getattr(kind, "configured", "classical"))
@@ -178,12 +169,12 @@ def run_world(law: str, world: World) -> WorldResult:
         track = Track(driven.scenario, whole=False)
         verdict = judge(driven.ticks(), track)
     except SlipVicError as error:
-        return WorldResult(world, "refused", str(error), nothing)
+        return LAYOUT.failed(world, "refused", str(error))
     except Exception as error:  # a class of someone else's
-        return WorldResult(world, "failed", f"{type(error).__name__}: {error}", nothing)
+        return LAYOUT.failed(world, "failed", f"{type(error).__name__}: {error}")
     outcome, reason = ("failed", driven.failure) if driven.failure else (verdict.outcome, verdict.reason)
     if not track.ticks:
-        return WorldResult(world, outcome, reason, nothing)
+        return LAYOUT.failed(world, outcome, reason)
     arrival = math.nan if outcome in LOST else verdict.worst("arrival_s")
     if arrival == 0.0:  # of a closed path, whose goal is where it starts
         outcome, reason, arrival = "stays", "the pad does not leave the start", math.nan
@@ -192,14 +183,14 @@ def run_world(law: str, world: World) -> WorldResult:
         "slip_path_m": max(path[0] for path in paths),
         "slip_path_rad": max(path[1] for path in paths),
         "arrival_s": arrival,
-        "final_error_m": max(float(np.linalg.norm(arm["final_error"][:3])) for arm in verdict.arms.values()),
-        "final_error_rad": max(float(np.linalg.norm(arm["final_error"][3:])) for arm in verdict.arms.values()),
+        "final_error_m": verdict.worst("final_error_m"),
+        "final_error_rad": verdict.worst("final_error_rad"),
         "squeeze_peak_n": float(max(driven.grips)),
         "squeeze_mean_n": float(np.mean(driven.grips)),
-        "effort_rate_rms_n_m_s": max(effort_rate(series) for series in track.series()),
+        "effort_rate_rms_n_m_s": verdict.worst("effort_rate_rms_n_m_s"),
         "step_p99_s": float(np.quantile(driven.step_s, 0.99)),
     }
-    return WorldResult(world, outcome, reason, numbers)
+    return CaseResult(world, outcome, reason, numbers)
 
 
 def slip_path(time: Array, velocity: Array) -> tuple[float, float]:

@@ -8,11 +8,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from slip_vic.benchmark.law import find_law
-from slip_vic.benchmark.suite import LOST, TUNING_SEED, WorldResult, run_world, suite
+from slip_vic.benchmark.suite import LOST, TUNING_SEED, World, run_world, suite
 from slip_vic.run.prepare import prepare
+from slip_vic.study.table import CaseResult
 
 
-def cost(results: Sequence[WorldResult]) -> tuple[int, float, float]:
+def cost(results: Sequence[CaseResult[World]]) -> tuple[int, float, float]:
     """Return what a value is judged by, the first number first: lost, mean log of slip over 1 mm, mean squeeze [N].
 
     Where the object does not arrive counts as half a loss.

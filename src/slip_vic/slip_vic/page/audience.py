@@ -40,9 +40,8 @@ class Audience:
         try:
             self._server: Server = serve(self._attend, host, port, process_request=self._answer, compression=None)
         except OSError as error:
-            got = error.strerror or str(error)
             raise InputError(
-                f"address {host}:{port}", got=got, expected="a free port", fix="choose another --port"
+                f"address {host}:{port}", got=error, expected="a free port", fix="choose another --port"
             ) from None
         self.port = int(self._server.socket.getsockname()[1])
         threading.Thread(target=self._server.serve_forever, name="watch-server", daemon=True).start()

@@ -17,29 +17,21 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
+from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
 
 from slip_bags.recording.raw_subscription import RawSubscription, recording_qos
-from slip_bags.typedefs import find_definition
 from slip_core.arrays import Array
+from slip_core.stamps import stamp_to_ns
 from slip_core.topics import TOPICS
-from slip_msgs_py.messages.layout import Layout, Schema
 from slip_msgs_py.qos import message_class
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.page.audience import Audience
 from slip_vic.page.packing import Packer
 from slip_vic.page.plots import describe_plots, plot_series
-from slip_vic.page.runs import (
-    Arm,
-    Run,
-    describe,
-    effort_limits_of,
-    law_values,
-    load_ratio,
-    slip_values,
-    speed_values,
-)
+from slip_vic.page.runs import Arm, Run, arm_of, describe
 from slip_vic.page.urdf import box_of
+from slip_vic.run.series import AXES
 
 MODE: Final = "controller/mode"
 NEWEST: Final = ("joint_states", "slip_truth", "controller/scalars", "object_state")
@@ -51,63 +43,25 @@ ASK_S: Final = 2.0
 SETTLE_S: Final = 1.0
 SILENT_S: Final = 2.0
 """So long without joint states the page reports that nothing arrives."""
-_HEAD: Final = 12  # encapsulation and stamp: texts and numbers come behind
-
-
-class Message:
-    """The numbers of one message by path, found by a layout; `names` is its text array of that name."""
-
-    def __init__(self, layout: Layout, names: tuple[str, ...], data: bytes) -> None:
-        self._leaves, self._data, self.names = {leaf.path: leaf for leaf in layout.leaves}, data, names
-
-    def __getitem__(self, path: str) -> Array:
-        """Return the numbers of one field as a row; (1, k)."""
-        leaf = self._leaves[path]
-        return np.frombuffer(self._data, leaf.dtype, leaf.count or 1, leaf.offset).reshape(1, -1)
-
-    def text(self) -> str:
-        """Return the text of a std_msgs/String."""
-        length = int.from_bytes(self._data[4:8], "little")
-        return self._data[8 : 7 + length].decode("utf-8", "replace")
-
-    @property
-    def stamp_ns(self) -> int:
-        """The header's stamp."""
-        return int(self["header.stamp.sec"][0, 0]) * 10**9 + int(self["header.stamp.nanosec"][0, 0])
 
 
 class Topic:
-    """The newest message of one topic; where everything lies in it is looked for once, as long as its texts stay."""
+    """The newest message of one topic."""
 
     def __init__(self, node: Node, full: str, name: str) -> None:
-        kind, latched = TOPICS[name].type, name in LATCHED
-        self._schema = Schema.from_text(kind, find_definition(kind).text)
+        self._class, latched = message_class(TOPICS[name].type), name in LATCHED
         self.full = full
-        self._length = 0
-        qos = recording_qos(1, reliable=latched, transient_local=latched)
-        self._subscription = RawSubscription(node, message_class(kind), full, qos)
-        self.newest: Message | None = None
-        self._layout: Layout | None = None
-        self._names: tuple[str, ...] = ()
-        self._texts = b""
+        self._subscription = RawSubscription(
+            node, self._class, full, recording_qos(1, reliable=latched, transient_local=latched)
+        )
+        self.newest: Any = None
 
     def take(self) -> bool:
         """Take what is there; return whether there is something new."""
         last = deque(self._subscription.drain(), maxlen=1)
         if last:
-            self.newest = self._read(last[0].data)
+            self.newest = deserialize_message(last[0].data, self._class)
         return bool(last)
-
-    def _read(self, data: bytes) -> Message:
-        end = self._layout.texts[-1].places[-1][0] if self._layout and self._names else 0
-        if self._layout is None or not self._names or len(data) != self._length or data[_HEAD:end] != self._texts:
-            self._layout, self._length = self._schema.layout(data), len(data)
-            texts = {
-                text.path: [data[at : at + size].decode() for at, size in text.places] for text in self._layout.texts
-            }
-            self._names = tuple(texts.get("name", ()))
-            self._texts = data[_HEAD : self._layout.texts[-1].places[-1][0]] if self._names else b""
-        return Message(self._layout, self._names, data)
 
     def close(self) -> None:
         """Unsubscribe."""
@@ -125,7 +79,7 @@ class WatchedArm:
     def text(self, name: str) -> str | None:
         """Return the text of a latched topic."""
         newest = self.topics[name].newest
-        return None if newest is None else newest.text()
+        return None if newest is None else str(newest.data)
 
     @property
     def complete(self) -> bool:
@@ -169,7 +123,7 @@ class Watcher:
         self._ready_since = self._ready_since or now
         if self.model is None and now < self._ready_since + SETTLE_S:
             return None  # the other topics of a run that has just begun
-        stamp_ns = max(_stamp(arm) for arm in ready)
+        stamp_ns = max(stamp_to_ns(arm.topics["joint_states"].newest.header.stamp) for arm in ready)
         if stamp_ns == self.last_ns:
             return None
         run = self._run(ready)
@@ -218,7 +172,7 @@ class Watcher:
     def _begin(self, run: Run) -> None:
         """Make the model that says what stands in a frame; topics that appear later lead to another one."""
         packer = Packer()
-        described, _ = describe(run, np.zeros(1), packer)
+        described, _ = describe(run, packer)
         plots = describe_plots([run], packer, empty=True)
         self.model = packer.pack({"time": packer.add(np.zeros(1)), "runs": [described], "plots": plots})
 
@@ -227,8 +181,8 @@ class Watcher:
         for arm in arms:
             newest, text = arm.topics["object_state"].newest, arm.text("object_description")
             if newest is not None:
-                parts = (("position", "xyz"), ("orientation", "xyzw"))
-                pose = np.hstack([newest[f"pose.pose.{part}.{axis}"] for part, axes in parts for axis in axes])
+                at, turned = newest.pose.pose.position, newest.pose.pose.orientation
+                pose = np.array([[at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]])
                 size = box_of(text) if text is not None else size
                 break
         label = self._wanted or "live"
@@ -239,44 +193,31 @@ def arm_now(watched: WatchedArm) -> Arm:
     """Return what the page shows of an arm, for one instant."""
     newest = {name: topic.newest for name, topic in watched.topics.items()}
     states, truth, scalars = newest["joint_states"], newest["slip_truth"], newest["controller/scalars"]
-    assert states is not None
-    urdf, mode = watched.text("robot_description") or "", watched.text(MODE)
-    names = states.names
-    none = np.full((1, 6), np.nan)
-    slip = none if truth is None else truth["velocity"]
-    values = slip_values(none if truth is None else truth["position"]) | speed_values(slip)
-    efforts = np.full((1, len(names)), np.nan)
-    symbols: dict[str, float] = {}
-    if scalars is not None:
-        values |= law_values(scalars.names, scalars["position"])
-        symbols = dict(zip(scalars.names, scalars["position"][0].tolist(), strict=True))
-        found = [symbols.get(f"effort_{joint + 1}", np.nan) for joint in range(len(names))]
-        efforts = np.array([found])
-    values["load"] = _load(symbols, watched.parameters)
-    return Arm(
-        name=watched.name,
-        urdf=urdf,
-        tip=str(watched.parameters.get("ee_frame", "ee")),
-        joint_names=names,
-        joints=states["position"],
-        slip_velocity=slip,
-        planned=np.empty((0, 3)),
-        values=values,
-        efforts=efforts,
-        effort_limits=effort_limits_of(urdf, names),
+    mode, names, none = watched.text(MODE), tuple(states.name), np.full((1, 6), np.nan)
+    symbols: dict[str, float] = {} if scalars is None else dict(zip(scalars.name, scalars.position, strict=True))
+    return arm_of(
+        watched.name,
+        watched.text("robot_description") or "",
+        names,
+        watched.parameters,
+        joints=np.array([states.position]),
+        velocity=none if truth is None else np.array([truth.velocity]),
+        efforts=np.array([[symbols.get(f"effort_{joint + 1}", np.nan) for joint in range(len(names))]]),
+        displacement=none if truth is None else np.array([truth.position]),
+        law=None if scalars is None else (scalars.name, np.array([scalars.position])),
+        wrench=_wrench(symbols),
         modes=() if mode is None else ((0.0, mode),),
     )
 
 
-def _load(symbols: Mapping[str, float], parameters: Mapping[str, Any]) -> Array:
-    """Return the load ratio (1,) from the wrench on the object, which the law has on world axes."""
-    axes = ("x", "y", "z", "rx", "ry", "rz")
-    wrench = np.array([symbols.get(f"h_ee_{axis}", np.nan) for axis in axes])
-    turn = np.array([symbols.get(f"position_{axis}", np.nan) for axis in axes[3:]])
+def _wrench(symbols: Mapping[str, float]) -> Array:
+    """Return the wrench on the pad's axes, of that on the object, which the law has on world axes; (1, 6)."""
+    wrench = np.array([symbols.get(f"h_ee_{axis}", np.nan) for axis in AXES])
+    turn = np.array([symbols.get(f"position_{axis}", np.nan) for axis in AXES[3:]])
     if not np.isfinite(turn).all():
-        return np.full(1, np.nan)
+        return np.full((1, 6), np.nan)
     inverse = Rotation.from_rotvec(turn).inv()
-    return load_ratio(np.hstack([inverse.apply(wrench[:3]), inverse.apply(wrench[3:])])[None], parameters)
+    return np.hstack([inverse.apply(wrench[:3]), inverse.apply(wrench[3:])])[None]
 
 
 def description(run: Run) -> tuple[object, ...]:
@@ -315,12 +256,6 @@ def ask_parameters(node: Node, name: str) -> dict[str, Any]:
     finally:
         executor.shutdown()
         asker.destroy_node()
-
-
-def _stamp(arm: WatchedArm) -> int:
-    newest = arm.topics["joint_states"].newest
-    assert newest is not None
-    return newest.stamp_ns
 
 
 def watch(node: Node, audience: Audience, namespace: str, rate_hz: float, stop: Callable[[], bool]) -> None:

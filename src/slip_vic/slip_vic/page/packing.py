@@ -34,7 +34,7 @@ class Packer:
         self._size += len(data)
         return reference
 
-    def pack(self, header: Any) -> bytes:
+    def pack(self, header: object) -> bytes:
         """Return header and arrays as one block, not compressed."""
         text = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
         text += b" " * (-len(text) % 4)
@@ -50,7 +50,7 @@ def unpack(block: bytes) -> Any:
     """Return the header with its arrays in place, as the page reads it."""
     length = int.from_bytes(block[:4], "little")
 
-    def revive(found: dict[str, Any]) -> Any:
+    def revive(found: dict[str, Any]) -> object:
         if ARRAY not in found:
             return found
         kind, offset, count = found[ARRAY]

@@ -48,8 +48,8 @@ def write_page(
     title: str = "",
     description: str = "",
     ends: Mapping[str, str] = MappingProxyType({}),
-) -> dict[str, dict[str, Any]]:
-    """Write the page of some recorded runs, given by label, and return the numbers of its table.
+) -> None:
+    """Write the page of some recorded runs, given by label.
 
     `ends` says by label why a run did not end well.
 
@@ -58,9 +58,7 @@ def write_page(
     """
     if not bags:
         raise InputError("report", got="no bags", expected="recorded runs")
-    text, numbers = make_page(bags, command=command, title=title, description=description, ends=ends)
-    write_text(path, text)
-    return numbers
+    write_text(path, make_page(bags, command=command, title=title, description=description, ends=ends)[0])
 
 
 def write_runs(path: Path, made: Mapping[str, run.Run], *, command: str, title: str, description: str = "") -> None:
@@ -87,8 +85,7 @@ def write_text(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
         temporary.replace(path)
     except OSError as error:
-        got = error.strerror or str(error)
-        raise InputError(f"output {path}", got=got, expected="a file that can be written") from None
+        raise InputError(f"output {path}", got=error, expected="a file that can be written") from None
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
@@ -126,7 +123,7 @@ def _page(
     packer = Packer()
     described, missing = [], []
     for run, colour in zip(runs, colours([run.label for run in runs]), strict=True):
-        made, lacking = describe(run, times, packer, colour)
+        made, lacking = describe(run, packer, colour)
         described.append(made)
         missing += lacking
     scenario = next((run.facts["scenario"] for run in runs if "scenario" in run.facts), "")

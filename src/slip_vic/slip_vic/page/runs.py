@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from slip_bags.reader import Bag
-from slip_bags.series import Series
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
@@ -23,6 +22,7 @@ from slip_core.params import flat_names, flatten
 from slip_core.types import COMMAND_TOPICS
 from slip_vic.page.packing import Packer
 from slip_vic.page.urdf import links_of
+from slip_vic.run.series import AXES, mode_changes
 
 if TYPE_CHECKING:
     from slip_vic.run import run as run_module
@@ -37,7 +37,7 @@ PAD_THICKNESS: Final = 0.003
 """[m]"""
 SMALLEST_SIDE: Final = 0.004
 """[m]; of a box that is drawn for an object of unknown size."""
-_XYZ, _XYZW = ("x", "y", "z"), ("x", "y", "z", "w")
+NO_PATH: Final = np.empty((0, 3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ def duration_s(paths: Sequence[Path]) -> float:
     for path in paths:
         with Bag(path) as bag:
             for arm in arms_of(bag):
-                stamps = _stamps(bag, arm.names["joint_states"])
+                stamps = bag.series(arm.names["joint_states"]).stamps
                 longest = max(longest, float(stamps[-1] - stamps[0]) * 1e-9)
     return longest
 
@@ -128,12 +128,15 @@ def read_run(path: Path, label: str, times: Array, end: str = "") -> Run:
     """
     with Bag(path) as bag:
         topics = arms_of(bag)
-        start_ns = int(min(_stamps(bag, arm.names["joint_states"])[0] for arm in topics))
-        pose_topic = next((name for name, info in bag.topics.items() if _is_object(name) and info.message_count), None)
+        start_ns = int(min(bag.series(arm.names["joint_states"]).stamps[0] for arm in topics))
+        ends = ("/object_state", "/object/state")
+        pose_topic = next((name for name, i in bag.topics.items() if name.endswith(ends) and i.message_count), None)
         parameters = _parameters(bag, "bridge.params.yaml", topics[0].name)
         pose = None
         if pose_topic is not None:
-            pose = _held(bag, pose_topic, start_ns, times, _pose_of("pose.pose"))
+            series = bag.series(pose_topic)
+            rows = series.columns("pose.pose.position", "pose.pose.orientation")
+            pose = newest_on_grid(rows, (series.stamps - start_ns) * 1e-9, times)
         return Run(
             label=label,
             arms=tuple(_read_arm(bag, arm, start_ns, times, end) for arm in topics),
@@ -151,124 +154,125 @@ def shown(run: run_module.Run, label: str, times: Array) -> Run:
     scenario, arms = run.scenario, []
     pose = None
     for k, series in enumerate(run.track.series()):
-        controller, joints = scenario.controllers[series.arm], run.track.joints(k)
-        names = tuple(controller.joint_names)
-        at = np.clip(np.searchsorted(series.time, times + 1e-9, side="right") - 1, 0, None)
-        past = times > series.time[-1] + times[min(1, len(times) - 1)]
 
-        def held(rows: Array, at: Any = at, past: Any = past) -> Array:
-            found = np.array(rows[at], dtype=np.float64)
-            found[past] = np.nan
-            return found
+        def held(rows: Array, time: Array = series.time) -> Array:
+            return newest_on_grid(rows, time, times)
 
-        symbols = list(series.law)
-        table = np.stack([series.law[name] for name in symbols], axis=1)
+        controller, symbols = scenario.controllers[series.arm], list(series.law)
         desired = series.law_six("desired")[:, :3]
-        values = slip_values(held(series.slip_displacement)) | speed_values(held(series.slip_velocity))
-        values |= law_values(symbols, held(table))
-        values["load"] = load_ratio(held(series.wrench), flatten(controller))
-        urdf = scenario.placed[series.arm]
+        ends = [(float(series.time[-1]), run.reason)] if run.outcome != "ok" else []
         arms.append(
-            Arm(
-                name=series.arm,
-                urdf=urdf,
-                tip=controller.ee_frame,
-                joint_names=names,
-                joints=held(joints[:, : len(names)]),
-                slip_velocity=held(series.slip_velocity),
-                planned=desired[np.isfinite(desired).all(axis=1)],
-                values=values,
+            arm_of(
+                series.arm,
+                scenario.placed[series.arm],
+                tuple(controller.joint_names),
+                flatten(controller),
+                joints=held(run.track.joints(k)[:, : len(controller.joint_names)]),
+                velocity=held(series.slip_velocity),
                 efforts=held(series.effort),
-                effort_limits=effort_limits_of(urdf, names),
-                modes=(
-                    *run.modes[series.arm],
-                    *([(float(series.time[-1]), run.reason)] if run.outcome != "ok" else []),
-                ),
+                displacement=held(series.slip_displacement),
+                law=(symbols, held(np.stack([series.law[name] for name in symbols], axis=1))),
+                wrench=held(series.wrench),
+                internal=held(series.internal) if series.internal.size else None,
+                planned=desired[np.isfinite(desired).all(axis=1)],
+                modes=(*run.modes[series.arm], *ends),
             )
         )
         if pose is None:
             pose = held(np.hstack([series.object_position, Rotation.from_matrix(series.object_rotation).as_quat()]))
-    size = object_size(flatten(next(iter(scenario.bridges.values()))))
-    facts = {"scenario": scenario.name, "seed": str(next(iter(scenario.bridges.values())).seed)}
-    return Run(label, tuple(arms), pose, size, {}, facts)
+    facts = {"scenario": scenario.name, "seed": str(scenario.seed)}
+    return Run(label, tuple(arms), pose, object_size(flatten(scenario.first)), {}, facts)
 
 
-def _is_object(topic: str) -> bool:
-    return topic.rpartition("/")[2] == "object_state" or topic.endswith("object/state")
+def arm_of(
+    name: str,
+    urdf: str,
+    joint_names: tuple[str, ...],
+    parameters: Mapping[str, Any],
+    *,
+    joints: Array,
+    velocity: Array,
+    efforts: Array,
+    displacement: Array | None = None,
+    law: tuple[Sequence[str], Array] | None = None,
+    wrench: Array | None = None,
+    internal: Array | None = None,
+    planned: Array = NO_PATH,
+    modes: tuple[tuple[float, str], ...] = (),
+) -> Arm:
+    """Return an arm with its series, from what is known of it on the grid.
+
+    Args:
+        name, urdf, joint_names, joints, efforts, planned, modes: see `Arm`.
+        parameters: of the controller.
+        velocity, displacement: of the slip; (N, 6) pad axes, (N, 6) {p}.
+        law: names of its symbols, and their values (N, k).
+        wrench: of the object on the pad (N, 6) {ee}.
+        internal: wrench with which several arms work against each other; (N, 6) pad axes.
+    """
+    values = {"slip_speed": 1e3 * np.linalg.norm(velocity[:, :3], axis=1)}
+    if displacement is not None:
+        values["slip_mm"] = 1e3 * np.linalg.norm(displacement[:, :3], axis=1)
+        values["slip_deg"] = np.degrees(np.linalg.norm(displacement[:, 3:], axis=1))
+    if law is not None:
+        values |= law_values(*law)
+    if wrench is not None:
+        values["load"] = load_ratio(wrench, parameters)
+    if internal is not None:
+        values |= {"internal_n": np.linalg.norm(internal[:, :2], axis=1), "internal_nm": np.abs(internal[:, 5])}
+    limits, tip = effort_limits_of(urdf, joint_names), str(parameters.get("ee_frame", "ee"))
+    return Arm(name, urdf, tip, joint_names, joints, velocity, planned, values, efforts, limits, modes)
 
 
 def _read_arm(bag: Bag, arm: Topics, start_ns: int, times: Array, end: str) -> Arm:
+    def held(name: str, *fields: str) -> Array | None:
+        """Return fields of a topic on the grid: one array, or the components of several; None without the topic."""
+        if name not in arm.names:
+            return None
+        series = bag.series(arm.names[name])
+        rows = series[fields[0]] if fields[0] in series else series.columns(*fields)
+        return newest_on_grid(rows, (series.stamps - start_ns) * 1e-9, times)
+
     states = bag.series(arm.names["joint_states"])
     names = tuple(str(name) for name in states["name"][0])
-    parameters = _parameters(bag, "controller.params.yaml", arm.name)
-    urdf = _urdf(bag, arm)
-    values: dict[str, Array] = {}
-    slip_velocity = np.full((len(times), 6), np.nan)
-    if (topic := arm.names.get("slip_truth")) is not None:
-        truth = bag.series(topic)
-        values |= slip_values(_on_grid(truth, truth["position"], start_ns, times))
-        slip_velocity = _on_grid(truth, truth["velocity"], start_ns, times)
-    elif (topic := arm.names.get("slip_velocity")) is not None:
-        slip_velocity = _held(bag, topic, start_ns, times, _six_of("twist.linear", "twist.angular"))
-    values |= speed_values(slip_velocity)
-    planned = np.empty((0, 3))
+    nothing = np.full((len(times), max(6, len(names))), np.nan)
+    joints = newest_on_grid(states["position"], (states.stamps - start_ns) * 1e-9, times)
+    velocity = held("slip_truth", "velocity")
+    if velocity is None:
+        velocity = held("slip_velocity", "twist.linear", "twist.angular")
+    law, planned = None, NO_PATH
     if (topic := arm.names.get("controller/scalars")) is not None:
         scalars = bag.series(topic)
         symbols = [str(name) for name in scalars["name"][0]]
-        values |= law_values(symbols, _on_grid(scalars, scalars["position"], start_ns, times))
-        desired = scalars["position"][:, [symbols.index(f"desired_{axis}") for axis in _XYZ]]
+        table = held("controller/scalars", "position")
+        law = None if table is None else (symbols, table)
+        desired = scalars["position"][:, [symbols.index(f"desired_{axis}") for axis in "xyz"]]
         planned = desired[np.isfinite(desired).all(axis=1)]
-    if (topic := arm.names.get("wrench")) is not None:
-        wrench = _held(bag, topic, start_ns, times, _six_of("wrench.force", "wrench.torque"))
-        values["load"] = load_ratio(wrench, parameters)
-    values |= _internal(bag, arm, start_ns, times)
-    efforts = np.full((len(times), len(names)), np.nan)
-    if (topic := next((arm.names[name] for name in COMMAND_TOPICS if name in arm.names), None)) is not None:
-        commands = bag.series(topic)
-        if commands["effort"].ndim == 2:
-            efforts = _on_grid(commands, commands["effort"], start_ns, times)
-    return Arm(
-        name=arm.name,
-        urdf=urdf,
-        tip=str(parameters.get("ee_frame", "ee")),
-        joint_names=names,
-        joints=_on_grid(states, states["position"], start_ns, times),
-        slip_velocity=slip_velocity,
+    command = next((name for name in COMMAND_TOPICS if name in arm.names), "")
+    efforts = held(command, "effort") if command and bag.series(arm.names[command])["effort"].ndim == 2 else None
+    ends = [(1e-9 * float(states.stamps[-1] - start_ns), end)] if end else []
+    return arm_of(
+        arm.name,
+        _urdf(bag, arm),
+        names,
+        _parameters(bag, "controller.params.yaml", arm.name),
+        joints=joints,
+        velocity=nothing[:, :6] if velocity is None else velocity,
+        efforts=nothing[:, : len(names)] if efforts is None else efforts,
+        displacement=held("slip_truth", "position"),
+        law=law,
+        wrench=held("wrench", "wrench.force", "wrench.torque"),
+        internal=held("internal_wrench", "wrench.force", "wrench.torque"),
         planned=planned,
-        values=values,
-        efforts=efforts,
-        effort_limits=effort_limits_of(urdf, names),
-        modes=(*_modes(bag, arm, states, start_ns), *([(_last_s(bag, arm, start_ns), end)] if end else [])),
+        modes=(*mode_changes(bag, arm.names.get("controller/mode"), states, start_ns), *ends),
     )
-
-
-def _internal(bag: Bag, arm: Topics, start_ns: int, times: Array) -> dict[str, Array]:
-    """Return the series of what several arms do to each other: force in the slip plane, moment about the normal."""
-    topic = next((name for name in bag.topics if name.endswith(f"/{arm.name}/internal_wrench")), None)
-    if topic is None or not bag.topics[topic].message_count:
-        return {}
-    wrench = _held(bag, topic, start_ns, times, _six_of("wrench.force", "wrench.torque"))
-    return {"internal_n": np.linalg.norm(wrench[:, :2], axis=1), "internal_nm": np.abs(wrench[:, 5])}
-
-
-def slip_values(displacement: Array) -> dict[str, Array]:
-    """Return the series of the slip displacement; (N, 6) [m, rad] {p}."""
-    return {
-        "slip_mm": 1e3 * np.linalg.norm(displacement[:, :3], axis=1),
-        "slip_deg": np.degrees(np.linalg.norm(displacement[:, 3:], axis=1)),
-    }
-
-
-def speed_values(velocity: Array) -> dict[str, Array]:
-    """Return the series of the slip velocity; (N, 6) [m/s, rad/s]."""
-    return {"slip_speed": 1e3 * np.linalg.norm(velocity[:, :3], axis=1)}
 
 
 def law_values(names: Sequence[str], symbols: Array) -> dict[str, Array]:
     """Return the series of the law's symbols; names of the columns, (N, k)."""
 
     def six(name: str) -> Array:
-        return symbols[:, [names.index(f"{name}_{axis}") for axis in ("x", "y", "z", "rx", "ry", "rz")]]
+        return symbols[:, [names.index(f"{name}_{axis}") for axis in AXES]]
 
     error, stiffness = six("e"), six("K")
     mode = {"mode": symbols[:, names.index("mode")]} if "mode" in names else {}
@@ -349,52 +353,12 @@ def effort_limits_of(urdf: str, names: tuple[str, ...]) -> tuple[float, ...]:
     return tuple(float(limit.get("effort", 0.0)) if limit is not None else 0.0 for limit in found)
 
 
-def _modes(bag: Bag, arm: Topics, states: Series, start_ns: int) -> tuple[tuple[float, str], ...]:
-    """Texts of the mode, at the stamp of the joint state received last before each."""
-    topic = arm.names.get("controller/mode")
-    if topic is None or states.stamp_ns is None:
-        return ()
-    found = []
-    for message in bag.messages(topic):
-        place = max(0, int(np.searchsorted(states.log_time_ns, message.log_time_ns, side="right")) - 1)
-        found.append((float(states.stamp_ns[place] - start_ns) * 1e-9, str(message.value.data)))
-    return tuple(found)
-
-
-def _last_s(bag: Bag, arm: Topics, start_ns: int) -> float:
-    return float(_stamps(bag, arm.names["joint_states"])[-1] - start_ns) * 1e-9
-
-
-def _stamps(bag: Bag, topic: str) -> NDArray[np.int64]:
-    stamps = bag.series(topic).stamp_ns
-    if stamps is None:
-        raise InputError(f"topic {topic} of {bag.path}", got="messages without a header", expected="stamped messages")
-    return stamps
-
-
-def _six_of(linear: str, angular: str) -> list[str]:
-    return [f"{part}.{axis}" for part in (linear, angular) for axis in _XYZ]
-
-
-def _pose_of(path: str) -> list[str]:
-    return [f"{path}.position.{axis}" for axis in _XYZ] + [f"{path}.orientation.{axis}" for axis in _XYZW]
-
-
-def _held(bag: Bag, topic: str, start_ns: int, times: Array, fields: Sequence[str]) -> Array:
-    series = bag.series(topic)
-    return _on_grid(series, np.stack([series[name] for name in fields], axis=1), start_ns, times)
-
-
-def _on_grid(series: Series, values: NDArray[Any], start_ns: int, times: Array) -> Array:
-    """Return the newest row at each time; NaN before the first and from one grid step after the last on."""
-    if series.stamp_ns is None:
-        raise InputError("a topic of the bag", got="messages without a header", expected="stamped messages")
-    rows = np.asarray(values, dtype=np.float64)
-    own = (series.stamp_ns - start_ns) * 1e-9
-    places = np.searchsorted(own, times + 1e-9, side="right") - 1
-    found = rows[np.clip(places, 0, None)].copy()
-    longest = max(float(np.diff(own).max(initial=0.0)), float(times[1] - times[0]) if len(times) > 1 else 0.0)
-    found[(places < 0) | (times > own[-1] + longest + 1e-9)] = np.nan
+def newest_on_grid(values: NDArray[Any], own_s: NDArray[Any], times: Array) -> Array:
+    """Return the newest row at each time, by their own; NaN before the first, and from a step after the last on."""
+    places = np.searchsorted(own_s, times + 1e-9, side="right") - 1
+    found = np.array(values[np.maximum(places, 0)], dtype=np.float64)
+    longest = max(float(np.diff(own_s).max(initial=0.0)), float(times[1] - times[0]) if len(times) > 1 else 0.0)
+    found[(places < 0) | (times > own_s[-1] + longest + 1e-9)] = np.nan
     return found
 
 
@@ -408,7 +372,7 @@ def colours(labels: Sequence[str]) -> list[int]:
     return [COLOURS[label] for label in labels] if set(labels) <= set(COLOURS) else [k % 6 for k in range(len(labels))]
 
 
-def describe(run: Run, times: Array, packer: Packer, colour: int = 1) -> tuple[dict[str, Any], list[str]]:
+def describe(run: Run, packer: Packer, colour: int = 1) -> tuple[dict[str, Any], list[str]]:
     """Return a run as the page's script reads it, and what could not be drawn."""
     missing: list[str] = []
     arms = []
@@ -439,10 +403,10 @@ def describe(run: Run, times: Array, packer: Packer, colour: int = 1) -> tuple[d
     }, missing
 
 
-def thinned(points: Array, distance: float = 2e-3) -> Array:
-    """Return a path with its points at least `distance` [m] apart, first and last kept; (P, 3) -> (Q, 3)."""
+def thinned(points: Array) -> Array:
+    """Return a path with its points at least 2 mm apart, first and last kept; (P, 3) [m] -> (Q, 3)."""
     if len(points) < 2:
         return points
     walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    keep = np.unique(np.searchsorted(walked, np.arange(0.0, walked[-1], distance)))
+    keep = np.unique(np.searchsorted(walked, np.arange(0.0, walked[-1], 2e-3)))
     return points[np.unique(np.append(keep, len(points) - 1))]

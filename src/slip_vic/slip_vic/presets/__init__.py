@@ -1,4 +1,4 @@
-"""Named parts of a robot: slip sensors, each a YAML file with the settings that suit it.
+"""What comes with the package by name, as YAML files: scenarios, slip sensors and drives, or a file of one's own.
 
 Names and texts are read here without anything heavy, so that a mistyped name is answered at once.
 """
@@ -6,17 +6,24 @@ Names and texts are read here without anything heavy, so that a mistyped name is
 from __future__ import annotations
 
 import importlib.resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import Final
 
 from slip_core.errors import UnknownName
 
-_FILES = importlib.resources.files(__name__)
+_PACKAGE: Final = importlib.resources.files("slip_vic")
+_SUFFIX: Final = ".yaml"
+
+
+def _folder(kind: str) -> Traversable:
+    return _PACKAGE / kind if kind == "scenarios" else _PACKAGE / "presets" / kind
 
 
 def preset_names(kind: str) -> list[str]:
-    """Return the names of the presets of a kind that come with the package, sorted; kind: a folder beside this file."""
-    entries = (_FILES / kind).iterdir()
-    return sorted(entry.name.removesuffix(".yaml") for entry in entries if entry.name.endswith(".yaml"))
+    """Return the names that come with the package, sorted; kind: scenarios, sensors or drives."""
+    names = (entry.name for entry in _folder(kind).iterdir())
+    return sorted(name.removesuffix(_SUFFIX) for name in names if name.endswith(_SUFFIX))
 
 
 def find_preset(kind: str, name_or_path: str) -> Path | None:
@@ -28,7 +35,7 @@ def find_preset(kind: str, name_or_path: str) -> Path | None:
     if name_or_path in preset_names(kind):
         return None
     path = Path(name_or_path)
-    if path.suffix in (".yaml", ".yml"):
+    if path.suffix in (_SUFFIX, ".yml"):
         return path
     raise UnknownName(kind.removesuffix("s"), name_or_path, preset_names(kind), fix="(or a .yaml file)")
 
@@ -41,7 +48,7 @@ def preset_text(kind: str, name_or_path: str) -> str:
     """
     path = find_preset(kind, name_or_path)
     if path is None:
-        return (_FILES / kind / f"{name_or_path}.yaml").read_text(encoding="utf-8")
+        return (_folder(kind) / f"{name_or_path}{_SUFFIX}").read_text(encoding="utf-8")
     from slip_core.params import load_yaml
 
     load_yaml(path)  # for its clear error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import yaml
@@ -31,6 +31,9 @@ from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.snapshot import cycle_of
 
+if TYPE_CHECKING:
+    from rcl_interfaces.msg import ParameterValue
+
 LEDGER: Final = "controller/ledger"
 STATE: Final = "controller/state"
 GIVEN: Final = "controller/reference_used"
@@ -50,7 +53,6 @@ _VALUE_FIELDS: Final = {
     8: "double_array",
     9: "string_array",
 }
-_AXES: Final = ("x", "y", "z")
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,7 +220,7 @@ def _changes(source: _Source, params: ControllerNodeParams, ledger: Series) -> t
     return tuple(changes)
 
 
-def _parameter_value(value: Any) -> Any:
+def _parameter_value(value: ParameterValue) -> object:
     """Return what a rcl_interfaces/ParameterValue holds, by its type number."""
     name = _VALUE_FIELDS[value.type]
     found = getattr(value, f"{name}_value")
@@ -261,14 +263,8 @@ def _ns(seconds: int, nanoseconds: int) -> int:
     return seconds * 1_000_000_000 + nanoseconds
 
 
-def _stamps(series: Series, what: str) -> list[int]:
-    if series.stamp_ns is None:
-        raise InputError(what, got="messages without a header", expected="stamped messages")
-    return [int(stamp) for stamp in series.stamp_ns]
-
-
 def _joints(series: Series, order: JointOrder) -> dict[int, JointSample]:
-    stamps = _stamps(series, "joint_states")
+    stamps = series.stamps.tolist()
     columns = [_in_order(series, field, order) for field in ("position", "velocity", "effort")]
     samples = zip(stamps, *columns, strict=True)
     return {stamp: JointSample(stamp, position, velocity, effort) for stamp, position, velocity, effort in samples}
@@ -284,15 +280,11 @@ def _in_order(series: Series, field: str, order: JointOrder) -> list[NDArray[np.
     return rows
 
 
-def _six(series: Series, linear: str, angular: str) -> NDArray[np.float64]:
-    return np.stack([series[f"{part}.{axis}"] for part in (linear, angular) for axis in _AXES], axis=1)
-
-
 def _wrenches(bag: Bag, topic: str, params: ControllerNodeParams) -> dict[int, WrenchSample]:
     if params.wrench.source == "none":
         return {}
     series = _complete(bag, topic)
-    rows = zip(_stamps(series, topic), _six(series, "wrench.force", "wrench.torque"), strict=True)
+    rows = zip(series.stamps.tolist(), series.columns("wrench.force", "wrench.torque"), strict=True)
     return {stamp: WrenchSample(stamp, row) for stamp, row in rows}
 
 
@@ -303,28 +295,21 @@ def _slips(bag: Bag, prefix: str, params: ControllerNodeParams) -> dict[int, Sli
         return _flags(bag, f"{prefix}slip_flag")
     topic = f"{prefix}slip_velocity"
     series = _complete(bag, topic)
-    rows = zip(_stamps(series, topic), _six(series, "twist.linear", "twist.angular"), strict=True)
+    rows = zip(series.stamps.tolist(), series.columns("twist.linear", "twist.angular"), strict=True)
     return {stamp: slip_sample(stamp, readonly(row)) for stamp, row in rows}
 
 
 def _flags(bag: Bag, topic: str) -> dict[int, SlipSample]:
     series = _complete(bag, topic)
-    rows = zip(_stamps(series, topic), series["position"], strict=True)
+    rows = zip(series.stamps.tolist(), series["position"], strict=True)
     return {stamp: slip_flag(stamp, np.asarray(row, dtype=np.float64)) for stamp, row in rows}
 
 
 def _displacements(bag: Bag, topic: str) -> dict[int, SlipSample]:
     """Return the slip velocities that the controller made of the displacements."""
     series, made = _complete(bag, topic), SlipFromDisplacement()
-    poses = np.stack(
-        [
-            series[f"pose.{part}.{axis}"]
-            for part, axes in (("position", "xyz"), ("orientation", "xyzw"))
-            for axis in axes
-        ],
-        axis=1,
-    )
-    samples = (displacement_sample(*pair) for pair in zip(_stamps(series, topic), poses, strict=True))
+    rows = zip(series.stamps.tolist(), series.columns("pose.position", "pose.orientation"), strict=True)
+    samples = (displacement_sample(*row) for row in rows)
     return {slip.stamp_ns: slip for slip in map(made, samples) if slip is not None}
 
 

@@ -6,7 +6,7 @@ Newton and Euler for the object, with nothing of the governor's formulas: the ce
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -16,9 +16,9 @@ from slip_core.records import new, record
 from slip_vic.retime.path import GivenPath
 from slip_vic.retime.timing import Timing, held_object, retimed
 from slip_vic_controller.joint_path import PadMotion
-from slip_vic_controller.law.arm import ARM
+from slip_vic_controller.law.arm import ARM, Arm
 from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.reference.governor import GOVERNOR_CONFIG
+from slip_vic_controller.reference.governor import GOVERNOR_CONFIG, GovernorConfig
 from slip_vic_controller.reference.retiming import HELD_OBJECT, HeldObject
 from slip_vic_controller.robot import Robot
 
@@ -129,7 +129,7 @@ def certified(path: GivenPath, params: ControllerParams, config: Array) -> tuple
         InputError: friction cannot carry the weight, or the path bends between the points of the grid.
     """
     held, config = held_object(params), config.copy()
-    planned: Any = record(config, GOVERNOR_CONFIG)
+    planned: GovernorConfig = record(config, GOVERNOR_CONFIG)
     for _ in range(TRIES):
         motion = motion_of(path, retimed(path, config, held, params.control_period_s))
         certificate = certify(params, held, motion)
@@ -153,7 +153,7 @@ def arm_shares(robot: Robot, held: Array, gravity: Array, motion: Motion) -> tup
     Implements: Eq. (1), (10).
     """
     buffer, grasped = new(ARM), record(held, HELD_OBJECT)
-    arm: Any = record(buffer, ARM)
+    arm: Arm = record(buffer, ARM)
     n, efforts = motion.position.shape[1], []
     for q, qd, qdd, pad in zip(motion.position, motion.velocity, motion.acceleration, motion.pads, strict=True):
         robot.terms(q, qd, buffer)

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+import json
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import new, record
+from slip_vic.options import Choice
 from slip_vic.retime import output
 from slip_vic.retime.certificate import arm_shares, certified
 from slip_vic.retime.path import GivenPath, PadPath, read_points
 from slip_vic.retime.timing import held_object
-from slip_vic.scenarios.scenario import Scenario, load_scenario
+from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.joint_path import JointPath
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.reference.governor import GOVERNOR_CONFIG
@@ -23,18 +24,21 @@ from slip_vic_controller.session import ArmController
 from slip_vic_controller.state import CONFIG
 
 
-def run_retime(
-    source: Path, scenario: str, timing: str, topic: str, parameters: Mapping[str, Any], assignments: Iterable[str],
-    out: Path,
-) -> Iterator[str]:  # fmt: skip
+def run_retime(source: Path, choice: Choice, out: Path, *, timing: str = "slow_down", topic: str = "") -> Iterator[str]:
     """Retime a path and write the results below `out`; yield what there is to say, a line each.
+
+    Args:
+        source: CSV file or bag.
+        choice: the scenario whose arm, object, grip and friction count.
+        out: folder.
+        timing: slow_down or time_optimal.
+        topic: of the trajectory in a bag with several.
 
     Raises:
         InputError: a path that is none, or that friction cannot carry.
     """
     given = read_points(source, topic)
-    loaded = load_scenario(scenario, law="governed", parameters=parameters, assignments=assignments)
-    params, controller = governed(loaded, timing)
+    params, controller = governed(choice.load(), timing)
     path: GivenPath = PadPath(given) if given.of_pad else JointPath(given, controller.robot)
     motion, certificate = certified(path, params, governor_config(controller))
     data = output.certificate_data(certificate, motion, path.duration)
@@ -45,7 +49,7 @@ def run_retime(
         output.write_bag(out / "trajectory.mcap", path.names, motion)
         speeds, efforts = arm_shares(controller.robot, held_object(params), np.array(params.gravity), motion)
         data |= {"peak_velocity_share": float(speeds.max()), "peak_effort_share": float(efforts.max())}
-    output.write_json(out / "certificate.json", data)
+    (out / "certificate.json").write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
     output.write_page(out / "retime.html", f"{source.name} retimed", data, output.draw(certificate, motion))
     yield f"arrival {data['arrival_s']:.3f} s; the path as given takes {path.duration:.3f} s"
     yield f"load at most {100.0 * certificate.peak_share:.2f} % of the friction, at {data['peak_at_s']:.3f} s"

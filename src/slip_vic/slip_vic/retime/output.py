@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import base64
-import html
-import io
-import json
 from pathlib import Path
 from typing import Any
 
-import matplotlib.figure
 import numpy as np
 import pandas as pd
 import yaml
+from matplotlib.figure import Figure
 from mcap_ros2.writer import Writer
 from scipy.spatial.transform import Rotation
 
 from slip_bags.typedefs import find_definition
 from slip_core.arrays import Array
+from slip_vic.document import document, drawn, table
 from slip_vic.retime.certificate import Certificate, Motion
 from slip_vic.retime.path import TRAJECTORY
 from slip_vic_controller.joint_path import POSE_COLUMNS
@@ -35,7 +32,7 @@ def write_csv(path: Path, names: tuple[str, ...], motion: Motion) -> None:
     """
     columns: dict[str, Array] = {"time": motion.times}
     if names == POSE_COLUMNS:
-        quaternions = _quaternions(motion)
+        quaternions = Rotation.from_matrix(np.array([pad.rotation for pad in motion.pads])).as_quat()
         poses = np.hstack((np.array([pad.position for pad in motion.pads]), quaternions))
         columns |= dict(zip(POSE_COLUMNS, poses.T, strict=True))
         twists = np.array([pad.twist for pad in motion.pads])
@@ -97,9 +94,9 @@ def certificate_data(certificate: Certificate, motion: Motion, given_s: float) -
     }
 
 
-def draw(certificate: Certificate, motion: Motion) -> matplotlib.figure.Figure:
+def draw(certificate: Certificate, motion: Motion) -> Figure:
     """Return the plot: share of the friction, and speed of the pad, over time."""
-    figure = matplotlib.figure.Figure(figsize=(8.0, 5.0), layout="constrained")
+    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     share, speed = figure.subplots(2, 1, sharex=True)
     share.plot(motion.times, 100.0 * certificate.loads / certificate.limit, color="tab:blue")
     share.axhline(100.0 * certificate.margin, color="tab:orange", label="margin")
@@ -112,32 +109,12 @@ def draw(certificate: Certificate, motion: Motion) -> matplotlib.figure.Figure:
     return figure
 
 
-def write_page(path: Path, title: str, data: dict[str, Any], figure: matplotlib.figure.Figure) -> None:
+def write_page(path: Path, title: str, data: dict[str, float | int | bool], figure: Figure) -> None:
     """Write certificate and plot as one self-contained HTML file."""
-    picture = io.BytesIO()
-    figure.savefig(picture, format="svg")
-    shown = {name: f"{value:.6g}" if isinstance(value, float) else str(value) for name, value in data.items()}
-    rows = "".join(f"<tr><th>{html.escape(n)}</th><td>{html.escape(v)}</td></tr>" for n, v in shown.items())
-    source = base64.b64encode(picture.getvalue()).decode()
-    path.write_text(
-        f"<!doctype html><meta charset=utf-8><meta name=viewport content='width=device-width'>"
-        f"<title>{html.escape(title)}</title><style>body{{font:16px system-ui;max-width:50rem;margin:2rem auto;"
-        f"padding:0 1rem}}th{{text-align:left;padding-right:2rem;font-weight:500}}img{{width:100%}}</style>"
-        f"<h1>{html.escape(title)}</h1><table>{rows}</table>"
-        f"<img alt='load as a share of the friction, and speed of the pad' src='data:image/svg+xml;base64,{source}'>",
-        encoding="utf-8",
-    )
-
-
-def write_json(path: Path, data: dict[str, Any]) -> None:
-    """Write numbers as JSON."""
-    path.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+    rows = [(name, f"{value:.6g}" if isinstance(value, float) else str(value)) for name, value in data.items()]
+    path.write_text(document(title, table(("number", "value"), rows), drawn(figure)), encoding="utf-8")
 
 
 def _duration(seconds: float) -> dict[str, int]:
     sec, nanosec = divmod(round(1e9 * seconds), 1_000_000_000)
     return {"sec": sec, "nanosec": nanosec}
-
-
-def _quaternions(motion: Motion) -> Array:
-    return np.array(Rotation.from_matrix(np.array([pad.rotation for pad in motion.pads])).as_quat())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 import pandas as pd
@@ -14,28 +13,10 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.vectors import Vec
 from slip_msgs_py.messages.from_msgs import joint_trajectory
-from slip_vic_controller.joint_path import POSE_COLUMNS, PadMotion, Points, checked, spline
+from slip_vic_controller.joint_path import POSE_COLUMNS, JointPath, PadMotion, Points, checked, spline
 from slip_vic_controller.law.rotation import left_jacobian, left_jacobian_rate
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
-
-
-class GivenPath(Protocol):
-    """A curve over its own time [s], at rest at both ends."""
-
-    @property
-    def duration(self) -> float:
-        """Time from start to end as given [s]."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the coordinates."""
-
-    def coordinates(self, t: float) -> tuple[Array, Array, Array]:
-        """Return the coordinates and their first and second derivative, each (n,)."""
-
-    def pad(self, t: float) -> PadMotion:
-        """Return the motion of the pad."""
 
 
 def read_points(path: Path, topic: str = "") -> Points:
@@ -123,3 +104,7 @@ class PadPath:
         rotation = Rotation.from_rotvec(x[3:]).as_matrix() @ self._start
         twist = np.concatenate((v[:3], left_jacobian(phi, rate)))
         return PadMotion(x[:3], rotation, twist, np.concatenate((a[:3], alpha)))
+
+
+GivenPath = JointPath | PadPath
+"""A curve over its own time [s], at rest at both ends: of the joints, or of the pad."""

@@ -17,6 +17,7 @@ from slip_vic_controller.reference.retiming import (
     HELD_OBJECT,
     MEMORY,
     STEP,
+    HeldObject,
     begin_timing,
     plan_timing,
     step_timing,
@@ -49,7 +50,7 @@ def held_object(params: ControllerParams) -> Array:
     """Return the HELD_OBJECT of the parameters: the object on the axes of the pad, as it was grasped."""
     R = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
     buffer = new(HELD_OBJECT)
-    held: Any = record(buffer, HELD_OBJECT)
+    held: HeldObject = record(buffer, HELD_OBJECT)
     held.mass = params.object.mass
     held.inertia[:] = R.T @ inertia_from_six(params.object.inertia, "parameter object.inertia") @ R
     held.r[:] = R.T @ np.array(params.contacts.position[:3])

@@ -1,4 +1,4 @@
-"""The demo: one scenario under classical, variable and governed impedance, over DDS: table, summary, page, picture."""
+"""The demo: one scenario under classical, variable and governed impedance: table, summary, page, picture."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import shlex
 import shutil
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +18,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from slip_core.errors import InputError
-from slip_vic.page.page import write_page
+from slip_vic.options import Choice
+from slip_vic.page.page import write_page, write_runs
 from slip_vic.run.judge import Verdict, judge_incidents, measured
 from slip_vic.run.launcher import Launcher
 from slip_vic.run.metrics import summary_rows
@@ -26,68 +27,50 @@ from slip_vic.run.picture import write_report
 from slip_vic.run.progress import run_progress
 from slip_vic.run.recording import versions
 from slip_vic.run.series import RunSeries, read_series
-from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario, load_scenario
+from slip_vic.scenarios.scenario import GOVERNED, Law, Scenario, read_parameters
 
 if TYPE_CHECKING:
     from slip_vic.run.run import Run
 
+Numbers = dict[str, Any]
 ORDER: tuple[Law, ...] = ("classical", "vic", "governed")
 
 
 def run_demo(
-    scenario: str,
-    out: Path,
-    seed: int,
-    assignments: tuple[str, ...],
-    domain: int | None,
-    console: Console,
-    parameters: Mapping[str, Any] = MappingProxyType({}),
-    sensor: str = "",
-    drive: str = "",
+    choice: Choice, out: Path, console: Console, domain: int | None = None, *, in_process: bool = False
 ) -> dict[str, Any]:
-    """Run all controllers, write page, ``summary.json``, ``report.png`` and the bags into `out`, return the summary.
+    """Run all controllers, write page, ``summary.json``, ``report.png`` and bags into `out`, return the summary.
 
     Nothing is written into `out` before all runs are complete: bags are recorded beside it and moved in.
+
+    Args:
+        choice: the scenario; its law does not count.
+        out: folder.
+        console: shows what runs.
+        domain: ROS domain id; None: ROS_DOMAIN_ID or a free one.
+        in_process: without DDS and bags: seconds instead of a minute.
 
     Raises:
         InputError: bad scenario or parameter, or an output folder that cannot be written.
     """
-    loaded = all_laws(scenario, seed, assignments, parameters, sensor, drive)
-    for made in loaded.values():
-        made.check()
+    loaded = all_laws(choice)
+    for scenario in loaded.values():
+        scenario.check()
+    shown = loaded["vic"]
     staging = _staging_folder(out)
-    runs: dict[str, dict[str, Any]] = {}
-    series: dict[str, RunSeries] = {}
     try:
-        with run_progress(console) as progress:
-            bars = {law: progress.add_run(f"{scenario} {law}", loaded[law].duration_s) for law in ORDER}
-            for law in ORDER:
-                bag = staging / law
-                result = Launcher(loaded[law], bag=bag, wanted_domain=domain).run(bars[law])
-                read = [read_series(bag, arm) for arm in loaded[law].controllers]
-                series |= {f"{law} {one.arm}".strip(): one for one in read}
-                runs[law] = {
-                    **numbers_of(measured(loaded[law], read, *judge_incidents(result.incidents))),
-                    "ticks": result.ticks,
-                    "real_time_factor": result.real_time_factor,
-                    "messages": result.messages,
-                    "messages_lost": result.lost,
-                    "incidents": [str(incident) for incident in result.incidents],
-                    "bag": str(out / law),
-                }
-        name, description = loaded["vic"].name, loaded["vic"].description
-        write_report(staging / "report.png", f"{name}: {description}", series)
-        table = comparison_table(name, runs)
-        summary = {"scenario": name, "seed": seed, "versions": versions(), "runs": runs}
-        write_page(
-            staging / "report.html",
-            {law: staging / law for law in ORDER},
-            command=shlex.join(["slip-vic", *sys.argv[1:]]),
-            title=name,
-            description=description,
-            ends={law: one["reason"] for law, one in runs.items() if one["outcome"] != "ok"},
-        )
+        words = {"command": shlex.join(["slip-vic", *sys.argv[1:]]), "title": shown.name}
+        words["description"] = shown.description
+        if in_process:
+            runs, series = _in_process(loaded, staging / "report.html", words, console)
+        else:
+            runs, series = _over_dds(loaded, staging, words, console, domain)
+            for law, run in runs.items():
+                run["bag"] = str(out / law)
+        write_report(staging / "report.png", f"{shown.name}: {shown.description}", series)
+        summary = {"scenario": shown.name, "seed": choice.seed, "versions": versions(), "runs": runs}
         (staging / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        table = comparison_table(shown.name, runs)
         _move_in(staging, out)
     finally:
         shutil.rmtree(staging, ignore_errors=True)
@@ -98,59 +81,52 @@ def run_demo(
     return summary
 
 
-def run_demo_in_process(
-    scenario: str,
-    out: Path,
-    seed: int,
-    assignments: tuple[str, ...],
-    console: Console,
-    parameters: Mapping[str, Any] = MappingProxyType({}),
-    sensor: str = "",
-    drive: str = "",
-) -> dict[str, Any]:
-    """Do what `run_demo` does in this process, without DDS and bags: seconds instead of a minute.
-
-    Raises:
-        InputError: bad scenario or parameter, or an output folder that cannot be written.
-    """
-    from slip_vic.page.page import write_runs
-
-    loaded = all_laws(scenario, seed, assignments, parameters, sensor, drive)
-    for made in loaded.values():
-        made.check()
-    staging = _staging_folder(out)
-    try:
-        done: dict[str, Run] = {}
-        for law in ORDER:
-            with console.status(f"{scenario} {law}"):
-                done[law] = loaded[law].run()
-        runs: dict[str, dict[str, Any]] = {law: numbers_of(run.verdict) | _ticks(run) for law, run in done.items()}
-        name, description = loaded["vic"].name, loaded["vic"].description
-        pictured = {f"{law} {s.arm}".strip(): s for law, run in done.items() for s in run.track.series()}
-        write_report(staging / "report.png", f"{name}: {description}", pictured)
-        summary = {"scenario": name, "seed": seed, "versions": versions(), "runs": runs}
-        command = shlex.join(["slip-vic", *sys.argv[1:]])
-        write_runs(staging / "report.html", done, command=command, title=name, description=description)
-        (staging / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-        _move_in(staging, out)
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
-    console_out = Console()
-    console_out.print(comparison_table(name, runs))
-    files = {"page": "report.html", "summary": "summary.json", "picture": "report.png"}
-    console_out.print("\n".join(f"{what}: {out / name}" for what, name in files.items()), soft_wrap=True)
-    return summary
+def _over_dds(
+    loaded: Mapping[Law, Scenario], folder: Path, words: Mapping[str, str], console: Console, domain: int | None
+) -> tuple[dict[str, Numbers], dict[str, RunSeries]]:
+    """Run as processes, record a bag of each into `folder`, and write the page of them."""
+    runs: dict[str, Numbers] = {}
+    series: dict[str, RunSeries] = {}
+    with run_progress(console) as add_bar:
+        bars = {law: add_bar(f"{made.name} {law}", made.duration_s) for law, made in loaded.items()}
+        for law, scenario in loaded.items():
+            result = Launcher(scenario, bag=folder / law, wanted_domain=domain).run(bars[law])
+            read = [read_series(folder / law, arm) for arm in scenario.controllers]
+            series |= {f"{law} {one.arm}".strip(): one for one in read}
+            runs[law] = {
+                **numbers_of(measured(scenario, read, *judge_incidents(result.incidents))),
+                "ticks": result.ticks,
+                "real_time_factor": result.real_time_factor,
+                "messages": result.messages,
+                "messages_lost": result.lost,
+                "incidents": [str(incident) for incident in result.incidents],
+            }
+    ends = {law: run["reason"] for law, run in runs.items() if run["outcome"] != "ok"}
+    write_page(folder / "report.html", {law: folder / law for law in loaded}, **words, ends=ends)
+    return runs, series
 
 
-def _ticks(run: Run) -> dict[str, Any]:
-    incidents = [run.reason] if run.outcome != "ok" else []
-    return {"ticks": run.track.ticks, "incidents": incidents}
+def _in_process(
+    loaded: Mapping[Law, Scenario], page: Path, words: Mapping[str, str], console: Console
+) -> tuple[dict[str, Numbers], dict[str, RunSeries]]:
+    """Run in this process, and write the page."""
+    done: dict[str, Run] = {}
+    for law, scenario in loaded.items():
+        with console.status(f"{scenario.name} {law}"):
+            done[law] = scenario.run()
+    write_runs(page, done, **words)
+    runs = {
+        law: numbers_of(run.verdict)
+        | {"ticks": run.track.ticks, "incidents": [run.reason] if run.outcome != "ok" else []}
+        for law, run in done.items()
+    }
+    return runs, {f"{law} {s.arm}".strip(): s for law, run in done.items() for s in run.track.series()}
 
 
-def numbers_of(verdict: Verdict) -> dict[str, Any]:
+def numbers_of(verdict: Verdict) -> Numbers:
     """Return the numbers of a run for a table and for summary.json: of several arms those of the worst, and of each."""
     arms = list(verdict.arms.values())
-    numbers: dict[str, Any] = {"outcome": verdict.outcome, "reason": verdict.reason, **verdict.together}
+    numbers: Numbers = {"outcome": verdict.outcome, "reason": verdict.reason, **verdict.together}
     for name in arms[0] if arms else ():
         values = [arm[name] for arm in arms]
         numbers[name] = max(values, key=lambda value: float(np.linalg.norm(value)))
@@ -159,22 +135,11 @@ def numbers_of(verdict: Verdict) -> dict[str, Any]:
     return numbers
 
 
-def all_laws(
-    scenario: str,
-    seed: int,
-    assignments: tuple[str, ...],
-    parameters: Mapping[str, Any],
-    sensor: str = "",
-    drive: str = "",
-) -> dict[Law, Scenario]:
-    """Return the scenario with each law; all get the same `parameters`, without those in which they differ."""
-    common = {name: value for name, value in parameters.items() if name not in ("controller", *GOVERNED)}
-    return {
-        law: load_scenario(
-            scenario, law=law, seed=seed, sensor=sensor, drive=drive, assignments=assignments, parameters=common
-        )
-        for law in ORDER
-    }
+def all_laws(choice: Choice) -> dict[Law, Scenario]:
+    """Return the scenario with each law; all get the parameters of the file, without those in which they differ."""
+    given = read_parameters(choice.params)
+    common = {name: value for name, value in given.items() if name not in ("controller", *GOVERNED)}
+    return {law: replace(choice, law=law).load(parameters=common) for law in ORDER}
 
 
 def _staging_folder(out: Path) -> Path:
@@ -182,9 +147,7 @@ def _staging_folder(out: Path) -> Path:
     try:
         staging.mkdir(parents=True)
     except OSError as error:
-        raise InputError(
-            f"output folder {out}", got=error.strerror or str(error), expected="a folder that can be written"
-        ) from None
+        raise InputError(f"output folder {out}", got=error, expected="a folder that can be written") from None
     return staging
 
 

@@ -17,7 +17,7 @@ from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_vic.run.in_process import Tick
 from slip_vic.run.metrics import summarise
-from slip_vic.run.series import RunSeries, read_series
+from slip_vic.run.series import RunSeries, mode_changes, read_series
 from slip_vic.run.track import Track
 from slip_vic.scenarios.scenario import Scenario
 
@@ -56,47 +56,6 @@ class Verdict:
     def worst(self, name: str) -> float:
         """Return the largest of a number over the arms; NaN where there is none."""
         return max((float(numbers[name]) for numbers in self.arms.values()), default=math.nan)
-
-
-class Judge:
-    """Looks at one tick after the other of a run in this process.
-
-    Args:
-        track: takes every tick in.
-    """
-
-    def __init__(self, track: Track) -> None:
-        self._track = track
-        self.outcome: Outcome = "ok"
-        self.reason = ""
-        self._begun = False
-
-    def look(self, tick: Tick) -> bool:
-        """Take a tick in; return whether the run has more to show."""
-        self._track.add(tick)
-        for incident in tick.incidents:
-            found = OF_INCIDENT[incident.kind]
-            if self.outcome in _MILD or found in _ENDS:
-                self.outcome, self.reason = found, str(incident)
-        if self.outcome in _ENDS:
-            return False
-        for result in tick.results:
-            if not result.record.ok:
-                if self._begun and self.outcome == "ok":
-                    self.outcome, self.reason = "held", f"{tick.time_s:.3f} s: {result.reason}"
-                continue
-            self._begun = True
-            error = float(result.record.law.error_linear)
-            if not error < LOST_ERROR_M:
-                self.outcome, self.reason = "lost", f"{tick.time_s:.3f} s: the pad is {error:.2f} m off its path"
-                return False
-        return True
-
-    def verdict(self) -> Verdict:
-        """Return how the run went."""
-        if not self._track.ticks:
-            return Verdict(self.outcome, self.reason)
-        return measured(self._track.scenario, self._track.series(), self.outcome, self.reason)
 
 
 def measured(scenario: Scenario, series: Sequence[RunSeries], outcome: Outcome, reason: str) -> Verdict:
@@ -151,20 +110,32 @@ def judge(ticks: Iterable[Tick], track: Track) -> Verdict:
         ticks: of a run, see `run_in_process`.
         track: takes every tick in.
     """
-    found = Judge(track)
+    outcome: Outcome = "ok"
+    reason, begun = "", False
     try:
         for tick in ticks:
-            if not found.look(tick):
+            track.add(tick)
+            outcome, reason = judge_incidents(tick.incidents, outcome, reason)
+            for result in tick.results if outcome not in _ENDS else ():
+                if result.record.ok:
+                    begun = True
+                    error = float(result.record.law.error_linear)
+                    if not error < LOST_ERROR_M:
+                        outcome, reason = "lost", f"{tick.time_s:.3f} s: the pad is {error:.2f} m off its path"
+                        break
+                elif begun and outcome == "ok":
+                    outcome, reason = "held", f"{tick.time_s:.3f} s: {result.reason}"
+            if outcome in _ENDS:
                 break
     except DivergenceError as failure:
-        found.outcome, found.reason = "lost", str(failure)
-    return found.verdict()
+        outcome, reason = "lost", str(failure)
+    if not track.ticks:
+        return Verdict(outcome, reason)
+    return measured(track.scenario, track.series(), outcome, reason)
 
 
-def judge_incidents(incidents: Iterable[Incident]) -> tuple[Outcome, str]:
-    """Return outcome and reason of a run of processes from what they reported."""
-    outcome: Outcome = "ok"
-    reason = ""
+def judge_incidents(incidents: Iterable[Incident], outcome: Outcome = "ok", reason: str = "") -> tuple[Outcome, str]:
+    """Return outcome and reason of a run after some incidents, from those before."""
     for incident in incidents:
         found = OF_INCIDENT[incident.kind]
         if outcome in _MILD or found in _ENDS:
@@ -187,15 +158,6 @@ def modes_of_bag(path: Path, scenario: Scenario) -> dict[str, tuple[tuple[float,
     found = {}
     with Bag(path) as bag:
         for name in scenario.controllers:
-            end = f"/{name}/controller/mode" if name else "/controller/mode"
-            topic = next((one for one in bag.topics if one.endswith(end)), None)
-            own = f"/{name}/joint_states" if name else "/joint_states"
-            states = bag.series(next(one for one in bag.topics if one.endswith(own)))
-            changes = []
-            for message in bag.messages(topic) if topic else ():
-                place = max(0, int(np.searchsorted(states.log_time_ns, message.log_time_ns, side="right")) - 1)
-                stamps = states.stamp_ns
-                at = 0.0 if stamps is None else 1e-9 * float(stamps[place] - stamps[0])
-                changes.append((at, str(message.value.data)))
-            found[name] = tuple(changes)
+            states = bag.series(bag.ending("joint_states", name) or "joint_states")
+            found[name] = mode_changes(bag, bag.ending("controller/mode", name), states, int(states.stamps[0]))
     return found

@@ -16,7 +16,7 @@ from slip_msgs_py.realtime import ProcessOptions
 from slip_msgs_py.stop_flag import StopFlag
 from slip_msgs_py.without_ros import check_ros
 from slip_vic.run.domain import check_domain, domain_from_environment, domain_id
-from slip_vic.run.node_command import parameter_arguments, run_parameters
+from slip_vic.run.node_command import MODULES, parameter_arguments, run_parameters
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child, ProcessGroup, child_environment, python_module
 from slip_vic.run.recording import recorder_command
@@ -155,10 +155,9 @@ class Launcher:
             "bridge": parameter_arguments("bridge", bridge, folder),
         }
         if self._one_process:
-            order.append(("bridge", self._command(scenario.modules["both"], *arguments.values())))
+            order.append(("bridge", self._command(MODULES["both"], *arguments.values())))
         else:
-            modules = scenario.modules
-            order += [(name, self._command(modules[name], words, node=name)) for name, words in arguments.items()]
+            order += [(name, self._command(MODULES[name], words, node=name)) for name, words in arguments.items()]
         children = {name: group.start(name, argv, environment, self.note) for name, argv in order}
         self._wait(
             group, lambda: children["bridge"].last(Started) is not None, READY_TIMEOUT_S, "the processes to get ready"

@@ -24,9 +24,10 @@ def summarise(series: RunSeries) -> dict[str, Any]:
     """Return slip, tracking and effort of one run.
 
     slip_*: norm of the displacement of the pad on the object, at the end and at its peak, and peak sliding
-    speed. tracking_rms, final_error: pose error e of the law (x, y, z, rx, ry, rz) [m, rad]. arrival_s: from when on
-    the pad stays within 1 mm and 0.5 degrees of the end of its path; NaN where it does not. effort_rate_rms: of the
-    norm of the change of all efforts from tick to tick. What the law has to tell is NaN where it was never at work.
+    speed. tracking_rms, final_error: pose error e of the law (x, y, z, rx, ry, rz) [m, rad], and its norms. arrival_s:
+    from when on the pad stays within 1 mm and 0.5 degrees of the end of its path; NaN where it does not.
+    effort_rate_rms: of the norm of the change of all efforts from tick to tick. What the law reports is NaN where it
+    was never at work.
     """
     linear = np.linalg.norm(series.slip_displacement[:, :3], axis=1)
     angular = np.linalg.norm(series.slip_displacement[:, 3:], axis=1)
@@ -34,19 +35,24 @@ def summarise(series: RunSeries) -> dict[str, Any]:
     evaluated = error[np.isfinite(error).all(axis=1)]
     if not len(evaluated):
         evaluated = np.full((1, 6), np.nan)
+    rms = np.sqrt(np.mean(evaluated**2, axis=0))
     return {
         "slip_linear_m": float(linear[-1]),
         "slip_angular_rad": float(angular[-1]),
         "slip_linear_peak_m": float(linear.max()),
         "slip_angular_peak_rad": float(angular.max()),
         "slip_speed_peak_m_s": float(np.linalg.norm(series.slip_velocity[:, :3], axis=1).max()),
-        "tracking_rms": np.sqrt(np.mean(evaluated**2, axis=0)).tolist(),
+        "tracking_rms": rms.tolist(),
+        "tracking_rms_m": float(np.linalg.norm(rms[:3])),
+        "tracking_rms_rad": float(np.linalg.norm(rms[3:])),
         "final_error": evaluated[-1].tolist(),
+        "final_error_m": float(np.linalg.norm(evaluated[-1, :3])),
+        "final_error_rad": float(np.linalg.norm(evaluated[-1, 3:])),
         "arrival_s": arrival_s(series),
         "error_peak_m": float(np.linalg.norm(evaluated[:, :3], axis=1).max()),
         "attitude_excursion_rad": float(np.linalg.norm(evaluated[:, 3:], axis=1).max()),
         "effort_peak_nm": float(np.nanmax(np.abs(series.effort), initial=0.0)),
-        "effort_rate_rms_nm_s": effort_rate(series),
+        "effort_rate_rms_n_m_s": effort_rate(series),
     }
 
 
@@ -114,10 +120,6 @@ def _number(key: str, scale: float = 1.0) -> Callable[[Mapping[str, Any]], float
     return lambda run: scale * float(run[key])
 
 
-def _size(key: str, part: slice, scale: float) -> Callable[[Mapping[str, Any]], float]:
-    return lambda run: scale * float(np.linalg.norm(run[key][part]))
-
-
 _DEG = 180.0 / math.pi
 _OPTIONAL = ("internal_peak_n", "internal_steady_n", "load_peak", "object_error_m")
 """Rows of runs that have these numbers: those that were judged with their scenario."""
@@ -126,10 +128,10 @@ _ROWS: tuple[tuple[str, str, Callable[[Mapping[str, Any]], float], str], ...] = 
     ("slip_angular_rad", "slip at the end [deg]", _number("slip_angular_rad", _DEG), "{:.2f}"),
     ("slip_linear_peak_m", "peak slip [mm]", _number("slip_linear_peak_m", 1e3), "{:.2f}"),
     ("slip_speed_peak_m_s", "peak slip speed [mm/s]", _number("slip_speed_peak_m_s", 1e3), "{:.1f}"),
-    ("tracking_mm", "tracking rms [mm]", _size("tracking_rms", slice(0, 3), 1e3), "{:.2f}"),
-    ("tracking_deg", "tracking rms [deg]", _size("tracking_rms", slice(3, 6), _DEG), "{:.2f}"),
-    ("final_mm", "final error [mm]", _size("final_error", slice(0, 3), 1e3), "{:.3f}"),
-    ("final_deg", "final error [deg]", _size("final_error", slice(3, 6), _DEG), "{:.3f}"),
+    ("tracking_mm", "tracking rms [mm]", _number("tracking_rms_m", 1e3), "{:.2f}"),
+    ("tracking_deg", "tracking rms [deg]", _number("tracking_rms_rad", _DEG), "{:.2f}"),
+    ("final_mm", "final error [mm]", _number("final_error_m", 1e3), "{:.3f}"),
+    ("final_deg", "final error [deg]", _number("final_error_rad", _DEG), "{:.3f}"),
     ("arrival_s", "arrives after [s]", _number("arrival_s"), "{:.2f}"),
     ("internal_peak_n", "internal force, peak [N]", _number("internal_peak_n"), "{:.2f}"),
     ("internal_steady_n", "internal force, at rest [N]", _number("internal_steady_n"), "{:.2f}"),

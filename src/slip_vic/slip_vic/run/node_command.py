@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 from slip_core.params import ParameterModel
 from slip_vic.run.processes import python_module
 from slip_vic.run.recording import recorder_command
 from slip_vic.scenarios.scenario import NODES, Law, Mode, Scenario, load_scenario, ros_parameter_file
 
-
-def node_module(name: str) -> str:
-    """Return the module that runs a node; name: a key of `NODES`."""
-    return f"{NODES[name][0]}.main"
+MODULES: Final = {**{name: f"{node}.main" for name, (node, _) in NODES.items()}, "both": "slip_vic.run.both_nodes"}
+"""What runs as a process."""
 
 
 def parameter_arguments(name: str, params: ParameterModel, folder: Path) -> list[str]:
@@ -24,26 +23,33 @@ def parameter_arguments(name: str, params: ParameterModel, folder: Path) -> list
 
 def node_command(name: str, params: ParameterModel, folder: Path, *words: str) -> list[str]:
     """Return the command of a node whose parameter file is written into `folder`; words: further ROS arguments."""
-    return python_module(node_module(name), "--ros-args", *parameter_arguments(name, params, folder), *words)
+    return python_module(MODULES[name], "--ros-args", *parameter_arguments(name, params, folder), *words)
 
 
 def run_parameters(scenario: Scenario, recording: bool) -> tuple[ParameterModel, ParameterModel]:
     """Return the parameters of controller and bridge, each of which waits for the others of the run."""
-    return scenario.run_parameters(("controller", "recorder") if recording else ("controller",))
+    peers = ("controller", "recorder") if recording else ("controller",)
+    ready = replace(
+        scenario,
+        controllers={
+            name: params.model_copy(update={"expected_subscribers": len(peers)})
+            for name, params in scenario.controllers.items()
+        },
+        bridges={name: params.model_copy(update={"wait_for": peers}) for name, params in scenario.bridges.items()},
+    )
+    return ready.controller, ready.bridge
 
 
 @dataclass(frozen=True, slots=True)
 class LaunchPlan:
     """What a launch file starts: parameter files of the nodes, and the recorder's command.
 
-    bridge: None where a real arm takes its place. recorder: empty where nothing is recorded. two_arms: whether these
-    are the nodes of two arms.
+    bridge: None where a real arm takes its place. recorder: empty where nothing is recorded.
     """
 
     controller: Path
     bridge: Path | None
     recorder: list[str]
-    two_arms: bool
 
 
 def launch_plan(
@@ -78,7 +84,6 @@ def launch_plan(
         controller=_parameter_file("controller", controller_params, folder),
         bridge=_parameter_file("bridge", bridge_params, folder) if with_bridge else None,
         recorder=recorder_command(loaded, Path(bag), folder, namespace) if bag else [],
-        two_arms=loaded.several,
     )
 
 

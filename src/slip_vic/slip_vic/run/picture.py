@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
@@ -16,7 +17,7 @@ from slip_vic.run.series import RunSeries, rotation_angle_about
 COLOURS = {"classical": "#d55e00", "vic": "#0072b2", "governed": "#009e73"}
 """Told apart by colour-blind people too (Okabe and Ito)."""
 OTHERS = ("#cc79a7", "#56b4e9", "#e69f00", "#f0e442")
-DESIRED = {"color": "black", "linestyle": ":", "linewidth": 1.4, "label": "desired"}
+DESIRED: dict[str, Any] = {"color": "black", "linestyle": ":", "linewidth": 1.4, "label": "desired"}
 NAMES = "xyz"
 
 
@@ -61,7 +62,7 @@ def picture(title: str, runs: Mapping[str, RunSeries]) -> Figure:
     return figure
 
 
-def _governor(axes: Any, runs: Mapping[str, RunSeries]) -> None:
+def _governor(axes: Sequence[Axes], runs: Mapping[str, RunSeries]) -> None:
     """Show what the governor does: loads over friction, friction and grip, speed along the path and guard."""
     parts = (
         ("load over friction", {"load_ratio": "commanded", "friction_share": "measured", "margin": "allowed"}),
@@ -89,7 +90,7 @@ def slip_plane(run: RunSeries) -> tuple[tuple[int, int], int]:
     return (first, second), normal
 
 
-def _position(axis: Any, runs: Mapping[str, RunSeries], index: int, title: str) -> None:
+def _position(axis: Axes, runs: Mapping[str, RunSeries], index: int, title: str) -> None:
     for name, run in runs.items():
         axis.plot(run.time, run.grasp_position[:, index], color=colour_of(name), label=f"object, {name}")
         axis.plot(
@@ -100,7 +101,7 @@ def _position(axis: Any, runs: Mapping[str, RunSeries], index: int, title: str) 
     axis.set_title(title)
 
 
-def _angle(axis: Any, runs: Mapping[str, RunSeries], normal: int) -> None:
+def _angle(axis: Axes, runs: Mapping[str, RunSeries], normal: int) -> None:
     unit = np.eye(3)[normal]
     for name, run in runs.items():
         axis.plot(
@@ -123,7 +124,7 @@ def _angle_of(run: RunSeries, name: str, unit: Array) -> Array:
     return angle
 
 
-def _velocity(axis: Any, runs: Mapping[str, RunSeries], index: int, title: str) -> None:
+def _velocity(axis: Axes, runs: Mapping[str, RunSeries], index: int, title: str) -> None:
     for name, run in runs.items():
         axis.plot(run.time, run.grasp_twist[:, index], color=colour_of(name), label=f"object, {name}")
         axis.plot(
@@ -132,7 +133,7 @@ def _velocity(axis: Any, runs: Mapping[str, RunSeries], index: int, title: str) 
     axis.set_title(title)
 
 
-def _path(axis: Any, runs: Mapping[str, RunSeries], plane: tuple[int, int]) -> None:
+def _path(axis: Axes, runs: Mapping[str, RunSeries], plane: tuple[int, int]) -> None:
     first, second = plane
     for name, run in runs.items():
         axis.plot(
@@ -148,7 +149,7 @@ def _path(axis: Any, runs: Mapping[str, RunSeries], plane: tuple[int, int]) -> N
     axis.set_aspect("equal", adjustable="datalim")
 
 
-def _slip(axis: Any, runs: Mapping[str, RunSeries], part: slice, scale: float, title: str) -> None:
+def _slip(axis: Axes, runs: Mapping[str, RunSeries], part: slice, scale: float, title: str) -> None:
     for name, run in runs.items():
         values = np.linalg.norm(run.slip_displacement[:, part], axis=1) * scale
         axis.plot(run.time, values, color=colour_of(name), label=f"{name}: {values[-1]:.2f} at the end")

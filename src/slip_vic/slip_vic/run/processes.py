@@ -11,7 +11,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 import psutil
 
@@ -62,7 +62,7 @@ class Child:
         for reader in self._readers:
             reader.start()
 
-    def _read(self, stream: Any, is_stdout: bool) -> None:
+    def _read(self, stream: IO[str], is_stdout: bool) -> None:
         for line in stream:
             text = line.rstrip("\n")
             event = events.decode(text) if is_stdout else None

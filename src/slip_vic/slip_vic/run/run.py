@@ -63,13 +63,12 @@ class Run:
     @property
     def final_error_mm(self) -> float:
         """How far the pad is from its goal at the end [mm]."""
-        errors = (float(np.linalg.norm(one["final_error"][:3])) for one in self.verdict.arms.values())
-        return 1e3 * max(errors, default=math.nan)
+        return 1e3 * self.verdict.worst("final_error_m")
 
     @property
     def arrival_s(self) -> float:
         """From when on the pad stays within 1 mm and 0.5 degrees of its goal [s]; NaN where it does not."""
-        return max((float(one["arrival_s"]) for one in self.verdict.arms.values()), default=math.nan)
+        return self.verdict.worst("arrival_s")
 
     @property
     def internal_force_n(self) -> float:

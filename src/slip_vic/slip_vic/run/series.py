@@ -62,24 +62,24 @@ def read_series(path: Path, arm: str = "") -> RunSeries:
     with Bag(path) as bag:
         truth = _series(bag, "slip_truth", arm)
         odometry = _series(bag, "object_state")
-        interfaces = [topic for topic in COMMAND_TOPICS if _maybe(bag, topic, arm) is not None]
+        interfaces = [topic for topic in COMMAND_TOPICS if bag.ending(topic, arm) is not None]
         commands = _series(bag, (*interfaces, COMMAND_TOPICS[0])[0], arm)
         scalars = _series(bag, "controller/scalars", arm)
         ee_pose = _series(bag, "controller/ee_pose", arm)
         bag_wrench, internal = (_maybe(bag, topic, arm) for topic in ("wrench", "internal_wrench"))
     # A recorder on a busy machine may miss a message of one topic: the two go together by their stamps.
-    stamps, of_truth, of_object = np.intersect1d(_stamps(truth), _stamps(odometry), return_indices=True)
+    stamps, of_truth, of_object = np.intersect1d(truth.stamps, odometry.stamps, return_indices=True)
     if not stamps.size:
         raise InputError(
             f"bag {path}", got="no slip_truth and object_state of one time", expected="a run of this suite"
         )
     start_ns = stamps[0]
-    object_position = _columns(odometry, "pose.pose.position.", "xyz")[of_object]
-    object_rotation = Rotation.from_quat(_columns(odometry, "pose.pose.orientation.", "xyzw")[of_object]).as_matrix()
-    twist = [_columns(odometry, f"twist.twist.{part}.", "xyz")[of_object] for part in ("linear", "angular")]
-    ee_position = _columns(ee_pose, "pose.position.", "xyz")[0]
-    ee_rotation = Rotation.from_quat(_columns(ee_pose, "pose.orientation.", "xyzw")[0]).as_matrix()
-    grasp = grasp_in_object(object_position, object_rotation, np.hstack(twist), ee_position, ee_rotation)
+    object_position = odometry.columns("pose.pose.position")[of_object]
+    object_rotation = Rotation.from_quat(odometry.columns("pose.pose.orientation")[of_object]).as_matrix()
+    twist = odometry.columns("twist.twist.linear", "twist.twist.angular")[of_object]
+    ee_position = ee_pose.columns("pose.position")[0]
+    ee_rotation = Rotation.from_quat(ee_pose.columns("pose.orientation")[0]).as_matrix()
+    grasp = grasp_in_object(object_position, object_rotation, twist, ee_position, ee_rotation)
     names = [str(name) for name in scalars["name"][0]]
     table = scalars["position"]
     return RunSeries(
@@ -90,7 +90,7 @@ def read_series(path: Path, arm: str = "") -> RunSeries:
         grasp_rotation=grasp[1],
         grasp_twist=grasp[2],
         effort=np.array([row for row in commands["effort"] if len(row)]),
-        law_time=_times(scalars, start_ns),
+        law_time=np.array((scalars.stamps - start_ns) * 1e-9),
         law={name: table[:, i] for i, name in enumerate(names)},
         arm=arm,
         wrench=_held_wrench(bag_wrench, stamps),
@@ -120,36 +120,28 @@ def _held_wrench(wrench: Series | None, stamps: NDArray[np.int64]) -> Array:
     """Return the newest wrench at each stamp; (N, 6), empty without any."""
     if wrench is None or not wrench.count:
         return _nothing()
-    six = np.hstack([_columns(wrench, f"wrench.{part}.", "xyz") for part in ("force", "torque")])
-    newest = np.searchsorted(_stamps(wrench), stamps, side="right") - 1
-    return six[np.clip(newest, 0, None)]
+    return wrench.columns("wrench.force", "wrench.torque")[np.maximum(wrench.newest(stamps), 0)]
+
+
+def _maybe(bag: Bag, topic: str, arm: str = "") -> Series | None:
+    full = bag.ending(topic, arm)
+    return bag.series(full) if full else None
 
 
 def _series(bag: Bag, topic: str, arm: str = "") -> Series:
-    own = f"/{arm}/{topic}" if arm else f"/{topic}"
-    full = next((name for name in bag.topics if name.endswith(own)), None)
-    found = bag.series(full) if full else None
+    found = _maybe(bag, topic, arm)
     if found is None or not found.count:
         raise InputError(f"bag {bag.path}", got=f"no message on {topic}", expected="a recorded run of this suite")
     return found
 
 
-def _maybe(bag: Bag, topic: str, arm: str) -> Series | None:
-    full = next((name for name in bag.topics if name.endswith(f"/{arm}/{topic}" if arm else f"/{topic}")), None)
-    return bag.series(full) if full else None
-
-
-def _stamps(series: Series) -> NDArray[np.int64]:
-    assert series.stamp_ns is not None, "every topic here has a header"
-    return series.stamp_ns
-
-
-def _times(series: Series, start_ns: int) -> Array:
-    return np.array((_stamps(series) - start_ns) * 1e-9)
-
-
-def _columns(series: Series, prefix: str, parts: str) -> Array:
-    return np.stack([series[prefix + part] for part in parts], axis=1)
+def mode_changes(bag: Bag, topic: str | None, states: Series, start_ns: int) -> tuple[tuple[float, str], ...]:
+    """Return the texts of a mode's topic, each since when [s]: the stamp of the joint state received last before it."""
+    found = []
+    for message in bag.messages(topic) if topic else ():
+        place = max(0, int(np.searchsorted(states.log_time_ns, message.log_time_ns, side="right")) - 1)
+        found.append((1e-9 * float(states.stamps[place] - start_ns), str(message.value.data)))
+    return tuple(found)
 
 
 def rotation_angle_about(rotations: Array, axis: Array) -> Array:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
@@ -126,7 +125,7 @@ class Track:
             internal=np.array(self._internal[k]),
         )
 
-    def _law(self, k: int, places: dict[str, Array], evaluated: Any) -> dict[str, Array]:
+    def _law(self, k: int, places: dict[str, Array], evaluated: NDArray[np.bool_]) -> dict[str, Array]:
         if self._whole:
             names = self._symbols[k][0]
             return {name: np.array([row[name] for row in self._symbols[k]]) for name in names}

@@ -58,8 +58,7 @@ def check_writable(file: Path) -> None:
         if not there:
             file.unlink()
     except OSError as error:
-        got = error.strerror or str(error)
-        raise InputError(f"output {file}", got=got, expected="a file that can be written") from None
+        raise InputError(f"output {file}", got=error, expected="a file that can be written") from None
 
 
 def write_files(folder: Path, files: dict[str, str]) -> None:
@@ -74,9 +73,7 @@ def write_files(folder: Path, files: dict[str, str]) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise InputError(
-            f"output folder {folder}", got=error.strerror or str(error), expected="a folder that can be written"
-        ) from None
+        raise InputError(f"output folder {folder}", got=error, expected="a folder that can be written") from None
 
 
 def commented_file(params: ParameterModel, node_name: str, also: Sequence[str] = ()) -> str:

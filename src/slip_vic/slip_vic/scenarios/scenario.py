@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 import yaml
 from pydantic import Field
 
 from slip_core.arms import ONE_ARM, params_of_arms, prefix_of
 from slip_core.errors import InputError, UnknownName
+from slip_core.files.placed_urdf import on_base
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf_file import read_urdf
 from slip_core.grasp_params import BaseParams, Three
@@ -32,9 +32,8 @@ from slip_core.params import (
     validate,
 )
 from slip_sim_bridge.params import BridgeParams
-from slip_vic.presets.drives import DrivePreset, load_drive
-from slip_vic.presets.sensors import SensorPreset, load_sensor
-from slip_vic.scenarios import find_scenario, scenario_text
+from slip_vic.presets.models import DrivePreset, SensorPreset, load_drive, load_sensor
+from slip_vic.scenarios import scenario_text
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 
 if TYPE_CHECKING:
@@ -60,6 +59,8 @@ OWN_WRENCH: Final = ("classical", "leader_follower", "printed")
 WITHOUT_INTERNAL: Final = (*OWN_WRENCH, "shared")
 Estimator = Literal["measured", "observer"]
 Mode = Literal["lockstep", "realtime"]
+NodeValues = dict[str, dict[str, Any]]
+"""Values by dotted name, of the nodes "controller" and "bridge"."""
 NODES: dict[str, tuple[str, type[ParameterModel]]] = {
     "controller": ("slip_vic_controller", ControllerNodeParams),
     "bridge": ("slip_sim_bridge", BridgeParams),
@@ -132,10 +133,6 @@ class Scenario:
     bridges: Mapping[str, BridgeParams]
     urdfs: Mapping[str, str]
     placed: Mapping[str, str]
-    modules: ClassVar[dict[str, str]] = {
-        "controller": "slip_vic_controller.main", "bridge": "slip_sim_bridge.main", "both": "slip_vic.run.both_nodes"
-    }  # fmt: skip
-    """What runs as a process."""
 
     @property
     def several(self) -> bool:
@@ -228,15 +225,6 @@ class Scenario:
         """URDFs as the controllers have them, by the name of the file in a bag."""
         return {f"{name or 'arm'}.urdf": urdf for name, urdf in self.placed.items()}
 
-    def run_parameters(self, peers: tuple[str, ...]) -> tuple[ParameterModel, ParameterModel]:
-        """Return the parameters of both nodes for a run with these peers."""
-        ready = dataclasses.replace(
-            self,
-            controllers=_updated(self.controllers, {"expected_subscribers": len(peers)}),
-            bridges=_updated(self.bridges, {"wait_for": peers}),
-        )
-        return ready.controller, ready.bridge
-
     def check(self) -> None:
         """Make controller and simulation once, so that what does not fit is said before any process starts.
 
@@ -278,13 +266,6 @@ class Scenario:
             check_start(robot, known, self.bridges[name])
 
 
-Params = TypeVar("Params", bound=ParameterModel)
-
-
-def _updated(arms: Mapping[str, Params], update: Mapping[str, Any]) -> dict[str, Params]:
-    return {name: params.model_copy(update=dict(update)) for name, params in arms.items()}
-
-
 @dataclass(frozen=True, slots=True)
 class Texts:
     """Contents of files by the name under which they are asked for: what stands here is not opened.
@@ -294,7 +275,6 @@ class Texts:
 
     scenarios: Mapping[str, str] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
-    drives: Mapping[str, str] = field(default_factory=dict)
     urdfs: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -345,7 +325,7 @@ def load_scenario(
         if sensor:
             apply_sensor(own, load_sensor(sensor, texts.sensors.get(sensor)))
         if drive:
-            apply_drive(own, load_drive(drive, texts.drives.get(drive)))
+            apply_drive(own, load_drive(drive))
     _apply_parameters(values, parameters, keep_sensor=bool(sensor))
     for own in values.values():
         if estimator is not None:
@@ -378,7 +358,7 @@ def _made(
     outer: ScenarioFile,
     text: str,
     law: Law,
-    values: dict[str, dict[str, dict[str, Any]]],
+    values: dict[str, NodeValues],
     wrong: Mismatch,
     texts: Texts,
     origin: str,
@@ -397,17 +377,9 @@ def _made(
         urdfs[name] = (
             params.robot_description or texts.urdfs.get(file) or read_urdf(file, "parameter robot_description_file")
         )
-        placed[name] = _placed(urdfs[name], params.base)
+        placed[name] = on_base(urdfs[name], params.base)
         bridges[name] = _mismatched(params, wrong, last=last)
     return Scenario(outer.name, outer.description, text, law, controllers, bridges, urdfs, placed)
-
-
-def _placed(urdf: str, base: BaseParams) -> str:
-    if not any((*base.position, *base.rotation)):
-        return urdf
-    from slip_core.files.placed_urdf import placed_urdf
-
-    return placed_urdf(urdf, base.position, base.rotation)
 
 
 def _mismatched(params: BridgeParams, wrong: Mismatch, *, last: bool) -> BridgeParams:
@@ -437,7 +409,7 @@ def _moved(base: BaseParams, wrong: Mismatch) -> BaseParams:
     return BaseParams(position=tuple(position), rotation=tuple(rotation.tolist()))
 
 
-def _own_contacts(own: dict[str, dict[str, Any]], law: Law) -> None:
+def _own_contacts(own: NodeValues, law: Law) -> None:
     """Let the bridge have its own contact only, and the controller too where the law has its own wrench alone."""
     for node in ("bridge", "controller") if law in OWN_WRENCH else ("bridge",):
         for key, count in (("position", 3), ("orientation_xyzw", 4), ("slip_axes", 6)):
@@ -445,9 +417,7 @@ def _own_contacts(own: dict[str, dict[str, Any]], law: Law) -> None:
                 own[node][f"contacts.{key}"] = own[node][f"contacts.{key}"][:count]
 
 
-def _apply_parameters(
-    values: dict[str, dict[str, dict[str, Any]]], parameters: Mapping[str, Any], *, keep_sensor: bool
-) -> None:
+def _apply_parameters(values: dict[str, NodeValues], parameters: Mapping[str, Any], *, keep_sensor: bool) -> None:
     """Put parameters of the controller over those of the scenario; of several arms, those below an arm's name too."""
     given = flat_names(dict(parameters))
     prefixes = tuple(f"{name}." for name in values if name)
@@ -481,29 +451,30 @@ def read_parameters(file: Path | None) -> dict[str, Any]:
     return flat_names(found[0]["ros__parameters"])
 
 
-def apply_sensor(values: dict[str, dict[str, Any]], preset: SensorPreset) -> None:
-    """Put a sensor into the values of both nodes: the bridge simulates it, the controller knows what it is."""
-    for part in ("slip", "wrench"):
-        flat = flatten(getattr(preset, part))
-        known = {info.name for info in parameter_infos(ControllerNodeParams)}
-        values["bridge"] |= {f"sensors.{part}.{name}": value for name, value in flat.items()}
-        values["controller"] |= {
-            f"{part}_sensor.{name}": value for name, value in flat.items() if f"{part}_sensor.{name}" in known
-        }
+def apply_sensor(values: NodeValues, preset: SensorPreset) -> None:
+    """Put a sensor into the values of both nodes."""
+    _apply_part(values, "sensors.slip", "slip_sensor", flatten(preset.slip))
+    _apply_part(values, "sensors.wrench", "wrench_sensor", flatten(preset.wrench))
     values["controller"] |= flat_names(preset.controller)
 
 
-def apply_drive(values: dict[str, dict[str, Any]], preset: DrivePreset) -> None:
-    """Put drives and encoders into the values of both nodes: the bridge simulates them, the controller counts on it."""
+def apply_drive(values: NodeValues, preset: DrivePreset) -> None:
+    """Put drives and encoders into the values of both nodes."""
     joints = len(values["bridge"].get("joint_names", BridgeParams.model_fields["joint_names"].default))
-    known = {info.name for info in parameter_infos(ControllerNodeParams)}
-    for part, group in (("drive", "drive"), ("joint", "sensors.joint")):
-        flat = {name: cut_or_extend(value, joints) for name, value in flatten(getattr(preset, part)).items()}
-        values["bridge"] |= {f"{group}.{name}": value for name, value in flat.items()}
-        own = "joint_sensor" if part == "joint" else part
-        values["controller"] |= {f"{own}.{name}": value for name, value in flat.items() if f"{own}.{name}" in known}
+    for params, simulated, known in (
+        (preset.drive, "drive", "drive"), (preset.joint, "sensors.joint", "joint_sensor"),
+    ):  # fmt: skip
+        flat = {name: cut_or_extend(value, joints) for name, value in flatten(params).items()}
+        _apply_part(values, simulated, known, flat)
     values["controller"] |= flat_names(preset.controller)
     values["controller"]["command.interface"] = preset.drive.interface
+
+
+def _apply_part(values: NodeValues, simulated: str, known: str, flat: Mapping[str, object]) -> None:
+    """Let the bridge simulate a part, and the controller count on what it is configured with of it."""
+    values["bridge"] |= {f"{simulated}.{name}": value for name, value in flat.items()}
+    own = {f"{known}.{name}": value for name, value in flat.items()}
+    values["controller"] |= {name: value for name, value in own.items() if is_name(ControllerNodeParams, name)}
 
 
 def drive_assignments(drive: str, scenario: str, assignments: Iterable[str]) -> tuple[str, ...]:
@@ -511,7 +482,7 @@ def drive_assignments(drive: str, scenario: str, assignments: Iterable[str]) -> 
     if not drive:
         return ()
     before = load_scenario(scenario, assignments=assignments)
-    values: dict[str, dict[str, Any]] = {"controller": {}, "bridge": {"joint_names": before.first.joint_names}}
+    values: NodeValues = {"controller": {}, "bridge": {"joint_names": before.first.joint_names}}
     apply_drive(values, load_drive(drive))
     del values["bridge"]["joint_names"]
     return tuple(
@@ -529,7 +500,7 @@ def cut_or_extend(value: Any, joints: int) -> Any:
     return [*value[:joints], *[value[-1]] * (joints - len(value))]
 
 
-def _tell_friction(values: dict[str, dict[str, Any]], origin: str) -> None:
+def _tell_friction(values: NodeValues, origin: str) -> None:
     """Tell the controller's governor of the friction that the scenario has, where it does not say so itself."""
     bridge = build(BridgeParams, values["bridge"], f"{origin}: bridge")
     friction = {
@@ -540,7 +511,7 @@ def _tell_friction(values: dict[str, dict[str, Any]], origin: str) -> None:
     values["controller"] = friction | values["controller"]
 
 
-def _find_arm(values: dict[str, dict[str, Any]], name_or_path: str) -> None:
+def _find_arm(values: NodeValues, name_or_path: str) -> None:
     """Let a scenario file name its arm by a path from its own folder."""
     for node in values.values():
         file = str(node.get("robot_description_file", ""))
@@ -554,19 +525,14 @@ def read_scenario(name_or_path: str, texts: Texts = NO_TEXTS) -> tuple[str, str]
     Raises:
         InputError: unknown scenario, or a file that cannot be read.
     """
-    if name_or_path in texts.scenarios:
-        return texts.scenarios[name_or_path], f"scenario {name_or_path}"
-    path = find_scenario(name_or_path)
-    if path is None:
-        return scenario_text(name_or_path), f"scenario {name_or_path}"
-    load_yaml(path)  # for its clear error
-    return path.read_text(encoding="utf-8"), f"scenario {path}"
+    text = texts.scenarios.get(name_or_path)
+    return scenario_text(name_or_path) if text is None else text, f"scenario {name_or_path}"
 
 
-def _values(outer: ScenarioFile, arm: str) -> dict[str, dict[str, Any]]:
+def _values(outer: ScenarioFile, arm: str) -> NodeValues:
     """Return what a scenario sets for one arm, per node, under dotted names."""
     own = outer.arms.get(arm)
-    common: dict[str, dict[str, Any]] = {"controller": outer.controller, "bridge": outer.bridge}
+    common: NodeValues = {"controller": outer.controller, "bridge": outer.bridge}
     values = {node: flat_names(outer.shared) | flat_names(common[node]) for node in NODES}
     if own is None:
         return values
@@ -585,7 +551,7 @@ def _values(outer: ScenarioFile, arm: str) -> dict[str, dict[str, Any]]:
     return values
 
 
-def _assign(values: dict[str, dict[str, dict[str, Any]]], mismatch: dict[str, Any], key: str, value: Any) -> None:
+def _assign(values: dict[str, NodeValues], mismatch: dict[str, Any], key: str, value: Any) -> None:
     """Apply an assignment: to every arm, to one below whose name it is, or to the mismatch."""
     first, _, rest = key.partition(".")
     if first == "mismatch":

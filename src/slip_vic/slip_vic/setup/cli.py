@@ -1,12 +1,126 @@
-"""``slip-vic identify``."""
+"""``slip-vic arm``, ``slip-vic bringup`` and ``slip-vic identify``: an arm of one's own."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import click
 
-from slip_vic.options import out_option
+from slip_core.errors import InputError
+from slip_vic.options import DRIVE, PACKAGE, names, out_option
+
+AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
+
+
+@click.command()
+@click.argument("urdf", type=click.Path(path_type=Path))
+@PACKAGE
+@click.option("--ee", "link", default="", metavar="LINK", help="link at the hand; default: found")
+@click.option("--approach", type=AXIS, default=None, help="its axis out of the hand; default: found")
+@click.option("--normal", type=AXIS, default=None, help="its axis along which the jaws close; default: found")
+@click.option("--reach", type=float, default=0.0, show_default=True, help="from it to the pad centre [m]")
+@click.option("--gripper-width", "width", type=click.FloatRange(0.0), help="opening of sliding fingers [m]; default 0")
+@click.option("--lock", "locks", multiple=True, metavar="JOINT=VALUE", help="keep a joint there; repeatable")
+@click.option("--scenario", "scenarios", default="paper_planar", show_default=True, help="names, comma separated")
+@click.option("--scale", type=click.FloatRange(0.01, 10.0), default=1.0, show_default=True, help="size of the path")
+@DRIVE
+@out_option(None, "folder; default: named like the file, here")
+def arm(
+    *,
+    urdf: Path,
+    link: str,
+    approach: str | None,
+    normal: str | None,
+    reach: float,
+    width: float | None,
+    locks: tuple[str, ...],
+    scenarios: str,
+    scale: float,
+    drive: str,
+    out: Path | None,
+) -> None:
+    """Make a folder that runs from an arm's URDF or xacro file: arm.urdf, scenarios, parameters for the real arm."""
+    from rich.console import Console
+
+    from slip_core.files.urdf_file import read_urdf
+    from slip_vic.setup.arm.write import Arm, way_table, write_arm
+
+    made = Arm(
+        read_urdf(str(urdf), f"URDF {urdf}"),
+        link=link,
+        approach=approach or "",
+        normal=normal or "",
+        reach=reach,
+        width=width,
+        locked=dict(map(_position, locks)),
+    )
+    for line in made.said:
+        click.echo(line)
+    tasks = {}
+    for scenario in names(scenarios):
+        name = Path(scenario).stem
+        tasks[name], start = made.task(scenario, scale)
+        Console().print(way_table(made, name, start))
+    folder = out or Path(urdf.name.partition(".")[0])
+    for path in write_arm(made, tasks, folder, urdf, drive):
+        click.echo(path)
+    of_drive = f" --drive {drive}" if drive else ""
+    click.echo(f"next: slip-vic demo --scenario {folder / next(iter(tasks))}.yaml{of_drive} --out {folder / 'demo'}")
+
+
+def _position(text: str) -> tuple[str, float]:
+    """Read JOINT=VALUE.
+
+    Raises:
+        InputError: another form.
+    """
+    name, _, value = text.rpartition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise InputError("--lock", got=text, expected="JOINT=VALUE, e.g. torso_lift_joint=0.1") from None
+
+
+@click.command()
+@click.option("--namespace", default="", help="ROS namespace of the controller")
+@click.option("--domain-id", type=int, help="ROS domain id; default ROS_DOMAIN_ID")
+@click.option("--simulated", is_flag=True, help="without a person: the hand of the simulated arm pushes")
+@out_option("bringup.yaml", "parameter file")
+def bringup(namespace: str, domain_id: int | None, simulated: bool, out: Path) -> None:
+    """Bring a controller and its drivers up, step by step, from topics and signs to a first governed motion.
+
+    Both must run; the controller with trajectory.kind goal, governor.mode slow_down, governor.friction unknown and
+    safety.auto_enable false. Each step shows what it measured and what it expects. Exit code 1 where a step does not
+    hold, with one line on what to do. What was measured of the sensors is written to --out, for the controller
+    after its own file, and for `slip-vic check --params` and `slip-vic run --params`.
+    """
+    if domain_id is not None:
+        os.environ["ROS_DOMAIN_ID"] = str(domain_id)
+    from slip_msgs_py.without_ros import check_ros
+    from slip_vic.scenarios.parameter_files import check_writable, write_files
+
+    check_ros()
+    check_writable(out)  # here, not after the walk
+    from slip_bags.ros_node import ros_node
+    from slip_vic.setup.bringup.hands import Hands, Person, simulated_hand
+    from slip_vic.setup.bringup.ros_system import RosSystem
+    from slip_vic.setup.bringup.walk import Walk
+
+    with ros_node("slip_vic_bringup") as node:
+        system = RosSystem(node, namespace)
+        try:
+            bridge = system.bridge_parameters(["hold.stiffness", "grip.force"]) if simulated else {}
+            hands: Hands = simulated_hand(system, bridge) if simulated else Person(system, system.params.joint_names)
+            walk = Walk(system, hands)
+            for verdict in walk.steps():
+                click.echo(str(verdict), err=not verdict.holds)
+                if not verdict.holds:
+                    raise click.exceptions.Exit(1)
+        finally:
+            system.close()
+    write_files(out.parent, {out.name: walk.parameter_file()})
+    click.echo(f"{out}: noise, rate and latency as measured")
 
 
 @click.command()

@@ -63,22 +63,20 @@ def read_motion(path: Path, robot_frame: str) -> tuple[Motion, Robot]:
         InputError: no bag, or one without joint states, efforts or a description of the arm.
     """
     with Bag(path) as bag:
-        states, wrenches = (_topic(bag, name) for name in ("joint_states", "wrench"))
+        states, wrenches = bag.ending("joint_states"), bag.ending("wrench")
         if states is None or bag.topics[states].message_count < LEAST_SAMPLES:
             raise InputError(f"bag {path}", got="no joint states", expected=f"at least {LEAST_SAMPLES} of them")
         series = bag.series(states)
-        if series["effort"].shape != series["position"].shape or series.stamp_ns is None:
+        if series["effort"].shape != series["position"].shape:
             raise InputError(f"bag {path}", got="joint states without efforts", expected="one effort per joint")
         names = tuple(map(str, series["name"][0]))
         robot = Robot(_urdf(bag), robot_frame, names)
-        q, qd, times = series["position"], series["velocity"], 1e-9 * (series.stamp_ns - series.stamp_ns[0])
+        q, qd, times = series["position"], series["velocity"], 1e-9 * (series.stamps - series.stamps[0])
         load = np.zeros_like(q)
         if wrenches is not None and bag.topics[wrenches].message_count:
             felt = bag.series(wrenches)
-            assert felt.stamp_ns is not None, "a wrench has a header"
-            h = np.stack([felt[f"wrench.{part}.{axis}"] for part in ("force", "torque") for axis in "xyz"], axis=1)
-            at = np.clip(np.searchsorted(felt.stamp_ns, series.stamp_ns, side="right") - 1, 0, len(h) - 1)
-            load = _loads(robot, q, h[at])
+            h = felt.columns("wrench.force", "wrench.torque")
+            load = _loads(robot, q, h[np.maximum(felt.newest(series.stamps), 0)])
     return Motion(names, times, q, qd, series["effort"], load), robot
 
 
@@ -192,14 +190,10 @@ def _loads(robot: Robot, q: Array, h: Array) -> Array:
     return loads
 
 
-def _topic(bag: Bag, name: str) -> str | None:
-    return next((topic for topic in bag.topics if topic.rpartition("/")[2] == name), None)
-
-
 def _urdf(bag: Bag) -> str:
     if "arm.urdf" in bag.attachments:
         return bag.attachments["arm.urdf"].decode()
-    topic = _topic(bag, "robot_description")
+    topic = bag.ending("robot_description")
     if topic is None or not bag.topics[topic].message_count:
         raise InputError(
             f"bag {bag.path}", got="no robot_description", expected="the arm's URDF, as topic or attachment"

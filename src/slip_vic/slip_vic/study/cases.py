@@ -38,7 +38,8 @@ COULOMB = (1.0, 1.0, 0.8, 0.8, 0.4, 0.4, 0.3)
 class Case:
     """One run: a scenario under a law, with a slip sensor and what makes a slip velocity of it.
 
-    estimator: measured, observer, or "none" of classical impedance control, which reads no slip sensor.
+    estimator: measured, observer, or "none" of classical impedance control, which reads no slip sensor. own: overrides
+    of this case alone.
     """
 
     scenario: str
@@ -47,6 +48,7 @@ class Case:
     estimator: str
     mismatch: str
     seed: int
+    own: tuple[str, ...] = ()
 
     @property
     def key(self) -> tuple[str, ...]:
@@ -55,6 +57,7 @@ class Case:
 
     def load(self, assignments: Sequence[str] = (), texts: Texts = NO_TEXTS) -> Scenario:
         """Return the scenario of this run: only the simulated world has the mismatch."""
+        assignments = (*assignments, *self.own)
         known = load_scenario(self.scenario, sensor=self.sensor, seed=self.seed, assignments=assignments, texts=texts)
         return load_scenario(
             self.scenario,

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 from rich.markup import escape
 from rich.table import Table
 
-from slip_vic.scenarios.scenario import Estimator, Law, Scenario, load_scenario, read_parameters
+from slip_sim_bridge.params import BridgeParams
+from slip_vic.options import Choice
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import Scenario
 from slip_vic.study.cases import NO_MISMATCH, mismatch_assignments
-from slip_vic.study.path_load import PathLoad, path_load
 from slip_vic.study.run_case import run_scenario
 from slip_vic_controller.law.bounds import GainReport
 from slip_vic_controller.law.gains import gain_report
+from slip_vic_controller.parameters.node_params import ControllerNodeParams
 
 
 class Corner(NamedTuple):
@@ -33,56 +35,27 @@ class Corner(NamedTuple):
         return self.outcome == "ok"
 
 
-@dataclass(frozen=True, slots=True)
-class Question:
-    """What is checked: a scenario with a controller, a sensor, a parameter file of the controller and overrides.
+def gains(scenario: Scenario) -> GainReport:
+    """Return the verdict on the gains, without refusing them."""
+    return gain_report(next(iter(scenario.controllers.values())), refuse=False)
 
-    Raises:
-        InputError: unknown scenario, sensor or parameter; an unreadable file.
+
+def run_corners(choice: Choice, mismatches: Sequence[str], report: Callable[[str], None]) -> Iterator[Corner]:
+    """Run the configured world, then each mismatch, and yield outcomes; `report` gets what runs.
+
+    Where the path is refused already there is nothing more to run.
     """
-
-    scenario: str
-    controller: Law
-    sensor: str = ""
-    estimator: Estimator | None = None
-    file: Path | None = None
-    assignments: Sequence[str] = ()
-
-    def load(self, mismatch: Sequence[str] = ()) -> Scenario:
-        """Return the scenario, with assignments of the simulated world."""
-        return load_scenario(
-            self.scenario,
-            law=self.controller,
-            sensor=self.sensor,
-            estimator=self.estimator,
-            parameters=read_parameters(self.file),
-            assignments=(*self.assignments, *mismatch),
-        )
-
-    def gains(self) -> GainReport:
-        """Return the verdict on the gains, without refusing them."""
-        return gain_report(next(iter(self.load().controllers.values())), refuse=False)
-
-    def path(self) -> PathLoad:
-        """Return what the path takes of the friction."""
-        return path_load(self.load())
-
-    def corners(self, mismatches: Sequence[str], report: Callable[[str], None]) -> Iterator[Corner]:
-        """Run the configured world, then each mismatch, and yield outcomes; `report` gets what runs.
-
-        Where the path is refused already there is nothing more to run.
-        """
-        known = self.load()
-        for name in dict.fromkeys((NO_MISMATCH, *mismatches)):
-            report(name)
-            corner = Corner(name, *run_scenario(self.load(mismatch_assignments(name, known))))
-            yield corner
-            if name == NO_MISMATCH and corner.outcome == "refused":
-                return
+    known = choice.load()
+    for name in dict.fromkeys((NO_MISMATCH, *mismatches)):
+        report(name)
+        corner = Corner(name, *run_scenario(choice.load(*mismatch_assignments(name, known))))
+        yield corner
+        if name == NO_MISMATCH and corner.outcome == "refused":
+            return
 
 
 def gain_table(scenario: Scenario, report: GainReport, sensor: str) -> Table:
-    """Return the conditions on the gains; `gain_reasons` has why."""
+    """Return the conditions on the gains."""
     params = next(iter(scenario.controllers.values()))  # the law is the same in all arms
     title = (
         f"k_s configured {report.asked:g}, used {report.used:.6g} 1/s ({params.gains.k_s_mode}, {params.slip_estimator}"
@@ -97,11 +70,6 @@ def gain_table(scenario: Scenario, report: GainReport, sensor: str) -> Table:
         empty = low >= high
         table.add_row(name, f"{low:.4g}", f"{high:g}", "", "[red]empty[/]" if empty else "[green]between them[/]")
     return table
-
-
-def gain_reasons(report: GainReport) -> list[str]:
-    """Return a line for each condition on the gains: why its limit is what it is."""
-    return [f"{c.name}: {c.reason}" for c in report.conditions]
 
 
 def corner_table(corners: Sequence[Corner]) -> Table:
@@ -146,3 +114,74 @@ def refusal(load: PathLoad, as_told: Corner) -> str:
         return ""
     x, y, z = load.resting.position
     return f"refused: {as_told.reason}; the pad is at x {x:.3f}, y {y:.3f}, z {z:.3f} m there"
+
+
+# -- what the path takes of the friction: it is run, in this process, on a pad that cannot slip ----------
+
+FIRM = 1e4
+"""Factor on the grip and on the configured friction: nothing slips, and nothing is slowed down."""
+AFTER_S = 0.1
+"""How much later than planned the end is reached: the governor plans first, and averages [s]."""
+
+
+class Place(NamedTuple):
+    """A load [N], at which time of the trajectory [s], and where the pad is then [m] {w}."""
+
+    load: float
+    time_s: float
+    position: tuple[float, float, float]
+
+    def text(self, limit: float) -> str:
+        """Return the load as a share of the friction, with its place."""
+        x, y, z = self.position
+        where = f"at {self.time_s:.3f} s, x {x:.3f}, y {y:.3f}, z {z:.3f} m"
+        return f"{100.0 * self.load / limit:.0f} % of the friction ({self.load:.3g} of {limit:.3g} N) {where}"
+
+
+class PathLoad(NamedTuple):
+    """Configured friction [N]; the largest load of the path as planned, and of the weight alone."""
+
+    limit: float
+    moving: Place
+    resting: Place
+
+
+def path_load(scenario: Scenario) -> PathLoad:
+    """Return what the path as planned puts on the contact, of several arms of the most loaded one.
+
+    A motion that comes by topic is taken as rest.
+    """
+    firm = dataclasses.replace(
+        scenario,
+        controllers={name: _counting(params) for name, params in scenario.controllers.items()},
+        bridges={name: _firm(params) for name, params in scenario.bridges.items()},
+    )
+    loop, places = ClosedLoop(firm), [list[Place]() for _ in scenario.controllers]
+    path = next(iter(scenario.controllers.values())).trajectory
+    while loop.bridge.elapsed_s < path.start_s + path.duration_s + AFTER_S:
+        results = loop.answer(loop.observe())
+        for visited, result in zip(places, results, strict=True):
+            x, y, z = result.arm.position.tolist()
+            governed = result.record.governor
+            visited.append(Place(float(governed.load_commanded), float(governed.path_s), (x, y, z)))
+        loop.bridge.advance([result.command for result in results])
+    planned, params = loop.session.task.governor, next(iter(scenario.controllers.values()))
+    heaviest_s, weight = float(planned.heaviest_time), float(planned.weight_load)
+    visited = max(places, key=max)
+    there = min(visited, key=lambda place: abs(place.time_s - heaviest_s))
+    return PathLoad(params.governor.friction_limit, max(visited), Place(weight, heaviest_s, there.position))
+
+
+def _counting(params: ControllerNodeParams) -> ControllerNodeParams:
+    """Return parameters with which the governor counts the load, and has no reason to do more."""
+    limit = FIRM * params.governor.friction_limit
+    governor = params.governor.model_copy(update={"mode": "slow_down", "friction": "known", "friction_limit": limit})
+    return params.model_copy(update={"controller": "classical", "governor": governor})
+
+
+def _firm(params: BridgeParams) -> BridgeParams:
+    """Return the world with pads that cannot slip."""
+    grip = params.grip.model_copy(update={"force": FIRM * params.grip.force})
+    # friction that fell with speed, times FIRM, would divide every step of the simulation into dozens
+    friction = params.friction.model_copy(update={"mu_k": params.friction.mu_s})
+    return params.model_copy(update={"grip": grip, "friction": friction})

@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from slip_vic.exit_code import ALLOW_FAULT, end_with
 from slip_vic.options import (
+    ALLOW_FAULT,
     ASSIGNMENTS,
     DRIVE,
-    ESTIMATOR,
-    LAW,
     LAWS_OPTION,
-    PARAMS,
     SCENARIO,
     SCENARIOS,
     SENSOR,
     SENSORS,
     URDF,
+    Choice,
+    choosing,
+    end_with,
     names,
     out_option,
 )
@@ -153,10 +153,10 @@ def _lottery(
     """Draw cases, with drives unless one is given, run each with every law, and say how the laws compare."""
     from rich.console import Console
 
+    from slip_vic.run.progress import progress
     from slip_vic.scenarios import scenario_names
     from slip_vic.scenarios.scenario import drive_assignments
     from slip_vic.study.lottery import lottery, lottery_file, lottery_table
-    from slip_vic.study.progress import progress
 
     if drive is not None:
         assignments = (*drive_assignments(drive, (*scenarios, *scenario_names(1))[0], assignments), *assignments)
@@ -175,27 +175,9 @@ def _lottery(
 
 
 @click.command()
-@SCENARIO
-@PARAMS
-@SENSOR
-@DRIVE
-@ESTIMATOR
-@LAW
+@choosing("scenario", "params", "sensor", "drive", "estimator", "law", "assignments", "urdf")
 @click.option("--mismatch", "mismatches", default="all", show_default=True, help="worlds to simulate: names, or all")
-@ASSIGNMENTS
-@URDF
-def check(
-    *,
-    scenario: str,
-    params: Path | None,
-    sensor: str,
-    drive: str,
-    estimator: Estimator | None,
-    law: Law,
-    mismatches: str,
-    assignments: tuple[str, ...],
-    urdf: Path | None,
-) -> None:
+def check(*, choice: Choice, mismatches: str) -> None:
     """Check what will hold before anything moves: gains, arm, path, and worlds that differ from the configured one.
 
     Bound on k_s, Propositions 1 to 3; whether the arm can start where the scenario has it and follow its path; what the
@@ -204,27 +186,24 @@ def check(
     """
     from rich.console import Console
 
-    from slip_vic.scenarios.scenario import drive_assignments, urdf_assignment
     from slip_vic.study.cases import MISMATCHES, check_names
-    from slip_vic.study.check import Question, corner_table, gain_reasons, gain_table, path_lines, refusal
+    from slip_vic.study.check import corner_table, gain_table, gains, path_lines, path_load, refusal, run_corners
 
     wanted = MISMATCHES if mismatches == "all" else names(mismatches)
     check_names("mismatch", wanted, MISMATCHES)
-    given = (*urdf_assignment(urdf), *assignments)
-    given = (*drive_assignments(drive, scenario, given), *given)
-    asked = Question(scenario, law, sensor, estimator, params, given)
-    loaded, report = asked.load(), asked.gains()
+    loaded = choice.load()
+    report = gains(loaded)
     loaded.check_arm()
     console = Console()
-    console.print(gain_table(loaded, report, sensor))
-    for line in gain_reasons(report):
-        click.echo(line)
+    console.print(gain_table(loaded, report, choice.sensor))
+    for condition in report.conditions:
+        click.echo(f"{condition.name}: {condition.reason}")
     if not report.hold:
         raise click.exceptions.Exit(2)
     loaded.check()
     with Console(stderr=True).status("path") as status:
-        load = asked.path()
-        corners = list(asked.corners(wanted, lambda name: status.update(f"simulates {name}")))
+        load = path_load(loaded)
+        corners = list(run_corners(choice, wanted, lambda name: status.update(f"simulates {name}")))
     for line in path_lines(load, corners[0]):
         click.echo(line)
     refused = refusal(load, corners[0])

@@ -11,13 +11,10 @@ from rich.console import Console
 from slip_vic.run.prepare import prepare
 from slip_vic.study.cases import Asked
 from slip_vic.study.contents import gather
-from slip_vic.study.engines import EngineName, open_engine
-from slip_vic.study.progress import progress
-from slip_vic.study.runner import run_cases
+from slip_vic.study.engines import EngineName
+from slip_vic.study.runner import fill, run_on_worker
 from slip_vic.study.summary import summary_table, write_picture
 from slip_vic.study.table import KEY, Settings, StudyTable, merge
-
-"""Of the table, so that no row is broken."""
 
 
 class Done(NamedTuple):
@@ -40,20 +37,8 @@ def run_study(asked: Sequence[Asked], assignments: Sequence[str], out: Path, eng
     prepare()  # here, before workers that start together all begin to
     for case in {case.scenario: case for case in reversed(cases)}.values():
         case.load(assignments, contents.texts).check()
-    settings = Settings.of(contents, asked)
-    with StudyTable(out, settings) as table:
-        done = table.done()
-        left = [case for case in cases if case.key not in done]
-        there = now = len(cases) - len(left)
-        deaths = 0
-        with progress("study", len(cases), there, Console(stderr=True)) as report:
-            if left:
-                with open_engine(engine, jobs) as workers:
-                    for result in run_cases(left, contents, workers):
-                        table.append(result)
-                        now, deaths = now + 1, workers.deaths
-                        report(now, f"{deaths} workers died" if deaths else "")
-        table.sort()
+    with StudyTable(out, Settings.of(contents, asked)) as table:
+        there, deaths = fill(table, "study", cases, run_on_worker, contents, engine, jobs)
         picture = _show(table)
         rows = table.rows()
     died = f"; {deaths} workers died" if deaths else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -94,12 +95,13 @@ def write_picture(path: Path, rows: Sequence[Row]) -> None:
         constrained_layout=True,
     )  # fmt: skip
     for column, (title, members) in enumerate(sides):
+        own: defaultdict[tuple[str, str], list[Row]] = defaultdict(list)
+        for row in members:
+            own[row["sensor"], label_of(row)].append(row)
         for line, (metric, scale, title_of) in enumerate(SHOWN):
             axis = axes[line, column]
             for k, label in enumerate(labels):
-                spreads = [
-                    spread([scale * v for v in numbers(_of(members, sensor, label), metric)]) for sensor in sensors
-                ]
+                spreads = [spread([scale * v for v in numbers(own[sensor, label], metric)]) for sensor in sensors]
                 x = np.arange(len(sensors)) + 0.8 * (k - 0.5 * (len(labels) - 1)) / len(labels)
                 median = np.array([s.median for s in spreads])
                 reach = np.array([[s.median - s.low for s in spreads], [s.high - s.median for s in spreads]])
@@ -126,7 +128,3 @@ ORDER = [
     for law in LAWS
     for estimator in (NO_ESTIMATOR, *ESTIMATORS)
 ]
-
-
-def _of(rows: Sequence[Row], sensor: str, label: str) -> list[Row]:
-    return [row for row in rows if row["sensor"] == sensor and label_of(row) == label]

@@ -9,33 +9,57 @@ import contextlib
 import csv
 import fcntl
 import json
+import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import IO, Any, Generic, Protocol, Self, TypeVar
 
 from slip_core.errors import InputError
 from slip_vic.study.cases import Asked
 from slip_vic.study.contents import Contents, difference
-from slip_vic.study.run_case import METRICS
 
 KEY = ("scenario", "law", "sensor", "estimator", "mismatch", "seed")
 Row = dict[str, str]
 Key = tuple[str, ...]
 
 
-class Result(Protocol):
-    """What a row is made of; `case.key` has the leading columns."""
+METRICS = (
+    "slip_linear_m",
+    "slip_angular_rad",
+    "slip_speed_peak_m_s",
+    "tracking_rms_m",
+    "final_error_m",
+    "final_error_rad",
+    "attitude_excursion_rad",
+    "effort_rate_rms_n_m_s",
+    "arrival_s",
+    "slip_linear_peak_m",
+)
+"""At the end: slip_*, final_error_*; arrival_s: since when the pad stays within 1 mm and 0.5 degrees of the end of its
+path; effort_rate_rms_n_m_s: of the norm of the change of all efforts from tick to tick."""
+
+
+class Keyed(Protocol):
+    """A case: a task of an engine, and what names its row."""
 
     @property
-    def case(self) -> Any: ...  # noqa: D102
-    @property
-    def outcome(self) -> str: ...  # noqa: D102
-    @property
-    def reason(self) -> str: ...  # noqa: D102
-    @property
-    def metrics(self) -> Mapping[str, float]: ...  # noqa: D102
+    def key(self) -> Key:
+        """The leading columns of its row."""
+
+
+Named = TypeVar("Named", bound=Keyed)
+
+
+@dataclass(frozen=True, slots=True)
+class CaseResult(Generic[Named]):
+    """A row: outcome of a case, as `slip_vic.run.judge.Outcome` has them, why, and numbers by the names of a layout."""
+
+    case: Named
+    outcome: str
+    reason: str
+    metrics: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +78,12 @@ class Layout:
         """Return what names the case of a row."""
         return tuple(row[name] for name in self.key)
 
+    def failed(self, case: Named, outcome: str, reason: str) -> CaseResult[Named]:
+        """Return the result of a case that has no numbers."""
+        return CaseResult(case, outcome, reason, dict.fromkeys(self.metrics, math.nan))
+
 
 STUDY = Layout(KEY, METRICS)
-COLUMNS = STUDY.columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +163,7 @@ class StudyTable:
     """
 
     def __init__(self, folder: Path, settings: Settings, layout: Layout = STUDY) -> None:
-        self._layout = layout
+        self.layout = layout
         self.path = folder / "study.csv"
         file = folder / "study.json"
         with contextlib.ExitStack() as undo:
@@ -160,15 +187,15 @@ class StudyTable:
 
     def rows(self) -> list[Row]:
         """Return all complete rows."""
-        return read_rows(self.path, self._layout)
+        return read_rows(self.path, self.layout)
 
     def done(self) -> set[Key]:
         """Return the keys of the cases that need not run again; those that crashed do."""
-        return {self._layout.key_of(row) for row in self.rows() if row["outcome"] != "crashed"}
+        return {self.layout.key_of(row) for row in self.rows() if row["outcome"] != "crashed"}
 
-    def append(self, result: Result) -> None:
+    def append(self, result: CaseResult[Any]) -> None:
         """Add a row; it is on the disk when this returns."""
-        numbers = [repr(float(result.metrics[name])) for name in self._layout.metrics]
+        numbers = [repr(float(result.metrics[name])) for name in self.layout.metrics]
         csv.writer(self._file).writerow([*result.case.key, result.outcome, *numbers, " ".join(result.reason.split())])
         self._file.flush()
         os.fsync(self._file.fileno())
@@ -179,8 +206,8 @@ class StudyTable:
 
     def write(self, rows: Iterable[Row]) -> None:
         """Put these rows in the place of those that are there, in the order of their cases."""
-        in_order = sorted(rows, key=lambda row: (*(key := self._layout.key_of(row))[:-1], int(key[-1])))
-        _write_rows(self.path, in_order, self._layout)
+        in_order = sorted(rows, key=lambda row: (*(key := self.layout.key_of(row))[:-1], int(key[-1])))
+        _write_rows(self.path, in_order, self.layout)
         self._file.close()
         self._file = self.path.open("a", newline="", encoding="utf-8")
         self._close.callback(self._file.close)
@@ -277,6 +304,6 @@ def _write_whole(path: Path, text: str) -> None:
     partial.replace(path)
 
 
-def _to_disk(file: Any) -> None:
+def _to_disk(file: IO[str]) -> None:
     file.flush()
     os.fsync(file.fileno())

@@ -15,7 +15,6 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf import NO_LIMIT, parse_urdf
-from slip_core.files.urdf_file import read_urdf
 from slip_vic.scenarios.parameter_files import commented_file, write_files
 from slip_vic.scenarios.reach import pad_path
 from slip_vic.scenarios.scenario import NODES, Scenario, load_scenario, read_scenario
@@ -179,15 +178,6 @@ def reach_advice(reach: float) -> list[str]:
     if reach == 0.0:
         return ["the pad centre is at that link's origin: the object sits in the flange (--reach METRES moves it out)"]
     return []
-
-
-def read_arm(file: Path) -> str:
-    """Return the text of a URDF file, or of the URDF that a xacro file expands to.
-
-    Raises:
-        InputError: where it cannot be read.
-    """
-    return read_urdf(str(file), f"URDF {file}")
 
 
 def write_arm(arm: Arm, tasks: dict[str, dict[str, Any]], folder: Path, source: Path, drive: str = "") -> list[Path]:

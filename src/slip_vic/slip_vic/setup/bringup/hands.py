@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from typing import Any, Final, Protocol
+from contextlib import AbstractContextManager, contextmanager
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_vic.setup.bringup.system import Heard, System
+from slip_vic.setup.bringup.verdicts import Heard
+
+if TYPE_CHECKING:
+    from slip_vic.setup.bringup.ros_system import RosSystem
 
 SETTLED_S: Final = 0.3
 LOOKED_S: Final = 0.2
@@ -26,63 +29,38 @@ STEP_S: Final = 0.06
 SEEN_S: Final = 0.14  # until a slow sensor has reported it
 
 
-class Hands(Protocol):
-    """A person who pushes, pulls, and takes the object again.
-
-    size: of a push [N], None where it is not known.
-    """
-
-    size: float | None
-
-    def ready(self, words: str) -> None:
-        """Wait until the arm may do what is said."""
-        ...
-
-    def turn(self, joint: int, inertia: Array) -> Heard | None:
-        """Turn one joint in its positive sense; inertia: (n, n), of the arm as it stands. None: it cannot be turned."""
-        ...
-
-    def push(self, words: str, direction: Array) -> Heard:
-        """Push the object; direction (3,) {w}."""
-        ...
-
-    def pull(self, words: str, direction: Array, weight: float, slips: Callable[[Heard], bool]) -> list[Heard]:
-        """Pull the object through the pads until it slips; direction (3,) {w}; weight: along the pads [N]."""
-        ...
-
-    def grip(self, firmly: bool) -> None:
-        """Let the gripper hold the object firmly, or as it will in use, with the object where it belongs."""
-        ...
-
-
 class Person:
-    """Asks the person beside the arm."""
+    """Asks the person beside the arm to push, to pull, and to take the object again.
+
+    Attributes:
+        size: of a push [N], None where it is not known.
+    """
 
     size: float | None = None
 
-    def __init__(self, system: System, names: tuple[str, ...]) -> None:
+    def __init__(self, system: RosSystem, names: tuple[str, ...]) -> None:
         self._system, self._names = system, names
 
     def ready(self, words: str) -> None:
-        """Ask for leave."""
+        """Wait until the arm may do what is said."""
         click.prompt(f"  {words}: switch in the hand, then Enter", default="", show_default=False)
 
     def turn(self, joint: int, inertia: Array) -> Heard:
-        """Ask for a few degrees of one joint."""
+        """Ask for a few degrees of one joint in its positive sense; inertia: (n, n), of the arm as it stands."""
         how = "" if self._system.params.command.interface == "effort" else ", from the pendant or in free drive,"
         words = f"turn {self._names[joint]}{how} by a few degrees in its positive sense, and keep it there"
         return self._during(words)
 
     def push(self, words: str, direction: Array) -> Heard:
-        """Ask for a push."""
+        """Ask for a push of the object; direction (3,) {w}."""
         return self._during(f"push the object steadily along {words} of the arm's base")
 
     def pull(self, words: str, direction: Array, weight: float, slips: Callable[[Heard], bool]) -> list[Heard]:
-        """Ask for a pull."""
+        """Ask for a pull through the pads until it slips; direction (3,) {w}; weight: along the pads [N]."""
         return [self._during(f"pull the object through the pads, some millimetres along {words} of ee_frame", 0.0)]
 
     def grip(self, firmly: bool) -> None:
-        """Ask for the grip."""
+        """Let the gripper hold the object firmly, or as it will in use, with the object where it belongs."""
         how = "firmly" if firmly else "with the force that it will have in use, at contacts.position"
         click.prompt(f"  let the gripper hold the object {how}, then Enter", default="", show_default=False)
 
@@ -104,14 +82,14 @@ class Simulated:
 
     size: float | None = PUSH_N
 
-    def __init__(self, system: System, stiffness: float, friction: float, grip: float) -> None:
+    def __init__(self, system: RosSystem, stiffness: float, friction: float, grip: float) -> None:
         self._system, self._stiffness, self._friction, self._grip = system, stiffness, friction, grip
 
     def ready(self, words: str) -> None:
         """Continue: a simulated arm has no person beside it."""
 
     def turn(self, joint: int, inertia: Array) -> Heard | None:
-        """Lean on all joints such that one of them moves alone; drives with a loop of their own hold against it."""
+        """Lean on all joints such that one moves alone; None: drives with a loop of their own hold against it."""
         if self._system.params.command.interface != "effort":
             return None
         effort = self._stiffness * TURN * inertia[:, joint]
@@ -145,7 +123,7 @@ class Simulated:
         self._system.tune_bridge({"grip.force": FIRM_N if firmly else self._grip})
         self._system.listen(SETTLED_S)
 
-    def _pushing(self, force: Array) -> Any:
+    def _pushing(self, force: Array) -> AbstractContextManager[None]:
         still: list[float] = [0.0] * 6
         return self._leaning({"push.wrench": [*force.tolist(), 0.0, 0.0, 0.0]}, {"push.wrench": still})
 
@@ -158,7 +136,10 @@ class Simulated:
             self._system.tune_bridge(off)
 
 
-def simulated_hand(system: System, bridge: Mapping[str, Any]) -> Simulated:
+Hands = Person | Simulated
+
+
+def simulated_hand(system: RosSystem, bridge: Mapping[str, Any]) -> Simulated:
     """Return the hand of a simulated arm, of which `hold.stiffness` and `grip.force` are known."""
     known = system.params
     friction = known.governor.friction_limit / known.grip.nominal_force

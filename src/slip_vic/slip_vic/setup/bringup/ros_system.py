@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import numpy as np
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -14,6 +15,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from slip_bags.recording.raw_subscription import Arrival, RawSubscription, recording_qos
@@ -26,7 +28,7 @@ from slip_core.topics import TOPICS
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.messages.from_msgs import JointOrder, vector6
 from slip_msgs_py.qos import create_publisher, message_class
-from slip_vic.setup.bringup.system import Endpoint, Heard, Track
+from slip_vic.setup.bringup.verdicts import Endpoint, Heard, Track
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 
 CONTROLLER: Final = "slip_vic_controller"
@@ -41,7 +43,7 @@ SCALARS: Final = ("friction_limit", "load_commanded", "friction_events", "slippi
 
 
 class RosSystem:
-    """A controller that runs, and what it listens to; the methods are those of `System`.
+    """A controller that runs, with its drivers.
 
     Args:
         node: in no executor.
@@ -225,7 +227,7 @@ class RosSystem:
         received = np.array([arrival.received_ns for arrival in joints])
         stamps = np.array([_time_of(arrival) for arrival in joints])
 
-        def track(name: str, columns: int, numbers: Any) -> Track:
+        def track(name: str, columns: int, numbers: Callable[[Any], Array | list[float]]) -> Track:
             found = heard[name]
             if not found or not len(stamps):
                 return Track(np.empty(0), np.empty(0), np.empty((0, columns)))
@@ -234,24 +236,26 @@ class RosSystem:
             values = np.array([numbers(deserialize_message(arrival.data, kind)) for arrival in found])
             return Track(stamps[np.maximum(before, 0)], np.array([_time_of(one) for one in found]), values)
 
-        def states(message: Any) -> list[float]:
+        def states(message: JointState) -> list[float]:
             pick = self._order.indices(message.name)
             return [values[i] for values in (message.position, message.velocity) for i in pick]
 
-        def scalars(message: Any) -> list[float]:
+        def scalars(message: JointState) -> list[float]:
             known = dict(zip(message.name, message.position, strict=True))
             return [known.get(name, np.nan) for name in SCALARS]
 
         n = len(self.params.joint_names)
-        slip = {"twist": _twist, "displacement": _pose, "flag": lambda message: list(message.position)}
+        slip: dict[str, Callable[[Any], Array | list[float]]] = {
+            "twist": _twist, "displacement": _pose, "flag": lambda message: list(message.position),
+        }  # fmt: skip
         rows = track("controller/scalars", len(SCALARS), scalars).values
         return Heard(
             track("joint_states", 2 * n, states), track("wrench", 6, _wrench),
             track(self._slip, 6, slip[self.params.slip_input]), dict(zip(SCALARS, rows.T, strict=True)),
         )  # fmt: skip
 
-    def _until(self, done: Any, seconds: float = DISCOVERY_S) -> bool:
-        end = time.monotonic() + seconds
+    def _until(self, done: Callable[[], bool]) -> bool:
+        end = time.monotonic() + DISCOVERY_S
         while not done():
             if time.monotonic() > end:
                 return False
@@ -287,7 +291,7 @@ class RosSystem:
             name: list(value) if hasattr(value, "typecode") else value for name, value in values if value is not None
         }
 
-    def _call(self, kind: Any, service: str, request: Any) -> Any:
+    def _call(self, kind: type, service: str, request: object) -> Any:
         """Call a service of a node.
 
         Raises:
@@ -314,14 +318,14 @@ def _time_of(arrival: Arrival) -> float:
     return 1e-9 * stamp_of(arrival.data)
 
 
-def _wrench(message: Any) -> Array:
+def _wrench(message: WrenchStamped) -> Array:
     return vector6(message.wrench.force, message.wrench.torque)
 
 
-def _twist(message: Any) -> Array:
+def _twist(message: TwistStamped) -> Array:
     return vector6(message.twist.linear, message.twist.angular)
 
 
-def _pose(message: Any) -> list[float]:
+def _pose(message: PoseStamped) -> list[float]:
     at, turned = message.pose.position, message.pose.orientation
     return [at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]

@@ -9,7 +9,6 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_vic.setup.bringup.system import Endpoint, Track
 from slip_vic_controller.params import ControllerParams
 
 RATE_SLACK: Final = 0.2
@@ -28,6 +27,49 @@ SAG: Final = 0.02  # [rad, m]: in HOLD with its stiffness
 DRIFT: Final = 0.05  # [rad, m]: in 5 s without stiffness
 MISSED: Final = 0.01  # [m]: of the first motion's goal
 SLIPPED: Final = 2e-3  # [m]: of the first motion
+
+
+class Endpoint(NamedTuple):
+    """One input of the controller as it is found: who publishes it, and what a first message says of itself.
+
+    topic: its full name; publishers: how many; kinds: their types; wanted: the type that is wanted; frame: of the
+    first message, wanted_frame: "" where any will do; names: of the joints in it.
+    """
+
+    topic: str
+    publishers: int
+    kinds: tuple[str, ...]
+    wanted: str
+    frame: str = ""
+    wanted_frame: str = ""
+    names: tuple[str, ...] = ()
+
+
+class Track(NamedTuple):
+    """Samples of one topic: newest joint stamp when each arrived [s] (k,), own stamp [s] (k,), numbers (k, m)."""
+
+    arrival: Array
+    stamp: Array
+    values: Array
+
+
+class Heard(NamedTuple):
+    """What was heard for a time.
+
+    joints: positions, then velocities (k, 2 n) [rad, rad/s]; wrench: as the driver gives it (k, 6) [N, N m];
+    slip: twists (k, 6) [m/s, rad/s], poses (k, 7) [m] or flags (k, m), as `slip_input` says; scalars: by name (k,).
+    """
+
+    joints: Track
+    wrench: Track
+    slip: Track
+    scalars: Mapping[str, Array]
+
+    @property
+    def position(self) -> Array:
+        """Mean joint positions of the last tenth of what was heard; (n,) [rad]."""
+        q = self.joints.values[:, : self.joints.values.shape[1] // 2]
+        return np.asarray(q[-max(1, len(q) // 10) :].mean(axis=0))
 
 
 class Verdict(NamedTuple):

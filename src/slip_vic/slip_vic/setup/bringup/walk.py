@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import yaml
@@ -17,11 +17,13 @@ from slip_core.records import new, record
 from slip_core.vectors import mat
 from slip_vic.setup.bringup import verdicts
 from slip_vic.setup.bringup.hands import Hands, unit
-from slip_vic.setup.bringup.system import Heard, System
-from slip_vic.setup.bringup.verdicts import Verdict
+from slip_vic.setup.bringup.verdicts import Heard, Verdict
 from slip_vic_controller.interfaces import WRENCH_SENSOR, fill_wrench_sensor, wrench_at_pad
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.robot import Robot
+
+if TYPE_CHECKING:
+    from slip_vic.setup.bringup.ros_system import RosSystem
 
 LISTENED_S: Final = 2.0
 HELD_S: Final = 2.0
@@ -52,7 +54,7 @@ class Walk:
         InputError: the controller's parameters and its URDF do not fit.
     """
 
-    def __init__(self, system: System, hands: Hands) -> None:
+    def __init__(self, system: RosSystem, hands: Hands) -> None:
         self._system, self._hands, self._params = system, hands, system.params
         params = system.params
         self._robot = Robot(system.urdf, params.ee_frame, params.joint_names, params.gravity)

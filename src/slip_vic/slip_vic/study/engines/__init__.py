@@ -7,7 +7,6 @@ workers is given up.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from types import TracebackType
 from typing import Literal, NamedTuple, Protocol, Self, TypeVar
 
 DEATHS = 3
@@ -35,9 +34,7 @@ class Engine(Protocol):
 
     def __enter__(self) -> Self: ...
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
+    def __exit__(self, kind: object, error: object, trace: object, /) -> None: ...
 
     def run(
         self, call: Callable[[Shared, Task], Result], shared: Shared, tasks: Iterable[Task]

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import resource_tracker
-from types import TracebackType
 from typing import Any, Self
 
 from slip_vic.study.engines import DEATHS, Died, Result, Shared, Task
@@ -38,13 +37,11 @@ class PoolEngine:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         for worker in (*self._idle, *self._busy.values()):
             worker.shutdown(wait=False, cancel_futures=True)
         if error is not None:
-            end_children()
+            _end_children()
 
     def run(
         self, call: Callable[[Shared, Task], Result], shared: Shared, tasks: Iterable[Task]
@@ -79,7 +76,7 @@ class PoolEngine:
         while True:
             worker = self._idle.pop()
             try:
-                with interrupts_later():
+                with _interrupts_later():
                     future = worker.submit(call, shared, task)
             except BrokenProcessPool:
                 self._replace(worker)
@@ -98,7 +95,7 @@ def _worker() -> ProcessPoolExecutor:
 
 
 @contextlib.contextmanager
-def interrupts_later() -> Iterator[None]:
+def _interrupts_later() -> Iterator[None]:
     """Hold SIGINT back while processes are started: they inherit the mask, so that Ctrl-C is left to this one."""
     resource_tracker.ensure_running()  # it would lift the mask
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
@@ -108,7 +105,7 @@ def interrupts_later() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def end_children() -> None:
+def _end_children() -> None:
     """End the worker processes: the interpreter would wait at its end until their cases are done."""
     for child in multiprocessing.active_children():
         child.terminate()

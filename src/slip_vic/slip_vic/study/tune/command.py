@@ -9,13 +9,14 @@ from pathlib import Path
 from rich.console import Console
 
 from slip_core.errors import InputError, SlipVicError
+from slip_vic.options import Choice
 from slip_vic.run.prepare import prepare
+from slip_vic.run.progress import Report, progress
 from slip_vic.scenarios.scenario import NODES, Estimator, Law, Scenario, ros_parameter_file
 from slip_vic.study.cases import Asked
-from slip_vic.study.check import Question, gain_table
+from slip_vic.study.check import gain_table, gains
 from slip_vic.study.contents import gather
 from slip_vic.study.engines import EngineName, open_engine
-from slip_vic.study.progress import Report, progress
 from slip_vic.study.tune.page import Found, page, worst_mm
 from slip_vic.study.tune.search import ReportDone, Search, Trial, best_of, run_search, run_sets
 from slip_vic.study.tune.space import Bounds, assignments, search_space
@@ -76,11 +77,13 @@ def run_tune(wanted: Wanted, out: Path, engine: EngineName, jobs: int, command: 
     (out / "controller.yaml").write_text(_parameter_file(tuned), encoding="utf-8")
     title = f"{wanted.scenario}, {wanted.law}, {wanted.sensor}, {wanted.estimator}: gains"
     (out / "tune.html").write_text(page(search, found, title, command), encoding="utf-8")
-    question = Question(wanted.scenario, wanted.law, wanted.sensor, wanted.estimator, out / "controller.yaml")
-    verdict = question.gains()
-    question.load().check_arm()
+    found_again = Choice(
+        wanted.scenario, wanted.law, sensor=wanted.sensor, estimator=wanted.estimator, params=out / "controller.yaml"
+    ).load()
+    verdict = gains(found_again)
+    found_again.check_arm()
     if not verdict.hold:
-        Console().print(gain_table(question.load(), verdict, wanted.sensor))
+        Console().print(gain_table(found_again, verdict, wanted.sensor))
         raise SlipVicError(f"{out / 'controller.yaml'}: check refuses what was found")
     return (
         f"trial {best.number} of {len(trials)}: worst slip {trials[0].cost:.3g} -> {best.cost:.3g} mm, on unseen seeds "

@@ -3,32 +3,18 @@
 from __future__ import annotations
 
 import html
-import io
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import matplotlib as mpl
-
-mpl.use("Agg")
-
-import matplotlib.pyplot as plt  # the backend must be chosen first: no display is needed
+from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 
+from slip_vic.document import document, drawn, table
 from slip_vic.study.table import Row
 from slip_vic.study.tune.search import Search, Trial
 from slip_vic.study.tune.space import slip_of
 
 DEFAULT, TUNED, OTHER, BEYOND = "#c44e52", "#1f6fb2", "#6e6e6e", "#b0b0b0"
-STYLE = """
-:root { color-scheme: light dark; }
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
-table { border-collapse: collapse; margin: 1rem 0; display: block; overflow-x: auto; }
-th, td { padding: .25rem .75rem; border-bottom: 1px solid #8886; text-align: right; }
-th:first-child, td:first-child { text-align: left; }
-figure { margin: 1rem 0; background: white; } svg { max-width: 100%; height: auto; }
-pre { white-space: pre-wrap; overflow-wrap: anywhere; }
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,13 +56,13 @@ def page(search: Search, found: Found, title: str, command: str) -> str:
         ]
         unseen.append([mismatch, *(number(worst_mm(rows)) for rows in pair), str(len(pair[0]))])
     bounds = search.bounds
-    parts = [
-        f"<h1>{html.escape(title)}</h1>",
+    return document(
+        title,
         f"<p>Trial {best.number} of {len(found.trials)}. Slip is that of the pad on the object at the end of a run, "
         "turning counted with 30 mm a radian; the worst of all cases counts. Allowed in each world: "
         f"{bounds.effort_rate:g} times the default's worst effort rate, and {bounds.later_s:g} s later arrival.</p>",
         table(("", "default", "tuned"), scores),
-        f"<figure>{_trade_off(search, found)}</figure>",
+        _trade_off(found),
         "<h2>Parameters of the controller</h2>",
         table(("", "default", "tuned", "searched"), parameters),
         "<h2>Seeds that the search did not see</h2>",
@@ -84,12 +70,6 @@ def page(search: Search, found: Found, title: str, command: str) -> str:
         table(("mismatch", "default", "tuned", "runs each"), unseen),
         "<h2>Made by</h2>",
         f"<pre>{html.escape(command)}</pre>",
-    ]
-    return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head><body>\n'
-        + "\n".join(parts)
-        + "\n</body></html>\n"
     )
 
 
@@ -98,16 +78,10 @@ def number(value: float) -> str:
     return f"{value:.4g}"
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return an HTML table."""
-    lines = ["<tr>" + "".join(f"<th>{html.escape(cell)}</th>" for cell in head) + "</tr>"]
-    lines += ["<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows]
-    return "<table>" + "\n".join(lines) + "</table>"
-
-
-def _trade_off(search: Search, found: Found) -> str:
+def _trade_off(found: Found) -> str:
     """Return slip over effort rate, and the best cost so far, as SVG."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11.0, 4.4), constrained_layout=True)
+    figure = Figure(figsize=(11.0, 4.4), layout="constrained")
+    left, right = figure.subplots(1, 2)
     default, best = found.trials[0], found.best
     for label, colour, marker, members in (
         ("beyond the bounds", BEYOND, "x", [t for t in found.trials if t.score.excess > 0.0]),
@@ -131,8 +105,4 @@ def _trade_off(search: Search, found: Found) -> str:
     for one in (left.xaxis, left.yaxis, right.yaxis):  # 6, not 6 x 10^0
         one.set_major_formatter(LogFormatter())
         one.set_minor_formatter(LogFormatter(minor_thresholds=(1.5, 0.5)))
-    text = io.StringIO()
-    with mpl.rc_context({"svg.hashsalt": "tune"}):
-        figure.savefig(text, format="svg", metadata={"Date": None})
-    plt.close(figure)
-    return re.sub(r"^.*?(?=<svg)", "", text.getvalue(), flags=re.S)
+    return drawn(figure)

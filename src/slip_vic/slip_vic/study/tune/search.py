@@ -11,25 +11,22 @@ import contextlib
 import json
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import optuna
 
 from slip_core.errors import InputError
-from slip_vic.run.prepare import prepare
-from slip_vic.study.cases import Asked, Case
-from slip_vic.study.contents import Contents, check_versions
-from slip_vic.study.engines import Died, Engine
-from slip_vic.study.run_case import CaseResult, failed, run_case
+from slip_vic.study.cases import Asked
+from slip_vic.study.contents import Contents
+from slip_vic.study.engines import Engine
+from slip_vic.study.runner import run_cases, run_on_worker
 from slip_vic.study.table import STUDY, Row, Settings, StudyTable, locked
 from slip_vic.study.tune.space import Bounds, Range, Score, assignments, cost, score
 
 STARTUP = 10
 """Sets that are drawn at random before the model of what is good counts."""
 
-Variant = tuple[tuple[str, ...], Case]
 ReportDone = Callable[[int], None]
 """Called with the number of finished runs of those under way."""
 
@@ -55,18 +52,6 @@ class Trial:
     cost: float
 
 
-def run_variant(contents: Contents, variant: Variant) -> CaseResult:
-    """Run one case with its own overrides in this process.
-
-    Raises:
-        MixedVersions: this worker runs something else than where the search was started.
-    """
-    own, case = variant
-    check_versions(contents.versions)
-    prepare()
-    return run_case(case, (*contents.assignments, *own), contents.texts)
-
-
 def run_sets(
     sets: Mapping[Path, Mapping[str, float]], asked: Asked, contents: Contents, engine: Engine, report_done: ReportDone
 ) -> dict[Path, list[Row]]:
@@ -86,12 +71,11 @@ def run_sets(
             settings = Settings((*contents.assignments, *own), contents.digests(), contents.versions, (asked,))
             tables[own] = stack.enter_context(StudyTable(folder, settings))
         done = {own: table.done() for own, table in tables.items()}
-        left = [(own, case) for own in tables for case in asked.cases() if case.key not in done[own]]
+        left = [replace(case, own=own) for own in tables for case in asked.cases() if case.key not in done[own]]
         there = len(tables) * len(asked.cases()) - len(left)
-        for number, ((own, case), result) in enumerate(engine.run(run_variant, contents, left), 1):
-            row = failed(case, "crashed", result.reason) if isinstance(result, Died) else result
-            tables[own].append(row)
-            report_done(there + number)
+        for number, result in enumerate(run_cases(left, contents, engine, run_on_worker), there + 1):
+            tables[result.case.own].append(result)
+            report_done(number)
         found = {}
         for folder, table in zip(sets, tables.values(), strict=True):
             table.sort()
@@ -113,8 +97,9 @@ def run_search(
     with locked(out):
         study = _study(out / "journal.log", search)
         default: tuple[list[Row], Score] | None = None
+        waiting = optuna.trial.TrialState.WAITING  # for its parameters
         for numbers in _batches(trials, search.batch):
-            while (number := len(_proposed(study))) < numbers.stop:
+            while (number := sum(trial.state != waiting for trial in study.trials)) < numbers.stop:
                 _propose(study, search, number)
             batch = study.trials[numbers.start : numbers.stop]
             folders = {out / "trials" / f"{trial.number:04d}": trial.params for trial in batch}
@@ -152,11 +137,6 @@ def _study(journal: Path, search: Search) -> optuna.Study:
     return study
 
 
-def _proposed(study: optuna.Study) -> list[Any]:
-    """Return the trials that have their parameters."""
-    return [trial for trial in study.trials if trial.state != optuna.trial.TrialState.WAITING]
-
-
 def _propose(study: optuna.Study, search: Search, number: int) -> None:
     """Add a trial; the sampler is made again for each, so that a resumed search proposes the same."""
     if number == 0 and not study.trials:
@@ -166,11 +146,8 @@ def _propose(study: optuna.Study, search: Search, number: int) -> None:
         study.sampler = optuna.samplers.TPESampler(
             seed=1_000_003 * search.seed + number, n_startup_trials=STARTUP, multivariate=True, constant_liar=True
         )
-    study.ask({one.name: _distribution(one) for one in search.space})
-
-
-def _distribution(one: Range) -> Any:
-    return optuna.distributions.FloatDistribution(one.low, one.high, log=one.log)
+    ranges = {one.name: optuna.distributions.FloatDistribution(one.low, one.high, log=one.log) for one in search.space}
+    study.ask(ranges)
 
 
 def best_of(trials: Sequence[Trial]) -> Trial:
