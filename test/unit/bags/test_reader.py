@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 
 from slip_bags.format import QosProfile, TopicInfo
@@ -100,6 +102,22 @@ def test_what_is_much_larger_than_its_file_is_refused(tmp_path, monkeypatch, ind
     write_strings(tmp_path / "much", [START_NS], fill=b"x" * 1_000_000, index_types=index)
     with pytest.raises(InputError, match="in a file of"):
         Bag(tmp_path / "much")
+
+
+@pytest.mark.parametrize("index", [IndexType.ALL, IndexType.NONE], ids=["index", "no index"])
+def test_what_may_be_unpacked_is_limited_to_the_byte(tmp_path, monkeypatch, index):
+    write_strings(tmp_path / "x", [START_NS] * 50, index_types=index, chunk_size=100)
+    with (tmp_path / "x").open("rb") as file:
+        records = list(StreamReader(file, emit_chunks=True).records)
+    unpacked = sum(record.uncompressed_size for record in records if isinstance(record, Chunk))
+    assert sum(isinstance(record, Chunk) for record in records) > 1
+    monkeypatch.setattr(mcap_file, "MAX_RATIO", 0)
+    monkeypatch.setattr(mcap_file, "MAX_UNPACKED", unpacked)
+    with Bag(tmp_path / "x") as bag:
+        assert bag.message_count == 50
+    monkeypatch.setattr(mcap_file, "MAX_UNPACKED", unpacked - 1)
+    with pytest.raises(InputError, match=f"{unpacked} bytes"):
+        Bag(tmp_path / "x")
 
 
 def test_two_channels_of_one_topic_are_one_topic(tmp_path):
