@@ -91,6 +91,7 @@ def test_files_of_other_writers(tmp_path, options):
     with Bag(tmp_path / "x.mcap") as bag:
         assert [message.log_time_ns for message in bag.raw()] == sorted(times)
         assert bag.message_count == 50
+        assert bag.span_ns == (min(times), max(times))
 
 
 @pytest.mark.parametrize("index", [IndexType.ALL, IndexType.NONE], ids=["index", "no index"])

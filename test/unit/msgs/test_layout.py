@@ -33,12 +33,15 @@ Inner inner
 q/Inner[] others
 q/msg/Inner[2] both
 Nothing empty
+char behind
 float32[<=4] few
 int64[] none
+int64[] still_none
 int64[] many
+float64[] single
+float64[] another
 uint32 number
 byte[] raw
-char last
 {LINE}
 MSG: p/Inner
 {INNER}{LINE}
@@ -64,8 +67,9 @@ def message_of_all(little_endian: bool) -> tuple[bytes, dict[str, Any]]:
     plain = {
         "on": True, "small": np.array([1, -2, 3], np.int8), "count": 60_000, "value": -0.1, "name": "näme",
         "words": ["", "a", "bcd"], "two": ["x", "yy"], "few": np.array([1.5, 2.5, -3.5], np.float32),
-        "none": np.array([], np.int64), "many": np.array([-(2**62), 3]), "number": 2**31 + 5,
-        "raw": np.array([9, 8], np.uint8), "last": 200,
+        "none": np.array([], np.int64), "still_none": np.array([], np.int64), "many": np.array([-(2**62), 3]),
+        "single": np.array([0.1]), "another": np.array([0.2]), "number": 2**31 + 5, "behind": 200,
+        "raw": np.array([9, 8], np.uint8),
     }  # fmt: skip
     nested = {
         "inner": inner("p", "inner", 1),
@@ -102,13 +106,13 @@ def test_every_form_of_field_is_where_another_encoder_has_put_it(little_endian: 
     assert layout.length == len(data)
     for at, size in layout.sizes:
         assert struct.unpack_from("<I" if little_endian else ">I", data, at) == (size,)
-    assert [size for _, size in layout.sizes if size == 0] == [0], "the one sequence that is empty"
+    assert [size for _, size in layout.sizes].count(0) == 2, "the two sequences that are empty"
 
 
 def test_a_message_that_is_cut_anywhere_is_refused_and_one_with_more_behind_it_is_not() -> None:
     data, values = message_of_all(True)
     for length in range(len(data)):
-        with pytest.raises(InputError, match="message of p/msg/All"):
+        with pytest.raises(InputError, match="plain CDR" if length < 4 else "a message that is cut"):
             SCHEMA.layout(data[:length])
     longer = data + b"\0\0\0"
     assert read(SCHEMA.layout(longer), longer).keys() == values.keys()
@@ -159,11 +163,27 @@ def test_what_makes_no_sense_is_refused_in_one_line(text: str, message: str) -> 
         Schema.from_text("a/msg/Self", text).layout(b"\0\1\0\0" + struct.pack("<I", 2**31))
 
 
-def test_types_may_stand_in_each_other_up_to_a_depth() -> None:
+@pytest.mark.parametrize(("size", "place"), [("", ""), ("[1]", "[0]")])
+def test_types_may_stand_in_each_other_up_to_a_depth(size: str, place: str) -> None:
     def nested(depth: int) -> Schema:
-        blocks = [f"{LINE}\nMSG: a/T{k}\n" + (f"T{k + 1} x\n" if k < depth else "uint8 x\n") for k in range(1, depth + 1)]
-        return Schema.from_text("a/msg/T0", "T1 x\n" + "".join(blocks))
+        fields = [f"T{k + 1}{size} x\n" if k < depth else "uint8 x\n" for k in range(depth + 1)]
+        blocks = [f"{LINE}\nMSG: a/T{k}\n{field}" for k, field in enumerate(fields) if k > 0]
+        return Schema.from_text("a/msg/T0", fields[0] + "".join(blocks))
 
-    assert nested(32).layout(b"\0\1\0\0\7").leaves[0].path == ".".join("x" * 33)
+    assert nested(32).layout(b"\0\1\0\0\7").leaves[0].path == f"x{place}." * 32 + "x"
     with pytest.raises(InputError, match="contain themselves"):
         nested(33).layout(b"\0\1\0\0\7")
+
+
+def test_what_belongs_to_no_field_is_padding() -> None:
+    """CDR aligns a number to its size, counted from behind the four bytes of the head."""
+    text = "bool a\nfloat64 b\nbool c\nuint16 d\nstring e\nuint32 f\nuint8[] g\nfloat64 h\n"
+    data = b"\0\1\0\0" + struct.pack("<B7xdBxHI2s2xII4xd", 1, 2.0, 1, 3, 2, b"x\0", 4, 0, 5.0)
+    layout = Schema.from_text("a/msg/B", text).layout(data)
+    assert layout.length == len(data)
+    assert layout.padding() == [5, 6, 7, 8, 9, 10, 11, 21, 30, 31, 40, 41, 42, 43]
+
+
+def test_a_string_without_its_final_zero_is_empty() -> None:
+    data = b"\0\1\0\0" + struct.pack("<IB", 0, 7)
+    assert read(Schema.from_text("a/msg/B", "string a\nuint8 b\n").layout(data), data) == {"a": "", "b": 7}

@@ -168,13 +168,13 @@ class SensorSuite:
             return lambda: np.random.default_rng(np.random.SeedSequence(params.seed, spawn_key=(_STREAMS[name],)))
 
         slip, wrench = sensors.slip, sensors.wrench
-        self._measure_slip = SlipMeasurement(slip, np.array(params.contacts.slip_axes[:6]) * 1.0, stream("slip faults"))
+        axes = np.array(params.contacts.slip_axes[:6], dtype=float)
+        self._measure_slip = SlipMeasurement(slip, axes, stream("slip faults"))
         measure: Any = self._measure_slip
         if params.slip_input == "flag":
             measure = FlagMeasurement(self._measure_slip, slip.flag_speed, params.friction.torsional_radius)
         self._measure_wrench = WrenchMeasurement(wrench, stream("wrench faults"))
         self.slip: Sensor[SlipSample] = Sensor(measure, slip.rate_hz, slip.latency_s, stream("slip"))
-        axes = np.array(params.contacts.slip_axes[:6]) * 1.0
         self._measure_place = DisplacementMeasurement(slip, axes, self._measure_slip, stream("slip faults"))
         self.displacement: Sensor[Any] | None = None
         if params.slip_input == "displacement":
