@@ -121,6 +121,16 @@ def test_what_may_be_unpacked_is_limited_to_the_byte(tmp_path, monkeypatch, inde
         Bag(tmp_path / "x")
 
 
+@pytest.mark.parametrize("index", [IndexType.ALL, IndexType.NONE], ids=["index", "no index"])
+def test_times_that_no_whole_number_of_numpy_holds_are_refused_when_a_file_is_opened(tmp_path, index):
+    for time in (2**63 - 1, 2**63):
+        write_strings(tmp_path / str(time), [START_NS, time], index_types=index)
+    with Bag(tmp_path / str(2**63 - 1)) as bag:
+        assert bag.span_ns == (START_NS, 2**63 - 1)
+    with pytest.raises(InputError, match="beyond the year 2262"):
+        Bag(tmp_path / str(2**63))
+
+
 def test_two_channels_of_one_topic_are_one_topic(tmp_path):
     with (tmp_path / "x.mcap").open("wb") as file:
         writer = Writer(file)
