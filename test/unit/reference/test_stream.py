@@ -145,6 +145,15 @@ def test_samples_that_come_too_close_are_thinned_and_the_newest_is_always_kept()
     assert (path.time, path.rate) == (-config.preview_s, 0.0)
 
 
+def test_a_sample_without_a_stamp_has_that_of_the_cycle() -> None:
+    config, stream, path = (record(new(layout), layout) for layout in (dtype_of(StreamConfig), STREAM, GOVERNOR))
+    config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
+    for ms in (0, 20, 50):
+        stream.queued, stream.queue[0].stamp_ns = 1, 0
+        take_queued(config, stream, path, (5 + ms) * 10**6)
+    assert [stream.points[i].time for i in range(stream.count)] == pytest.approx([-0.1, 0.0, 0.02, 0.05])
+
+
 def test_a_stream_that_has_been_run_through_begins_again_where_it_ended() -> None:
     config, stream, path = (record(new(layout), layout) for layout in (dtype_of(StreamConfig), STREAM, GOVERNOR))
     config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
@@ -160,9 +169,9 @@ def test_a_stream_that_has_been_run_through_begins_again_where_it_ended() -> Non
     assert not take(45)
     path.time, path.rate = 0.03, 0.0
     assert not take(60), "there is something to follow"
-    path.time = 0.07
+    path.time, stream.fresh = 0.07, 3
     assert take(500)
-    assert stream.count == 2
+    assert (stream.count, stream.fresh) == (2, 0), "of neither is the load known"
     assert (path.time, path.rate, stream.points[0].time) == (0.4, 0.0, 0.4)
     rests, newest = numbers(at(stream, 0.4)), numbers(at(stream, 0.5))
     np.testing.assert_allclose(rests[:3], (0.07, 0.0, 0.0), atol=1e-12)
