@@ -132,8 +132,15 @@ def test_samples_that_come_too_close_are_thinned_and_the_newest_is_always_kept()
     for k, stamp_ns in enumerate(stamps):
         stream.queued, stream.queue[0].stamp_ns = 1, stamp_ns
         stream.queue[0].reference.position[:] = k
+        stream.fresh = stream.count
         assert take_queued(config, stream, path, stamp_ns) is (k == 0)
         n = int(stream.count)
+        assert stream.queued == 0
+        assert stream.fresh == (n - 1 if k else 0), "of what has come the load is unknown, of all before it is not"
+        stream.queued, stream.queue[0].stamp_ns = 1, stamp_ns - 10**6
+        stream.queue[0].reference.position[:] = -1.0
+        assert not take_queued(config, stream, path, stamp_ns), "what is older than the newest is left out"
+        assert stream.count == n
         times = np.array([stream.points[i].time for i in range(n)])
         assert times[-1] == pytest.approx((stamp_ns - stamps[0]) * 1e-9)
         assert stream.samples[n - 1].position[0] == k

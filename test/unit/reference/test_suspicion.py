@@ -39,7 +39,10 @@ def estimate(friction: Friction = Friction.LEARNT) -> SimpleNamespace:
 def sample(e: SimpleNamespace, stamp_ms: float, speed: float, found: bool = False) -> bool:
     """Take a slip sample along one axis; speed [m/s], signed."""
     slip = Spatial(Vec(speed, 0.0, 0.0), ZERO)
-    return bool(slip_sample(e.config, e.state, e.history, round(stamp_ms * MS), slip, found))
+    before = float(e.state.F_hat)
+    learns = bool(slip_sample(e.config, e.state, e.history, round(stamp_ms * MS), slip, found))
+    assert learns == (e.state.F_hat < before)
+    return learns
 
 
 def cycle(e: SimpleNamespace, ms: int, load: float, found: bool, speed: float = 0.0, weight: float = 0.0) -> float:
