@@ -228,3 +228,34 @@ def test_an_outlier_among_samples_of_pads_that_give_way_is_no_slip() -> None:
         remember(e.history, ms * MS, 0.5, 0.5)
         sample(e, ms, (0.9 if ms % 20 == 19 else 5e-4) * (1 if ms // 5 % 2 else -1), found=True)
     assert e.state.slipping == 0
+
+
+def test_what_loads_a_slip_that_was_not_seen_for_a_moment_teaches_nothing() -> None:
+    e = estimate()
+    for ms in range(40):
+        remember(e.history, ms * MS, 0.8 if ms < 20 else 0.4, 0.8 if ms < 20 else 0.4)
+    assert sample(e, 10, 2.0 * THRESHOLD)
+    assert not sample(e, 25, 0.0), "not for long enough to be over"
+    assert not sample(e, 30, 2.0 * THRESHOLD), "it slides at that load"
+    assert np.isclose(e.state.F_hat, KEPT * 0.8)
+    assert e.state.events == 1
+
+
+def test_of_the_loads_at_which_observer_and_sensor_see_a_slip_begin_the_smaller_one_teaches() -> None:
+    for suspected_at, load in ((0.7, 0.8), (0.8, 0.7)):
+        e = estimate()
+        for ms in range(20):
+            cycle(e, ms, suspected_at if ms < 10 else load, found=True)
+        assert sample(e, 15, 2.0 * THRESHOLD, found=True)
+        assert np.isclose(e.state.F_hat, KEPT * 0.7)
+        assert np.isclose(e.state.slipped_at, 0.7)
+
+
+def test_what_slips_is_certain_no_longer_and_what_was_less_still_is() -> None:
+    for certain_before, certain_after in ((0.9, KEPT * 0.8), (0.3, 0.3)):
+        e = estimate(Friction.UNKNOWN)
+        e.state.F_hat, e.state.certified = TOLD, certain_before
+        remember(e.history, 0, 0.8, 0.8)
+        assert sample(e, 10, 2.0 * THRESHOLD)
+        assert np.isclose(e.state.certified, certain_after)
+        assert (e.state.events, e.state.event_ns) == (1, 10 * MS)
