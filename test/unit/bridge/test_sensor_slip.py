@@ -198,3 +198,22 @@ def test_a_displacement_is_measured_with_noise_on_the_slip_axes_alone_and_its_fa
     count, share = 2000, 0.1
     left = len(places(move, count, faults__dropout_probability=share))
     assert abs(1.0 - left / count - share) < 5.0 * math.sqrt(share * (1.0 - share) / count)
+
+
+def test_a_velocity_filter_is_of_first_order_on_the_measured_positions() -> None:
+    """Of a ramp from rest it reads 1 - exp(-2 pi f t) of the speed; and of positions with a quantum no less."""
+    speed = np.linspace(-0.3, 0.4, 7)
+    for frequency in (0.5, 20.0):
+        suite = SensorSuite(params(joint__velocity_filter_hz=frequency))
+        for k in range(100):
+            truth = JointSample(k * MS, 1e-3 * k * speed, speed, np.ones(7))
+            read = suite.joint.update(truth)
+            share = 1.0 - math.exp(-2.0 * math.pi * frequency * 1e-3 * k)
+            np.testing.assert_allclose(read.velocity, share * speed, atol=ROUNDING)
+            np.testing.assert_array_equal(read.position, truth.position)
+
+
+def test_positions_are_read_in_quanta() -> None:
+    suite = SensorSuite(params(joint__quantum_position=0.02))
+    read = suite.joint.update(JointSample(0, np.array([0.029, -0.031, 0.0, 0.011, 0.5, 1.0, -1.0]), np.zeros(7), np.zeros(7)))
+    np.testing.assert_allclose(read.position, [0.02, -0.04, 0.0, 0.02, 0.5, 1.0, -1.0], atol=ROUNDING)
