@@ -494,13 +494,14 @@ def test_what_arms_show_together_at_rest_is_a_share_of_what_lies_beyond_the_weig
 
 def test_the_laws_of_several_arms_begin_together_and_wait_for_one_that_is_not_answered() -> None:
     """Whatever lets one begin lets all; the one whose joint states have restarted is left to its own restart."""
-    n = 3
     for begun, known, absent, restarts, after, alone in (
         (1, (1, 1, 1), None, None, (1, 1, 1), False), (0, (1, 1, 1), None, None, (0, 0, 0), False),
         (1, (1, 0, 1), None, None, (0, 0, 0), False), (1, (1, 1, 1), None, 1, (0, 1, 0), False),
         (1, (1, 1, 1), 2, None, (1, 1, 1), True), (1, (1, 0, 1), 2, None, (1, 0, 1), True),
         (1, (1, 1, 1), 2, 2, (1, 1, 1), True), (1, (1, 1, 1), 2, 0, (1, 1, 1), True),
+        (1, (1, 0), None, None, (0, 0), False),
     ):  # fmt: skip
+        n = len(known)
         states, inputs = (records(np.zeros((n, layout.itemsize // 8)), layout) for layout in (ARM_STATE, INPUTS))
         task = record(new(TASK_STATE), TASK_STATE)
         task.begun = begun
