@@ -126,6 +126,12 @@ def test_joint_states_come_in_the_order_of_the_controller_and_efforts_may_be_lef
             np.testing.assert_array_equal(sample.position, (1.0, 2.0, 3.0))
             np.testing.assert_array_equal(sample.velocity, (2.0, 4.0, 6.0))
             np.testing.assert_array_equal(sample.effort, (3.0, 6.0, 9.0) if len(effort) else np.zeros(3))
+    for names in (("a", "b", "c"), ("c", "a", "b")):  # more joints than the controller's
+        given = np.array([{"a": 1.0, "b": 2.0, "c": 3.0}[name] for name in names])
+        message = JointState(name=list(names), position=given.tolist(), velocity=given.tolist(), effort=given.tolist())
+        sample = joint_samples(message, JointOrder(("a", "b")))(7, given, given, given)
+        for values in (sample.position, sample.velocity, sample.effort):
+            np.testing.assert_array_equal(values, (1.0, 2.0))
     whole = {"name": list(ORDER), "position": [0.0] * 3, "velocity": [0.0] * 3}
     for name in ("position", "velocity"):
         with pytest.raises(InputError, match="one position and one velocity per name"):
@@ -160,7 +166,7 @@ def test_slip_that_is_not_finite_or_no_pose_is_invalid() -> None:
         assert k == 6 or not slip_sample(1, broken[:6]).valid
         assert not displacement_sample(1, broken).valid
     assert slip_sample(1, np.ones(6)).valid
-    for quat, valid in (((0.0, 0.0, 0.0, 1.0), True), (QUAT, True), ((0.0, 0.0, 0.0, 0.0), False)):
+    for quat, valid in (((0.0, 0.0, 0.0, 1.0), True), (QUAT, True), ((1.0, 0.0, 0.0, 0.0), True), ((0.0,) * 4, False)):
         assert displacement_sample(1, np.array([0.0, 0.0, 0.0, *quat])).valid == valid
 
 
