@@ -215,5 +215,7 @@ def test_a_velocity_filter_is_of_first_order_on_the_measured_positions() -> None
 
 def test_positions_are_read_in_quanta() -> None:
     suite = SensorSuite(params(joint__quantum_position=0.02))
-    read = suite.joint.update(JointSample(0, np.array([0.029, -0.031, 0.0, 0.011, 0.5, 1.0, -1.0]), np.zeros(7), np.zeros(7)))
+    read = suite.joint.update(
+        JointSample(0, np.array([0.029, -0.031, 0.0, 0.011, 0.5, 1.0, -1.0]), np.zeros(7), np.zeros(7))
+    )
     np.testing.assert_allclose(read.position, [0.02, -0.04, 0.0, 0.02, 0.5, 1.0, -1.0], atol=ROUNDING)

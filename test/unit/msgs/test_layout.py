@@ -1,4 +1,4 @@
-"""Where fields lie, from a schema's text: against an independent encoder, and every way a text or a message is wrong."""
+"""Where fields lie by a schema: against an independent encoder, and every way a text or a message is wrong."""
 
 from __future__ import annotations
 
