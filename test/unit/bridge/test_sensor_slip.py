@@ -219,3 +219,25 @@ def test_positions_are_read_in_quanta() -> None:
         JointSample(0, np.array([0.029, -0.031, 0.0, 0.011, 0.5, 1.0, -1.0]), np.zeros(7), np.zeros(7))
     )
     np.testing.assert_allclose(read.position, [0.02, -0.04, 0.0, 0.02, 0.5, 1.0, -1.0], atol=ROUNDING)
+
+
+def test_each_setting_of_joint_sensors_alone_is_seen() -> None:
+    still = JointSample(0, np.linspace(-1.0, 1.0, 7), np.linspace(0.5, -0.5, 7), np.ones(7))
+    for values, position, velocity in (
+        ({"joint__noise_position": 1e-3}, 1e-3, 0.0), ({"joint__noise_velocity": 0.02}, 0.0, 0.02),
+    ):  # fmt: skip
+        suite = SensorSuite(params(**values))
+        reads = [suite.joint.update(still) for _ in range(500)]
+        spread = [np.std([getattr(read, name) for read in reads], axis=0) for name in ("position", "velocity")]
+        np.testing.assert_allclose(spread[0], position, rtol=0.2, atol=ROUNDING)
+        np.testing.assert_allclose(spread[1], velocity, rtol=0.2, atol=ROUNDING)
+    bias = tuple(1e-3 * k for k in range(7))
+    read = SensorSuite(params(joint__bias_position=bias)).joint.update(still)
+    np.testing.assert_allclose(read.position, still.position + bias, atol=ROUNDING)
+    for rate_hz in (500.0, 0.9):
+        suite, hold = SensorSuite(params(joint__rate_hz=rate_hz)), round(1000.0 / rate_hz)
+        firsts = [
+            suite.joint.update(JointSample(k * MS, np.full(7, float(k)), np.zeros(7), np.zeros(7))).position[0]
+            for k in range(20)
+        ]
+        assert firsts == [k - k % hold for k in range(20)]
