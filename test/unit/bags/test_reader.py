@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 
 from slip_bags.format import QosProfile, TopicInfo
@@ -89,6 +91,7 @@ def test_files_of_other_writers(tmp_path, options):
     with Bag(tmp_path / "x.mcap") as bag:
         assert [message.log_time_ns for message in bag.raw()] == sorted(times)
         assert bag.message_count == 50
+        assert bag.span_ns == (min(times), max(times))
 
 
 @pytest.mark.parametrize("index", [IndexType.ALL, IndexType.NONE], ids=["index", "no index"])
@@ -100,6 +103,32 @@ def test_what_is_much_larger_than_its_file_is_refused(tmp_path, monkeypatch, ind
     write_strings(tmp_path / "much", [START_NS], fill=b"x" * 1_000_000, index_types=index)
     with pytest.raises(InputError, match="in a file of"):
         Bag(tmp_path / "much")
+
+
+@pytest.mark.parametrize("index", [IndexType.ALL, IndexType.NONE], ids=["index", "no index"])
+def test_what_may_be_unpacked_is_limited_to_the_byte(tmp_path, monkeypatch, index):
+    write_strings(tmp_path / "x", [START_NS] * 50, index_types=index, chunk_size=100)
+    with (tmp_path / "x").open("rb") as file:
+        records = list(StreamReader(file, emit_chunks=True).records)
+    unpacked = sum(record.uncompressed_size for record in records if isinstance(record, Chunk))
+    assert sum(isinstance(record, Chunk) for record in records) > 1
+    monkeypatch.setattr(mcap_file, "MAX_RATIO", 0)
+    monkeypatch.setattr(mcap_file, "MAX_UNPACKED", unpacked)
+    with Bag(tmp_path / "x") as bag:
+        assert bag.message_count == 50
+    monkeypatch.setattr(mcap_file, "MAX_UNPACKED", unpacked - 1)
+    with pytest.raises(InputError, match=f"{unpacked} bytes"):
+        Bag(tmp_path / "x")
+
+
+@pytest.mark.parametrize("index", [IndexType.ALL, IndexType.NONE], ids=["index", "no index"])
+def test_times_that_no_whole_number_of_numpy_holds_are_refused_when_a_file_is_opened(tmp_path, index):
+    for time in (2**63 - 1, 2**63):
+        write_strings(tmp_path / str(time), [START_NS, time], index_types=index)
+    with Bag(tmp_path / str(2**63 - 1)) as bag:
+        assert bag.span_ns == (START_NS, 2**63 - 1)
+    with pytest.raises(InputError, match="beyond the year 2262"):
+        Bag(tmp_path / str(2**63))
 
 
 def test_two_channels_of_one_topic_are_one_topic(tmp_path):

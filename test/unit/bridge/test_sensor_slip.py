@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from slip_core.errors import InputError
 from slip_core.params import build
-from slip_core.types import JointSample, SlipSample, WrenchSample
+from slip_core.types import DisplacementSample, JointSample, ObjectTruth, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.slip import dead_band, lifted_chip_reading
+from slip_sim_bridge.sensors.slip_kinds import pose_of
 from slip_sim_bridge.sensors.suite import SensorSuite
 from slip_vic.presets import preset_names
 from slip_vic.presets.models import load_sensor
@@ -133,3 +135,109 @@ def test_wrench_bias_and_hidden_joint_delay() -> None:
         sample = suite.joint.update(JointSample(k * MS, np.full(7, float(k)), np.zeros(7), np.zeros(7)))
         assert sample.stamp_ns == k * MS
     assert sample.position[0] == 6.0
+
+
+def flagged(twist: np.ndarray, **values: Any) -> SlipSample:
+    settings = {f"sensors.slip.{name.replace('__', '.')}": value for name, value in values.items()}
+    flag = {"slip_input": "flag", "friction.torsional_radius": 0.015, "contacts.slip_axes": [1] * 6}
+    return readings(SensorSuite(build(BridgeParams, {**flag, **settings}, "test")), 1, twist)[0]
+
+
+def test_a_flag_rises_where_the_pad_slides_faster_than_its_speed_turning_at_the_radius() -> None:
+    for twist, speed in (
+        ((0.03, 0.0, 0.04, 0.0, 0.0, 0.0), 0.05), ((0.0, 0.0, 0.0, 2.0, 0.0, 0.0), 0.03),
+        ((0.012, 0.0, 0.0, 0.0, 0.0, -0.6), 0.015),
+    ):  # fmt: skip
+        for flag_speed, up in ((0.99 * speed, 1.0), (1.01 * speed, 0.0)):
+            sample = flagged(np.array(twist), flag_speed=flag_speed)
+            assert sample.valid
+            assert sample.twist.tolist() == [up] * 6, "it says nothing of the direction"
+
+
+def test_a_flag_is_that_of_what_the_sensor_reads_faults_included() -> None:
+    assert not flagged(MOVING, flag_speed=1e-3, faults__invalid=True).valid
+    assert flagged(MOVING, flag_speed=0.035).twist.all()
+    assert not flagged(MOVING, flag_speed=0.035, faults__gain=0.9).twist.any()
+
+
+def places(turn: tuple[float, ...], count: int, **values: Any) -> list[DisplacementSample]:
+    settings = {f"sensors.slip.{name.replace('__', '.')}": value for name, value in values.items()}
+    given = {"slip_input": "displacement", "contacts.slip_axes": [1, 1, 0, 0, 0, 1], **settings}
+    suite = SensorSuite(build(BridgeParams, given, "test"))
+    assert suite.displacement is not None
+    truth = [
+        ObjectTruth(k * MS, np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(6), np.array(turn), np.zeros(6))
+        for k in range(count)
+    ]
+    return [sample for each in truth for sample in suite.displacement.update(each)]
+
+
+def test_a_pose_is_the_translation_and_the_quaternion_of_the_rotation_vector() -> None:
+    for turn in ((0.3, -1.2, 0.7), (0.0, 0.0, -3.0), (0.0, 0.6, 0.2), (1e-9, 0.0, 0.0), (0.0, 0.0, 0.0)):
+        pose = pose_of(np.array([0.1, -0.2, 0.3, *turn]))
+        np.testing.assert_array_equal(pose[:3], (0.1, -0.2, 0.3))
+        np.testing.assert_allclose(pose[3:], Rotation.from_rotvec(turn).as_quat(), atol=ROUNDING)
+
+
+def test_a_displacement_is_measured_with_noise_on_the_slip_axes_alone_and_its_faults() -> None:
+    move = (0.01, 0.0, 0.0, 0.0, 0.0, 0.2)
+    exact = places(move, 2)
+    assert [sample.stamp_ns for sample in exact] == [0, MS]
+    np.testing.assert_allclose(exact[0].pose, pose_of(np.array(move)), atol=ROUNDING)
+    poses = np.array([sample.pose for sample in places(move, 2000, noise_position=1e-3, noise_angle=0.02)])
+    turned = Rotation.from_quat(poses[:, 3:]).as_rotvec()
+    spread = np.concatenate((poses[:, :3].std(axis=0), turned.std(axis=0)))
+    np.testing.assert_allclose(spread, [1e-3, 1e-3, 0.0, 0.0, 0.0, 0.02], rtol=0.1, atol=ROUNDING)
+    np.testing.assert_allclose(poses[:, :3].mean(axis=0), move[:3], atol=1e-4)
+    np.testing.assert_allclose(turned.mean(axis=0), move[3:], atol=2e-3)
+    assert places(move, 50, faults__silent=True) == []
+    bad = places(move, 1, faults__invalid=True)[0]
+    assert not bad.valid
+    assert bad.pose.shape == (7,)
+    assert np.isnan(bad.pose).all()
+    count, share = 2000, 0.1
+    left = len(places(move, count, faults__dropout_probability=share))
+    assert abs(1.0 - left / count - share) < 5.0 * math.sqrt(share * (1.0 - share) / count)
+
+
+def test_a_velocity_filter_is_of_first_order_on_the_measured_positions() -> None:
+    """Of a ramp from rest it reads 1 - exp(-2 pi f t) of the speed; and of positions with a quantum no less."""
+    speed = np.linspace(-0.3, 0.4, 7)
+    for frequency in (0.5, 20.0):
+        suite = SensorSuite(params(joint__velocity_filter_hz=frequency))
+        for k in range(100):
+            truth = JointSample(k * MS, 1e-3 * k * speed, speed, np.ones(7))
+            read = suite.joint.update(truth)
+            share = 1.0 - math.exp(-2.0 * math.pi * frequency * 1e-3 * k)
+            np.testing.assert_allclose(read.velocity, share * speed, atol=ROUNDING)
+            np.testing.assert_array_equal(read.position, truth.position)
+
+
+def test_positions_are_read_in_quanta() -> None:
+    suite = SensorSuite(params(joint__quantum_position=0.02))
+    read = suite.joint.update(
+        JointSample(0, np.array([0.029, -0.031, 0.0, 0.011, 0.5, 1.0, -1.0]), np.zeros(7), np.zeros(7))
+    )
+    np.testing.assert_allclose(read.position, [0.02, -0.04, 0.0, 0.02, 0.5, 1.0, -1.0], atol=ROUNDING)
+
+
+def test_each_setting_of_joint_sensors_alone_is_seen() -> None:
+    still = JointSample(0, np.linspace(-1.0, 1.0, 7), np.linspace(0.5, -0.5, 7), np.ones(7))
+    for values, position, velocity in (
+        ({"joint__noise_position": 1e-3}, 1e-3, 0.0), ({"joint__noise_velocity": 0.02}, 0.0, 0.02),
+    ):  # fmt: skip
+        suite = SensorSuite(params(**values))
+        reads = [suite.joint.update(still) for _ in range(500)]
+        spread = [np.std([getattr(read, name) for read in reads], axis=0) for name in ("position", "velocity")]
+        np.testing.assert_allclose(spread[0], position, rtol=0.2, atol=ROUNDING)
+        np.testing.assert_allclose(spread[1], velocity, rtol=0.2, atol=ROUNDING)
+    bias = tuple(1e-3 * k for k in range(7))
+    read = SensorSuite(params(joint__bias_position=bias)).joint.update(still)
+    np.testing.assert_allclose(read.position, still.position + bias, atol=ROUNDING)
+    for rate_hz in (500.0, 0.9):
+        suite, hold = SensorSuite(params(joint__rate_hz=rate_hz)), round(1000.0 / rate_hz)
+        firsts = [
+            suite.joint.update(JointSample(k * MS, np.full(7, float(k)), np.zeros(7), np.zeros(7))).position[0]
+            for k in range(20)
+        ]
+        assert firsts == [k - k % hold for k in range(20)]

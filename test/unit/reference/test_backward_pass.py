@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from slip_core.records import new, record
-from slip_vic_controller.reference.backward_pass import admissible, most
+from slip_vic_controller.reference.backward_pass import admissible, edge, most, on_line
 from slip_vic_controller.reference.path_grid import GRID_POINT, path_time
 from test.referees.governor_bench import PAPER_PLANAR, Governing, Governor
 from test.referees.governor_paths import BentPath
@@ -124,6 +124,51 @@ def test_bound_can_be_run_where_friction_only_just_carries_the_weight() -> None:
         bounds.append(most(point, F, way, after))
         assert admissible(point, bounds[-1], F, 2.0 * way, after)
     assert min(bounds) < 1e-6 < max(bounds)
+
+
+def a_point(rng):
+    """A point of a path with some load, and l_u, l_x, l_c; the weight takes a part of F = 1 N."""
+    l_u, l_x, l_c = (rng.normal(size=3) * 10.0 ** rng.uniform(-1.0, 1.0) for _ in range(3))
+    l_c *= rng.uniform(0.1, 0.95) / np.linalg.norm(l_c)
+    point = record(new(GRID_POINT), GRID_POINT)
+    point.uu, point.ux, point.uc, point.xx, point.xc, point.cc = (
+        l_u @ l_u, l_u @ l_x, l_u @ l_c, l_x @ l_x, l_x @ l_c, l_c @ l_c
+    )  # fmt: skip
+    point.cap = 1e6
+    return point, l_u, l_x, l_c
+
+
+def test_on_a_line_and_at_its_edge_the_ellipse_ends_where_the_load_is_the_limit() -> None:
+    rng = np.random.default_rng(SEED)
+    for _ in range(40):
+        point, l_u, l_x, l_c = a_point(rng)
+        twice, after = 10.0 ** rng.uniform((-2.0, -2.0), (1.0, 0.5))
+
+        def load(x, twice=twice, after=after, l_u=l_u, l_x=l_x, l_c=l_c):
+            return np.linalg.norm(l_u * (after - x) / twice + l_x * x + l_c)
+
+        x = on_line(point, 1.0, twice, after)
+        least = -((l_u * after / twice + l_c) @ (l_x - l_u / twice)) / np.sum((l_x - l_u / twice) ** 2)
+        if load(least) < 1.0:  # the line meets the ellipse
+            assert load(x) == pytest.approx(1.0, rel=1e-9)
+            assert x >= least, "the larger of two"
+        across = np.eye(3) - np.outer(l_u, l_u) / (l_u @ l_u)  # what the best u leaves of a load
+        x = edge(point, 1.0)
+        assert np.linalg.norm(across @ (l_x * x + l_c)) == pytest.approx(1.0, rel=1e-7)
+        assert x >= 0.0
+
+
+def test_no_more_than_the_bound_is_admissible() -> None:
+    rng, inside = np.random.default_rng(SEED), 0
+    for _ in range(100):
+        point = a_point(rng)[0]
+        way, after = 10.0 ** rng.uniform((-2.0, -2.0), (1.0, 0.5))
+        bound = most(point, 1.0, way, after)
+        assert admissible(point, bound, 1.0, 2.0 * way, after)
+        inside += bound < point.cap
+        for more in (1e-6, 1e-3, 0.1):
+            assert bound == point.cap or not admissible(point, bound * (1.0 + more), 1.0, 2.0 * way, after)
+    assert inside > 80
 
 
 def travel_time(G, K=None, first=0, last=None):

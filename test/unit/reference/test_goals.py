@@ -104,3 +104,12 @@ def test_governed_the_progress_of_a_goal_is_the_share_of_the_path_that_is_behind
     ):  # fmt: skip
         task.governor.out_time, task.goal.phase = time, phase
         assert call(goal_progress, config, task, made_up.state) == expected, (time, phase)
+
+
+def test_ungoverned_the_progress_of_a_goal_is_a_share_at_all_times() -> None:
+    made_up = at_work("off")
+    config, task, state = record(made_up.controller.config, CONFIG), made_up.session.task, made_up.state
+    task.goal.phase, task.goal.path.knot[1] = GoalPhase.MOVES, 4.0
+    for time_s, expected in ((-1.0, 0.0), (0.0, 0.0), (1.0, 0.25), (4.0, 1.0), (5.0, 1.0)):
+        task.start_ns = state.joint.answers.stamp_ns - round(time_s * 1e9)
+        assert call(goal_progress, config, task, state) == expected, time_s

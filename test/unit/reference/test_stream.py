@@ -132,8 +132,15 @@ def test_samples_that_come_too_close_are_thinned_and_the_newest_is_always_kept()
     for k, stamp_ns in enumerate(stamps):
         stream.queued, stream.queue[0].stamp_ns = 1, stamp_ns
         stream.queue[0].reference.position[:] = k
+        stream.fresh = stream.count
         assert take_queued(config, stream, path, stamp_ns) is (k == 0)
         n = int(stream.count)
+        assert stream.queued == 0
+        assert stream.fresh == (n - 1 if k else 0), "of what has come the load is unknown, of all before it is not"
+        stream.queued, stream.queue[0].stamp_ns = 1, stamp_ns - 10**6
+        stream.queue[0].reference.position[:] = -1.0
+        assert not take_queued(config, stream, path, stamp_ns), "what is older than the newest is left out"
+        assert stream.count == n
         times = np.array([stream.points[i].time for i in range(n)])
         assert times[-1] == pytest.approx((stamp_ns - stamps[0]) * 1e-9)
         assert stream.samples[n - 1].position[0] == k
@@ -143,6 +150,15 @@ def test_samples_that_come_too_close_are_thinned_and_the_newest_is_always_kept()
             assert np.diff(times)[1:].max(initial=0.0) < 2.5 * config.spacing_s, "and no more than need be"
     assert n == STREAM_POINTS
     assert (path.time, path.rate) == (-config.preview_s, 0.0)
+
+
+def test_a_sample_without_a_stamp_has_that_of_the_cycle() -> None:
+    config, stream, path = (record(new(layout), layout) for layout in (dtype_of(StreamConfig), STREAM, GOVERNOR))
+    config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
+    for ms in (0, 20, 50):
+        stream.queued, stream.queue[0].stamp_ns = 1, 0
+        take_queued(config, stream, path, (5 + ms) * 10**6)
+    assert [stream.points[i].time for i in range(stream.count)] == pytest.approx([-0.1, 0.0, 0.02, 0.05])
 
 
 def test_a_stream_that_has_been_run_through_begins_again_where_it_ended() -> None:
@@ -160,9 +176,9 @@ def test_a_stream_that_has_been_run_through_begins_again_where_it_ended() -> Non
     assert not take(45)
     path.time, path.rate = 0.03, 0.0
     assert not take(60), "there is something to follow"
-    path.time = 0.07
+    path.time, stream.fresh = 0.07, 3
     assert take(500)
-    assert stream.count == 2
+    assert (stream.count, stream.fresh) == (2, 0), "of neither is the load known"
     assert (path.time, path.rate, stream.points[0].time) == (0.4, 0.0, 0.4)
     rests, newest = numbers(at(stream, 0.4)), numbers(at(stream, 0.5))
     np.testing.assert_allclose(rests[:3], (0.07, 0.0, 0.0), atol=1e-12)

@@ -10,6 +10,7 @@ from slip_vic_controller.reference.friction_estimate import (
     ESTIMATE,
     ESTIMATE_CONFIG,
     LOAD_HISTORY,
+    OBSERVED,
     PLAUSIBLE,
     Friction,
     certain,
@@ -39,7 +40,10 @@ def estimate(friction: Friction = Friction.LEARNT) -> SimpleNamespace:
 def sample(e: SimpleNamespace, stamp_ms: float, speed: float, found: bool = False) -> bool:
     """Take a slip sample along one axis; speed [m/s], signed."""
     slip = Spatial(Vec(speed, 0.0, 0.0), ZERO)
-    return bool(slip_sample(e.config, e.state, e.history, round(stamp_ms * MS), slip, found))
+    before = float(e.state.F_hat)
+    learns = bool(slip_sample(e.config, e.state, e.history, round(stamp_ms * MS), slip, found))
+    assert learns == (e.state.F_hat < before)
+    return learns
 
 
 def cycle(e: SimpleNamespace, ms: int, load: float, found: bool, speed: float = 0.0, weight: float = 0.0) -> float:
@@ -58,7 +62,7 @@ def test_the_path_is_planned_for_the_load_at_which_the_observer_finds_slip() -> 
 
 
 def test_a_sensor_that_does_not_see_what_it_must_withdraws_it() -> None:
-    for stamp_ms, stands in ((5, True), (20, False)):
+    for stamp_ms, stands in ((5, True), (9, True), (10, False), (20, False)):
         e = estimate()
         for ms in range(30):
             cycle(e, ms, 0.8, found=True, speed=2.0 * THRESHOLD if ms >= 10 else 0.5 * THRESHOLD)
@@ -224,4 +228,67 @@ def test_an_outlier_among_samples_of_pads_that_give_way_is_no_slip() -> None:
     for ms in range(50):
         remember(e.history, ms * MS, 0.5, 0.5)
         sample(e, ms, (0.9 if ms % 20 == 19 else 5e-4) * (1 if ms // 5 % 2 else -1), found=True)
+    assert e.state.slipping == 0
+
+
+def test_what_loads_a_slip_that_was_not_seen_for_a_moment_teaches_nothing() -> None:
+    e = estimate()
+    for ms in range(40):
+        remember(e.history, ms * MS, 0.8 if ms < 20 else 0.4, 0.8 if ms < 20 else 0.4)
+    assert sample(e, 10, 2.0 * THRESHOLD)
+    assert not sample(e, 25, 0.0), "not for long enough to be over"
+    assert not sample(e, 30, 2.0 * THRESHOLD), "it slides at that load"
+    assert np.isclose(e.state.F_hat, KEPT * 0.8)
+    assert e.state.events == 1
+
+
+def test_of_the_loads_at_which_observer_and_sensor_see_a_slip_begin_the_smaller_one_teaches() -> None:
+    for suspected_at, load in ((0.7, 0.8), (0.8, 0.7)):
+        e = estimate()
+        for ms in range(20):
+            cycle(e, ms, suspected_at if ms < 10 else load, found=True)
+        assert sample(e, 15, 2.0 * THRESHOLD, found=True)
+        assert np.isclose(e.state.F_hat, KEPT * 0.7)
+        assert np.isclose(e.state.slipped_at, 0.7)
+
+
+def test_what_slips_is_certain_no_longer_and_what_was_less_still_is() -> None:
+    for certain_before, certain_after in ((0.9, KEPT * 0.8), (0.3, 0.3)):
+        e = estimate(Friction.UNKNOWN)
+        e.state.F_hat, e.state.certified = TOLD, certain_before
+        remember(e.history, 0, 0.8, 0.8)
+        assert sample(e, 10, 2.0 * THRESHOLD)
+        assert np.isclose(e.state.certified, certain_after)
+        assert (e.state.events, e.state.event_ns) == (1, 10 * MS)
+
+
+def test_where_the_observer_finds_slip_a_slower_one_is_believed() -> None:
+    for share, found, slips in (
+        (0.5 + 0.5 * OBSERVED, True, True), (0.5 + 0.5 * OBSERVED, False, False), (0.9 * OBSERVED, True, False),
+        (1.1, False, True),
+    ):  # fmt: skip
+        e = estimate()
+        remember(e.history, 0, 0.5, 0.5)
+        sample(e, 10, share * THRESHOLD, found)
+        assert bool(e.state.slipping) is slips, (share, found)
+
+
+def test_pads_that_have_come_to_rest_may_give_way_anew() -> None:
+    e = estimate()
+    e.config.threshold, e.config.witnesses, e.config.pre_sliding = 5e-5, 1, 1e-5
+    for ms in range(400):
+        remember(e.history, ms * MS, 0.5, 0.5)
+        sample(e, ms, 1e-4 if ms % 100 < 80 else 0.0)
+    assert e.state.slipping == 0
+
+
+def test_a_slip_that_was_not_seen_for_a_moment_goes_on_however_fast_it_is() -> None:
+    e = estimate()
+    remember(e.history, 0, 0.5, 0.5)
+    sample(e, 10, 2.0 * THRESHOLD)
+    sample(e, 20, 0.0)
+    sample(e, 21, 0.4)
+    sample(e, 65, 0.0)
+    assert e.state.slipping == 1, "quiet for 44 ms"
+    sample(e, 71, 0.0)
     assert e.state.slipping == 0

@@ -9,15 +9,17 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from slip_core.errors import InputError
-from slip_core.records import new, record
+from slip_core.records import new, record, records
 from slip_core.types import CartesianReference, JointSample, SlipSample
-from slip_vic_controller.cycle import CONFIG, OUTPUTS, cycle
+from slip_vic_controller.cycle import CONFIG, OUTPUTS, _all_at_rest, _begin_together, cycle
 from slip_vic_controller.law.bounds import held_sample_limit
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.session import Health
+from slip_vic_controller.state import ARM_STATE, INPUTS, TASK_STATE
 from test.referees.law_referee import exponential
 from test.support import made_up as support
+from test.support.call import call
 from test.support.every import every
 from test.support.made_up import LOAD, MS, POSITION, SLIP, STAMP_NS, VELOCITY, MadeUp, N, controller_of
 
@@ -452,3 +454,65 @@ def test_a_controller_of_another_gravity_falls_that_way() -> None:
     config = controller_of(gravity=(0.0, -9.81, 0.0))
     np.testing.assert_allclose(record(config.config, CONFIG).drop.down, (0.0, -1.0, 0.0))
     np.testing.assert_array_equal(record(controller_of(gravity=(0.0, 0.0, 0.0)).config, CONFIG).drop.down, 0.0)
+
+
+def test_what_arms_show_together_at_rest_is_a_share_of_what_lies_beyond_the_weight() -> None:
+    """What they press on each other cancels; it is known once all hold, and all wrenches have been measured."""
+    rng, n = np.random.default_rng(8), 3
+    configs, states, inputs = (
+        records(np.zeros((n, layout.itemsize // 8)), layout) for layout in (CONFIG, ARM_STATE, INPUTS)
+    )
+    share, beyond, inner = np.array([0.1, -0.2, -2.0]), rng.normal(size=3), rng.normal(size=(n, 3))
+    inner -= inner.mean(axis=0)
+    first = configs[0]  # its object is that of all
+    first.tare.duration_ns, first.law.contacts, first.hold.weight = 1, n, share
+    for k in range(n):
+        R = exponential(rng.normal(size=3))
+        configs[k].wrench_sensor.as_is = 1
+        states[k].mode.mode, states[k].wrench_inputs[0].seen = Mode.HOLD, 1
+        states[k].wrench_inputs[0].values[:3] = R.T @ (share + beyond + inner[k])
+        inputs[k].arm.rotation = R
+    found = call(_all_at_rest, configs, states, inputs)
+    assert (found.arms, found.known) == (n, True)
+    np.testing.assert_allclose(found.beyond, beyond, atol=ROUNDING)
+    states[0].tare.done = states[2].tare.done = 1
+    assert call(_all_at_rest, configs, states, inputs).known, "of one it is still wanted"
+    states[1].tare.done = 1
+    assert not call(_all_at_rest, configs, states, inputs).known
+    for k in range(n):
+        for state in states:
+            state.tare.done = 0
+        states[k].mode.mode = Mode.ACTIVE
+        assert not call(_all_at_rest, configs, states, inputs).known
+        states[k].mode.mode, states[k].wrench_inputs[0].seen = Mode.HOLD, 0
+        assert not call(_all_at_rest, configs, states, inputs).known
+        states[k].wrench_inputs[0].seen = 1
+    assert not call(_all_at_rest, configs[:1], states[:1], inputs[:1]).known, "a single arm has its own wrench"
+    first.tare.duration_ns = 0
+    assert not call(_all_at_rest, configs, states, inputs).known
+
+
+def test_the_laws_of_several_arms_begin_together_and_wait_for_one_that_is_not_answered() -> None:
+    """Whatever lets one begin lets all; the one whose joint states have restarted is left to its own restart."""
+    for begun, known, absent, restarts, after, alone in (
+        (1, (1, 1, 1), None, None, (1, 1, 1), False), (0, (1, 1, 1), None, None, (0, 0, 0), False),
+        (1, (1, 0, 1), None, None, (0, 0, 0), False), (1, (1, 1, 1), None, 1, (0, 1, 0), False),
+        (1, (1, 1, 1), 2, None, (1, 1, 1), True), (1, (1, 0, 1), 2, None, (1, 0, 1), True),
+        (1, (1, 1, 1), 2, 2, (1, 1, 1), True), (1, (1, 1, 1), 2, 0, (1, 1, 1), True),
+        (1, (1, 0), None, None, (0, 0), False),
+    ):  # fmt: skip
+        n = len(known)
+        states, inputs = (records(np.zeros((n, layout.itemsize // 8)), layout) for layout in (ARM_STATE, INPUTS))
+        task = record(new(TASK_STATE), TASK_STATE)
+        task.begun = begun
+        for k in range(n):
+            states[k].law.known, inputs[k].present = known[k], k != absent
+            states[k].joint.pending_fault = Fault.RESTARTED if k == restarts else Fault.NONE
+        case = begun, known, absent, restarts
+        assert call(_begin_together, task, states, inputs) == alone, case
+        assert tuple(state.law.known for state in states) == after, case
+        begins = not begun or 0 in known or (restarts is not None and restarts != absent)
+        assert task.begun == (0 if begins else begun), case
+        states[0].law.known, task.begun = 1, 0
+        call(_begin_together, task, states[:1], inputs[:1])
+        assert states[0].law.known == 1, "one arm alone waits for nobody"

@@ -31,6 +31,7 @@ from slip_vic_controller.safety.hold import (
     update_load_error,
 )
 from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.safety.reasons import Cause, Prefix
 from slip_vic_controller.safety.validation import JOINT_SAMPLE
 from slip_vic_controller.state import CONFIG
 from test.campaigns.faults.trial import STEADY_NS
@@ -165,6 +166,42 @@ def test_in_hold_the_wrench_corrects_the_load_with_the_configured_time_constant(
     decay = math.exp(-20 * MS * 1e-9 / record(made_up.controller.config, CONFIG).hold.load_s)
     np.testing.assert_allclose(second, decay * first, atol=1e-5)
     assert np.abs(first).max() > 0.05
+
+
+def test_where_hold_has_not_run_for_long_the_arm_stays_where_something_else_has_put_it() -> None:
+    """Up to the longest gap it goes back; after a longer pause that posture is no longer that of the arm."""
+    for more_ns, stays in ((0, False), (1, True)):
+        made_up = law_at_work()
+        assert made_up.past_validation(wrench=np.full(6, np.nan)).mode is Mode.HOLD
+        before = np.array(made_up.state.hold.posture[:N])
+        gap_ns = int(record(made_up.controller.config, CONFIG).arbitration.gap_ns)
+        away = made_up.joint(POSITION + 0.05, np.zeros(N))
+        made_up.past_validation(away, passed_ns=gap_ns + more_ns)
+        np.testing.assert_array_equal(made_up.state.hold.posture[:N], away.position if stays else before)
+
+
+def test_the_command_is_the_referee_s_and_carries_the_load_unless_that_falls() -> None:
+    """That was before a reset, and an object may be held again."""
+    made_up = law_at_work()
+    assert made_up.past_validation(wrench=np.full(6, np.nan)).mode is Mode.HOLD
+    away = {"position": POSITION + np.linspace(-0.01, 0.02, N), "velocity": np.zeros(N)}
+    config, state = record(made_up.controller.config, CONFIG), made_up.state
+    contact, hold = config.law.contact[0], config.hold
+    for cause, prefix, carries in (
+        (Cause.FALLS, 0, False), (Cause.FALLS, Prefix.AFTER_RESET, True), (Cause.SATURATED, 0, True),
+    ):  # fmt: skip
+        state.mode.mode, state.mode.reason.cause, state.mode.reason.prefix = Mode.FAULT, cause, prefix
+        result = made_up.run(60, joint=away)
+        assert (result.mode, state.mode.reason.cause, state.mode.reason.prefix) == (Mode.FAULT, cause, prefix)
+        a, q, qd = result.arm, state.joint.answers.position[:N], state.joint.answers.velocity[:N]
+        arm = type("Arm", (), {"rotation": a.rotation, "gravity": a.gravity[:N], "J": a.J[:, :N], "M": a.M[:N, :N]})
+        gains = hold_referee.gains_for_delay(hold.stiffness, hold.damping, state.latency.most_ns * 1e-9)
+        r_pad = np.array(config.gains.contact_position)
+        expected = hold_referee.hold_torque(
+            arm, contact.rotation.T, q, qd, state.hold.posture[:N], r_pad, gains, hold.mass, hold.inertia, hold.weight,
+            state.hold.load_error, carries=carries,
+        )  # fmt: skip
+        np.testing.assert_allclose(result.command.effort, expected, atol=1e-6)
 
 
 def test_a_controller_that_waits_for_inputs_knows_nothing_of_the_load() -> None:

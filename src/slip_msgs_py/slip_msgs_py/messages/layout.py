@@ -112,7 +112,7 @@ class Schema:
                 type_name = "string" if element.startswith("string") else _IDL_NAMES.get(element, element)
                 fields.append(Field(name, type_name, None if array is None else int(array["size"] or 0)))
                 package, sign, message = type_name.partition("/")
-                if sign and type_name not in types:
+                if sign:
                     left.append(getattr(importlib.import_module(f"{package}.msg"), message))
             types[_class_name(kind)] = tuple(fields)
         return cls(root, types)

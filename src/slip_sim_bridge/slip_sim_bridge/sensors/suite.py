@@ -98,8 +98,8 @@ class JointSensor:
         self._held = params.rate_hz > 0.0 or params.latency_s > 0.0
         self._bias = np.array(params.bias_position) if params.bias_position else None
         noisy = params.noise_position > 0.0 or params.noise_velocity > 0.0
-        self._exact = params.quantum_position == 0.0 and params.velocity_filter_hz == 0.0
-        self._ideal = not self._held and self._bias is None and not noisy and self._exact
+        exact = params.quantum_position == 0.0 and params.velocity_filter_hz == 0.0
+        self._ideal = not self._held and self._bias is None and not noisy and exact
         self.reset()
 
     def reset(self) -> None:
@@ -129,9 +129,6 @@ class JointSensor:
                 _, position, velocity = self._read
                 return JointSample(truth.stamp_ns, position, velocity, truth.effort)
         noise_position, noise_velocity = self._params.noise_position, self._params.noise_velocity
-        exact = self._exact and self._bias is None and noise_position == 0.0 and noise_velocity == 0.0
-        if source is truth and exact:
-            return truth
         size = truth.position.size
         position = source.position + noise_position * self._rng.standard_normal(size)
         noise = noise_velocity * self._rng.standard_normal(size)
@@ -168,13 +165,13 @@ class SensorSuite:
             return lambda: np.random.default_rng(np.random.SeedSequence(params.seed, spawn_key=(_STREAMS[name],)))
 
         slip, wrench = sensors.slip, sensors.wrench
-        self._measure_slip = SlipMeasurement(slip, np.array(params.contacts.slip_axes[:6]) * 1.0, stream("slip faults"))
+        axes = np.array(params.contacts.slip_axes[:6], dtype=float)
+        self._measure_slip = SlipMeasurement(slip, axes, stream("slip faults"))
         measure: Any = self._measure_slip
         if params.slip_input == "flag":
             measure = FlagMeasurement(self._measure_slip, slip.flag_speed, params.friction.torsional_radius)
         self._measure_wrench = WrenchMeasurement(wrench, stream("wrench faults"))
         self.slip: Sensor[SlipSample] = Sensor(measure, slip.rate_hz, slip.latency_s, stream("slip"))
-        axes = np.array(params.contacts.slip_axes[:6]) * 1.0
         self._measure_place = DisplacementMeasurement(slip, axes, self._measure_slip, stream("slip faults"))
         self.displacement: Sensor[Any] | None = None
         if params.slip_input == "displacement":

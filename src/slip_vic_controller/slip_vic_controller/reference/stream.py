@@ -111,7 +111,7 @@ def take_queued(config: StreamConfig, stream: Stream, state: Governor, now_ns: i
             state.time = state.s = time - config.preview_s
             state.rate, begins = 0.0, True
         elif time > stream.points[n - 1].time:
-            close = n >= 2 and stream.points[n - 1].time - stream.points[n - 2].time < config.spacing_s
+            close = stream.points[n - 1].time - stream.points[n - 2].time < config.spacing_s
             i = n - 1 if close or n == STREAM_POINTS else n
             stream.samples[i] = item.reference
             stream.points[i].time = time
