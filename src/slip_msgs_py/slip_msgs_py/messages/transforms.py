@@ -38,8 +38,8 @@ class TransformEncoder:
             poses.append(_padded(data, 8))
             data += bytes(_POSE_BYTES)
         self._data = np.frombuffer(bytes(data), np.uint8).copy()
-        self._stamps = np.add.outer(stamps, np.arange(_STAMP_BYTES))
-        self._poses = np.add.outer(poses, np.arange(_POSE_BYTES))
+        self._stamps = np.add.outer(np.array(stamps, np.int64), np.arange(_STAMP_BYTES))
+        self._poses = np.add.outer(np.array(poses, np.int64), np.arange(_POSE_BYTES))
 
     def encode(self, stamp_ns: int, poses: Array) -> bytes:
         """Return the message in CDR; poses (n, 7): position [m], quaternion x, y, z, w of each child on its parent."""
