@@ -12,10 +12,16 @@ from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import vec
 from slip_vic_controller.law.contact import StampedSlip
-from slip_vic_controller.observer.axis import Axis, put_axis, read_axis, zero_velocity_update
+from slip_vic_controller.observer.axis import (
+    Axis,
+    noisy_zero_velocity_update,
+    put_axis,
+    read_axis,
+    zero_velocity_update,
+)
 from slip_vic_controller.observer.history import drop_oldest, next_sample, row_at, slot
 from slip_vic_controller.observer.layouts import AXES, Observer, ObserverConfig, Row
-from slip_vic_controller.observer.slip import rerun
+from slip_vic_controller.observer.slip import process_variance, rerun, without_slip
 
 
 @part
@@ -38,8 +44,12 @@ def learn_model_errors(config: ObserverConfig, state: Observer, row: Row) -> Non
     """Learn the model's errors from a tick that has passed as stick."""
     for i in range(AXES):
         if config.axes[i]:
-            q_v, q_b = config.process_variance[i] + row.change_variance[i], config.drift_variance[i]
-            x = zero_velocity_update(read_axis(state.axes[i]), row.step[i], row.force[i], row.dt, q_v, q_b)
+            x, q_v, q_b = read_axis(state.axes[i]), process_variance(config, row, i), config.drift_variance[i]
+            if config.correlation_ticks > 0.0:
+                noise, ticks = row.velocity_variance[i], config.correlation_ticks
+                x = noisy_zero_velocity_update(x, row.step[i], row.force[i], row.dt, q_v, q_b, noise, ticks)
+            else:
+                x = zero_velocity_update(x, row.step[i], row.force[i], row.dt, q_v, q_b)
             put_axis(state.axes[i], x)
 
 
@@ -112,10 +122,12 @@ def begin_slip_of_model(config: ObserverConfig, state: Observer, rows: Records[R
     Forces and torques come in other proportions now, so a wrong centre of mass shows in another way.
     """
     state.sliding = 1
-    drag = vec(row_at(state, rows, state.rows - 1).drag).norm()
+    first, drag = row_at(state, rows, 0), vec(row_at(state, rows, state.rows - 1).drag).norm()
     for i in range(AXES):
         if config.axes[i]:
             deviation = config.onset_gain[i] * drag
+            if config.correlation_ticks > 0.0:
+                put_axis(state.axes[i], without_slip(read_axis(state.axes[i]), first.velocity_variance[i]))
             state.axes[i].P_bb += deviation * deviation
     rerun(config, state, rows, state.axes, 0)
 
