@@ -188,8 +188,14 @@ def tuning_of(params: ControllerParams) -> Tuning:
 
 
 def velocity_correlation(params: ControllerParams) -> float:
-    """Return for how many control periods noise of the estimated velocities stays the same."""
+    """Return for how many control periods noise of the estimated velocities stays the same; 0 where that is not known.
+
+    The lag of a velocity filter counts as noise, but lasts as long as the acceleration that causes it. Velocities that
+    drives are commanded make up for it.
+    """
     noise, bandwidth, ticks = tuning_of(params)
+    if params.joint_sensor.velocity_filter_hz > 0.0 and bandwidth == 0.0:
+        return 0.0
     return ticks * steady_state(noise, bandwidth, params.control_period_s, ticks).correlation
 
 

@@ -14,6 +14,8 @@ from slip_vic_controller.arm.config import velocity_correlation
 from slip_vic_controller.observer.layouts import OBSERVER_CONFIG, ObserverConfig
 from slip_vic_controller.params import ControllerParams
 
+LONGEST_WINDOW = 0.5
+"""Share of the memory over which slip may take to show in the model: samples of its beginning must still count."""
 SPARE_ROWS = 64
 """Rows of the history beyond those that are expected: samples that come in a burst."""
 WITNESSES = 3
@@ -114,7 +116,9 @@ def observer_config(params: ControllerParams, *, weighed: bool = False) -> Array
     config.smoothing, config.outlier_deviations = tuning.smoothing, tuning.outlier
     config.friction_spread, config.friction_memory_ticks = tuning.drag_spread, tuning.drag_memory_s / T
     config.dwell_ticks = max(1, round(tuning.dwell_s / T))
-    config.window_ticks = max(1, round(tuning.window_s / T))
+    config.window_ticks = config.longest_window_ticks = max(1, round(tuning.window_s / T))
+    if config.correlation_ticks > 0.0:
+        config.longest_window_ticks = max(config.window_ticks, round(LONGEST_WINDOW * tuning.memory_s / T))
     config.memory_ns = round(tuning.memory_s * 1e9)
     buffer.setflags(write=False)
     return buffer

@@ -45,19 +45,6 @@ def slip_velocity(axes: Records[AxisRecord]) -> Spatial:
 
 
 @part
-def process_variance(config: ObserverConfig, row: Row, i: int) -> float:
-    """Return the variance that a tick adds to the slip velocity; noise that stays the same for longer adds none."""
-    change = row.change_variance[i] if config.correlation_ticks == 0.0 else 0.0
-    return config.process_variance[i] + change
-
-
-@part
-def pad_variance(config: ObserverConfig, row: Row, i: int) -> float:
-    """Return the variance of the pad's velocity that is no part of the slip velocity's."""
-    return row.velocity_variance[i] if config.correlation_ticks > 0.0 else 0.0
-
-
-@part
 def without_slip(x: Axis, variance: float) -> Axis:
     """Return what is known of the model's errors, with a slip velocity of zero of some variance."""
     return Axis(0.0, x.b, x.c, variance, 0.0, 0.0, x.P_bb, x.P_bc, x.P_cc)
@@ -74,7 +61,7 @@ def predict_tick(config: ObserverConfig, ahead: Records[AxisRecord], row: Row) -
     for i in range(AXES):
         if config.axes[i]:
             step = row.step[i] - row.dt * component(turning, i)
-            q_v, q_b = process_variance(config, row, i), config.drift_variance[i]
+            q_v, q_b = config.process_variance[i] + row.change_variance[i], config.drift_variance[i]
             put_axis(row.axes[i], predict(read_axis(ahead[i]), step, row.force[i], row.dt, q_v, q_b))
 
 
@@ -120,8 +107,7 @@ def correct_sample(config: ObserverConfig, ahead: Records[AxisRecord], row: Row)
     row.contradicts = 0
     for i in range(AXES):
         if config.axes[i]:
-            x, z = read_axis(ahead[i]), row.sample.twist[i]
-            R = config.measurement_variance[i] + pad_variance(config, row, i)
+            x, z, R = read_axis(ahead[i]), row.sample.twist[i], config.measurement_variance[i]
             band, limit = reads_within(config, row.sample, i), config.outlier_deviations
             if contradicts(x, z, R, limit, band):
                 row.contradicts = 1
@@ -146,13 +132,13 @@ def rerun(config: ObserverConfig, state: Observer, rows: Records[Row], ahead: Re
 
 
 @part
-def normalised_innovation_squared(config: ObserverConfig, state: Observer, row: Row) -> float:
+def normalised_innovation_squared(config: ObserverConfig, state: Observer) -> float:
     """Return v^T P^-1 v of the estimate against v = 0, chi-squared where there is no slip; [1]."""
     total = 0.0
     for i in range(AXES):
         if config.axes[i]:
             x = state.axes[i]
-            total += x.v * x.v / (x.P_vv + config.floor_variance[i] + pad_variance(config, row, i))
+            total += x.v * x.v / (x.P_vv + config.floor_variance[i])
     return total
 
 
@@ -288,8 +274,8 @@ def observe_slip(
         return
     if since >= 0:
         believe_samples(config, state, rows, since)
+    state.significance = normalised_innovation_squared(config, state)
     newest = row_at(state, rows, newest_tick(state, rows))
-    state.significance = normalised_innovation_squared(config, state, newest)
     at_rest = is_confirmed(config, state, newest) and state.significance < config.nis_stick
     state.quiet = state.quiet + 1 if at_rest else 0
     if state.quiet >= config.dwell_ticks:
