@@ -121,16 +121,17 @@ def renew_config(config: ControllerConfig, params: ControllerParams) -> None:
     _fill_hold(config.hold, params, config.hold.joints)
 
 
-def use_noise(config: ControllerConfig, params: ControllerParams, effort_limit: Array) -> None:
+def use_noise(config: ControllerConfig, params: ControllerParams, effort_limit: Array, *, weighed: bool) -> None:
     """Use other noise of the sensors in a CONFIG: what observer, estimator and governor take of it.
 
     Args:
         config: changed.
         params: with that noise.
         effort_limit: (n,) [N m].
+        weighed: whether a tare has measured the object's mass.
     """
     if params.slip_estimator == "observer":
-        _copy(config, "observer", observer_config(params), OBSERVER_CONFIG)
+        _copy(config, "observer", observer_config(params, weighed=weighed), OBSERVER_CONFIG)
     _copy(config, "estimator", estimator_config(params, effort_limit), ESTIMATOR_CONFIG)
     _fill_governor(config.governor, params)
 

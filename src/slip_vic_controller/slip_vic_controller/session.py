@@ -517,8 +517,8 @@ class ArmSession:
         if measured != self._tared:
             self._tared = measured
             params = with_measured_noise(self.tuned, self.state.tare) if measured else self.tuned
-            limit = self.controller.robot.effort_limit
-            self._session.configure(self.index, lambda config: use_noise(config, params, limit))
+            limit, weighed = self.controller.robot.effort_limit, bool(self.state.tare.done)
+            self._session.configure(self.index, lambda config: use_noise(config, params, limit, weighed=weighed))
             self._estimates = bool(record(self.config, CONFIG).estimator.on)
 
     # -- cycles ------------------------------------------------------------------------------------

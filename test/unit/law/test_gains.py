@@ -139,3 +139,16 @@ def test_a_change_reaches_the_law_without_a_kick() -> None:
     whole = np.abs(torques[-1] - torques[0]).max()
     assert whole > 0.1, "a change without consequence proves nothing"
     assert np.abs(np.diff(torques, axis=0)).max() < 0.02 * whole
+
+
+def test_the_slip_gain_of_an_arm_that_is_estimated_stands_the_delay_of_a_real_one() -> None:
+    """Efforts act two control periods late, where less is configured; what is configured beyond that counts."""
+
+    def k_s(**values: Any) -> float:
+        given = {name.replace("__", "."): value for name, value in values.items()}
+        return gain_report(build(ControllerParams, {"tare.duration_s": 0.3} | given, "test")).used
+
+    late = {"drive__delay_s": 0.002}
+    assert k_s() == k_s(**late) == k_s(**late, gains__authority="printed") < k_s(gains__authority="printed")
+    assert k_s(drive__delay_s=0.004) < k_s()
+    assert k_s(governor__mode="slow_down") == k_s(gains__authority="printed")

@@ -12,9 +12,11 @@ from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.records import record
 from slip_vic_controller.law.attitude import LOG, LOG_REPORT, RPY
-from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
+from slip_vic_controller.law.config import LAW_CONFIG, YIELDS_M, make_law_config
+from slip_vic_controller.law.law import authority
 from slip_vic_controller.params import ControllerParams
 from test.referees.law_referee import about, referee_law
+from test.support.call import call
 from test.support.law_cases import PI, Case, random_case
 
 REFEREE = 1e-11  # of the largest intermediate of the case: two routes through inverses of well-scaled matrices
@@ -264,3 +266,11 @@ def test_what_is_ok_is_finite_and_inside_the_limits_whatever_comes_in() -> None:
             assert (np.abs(found.effort) <= case.config.effort_limit).all()
             assert np.isfinite(found.e).all()
     assert 40 < good < 390
+
+
+def test_the_compensation_ends_with_the_distance_from_the_reference() -> None:
+    """It is nearly whole where the arm gives way a little, and none far off; without a limit it is always whole."""
+    assert call(authority, YIELDS_M, 0.0) == 1.0
+    assert call(authority, YIELDS_M, 0.2 * YIELDS_M) > 0.95
+    assert call(authority, YIELDS_M, YIELDS_M) == call(authority, YIELDS_M, 1.0) == 0.0
+    assert call(authority, math.inf, 1.0) == 1.0

@@ -12,6 +12,7 @@ from slip_vic_controller.observer.axis import (
     contradicts,
     correct,
     correct_within,
+    noisy_zero_velocity_update,
     predict,
     robust_variance,
     zero_velocity_update,
@@ -55,6 +56,23 @@ def test_zero_velocity_update_is_a_prediction_corrected_by_rest() -> None:
     mean, P = referee.predict(*matrices(x), 3e-4, 0.7, 1e-3, 1e-9, 0.0)
     mean, P = referee.correct(mean, P, 0.0, 0.0)
     assert_same(learnt, mean, P)
+
+
+def test_noise_of_the_pads_velocity_hides_no_model_error_for_long() -> None:
+    """Noise that comes back does not add up: what is learnt of b lies within its own deviation, and that falls fast."""
+    sigma, dt, b, ticks = 1e-3, 1e-3, 0.02, 400
+    errors, deviation = [], 0.0
+    for seed in range(200):
+        noise = np.random.default_rng(seed).normal(scale=sigma, size=ticks + 1)
+        x = white = Axis(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.04, 0.0, 1e-12)
+        for before, after in zip(noise[:-1], noise[1:], strict=True):
+            step = after - before + b * dt
+            x = noisy_zero_velocity_update(x, step, 0.0, dt, 1e-14, 0.0, sigma**2, 1.0)
+            white = zero_velocity_update(white, step, 0.0, dt, 1e-14 + 2.0 * sigma**2, 0.0)
+        deviation = math.sqrt(x.P_bb)
+        errors.append(x.b - b)
+        assert deviation < 0.2 * math.sqrt(white.P_bb)
+    assert 0.5 < np.std(errors) / deviation < 1.5
 
 
 def test_truncated_correction_is_the_posterior_of_a_reading_in_the_dead_band() -> None:

@@ -56,3 +56,31 @@ def test_no_sensor_is_believed_to_be_better_than_its_floor() -> None:
     )  # fmt: skip
     for name in ("measurement_variance", "floor_variance"):
         np.testing.assert_allclose(config[name], [9e-8] * 3 + [49e-6] * 3, rtol=1e-12, err_msg=name)
+
+
+REAL_ARM = {"tare__duration_s": 0.3}
+
+
+def test_a_weighed_object_leaves_little_of_a_mass_error() -> None:
+    params = make_params(**REAL_ARM)
+    before, after = (
+        record(observer_config(params, weighed=weighed), OBSERVER_CONFIG).prior_P_cc for weighed in (False, True)
+    )
+    expected = params.observer.model_error**2
+    np.testing.assert_allclose(before, expected)
+    assert np.all(after[:3] < 0.5 * expected)
+    assert np.all(after[:3] >= (params.tare.force / (params.object.mass * 9.81)) ** 2 * 0.99)
+    np.testing.assert_allclose(after[3:], expected)
+
+
+def test_below_a_governor_and_without_weight_nothing_is_known_of_the_mass() -> None:
+    for more in ({"governor__mode": "slow_down"}, {"gravity": (0.0, 0.0, 0.0)}):
+        config = record(observer_config(make_params(**REAL_ARM, **more), weighed=True), OBSERVER_CONFIG)
+        np.testing.assert_allclose(config.prior_P_cc, 0.2**2)
+
+
+def test_noise_of_estimated_velocities_lasts_unless_it_is_the_lag_of_a_filter() -> None:
+    filtered = {"joint_sensor__quantum_position": 5e-5, "joint_sensor__velocity_filter_hz": 50.0}
+    assert config_of(**REAL_ARM, joint_sensor__noise_velocity=1e-3).correlation_ticks > 1.0
+    assert config_of(**REAL_ARM, **filtered).correlation_ticks == 0.0
+    assert config_of().correlation_ticks == 0.0

@@ -65,6 +65,13 @@ class SteadyState(NamedTuple):
         """Variance that the corrections add to the velocity in every period [(rad/s)^2]: (K S K^T)_vv."""
         return float((self.predicted - self.updated)[1, 1])
 
+    @property
+    def correlation(self) -> float:
+        """Sum of the autocorrelation of the velocity's noise: samples for which it stays the same, white noise one."""
+        A = (np.eye(len(self.F)) - self.gain @ self.H) @ self.F
+        total = (2.0 * np.linalg.inv(np.eye(len(A)) - A) - np.eye(len(A))) @ self.updated
+        return float(total[1, 1] / self.updated[1, 1])
+
 
 def process(noise: Noise, bandwidth: float, period: float) -> tuple[Array, Array]:
     """Return F and Q of (q, v, d) over a period [s]; bandwidth of a velocity drive [rad/s], 0 = efforts."""
@@ -164,6 +171,34 @@ def with_measured_samples(params: ControllerParams, tare: Tare) -> ControllerPar
     return params.model_copy(update=groups)
 
 
+class Tuning(NamedTuple):
+    """What a filter of a joint is made for: noise, bandwidth of velocity drives [rad/s], periods between samples."""
+
+    noise: Noise
+    bandwidth: float
+    ticks: int
+
+
+def tuning_of(params: ControllerParams) -> Tuning:
+    """Return what the filter of a joint is made for."""
+    sensor, model, period = params.joint_sensor, params.disturbance, params.control_period_s
+    noise = Noise(*sensor_noise(sensor, period), model.model_noise, model.drift)
+    ticks = max(1, round(1.0 / (sensor.rate_hz * period))) if sensor.rate_hz > 0.0 else 1
+    return Tuning(noise, 0.0 if params.command.interface == "effort" else params.drive.bandwidth, ticks)
+
+
+def velocity_correlation(params: ControllerParams) -> float:
+    """Return for how many control periods noise of the estimated velocities stays the same; 0 where that is not known.
+
+    The lag of a velocity filter counts as noise, but lasts as long as the acceleration that causes it. Velocities that
+    drives are commanded make up for it.
+    """
+    noise, bandwidth, ticks = tuning_of(params)
+    if params.joint_sensor.velocity_filter_hz > 0.0 and bandwidth == 0.0:
+        return 0.0
+    return ticks * steady_state(noise, bandwidth, params.control_period_s, ticks).correlation
+
+
 def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     """Return the EstimatorConfig buffer; effort_limit (n,) [N m].
 
@@ -174,11 +209,9 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config: EstimatorConfig = record(buffer, ESTIMATOR_CONFIG)
     sensor, model, period, n = params.joint_sensor, params.disturbance, params.control_period_s, len(effort_limit)
     config.joints, config.period = n, period
-    by_effort = params.command.interface == "effort"
-    config.bandwidth = 0.0 if by_effort else params.drive.bandwidth
+    by_effort, (noise, config.bandwidth, ticks) = params.command.interface == "effort", tuning_of(params)
     config.on = int(params.estimates_joints)
     config.late_ticks, config.late_rest = divide(sensor.latency_s, period)
-    ticks = max(1, round(1.0 / (sensor.rate_hz * period))) if sensor.rate_hz > 0.0 else 1
     config.sensor_ticks, config.sensor_period = ticks, ticks * period
     config.drive_ticks = round((params.drive.delay_s + (params.drive.lag_s if by_effort else 0.0)) / period)
     if config.late_ticks + config.drive_ticks + 1 > MAX_LATENCY:
@@ -188,7 +221,6 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
             expected=f"together below {MAX_LATENCY * period:g} s",
             fix="raise control_period_s",
         )  # fmt: skip
-    noise = Noise(*sensor_noise(sensor, period), model.model_noise, model.drift)
     both = steady_state(noise, config.bandwidth, period, ticks)
     F, Q, H = both.F, both.Q, both.H
     config.gain[:] = both.gain

@@ -24,6 +24,11 @@ UNKNOWN_LAG = 0.3
 the object's motion is predicted over the rest, since a pad that is held back too much only slips the other way."""
 
 
+LEAST_DELAY_S = 0.002
+"""Time from an effort to the motion of a real arm, where less is configured [s]: two control periods at 1 kHz, for the
+way to the drives and their own loop."""
+
+
 class Gains(Record):
     """Gains of the law, diagonals as vectors, linear part first.
 
@@ -136,6 +141,8 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
             lambda.
     """
     direct, unknown = params.slip_estimator == "measured", UNKNOWN_LAG if params.foresees_slip else 1.0
+    real = params.bounded_authority and params.governor.mode == "off" and params.command.interface == "effort"
+    lag_s = max(unknown * params.drive_lag_s, LEAST_DELAY_S if real else 0.0)
     unsafe = refuse and params.controller != "classical"  # without a slip loop nothing is
     judge = check_gains if unsafe else judge_gains
     return judge(
@@ -145,7 +152,7 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
         gain_margin=params.gains.k_s_margin,
         control_period_s=params.control_period_s,
         sensor_period_s=params.slip_sensor.period_s if direct else 0.0,
-        latency_s=(params.slip_sensor.latency_s if direct else 0.0) + unknown * params.drive_lag_s,
+        latency_s=(params.slip_sensor.latency_s if direct else 0.0) + lag_s,
     )
 
 

@@ -123,6 +123,16 @@ class MotionToPredict(Protocol):
 
 
 @part
+def authority(yields: float, error: float) -> float:
+    """Return the share of the compensation that is left where the pad is `error` off its reference [m]; 0 at `yields`.
+
+    Near the reference it is whole. Implements: ours: 1 - (error / yields)^2.
+    """
+    share = error / yields
+    return max(1.0 - share * share, 0.0)
+
+
+@part
 def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) -> Spatial:
     """Return a_C = a_d + T_e M_D^-1 [-K(v_s) e - D(v_s) edot] + Theta + gate comp; its parts go to `given.law`.
 
@@ -171,6 +181,8 @@ def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) ->
 
     # impedance with fading gains
     v = on_error_axes(attitude, R_ee @ v_s)
+    if config.yields > 0.0:
+        v = authority(config.yields, out.error_linear) * v
     K, D = faded(gains.gains.K_D, gains.gains.gamma_k, v), faded(gains.gains.D_D, gains.gains.gamma_d, v)
     Z = T_e(attitude, -(K * e + D * e_dot) / M_D)
     put_spatial(out.K, K)
@@ -179,12 +191,13 @@ def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) ->
 
     # compensation
     out.gate = slip_activation(gains.gains, v_s)
+    if config.yields > 0.0:
+        out.gate *= authority(config.yields, out.error_linear)
     comp = slip_axes * (follow - k_s * v_s - R_ee.T() @ Theta)
     gated = limit_spin(gains.gains.spin_limit, out.gate * comp)
     a_C = a_d + Z + Theta + R_ee @ gated
     if config.yields > 0.0:
-        fading = out.gate * max(1.0 - out.error_linear / config.yields, 0.0)
-        a_C = a_C - fading * (R_ee @ (slip_axes * (R_ee.T() @ (a_d + Z))))
+        a_C = a_C - out.gate * (R_ee @ (slip_axes * (R_ee.T() @ (a_d + Z))))
     h_int = internal_wrench(config, gains, samples, slips, o)
     if gains.gains.kappa != 0.0:
         a_C = a_C + gains.gains.kappa * (R_ee @ h_int) / M_D

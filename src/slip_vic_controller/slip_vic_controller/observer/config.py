@@ -10,9 +10,12 @@ from scipy.special import chdtri  # scipy.stats has the same under a clearer nam
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import new, record
+from slip_vic_controller.arm.config import velocity_correlation
 from slip_vic_controller.observer.layouts import OBSERVER_CONFIG, ObserverConfig
 from slip_vic_controller.params import ControllerParams
 
+LONGEST_WINDOW = 0.5
+"""Share of the memory over which slip may take to show in the model: samples of its beginning must still count."""
 SPARE_ROWS = 64
 """Rows of the history beyond those that are expected: samples that come in a burst."""
 WITNESSES = 3
@@ -33,10 +36,31 @@ def witnesses(params: ControllerParams) -> int:
     return 1 if (perfect and not params.estimates_joints) or params.slip_input == "flag" else WITNESSES
 
 
-def observer_config(params: ControllerParams) -> Array:
+def weighed_error(params: ControllerParams) -> float:
+    """Return the expected relative error of the object's linear motion after a tare has weighed it.
+
+    What the tare takes for a bias of the wrench may be mass; what is not weighed is the part of the motion under the pad
+    that comes from turning, (lever^2 m / inertia) of it. Without weight nothing is weighed.
+    """
+    model, expected = params.object, params.observer.model_error
+    weight = model.mass * math.hypot(*params.gravity)
+    if weight == 0.0:
+        return expected
+    turning = math.hypot(*params.contacts.position[:3]) ** 2 * model.mass / float(np.min(model.inertia[:3]))
+    return min(math.hypot(params.tare.force / weight, expected * turning), expected)
+
+
+def learns_alone(params: ControllerParams) -> bool:
+    """Return whether the law stands on this observer: below a governor slip must show in samples to count."""
+    return params.bounded_authority and params.governor.mode == "off"
+
+
+def observer_config(params: ControllerParams, *, weighed: bool = False) -> Array:
     """Return the OBSERVER_CONFIG buffer: variances and thresholds that follow from the configured noise levels.
 
     Noise of the wrench enters the slip velocity once per tick, divided by mass or inertia.
+
+    weighed: whether a tare has measured the object's mass.
     """
     tuning, sensor, wrench, model = params.observer, params.slip_sensor, params.wrench_sensor, params.object
     T = params.control_period_s
@@ -69,7 +93,10 @@ def observer_config(params: ControllerParams) -> Array:
         "stick_P_bb": (tuning.stick_acceleration_std_m_s2, tuning.stick_acceleration_std_rad_s2),
         "stick_P_vv": (tuning.stick_speed_std_m_s, tuning.stick_speed_std_rad_s),
         "prior_P_bb": (wrench.bias_force / model.mass, bias[1]),
-        "prior_P_cc": (tuning.model_error, tuning.model_error),
+        "prior_P_cc": (
+            weighed_error(params) if weighed and learns_alone(params) else tuning.model_error,
+            tuning.model_error,
+        ),
     }
 
     buffer = new(OBSERVER_CONFIG)
@@ -81,6 +108,7 @@ def observer_config(params: ControllerParams) -> Array:
     config.onset_gain[:3], config.onset_gain[3:] = lever * onset, onset
     config.dead_band[:3], config.dead_band[3:] = sensor.dead_band_linear, sensor.dead_band_angular
     count = max(int(np.sum(config.axes)), 1)
+    config.correlation_ticks = velocity_correlation(params) if learns_alone(params) else 0.0
     config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
     config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))
     needed = witnesses(params)
@@ -88,7 +116,9 @@ def observer_config(params: ControllerParams) -> Array:
     config.smoothing, config.outlier_deviations = tuning.smoothing, tuning.outlier
     config.friction_spread, config.friction_memory_ticks = tuning.drag_spread, tuning.drag_memory_s / T
     config.dwell_ticks = max(1, round(tuning.dwell_s / T))
-    config.window_ticks = max(1, round(tuning.window_s / T))
+    config.window_ticks = config.longest_window_ticks = max(1, round(tuning.window_s / T))
+    if config.correlation_ticks > 0.0:
+        config.longest_window_ticks = max(config.window_ticks, round(LONGEST_WINDOW * tuning.memory_s / T))
     config.memory_ns = round(tuning.memory_s * 1e9)
     buffer.setflags(write=False)
     return buffer

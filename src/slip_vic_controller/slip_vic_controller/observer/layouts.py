@@ -25,6 +25,7 @@ class ObserverConfig(Record):
     measurement_variance: Axes  # R of a slip sample
     process_variance: Axes  # Q of v per tick, from wrench noise and model
     drift_variance: Axes  # Q of b per tick
+    correlation_ticks: Real  # for which noise of the pad's velocity lasts in stick; 0 = its change counts as white
     prior_P_bb: Axes  # noqa: N815 - what is known of the model's errors at the beginning
     prior_P_cc: Axes  # noqa: N815
     onset_gain: Axes  # 1, 1/m; standard deviation that b gains when slip begins, per acceleration of the object
@@ -41,6 +42,7 @@ class ObserverConfig(Record):
     friction_memory_ticks: Real  # over which that error stays the same
     dwell_ticks: Whole  # below nis_stick until slip is over
     window_ticks: Whole  # over which slip must show in the model
+    longest_window_ticks: Whole  # the same where the pad's velocity is noisy
     memory_ns: Whole  # how late a sample may be
 
 

@@ -45,6 +45,12 @@ def slip_velocity(axes: Records[AxisRecord]) -> Spatial:
 
 
 @part
+def without_slip(x: Axis, variance: float) -> Axis:
+    """Return what is known of the model's errors, with a slip velocity of zero of some variance."""
+    return Axis(0.0, x.b, x.c, variance, 0.0, 0.0, x.P_bb, x.P_bc, x.P_cc)
+
+
+@part
 def predict_tick(config: ObserverConfig, ahead: Records[AxisRecord], row: Row) -> None:
     """Predict the estimate `ahead` of a tick over it.
 
@@ -170,7 +176,7 @@ def begin_stick(config: ObserverConfig, state: Observer) -> None:
         if config.axes[i]:
             state.sample_mean[i] = 0.0
             x = correct(read_axis(state.axes[i]), 0.0, config.floor_variance[i])
-            put_axis(state.axes[i], Axis(0.0, x.b, x.c, 0.0, 0.0, 0.0, x.P_bb, x.P_bc, x.P_cc))
+            put_axis(state.axes[i], without_slip(x, 0.0))
 
 
 @part

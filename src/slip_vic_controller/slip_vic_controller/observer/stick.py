@@ -12,10 +12,20 @@ from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import vec
 from slip_vic_controller.law.contact import StampedSlip
-from slip_vic_controller.observer.axis import Axis, put_axis, read_axis, zero_velocity_update
+from slip_vic_controller.observer.axis import (
+    Axis,
+    noisy_zero_velocity_update,
+    put_axis,
+    read_axis,
+    zero_velocity_update,
+)
 from slip_vic_controller.observer.history import drop_oldest, next_sample, row_at, slot
 from slip_vic_controller.observer.layouts import AXES, Observer, ObserverConfig, Row
-from slip_vic_controller.observer.slip import rerun
+from slip_vic_controller.observer.slip import rerun, without_slip
+
+SLOW_GROWTH = 0.2
+"""Growth of a slip that is to show in the model [m/s^2]: kinetic friction is about this much below static friction where
+grip is weak, and slower slips are for the sensor to find."""
 
 
 @part
@@ -34,12 +44,30 @@ def add_up(state: Observer, rows: Records[Row]) -> None:
 
 
 @part
+def window_ticks(config: ObserverConfig, row: Row) -> int:
+    """Return over how many ticks slip must show in the model: noise of the pad's velocity is the same over any time.
+
+    Over so many that a slip which grows by SLOW_GROWTH is beyond the noise of the first and the last velocity.
+    """
+    if config.longest_window_ticks == config.window_ticks or row.dt == 0.0:
+        return int(config.window_ticks)
+    variance = 2.0 * max(row.velocity_variance[0], row.velocity_variance[1], row.velocity_variance[2])
+    wanted = math.sqrt(config.nis_slip * variance) / (SLOW_GROWTH * row.dt)
+    return int(min(max(wanted, 1.0 * config.window_ticks), 1.0 * config.longest_window_ticks))
+
+
+@part
 def learn_model_errors(config: ObserverConfig, state: Observer, row: Row) -> None:
     """Learn the model's errors from a tick that has passed as stick."""
     for i in range(AXES):
         if config.axes[i]:
-            q_v, q_b = config.process_variance[i] + row.change_variance[i], config.drift_variance[i]
-            x = zero_velocity_update(read_axis(state.axes[i]), row.step[i], row.force[i], row.dt, q_v, q_b)
+            x, q_v, q_b = read_axis(state.axes[i]), config.process_variance[i], config.drift_variance[i]
+            if config.correlation_ticks > 0.0:
+                noise, ticks = row.velocity_variance[i], config.correlation_ticks
+                x = noisy_zero_velocity_update(x, row.step[i], row.force[i], row.dt, q_v, q_b, noise, ticks)
+            else:
+                q_v += row.change_variance[i]
+                x = zero_velocity_update(x, row.step[i], row.force[i], row.dt, q_v, q_b)
             put_axis(state.axes[i], x)
 
 
@@ -112,10 +140,12 @@ def begin_slip_of_model(config: ObserverConfig, state: Observer, rows: Records[R
     Forces and torques come in other proportions now, so a wrong centre of mass shows in another way.
     """
     state.sliding = 1
-    drag = vec(row_at(state, rows, state.rows - 1).drag).norm()
+    first, drag = row_at(state, rows, 0), vec(row_at(state, rows, state.rows - 1).drag).norm()
     for i in range(AXES):
         if config.axes[i]:
             deviation = config.onset_gain[i] * drag
+            if config.correlation_ticks > 0.0:
+                put_axis(state.axes[i], without_slip(read_axis(state.axes[i]), first.velocity_variance[i]))
             state.axes[i].P_bb += deviation * deviation
     rerun(config, state, rows, state.axes, 0)
 
@@ -141,7 +171,8 @@ def observe_stick(
 ) -> None:  # fmt: skip
     """Learn from the tick that leaves the window, and test whether slip has begun; the tick's row is the last one."""
     add_up(state, rows)
-    if state.rows > config.window_ticks:
+    window = window_ticks(config, row_at(state, rows, state.rows - 1))
+    while state.rows > window:
         learn_model_errors(config, state, row_at(state, rows, 0))
         drop_oldest(state, rows)
     state.significance = normalised_innovation_squared(config, state, rows)
