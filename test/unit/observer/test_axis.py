@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -65,7 +66,7 @@ def test_noise_of_the_pads_velocity_hides_no_model_error_for_long() -> None:
     for seed in range(200):
         noise = np.random.default_rng(seed).normal(scale=sigma, size=ticks + 1)
         x = white = Axis(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.04, 0.0, 1e-12)
-        for before, after in zip(noise[:-1], noise[1:], strict=True):
+        for before, after in itertools.pairwise(noise):
             step = after - before + b * dt
             x = noisy_zero_velocity_update(x, step, 0.0, dt, 1e-14, 0.0, sigma**2, 1.0)
             white = zero_velocity_update(white, step, 0.0, dt, 1e-14 + 2.0 * sigma**2, 0.0)

@@ -39,8 +39,8 @@ def witnesses(params: ControllerParams) -> int:
 def weighed_error(params: ControllerParams) -> float:
     """Return the expected relative error of the object's linear motion after a tare has weighed it.
 
-    What the tare takes for a bias of the wrench may be mass; what is not weighed is the part of the motion under the pad
-    that comes from turning, (lever^2 m / inertia) of it. Without weight nothing is weighed.
+    What the tare takes for a bias of the wrench may be mass; what is not weighed is the part of the motion under the
+    pad that comes from turning, (lever^2 m / inertia) of it. Without weight nothing is weighed.
     """
     model, expected = params.object, params.observer.model_error
     weight = model.mass * math.hypot(*params.gravity)

@@ -24,8 +24,8 @@ from slip_vic_controller.observer.layouts import AXES, Observer, ObserverConfig,
 from slip_vic_controller.observer.slip import rerun, without_slip
 
 SLOW_GROWTH = 0.2
-"""Growth of a slip that is to show in the model [m/s^2]: kinetic friction is about this much below static friction where
-grip is weak, and slower slips are for the sensor to find."""
+"""Growth of a slip that is to show in the model [m/s^2]: kinetic friction is about this much below static friction
+where grip is weak, and slower slips are for the sensor to find."""
 
 
 @part
