@@ -17,8 +17,8 @@ def held_inertia(M: Array, J: Array, r: Array, mass: float, inertia: Array) -> A
     return M + 0.5 * (mass * J_v.T @ J_v + J[3:].T @ inertia @ J[3:])
 
 
-def load_error(error: Array, model: Array, measured: Array, dt: float, memory_s: float) -> Array:
-    most = max(float(np.linalg.norm(model[:3])), 5.0)
+def load_error(error: Array, model: Array, measured: Array, dt: float, memory_s: float, least: float) -> Array:
+    most = max(float(np.linalg.norm(model[:3])), least)
     wanted = np.concatenate(
         (_shortened(measured[:3] - model[:3], most), _shortened(measured[3:] - model[3:], LOAD_LEVER * most))
     )

@@ -12,7 +12,7 @@ from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.arm.command import Interface
-from slip_vic_controller.arm.config import estimator_config
+from slip_vic_controller.arm.config import estimator_config, velocity_correlation
 from slip_vic_controller.arm.estimator import ESTIMATOR_CONFIG
 from slip_vic_controller.arm.tare import TareConfig
 from slip_vic_controller.interfaces import fill_wrench_sensor
@@ -34,7 +34,7 @@ from slip_vic_controller.reference.path_grid import Governing
 from slip_vic_controller.reference.paths import PATH, make_path
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.drop_detection import DropDetectionConfig
-from slip_vic_controller.safety.hold import HoldConfig
+from slip_vic_controller.safety.hold import LEAST_LOAD, HoldConfig
 from slip_vic_controller.safety.limit_avoidance import BRAKED_FROM
 from slip_vic_controller.safety.validation import VectorLimits
 from slip_vic_controller.state import CONFIG, ControllerConfig, CycleConfig
@@ -89,8 +89,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     _check_internal_gain(params)
     gains = make_law_gains(params, gain_report(params).used)
     _copy(config, "gains", gains, config.gains.dtype)
-    if params.slip_estimator == "observer":
-        _copy(config, "observer", observer_config(params), OBSERVER_CONFIG)
+    _fill_observer(config, params, weighed=False)
     _copy(config, "estimator", estimator_config(params, robot.effort_limit), ESTIMATOR_CONFIG)
     _fill_tare(config.tare, params.tare, len(robot.joint_names))
     safety = params.safety
@@ -130,8 +129,7 @@ def use_noise(config: ControllerConfig, params: ControllerParams, effort_limit: 
         effort_limit: (n,) [N m].
         weighed: whether a tare has measured the object's mass.
     """
-    if params.slip_estimator == "observer":
-        _copy(config, "observer", observer_config(params, weighed=weighed), OBSERVER_CONFIG)
+    _fill_observer(config, params, weighed=weighed)
     _copy(config, "estimator", estimator_config(params, effort_limit), ESTIMATOR_CONFIG)
     _fill_governor(config.governor, params)
 
@@ -304,12 +302,20 @@ def _fill_drop(drop: DropDetectionConfig, params: ControllerParams) -> None:
     drop.evidence = math.inf if gate_shut(params) else safety.fallback.evidence
 
 
+def _fill_observer(config: ControllerConfig, params: ControllerParams, *, weighed: bool) -> None:
+    if params.slip_estimator == "observer":
+        lasts = velocity_correlation(params)
+        made = observer_config(params, weighed=weighed, correlation_ticks=lasts)
+        _copy(config, "observer", made, OBSERVER_CONFIG)
+
+
 def _fill_hold(hold: HoldConfig, params: ControllerParams, joints: int) -> None:
     safety, share = params.safety, 1.0 / (len(params.contacts.position) // 3)
     hold.joints = joints
     slower = min(1.0, HOLD_PERIOD_S / params.control_period_s)
     hold.stiffness, hold.damping = slower * slower * safety.hold_stiffness, slower * safety.hold_damping
     hold.load_s = safety.hold_load_s
+    hold.least_load = LEAST_LOAD if share == 1.0 else 0.0  # several arms also feel what they press on each other
     hold.mass = share * params.object.mass
     hold.inertia[:] = share * inertia_from_six(params.object.inertia, "parameter object.inertia")
     hold.weight[:] = hold.mass * np.array(params.gravity)

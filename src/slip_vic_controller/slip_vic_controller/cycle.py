@@ -696,8 +696,7 @@ def _hold(
     if state.hold.known == 0 or inputs.now_ns - state.now_ns > config.arbitration.gap_ns:
         state.hold.known = 1
         state.hold.posture[:n] = sample.position[:n]
-    compensated = config.estimator.on != 0 and config.estimator.compensates != 0
-    keep_posture(state.hold, n, sample, config.motion.velocity, compensated)
+    keep_posture(config.hold, state.hold, sample, config.motion.velocity, inputs.arm.M, config.estimator.friction)
     dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
     pad = pad_rotation(config.law.contact[0], law.slips[0])
     r = _arm_of_load(config, state, pad)

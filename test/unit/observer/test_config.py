@@ -8,13 +8,15 @@ import numpy as np
 from scipy.stats import chi2
 
 from slip_core.records import record
+from slip_vic_controller.arm.config import velocity_correlation
 from slip_vic_controller.observer.config import observer_config
 from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
 from test.unit.observer.rig import make_params
 
 
 def config_of(**values):
-    return record(observer_config(make_params(**values)), OBSERVER_CONFIG)
+    params = make_params(**values)
+    return record(observer_config(params, correlation_ticks=velocity_correlation(params)), OBSERVER_CONFIG)
 
 
 def test_thresholds_are_quantiles_of_chi_squared() -> None:

@@ -10,7 +10,6 @@ from scipy.special import chdtri  # scipy.stats has the same under a clearer nam
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import new, record
-from slip_vic_controller.arm.config import velocity_correlation
 from slip_vic_controller.observer.layouts import OBSERVER_CONFIG, ObserverConfig
 from slip_vic_controller.params import ControllerParams
 
@@ -55,12 +54,13 @@ def learns_alone(params: ControllerParams) -> bool:
     return params.bounded_authority and params.governor.mode == "off"
 
 
-def observer_config(params: ControllerParams, *, weighed: bool = False) -> Array:
+def observer_config(params: ControllerParams, *, weighed: bool = False, correlation_ticks: float = 0.0) -> Array:
     """Return the OBSERVER_CONFIG buffer: variances and thresholds that follow from the configured noise levels.
 
     Noise of the wrench enters the slip velocity once per tick, divided by mass or inertia.
 
-    weighed: whether a tare has measured the object's mass.
+    weighed: whether a tare has measured the object's mass; correlation_ticks: for how many control periods noise of the
+    joints' velocities stays the same, 0 where that is not known.
     """
     tuning, sensor, wrench, model = params.observer, params.slip_sensor, params.wrench_sensor, params.object
     T = params.control_period_s
@@ -108,7 +108,7 @@ def observer_config(params: ControllerParams, *, weighed: bool = False) -> Array
     config.onset_gain[:3], config.onset_gain[3:] = lever * onset, onset
     config.dead_band[:3], config.dead_band[3:] = sensor.dead_band_linear, sensor.dead_band_angular
     count = max(int(np.sum(config.axes)), 1)
-    config.correlation_ticks = velocity_correlation(params) if learns_alone(params) else 0.0
+    config.correlation_ticks = correlation_ticks if learns_alone(params) else 0.0
     config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
     config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))
     needed = witnesses(params)

@@ -16,7 +16,7 @@ from slip_vic_controller.sizes import MAX_JOINTS, Joints
 
 EXCESS = 1.5  # times that the inertia in HOLD may be what is moved
 LOAD_LEVER = 0.1  # [m]: how far off the pad centre the unknown part of a load may pull; no pad is longer
-LEAST_LOAD = 5.0  # [N]: what HOLD carries at least, where the wrench shows it: a mass that is told too small
+LEAST_LOAD = 5.0  # [N]: what one arm carries at least, where the wrench shows it: a mass that is told too small
 RESTS = 0.02  # [rad/s]: speed of a joint at rest, with the noise of its sensor
 ELSEWHERE = 0.01  # [rad]: off the posture that HOLD keeps; a pad has then moved by some millimetres
 SLOWEST = 0.45  # of the loop in slow motion: with the default gains no joint gives way under a load that slides
@@ -29,6 +29,7 @@ class HoldConfig(Record):
     stiffness: Real  # 1/s^2; over the joint inertia
     damping: Real  # 1/s; over the joint inertia
     load_s: Real  # s; how fast the load is taken from the wrench
+    least_load: Real  # N; what is taken from it at least, where the weight is less
     mass: Real  # kg
     inertia: Mat3  # kg m2 {o}
     weight: Vec3  # N {w}
@@ -66,10 +67,10 @@ def plausible_arm(configured: Vec, r_pad: Vec) -> Vec:
 
 
 @part
-def load_error(error: Spatial, model: Spatial, measured: Spatial, dt: float, memory_s: float) -> Spatial:
+def load_error(error: Spatial, model: Spatial, measured: Spatial, dt: float, memory_s: float, least: float) -> Spatial:
     """Return what has to be added to the load of the model, from its value before; [N, N m] {ee} each.
 
-    Low-pass of the wrench that the model does not explain. Slow and bounded by the weight itself, at least LEAST_LOAD,
+    Low-pass of the wrench that the model does not explain. Slow and bounded by the weight itself, or by `least`,
     so that HOLD depends on the wrench no more than it must: an object that has slid while the arm came to rest pulls at
     another point than the model says, and the pads would give way and tilt.
 
@@ -79,8 +80,9 @@ def load_error(error: Spatial, model: Spatial, measured: Spatial, dt: float, mem
         measured: by the wrench sensor.
         dt: since the cycle before [s].
         memory_s: time constant [s].
+        least: [N].
     """
-    most, beyond = max(model.linear.norm(), LEAST_LOAD), measured - model
+    most, beyond = max(model.linear.norm(), least), measured - model
     wanted = Spatial(_shortened(beyond.linear, most), _shortened(beyond.angular, LOAD_LEVER * most))
     return error + (1.0 - math.exp(-dt / memory_s)) * (wanted - error)
 
@@ -90,7 +92,8 @@ def update_load_error(config: HoldConfig, state: Hold, arm: Arm, r_pad: Vec, mea
     """Take the measured wrench on the own pad {ee} into the load of HOLD; r_pad: as in `hold_effort`; dt [s]."""
     R = mat(arm.rotation)
     load = object_load(config, R, R @ r_pad)
-    put_spatial(state.load_error, load_error(spatial(state.load_error), load, measured, dt, config.load_s))
+    error = load_error(spatial(state.load_error), load, measured, dt, config.load_s, config.least_load)
+    put_spatial(state.load_error, error)
 
 
 @part
@@ -184,24 +187,27 @@ def hold_effort(
 
 
 @part
-def keep_posture(state: Hold, n: int, sample: JointRecord, velocity_limit: Array, compensated: bool) -> None:
+def keep_posture(
+    config: HoldConfig, state: Hold, sample: JointRecord, velocity_limit: Array, M: Array, friction: Array
+) -> None:
     """Let a joint that was thrown rest where it becomes slow again: the way back would be as fast as it is allowed.
 
-    So may one that has come to rest elsewhere, where disturbances are compensated: friction holds it there until the
-    compensation has grown enough to break it loose. Without compensation it would give way to a load, step by step.
+    So may one that has come to rest elsewhere and that friction can hold there: else the compensation of disturbances
+    grows against friction until the joint breaks loose, long after everything has come to rest.
 
     Args:
+        config: of HOLD.
         state: of HOLD; changed.
-        n: number of joints.
         sample: position and velocity of the joints; [rad], [rad/s].
         velocity_limit: (n,) [rad/s].
-        compensated: whether what lasts of a disturbance is taken off the efforts.
+        M: inertia (n, n) [kg m2].
+        friction: of the joints, as configured (n,) [N m].
     """
-    for j in range(n):
-        speed, rests_at = abs(sample.velocity[j]), sample.position[j]
-        elsewhere = compensated and speed < RESTS and abs(state.posture[j] - rests_at) > ELSEWHERE
-        if speed > velocity_limit[j] or elsewhere:
-            state.posture[j] = rests_at
+    for j in range(config.joints):
+        speed, off = abs(sample.velocity[j]), abs(state.posture[j] - sample.position[j])
+        stays = speed < RESTS and off > ELSEWHERE and config.stiffness * off * M[j, j] < friction[j]
+        if speed > velocity_limit[j] or stays:
+            state.posture[j] = sample.position[j]
 
 
 @part
