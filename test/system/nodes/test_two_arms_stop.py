@@ -17,7 +17,7 @@ from slip_msgs_py.events import Started
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.judge import Verdict, judge_bag
-from slip_vic.run.node_command import parameter_arguments, run_parameters
+from slip_vic.run.node_command import MODULES, parameter_arguments, run_parameters
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import Child
 from slip_vic.run.recording import recorder_command
@@ -110,7 +110,7 @@ def start_nodes(scenario: Scenario, processes: Processes, folder: Path, recordin
     nodes = []
     for name, params in zip(("controller", "bridge"), run_parameters(scenario, recording), strict=True):
         words = parameter_arguments(name, params, folder)
-        nodes.append(processes.python(name, "-m", scenario.modules[name], "--ros-args", *words))
+        nodes.append(processes.python(name, "-m", MODULES[name], "--ros-args", *words))
     wait_until(lambda: nodes[1].last(Started) is not None, "the bridge", STARTS_S)
     return nodes[0], nodes[1]
 
