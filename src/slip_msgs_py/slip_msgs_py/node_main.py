@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import math
 import os
-import resource
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, Protocol
 
 import rclpy
@@ -46,8 +47,14 @@ LONGEST_END_S = 2.5  # from the signal on; a lock of DDS may be held by a proces
 
 
 def memory_mib() -> float:
-    """Return the most memory this process has had resident so far [MiB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    """Return the most memory this process has had resident so far [MiB].
+
+    Of this program alone: `ru_maxrss` begins with that of the process that has started it.
+    """
+    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+        if line.startswith("VmHWM:"):
+            return int(line.split()[1]) / 1024.0
+    return math.nan
 
 
 def run_node(factory: Callable[[], RunnableNode]) -> int:
