@@ -507,6 +507,13 @@ def own_wrench(config: ControllerConfig, state: ArmState, R_ee: Mat) -> Spatial:
 
 
 @part
+def _put_own_wrench(config: ControllerConfig, state: ArmState, inputs: CycleInputs, h: Array) -> None:
+    """Write the wrench of the object on the own pad (6,) [N, N m] {w}, without the sensor's bias."""
+    R_ee = mat(inputs.arm.rotation)
+    put_spatial(h, R_ee @ own_wrench(config, state, R_ee))
+
+
+@part
 def _begin_together(task: TaskState, states: Records[ArmState], inputs: Records[CycleInputs]) -> bool:
     """Let the law of all arms begin in the same cycle, on one path; return whether an arm is not answered in this one.
 
@@ -795,8 +802,8 @@ def _follow(
 @part
 def _watch_following(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
     """Look whether the arm moves as commanded; its velocity of now is not that of the commands under way."""
-    R, h, twist, commanded = mat(inputs.arm.rotation), np.zeros(6), inputs.arm.twist.copy(), np.zeros(MAX_JOINTS)
-    put_spatial(h, R @ own_wrench(config, state, R))
+    h, twist, commanded = np.empty(6), inputs.arm.twist.copy(), np.zeros(MAX_JOINTS)
+    _put_own_wrench(config, state, inputs, h)
     if config.command.interface != Interface.EFFORT:
         commanded[:] = state.motion.velocity
         _put_twist_of_joints(config, state, inputs, twist)
@@ -1082,9 +1089,8 @@ def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: Cycle
     """Take what the model of the arm leaves out off the effort; without a good joint state as in the cycle before."""
     if inputs.arm.M[0, 0] > 0.0:
         dt, arm = _passed_s(config, state, inputs), inputs.arm
-        R_ee = mat(arm.rotation)
-        h, of_wrench = np.zeros(6), np.zeros(MAX_JOINTS)
-        put_spatial(h, R_ee @ own_wrench(config, state, R_ee))
+        h, of_wrench = np.empty(6), np.zeros(MAX_JOINTS)
+        _put_own_wrench(config, state, inputs, h)
         for j in range(config.law.joints):
             for i in range(6):
                 of_wrench[j] += arm.J[i, j] * h[i]
@@ -1121,10 +1127,9 @@ def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, output
 @part
 def _acceleration(config: ControllerConfig, state: ArmState, inputs: CycleInputs, qdd: Array) -> None:
     """Write the acceleration that the effort gives the joints (n,) [rad/s^2]; zeros without a good joint state."""
-    h, arm = np.zeros(6), inputs.arm
+    h, arm = np.empty(6), inputs.arm
     if arm.M[0, 0] > 0.0:
-        R_ee = mat(arm.rotation)
-        put_spatial(h, R_ee @ own_wrench(config, state, R_ee))
+        _put_own_wrench(config, state, inputs, h)
         if not joint_acceleration(config.law.joints, arm.M, arm.bias, arm.J, h, state.limiter.effort, qdd):
             qdd[:] = 0.0
 

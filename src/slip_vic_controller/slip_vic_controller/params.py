@@ -299,6 +299,11 @@ class ControllerParams(ArmParams):
         return self.gains.authority == "bounded" and self.estimates_joints
 
     @property
+    def stands_alone(self) -> bool:
+        """Whether the compensation has bounded authority and no governor: below one slip must show in samples."""
+        return self.bounded_authority and self.governor.mode == "off"
+
+    @property
     def foresees_slip(self) -> bool:
         """Whether the law works with the slip velocity to which the commands under way lead."""
         return self.command.interface != "effort" and self.slip_estimator == "observer"

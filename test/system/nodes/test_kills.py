@@ -68,21 +68,22 @@ def system(ros_node: object, processes: Processes, tmp_path: Path) -> System:
     return System(watcher, start, *nodes)
 
 
-def test_after_a_kill_of_the_controller_the_law_is_back_by_itself(system: System, processes: Processes) -> None:
-    watcher = system.watcher
+def start_another_controller(system: System, processes: Processes, *words: str) -> Watcher:
+    """Kill the controller and start another one; return who watches, who has seen nothing of it yet."""
     processes.kill(system.controller)
-    watcher.modes.clear()
-    system.start("controller", *CONTROLLER_SLOW)
-    watcher.wait_law()
+    system.watcher.modes.clear()
+    system.start("controller", *words, *CONTROLLER_SLOW)
+    return system.watcher
+
+
+def test_after_a_kill_of_the_controller_the_law_is_back_by_itself(system: System, processes: Processes) -> None:
+    start_another_controller(system, processes).wait_law()
 
 
 def test_after_a_kill_of_a_controller_that_is_enabled_by_hand_the_reason_says_what_to_call(
     system: System, processes: Processes
 ) -> None:
-    watcher = system.watcher
-    processes.kill(system.controller)
-    watcher.modes.clear()
-    system.start("controller", BY_HAND, *CONTROLLER_SLOW)
+    watcher = start_another_controller(system, processes, BY_HAND)
     watcher.wait_mode("HOLD", CALL_ENABLE)  # on a busy machine after an input that was silent at first, too
     assert watcher.trigger("enable").success
     watcher.wait_law()

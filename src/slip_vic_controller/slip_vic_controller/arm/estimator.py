@@ -487,13 +487,10 @@ def oppose_disturbance(
         most = config.collision[j] + friction_jump(config, state, j, jump)
         with_wrench = state.wrench_jump[j] > max(WITH_WRENCH * abs(jump), NOTICED * config.collision[j])
         lasting = state.slow_effort[j] if with_wrench else effort
-        if with_wrench:  # neither low-pass may run to it: a wrench of some hundred newtons gets there in a few cycles
-            most_slow = NOTICED * config.collision[j]
-            state.slow_effort[j] += weight * min(max(jump, -most_slow), most_slow)
-            state.slow_wrench[j] += weight * min(max(wrench_jump, -most_slow), most_slow)
-        else:
-            state.slow_effort[j] += weight * jump
-            state.slow_wrench[j] += weight * wrench_jump
+        # Neither low-pass may run to a wrench of some hundred newtons: it would get there in a few cycles.
+        pull = NOTICED * config.collision[j] if with_wrench else math.inf
+        state.slow_effort[j] += weight * min(max(jump, -pull), pull)
+        state.slow_wrench[j] += weight * min(max(wrench_jump, -pull), pull)
         jumped = abs(jump) > most and not with_wrench and not doubtful
         state.jumped_s[j] = state.jumped_s[j] + dt if jumped else 0.0
         bound, step = config.bound[j], config.rate[j] * dt

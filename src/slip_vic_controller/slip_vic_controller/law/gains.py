@@ -141,7 +141,7 @@ def gain_report(params: ControllerParams, *, refuse: bool = True) -> GainReport:
             lambda.
     """
     direct, unknown = params.slip_estimator == "measured", UNKNOWN_LAG if params.foresees_slip else 1.0
-    real = params.bounded_authority and params.governor.mode == "off" and params.command.interface == "effort"
+    real = params.stands_alone and params.command.interface == "effort"
     lag_s = max(unknown * params.drive_lag_s, LEAST_DELAY_S if real else 0.0)
     unsafe = refuse and params.controller != "classical"  # without a slip loop nothing is
     judge = check_gains if unsafe else judge_gains

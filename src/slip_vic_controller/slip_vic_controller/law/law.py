@@ -181,8 +181,8 @@ def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) ->
 
     # impedance with fading gains
     v = on_error_axes(attitude, R_ee @ v_s)
-    if config.yields > 0.0:
-        v = authority(config.yields, out.error_linear) * v
+    left = authority(config.yields, out.error_linear) if config.yields > 0.0 else 1.0
+    v = left * v
     K, D = faded(gains.gains.K_D, gains.gains.gamma_k, v), faded(gains.gains.D_D, gains.gains.gamma_d, v)
     Z = T_e(attitude, -(K * e + D * e_dot) / M_D)
     put_spatial(out.K, K)
@@ -190,9 +190,7 @@ def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) ->
     put_spatial(out.Z, Z)
 
     # compensation
-    out.gate = slip_activation(gains.gains, v_s)
-    if config.yields > 0.0:
-        out.gate *= authority(config.yields, out.error_linear)
+    out.gate = left * slip_activation(gains.gains, v_s)
     comp = slip_axes * (follow - k_s * v_s - R_ee.T() @ Theta)
     gated = limit_spin(gains.gains.spin_limit, out.gate * comp)
     a_C = a_d + Z + Theta + R_ee @ gated

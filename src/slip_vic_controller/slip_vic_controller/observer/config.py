@@ -49,11 +49,6 @@ def weighed_error(params: ControllerParams) -> float:
     return min(math.hypot(params.tare.force / weight, expected * turning), expected)
 
 
-def learns_alone(params: ControllerParams) -> bool:
-    """Return whether the law stands on this observer: below a governor slip must show in samples to count."""
-    return params.bounded_authority and params.governor.mode == "off"
-
-
 def observer_config(params: ControllerParams, *, weighed: bool = False, correlation_ticks: float = 0.0) -> Array:
     """Return the OBSERVER_CONFIG buffer: variances and thresholds that follow from the configured noise levels.
 
@@ -94,7 +89,7 @@ def observer_config(params: ControllerParams, *, weighed: bool = False, correlat
         "stick_P_vv": (tuning.stick_speed_std_m_s, tuning.stick_speed_std_rad_s),
         "prior_P_bb": (wrench.bias_force / model.mass, bias[1]),
         "prior_P_cc": (
-            weighed_error(params) if weighed and learns_alone(params) else tuning.model_error,
+            weighed_error(params) if weighed and params.stands_alone else tuning.model_error,
             tuning.model_error,
         ),
     }
@@ -108,7 +103,7 @@ def observer_config(params: ControllerParams, *, weighed: bool = False, correlat
     config.onset_gain[:3], config.onset_gain[3:] = lever * onset, onset
     config.dead_band[:3], config.dead_band[3:] = sensor.dead_band_linear, sensor.dead_band_angular
     count = max(int(np.sum(config.axes)), 1)
-    config.correlation_ticks = correlation_ticks if learns_alone(params) else 0.0
+    config.correlation_ticks = correlation_ticks if params.stands_alone else 0.0
     config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
     config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))
     needed = witnesses(params)

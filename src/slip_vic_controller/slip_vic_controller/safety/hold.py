@@ -29,7 +29,7 @@ class HoldConfig(Record):
     stiffness: Real  # 1/s^2; over the joint inertia
     damping: Real  # 1/s; over the joint inertia
     load_s: Real  # s; how fast the load is taken from the wrench
-    least_load: Real  # N; what is taken from it at least, where the weight is less
+    least_load: Real  # N; most that is taken from it, where the weight is less
     mass: Real  # kg
     inertia: Mat3  # kg m2 {o}
     weight: Vec3  # N {w}
@@ -80,7 +80,7 @@ def load_error(error: Spatial, model: Spatial, measured: Spatial, dt: float, mem
         measured: by the wrench sensor.
         dt: since the cycle before [s].
         memory_s: time constant [s].
-        least: [N].
+        least: most that it is where the weight is less [N].
     """
     most, beyond = max(model.linear.norm(), least), measured - model
     wanted = Spatial(_shortened(beyond.linear, most), _shortened(beyond.angular, LOAD_LEVER * most))
