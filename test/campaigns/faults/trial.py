@@ -26,6 +26,7 @@ from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import RETUNABLE, ArmController, Controller, CycleResult
 from slip_vic_controller.sizes import MAX_JOINTS
+from slip_vic_controller.topics.arm import SLIP_DEPTH, STATE_DEPTH
 from test.campaigns.faults.carriers import SampleCarrier
 from test.campaigns.faults.channel import Channel, Delivery
 from test.campaigns.faults.monitors import (
@@ -373,13 +374,13 @@ class Trial:
         assert self._controller is not None
         controller, now_ns = self._controller, self._now_ns
         for name, add in ((WRENCH, controller.add_wrench), (SLIP, controller.add_slip)):
-            for delivery in self._channels[name].arrivals(now_ns):
+            for delivery in self._arrived(name):
                 add(0, delivery.sample, now_ns)
                 self._note(name, delivery)
         wild = next((f for f in self._plan.faults if f.kind.startswith("wild") and f.at(t)), None)
         self._user.act(controller, t, self._bridge.simulation.observe(0).pad, wild)
         commands = self._commands.commands
-        for delivery in self._channels[JOINT].arrivals(now_ns):
+        for delivery in self._arrived(JOINT):
             controller.add_joint(delivery.sample, now_ns)
             self._note(JOINT, delivery)
             result = self._controller.cycle(now_ns)
@@ -391,6 +392,12 @@ class Trial:
         self._answer(self._controller.watchdog(now_ns), t)
         mode, answered = controller.mode, self._commands.commands > commands
         self._safe.check(t, mode.follows, answered, degraded=mode is not Mode.ACTIVE)
+
+    def _arrived(self, name: str) -> list[Delivery]:
+        """Return what reaches the controller: of what came while it was stopped, what the node's readers keep."""
+        depth = SLIP_DEPTH if name == SLIP else STATE_DEPTH[False]
+        arrivals = self._channels[name].arrivals(self._now_ns)
+        return arrivals[-depth:] if self._stopped(CONTROLLER, self._t - PERIOD_S) else arrivals
 
     def _note(self, name: str, delivery: Delivery) -> None:
         if delivery.clean:

@@ -447,6 +447,13 @@ def test_where_the_simulation_stood_still_nothing_has_aged() -> None:
     assert [text.split()[-1] for text in monitor.violations] == [JOINT]
 
 
+def test_after_a_stop_the_controller_answers_the_newest_joint_state() -> None:
+    """For 87 ms it did not run, and a drive that takes velocities had braked: the node's reader keeps one state."""
+    outcome = run_trial(plan_of(27182, 2446))
+    assert "stop" in [fault.kind for fault in outcome.plan.faults]
+    assert outcome.violations == []
+
+
 def test_a_message_without_numbers_can_be_damaged() -> None:
     """As a command is that gives no effort: a controller that still waits for a slow sensor gives such ones."""
     wire, stamps = Wire(EFFORT, ("a", "b"), "ee"), set()

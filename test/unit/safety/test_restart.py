@@ -217,7 +217,10 @@ def test_after_a_stall_the_law_goes_on_by_itself() -> None:
 
 
 def test_with_late_s_stalls_below_the_age_limit_end_no_law_for_good(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Stalls of 40 ms, again and again: the printed law swings, until a joint is too fast. HOLD in time comes back."""
+    """A queue stands for 40 ms, again and again, and then delivers all that it holds, which a reader of depth 1 would
+    not see: the printed law swings, until a joint is too fast. HOLD in time comes back.
+    """
+    monkeypatch.setitem(trials.STATE_DEPTH, False, 100)
     stalls = tuple(Planned("stop", CONTROLLER, float(t), 0.04, 0.9) for t in np.arange(0.2, 1.7, 0.06))
     for late_s, ends in ((0.0, "FAULT"), (0.012, "HOLD")):
         values = (
