@@ -36,6 +36,7 @@ class ObserverConfig(Record):
     nis_slip: Real  # normalised innovation squared above which slip begins
     nis_stick: Real  # and below which it is over
     smoothing: Real  # weight of a new sample in the mean that is tested in stick
+    dates_samples: Whole  # whether a slip that samples show begins at their stamp
     most_step: Real  # how far one sample may move that mean, over what is significant
     outlier_deviations: Real  # beyond which a sample pulls no harder
     friction_spread: Real  # rad; how far friction may point away from the slip, 0 = its direction is not used
