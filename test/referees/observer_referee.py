@@ -108,7 +108,8 @@ class ObserverReferee:
                     self.sample_mean = np.array(values)
                 if total > self.config.nis_slip:
                     seen_ns = stamp_ns
-        if self.significance > self.config.nis_slip:
+        soon = self.stamp_ns - self.since_ns < self.config.memory_ns
+        if self.significance > (self.config.nis_again if soon else self.config.nis_slip):
             self.P[:, 1, 1] += (self.onset_gain * np.sqrt(np.sum(tick.drag**2))) ** 2
             self.sliding = True
             self._run(0)

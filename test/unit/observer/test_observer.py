@@ -190,6 +190,21 @@ def test_a_slip_that_late_samples_show_is_that_of_their_stamp() -> None:
         assert abs(bench.twist[0] - behind - bench.state.twist[0]) < lag
 
 
+def test_soon_after_it_has_held_a_slip_is_found_earlier_without_a_governor() -> None:
+    """A path that friction does not carry goes on; below a governor it is slower by then."""
+    ticks = {}
+    for mode in ("off", "slow_down"):
+        for rest in (100, 400):  # the memory is 300 ticks
+            bench = Bench(tare__duration_s=0.3, governor__mode=mode, **SENSOR)
+            for _ in range(rest):
+                bench.step(np.zeros(6))
+            while not bench.state.sliding:
+                bench.step(six(x=0.3))
+            ticks[mode, rest] = bench.tick - rest
+    assert ticks["off", 100] < ticks["slow_down", 100]
+    assert ticks["off", 400] == ticks["slow_down", 400]
+
+
 def test_samples_that_go_on_contradicting_the_model_are_believed() -> None:
     """A slip that a wrong model has made up: a filter sure of its model would take every sample for an outlier."""
     for reads, rest in ((0.0, True), (0.02, False)):

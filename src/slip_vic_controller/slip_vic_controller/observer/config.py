@@ -105,6 +105,9 @@ def observer_config(params: ControllerParams, *, weighed: bool = False, correlat
     count = max(int(np.sum(config.axes)), 1)
     config.correlation_ticks = correlation_ticks if params.stands_alone else 0.0
     config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
+    # What has just slipped is likely to slip again: with a governor the path is slower by then.
+    again = math.sqrt(tuning.false_alarm_rate) if params.stands_alone else tuning.false_alarm_rate
+    config.nis_again = float(chdtri(count, again))
     config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))
     needed = witnesses(params)
     config.most_step = TOGETHER / needed if needed > 1 else math.inf

@@ -34,6 +34,7 @@ class ObserverConfig(Record):
     stick_P_vv: Axes  # noqa: N815
     dead_band: Axes  # speed below which the sensor reads zero
     nis_slip: Real  # normalised innovation squared above which slip begins
+    nis_again: Real  # the same of the model, within the memory after a slip
     nis_stick: Real  # and below which it is over
     smoothing: Real  # weight of a new sample in the mean that is tested in stick
     dates_samples: Whole  # whether a slip that samples show begins at their stamp

@@ -182,7 +182,8 @@ def observe_stick(
         drop_oldest(state, rows)
     state.significance = normalised_innovation_squared(config, state, rows)
     seen = average_and_test_samples(config, state, samples, count)
-    if state.significance > config.nis_slip:
+    soon = state.stamp_ns - state.since_ns < config.memory_ns
+    if state.significance > (config.nis_again if soon else config.nis_slip):
         begin_slip_of_model(config, state, rows)
     elif seen >= 0:
         begin_slip_of_samples(config, state, rows, samples[seen].stamp_ns)
