@@ -96,7 +96,7 @@ class ObserverReferee:
         if len(self.history) > self.config.window_ticks:
             self._zero_velocity_update(self.history.pop(0))
         self.significance = self._window_significance()
-        seen = False
+        seen_ns = -1
         for stamp_ns, values in fresh:
             if stamp_ns > self.since_ns:
                 R = self.share * self.measurement_variance
@@ -106,20 +106,26 @@ class ObserverReferee:
                 total = np.sum(self.sample_mean**2 / R)
                 if total > self.config.nis_slip and over > 1.0:
                     self.sample_mean = np.array(values)
-                seen = seen or total > self.config.nis_slip
-        if self.significance > self.config.nis_slip:
+                if total > self.config.nis_slip:
+                    seen_ns = stamp_ns
+        soon = self.stamp_ns - self.since_ns < self.config.memory_ns
+        if self.significance > (self.config.nis_again if soon else self.config.nis_slip):
             self.P[:, 1, 1] += (self.onset_gain * np.sqrt(np.sum(tick.drag**2))) ** 2
             self.sliding = True
             self._run(0)
-        elif seen:
+        elif seen_ns >= 0:
             n, m = len(self.axes), self.sample_mean
+            if self.config.dates_samples:
+                self.history = [old for old in self.history[:-1] if old.stamp_ns >= seen_ns] + [tick]
+            else:
+                self.history = [tick]
             self.x[:, 0] = m
             self.P = np.zeros((n, 3, 3))
             self.P[:, 0, 0] = self.share * self.measurement_variance + m**2
             self.P[:, 1, 1], self.P[:, 2, 2] = self.prior_P_bb, self.prior_P_cc
             self.sliding = True
-            tick.x, tick.P = self.x, self.P
-            self.history = [tick]
+            self.history[0].x, self.history[0].P = self.x, self.P
+            self._run(1)
 
     def _zero_velocity_update(self, tick: Tick) -> None:
         q_v, q_b = self.process_variance, self.drift_variance

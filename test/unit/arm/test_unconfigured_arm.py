@@ -75,6 +75,22 @@ def test_the_law_works_with_the_mass_that_the_tare_has_found(share: float) -> No
     assert result.mode in (Mode.ACTIVE, Mode.DEGRADED)
 
 
+@pytest.mark.parametrize(
+    ("scenario", "drive", "sensor", "most_mm"),
+    [
+        ("glass_transport", "motor_current", "event_1000", 3.0),  # 12 mm, where authority ended 0.15 m off
+        ("paper_planar", "position_250", "vision_25", 5.0),  # 9 mm, where the camera's samples counted as of now
+    ],
+)
+def test_vic_alone_keeps_slip_small_far_off_its_reference_and_with_late_samples(
+    scenario: str, drive: str, sensor: str, most_mm: float
+) -> None:
+    short = ("bridge.duration_s=4.0",)
+    run = load_scenario(scenario, law="vic", drive=drive, sensor=sensor, seed=84, assignments=short).run()
+    assert run.outcome == "ok", run.reason
+    assert run.slip_mm < most_mm
+
+
 def test_vic_alone_gives_its_compensation_up_before_the_object_falls() -> None:
     """Where weight loads the grasp, behind friction and a slow slip sensor: it fell at 0.9 s."""
     scenario = load_scenario(

@@ -142,13 +142,13 @@ def test_a_change_reaches_the_law_without_a_kick() -> None:
 
 
 def test_the_slip_gain_of_an_arm_that_is_estimated_stands_the_delay_of_a_real_one() -> None:
-    """Efforts act two control periods late, where less is configured; what is configured beyond that counts."""
+    """Efforts act four control periods late, where less is configured; what is configured beyond that counts."""
 
     def k_s(**values: Any) -> float:
         given = {name.replace("__", "."): value for name, value in values.items()}
         return gain_report(build(ControllerParams, {"tare.duration_s": 0.3} | given, "test")).used
 
-    late = {"drive__delay_s": 0.002}
+    late = {"drive__delay_s": 0.004}
     assert k_s() == k_s(**late) == k_s(**late, gains__authority="printed") < k_s(gains__authority="printed")
-    assert k_s(drive__delay_s=0.004) < k_s()
+    assert k_s(drive__delay_s=0.006) < k_s()
     assert k_s(governor__mode="slow_down") == k_s(gains__authority="printed")

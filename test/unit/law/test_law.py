@@ -271,6 +271,6 @@ def test_what_is_ok_is_finite_and_inside_the_limits_whatever_comes_in() -> None:
 def test_the_compensation_ends_with_the_distance_from_the_reference() -> None:
     """It is nearly whole where the arm gives way a little, and none far off; without a limit it is always whole."""
     assert call(authority, YIELDS_M, 0.0) == 1.0
-    assert call(authority, YIELDS_M, 0.2 * YIELDS_M) > 0.95
+    assert call(authority, YIELDS_M, 0.15) > 0.9, "so far an object that slides through its braking takes the arm"
     assert call(authority, YIELDS_M, YIELDS_M) == call(authority, YIELDS_M, 1.0) == 0.0
     assert call(authority, math.inf, 1.0) == 1.0

@@ -81,6 +81,13 @@ def test_below_a_governor_and_without_weight_nothing_is_known_of_the_mass() -> N
         np.testing.assert_allclose(config.prior_P_cc, 0.2**2)
 
 
+def test_what_happened_since_a_late_sample_is_kept_without_a_governor() -> None:
+    late = {"slip_sensor__latency_s": 0.08}
+    assert config_of(**REAL_ARM, **late).window_ticks == 80
+    assert config_of(**REAL_ARM, observer__memory_s=0.06, **late).window_ticks == 60, "older ones are not used"
+    assert config_of(**REAL_ARM).window_ticks == config_of(**late).window_ticks == 40
+
+
 def test_noise_of_estimated_velocities_lasts_unless_it_is_the_lag_of_a_filter() -> None:
     filtered = {"joint_sensor__quantum_position": 5e-5, "joint_sensor__velocity_filter_hz": 50.0}
     assert config_of(**REAL_ARM, joint_sensor__noise_velocity=1e-3).correlation_ticks > 1.0

@@ -178,6 +178,33 @@ def test_two_outliers_in_stick_begin_no_slip_and_three_samples_that_agree_do() -
     assert bench.step(np.zeros(6), samples=[(began_ns, six(x=0.2))]).late == 2
 
 
+def test_a_slip_that_late_samples_show_is_that_of_their_stamp() -> None:
+    """The pad has gone on accelerating since then, which the model tells; below a governor only the samples count."""
+    for mode, behind in (("off", 0.0), ("slow_down", 0.03)):
+        bench = Bench(tare__duration_s=0.3, wrench_sensor__bias_force=1.0, governor__mode=mode, **SENSOR)
+        while not bench.state.sliding:
+            k = bench.tick + 1  # at 1 m/s^2 from tick 0 on
+            assert k <= 40, "as long as the window is"
+            bench.step(six(x=1.0), samples=[((k - 30) * MS, six(x=1e-3 * (k - 30)))] if k > 30 else ())
+        lag = 5e-3  # of the weighted mean behind samples that grow
+        assert abs(bench.twist[0] - behind - bench.state.twist[0]) < lag
+
+
+def test_soon_after_it_has_held_a_slip_is_found_earlier_without_a_governor() -> None:
+    """A path that friction does not carry goes on; below a governor it is slower by then."""
+    ticks = {}
+    for mode in ("off", "slow_down"):
+        for rest in (100, 400):  # the memory is 300 ticks
+            bench = Bench(tare__duration_s=0.3, governor__mode=mode, **SENSOR)
+            for _ in range(rest):
+                bench.step(np.zeros(6))
+            while not bench.state.sliding:
+                bench.step(six(x=0.3))
+            ticks[mode, rest] = bench.tick - rest
+    assert ticks["off", 100] < ticks["slow_down", 100]
+    assert ticks["off", 400] == ticks["slow_down", 400]
+
+
 def test_samples_that_go_on_contradicting_the_model_are_believed() -> None:
     """A slip that a wrong model has made up: a filter sure of its model would take every sample for an outlier."""
     for reads, rest in ((0.0, True), (0.02, False)):

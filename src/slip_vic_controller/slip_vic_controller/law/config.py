@@ -33,8 +33,9 @@ class LawConfig(Record):
 
 NULLSPACE_RATE = 10.0
 """Rate of the null space with drives that take no efforts [1/s]."""
-YIELDS_M = 0.15
-"""Way off the reference within which the impedance of an arm that takes efforts fades [m]."""
+YIELDS_M = 0.5
+"""Way off the reference within which the impedance of an arm that takes efforts fades [m]: more than an object that
+friction brakes slowly takes the arm along, since the impedance of such a distance tears the pad off."""
 
 LAW_CONFIG = dtype_of(LawConfig)
 

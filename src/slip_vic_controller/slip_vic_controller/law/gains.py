@@ -24,9 +24,9 @@ UNKNOWN_LAG = 0.3
 the object's motion is predicted over the rest, since a pad that is held back too much only slips the other way."""
 
 
-LEAST_DELAY_S = 0.002
-"""Time from an effort to the motion of a real arm, where less is configured [s]: two control periods at 1 kHz, for the
-way to the drives and their own loop."""
+LEAST_DELAY_S = 0.004
+"""Time from an effort to the motion of a real arm, where less is configured [s]: four control periods at 1 kHz, for the
+way to the drives, their own loop, and what the configuration does not know of both."""
 
 
 class Gains(Record):

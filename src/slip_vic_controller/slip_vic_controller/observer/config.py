@@ -105,13 +105,20 @@ def observer_config(params: ControllerParams, *, weighed: bool = False, correlat
     count = max(int(np.sum(config.axes)), 1)
     config.correlation_ticks = correlation_ticks if params.stands_alone else 0.0
     config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
+    # What has just slipped is likely to slip again: with a governor the path is slower by then.
+    again = math.sqrt(tuning.false_alarm_rate) if params.stands_alone else tuning.false_alarm_rate
+    config.nis_again = float(chdtri(count, again))
     config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))
     needed = witnesses(params)
     config.most_step = TOGETHER / needed if needed > 1 else math.inf
     config.smoothing, config.outlier_deviations = tuning.smoothing, tuning.outlier
     config.friction_spread, config.friction_memory_ticks = tuning.drag_spread, tuning.drag_memory_s / T
     config.dwell_ticks = max(1, round(tuning.dwell_s / T))
-    config.window_ticks = config.longest_window_ticks = max(1, round(tuning.window_s / T))
+    config.dates_samples = int(params.stands_alone)
+    # Without a governor the ticks since a late sample was measured are kept: the slip is that of its stamp.
+    late_s = min(sensor.latency_s, tuning.memory_s) if params.stands_alone else 0.0
+    window_s = max(tuning.window_s, late_s)
+    config.window_ticks = config.longest_window_ticks = max(1, round(window_s / T))
     if config.correlation_ticks > 0.0:
         config.longest_window_ticks = max(config.window_ticks, round(LONGEST_WINDOW * tuning.memory_s / T))
     config.memory_ns = round(tuning.memory_s * 1e9)

@@ -34,8 +34,10 @@ class ObserverConfig(Record):
     stick_P_vv: Axes  # noqa: N815
     dead_band: Axes  # speed below which the sensor reads zero
     nis_slip: Real  # normalised innovation squared above which slip begins
+    nis_again: Real  # the same of the model, within the memory after a slip
     nis_stick: Real  # and below which it is over
     smoothing: Real  # weight of a new sample in the mean that is tested in stick
+    dates_samples: Whole  # whether a slip that samples show begins at their stamp
     most_step: Real  # how far one sample may move that mean, over what is significant
     outlier_deviations: Real  # beyond which a sample pulls no harder
     friction_spread: Real  # rad; how far friction may point away from the slip, 0 = its direction is not used

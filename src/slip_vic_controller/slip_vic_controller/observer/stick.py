@@ -19,13 +19,13 @@ from slip_vic_controller.observer.axis import (
     read_axis,
     zero_velocity_update,
 )
-from slip_vic_controller.observer.history import drop_oldest, next_sample, row_at, slot
+from slip_vic_controller.observer.history import drop_oldest, next_sample, row_at
 from slip_vic_controller.observer.layouts import AXES, Observer, ObserverConfig, Row
 from slip_vic_controller.observer.slip import rerun, without_slip
 
-SLOW_GROWTH = 0.2
-"""Growth of a slip that is to show in the model [m/s^2]: kinetic friction is about this much below static friction
-where grip is weak, and slower slips are for the sensor to find."""
+SLOW_GROWTH = 0.13
+"""Growth of a slip that is to show in the model [m/s^2]: what a slip at the limit of a weak grip begins with. Where the
+window is shorter its beginning is learnt as an error of the model; slower slips are for the sensor to find."""
 
 
 @part
@@ -100,13 +100,13 @@ def variance_ratio_of_mean(config: ObserverConfig) -> float:
 @part
 def average_and_test_samples(
     config: ObserverConfig, state: Observer, samples: Records[StampedSlip], count: int,
-) -> bool:  # fmt: skip
-    """Take samples into the weighted mean, in their order; return whether it was significant after any of them.
+) -> int:  # fmt: skip
+    """Take samples into the weighted mean, in their order; return the last one after which it was significant, or -1.
 
     One sample moves the mean no further than `most_step`, so an outlier alone is not significant.
     """
     share, most = variance_ratio_of_mean(config), config.most_step * math.sqrt(config.nis_slip)
-    seen = False
+    seen = -1
     k = -1
     for _ in range(count):
         k = next_sample(config, samples, count, k)
@@ -125,7 +125,7 @@ def average_and_test_samples(
                     state.sample_mean[i] = m
                     total += m * m / (share * config.measurement_variance[i])
             if total > config.nis_slip:
-                seen = True
+                seen = k
                 if limit < 1.0:  # no outlier then, but a slip that lasts
                     for i in range(AXES):
                         if config.axes[i]:
@@ -151,18 +151,23 @@ def begin_slip_of_model(config: ObserverConfig, state: Observer, rows: Records[R
 
 
 @part
-def begin_slip_of_samples(config: ObserverConfig, state: Observer, rows: Records[Row]) -> None:
-    """Believe the samples: the model has missed a slip, so its errors are unknown again; only this tick's row stays."""
+def begin_slip_of_samples(config: ObserverConfig, state: Observer, rows: Records[Row], stamp_ns: int) -> None:
+    """Believe the samples: the model has missed a slip, so its errors are unknown again.
+
+    The slip is that of the newest one's stamp, as far back as there are rows; the ticks since then are run as slip.
+    Where samples are not dated only this tick's row stays.
+    """
     state.sliding = 1
-    state.first, state.rows = slot(state, len(rows), state.rows - 1), 1
+    while state.rows > 1 and (config.dates_samples == 0 or row_at(state, rows, 0).stamp_ns < stamp_ns):
+        drop_oldest(state, rows)
     row, share = row_at(state, rows, 0), variance_ratio_of_mean(config)
     for i in range(AXES):
         if config.axes[i]:
             x, m = state.axes[i], state.sample_mean[i]
             P_vv = share * config.measurement_variance[i] + m * m
             y = Axis(m, x.b, x.c, P_vv, 0.0, 0.0, config.prior_P_bb[i], 0.0, config.prior_P_cc[i])
-            put_axis(state.axes[i], y)
             put_axis(row.axes[i], y)
+    rerun(config, state, rows, row.axes, 1)
 
 
 @part
@@ -177,7 +182,8 @@ def observe_stick(
         drop_oldest(state, rows)
     state.significance = normalised_innovation_squared(config, state, rows)
     seen = average_and_test_samples(config, state, samples, count)
-    if state.significance > config.nis_slip:
+    soon = state.stamp_ns - state.since_ns < config.memory_ns
+    if state.significance > (config.nis_again if soon else config.nis_slip):
         begin_slip_of_model(config, state, rows)
-    elif seen:
-        begin_slip_of_samples(config, state, rows)
+    elif seen >= 0:
+        begin_slip_of_samples(config, state, rows, samples[seen].stamp_ns)
