@@ -72,8 +72,9 @@ class GainParams(ParameterModel):
     )
     authority: Literal["bounded", "printed"] = parameter(
         "bounded",
-        "of the compensation where joints are estimated, that is on an arm with noise: bounded fades the impedance as "
-        "the slip activation opens, and gives the compensation up as soon as the object falls; printed does neither",
+        "of the compensation where joints are estimated, that is on an arm with noise, and where slip is, beside a "
+        "governor or another arm: bounded fades the impedance as the slip activation opens, and gives the compensation "
+        "up as soon as the object falls; printed does neither",
     )
     give_up_after_s: float = parameter(
         0.15, "give_up: longest time for which the slip activation may stay open", unit="s", gt=0.0
@@ -116,6 +117,11 @@ class ContactParams(grasp_params.ContactParams):
     """Contacts on the object, taken as known; contact 0 is this controller's own arm."""
 
     AT_RUNTIME = frozenset({"position"})
+
+    @property
+    def count(self) -> int:
+        """How many contacts the object has."""
+        return len(self.position) // 3
 
 
 class GovernorParams(ParameterModel):
@@ -296,7 +302,9 @@ class ControllerParams(ArmParams):
     @property
     def bounded_authority(self) -> bool:
         """Whether the compensation's authority is bounded, see `gains.authority`."""
-        return self.gains.authority == "bounded" and self.estimates_joints
+        coupled = self.governor.mode != "off" or self.contacts.count > 1
+        estimates = self.estimates_joints or (coupled and self.slip_estimator == "observer")
+        return self.gains.authority == "bounded" and estimates
 
     @property
     def stands_alone(self) -> bool:

@@ -329,3 +329,11 @@ def test_two_arms_on_velocities_keep_to_the_path_of_a_pane_that_slips() -> None:
     assert run.outcome == "ok", run.reason
     assert run.slip_mm < 0.3
     assert run.final_error_mm < 1.0
+
+
+@pytest.mark.parametrize("sensor", ["event_1000", "optical_flow_120"])
+def test_a_governed_pane_rests_in_two_arms_that_estimate_its_slip(sensor: str) -> None:
+    """The model takes the swinging of elastic pads for slip; printed compensation answers it until the pane falls."""
+    run = slip_vic.load(UPRIGHT, law="governed", sensor=sensor, seed=3).run()
+    assert run.outcome == "ok", run.reason
+    assert run.slip_mm < 0.3

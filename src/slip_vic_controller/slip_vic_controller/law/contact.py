@@ -84,7 +84,7 @@ def fill_contacts(params: ContactParams, contacts: Records[Contact]) -> int:
     Raises:
         InputError: more contacts than MAX_CONTACTS.
     """
-    count = len(params.position) // 3
+    count = params.count
     if count > MAX_CONTACTS:
         raise InputError("parameter contacts.position", got=f"{count} contacts", expected=f"at most {MAX_CONTACTS}")
     for i in range(count):
