@@ -31,6 +31,9 @@ MEAN_S, QUICK_S, SIGNIFICANT = 0.01, 0.03, 4.5
 """Time over which innovations are averaged, for which the quick filter stays, and deviations that begin it."""
 
 
+SETTLES_AFTER: Final = 5.0
+"""Least time constant of what is taken off where arms share an object, over all that is late in the loop: each feels
+through the object what the other takes off, and faster than that they swing against each other."""
 LARGER: Final = 1.5
 """Measured noise over the configured one from which it is used: a spread of few samples is not exact."""
 
@@ -238,6 +241,9 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     lag = MOST_SPEED / (2.0 * math.pi * sensor.velocity_filter_hz) if sensor.velocity_filter_hz > 0.0 else 0.0
     config.difference = max(sensor.difference, DEVIATIONS * spread) + lag
     config.compensates, config.settling = int(model.compensate and by_effort), model.settling_s
+    if params.contacts.count > 1:
+        filtered_s = 1.0 / (2.0 * math.pi * sensor.velocity_filter_hz) if sensor.velocity_filter_hz > 0.0 else 0.0
+        config.settling = max(model.settling_s, SETTLES_AFTER * (sensor.latency_s + params.drive_lag_s + filtered_s))
     # What a drive with a loop of its own does not follow is no torque: collisions are the drive's to find then.
     config.bound[:n], config.rate[:n] = (
         (model.limit if by_effort else math.inf) * effort_limit,
