@@ -15,9 +15,7 @@ from slip_core.errors import SlipVicError
 from slip_vic.presets import preset_names
 from slip_vic.run.metrics import off_goal_m
 from slip_vic.scenarios import scenario_names
-
-SETTLES_S = 5.0
-"""Time after the path as planned, in which an arm with friction comes to its goal."""
+from slip_vic.study.lottery import SETTLES_S
 
 
 def rows(
