@@ -115,9 +115,10 @@ class JointReferee:
             fault = Fault.RESTARTED
         if fault in (Fault.CLOCK_JUMP, Fault.JUMP):
             follows = self.fault_of(sample, now_ns, self.after_jump[-1]) if self.after_jump else fault
-            if follows not in (*GOOD, Fault.DUPLICATE):
+            late = follows in (Fault.DUPLICATE, Fault.OUT_OF_ORDER)
+            if follows not in GOOD and not late:
                 self.after_jump = []
-            if follows != Fault.DUPLICATE:
+            if not late:
                 self.after_jump.append((sample, now_ns))
             if len(self.after_jump) >= self.accept_after:
                 fault = Fault.RESTARTED

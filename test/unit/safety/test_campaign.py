@@ -454,6 +454,13 @@ def test_after_a_stop_the_controller_answers_the_newest_joint_state() -> None:
     assert outcome.violations == []
 
 
+def test_a_clock_that_has_jumped_is_taken_over_though_every_second_joint_state_comes_late() -> None:
+    """Pairs come in the wrong order: the older one neither agrees with the newer one nor contradicts it."""
+    outcome = run_trial(plan_of(50501, 2262))
+    assert {"reorder", "clock_jump"} <= {fault.kind for fault in outcome.plan.faults}
+    assert outcome.violations == []
+
+
 def test_a_message_without_numbers_can_be_damaged() -> None:
     """As a command is that gives no effort: a controller that still waits for a slow sensor gives such ones."""
     wire, stamps = Wire(EFFORT, ("a", "b"), "ee"), set()
