@@ -79,9 +79,14 @@ class ContactParams(ParameterModel):
         (True,) * 6, "pad directions in which the contact can slip, 6 per contact; all true = the printed law"
     )
 
+    @property
+    def count(self) -> int:
+        """How many contacts the object has."""
+        return len(self.position) // 3
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        count = len(self.position) // 3
+        count = self.count
         sizes = (len(self.position), len(self.orientation_xyzw), len(self.slip_axes))
         if count < 1 or sizes != (3 * count, 4 * count, 6 * count):
             raise ValueError(

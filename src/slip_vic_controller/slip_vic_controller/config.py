@@ -310,7 +310,7 @@ def _fill_observer(config: ControllerConfig, params: ControllerParams, *, weighe
 
 
 def _fill_hold(hold: HoldConfig, params: ControllerParams, joints: int) -> None:
-    safety, share = params.safety, 1.0 / (len(params.contacts.position) // 3)
+    safety, share = params.safety, 1.0 / params.contacts.count
     hold.joints = joints
     slower = min(1.0, HOLD_PERIOD_S / params.control_period_s)
     hold.stiffness, hold.damping = slower * slower * safety.hold_stiffness, slower * safety.hold_damping

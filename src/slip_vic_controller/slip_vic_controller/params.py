@@ -118,11 +118,6 @@ class ContactParams(grasp_params.ContactParams):
 
     AT_RUNTIME = frozenset({"position"})
 
-    @property
-    def count(self) -> int:
-        """How many contacts the object has."""
-        return len(self.position) // 3
-
 
 class GovernorParams(ParameterModel):
     """Reference governor: how fast a built-in trajectory is run through, so that friction carries the object."""
@@ -302,8 +297,8 @@ class ControllerParams(ArmParams):
     @property
     def bounded_authority(self) -> bool:
         """Whether the compensation's authority is bounded, see `gains.authority`."""
-        coupled = self.governor.mode != "off" or self.contacts.count > 1
-        estimates = self.estimates_joints or (coupled and self.slip_estimator == "observer")
+        alone = self.governor.mode == "off" and self.contacts.count == 1
+        estimates = self.estimates_joints or (self.slip_estimator == "observer" and not alone)
         return self.gains.authority == "bounded" and estimates
 
     @property

@@ -154,7 +154,7 @@ class ArmController:
         self.report = gain_report(params)
         self.config = make_config(params, self.robot, lockstep=lockstep)
         self.gains = make_law_gains(params, self.report.used)
-        self.contacts = len(params.contacts.position) // 3
+        self.contacts = params.contacts.count
         self.make_command: Callable[[int, Array], JointCommand] = COMMANDS[params.command.interface]
         self.command_place = slice(_COMMAND.start, _COMMAND.start + len(params.joint_names))
         self.external = params.trajectory.kind in ("topic", "goal")

@@ -142,7 +142,7 @@ class _Source(NamedTuple):
 def _read_arm(source: _Source, params: ControllerNodeParams) -> RecordedRun:
     bag, prefix, interface = source.bag, source.prefix, params.command.interface
     ledger_series = _complete(bag, prefix + LEDGER)
-    order, contacts = JointOrder(params.joint_names), source.contacts(len(params.contacts.position) // 3)
+    order, contacts = JointOrder(params.joint_names), source.contacts(params.contacts.count)
     return RecordedRun(
         params=params,
         changes=_changes(source, params, ledger_series),

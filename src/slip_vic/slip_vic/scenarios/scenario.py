@@ -235,7 +235,7 @@ class Scenario:
         from slip_vic_controller.session import Controller
 
         for params in self.controllers.values():
-            contacts = len(params.contacts.position) // 3
+            contacts = params.contacts.count
             if contacts not in (1, len(self.controllers)):
                 raise InputError(
                     "parameter contacts.position", got=f"{contacts} contacts",

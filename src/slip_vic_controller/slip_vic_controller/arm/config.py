@@ -30,7 +30,6 @@ LAG_ACCELERATION: Final = 5.0
 MEAN_S, QUICK_S, SIGNIFICANT = 0.01, 0.03, 4.5
 """Time over which innovations are averaged, for which the quick filter stays, and deviations that begin it."""
 
-
 SETTLES_AFTER: Final = 5.0
 """Least time constant of what is taken off where arms share an object, over all that is late in the loop: each feels
 through the object what the other takes off, and faster than that they swing against each other."""
@@ -131,11 +130,10 @@ def sensor_noise(sensor: JointSensorModel, period: float) -> tuple[float, float]
     quantum = sensor.quantum_position / math.sqrt(12.0)
     position = max(math.hypot(sensor.noise_position, quantum), LEAST_POSITION)
     velocity = sensor.noise_velocity if sensor.estimates else UNMEASURED_VELOCITY
-    if sensor.velocity_filter_hz > 0.0:
-        time = 1.0 / (2.0 * math.pi * sensor.velocity_filter_hz)
-        weight = 1.0 - math.exp(-period / time)
+    if sensor.filter_s > 0.0:
+        weight = 1.0 - math.exp(-period / sensor.filter_s)
         counted = math.sqrt(2.0) * quantum / period * weight / math.sqrt(2.0 - weight)
-        velocity = math.hypot(velocity, counted, LAG_ACCELERATION * time)
+        velocity = math.hypot(velocity, counted, LAG_ACCELERATION * sensor.filter_s)
     return position, max(velocity, LEAST_VELOCITY)
 
 
@@ -238,12 +236,11 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     ahead = predicted_covariance(both, noise, config.bandwidth, period, sensor.latency_s)
     config.velocity_variance, config.change_variance = ahead[1, 1], both.change_variance
     spread = math.hypot(math.sqrt(2.0) * noise.position, math.sqrt(COMPARED_S * config.sensor_period) * noise.velocity)
-    lag = MOST_SPEED / (2.0 * math.pi * sensor.velocity_filter_hz) if sensor.velocity_filter_hz > 0.0 else 0.0
-    config.difference = max(sensor.difference, DEVIATIONS * spread) + lag
+    config.difference = max(sensor.difference, DEVIATIONS * spread) + MOST_SPEED * sensor.filter_s
     config.compensates, config.settling = int(model.compensate and by_effort), model.settling_s
     if params.contacts.count > 1:
-        filtered_s = 1.0 / (2.0 * math.pi * sensor.velocity_filter_hz) if sensor.velocity_filter_hz > 0.0 else 0.0
-        config.settling = max(model.settling_s, SETTLES_AFTER * (sensor.latency_s + params.drive_lag_s + filtered_s))
+        late_s = sensor.latency_s + params.drive_lag_s + sensor.filter_s
+        config.settling = max(model.settling_s, SETTLES_AFTER * late_s)
     # What a drive with a loop of its own does not follow is no torque: collisions are the drive's to find then.
     config.bound[:n], config.rate[:n] = (
         (model.limit if by_effort else math.inf) * effort_limit,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from slip_core.params import ParameterModel, parameter
 
 
@@ -38,6 +40,11 @@ class JointSensorModel(ParameterModel):
     def estimates(self) -> bool:
         """Whether the joint state is estimated: where something is known of the noise."""
         return self.noise_velocity > 0.0 or self.quantum_position > 0.0
+
+    @property
+    def filter_s(self) -> float:
+        """Time constant of the filter of velocities, 0 without one [s]."""
+        return 1.0 / (2.0 * math.pi * self.velocity_filter_hz) if self.velocity_filter_hz > 0.0 else 0.0
 
 
 class TareParams(ParameterModel):

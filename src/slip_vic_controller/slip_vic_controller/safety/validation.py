@@ -397,7 +397,7 @@ def receive_joints(
         again = fault
         if state.candidate_known != 0:
             again, _ = classify_joints(limits, stamp_ns, q, qd, now_ns, state.candidate, state.candidate_ns, True)
-        if again != Fault.DUPLICATE and again != Fault.OUT_OF_ORDER:  # these neither agree nor contradict
+        if again != Fault.DUPLICATE and again != Fault.OUT_OF_ORDER:  # twice or late: neither agrees
             state.agreeing = state.agreeing + 1 if fine(again) else 1
             state.candidate_known, state.candidate_ns = 1, now_ns
             _copy_sample(state.candidate, stamp_ns, q, qd, effort)
