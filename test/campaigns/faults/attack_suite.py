@@ -17,6 +17,7 @@ from slip_vic_controller.safety.modes import Mode
 from test.campaigns.faults.attacks import ATTACKS, CHANGES, TWO_SOURCES
 from test.campaigns.faults.dds_campaign import DdsCampaign, campaign_of
 from test.campaigns.faults.dds_session import Nodes
+from test.campaigns.faults.dds_watch import worst
 from test.campaigns.faults.flood import FOREIGN
 from test.campaigns.faults.plan import BRIDGE, CONTROLLER, Fault, Plan
 
@@ -58,10 +59,10 @@ class AttackStage(DdsCampaign):
         self.node, self.folder = node, nodes.folder
         self._guests: list[Child] = []
 
-    def on_command(self, data: bytes) -> None:
+    def on_command(self, arm: str, data: bytes) -> None:
         """Judge a command, unless an attacker sent it."""
         if FOREIGN.encode() not in data:
-            super().on_command(data)
+            super().on_command(arm, data)
 
     def go_on(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
         """Let time pass."""
@@ -84,7 +85,7 @@ class AttackStage(DdsCampaign):
 
     def load_changes(self) -> None:
         """Let the time to come to rest begin anew."""
-        self.watch.joints.begin_again()
+        self.watch.begin_again()
 
     def attack(self, name: str) -> Row:
         """Run one attack, and see what comes after it."""
@@ -94,9 +95,8 @@ class AttackStage(DdsCampaign):
         pids = [self.pid(node) for node in (CONTROLLER, BRIDGE)]
         memory, lines, began = self._memory(pids), self._lines(), time.monotonic()
         lost, starts = self.lost, self.nodes.starts
-        self.watch.by_itself = name in TWO_SOURCES
         modes: set[Mode] = set()
-        self.watch.on_mode = modes.add
+        self.watch.observe(modes.add, by_itself=name in TWO_SOURCES)
         note = ATTACKS[name](self)
         for guest in self._guests:
             guest.send(signal.SIGKILL)
@@ -111,16 +111,15 @@ class AttackStage(DdsCampaign):
         recovery = time.monotonic() - ended if back else None
         rate = (self._lines() - lines) / (time.monotonic() - began)
         deaths += self.deaths()
-        self.watch.by_itself = False
+        self.watch.observe(lambda _: None, by_itself=False)
         # A simulation whose object is lost ends with it, and the operator starts another one: that is no death.
         alive = not deaths and self.nodes.starts - starts <= self.lost - lost
         if self.lost > lost:
             note = "; ".join(text for text in (note, "the object was lost") if text)
         same = [self.pid(node) for node in (CONTROLLER, BRIDGE)] == pids
         grown = self._memory(pids) - memory if same else float("nan")
-        worst = max(modes, key=_badness, default=self.watch.mode)
         violations = (*self.watch.violations(), *deaths)
-        return Row(name, violations, alive, worst.name, rate, grown, recovery, helped, note)
+        return Row(name, violations, alive, worst(modes or {self.watch.mode}).name, rate, grown, recovery, helped, note)
 
     def _put_back(self) -> None:
         """Do what an operator must whose parameters were changed: gains as they were, the object in the grasp again."""
@@ -136,11 +135,6 @@ class AttackStage(DdsCampaign):
 
     def _lines(self) -> int:
         return sum(child.line_count for child in self.nodes.group.children if child.name in (CONTROLLER, BRIDGE))
-
-
-def _badness(mode: Mode) -> int:
-    """Return how far a mode is from the law at work."""
-    return (Mode.ACTIVE, Mode.DEGRADED, Mode.HOLD, Mode.WAITING_INPUT, Mode.FAULT).index(mode)
 
 
 def run_attacks(names: Iterable[str], out: Path, on_done: Callable[[Row], None]) -> list[Row]:

@@ -21,7 +21,7 @@ SHOWN_VIOLATIONS = 5
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
 @click.option("--first", type=click.IntRange(0), default=0, show_default=True, help="number of the first trial")
 @click.option("--dds", is_flag=True, help="real DDS and node processes; default in process, in virtual time")
-@click.option("--two-arms", is_flag=True, help="two arms on one object, in process: do both stop together?")
+@click.option("--two-arms", is_flag=True, help="two arms on one object: do both stop together?")
 @click.option(
     "--interface",
     type=click.Choice(["effort", "velocity", "position"]),
@@ -58,8 +58,6 @@ def faults(
         network.enter(memory_mib=SHM_MIB)
         _attack(only, out)
         return
-    if dds and two_arms:
-        raise InputError("--two-arms", got="with --dds", expected="in process only")
     if dds:
         network.enter()
     console = Console(stderr=True)
@@ -139,7 +137,7 @@ def _report(tally: object, out: Path, *, leave_bags: bool) -> None:
     )
     for verdict in tally.failed[:SHOWN_VIOLATIONS]:
         click.echo(verdict.text())
-        flag = " --dds" if tally.over_dds else " --two-arms" if tally.two_arms else ""
+        flag = f"{' --dds' if tally.over_dds else ''}{' --two-arms' if tally.two_arms else ''}"
         flag += f" --interface {tally.interface}" if tally.interface else ""
         click.echo(f"  again: ./run faults{flag} --seed {tally.seed} --first {verdict.trial} --trials 1")
         if leave_bags and not tally.over_dds and not tally.two_arms:

@@ -11,6 +11,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -33,12 +34,14 @@ from test.campaigns.faults import network
 from test.campaigns.faults.campaign import Tally, Verdict, write_results
 from test.campaigns.faults.dds_faults import FaultActions, remote
 from test.campaigns.faults.dds_session import START_S, Nodes, StartUp
-from test.campaigns.faults.dds_watch import Watch
+from test.campaigns.faults.dds_watch import Watch, Watches
 from test.campaigns.faults.evidence import notes_of, write_bag
 from test.campaigns.faults.monitors import LOST_M
+from test.campaigns.faults.pair import CASES, OVER_DDS, SCENARIOS
 from test.campaigns.faults.plan import (
     BRIDGE,
     CONTROLLER,
+    JOINT,
     PERIOD_S,
     RECORDER,
     TOPICS,
@@ -65,27 +68,37 @@ SPIN_S = 0.002
 TRUTH_EVERY = 3
 TRIALS_PER_SETTING = 20  # new nodes take as long as some four trials
 USUAL = Plan(0, 0, "paper_planar", True, "vic", ())
-GRIP_N = {"paper_planar": 2.0, "vertical_plane": 8.0, "glass_transport": 3.0}
+GRIP_N = {
+    "paper_planar": 2.0, "vertical_plane": 8.0, "glass_transport": 3.0,
+    "pane_two_arms_flat": 1.5, "pane_two_arms_upright": 17.0,
+}  # fmt: skip
+PATH = ("controller.trajectory.radius=0.06",)
+PATH_OF_TWO = ("controller.trajectory.radius=0.04", "controller.trajectory.period_s=8.0", "controller.gains.kappa=0.4")
+STALL_S = 0.05
+"""A turn of the campaign's own loop that takes longer: the machine did not run."""
 
 
-def plan_over_dds(seed: int, trial: int) -> Plan:
+def plan_over_dds(seed: int, trial: int, two_arms: bool = False) -> Plan:
     """Return the plan of a trial over DDS: TRIALS_PER_SETTING in a row run what the first of them has drawn."""
+    cases = (*CASES, *OVER_DDS) if two_arms else all_faults_over_dds()
+    number = trial // TRIALS_PER_SETTING
     first, plan = (
-        make_plan(seed, number, all_faults_over_dds(), LATEST_START_S, LONGEST_S, "effort")
-        for number in (trial - trial % TRIALS_PER_SETTING, trial)
+        make_plan(seed, each, cases, LATEST_START_S, LONGEST_S, "effort")
+        for each in (number * TRIALS_PER_SETTING, trial)
     )
     setting = {name: getattr(first, name) for name in ("scenario", "observer", "controller", "sensor")}
+    setting |= {"scenario": SCENARIOS[number % len(SCENARIOS)]} if two_arms else {}
     return dataclasses.replace(plan, **setting)
 
 
 def campaign_scenario(plan: Plan = USUAL) -> Scenario:
     """Return what the nodes run: an endless lemniscate, on a grip that survives faults mostly, told to the governor."""
-    usual = load_scenario(plan.scenario)
-    friction_n = usual.controller.governor.friction_limit * GRIP_N[plan.scenario] / usual.bridge.grip.force
+    usual, grip_n = load_scenario(plan.scenario), GRIP_N[plan.scenario]
+    friction_n = next(iter(usual.controllers.values())).governor.friction_limit * grip_n / usual.first.grip.force
     assignments = (
-        f"bridge.grip.force={GRIP_N[plan.scenario]}", f"controller.governor.friction_limit={friction_n}",
-        "controller.trajectory.kind=lemniscate", "controller.trajectory.radius=0.06",
-        "controller.trajectory.duration_s=1e6", "bridge.wait_for=[]",
+        f"bridge.grip.force={grip_n}", f"controller.governor.friction_limit={friction_n}",
+        "controller.trajectory.kind=lemniscate", "controller.trajectory.duration_s=1e6", "bridge.wait_for=[]",
+        *(PATH_OF_TWO if usual.several else PATH),
     )  # fmt: skip
     return realtime_scenario(plan.scenario, plan.observer, plan.controller, plan.sensor, assignments)
 
@@ -103,7 +116,7 @@ def run_over_dds(
     effort_rate: what the monitor allows [N m/s]; None takes the controller's own limit.
     """
     for _, numbers in itertools.groupby(trials, lambda trial: trial // TRIALS_PER_SETTING):
-        plans, before = [plan_over_dds(tally.seed, trial) for trial in numbers], tally.notes
+        plans, before = [plan_over_dds(tally.seed, trial, tally.two_arms) for trial in numbers], tally.notes
         with campaign_of(DdsCampaign, out, effort_rate, plans[0]) as campaign:
             for plan in plans:
                 verdict = campaign.run(plan)
@@ -168,26 +181,34 @@ class DdsCampaign:
 
     def __init__(self, node: Any, nodes: Nodes, out: Path, effort_rate: float | None) -> None:
         self.nodes, self.scenario, self._out = nodes, nodes.scenario, out
-        controller, bridge = self.scenario.controller, self.scenario.bridge
-        robot = Robot(self.scenario.urdf, controller.ee_frame, controller.joint_names, controller.gravity)
-        wires = {name: Wire(name, controller.joint_names, controller.ee_frame) for name in TOPICS}
-        self.watch = Watch(
-            wires, controller, robot, PERIOD_S, bridge.effort_rate, bridge.command_timeout_s, effort_rate
-        )
+        self._prefixes = [prefix for prefix, _ in self.scenario.arms]
+        wires, watches = {}, {}
+        for prefix, (arm, params) in zip(self._prefixes, self.scenario.controllers.items(), strict=True):
+            robot = Robot(self.scenario.placed[arm], params.ee_frame, params.joint_names, params.gravity)
+            own = {name: Wire(name, params.joint_names, params.ee_frame) for name in TOPICS}
+            wires |= {f"{prefix}{name}": wire for name, wire in own.items()}
+            bridge = self.scenario.bridges[arm]
+            watches[prefix] = Watch(
+                own, params, robot, PERIOD_S, bridge.effort_rate, bridge.command_timeout_s, effort_rate
+            )
+        self.watch = Watches(watches, PERIOD_S)
         self._actions = FaultActions(node, nodes, self.watch)
         self.proxy = Proxy(node, wires, self.watch.forwarded, self._on_state)
         self._lost = False
-        self.lost = self.deaf = self.gripped_again = 0
+        self.lost = self.deaf = self.gripped_again = self.stalls = 0
         self._gripped_s = 0.0
         self._startup = StartUp()
-        self._since_truth = 0
+        self._truths: Counter[str] = Counter()
         self._last_ask = 0.0
-        for name, take, reliable in (
-            ("effort_command", self.on_command, True),
-            ("controller/ledger", self.watch.ledger, True),
-            ("slip_truth", self._on_truth, False),
-        ):
-            create_subscription(node, name, take, depth=1000, reliable=reliable, raw=True)
+        for prefix, watch in watches.items():
+            takers: tuple[tuple[str, Callable[[bytes], None], bool], ...] = (
+                ("effort_command", partial(self.on_command, prefix), True),
+                ("controller/ledger", watch.ledger, True),
+                ("slip_truth", partial(self._on_truth, prefix), False),
+            )
+            for name, take, reliable in takers:
+                actual = f"{prefix}{name}"
+                create_subscription(node, name, take, depth=1000, reliable=reliable, actual_name=actual, raw=True)
         self._truth = message_class(topic("slip_truth").type)
         executor = EventsExecutor()
         executor.add_node(node)
@@ -199,6 +220,7 @@ class DdsCampaign:
             "process_starts": self.nodes.starts,
             "deaf_nodes": self.deaf,
             "gripped_again": self.gripped_again,
+            "stalls": self.stalls,
             "commands_without_predecessor": self.watch.not_judged,
             "network_cut": "namespaces"
             if self.nodes.cable
@@ -217,17 +239,18 @@ class DdsCampaign:
         if not self.help_until(self.works):
             violations.append(f"the law is not at work within {BACK_S:g} s; mode {self.watch.mode.name}")
         violations += self.deaths()
-        commands, lost = self.watch.commands.commands, self.lost
+        commands, lost = self.watch.commands, self.lost
         recovery = None if violations else self._suffer(plan, modes)
         violations += self.deaths() + self._recorder(plan) + self.watch.violations() + self.deaths()
         if violations:
-            write_bag(self._out / f"trial_dds_{plan.seed}_{plan.trial}", self.proxy.kept, notes_of(plan, violations))
+            folder = self._out / f"trial_dds_{plan.seed}_{plan.trial}"
+            write_bag(folder, self.proxy.kept, notes_of(plan, violations), self._prefixes)
         return Verdict(
             plan.trial,
             tuple(fault.name for fault in plan.faults),
             tuple(violations),
             recovery,
-            self.watch.commands.commands - commands,
+            self.watch.commands - commands,
             dict(modes),
             self.lost - lost,
             plan.setting,
@@ -350,32 +373,37 @@ class DdsCampaign:
 
     # -- messages ----------------------------------------------------------------------------------
 
-    def on_command(self, data: bytes) -> None:
-        """Judge a command."""
-        self.watch.command(data)
+    def on_command(self, arm: str, data: bytes) -> None:
+        """Judge a command; arm: the prefix of its topics."""
+        self.watch.arms[arm].command(data)
 
     def spin_until(self, condition: Callable[[], bool], timeout_s: float, on_turn: Callable[[], None]) -> bool:
         """Let messages come and go until a condition holds; return whether it did in time."""
-        end = time.monotonic() + timeout_s
+        turned = time.monotonic()
+        end = turned + timeout_s
         while not condition():
             if time.monotonic() > end:
                 return False
             self._spinner.spin(SPIN_S)
             self.proxy.flush()
             on_turn()
+            last, turned = turned, time.monotonic()
+            if turned - last > STALL_S:
+                self.stalls += 1
+                self.watch.stood_still(turned - last)
         return True
 
-    def _on_state(self, data: bytes) -> None:
-        self.watch.bridge_state(data, time.monotonic())
+    def _on_state(self, name: str, data: bytes) -> None:
+        self.watch.arms[name.removesuffix(JOINT)].bridge_state(data, time.monotonic())
 
-    def _on_truth(self, data: bytes) -> None:
-        self._since_truth += 1
-        if self._since_truth % TRUTH_EVERY == 0:
+    def _on_truth(self, arm: str, data: bytes) -> None:
+        self._truths[arm] += 1
+        if self._truths[arm] % TRUTH_EVERY == 0:
             message = deserialize_message(data, self._truth)
             if max(map(abs, message.position[:3]), default=0.0) > LOST_M and self.nodes.runs(BRIDGE):
                 # It acts on with ever longer levers and soon falls. Its simulation ends here; the operator starts
                 # another one.
                 self._lost = True
                 self.lost += 1
-                self.watch.joints.begin_again()
+                self.watch.begin_again()
                 self.nodes.let_go(BRIDGE)

@@ -11,10 +11,10 @@ from sensor_msgs.msg import JointState
 
 from slip_core.params import flatten
 from test.campaigns.faults.dds_session import Nodes
-from test.campaigns.faults.dds_watch import Watch
+from test.campaigns.faults.dds_watch import Watches
 from test.campaigns.faults.plan import BRIDGE, RECORDER, Fault
 
-RETUNED = ("gains.stiffness", "gains.k_s", "object.mass")
+STIFFNESS, K_S, MASS = RETUNED = ("gains.stiffness", "gains.k_s", "object.mass")
 REFUSED = (
     ("gains.k_s", -1.0), ("gains.stiffness", [float("nan")] * 6), ("object.mass", float("inf")),
     ("safety.limits.effort_rate", 1e9), ("control_period_s", 0.5), ("gains.stiffness", [1.0]), ("joint_names", ["x"]),
@@ -29,11 +29,11 @@ class FaultActions:
         nodes, watch: of the campaign; where nodes have no cable the proxy drops everything instead of a cut.
     """
 
-    def __init__(self, node: Any, nodes: Nodes, watch: Watch) -> None:
+    def __init__(self, node: Any, nodes: Nodes, watch: Watches) -> None:
         self._node, self._nodes, self._watch, self._cable = node, nodes, watch, nodes.cable
         values = flatten(nodes.scenario.controller)
-        self._grip_n = nodes.scenario.bridge.grip.force
-        self._usual = {name: values[name] for name in RETUNED}
+        self._arms = [prefix.replace("/", ".") for prefix, _ in nodes.scenario.arms]
+        self._usual = {f"{arm}{name}": values[f"{arm}{name}"] for arm in self._arms for name in RETUNED}
         self._intruders: dict[Fault, Callable[[], None]] = {}
 
     def begin(self, fault: Fault) -> None:
@@ -51,14 +51,14 @@ class FaultActions:
             self._watch.teleport(time.monotonic())
             nodes.trigger("reset")
         elif kind == "grip":
-            nodes.set_grip(self._grip_n * 2.0 * fault.size**3)
+            nodes.set_grip(target, self._grip_n(target) * 2.0 * fault.size**3)
         elif kind == "request":
             nodes.trigger(("enable", "hold", "reset_fault")[int(3 * fault.size)])
         elif kind == "gains":
             nodes.set_parameters(self._changed(fault.size))
         elif kind == "bad_parameter":
             name, value = REFUSED[int(len(REFUSED) * fault.size)]
-            nodes.set_parameters({name: value})
+            nodes.set_parameters({f"{self._arms[0]}{name}": value})
         elif kind == "second_publisher":
             self._intruders[fault] = self._intrude(target)
 
@@ -72,7 +72,7 @@ class FaultActions:
         elif kind == "cut" and self._cable is not None:
             self._cable.mend()
         elif kind == "grip":
-            nodes.set_grip(self._grip_n)
+            nodes.set_grip(fault.target, self._grip_n(fault.target))
         elif kind == "second_publisher":
             self._intruders.pop(fault)()
 
@@ -82,11 +82,16 @@ class FaultActions:
 
     def _changed(self, size: float) -> dict[str, Any]:
         factor = 10.0 ** (2.0 * size - 1.0)
-        return {
-            "gains.stiffness": [factor * k for k in self._usual["gains.stiffness"]],
-            "gains.k_s": min(factor * self._usual["gains.k_s"], 200.0),
-            "object.mass": factor * self._usual["object.mass"],
-        }
+        values: dict[str, Any] = {}
+        for arm in self._arms:
+            values[f"{arm}{STIFFNESS}"] = [factor * k for k in self._usual[f"{arm}{STIFFNESS}"]]
+            values[f"{arm}{K_S}"] = min(factor * self._usual[f"{arm}{K_S}"], 200.0)
+            values[f"{arm}{MASS}"] = factor * self._usual[f"{arm}{MASS}"]
+        return values
+
+    def _grip_n(self, arm: str) -> float:
+        force: float = self._nodes.scenario.bridges[arm].grip.force
+        return force
 
     def _intrude(self, topic: str) -> Callable[[], None]:
         """Let a node of another name appear on a topic; return what removes it."""

@@ -16,6 +16,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from slip_bags.reader import Bag
+from slip_core.arms import prefix_of
 from slip_core.errors import InputError
 from slip_msgs_py.events import Event, Failed, Ready, Started, Status
 from slip_vic.run.node_command import node_command
@@ -23,7 +24,7 @@ from slip_vic.run.processes import Child, ProcessGroup, python_module
 from slip_vic.scenarios.scenario import Scenario
 from test.campaigns.faults.network import Cable
 from test.campaigns.faults.plan import BRIDGE, CONTROLLER, RECORDER
-from test.campaigns.faults.proxy import remappings
+from test.campaigns.faults.proxy import remappings, topics_of
 
 BLOCK_BYTES = 4096  # of a file system: what a file has beyond its end when the disk is full
 # A full disk refuses to grow in sum, this limit each file: metadata.yaml needs more than a young bag has.
@@ -86,7 +87,8 @@ class Nodes:
         self._bag = folder
         self._remote = False
         self.starts = 0
-        self._grip = node.create_publisher(Float64, "grip_force", 10)
+        self._prefixes = [prefix for prefix, _ in scenario.arms]
+        self._grips = {prefix: node.create_publisher(Float64, f"{prefix}grip_force", 10) for prefix in self._prefixes}
         triggers = {
             "enable": "/slip_vic_controller/enable", "hold": "/slip_vic_controller/hold",
             "reset_fault": "/slip_vic_controller/reset_fault", "reset": "/slip_sim_bridge/reset",
@@ -113,7 +115,7 @@ class Nodes:
         self.starts += 1
         if name in self._leaving:  # two of them would be heard
             self.group.stop([self._leaving.pop(name)])
-        extra = remappings() if name == BRIDGE else []
+        extra = remappings(topics_of(self._prefixes)) if name == BRIDGE else []
         argv = node_command(name, getattr(self.scenario, name), self.folder, *extra)
         if name == BRIDGE and self._remote and self.cable is not None:
             argv = self.cable.behind(argv)
@@ -207,9 +209,9 @@ class Nodes:
         if client.service_is_ready():
             client.call_async(Trigger.Request())
 
-    def set_grip(self, force: float) -> None:
-        """Set the grip force [N]."""
-        self._grip.publish(Float64(data=force))
+    def set_grip(self, arm: str, force: float) -> None:
+        """Set the grip force of an arm [N]."""
+        self._grips[prefix_of(arm)].publish(Float64(data=force))
 
     def set_parameters(self, values: Mapping[str, Any]) -> None:
         """Change parameters of the controller."""

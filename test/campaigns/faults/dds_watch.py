@@ -6,6 +6,7 @@ import itertools
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,14 @@ from slip_msgs_py.fast_io import Receiver
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.modes import Mode
-from test.campaigns.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
+from test.campaigns.faults.monitors import (
+    NS,
+    CommandMonitor,
+    JointMonitor,
+    Promise,
+    SafeStateMonitor,
+    TogetherMonitor,
+)
 from test.campaigns.faults.plan import EFFORT, JOINT, SLIP, WRENCH
 from test.campaigns.faults.wire import Wire
 
@@ -27,10 +35,10 @@ ODD_ONES = 5  # commands that wait for a ledger that never comes
 
 
 class Watch:
-    """All monitors of a run over DDS.
+    """All monitors of an arm in a run over DDS.
 
     Args:
-        wires: by topic.
+        wires: by topic, without the arm's prefix.
         params: of the controller.
         robot: for limits and gravity compensation.
         period_s: control period.
@@ -78,6 +86,8 @@ class Watch:
         self._last_seen = np.zeros(0)  # positions that the command before answered
         self.by_itself = False  # two sources alternate: no command follows the one before
         self.on_mode: Callable[[Mode], object] = lambda _: None
+        self.on_cycle: Callable[[int, Mode], object] = lambda *_: None
+        """Called with controller's clock [ns] and mode of every cycle."""
         self._ledger: Receiver[tuple[int, int, int, Mode]] = Receiver(
             topic("controller/ledger").type, ("data",), lambda _: _entry, stamp=""
         )
@@ -114,12 +124,17 @@ class Watch:
             self.mode_since_s = now_s
         self.mode, self.alive_s = mode, now_s
         self.on_mode(mode)
+        self.on_cycle(clock_ns, mode)
         self._ledgers.append(entry)
         self._pair()
 
     def teleport(self, now_s: float) -> None:
         """The simulation is about to be reset."""
         self._ignore_until_s = now_s + TELEPORT_S
+
+    def stood_still(self, seconds: float) -> None:
+        """This machine did not run: what was handed on before may have waited as long for the controller."""
+        self.safe.stood_still(seconds, (JOINT, WRENCH, SLIP))
 
     def bridge_state(self, data: bytes, now_s: float) -> None:
         """A joint state as the bridge sent it."""
@@ -198,6 +213,94 @@ class Watch:
                 starts.append(self._robot.gravity(seen))
         self._last_seen = position
         return tuple(start for start in starts if start.shape == shape and np.isfinite(start).all())
+
+
+class Watches:
+    """The watch of each arm, and whether the law is at work for all of them or for none.
+
+    Args:
+        arms: by the prefix of their topics.
+        period_s: control period.
+    """
+
+    def __init__(self, arms: dict[str, Watch], period_s: float) -> None:
+        self.arms = arms
+        self.together = TogetherMonitor(tuple(arms), period_s)
+        self._cycle_ns = 0
+        self._follows: dict[str, bool] = {}
+        for prefix, watch in arms.items():
+            watch.on_cycle = partial(self._cycle, prefix)
+
+    @property
+    def mode(self) -> Mode:
+        """The mode that is furthest from the law at work."""
+        return worst(watch.mode for watch in self.arms.values())
+
+    @property
+    def mode_since_s(self) -> float:
+        """When a mode changed last."""
+        return max(watch.mode_since_s for watch in self.arms.values())
+
+    @property
+    def alive_s(self) -> float:
+        """Until when all arms have had commands."""
+        return min(watch.alive_s for watch in self.arms.values())
+
+    @property
+    def commands(self) -> int:
+        """How many have been judged."""
+        return sum(watch.commands.commands for watch in self.arms.values())
+
+    @property
+    def not_judged(self) -> int:
+        """Commands whose slope is unknown, because a message was lost on its way to the monitor."""
+        return sum(watch.not_judged for watch in self.arms.values())
+
+    def violations(self) -> list[str]:
+        """Return what was found since the last call."""
+        found = [text for watch in self.arms.values() for text in watch.violations()] + self.together.violations
+        self.together.violations.clear()
+        return found
+
+    def forwarded(self, name: str, data: bytes, sent_ns: int, counts: bool) -> None:
+        """A message has been handed on to controller or bridge; name: of its topic, with the arm's prefix."""
+        arm, slash, topic_name = name.rpartition("/")
+        self.arms[arm + slash].forwarded(topic_name, data, sent_ns, counts)
+
+    def teleport(self, now_s: float) -> None:
+        """The simulation is about to be reset."""
+        for watch in self.arms.values():
+            watch.teleport(now_s)
+
+    def stood_still(self, seconds: float) -> None:
+        """This machine did not run."""
+        for watch in self.arms.values():
+            watch.stood_still(seconds)
+
+    def begin_again(self) -> None:
+        """The time to come to rest begins anew: another one holds the arms, or what they carry is not the same."""
+        for watch in self.arms.values():
+            watch.joints.begin_again()
+
+    def observe(self, on_mode: Callable[[Mode], object], *, by_itself: bool) -> None:
+        """Call with every mode from now on; by_itself: two sources alternate, so no command follows the one before."""
+        for watch in self.arms.values():
+            watch.on_mode, watch.by_itself = on_mode, by_itself
+
+    def _cycle(self, prefix: str, clock_ns: int, mode: Mode) -> None:
+        """Judge the arms together where the newest cycle has told of all of them."""
+        if clock_ns != self._cycle_ns:
+            self._cycle_ns = clock_ns
+            self._follows.clear()
+        self._follows[prefix] = mode.follows
+        if len(self._follows) == len(self.arms):
+            self.together.check(NS * clock_ns, tuple(self._follows[each] for each in self.arms))
+
+
+def worst(modes: Iterable[Mode]) -> Mode:
+    """Return the mode that is furthest from the law at work."""
+    order = (Mode.ACTIVE, Mode.DEGRADED, Mode.HOLD, Mode.WAITING_INPUT, Mode.FAULT)
+    return max(modes, key=order.index)
 
 
 def _how_many(stamp_ns: int, stamps: Iterable[int]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -47,15 +48,16 @@ def notes_of(plan: Plan, violations: Sequence[str]) -> dict[str, str]:
     }
 
 
-def write_bag(wanted: Path, messages: Iterable[tuple[int, str, bytes]], notes: Mapping[str, str]) -> Path:
-    """Write messages (time [ns], topic, bytes) into a new bag; return its folder."""
+def write_bag(
+    wanted: Path, messages: Iterable[tuple[int, str, bytes]], notes: Mapping[str, str], prefixes: Sequence[str] = ("",)
+) -> Path:
+    """Write messages (time [ns], topic, bytes) into a new bag; return its folder; prefixes: of each arm's topics."""
     folder = _new_folder(wanted)
     writer = BagWriter(folder, WriterOptions(custom_data=notes))
-    for name in (*TOPICS, MODE):
+    for prefix, name in itertools.product(prefixes, (*TOPICS, MODE)):
         definition = find_definition(topic(name).type)
-        writer.add_topic(
-            TopicInfo(f"/{name}", topic(name).type, (QosProfile(),), definition.type_hash), definition.text
-        )
+        info = TopicInfo(f"/{prefix}{name}", topic(name).type, (QosProfile(),), definition.type_hash)
+        writer.add_topic(info, definition.text)
     for sequence, (now_ns, name, data) in enumerate(messages, start=1):
         writer.write(f"/{name}", now_ns, now_ns, sequence, data)
     writer.close()

@@ -26,7 +26,7 @@ def enter(*, memory_mib: int = 0) -> None:
     unshare = own_network(mount=bool(memory_mib))
     os.environ[INSIDE] = "yes" if unshare else "no"
     if unshare:
-        again = [sys.executable, "-m", "slip_vic.cli", *sys.argv[1:]]
+        again = [sys.executable, *sys.orig_argv[1:]]
         if memory_mib:
             mount = f'mount -t tmpfs -o size={memory_mib}m tmpfs /dev/shm && exec "$@"'
             again = ["sh", "-c", mount, "sh", *again]

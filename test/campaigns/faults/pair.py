@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Any
 
@@ -18,12 +17,16 @@ from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session import Controller, ControllerSession, Results
 from test.campaigns.faults.carriers import SampleCarrier
 from test.campaigns.faults.channel import Channel
-from test.campaigns.faults.monitors import NS, CommandMonitor, SafeStateMonitor
+from test.campaigns.faults.monitors import NS, CommandMonitor, SafeStateMonitor, TogetherMonitor
 from test.campaigns.faults.plan import (
+    BRIDGE,
+    CONTROLLER,
     DRIVES,
     EFFORT,
     JOINT,
+    ON_NODES,
     ON_TOPICS,
+    RECORDER,
     SLIP,
     TOPICS,
     WRENCH,
@@ -48,7 +51,14 @@ CASES = (
     *(("grip", side) for side in SIDES),
     ("request", ""),
 )  # fmt: skip
-"""Every (kind, target) there is."""
+"""Every (kind, target) there is, in process."""
+OVER_DDS = (
+    *((kind, node) for kind in ON_NODES for node in (BRIDGE, CONTROLLER, RECORDER)),
+    *((kind, BRIDGE) for kind in ("reset", "clock_jump", "clock_stop", "cut")), ("disk_full", RECORDER),
+    ("gains", CONTROLLER), ("bad_parameter", CONTROLLER),
+    ("second_publisher", f"left/{JOINT}"), ("second_publisher", f"right/{EFFORT}"),
+)  # fmt: skip
+"""Those over DDS beyond that: of processes, network and graph."""
 
 
 def make_plan(seed: int, trial: int, interface: str = "") -> tuple[str, tuple[Fault, ...], str]:
@@ -72,25 +82,6 @@ def prepared(name: str, interface: str = "effort") -> tuple[Scenario, Controller
         ],
     )  # fmt: skip
     return scenario, Controller(scenario.controllers, scenario.placed, lockstep=False)
-
-
-@dataclass
-class TogetherMonitor:
-    """The law works for both arms or for neither, whenever the controller has run."""
-
-    violations: list[str] = field(default_factory=list)
-    _apart_since: float | None = None
-
-    def check(self, now_s: float, follows: tuple[bool, ...]) -> None:
-        """Judge the modes of a moment; one cycle of difference is the law that could not be evaluated."""
-        if len(set(follows)) == 1:
-            self._apart_since = None
-        elif self._apart_since is None:
-            self._apart_since = now_s
-        elif now_s - self._apart_since > 1.5 * PERIOD_S:
-            pulls = SIDES[follows.index(True)]
-            self.violations.append(f"{now_s:.3f} s: the {pulls} arm follows the law while the other one holds")
-            self._apart_since = None
 
 
 class PairTrial:
@@ -125,7 +116,7 @@ class PairTrial:
             SLIP: inputs.slip.age_s + safety.fallback.slow_down_s + PERIOD_S,
         }
         self.safe = [SafeStateMonitor(dict(age), inputs.future_s) for _ in SIDES]
-        self.together = TogetherMonitor()
+        self.together = TogetherMonitor(SIDES, PERIOD_S)
         self.modes: Counter[str] = Counter()
         self.violations: list[str] = []
         self.follows: tuple[bool, ...] = ()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,26 +14,31 @@ from slip_core.stamps import stamp_of, with_stamp
 from slip_msgs_py.qos import create_publisher, create_subscription
 from test.campaigns.faults.carriers import BytesCarrier
 from test.campaigns.faults.channel import Channel
-from test.campaigns.faults.plan import BRIDGE, EFFORT, TOPICS, Fault, Plan
+from test.campaigns.faults.plan import BRIDGE, EFFORT, JOINT, TOPICS, Fault, Plan
 from test.campaigns.faults.wire import Wire
 
 PLANT = "plant"  # namespace of the bridge's side
 KEPT = 20_000  # messages kept for the bag of a violation: about ten seconds
 
 
-def remappings() -> list[str]:
-    """Return the ROS arguments that put the bridge behind the proxy."""
-    return [word for name in TOPICS for word in ("-r", f"{name}:={PLANT}/{name}")]
+def topics_of(prefixes: Iterable[str]) -> list[str]:
+    """Return the names of the topics between bridge and controller; prefixes: of each arm."""
+    return [f"{prefix}{name}" for prefix in prefixes for name in TOPICS]
+
+
+def remappings(names: Iterable[str]) -> list[str]:
+    """Return the ROS arguments that put these topics of the bridge behind the proxy."""
+    return [word for name in names for word in ("-r", f"{name}:={PLANT}/{name}")]
 
 
 class Proxy:
-    """Forwards four topics.
+    """Forwards four topics of each arm.
 
     Args:
         node: owner of the endpoints.
-        wires: by topic.
+        wires: by the name of the topic, with the arm's prefix.
         on_forward: called with (topic, message, sent at [steady ns], whether it may count) of what is handed on.
-        on_state: called with every joint state as the bridge sent it.
+        on_state: called with (topic, message) of every joint state as the bridge sent it.
     """
 
     def __init__(
@@ -40,9 +46,10 @@ class Proxy:
         node: Any,
         wires: dict[str, Wire],
         on_forward: Callable[[str, bytes, int, bool], None],
-        on_state: Callable[[bytes], None],
+        on_state: Callable[[str, bytes], None],
     ) -> None:
-        self._carriers = {name: BytesCarrier(wires[name]) for name in TOPICS}
+        self._wires = wires
+        self._carriers = {name: BytesCarrier(wire) for name, wire in wires.items()}
         self._on_forward, self._on_state = on_forward, on_state
         self.kept: deque[tuple[int, str, bytes]] = deque(maxlen=KEPT)
         self._start_ns = 0
@@ -50,13 +57,12 @@ class Proxy:
         self._clock_faults: tuple[Fault, ...] = ()
         self._standing_ns: int | None = None
         self._publishers = {}
-        for name in TOPICS:
-            source, sink = (name, f"{PLANT}/{name}") if name == EFFORT else (f"{PLANT}/{name}", name)
-            self._publishers[name] = create_publisher(node, name, actual_name=sink)
+        for name, wire in wires.items():
+            source, sink = (name, f"{PLANT}/{name}") if wire.name == EFFORT else (f"{PLANT}/{name}", name)
+            self._publishers[name] = create_publisher(node, wire.name, actual_name=sink)
             create_subscription(
-                node, name, lambda data, n=name: self._take(n, data), depth=100, reliable=True, actual_name=source,
-                raw=True,
-            )  # fmt: skip
+                node, wire.name, partial(self._take, name), depth=100, reliable=True, actual_name=source, raw=True
+            )
         self.set_plan(None, 0)
 
     def set_plan(self, plan: Plan | None, start_ns: int, *, cut_here: bool = False) -> None:
@@ -75,7 +81,7 @@ class Proxy:
                 tuple(fault for fault in faults if fault.target == name or (cut_here and fault.kind == "cut")),
                 np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(trial, 2 + i))),
             )
-            for i, name in enumerate(TOPICS)
+            for i, name in enumerate(self._wires)
         }
 
     def flush(self) -> None:
@@ -89,11 +95,11 @@ class Proxy:
     def _take(self, name: str, data: bytes) -> None:
         now_ns = time.monotonic_ns()
         self.kept.append((time.time_ns(), name, data))
-        if name == EFFORT:
+        if self._wires[name].name == EFFORT:
             shown = with_stamp(data, stamp_of(data) - self._offset_ns) if self._offset_ns else data
         else:
-            if name == TOPICS[0]:
-                self._on_state(data)
+            if self._wires[name].name == JOINT:
+                self._on_state(name, data)
             shown = self._with_clock(data, (now_ns - self._start_ns) * 1e-9)
         self._channels[name].send(shown, (now_ns - self._start_ns) * 1e-9, now_ns)
         self.flush()

@@ -233,7 +233,7 @@ class Trial:
             self._t, self._now_ns = t, STEADY_NS + round(t * 1e9)
             self._nodes(t)
             if self._stopped(BRIDGE, t):
-                self._safe.stood_still(PERIOD_S)
+                self._safe.stood_still(PERIOD_S, (WRENCH, SLIP))
             if self._bridge_runs(t):
                 self._observe(t)
             if not self._controller_lives():

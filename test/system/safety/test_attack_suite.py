@@ -6,12 +6,10 @@ import json
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from test.campaigns.faults import attack_suite
 from test.campaigns.faults.attack_suite import run_attacks
 from test.campaigns.faults.attacks import ATTACKS
-from test.campaigns.faults.cli import faults
 from test.campaigns.faults.dds_campaign import campaign_of
 
 pytestmark = pytest.mark.long
@@ -52,9 +50,3 @@ def test_a_stricter_promise_than_the_limiter_keeps_and_a_dead_node_are_seen(
     assert not row.kept
     assert any("effort steps" in text for text in row.violations)
     assert any("bridge ended" in text for text in row.violations)
-
-
-def test_an_attack_that_is_not_there_is_refused_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SLIP_VIC_NETWORK", "no")
-    result = CliRunner().invoke(faults, ["--attacks", "--only", "no such"])
-    assert "a part of one of: 20 kHz of joint states" in str(result.exception)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from test.campaigns.faults.campaign import judge_pair
-from test.campaigns.faults.pair import CASES, PERIOD_S, SCENARIOS, PairTrial, TogetherMonitor, make_plan
+from test.campaigns.faults.monitors import TogetherMonitor
+from test.campaigns.faults.pair import CASES, PERIOD_S, SCENARIOS, SIDES, PairTrial, make_plan
 from test.campaigns.faults.plan import JOINT, SLIP, WRENCH, Fault
 from test.support.two_arms_paused import fastest_joint
 
@@ -19,7 +20,7 @@ def test_every_fault_on_either_arm_has_its_turn() -> None:
 
 
 def test_the_monitor_sees_one_arm_that_goes_on() -> None:
-    monitor = TogetherMonitor()
+    monitor = TogetherMonitor(SIDES, PERIOD_S)
     for k, follows in enumerate(((True, True), (True, False), (False, False), (False, True), (True, True))):
         monitor.check(k * PERIOD_S, follows)
     assert monitor.violations == []

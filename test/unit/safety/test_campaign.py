@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import signal
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -31,7 +32,7 @@ from test.campaigns.faults.campaign import Tally, Verdict, judge, plan_of, upper
 from test.campaigns.faults.cli import faults
 from test.campaigns.faults.dds_campaign import campaign_scenario
 from test.campaigns.faults.dds_session import SILENT_S, START_S, StartUp
-from test.campaigns.faults.dds_watch import Watch
+from test.campaigns.faults.dds_watch import Watch, Watches
 from test.campaigns.faults.monitors import CommandMonitor, JointMonitor, Promise, SafeStateMonitor
 from test.campaigns.faults.plan import (
     BRIDGE,
@@ -245,6 +246,41 @@ def test_the_arm_need_not_rest_where_bridge_and_controller_hold_it_in_turn() -> 
         assert ["not at rest" in text for text in watch.violations()] == [True] * complaints, late_ticks
 
 
+def ledger_of(cycle: int, stamp_ns: int, clock_ns: int, mode: Mode) -> bytes:
+    row = [cycle, 0, stamp_ns, *divmod(clock_ns, 1_000_000_000), int(mode), 0, 0]
+    data: bytes = serialize_message(Int64MultiArray(data=row))
+    return data
+
+
+@pytest.mark.parametrize(("cycles_apart", "complaints"), [(1, 0), (6, 2)])
+def test_an_arm_that_goes_on_while_the_other_one_holds_is_seen_by_the_ledgers(
+    cycles_apart: int, complaints: int
+) -> None:
+    watches = Watches({f"{side}/": watch_of_the_campaign()[0] for side in ("left", "right")}, 0.004)
+    for cycle in range(20):
+        apart = 5 <= cycle < 5 + cycles_apart
+        for side, mode in (("left/", Mode.ACTIVE), ("right/", Mode.HOLD if apart else Mode.ACTIVE)):
+            watches.arms[side].ledger(ledger_of(cycle, cycle * 4 * MS, cycle * 4 * MS, mode))
+        assert watches.mode == (Mode.HOLD if apart else Mode.ACTIVE)
+    found = watches.violations()
+    assert ["the left/ arm follows" in text for text in found] == [True] * complaints
+    assert watches.violations() == []
+
+
+@pytest.mark.parametrize(("noticed", "complaints"), [(False, 1), (True, 0)])
+def test_a_law_that_goes_on_with_what_waited_while_the_machine_stood_still_is_no_violation(
+    noticed: bool, complaints: int
+) -> None:
+    watch, wires = watch_of_the_campaign()
+    state = serialize_message(wires[JOINT].message(JointSample(4 * MS, np.zeros(7), np.zeros(7), np.zeros(7))))
+    sent_s = time.monotonic()
+    watch.forwarded(JOINT, state, round(1e9 * sent_s), True)
+    if noticed:
+        watch.stood_still(0.5)
+    watch.ledger(ledger_of(1, 4 * MS, round(1e9 * (sent_s + 0.5)), Mode.ACTIVE))
+    assert len(watch.violations()) == complaints
+
+
 def test_commands_that_answer_the_same_joint_state_are_judged_where_none_of_them_is_lost() -> None:
     """Without joint states several of them have the same stamp, and belong to their ledgers by their order alone."""
     sent = [(4, 1000, 0.0), (8, 1004, 4.0), (8, 1004.1, 4.1), (8, 1009, 9.0), (12, 1014, 9.0), (16, 1018, 9.0)]
@@ -255,9 +291,7 @@ def test_commands_that_answer_the_same_joint_state_are_judged_where_none_of_them
             command = EffortCommand(stamp_ms * MS, np.full(7, effort))
             if cycle != lost:
                 watch.command(serialize_message(wires[EFFORT].message(command)))
-            clock = divmod(round(clock_ms * MS), 1_000_000_000)
-            ledger = [cycle, 0, stamp_ms * MS, *clock, int(Mode.HOLD), 0, 0]
-            watch.ledger(serialize_message(Int64MultiArray(data=ledger)))
+            watch.ledger(ledger_of(cycle, stamp_ms * MS, round(clock_ms * MS), Mode.HOLD))
         assert len(watch.violations()) == complaints, (commands, lost)
         assert watch.commands.commands >= len(commands) - 1 - 3 * (lost is not None)
         assert watch.mode == Mode.HOLD
@@ -442,7 +476,7 @@ def test_where_the_simulation_stood_still_nothing_has_aged() -> None:
     monitor = SafeStateMonitor({JOINT: 0.1, WRENCH: 0.1}, 0.05)
     for name in (JOINT, WRENCH):
         monitor.good(name, 1.0, 1.0)
-    monitor.stood_still(0.1)
+    monitor.stood_still(0.1, (WRENCH, SLIP))
     monitor.check(1.2, True)
     assert [text.split()[-1] for text in monitor.violations] == [JOINT]
 
