@@ -107,8 +107,8 @@ def follow(robot: Robot, start: Array, times: Array, path: Array, payload: Array
     )
 
 
-def check_start(robot: Robot, controller: ControllerParams, bridge: BridgeParams) -> None:
-    """Look whether the arm can start where a scenario says, and follow its path.
+def check_start(robot: Robot, controller: ControllerParams, bridge: BridgeParams) -> Way:
+    """Look whether the arm can start where a scenario says, and follow its path; return what the path requires.
 
     Raises:
         InputError: a start beyond a limit or in a singular posture, a path that leaves the arm's reach.
@@ -138,3 +138,19 @@ def check_start(robot: Robot, controller: ControllerParams, bridge: BridgeParams
             expected="a path within its reach",
             fix=fix,
         )
+    return way
+
+
+def near_range_ends(robot: Robot, way: Way, margin: float) -> list[str]:
+    """Return which joints come so near to the end of their range that limit avoidance moves the pad off its path.
+
+    margin: distance [rad, m] at which it begins.
+    """
+    left = np.minimum(way.joints - robot.position_lower, robot.position_upper - way.joints)
+    nearest = zip(robot.joint_names, left.argmin(axis=0), left.min(axis=0), strict=True)
+    return [
+        f"{name} comes to {least:.3f} of the end of its range at {way.times[k]:.2f} s: it is pushed back from "
+        f"{margin:g} on (safety.limits.position_margin), which moves the pad, and the object may slip"
+        for name, k, least in nearest
+        if least < margin
+    ]

@@ -193,7 +193,7 @@ def check(*, choice: Choice, mismatches: str) -> None:
     check_names("mismatch", wanted, MISMATCHES)
     loaded = choice.load()
     report = gains(loaded)
-    loaded.check_arm()
+    remarks = loaded.check_arm()
     console = Console()
     console.print(gain_table(loaded, report, choice.sensor))
     for condition in report.conditions:
@@ -204,7 +204,7 @@ def check(*, choice: Choice, mismatches: str) -> None:
     with Console(stderr=True).status("path") as status:
         load = path_load(loaded)
         corners = list(run_corners(choice, wanted, lambda name: status.update(f"simulates {name}")))
-    for line in path_lines(load, corners[0]):
+    for line in (*path_lines(load, corners[0]), *remarks):
         click.echo(line)
     refused = refusal(load, corners[0])
     if refused:
