@@ -59,6 +59,7 @@ def test_filters_and_times(tmp_path, compression):
         found = list(bag.raw(["a"], start_ns=first, end_ns=last))
         assert {message.topic for message in found} == {"/a"}
         assert [message.log_time_ns for message in found] == list(range(first, last + 1, PERIOD_NS))
+        assert [message.log_time_ns for message in bag.raw(["a"], start_ns=last, end_ns=last)] == [last]
         assert list(bag.raw(["a"], start_ns=last + 1, end_ns=last + 2)) == []
 
 

@@ -280,3 +280,12 @@ def test_encoders_have_a_quantum_and_velocities_come_by_a_filter() -> None:
     found = measured(JointSensorParams(velocity_filter_hz=20.0), 0.3 * time)
     velocity = np.array([sample.velocity[0] for sample in found])
     np.testing.assert_allclose(velocity, 0.3 * (1.0 - np.exp(-2.0 * np.pi * 20.0 * time)), atol=1e-12)
+
+
+def test_a_driver_that_reads_seldom_repeats_what_it_has_read_noise_and_all() -> None:
+    found = measured(JointSensorParams(rate_hz=100.0, noise_position=1e-3, noise_velocity=1e-2), np.zeros(200))
+    for name in ("position", "velocity"):
+        read = np.array([getattr(sample, name)[0] for sample in found])
+        assert len(set(read)) == 20
+        assert (np.diff(read) != 0.0).sum() == 19
+    assert [sample.stamp_ns for sample in found] == [1_000_000 * k for k in range(200)]

@@ -170,8 +170,9 @@ def test_slip_and_deflection_together_are_the_motion_of_the_pad_on_the_object() 
 def test_what_no_pad_holds_falls_and_one_pad_that_holds_carries() -> None:
     simulation = pair(grip=60.0, friction=COULOMB)
     simulation.set_grip_force(0, 0.0)
-    for _ in range(100):
+    for step in range(100):
         simulation.step([None, None])
+        assert not simulation.observe(0).wrench.wrench[:2].any(), step
     assert simulation.loss is not None
     assert simulation.loss.text == "left: the object is lost: the grip is zero"
     assert not simulation.observe(0).wrench.wrench.any()

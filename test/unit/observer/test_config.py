@@ -27,6 +27,10 @@ def test_thresholds_are_quantiles_of_chi_squared() -> None:
         np.testing.assert_allclose(config.nis_stick, chi2.ppf(0.8, sum(axes)), rtol=1e-9)
 
 
+def test_it_is_read_only() -> None:
+    assert not observer_config(make_params(), correlation_ticks=0.0).flags.writeable
+
+
 def test_variances_follow_from_noise_mass_and_inertia() -> None:
     """0.1 N and 1e-3 N m on 0.5 kg and 2e-3 kg m2, 20 mm from the centre of mass; 1 ms."""
     config = config_of(
