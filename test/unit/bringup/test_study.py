@@ -24,7 +24,7 @@ from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.study.cases import MISMATCHES, Asked, Case, all_cases
 from slip_vic.study.contents import MixedVersions, check_versions, gather
 from slip_vic.study.run_case import run_case
-from slip_vic.study.summary import spread, write_picture
+from slip_vic.study.summary import spread, summary_tables, write_picture
 from slip_vic.study.table import METRICS, STUDY, CaseResult, Settings, StudyTable, merge
 
 ISSUE_COLUMNS = (
@@ -225,6 +225,28 @@ def test_progress_without_a_terminal_is_lines(monkeypatch: pytest.MonkeyPatch) -
         "study: 80 of 100 done, 2 per second, about 10 s left",
         "study: 100 of 100 done, 2 per second, 1 workers died",
     ]
+
+
+def test_tables_of_a_study_fit_into_80_columns_with_the_longest_names() -> None:
+    def row(sensor: str, law: str, estimator: str, outcome: str, slip_mm: float) -> dict[str, str]:
+        numbers = dict.fromkeys(METRICS, "0.0001") | {"slip_linear_m": str(1e-3 * slip_mm)}
+        key = Case("glass_transport", law, sensor, estimator, "none", 0).key
+        return dict(zip(STUDY.columns, [*key, outcome, *numbers.values(), ""], strict=True))
+
+    rows = [
+        row("force_tactile_500", "classical", "none", "ok", 5.26),
+        row("force_tactile_500", "governed", "observer", "ok", 0.0),
+        row("optical_flow_120", "governed", "observer", "ok", 1.0),
+        row("optical_flow_120", "governed", "observer", "fault", 123.4),
+    ]
+    with io.StringIO() as file:
+        Console(file=file, width=80).print(*summary_tables(rows), sep="\n")
+        shown = file.getvalue()
+    assert "…" not in shown
+    assert any(line.split()[:3] == ["force_tactile_500", "classical", "1/1"] for line in shown.splitlines())
+    assert any(
+        line.split()[:6] == ["optical_flow_120", "governed", "1/2", "62.20", "/", "123"] for line in shown.splitlines()
+    )
 
 
 def test_spread_is_median_interval_and_worst() -> None:

@@ -13,7 +13,7 @@ from slip_vic.study.cases import Asked
 from slip_vic.study.contents import gather
 from slip_vic.study.engines import EngineName
 from slip_vic.study.runner import fill, run_on_worker
-from slip_vic.study.summary import summary_table, write_picture
+from slip_vic.study.summary import summary_tables, write_picture
 from slip_vic.study.table import KEY, Settings, StudyTable, merge
 
 
@@ -73,5 +73,5 @@ def _show(table: StudyTable) -> Path:
     rows = table.rows()
     picture = table.path.with_suffix(".png")
     write_picture(picture, rows)
-    Console().print(summary_table(rows))
+    Console().print(*summary_tables(rows), sep="\n")
     return picture

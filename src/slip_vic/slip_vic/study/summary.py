@@ -1,9 +1,9 @@
-"""Medians, confidence intervals and worst cases of a study, as a table and as a picture."""
+"""Medians, confidence intervals and worst cases of a study, as tables and as a picture."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt  # the backend must be chosen first: no display is needed
 import numpy as np
+from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
@@ -28,8 +29,8 @@ COLOURS = {
 OTHERS = ("#8172b3", "#937860", "#da8bc3", "#8c8c8c", "#ccb974", "#64b5cd")
 SHOWN = (
     ("slip_linear_m", 1e3, "slip [mm]"),
-    ("tracking_rms_m", 1e3, "tracking error, rms [mm]"),
-    ("attitude_excursion_rad", 1.0, "attitude excursion [rad]"),
+    ("tracking_rms_m", 1e3, "tracking rms [mm]"),
+    ("attitude_excursion_rad", 1.0, "attitude [rad]"),
 )
 
 
@@ -58,27 +59,34 @@ def numbers(rows: Sequence[Row], metric: str) -> list[float]:
     return [value for row in rows if np.isfinite(value := float(row[metric]))]
 
 
-def summary_table(rows: Sequence[Row]) -> Table:
-    """Return medians [95 % interval] and worst cases per scenario, mismatch, sensor, law and estimator."""
-    keys = ("scenario", "mismatch", "sensor", "law", "estimator")
-    differing = [key for key in keys if len({row[key] for row in rows}) > 1]
-    same = [f"{key} {rows[0][key]}" for key in keys if rows and key not in differing]
-    table = Table(title=", ".join(["median [95 % interval], worst", *same]))
-    for name in (*differing, "runs", "not ok"):
-        table.add_column(name)
-    for _, _, label in SHOWN:
-        table.add_column(escape(label), justify="right")
-    groups: dict[tuple[str, ...], list[Row]] = {}
+def summary_tables(rows: Sequence[Row]) -> Iterator[Table]:
+    """Yield a table for each scenario: median and worst case of each mismatch, sensor and law, in 80 columns."""
+    scenarios: dict[str, list[Row]] = {}
     for row in rows:
-        groups.setdefault(tuple(row[k] for k in differing), []).append(row)
-    for key, members in groups.items():
-        bad = sum(row["outcome"] != "ok" for row in members)
-        cells = []
-        for metric, scale, _ in SHOWN:
-            s = spread([scale * value for value in numbers(members, metric)])
-            cells.append(f"{s.median:.2f} [{s.low:.2f}, {s.high:.2f}], {s.worst:.2f}")
-        table.add_row(*key, str(len(members)), str(bad) if bad else "", *cells)
-    return table
+        scenarios.setdefault(row["scenario"], []).append(row)
+    for scenario, members in scenarios.items():
+        keys = [key for key in ("mismatch", "sensor") if len({row[key] for row in members}) > 1]
+        alone = len({row["law"] for row in members}) == len({label_of(row) for row in members})
+        groups: dict[tuple[str, ...], list[Row]] = {}
+        for row in members:
+            law = row["law"] if alone else label_of(row)
+            groups.setdefault((*(row[key] for key in keys), law), []).append(row)
+        table = Table(title=f"{scenario}: median / worst of each row's runs", box=SIMPLE_HEAD)
+        for name in (*keys, "law", "ok"):
+            table.add_column(name, no_wrap=True)
+        for _, _, label in SHOWN:
+            table.add_column(escape(label), justify="right")
+        for key, group in groups.items():
+            kept = sum(row["outcome"] == "ok" for row in group)
+            spreads = [spread([scale * value for value in numbers(group, metric)]) for metric, scale, _ in SHOWN]
+            cells = [f"{short(s.median)} / {short(s.worst)}" for s in spreads]
+            table.add_row(*key, f"{kept}/{len(group)}", *cells)
+        yield table
+
+
+def short(value: float) -> str:
+    """Return a number as the tables have it."""
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2f}"
 
 
 def write_picture(path: Path, rows: Sequence[Row]) -> None:
