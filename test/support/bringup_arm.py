@@ -91,7 +91,8 @@ class Loop:
     def look(self) -> tuple[Endpoint, ...]:
         return ()
 
-    def listen(self, seconds: float) -> Heard:
+    def listen(self, seconds: float, begin: Callable[[], None] = lambda: None) -> Heard:
+        begin()
         ticks = round(seconds / self.params.control_period_s)
         joints, wrenches, slips, scalars = [], [], [], []
         for tick in range(ticks):

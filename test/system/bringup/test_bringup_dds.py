@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,8 @@ def test_a_healthy_system_is_led_to_its_first_motion_and_an_error_is_found(
     assert known.slip_sensor.latency_s == measured["slip_sensor.latency_s"]
 
     system = RosSystem(ros_node, ARM)
+    meanwhile = system.listen(0.1, lambda: time.sleep(1.0)).joints.stamp
+    assert meanwhile[-1] - meanwhile[0] > 0.12, "what comes while something is begun is heard too"
     system.tune_bridge({"sensors.slip.faults.bias": [0.02, 0.0, 0.0, 0.0, 0.0, 0.0]})
     hand = simulated_hand(system, system.bridge_parameters(["hold.stiffness", "grip.force"]))
     last = list(Walk(system, hand).steps())[-1]

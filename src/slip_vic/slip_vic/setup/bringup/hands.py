@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import click
@@ -93,13 +94,13 @@ class Simulated:
         if self._system.params.command.interface != "effort":
             return None
         effort = self._stiffness * TURN * inertia[:, joint]
-        with self._leaning({"push.effort": effort.tolist()}, {"push.effort": [0.0] * len(effort)}):
+        with self._leaning("push.effort", effort):
             self._system.listen(SETTLED_S)
             return self._system.listen(LOOKED_S)
 
     def push(self, words: str, direction: Array) -> Heard:
         """Push with `PUSH_N`."""
-        with self._pushing(PUSH_N * direction):
+        with self._leaning("push.wrench", np.array([*(PUSH_N * direction), 0.0, 0.0, 0.0])):
             self._system.listen(SETTLED_S)
             return self._system.listen(LOOKED_S)
 
@@ -109,9 +110,11 @@ class Simulated:
         self._system.tune_bridge({"grip.force": carried / self._friction})
         heard: list[Heard] = []
         for step in range(STEPS):
-            with self._pushing(0.6 * GROWTH**step * carried * direction):
-                heard.append(self._system.listen(STEP_S))
-            heard.append(self._system.listen(SEEN_S))
+            jerk = partial(self._push, 0.6 * GROWTH**step * carried * direction)
+            try:  # it may slip before the simulation has answered
+                heard.append(self._system.listen(STEP_S, jerk))
+            finally:
+                heard.append(self._system.listen(SEEN_S, partial(self._push, np.zeros(3))))
             if slips(heard[-2]) or slips(heard[-1]):
                 break
         return heard
@@ -123,17 +126,17 @@ class Simulated:
         self._system.tune_bridge({"grip.force": FIRM_N if firmly else self._grip})
         self._system.listen(SETTLED_S)
 
-    def _pushing(self, force: Array) -> AbstractContextManager[None]:
-        still: list[float] = [0.0] * 6
-        return self._leaning({"push.wrench": [*force.tolist(), 0.0, 0.0, 0.0]}, {"push.wrench": still})
+    def _push(self, force: Array) -> None:
+        self._system.tune_bridge({"push.wrench": [*force.tolist(), 0.0, 0.0, 0.0]})
 
     @contextmanager
-    def _leaning(self, on: dict[str, list[float]], off: dict[str, list[float]]) -> Iterator[None]:
-        self._system.tune_bridge(on)
+    def _leaning(self, name: str, value: Array) -> Iterator[None]:
+        """Set a parameter of the simulated arm to a value, and to zeros at the end."""
+        self._system.tune_bridge({name: value.tolist()})
         try:
             yield
         finally:
-            self._system.tune_bridge(off)
+            self._system.tune_bridge({name: [0.0] * len(value)})
 
 
 Hands = Person | Simulated

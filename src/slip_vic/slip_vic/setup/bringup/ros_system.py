@@ -117,23 +117,29 @@ class RosSystem:
             )  # fmt: skip
         return tuple(found)
 
-    def listen(self, seconds: float) -> Heard:
-        """Return what comes until the joint states' stamps are `seconds` later, or for so long that nothing comes."""
-        heard: dict[str, list[Arrival]] = {name: [] for name in (*self._inputs, "controller/scalars")}
-        for subscription in (*self._inputs.values(), self._scalars):
+    def listen(self, seconds: float, begin: Callable[[], None] = lambda: None) -> Heard:
+        """Return what comes until the joint states' stamps are `seconds` later, or for so long that nothing comes.
+
+        begin: what is done first; the seconds count from its end, and what comes meanwhile is heard too.
+        """
+        all_of = {**self._inputs, "controller/scalars": self._scalars}
+        heard: dict[str, list[Arrival]] = {name: [] for name in all_of}
+        for subscription in all_of.values():
             for _ in subscription.drain():
                 pass  # what was before
-        last = time.monotonic()
+        begin()
+        last, since_s = time.monotonic(), None
         while time.monotonic() - last < SILENCE_S:
             time.sleep(LOOK_S)
-            for name, subscription in (*self._inputs.items(), ("controller/scalars", self._scalars)):
+            for name, subscription in all_of.items():
                 fresh = list(subscription.drain())
                 heard[name] += fresh
                 if fresh and name == "joint_states":
                     last = time.monotonic()
-            joints = heard["joint_states"]
-            if joints and _time_of(joints[-1]) - _time_of(joints[0]) >= seconds:
-                break
+                    now_s = _time_of(fresh[-1])
+                    since_s = now_s if since_s is None else since_s
+                    if now_s - since_s >= seconds:
+                        return self._read(heard)
         return self._read(heard)
 
     def set_active(self, active: bool) -> None:
