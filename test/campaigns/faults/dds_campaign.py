@@ -183,11 +183,13 @@ class DdsCampaign:
         self.nodes, self.scenario, self._out = nodes, nodes.scenario, out
         self._prefixes = [prefix for prefix, _ in self.scenario.arms]
         wires, watches = {}, {}
+        self._lost_m: dict[str, float] = {}
         for prefix, (arm, params) in zip(self._prefixes, self.scenario.controllers.items(), strict=True):
             robot = Robot(self.scenario.placed[arm], params.ee_frame, params.joint_names, params.gravity)
             own = {name: Wire(name, params.joint_names, params.ee_frame) for name in TOPICS}
             wires |= {f"{prefix}{name}": wire for name, wire in own.items()}
             bridge = self.scenario.bridges[arm]
+            self._lost_m[prefix] = min(LOST_M, 0.25 * min(bridge.grip.pad_size))  # half the way to the edge
             watches[prefix] = Watch(
                 own, params, robot, PERIOD_S, bridge.effort_rate, bridge.command_timeout_s, effort_rate
             )
@@ -400,7 +402,7 @@ class DdsCampaign:
         self._truths[arm] += 1
         if self._truths[arm] % TRUTH_EVERY == 0:
             message = deserialize_message(data, self._truth)
-            if max(map(abs, message.position[:3]), default=0.0) > LOST_M and self.nodes.runs(BRIDGE):
+            if max(map(abs, message.position[:3]), default=0.0) > self._lost_m[arm] and self.nodes.runs(BRIDGE):
                 # It acts on with ever longer levers and soon falls. Its simulation ends here; the operator starts
                 # another one.
                 self._lost = True
