@@ -8,10 +8,12 @@ future leaves 32 bytes behind in them, so that is not what is done in every tick
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from weakref import WeakSet
 
 from rclpy.clock import Clock, ClockType
 from rclpy.experimental import EventsExecutor
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -26,6 +28,12 @@ def wake_all() -> None:
     """
     for spinner in tuple(_spinners):
         spinner.enough()
+
+
+def _tell_of_a_drop() -> None:
+    """Say that there is no memory for a message: the executor raises where it takes one, and can go on without it."""
+    with suppress(MemoryError):
+        get_logger(__name__).error("a message was dropped: no memory is left for it", throttle_duration_sec=1.0)
 
 
 class Spinner:
@@ -57,11 +65,17 @@ class Spinner:
     def spin(self, timeout_s: float) -> None:
         """Run callbacks until `enough` is called from one of them, or for `timeout_s`."""
         self._enough = Future()
-        self._executor.spin_until_future_complete(self._enough, timeout_sec=timeout_s)
+        try:
+            self._executor.spin_until_future_complete(self._enough, timeout_sec=timeout_s)
+        except MemoryError:
+            _tell_of_a_drop()
 
     def turn(self, timeout_s: float) -> None:
         """Run the next callback, if there is one within `timeout_s`; for what is done in every tick."""
-        self._executor.spin_once(timeout_sec=timeout_s)
+        try:
+            self._executor.spin_once(timeout_sec=timeout_s)
+        except MemoryError:
+            _tell_of_a_drop()
 
     def enough(self) -> None:
         """End the present `spin` after this callback."""

@@ -22,12 +22,16 @@ def spinner(ros_node: Any) -> Spinner:
 
 
 def blocks_left_by(call: Any) -> float:
-    """Return how many blocks of Python's memory a call leaves behind."""
+    """Return how many blocks of Python's memory a call leaves behind: the least of three, as others allocate too."""
+
+    def once() -> float:
+        before = sys.getallocatedblocks()
+        for _ in range(TURNS):
+            call()
+        return (sys.getallocatedblocks() - before) / TURNS
+
     call()
-    before = sys.getallocatedblocks()
-    for _ in range(TURNS):
-        call()
-    return (sys.getallocatedblocks() - before) / TURNS
+    return min(once() for _ in range(3))
 
 
 def test_a_turn_leaves_nothing_behind(spinner: Spinner) -> None:
@@ -70,3 +74,25 @@ def test_enough_asks_at_once(ros_node: Any, spinner: Spinner) -> None:
     ros_node.create_timer(0.01, end)
     spinner.spin_while(ros_node, lambda: not over, 1000.0)
     assert over == [1]
+
+
+class Scarce:
+    """An executor that runs out of memory again and again, as it shows where a limit is reached."""
+
+    def __init__(self, executor: Any) -> None:
+        self._executor = executor
+
+    def spin_until_future_complete(self, future: Any, timeout_sec: float) -> None:
+        self._executor.spin_until_future_complete(future, timeout_sec=min(timeout_sec, 0.02))
+        raise MemoryError("std::bad_alloc")
+
+
+def test_without_memory_for_a_message_the_others_are_still_heard(ros_node: Any) -> None:
+    """The attack "memory limit of the controller" ended the process here."""
+    executor = EventsExecutor(context=ros_node.context)
+    executor.add_node(ros_node)
+    called: list[int] = []
+    ros_node.create_timer(0.01, lambda: called.append(1))
+    scarce: Any = Scarce(executor)
+    Spinner(scarce).spin_while(ros_node, lambda: len(called) < 5, 0.005)
+    assert len(called) >= 5
