@@ -64,6 +64,20 @@ def test_exported_bag_has_all_that_was_and_transforms(exported: Path) -> None:
         assert after.topics["/tf"].message_count == pytest.approx(2 * RATE_HZ * seconds, rel=0.01)
 
 
+@pytest.mark.parametrize(("file", "prefix"), [("arm.urdf", ""), ("left.urdf", "left/")])
+def test_an_attached_urdf_is_that_of_the_arm_it_is_named_after(tmp_path: Path, file: str, prefix: str) -> None:
+    with Bag(REFERENCE) as source:
+        info, text = source.topic("joint_states"), source.schema_text("/joint_states")
+        attached = {file: source.attachments["arm.urdf"]}
+        writer = BagWriter(tmp_path / "in", WriterOptions(attachments=attached))
+        writer.add_topic(replace(info, name=f"/{prefix}joint_states"), text)
+        for message in itertools.islice(source.raw(["joint_states"]), 100):
+            writer.write(f"/{prefix}joint_states", *message[1:])
+        writer.close()
+    with Bag(tmp_path / "in") as bag:
+        assert export_bag(bag, (), tmp_path / "out") > 0
+
+
 def test_a_topic_without_messages_is_left_out(tmp_path: Path) -> None:
     with Bag(REFERENCE) as source:
         info, text = source.topic("joint_states"), source.schema_text("/joint_states")

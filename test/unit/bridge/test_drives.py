@@ -177,6 +177,18 @@ def test_drives_take_no_command_beyond_the_speed_and_range_of_a_joint(interface:
 
 
 @every("interface", ("velocity", "position"))
+@every("bad", (math.nan, math.inf))
+def test_a_command_with_a_number_that_is_none_is_refused_and_the_arm_rests(interface: str, bad: float) -> None:
+    simulation = weightless(drive__interface=interface, drive__bandwidth=40.0)
+    start = simulation.observe().joint.position
+    for _ in range(100):
+        simulation.step(np.array((0.0, bad, 0.0, 0.0, 0.0, 0.0, 0.0)))
+        assert simulation.command_refused
+        assert simulation.holding
+    np.testing.assert_allclose(simulation.observe().joint.position, start, atol=1e-9)
+
+
+@every("interface", ("velocity", "position"))
 def test_a_command_that_jumps_to_and_fro_throws_no_arm(interface: str) -> None:
     simulation, rng = weightless(drive__interface=interface, drive__bandwidth=300.0), np.random.default_rng(5)
     for _ in range(1000):

@@ -206,7 +206,7 @@ def test_arrays_of_another_size_are_refused(sizes: tuple[int, ...]) -> None:
     ],
 )
 def test_fields_that_cannot_vary_are_refused(template: Any, fields: tuple[str, ...], stamp: str) -> None:
-    with pytest.raises(ValueError, match=r"has no|not a stamp|numbers|block"):
+    with pytest.raises(ValueError, match=r"not a stamp|numbers"):
         CdrCodec(template, fields, stamp)
 
 

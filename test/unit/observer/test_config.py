@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from scipy.stats import chi2
 
-from slip_core.records import record
+from slip_core.records import new, record
 from slip_vic_controller.arm.config import velocity_correlation
 from slip_vic_controller.observer.config import observer_config
-from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
+from slip_vic_controller.observer.layouts import OBSERVER_CONFIG, ROW
+from slip_vic_controller.observer.stick import SLOW_GROWTH, window_ticks
 from test.unit.observer.rig import make_params
 
 
@@ -90,6 +92,22 @@ def test_what_happened_since_a_late_sample_is_kept_without_a_governor() -> None:
     assert config_of(**REAL_ARM, **late).window_ticks == 80
     assert config_of(**REAL_ARM, observer__memory_s=0.06, **late).window_ticks == 60, "older ones are not used"
     assert config_of(**REAL_ARM).window_ticks == config_of(**late).window_ticks == 40
+
+
+def test_slip_must_show_over_the_longer_the_noisier_the_velocities_are_where_they_are_estimated() -> None:
+    config, row = config_of(**REAL_ARM), record(new(ROW), ROW)
+    row.dt = 1e-3
+    assert config.longest_window_ticks > 3 * config.window_ticks
+    for share in (0.5, 2.0, 3.0):
+        wanted = share * config.window_ticks
+        row.velocity_variance[0] = (SLOW_GROWTH * 1e-3 * wanted) ** 2 / (2.0 * config.nis_slip)
+        assert window_ticks(config, row) == pytest.approx(max(wanted, config.window_ticks), abs=1.0)
+    row.velocity_variance[0] = 1.0
+    assert window_ticks(config, row) == config.longest_window_ticks
+    row.dt = 0.0
+    assert window_ticks(config, row) == config.window_ticks
+    row.dt, exact = 1e-3, config_of()
+    assert window_ticks(exact, row) == exact.window_ticks == exact.longest_window_ticks
 
 
 def test_noise_of_estimated_velocities_lasts_unless_it_is_the_lag_of_a_filter() -> None:

@@ -19,8 +19,17 @@ from slip_vic.replay.verify import verify_run
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.reference.governor import GOVERNOR
+from slip_vic_controller.reference.load import Held, Shared
 from slip_vic_controller.reference.paths import REFERENCE, Reference, put_reference
-from slip_vic_controller.reference.stream import STREAM, STREAM_POINTS, StreamConfig, at, drop_passed, take_queued
+from slip_vic_controller.reference.stream import (
+    STREAM,
+    STREAM_POINTS,
+    StreamConfig,
+    at,
+    drop_passed,
+    plan_stream,
+    take_queued,
+)
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.sizes import NEVER
 from test.support.run_maker import goal_message, record_run
@@ -150,6 +159,22 @@ def test_samples_that_come_too_close_are_thinned_and_the_newest_is_always_kept()
             assert np.diff(times)[1:].max(initial=0.0) < 2.5 * config.spacing_s, "and no more than need be"
     assert n == STREAM_POINTS
     assert (path.time, path.rate) == (-config.preview_s, 0.0)
+
+
+def test_what_comes_before_the_last_sample_may_be_as_fast_as_friction_brakes() -> None:
+    """A point mass: over the way D, K falls by 2 D F / m."""
+    stream, F, mass, spacing_s = record(new(STREAM), STREAM), 1.5, 0.5, 0.1
+    stream.count = stream.fresh = 5
+    for i in range(5):
+        point = stream.points[i]
+        point.time, point.uu, point.cap = spacing_s * i, mass * mass, 100.0
+    stream.points[4].cap = 0.01
+    nobody = Shared(1, vec(np.zeros(3)), mat(np.eye(3)), 0.0, 1.0)
+    held = Held(mass, mat(np.eye(3)), vec(np.zeros(3)), nobody)
+    plan_stream(stream, held, spatial(np.ones(6)), vec(np.zeros(3)), (1.0, 1.0, 1.0), F, 0.0)
+    K = [stream.points[i].K for i in range(5)]
+    expected = 0.01 + 2.0 * spacing_s * F / mass * np.arange(4, -1, -1)
+    np.testing.assert_allclose(K, expected, rtol=1e-6)
 
 
 def test_a_sample_without_a_stamp_has_that_of_the_cycle() -> None:

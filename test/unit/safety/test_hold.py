@@ -183,6 +183,13 @@ def test_where_hold_has_not_run_for_long_the_arm_stays_where_something_else_has_
         np.testing.assert_array_equal(made_up.state.hold.posture[:N], away.position if stays else before)
 
 
+def test_the_law_goes_on_after_the_longest_gap_and_not_after_a_longer_one() -> None:
+    for more_ns, mode in ((0, Mode.ACTIVE), (1, Mode.HOLD)):
+        made_up = law_at_work()
+        gap_ns = int(record(made_up.controller.config, CONFIG).arbitration.gap_ns)
+        assert made_up.past_validation(passed_ns=gap_ns + more_ns).mode is mode
+
+
 def test_the_command_is_the_referee_s_and_carries_the_load_unless_that_falls() -> None:
     """That was before a reset, and an object may be held again."""
     made_up = law_at_work()

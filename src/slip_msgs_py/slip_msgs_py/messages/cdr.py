@@ -12,6 +12,7 @@ import re
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any, Final
 
 import numpy as np
@@ -88,8 +89,6 @@ class CdrCodec:
     """
 
     def __init__(self, template: object, fields: Sequence[str], stamp: str = "header.stamp") -> None:
-        for path in filter(None, (*fields, stamp)):
-            _at(template, path)
         data, layout = laid_out(template)
         self.size = len(data)
         self._blocks = [block_under(layout, path) for path in fields]
@@ -206,16 +205,7 @@ def _stamp_offset(layout: Layout, path: str) -> int:
 
 def numbers_at(message: object, path: str) -> list[Any]:
     """Return all numbers at `path` of a typed message, in the order of its fields."""
-    return _numbers_of(_at(message, path))
-
-
-def _at(message: object, path: str) -> Any:
-    value = message
-    for name in path.split("."):
-        if not hasattr(value, name):
-            raise ValueError(f"{type(message).__name__} has no {path}")
-        value = getattr(value, name)
-    return value
+    return _numbers_of(attrgetter(path)(message))
 
 
 def _numbers_of(value: Any) -> list[Any]:
