@@ -39,6 +39,7 @@ from test.campaigns.faults.plan import BRIDGE, CONTROLLER, Fault
 FLOOD_HZ, FLOOD_S = 20_000, 3.0
 STOP_S = 5.0
 STORM_S = 2.0
+ANSWERED_S = 10.0  # until the last of many calls is
 CALM_S = 1.0  # after which the nodes take calls of services again
 STARTS_S = 6.0  # what a second system needs to start
 SHM: Final = Path("/dev/shm")
@@ -161,7 +162,7 @@ def wrong_types(stage: Stage) -> str:
 
 def parameters(stage: Stage) -> str:
     """Every parameter of both nodes with anything, as fast as calls can be made."""
-    rng, calls = np.random.default_rng(16), 0
+    rng, calls, newest = np.random.default_rng(16), 0, dict[Any, Any]()
     values: tuple[Any, ...] = (math.nan, 1e300, 5e-324, -1.0, 0.0, 1, True, "x" * 1000, [1.0] * 6, ["a"] * 100, [])
     names = ("gains.stiffness", "gains.k_s", "object.mass", "grip.force", "mode", "", "no.such", "use_sim_time")
     clients = [stage.node.create_client(SetParameters, f"/{name}/set_parameters") for name in NODES.values()]
@@ -172,10 +173,12 @@ def parameters(stage: Stage) -> str:
             for name in names:
                 value = values[int(rng.integers(len(values)))]
                 request.parameters.append(Parameter(name, value=value if value != [] else None).to_parameter_msg())
-            client.call_async(request)
+            newest[client] = client.call_async(request)
             calls += 1
         stage.load_changes()
         stage.go_on(0.002)
+    stage.go_on(ANSWERED_S, lambda: all(future.done() for future in newest.values()))
+    stage.load_changes()  # a busy machine sets the last of them later
     for client in clients:
         stage.node.destroy_client(client)
     return f"{calls} calls"
