@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import click
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
@@ -97,16 +98,16 @@ def _attack(only: tuple[str, ...], out: Path) -> None:
     names = [name for name in ATTACKS if not only or any(words in name for words in only)]
     if not names:
         raise InputError("--only", got=", ".join(only), expected=f"a part of one of: {', '.join(ATTACKS)}")
-    table = Table("attack", "promise", "alive", "mode", "log lines/s", "memory [MiB]", "law again, s", "note")
+    table = Table("attack", "promise", "worst mode", "law again [s]", box=SIMPLE_HEAD)
 
     def on_done(row: Row) -> None:
         back = "never" if row.recovery_s is None else f"{row.recovery_s:.2f}{', helped' if row.helped else ''}"
-        table.add_row(
-            row.attack, "kept" if not row.violations else f"{len(row.violations)} violations",
-            "yes" if row.alive else "NO", row.worst_mode, f"{row.lines_per_s:.1f}", f"{row.grown_mib:+.1f}", back,
-            row.note,
-        )  # fmt: skip
-        click.echo(f"{row.attack}: {'kept' if row.kept else 'NOT KEPT'}", err=True)
+        promise = (
+            "process ended" if not row.alive else f"{len(row.violations)} violations" if row.violations else "kept"
+        )
+        table.add_row(row.attack, promise, row.worst_mode, back)
+        more = f"{row.lines_per_s:.1f} log lines/s, memory {row.grown_mib:+.1f} MiB{', ' if row.note else ''}{row.note}"
+        click.echo(f"{row.attack}: {'kept' if row.kept else 'NOT KEPT'}; {more}", err=True)
         for text in row.violations[:SHOWN_VIOLATIONS]:
             click.echo(f"  {text}", err=True)
 

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import click
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
@@ -32,12 +33,12 @@ def soak(minutes: float, rate: float, scenario: str, out: Path) -> None:
         result = run_soak(loaded, minutes, add_bar(f"soak at {rate:g} Hz", 60.0 * minutes))
     limits = Limits()
     path = write_result(out, result, limits)
-    table = Table("process", "memory first / last / most [MiB]", "slope [MiB/h]", "open files", "threads", "grows")
+    table = Table("process", "memory [MiB]", "slope [MiB/h]", "open files", "threads", "grows", box=SIMPLE_HEAD)
     for name, growth in result.growth().items():
         memory, files, threads = growth.memory_mib, growth.files, growth.threads
         table.add_row(
             name,
-            f"{memory.first:.1f} / {memory.last:.1f} / {memory.most:.1f}",
+            f"{memory.first:.1f} / {memory.last:.1f}",
             f"{memory.per_hour:+.2f}",
             f"{files.first:.0f} / {files.last:.0f}",
             f"{threads.first:.0f} / {threads.last:.0f}",
