@@ -56,7 +56,7 @@ from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.safety.reasons import ACTIVATION, describe
-from slip_vic_controller.safety.validation import JointInput, VectorInput, mean_period_s
+from slip_vic_controller.safety.validation import JointInput, VectorInput, mean_period_s, unanswered
 from slip_vic_controller.sizes import MAX_FRESH
 from slip_vic_controller.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.state import (
@@ -84,6 +84,7 @@ NO_NUMBERS = readonly(np.zeros(0))
 # Looked up in every cycle, by number: to make an enum's member of one, or to hash it, takes longer.
 _FAULTS, _MODES = tuple(Fault), tuple(Mode)
 _GOOD = tuple(fault in (Fault.NONE, Fault.DENORMAL, Fault.RESTARTED, Fault.NOT_RUN) for fault in Fault)
+_UNANSWERED = tuple(unanswered(fault) for fault in Fault)
 _ARM, _LEDGER = place(INPUTS, "arm"), place(OUTPUTS, "ledger")
 _EFFORT, _COMMAND = place(OUTPUTS, "effort"), place(OUTPUTS, "command")
 _ANSWERED, _MODE = place(OUTPUTS, "answered").start, place(OUTPUTS, "mode.mode").start
@@ -98,7 +99,7 @@ _RAMP = place(ARM_STATE, "law.ramp")
 _ANSWERS = [place(ARM_STATE, f"joint.answers.{name}").start for name in ("position", "velocity")]
 _CYCLES, _LAW_KNOWN = place(ARM_STATE, "cycles").start, place(ARM_STATE, "law.known").start
 _TARED, _ROUGHLY = place(ARM_STATE, "tare.done").start, place(ARM_STATE, "tare.rough").start
-_STATE_MODE, _PENDING = place(ARM_STATE, "mode.mode").start, place(ARM_STATE, "joint.pending").start
+_STATE_MODE = place(ARM_STATE, "mode.mode").start
 _CONFIG_SIZE, _INPUTS_SIZE, _OUTPUTS_SIZE = CONFIG.itemsize // 8, INPUTS.itemsize // 8, OUTPUTS.itemsize // 8
 
 
@@ -423,8 +424,10 @@ class ArmSession:
     # -- samples -----------------------------------------------------------------------------------
 
     def add_joint(self, sample: JointSample, now_ns: int | None = None) -> None:
-        """Take a joint state; one that was never answered is skipped, newest wins. `now_ns`: steady time of arrival."""
-        self.overdue = self.waiting is not None
+        """Take a joint state; one that was never answered is skipped, newest wins. `now_ns`: steady time of arrival.
+
+        One that no cycle answers changes nothing for one that waits already, for the partner's.
+        """
         n, q, qd, effort = self._joints, sample.position, sample.velocity, sample.effort
         refused = q.shape != (n,) or qd.shape != (n,)
         if refused or effort.shape != (n,):
@@ -434,7 +437,8 @@ class ArmSession:
         stamp_ns = sample.stamp_ns
         now_ns = stamp_ns if now_ns is None else now_ns
         fault = receive_joint_state(self.config, self.row, stamp_ns, q, qd, effort, refused, now_ns, self._lockstep)
-        if self._whole[_PENDING]:
+        if self._lockstep or not _UNANSWERED[fault]:
+            self.overdue = self.waiting is not None
             self.waiting = sample, _FAULTS[fault], 0, None
 
     def add_wrench(self, contact: int, sample: WrenchSample, now_ns: int | None = None) -> None:

@@ -56,3 +56,12 @@ def test_at_50_hz_both_rest_after_a_pause_that_has_thrown_them(name: str, pause:
     fastest, at_the_end = fastest_joint(name, 50, (pause,))
     assert fastest > 3.0, "else there is nothing to bring to rest"
     assert at_the_end < 0.2
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("kind", ["duplicate", "reorder"])
+def test_joint_states_of_one_arm_that_come_twice_or_late_do_not_disturb_the_law(kind: str, side: str) -> None:
+    """They come while a good one waits for the partner's; its terms were missing then, and the arm fell."""
+    trial = PairTrial(SCENARIOS[1], (Fault(kind, f"{side}/{JOINT}", 0.2, 0.5, 0.4),), 1, 0)
+    assert trial.run() == []
+    assert set(trial.modes) <= {"ACTIVE", "DEGRADED"}
