@@ -131,6 +131,10 @@ class WorkMonitor:
         """The controller has lost its memory."""
         self._left = self._unanswered = 0
 
+    def clock_jumped(self) -> None:
+        """Whether the clock is another one is found out anew."""
+        self._unanswered = 0
+
     def take(self, now_s: float, path: Any, answered: bool, good: bool) -> None:
         """Judge a cycle that a joint state led to; path: GOVERNOR after it; good: whether that one must be answered."""
         self._unanswered = 0 if answered else self._unanswered + good

@@ -297,6 +297,7 @@ class Trial:
             self._bridge.request_reset()
             self._joints.restarted()
         elif fault.kind == "clock_jump":
+            self._work.clock_jumped()
             sign = 1 if fault.size > 0.5 else -1
             self._clock_offset_ns += sign * round(1e9 * 10.0 ** (4.0 * abs(2.0 * fault.size - 1.0) - 2.0))
         elif fault.kind == "grip":

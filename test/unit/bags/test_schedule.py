@@ -102,6 +102,16 @@ def test_rate_changes_without_a_jump(first, second):
     assert (time.ns - before) * second == pytest.approx(SECOND, rel=1e-3)
 
 
+def test_a_restart_while_paused_goes_on_from_there():
+    schedule, _ = make()
+    schedule.pause()
+    schedule.restart(5 * SECOND)
+    assert schedule.paused
+    assert schedule.bag_time() == 5 * SECOND
+    schedule.resume()
+    assert schedule.bag_time() == pytest.approx(5 * SECOND, abs=SPIN_NS)
+
+
 def test_restart_is_due_now():
     schedule, time = make()
     wait(schedule, 9 * SECOND)

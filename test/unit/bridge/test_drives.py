@@ -110,6 +110,19 @@ def test_a_joint_decays_by_viscous_and_stops_by_coulomb_friction() -> None:
         simulation.step(np.zeros(7))
 
 
+@every("way", (-1.0, 1.0))
+def test_the_effort_of_a_velocity_drive_overcomes_friction_and_accelerates(way: float) -> None:
+    simulation = weightless(
+        drive__interface="velocity", drive__bandwidth=40.0, drive__coulomb=(3.0,), drive__viscous=(0.5,)
+    )
+    for k in range(20):
+        simulation.step(0.1 * way * FIRST)
+        after = 0.1 * (1.0 - math.exp(-40.0 * DT * (k + 1)))
+        accelerates = inertia(simulation) * (after - 0.1 * (1.0 - math.exp(-40.0 * DT * k))) / DT
+        effort = simulation.observe().joint.effort[0]
+        assert effort == pytest.approx(way * (3.0 + 0.5 * after + accelerates), rel=1e-3)
+
+
 @every("friction", (0.0, 3.0))
 @every("plant", PLANTS)
 def test_a_velocity_drive_follows_with_a_lag_of_first_order_whatever_rubs(plant: str, friction: float) -> None:

@@ -29,6 +29,15 @@ def test_thresholds_are_quantiles_of_chi_squared() -> None:
         np.testing.assert_allclose(config.nis_stick, chi2.ppf(0.8, sum(axes)), rtol=1e-9)
 
 
+def test_the_axes_are_those_of_the_own_contact() -> None:
+    own, other = (True, False, False, False, False, True), (False, True, True, False, False, False)
+    two = {
+        "contacts__position": (0.0, 0.1, 0.0, 0.0, -0.1, 0.0),
+        "contacts__orientation_xyzw": (0.0, 0.0, 0.0, 1.0) * 2,
+    }
+    assert config_of(contacts__slip_axes=own + other, **two).axes.tolist() == list(own)
+
+
 def test_it_is_read_only() -> None:
     assert not observer_config(make_params(), correlation_ticks=0.0).flags.writeable
 

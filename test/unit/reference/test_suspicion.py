@@ -14,6 +14,7 @@ from slip_vic_controller.reference.friction_estimate import (
     PLAUSIBLE,
     Friction,
     certain,
+    certify,
     provisional,
     remember,
     slip_sample,
@@ -292,3 +293,18 @@ def test_a_slip_that_was_not_seen_for_a_moment_goes_on_however_fast_it_is() -> N
     assert e.state.slipping == 1, "quiet for 44 ms"
     sample(e, 71, 0.0)
     assert e.state.slipping == 0
+
+
+def test_a_load_counts_as_carried_once_the_sensor_would_have_shown_a_slip() -> None:
+    config, state, history = (record(new(layout), layout) for layout in (ESTIMATE_CONFIG, ESTIMATE, LOAD_HISTORY))
+    config.sensor_delay_ns, state.F_hat = 20 * MS, 2.5
+    certify(config, state, history, 0)
+    assert state.certified == 0.0, "nothing is known yet"
+    for k, load in enumerate((1.0, 2.0, 1.5, 9.0)):
+        history.loads[k].stamp_ns, history.loads[k].commanded, history.count = 10 * MS * (k + 1), load, k + 1
+    for now_ms, carried in ((29, 0.0), (30, 1.0), (40, 2.0), (50, 2.0), (60, 2.5)):
+        certify(config, state, history, now_ms * MS)
+        assert state.certified == carried, now_ms
+    state.slipping, state.certified = 1, 0.0
+    certify(config, state, history, 60 * MS)
+    assert state.certified == 0.0

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from slip_core.records import new, record
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.cycle import ARM_SIZE, ARM_STATE, CONFIG, TASK_SIZE, TASK_STATE
 from slip_vic_controller.safety.arbitration import HEALTH, Level, arbitrate
 from slip_vic_controller.safety.faults import Fault
@@ -172,3 +174,18 @@ def test_speed_is_a_fault_after_five_milliseconds() -> None:
         "arm_joint4 turns at 5.0 rad/s, the limit is 2.5"
     )
     assert kind.judge(QUIET._replace(too_fast_ns=NOW_NS - 6 * MS)).too_fast_ns is None
+
+
+def test_the_law_waits_for_the_tare_and_begins_after_it() -> None:
+    slow = [f"{node}.control_period_s=0.004" for node in ("controller", "bridge")]
+    loop = ClosedLoop(load_scenario("paper_planar", assignments=["controller.tare.duration_s=0.1", *slow]))
+    reasons = []
+    for _ in range(60):
+        result = loop.control(loop.observe())
+        reasons.append(str(result.reason))
+        loop.bridge.advance([result.command])
+    tares = [reason.startswith("tare: ") for reason in reasons]
+    assert tares == [k < sum(tares) for k in range(60)]
+    assert 25 <= sum(tares) <= 27, "0.1 s at 250 Hz"
+    assert reasons[sum(tares)].startswith("resumes after: tare: ")
+    assert result.mode.follows

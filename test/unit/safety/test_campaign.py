@@ -504,6 +504,11 @@ def test_a_clock_that_has_jumped_is_taken_over_though_every_second_joint_state_c
     assert outcome.violations == []
 
 
+def test_a_clock_that_jumps_again_is_found_out_again() -> None:
+    """Seven good joint states without an answer in all, of which the second jump began the count anew."""
+    assert judge(71717, 56338).violations == ()
+
+
 def test_a_message_without_numbers_can_be_damaged() -> None:
     """As a command is that gives no effort: a controller that still waits for a slow sensor gives such ones."""
     wire, stamps = Wire(EFFORT, ("a", "b"), "ee"), set()
