@@ -171,6 +171,14 @@ def test_slip_and_deflection_together_are_the_motion_of_the_pad_on_the_object() 
         np.testing.assert_allclose(moved, slip[:3] + bent[:3], atol=second)
 
 
+def test_where_the_gripped_point_is_follows_from_the_slip() -> None:
+    plant, slip = plant_of(pair()), np.array((0.012, -0.007, 0.4))
+    plant._contacts[1].slip[:] = slip
+    c, s = np.cos(slip[2]), np.sin(slip[2])
+    np.testing.assert_allclose(plant.gripped_at(1), -np.array([[c, s], [-s, c]]) @ slip[:2], rtol=1e-12)
+    assert plant.gripped_at(0) == (0.0, 0.0)
+
+
 def test_what_no_pad_holds_falls_and_one_pad_that_holds_carries() -> None:
     simulation = pair(grip=60.0, friction=COULOMB)
     simulation.set_grip_force(0, 0.0)

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.records import new, record
 from slip_core.types import PoseGoal
-from slip_core.vectors import Spatial, mat, vec
+from slip_core.vectors import Spatial, mat, spatial, vec
 from slip_vic_controller.governing import goal_progress
-from slip_vic_controller.reference.goals import GOAL, GoalPhase, begin_goal
+from slip_vic_controller.reference.goals import GOAL, GoalPhase, begin_goal, goal_at, rest_at
 from slip_vic_controller.reference.paths import Reference
 from slip_vic_controller.state import CONFIG
 from test.support.call import call
@@ -113,3 +113,16 @@ def test_ungoverned_the_progress_of_a_goal_is_a_share_at_all_times() -> None:
     for time_s, expected in ((-1.0, 0.0), (0.0, 0.0), (1.0, 0.25), (4.0, 1.0), (5.0, 1.0)):
         task.start_ns = state.joint.answers.stamp_ns - round(time_s * 1e9)
         assert call(goal_progress, config, task, state) == expected, time_s
+
+
+def test_a_goal_that_rests_stays_at_the_pose_it_was_given() -> None:
+    goal, turned = record(new(GOAL), GOAL), Rotation.from_rotvec((0.1, -0.2, 0.3)).as_matrix()
+    goal.position[:] = 9.0
+    moving = spatial(np.ones(6))
+    rest_at(goal, Reference(vec((0.1, 0.2, 0.3)), mat(turned), moving, moving))
+    assert goal.phase == GoalPhase.RESTS
+    for time in (0.0, 0.5, 7.0):
+        there = goal_at(goal, time)
+        assert (there.position.x, there.position.y, there.position.z) == (0.1, 0.2, 0.3)
+        assert (there.twist.linear.norm(), there.acceleration.angular.norm()) == (0.0, 0.0)
+    np.testing.assert_array_equal(goal.rotation, turned)

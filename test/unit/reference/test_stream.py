@@ -29,6 +29,7 @@ from slip_vic_controller.reference.stream import (
     drop_passed,
     plan_stream,
     take_queued,
+    waiting,
 )
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.sizes import NEVER
@@ -175,6 +176,13 @@ def test_what_comes_before_the_last_sample_may_be_as_fast_as_friction_brakes() -
     K = [stream.points[i].K for i in range(5)]
     expected = 0.01 + 2.0 * spacing_s * F / mass * np.arange(4, -1, -1)
     np.testing.assert_allclose(K, expected, rtol=1e-6)
+
+
+def test_what_waits_of_a_stream_is_what_has_not_been_run_through() -> None:
+    stream = record(new(STREAM), STREAM)
+    assert waiting(stream, -5.0) == 0.0, "nothing has come yet"
+    stream.count, stream.points[0].time, stream.points[1].time = 2, 1.0, 3.0
+    assert [waiting(stream, time) for time in (1.5, 3.0, 4.0)] == [1.5, 0.0, 0.0]
 
 
 def test_a_sample_without_a_stamp_has_that_of_the_cycle() -> None:
