@@ -91,6 +91,8 @@ def test_files_of_other_writers(tmp_path, options):
     write_strings(tmp_path / "x.mcap", times, **options)
     with Bag(tmp_path / "x.mcap") as bag:
         assert [message.log_time_ns for message in bag.raw()] == sorted(times)
+        some = bag.raw(["a"], start_ns=START_NS + 10, end_ns=START_NS + 20)
+        assert [message.log_time_ns for message in some] == list(range(START_NS + 10, START_NS + 21))
         assert bag.message_count == 50
         assert bag.span_ns == (min(times), max(times))
 

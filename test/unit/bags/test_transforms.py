@@ -50,6 +50,7 @@ def test_no_tree_is_one_line(text: str) -> None:
 def test_type_is_that_of_tf2_msgs() -> None:
     info, text = tf_topic()
     assert (info.name, info.type_name) == ("/tf", "tf2_msgs/msg/TFMessage")
+    assert [(qos.reliability, qos.durability, qos.depth) for qos in info.qos] == [("reliable", "volatile", 100)]
     assert text.startswith("geometry_msgs/TransformStamped[] transforms\n\n====")
 
 
