@@ -131,8 +131,8 @@ class WorkMonitor:
         """The controller has lost its memory."""
         self._left = self._unanswered = 0
 
-    def clock_jumped(self) -> None:
-        """Whether the clock is another one is found out anew."""
+    def begin_again(self) -> None:
+        """Whether the source has restarted is found out anew: its clock has jumped, or a joint state is damaged."""
         self._unanswered = 0
 
     def take(self, now_s: float, path: Any, answered: bool, good: bool) -> None:

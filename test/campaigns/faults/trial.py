@@ -28,7 +28,7 @@ from slip_vic_controller.session import RETUNABLE, ArmController, Controller, Cy
 from slip_vic_controller.sizes import MAX_JOINTS
 from slip_vic_controller.topics.arm import SLIP_DEPTH, STATE_DEPTH
 from test.campaigns.faults.carriers import SampleCarrier
-from test.campaigns.faults.channel import Channel, Delivery
+from test.campaigns.faults.channel import DAMAGED, Channel, Delivery
 from test.campaigns.faults.monitors import (
     LOST_M,
     NS,
@@ -297,7 +297,7 @@ class Trial:
             self._bridge.request_reset()
             self._joints.restarted()
         elif fault.kind == "clock_jump":
-            self._work.clock_jumped()
+            self._work.begin_again()
             sign = 1 if fault.size > 0.5 else -1
             self._clock_offset_ns += sign * round(1e9 * 10.0 ** (4.0 * abs(2.0 * fault.size - 1.0) - 2.0))
         elif fault.kind == "grip":
@@ -381,7 +381,10 @@ class Trial:
         wild = next((f for f in self._plan.faults if f.kind.startswith("wild") and f.at(t)), None)
         self._user.act(controller, t, self._bridge.simulation.observe(0).pad, wild)
         commands = self._commands.commands
+        damaged = any(f.kind in DAMAGED and f.target == JOINT and f.at(t) for f in self._plan.faults)
         for delivery in self._arrived(JOINT):
+            if damaged:  # what looks good may contradict all others
+                self._work.begin_again()
             controller.add_joint(delivery.sample, now_ns)
             self._note(JOINT, delivery)
             result = self._controller.cycle(now_ns)

@@ -28,6 +28,7 @@ from slip_vic_controller.reference.stream import (
     at,
     drop_passed,
     plan_stream,
+    stream_bound,
     take_queued,
     waiting,
 )
@@ -176,6 +177,23 @@ def test_what_comes_before_the_last_sample_may_be_as_fast_as_friction_brakes() -
     K = [stream.points[i].K for i in range(5)]
     expected = 0.01 + 2.0 * spacing_s * F / mass * np.arange(4, -1, -1)
     np.testing.assert_allclose(K, expected, rtol=1e-6)
+
+
+def test_the_bound_of_a_stream_is_straight_between_its_points_and_zero_behind_the_last() -> None:
+    stream = record(new(STREAM), STREAM)
+    stream.count = 3
+    for i, (time, K) in enumerate(((0.0, 4.0), (1.0, 2.0), (3.0, 1.0))):
+        stream.points[i].time, stream.points[i].K = time, K
+    expected = (
+        (-1.0, 4.0, -2.0),
+        (0.5, 3.0, -2.0),
+        (1.0, 2.0, -0.5),
+        (2.0, 1.5, -0.5),
+        (3.0, 0.0, 0.0),
+        (9.0, 0.0, 0.0),
+    )
+    for time, bound, slope in expected:
+        assert stream_bound(stream, time) == pytest.approx((bound, slope)), time
 
 
 def test_what_waits_of_a_stream_is_what_has_not_been_run_through() -> None:
