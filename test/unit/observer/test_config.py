@@ -11,7 +11,8 @@ from scipy.stats import chi2
 from slip_core.records import new, record
 from slip_vic_controller.arm.config import velocity_correlation
 from slip_vic_controller.observer.config import observer_config
-from slip_vic_controller.observer.layouts import OBSERVER_CONFIG, ROW
+from slip_vic_controller.observer.layouts import OBSERVER, OBSERVER_CONFIG, ROW
+from slip_vic_controller.observer.slip import is_confirmed
 from slip_vic_controller.observer.stick import SLOW_GROWTH, window_ticks
 from test.unit.observer.rig import make_params
 
@@ -124,3 +125,16 @@ def test_noise_of_estimated_velocities_lasts_unless_it_is_the_lag_of_a_filter() 
     assert config_of(**REAL_ARM, joint_sensor__noise_velocity=1e-3).correlation_ticks > 1.0
     assert config_of(**REAL_ARM, **filtered).correlation_ticks == 0.0
     assert config_of().correlation_ticks == 0.0
+
+
+def test_where_velocities_are_noisy_bias_and_gain_count_together_as_they_act() -> None:
+    """Of b and c apart little is known at a steady force; their sum b + c f may be known well."""
+    config, state, row = config_of(**REAL_ARM), record(new(OBSERVER), OBSERVER), record(new(ROW), ROW)
+    row.dt, row.force[:] = 1e-3, 2.0
+    for i in range(6):
+        state.axes[i].P_bb, state.axes[i].P_bc, state.axes[i].P_cc = 4e3, -2e3, 1e3  # 4000 - 8000 + 4000 = 0
+    assert not is_confirmed(config, state, row), "exact velocities tell b alone"
+    row.velocity_variance[:] = 1e-9
+    assert is_confirmed(config, state, row)
+    state.axes[0].P_bc = 2e3
+    assert not is_confirmed(config, state, row)
