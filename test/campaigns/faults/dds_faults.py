@@ -55,6 +55,7 @@ class FaultActions:
         elif kind == "request":
             nodes.trigger(("enable", "hold", "reset_fault")[int(3 * fault.size)])
         elif kind == "gains":
+            self._watch.begin_again()  # HOLD carries what it is told that the arm carries
             nodes.set_parameters(self._changed(fault.size))
         elif kind == "bad_parameter":
             name, value = REFUSED[int(len(REFUSED) * fault.size)]
@@ -78,6 +79,7 @@ class FaultActions:
 
     def restore(self) -> None:
         """Set the parameters back."""
+        self._watch.begin_again()
         self._nodes.set_parameters(self._usual)
 
     def _changed(self, size: float) -> dict[str, Any]:

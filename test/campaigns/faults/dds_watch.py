@@ -30,7 +30,6 @@ from test.campaigns.faults.wire import Wire
 
 REMEMBERED = 2000  # joint states
 TELEPORT_S = 0.3  # after a reset of the simulation, within which its joints may feel anything
-TOLD_S = 0.05  # between a joint state and the ledger of the cycle that has moved the joint
 HOST_S = 0.1  # what a busy machine may take beyond the stated reaction
 ODD_ONES = 5  # commands that wait for a ledger that never comes
 
@@ -68,7 +67,7 @@ class Watch:
         ages = {JOINT: inputs.joint.age_s, WRENCH: inputs.wrench.age_s}
         ages |= {} if params.controller == "classical" else {SLIP: slip_s}  # it needs no slip
         self.commands = CommandMonitor(promise)
-        self.joints = JointMonitor(effort_rate * period_s, told_s=TOLD_S)
+        self.joints = JointMonitor(effort_rate * period_s)
         self.safe = SafeStateMonitor({name: age + period_s + HOST_S for name, age in ages.items()}, inputs.future_s)
         self._timeout_ns = round(1e9 * timeout_s)
         self.mode = Mode.WAITING_INPUT

@@ -153,23 +153,18 @@ class WorkMonitor:
 
 @dataclass
 class JointMonitor:
-    """What the joints feel: no step above the drives' slope, whoever commands; and rest where nobody follows.
-
-    told_s: by how much later than the motion the mode may be known here, where both are messages.
-    """
+    """What the joints feel: no step above the drives' slope, whoever commands; and rest where nobody follows."""
 
     largest_change: float
     rest_after_s: float = REST_AFTER_S
-    told_s: float = 0.0
     violations: list[str] = field(default_factory=list)
     largest_seen: float = 0.0
     _last: Numbers | None = None
     _resting_since: float | None = None
-    _moving_since: float | None = None
 
     def restarted(self) -> None:
         """The simulation has been made anew."""
-        self._last = self._resting_since = self._moving_since = None
+        self._last, self._resting_since = None, None
 
     def begin_again(self) -> None:
         """The time to come to rest begins anew: another one holds the arm, or what it carries is no longer the same."""
@@ -183,18 +178,12 @@ class JointMonitor:
             if step > self.largest_change + ROUNDING:
                 self.violations.append(f"{now_s:.3f} s: joint effort steps by {step:.3f} N m")
         self._last = applied
-        fastest = float(np.abs(velocity).max())
-        if fastest <= AT_REST:
-            self._moving_since = None
-        elif self._moving_since is None:
-            self._moving_since = now_s
-        moved_s = 0.0 if self._moving_since is None else now_s - self._moving_since
         if follows:
             self._resting_since = None
         elif self._resting_since is None:
             self._resting_since = now_s
-        elif now_s - self._resting_since > self.rest_after_s and fastest > AT_REST and moved_s >= self.told_s:
-            self.violations.append(f"{now_s:.3f} s: not at rest: {fastest:.2f} rad/s")
+        elif now_s - self._resting_since > self.rest_after_s and np.abs(velocity).max() > AT_REST:
+            self.violations.append(f"{now_s:.3f} s: not at rest: {np.abs(velocity).max():.2f} rad/s")
             self._resting_since = now_s
 
 

@@ -225,15 +225,6 @@ def test_joint_monitor_sees_steps_and_unrest() -> None:
     assert "not at rest" in monitor.violations[1]
 
 
-@pytest.mark.parametrize(("told_after_s", "complaints"), [(0.04, 0), (0.06, 1)])
-def test_a_motion_of_a_law_that_is_not_known_yet_is_no_unrest(told_after_s: float, complaints: int) -> None:
-    monitor = JointMonitor(4.0, told_s=0.05)
-    for t in np.arange(0.0, 1.5 + told_after_s, 0.004):
-        monitor.take(float(t), ZERO, np.array([0.0, 0.2 * (t >= 1.5)]), False)
-    monitor.take(1.5 + told_after_s, ZERO, np.array([0.0, 0.2]), True)
-    assert len(monitor.violations) == complaints
-
-
 def watch_of_the_campaign() -> tuple[Watch, dict[str, Wire]]:
     params = campaign_scenario().controller
     wires = {name: Wire(name, params.joint_names, params.ee_frame) for name in TOPICS}
