@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from slip_core.errors import InputError
@@ -98,7 +99,7 @@ def _attack(only: tuple[str, ...], out: Path) -> None:
     names = [name for name in ATTACKS if not only or any(words in name for words in only)]
     if not names:
         raise InputError("--only", got=", ".join(only), expected=f"a part of one of: {', '.join(ATTACKS)}")
-    table = Table("attack", "promise", "worst mode", "law again [s]", box=SIMPLE_HEAD)
+    table = Table("attack", "promise", "worst mode", escape("law again [s]"), box=SIMPLE_HEAD)
 
     def on_done(row: Row) -> None:
         back = "never" if row.recovery_s is None else f"{row.recovery_s:.2f}{', helped' if row.helped else ''}"

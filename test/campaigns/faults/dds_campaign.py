@@ -21,6 +21,7 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 
+from slip_core.arms import prefix_of
 from slip_core.topics import topic
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.qos import create_subscription, message_class
@@ -37,7 +38,7 @@ from test.campaigns.faults.dds_session import START_S, Nodes, StartUp
 from test.campaigns.faults.dds_watch import Watch, Watches
 from test.campaigns.faults.evidence import notes_of, write_bag
 from test.campaigns.faults.monitors import LOST_M
-from test.campaigns.faults.pair import CASES, OVER_DDS, SCENARIOS
+from test.campaigns.faults.pair import CASES_OVER_DDS, SCENARIOS
 from test.campaigns.faults.plan import (
     BRIDGE,
     CONTROLLER,
@@ -80,7 +81,7 @@ STALL_S = 0.05
 
 def plan_over_dds(seed: int, trial: int, two_arms: bool = False) -> Plan:
     """Return the plan of a trial over DDS: TRIALS_PER_SETTING in a row run what the first of them has drawn."""
-    cases = (*CASES, *OVER_DDS) if two_arms else all_faults_over_dds()
+    cases = CASES_OVER_DDS if two_arms else all_faults_over_dds()
     number = trial // TRIALS_PER_SETTING
     first, plan = (
         make_plan(seed, each, cases, LATEST_START_S, LONGEST_S, "effort")
@@ -181,10 +182,10 @@ class DdsCampaign:
 
     def __init__(self, node: Any, nodes: Nodes, out: Path, effort_rate: float | None) -> None:
         self.nodes, self.scenario, self._out = nodes, nodes.scenario, out
-        self._prefixes = [prefix for prefix, _ in self.scenario.arms]
         wires, watches = {}, {}
         self._lost_m: dict[str, float] = {}
-        for prefix, (arm, params) in zip(self._prefixes, self.scenario.controllers.items(), strict=True):
+        for arm, params in self.scenario.controllers.items():
+            prefix = prefix_of(arm)
             robot = Robot(self.scenario.placed[arm], params.ee_frame, params.joint_names, params.gravity)
             own = {name: Wire(name, params.joint_names, params.ee_frame) for name in TOPICS}
             wires |= {f"{prefix}{name}": wire for name, wire in own.items()}
@@ -246,7 +247,7 @@ class DdsCampaign:
         violations += self.deaths() + self._recorder(plan) + self.watch.violations() + self.deaths()
         if violations:
             folder = self._out / f"trial_dds_{plan.seed}_{plan.trial}"
-            write_bag(folder, self.proxy.kept, notes_of(plan, violations), self._prefixes)
+            write_bag(folder, self.proxy.kept, notes_of(plan, violations), tuple(self.watch.arms))
         return Verdict(
             plan.trial,
             tuple(fault.name for fault in plan.faults),

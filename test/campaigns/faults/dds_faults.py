@@ -12,9 +12,8 @@ from sensor_msgs.msg import JointState
 from slip_core.params import flatten
 from test.campaigns.faults.dds_session import Nodes
 from test.campaigns.faults.dds_watch import Watches
-from test.campaigns.faults.plan import BRIDGE, RECORDER, Fault
+from test.campaigns.faults.plan import BRIDGE, RECORDER, RETUNED, Fault, retuned
 
-STIFFNESS, K_S, MASS = RETUNED = ("gains.stiffness", "gains.k_s", "object.mass")
 REFUSED = (
     ("gains.k_s", -1.0), ("gains.stiffness", [float("nan")] * 6), ("object.mass", float("inf")),
     ("safety.limits.effort_rate", 1e9), ("control_period_s", 0.5), ("gains.stiffness", [1.0]), ("joint_names", ["x"]),
@@ -56,7 +55,8 @@ class FaultActions:
             nodes.trigger(("enable", "hold", "reset_fault")[int(3 * fault.size)])
         elif kind == "gains":
             self._watch.begin_again()  # HOLD carries what it is told that the arm carries
-            nodes.set_parameters(self._changed(fault.size))
+            changed = [retuned(self._usual, fault.size, arm) for arm in self._arms]
+            nodes.set_parameters({name: value for of_arm in changed for name, value in of_arm.items()})
         elif kind == "bad_parameter":
             name, value = REFUSED[int(len(REFUSED) * fault.size)]
             nodes.set_parameters({f"{self._arms[0]}{name}": value})
@@ -82,18 +82,8 @@ class FaultActions:
         self._watch.begin_again()
         self._nodes.set_parameters(self._usual)
 
-    def _changed(self, size: float) -> dict[str, Any]:
-        factor = 10.0 ** (2.0 * size - 1.0)
-        values: dict[str, Any] = {}
-        for arm in self._arms:
-            values[f"{arm}{STIFFNESS}"] = [factor * k for k in self._usual[f"{arm}{STIFFNESS}"]]
-            values[f"{arm}{K_S}"] = min(factor * self._usual[f"{arm}{K_S}"], 200.0)
-            values[f"{arm}{MASS}"] = factor * self._usual[f"{arm}{MASS}"]
-        return values
-
     def _grip_n(self, arm: str) -> float:
-        force: float = self._nodes.scenario.bridges[arm].grip.force
-        return force
+        return self._nodes.scenario.bridges[arm].grip.force
 
     def _intrude(self, topic: str) -> Callable[[], None]:
         """Let a node of another name appear on a topic; return what removes it."""

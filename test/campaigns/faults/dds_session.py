@@ -24,7 +24,7 @@ from slip_vic.run.processes import Child, ProcessGroup, python_module
 from slip_vic.scenarios.scenario import Scenario
 from test.campaigns.faults.network import Cable
 from test.campaigns.faults.plan import BRIDGE, CONTROLLER, RECORDER
-from test.campaigns.faults.proxy import remappings, topics_of
+from test.campaigns.faults.proxy import remappings
 
 BLOCK_BYTES = 4096  # of a file system: what a file has beyond its end when the disk is full
 # A full disk refuses to grow in sum, this limit each file: metadata.yaml needs more than a young bag has.
@@ -87,8 +87,7 @@ class Nodes:
         self._bag = folder
         self._remote = False
         self.starts = 0
-        self._prefixes = [prefix for prefix, _ in scenario.arms]
-        self._grips = {prefix: node.create_publisher(Float64, f"{prefix}grip_force", 10) for prefix in self._prefixes}
+        self._grips = {prefix: node.create_publisher(Float64, f"{prefix}grip_force", 10) for prefix, _ in scenario.arms}
         triggers = {
             "enable": "/slip_vic_controller/enable", "hold": "/slip_vic_controller/hold",
             "reset_fault": "/slip_vic_controller/reset_fault", "reset": "/slip_sim_bridge/reset",
@@ -115,7 +114,7 @@ class Nodes:
         self.starts += 1
         if name in self._leaving:  # two of them would be heard
             self.group.stop([self._leaving.pop(name)])
-        extra = remappings(topics_of(self._prefixes)) if name == BRIDGE else []
+        extra = remappings(self._grips) if name == BRIDGE else []
         argv = node_command(name, getattr(self.scenario, name), self.folder, *extra)
         if name == BRIDGE and self._remote and self.cable is not None:
             argv = self.cable.behind(argv)

@@ -52,13 +52,13 @@ CASES = (
     ("request", ""),
 )  # fmt: skip
 """Every (kind, target) there is, in process."""
-OVER_DDS = (
-    *((kind, node) for kind in ON_NODES for node in (BRIDGE, CONTROLLER, RECORDER)),
+CASES_OVER_DDS = (
+    *CASES, *((kind, node) for kind in ON_NODES for node in (BRIDGE, CONTROLLER, RECORDER)),
     *((kind, BRIDGE) for kind in ("reset", "clock_jump", "clock_stop", "cut")), ("disk_full", RECORDER),
     ("gains", CONTROLLER), ("bad_parameter", CONTROLLER),
     ("second_publisher", f"left/{JOINT}"), ("second_publisher", f"right/{EFFORT}"),
 )  # fmt: skip
-"""Those over DDS beyond that: of processes, network and graph."""
+"""Those over DDS: as in process, and those of processes, network and graph."""
 
 
 def make_plan(seed: int, trial: int, interface: str = "") -> tuple[str, tuple[Fault, ...], str]:

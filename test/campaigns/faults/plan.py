@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +27,8 @@ DRIVES = {
 """Presets of drives that take efforts, velocities or positions."""
 TASKS = ("path", "goal", "topic")
 """Where the reference comes from: the built-in path, goals, or a stream of references."""
+RETUNED = ("gains.stiffness", "gains.k_s", "object.mass")
+"""What the fault "gains" changes."""
 MOST_NOISE, MOST_FRICTION, MOST_OFFSET = 0.01, 0.3, 0.2
 """Of joints that no parameter describes: velocity noise [rad/s], friction and torque offset [N m]."""
 PERIOD_S = 0.004
@@ -58,6 +61,21 @@ class Fault:
     def at(self, t: float) -> bool:
         """Return whether it is at work at this time [s]."""
         return self.start_s <= t < self.end_s
+
+
+def change_factor(size: float) -> float:
+    """Return by how much a fault of this size changes a parameter: from 0.1 to 10."""
+    return float(10.0 ** (2.0 * size - 1.0))
+
+
+def retuned(values: Mapping[str, Any], size: float, arm: str = "") -> dict[str, Any]:
+    """Return the parameters that the fault "gains" changes, changed; values: by name; arm: prefix of the names."""
+    factor, (stiffness, k_s, mass) = change_factor(size), (f"{arm}{name}" for name in RETUNED)
+    return {
+        stiffness: [factor * k for k in values[stiffness]],
+        k_s: min(factor * values[k_s], 200.0),
+        mass: factor * values[mass],
+    }
 
 
 def all_faults() -> tuple[tuple[str, str], ...]:

@@ -21,13 +21,9 @@ PLANT = "plant"  # namespace of the bridge's side
 KEPT = 20_000  # messages kept for the bag of a violation: about ten seconds
 
 
-def topics_of(prefixes: Iterable[str]) -> list[str]:
-    """Return the names of the topics between bridge and controller; prefixes: of each arm."""
-    return [f"{prefix}{name}" for prefix in prefixes for name in TOPICS]
-
-
-def remappings(names: Iterable[str]) -> list[str]:
-    """Return the ROS arguments that put these topics of the bridge behind the proxy."""
+def remappings(prefixes: Iterable[str]) -> list[str]:
+    """Return the ROS arguments that put the bridge behind the proxy; prefixes: of each arm's topics."""
+    names = (f"{prefix}{name}" for prefix in prefixes for name in TOPICS)
     return [word for name in names for word in ("-r", f"{name}:={PLANT}/{name}")]
 
 

@@ -51,7 +51,9 @@ from test.campaigns.faults.plan import (
     WRENCH,
     Fault,
     Plan,
+    change_factor,
     realtime_scenario,
+    retuned,
 )
 from test.campaigns.faults.wire import Wire
 from test.support.one_arm import OneArm, one_arm
@@ -308,15 +310,13 @@ class Trial:
             self._retune(self._controller, fault)
 
     def _retune(self, controller: OneArm, fault: Fault) -> None:
-        factor, values = 10.0 ** (2.0 * fault.size - 1.0), flatten(self.scenario.controller)
+        values = flatten(self.scenario.controller)
         if fault.kind == "gains":
-            values["gains.stiffness"] = [factor * k for k in values["gains.stiffness"]]
-            values["gains.k_s"] = min(factor * values["gains.k_s"], 200.0)
-            values["object.mass"] = values["object.mass"] * factor
+            values |= retuned(values, fault.size)
         else:
             names = [name for name, value in values.items() if name.startswith(RETUNABLE) and np.all(np.isreal(value))]
             name = names[int(1e6 * fault.size) % len(names)]
-            values[name] = (factor * np.array(values[name], float)).tolist()
+            values[name] = (change_factor(fault.size) * np.array(values[name], float)).tolist()
         with suppress(InputError):  # gains may be refused; that is no violation
             controller.retune(build(ControllerNodeParams, values, "trial"))
 

@@ -23,7 +23,7 @@ def _own_domain(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(tmp_path: Path, *cases: tuple[str, str], two_arms: bool = False, effort_rate: float | None = None) -> Tally:
-    every = (*pair.CASES, *pair.OVER_DDS) if two_arms else CASES
+    every = pair.CASES_OVER_DDS if two_arms else CASES
     tally, trials = Tally(SEED, over_dds=True, two_arms=two_arms), [every.index(case) for case in cases]
     run_over_dds(tally, trials, tmp_path, lambda _: None, effort_rate=effort_rate)
     return tally

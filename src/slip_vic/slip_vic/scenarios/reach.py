@@ -70,6 +70,11 @@ def pad_path(trajectory: TrajectoryParams, points: int = POINTS) -> tuple[Array,
     return times, values
 
 
+def _room(robot: Robot, joints: Array) -> Array:
+    """Return how far joints (k, n) are from the nearer end of their range, (k, n)."""
+    return np.minimum(joints - robot.position_lower, robot.position_upper - joints)
+
+
 def follow(robot: Robot, start: Array, times: Array, path: Array, payload: Array) -> Way:
     """Follow a path, as `pad_path` gives it, from joint positions `start` (n,); payload (3,) [N] {w} hangs at {ee}."""
     position, rotation, _ = robot.frame(start)
@@ -100,7 +105,7 @@ def follow(robot: Robot, start: Array, times: Array, path: Array, payload: Array
         way,
         1.0 if not blocked else len(way) / len(path),
         blocked,
-        np.minimum(way - robot.position_lower, robot.position_upper - way).min(axis=0, initial=math.inf),
+        _room(robot, way).min(axis=0, initial=math.inf),
         sigma,
         (np.abs(steps) / robot.velocity_limit).max(axis=0, initial=0.0),
         load,
@@ -146,7 +151,7 @@ def near_range_ends(robot: Robot, way: Way, margin: float) -> list[str]:
 
     margin: distance [rad, m] at which it begins.
     """
-    left = np.minimum(way.joints - robot.position_lower, robot.position_upper - way.joints)
+    left = _room(robot, way.joints)
     nearest = zip(robot.joint_names, left.argmin(axis=0), left.min(axis=0), strict=True)
     return [
         f"{name} comes to {least:.3f} of the end of its range at {way.times[k]:.2f} s: it is pushed back from "

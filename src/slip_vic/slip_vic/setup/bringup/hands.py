@@ -100,7 +100,7 @@ class Simulated:
 
     def push(self, words: str, direction: Array) -> Heard:
         """Push with `PUSH_N`."""
-        with self._leaning("push.wrench", np.array([*(PUSH_N * direction), 0.0, 0.0, 0.0])):
+        with self._leaning("push.wrench", _wrench(PUSH_N * direction)):
             self._system.listen(SETTLED_S)
             return self._system.listen(LOOKED_S)
 
@@ -127,7 +127,7 @@ class Simulated:
         self._system.listen(SETTLED_S)
 
     def _push(self, force: Array) -> None:
-        self._system.tune_bridge({"push.wrench": [*force.tolist(), 0.0, 0.0, 0.0]})
+        self._system.tune_bridge({"push.wrench": _wrench(force).tolist()})
 
     @contextmanager
     def _leaning(self, name: str, value: Array) -> Iterator[None]:
@@ -147,6 +147,11 @@ def simulated_hand(system: RosSystem, bridge: Mapping[str, Any]) -> Simulated:
     known = system.params
     friction = known.governor.friction_limit / known.grip.nominal_force
     return Simulated(system, bridge["hold.stiffness"], friction, bridge["grip.force"])
+
+
+def _wrench(force: Array) -> Array:
+    """Return the wrench of a force without a torque; (6,) [N, N m]."""
+    return np.concatenate((force, np.zeros(3)))
 
 
 def unit(axis: int) -> Array:
