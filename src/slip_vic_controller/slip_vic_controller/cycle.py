@@ -92,6 +92,7 @@ from slip_vic_controller.safety.arbitration import (
 )
 from slip_vic_controller.safety.drop_detection import forget, observe_motion
 from slip_vic_controller.safety.effort_limiter import (
+    go_on,
     limit_effort,
     needs_restart,
     start_limiter,
@@ -665,11 +666,13 @@ def _bridge(
         reasons = TransitionReasons(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), NOTHING)
         next_mode(config.modes, state.mode, reasons, inputs.request, now_ns)
         task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 0
-    # After a pause the limiter starts at what the joints feel; a jump of the positions leaves the efforts believable,
-    # unless another publisher sends joint states too.
+    # A jump of the positions leaves the efforts believable, unless another publisher sends joint states too: after a
+    # pause the limiter starts at what the joints feel.
     rest, felt = np.zeros(MAX_JOINTS), np.zeros(MAX_JOINTS)
     if fault == Fault.JUMP and outputs.health.outside != Fault.SECOND_PUBLISHER:
         felt[:] = state.joint.answers.effort
+    else:
+        go_on(config.motion.drive, state.limiter, now_ns)
     _finish(config, state, inputs, outputs, state.law.position, rest, felt, False)
 
 
@@ -1268,6 +1271,7 @@ def watchdog(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, ou
     next_mode(config.modes, state.mode, reasons, inputs.request, inputs.now_ns)
     task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 0
     outputs.wanted[:n] = state.law.gravity[:n]
+    go_on(config.motion.drive, state.limiter, inputs.now_ns)
     rest = np.zeros(MAX_JOINTS)
     _finish(config, state, inputs, outputs, state.law.position, rest, rest, False)
     _end(config, task, state, inputs, outputs)

@@ -195,13 +195,13 @@ class Watch:
         effort = np.array(command.effort)
         if known:
             starts = self._starts(stamp_ns, np.array(command.position))
-            self.commands.take(clock_ns, effort, lambda: starts)
+            self.commands.take(clock_ns, effort, lambda: starts, stamp_ns)
         elif len(effort):
             self.not_judged += 1
             if self.by_itself:
                 self.commands.inside(clock_ns, effort)
             else:
-                self.commands.take(clock_ns, effort, tuple)
+                self.commands.take(clock_ns, effort, tuple, stamp_ns)
 
     def _starts(self, stamp_ns: int, position: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return the efforts from which a first command may begin, as the controller was told them."""

@@ -28,8 +28,7 @@ class Promise:
     """The limits of a command, (n,) [N m], [rad/s] or [rad], and of its slope, each per second.
 
     least: lower limits where they are not -most (positions). longest_step_s, restart_after_s, period_s: as in the
-    parameters. follows_last: whether drives follow their last command until the next one, as those do that take
-    velocities or positions.
+    parameters.
     """
 
     most: Numbers
@@ -37,7 +36,6 @@ class Promise:
     longest_step_s: float
     restart_after_s: float
     period_s: float
-    follows_last: bool = False
     least: Numbers | None = None
 
     @property
@@ -73,7 +71,7 @@ class CommandMonitor:
         return True
 
     def take(
-        self, now_ns: int, effort: Numbers, starts: Callable[[], Sequence[Numbers]], measured_ns: int = -1
+        self, now_ns: int, effort: Numbers, starts: Callable[[], Sequence[Numbers]], measured_ns: int
     ) -> None:  # fmt: skip
         """Take a command.
 
@@ -81,8 +79,8 @@ class CommandMonitor:
         after a pause, may begin: what is measured, gravity compensation or rest; measured_ns: stamp of the joint state
         that it answers.
 
-        After a pause without a new joint state the last command is all that is known of where drives are that follow
-        it: the next one goes on from there, with the step of a pause. What was measured before the pause is behind.
+        After a pause without a new joint state the last command is all that is known of what drives do: the next one
+        goes on from there, with the step of a pause. What was measured before the pause is behind.
         """
         if len(effort) == 0:
             self._last = None
@@ -94,7 +92,7 @@ class CommandMonitor:
         known, passed_s = None, np.inf
         if self._last is not None:
             passed_s = NS * (now_ns - self._last[0])
-            blind = promise.follows_last and measured_ns == self._last[2]
+            blind = measured_ns == self._last[2]
             known = self._last[1] if passed_s <= promise.restart_after_s or blind else None
         passed_s = promise.period_s if known is None else passed_s
         allowed = promise.rate * min(passed_s, promise.longest_step_s)

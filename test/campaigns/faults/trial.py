@@ -430,8 +430,7 @@ def promise_of(arm: ArmController, period_s: float) -> Promise:
         most, rate = speed, command.acceleration_limit
     elif command.interface == "position":
         most, least, rate = arm.robot.position_upper, arm.robot.position_lower, speed
-    follows_last = command.interface != "effort"
-    return Promise(most, rate, limits.longest_step_s, limits.restart_after_s, period_s, follows_last, least)
+    return Promise(most, rate, limits.longest_step_s, limits.restart_after_s, period_s, least)
 
 
 def starts_of(session: OneArm, joint: JointSample) -> list[NDArray[np.float64]]:

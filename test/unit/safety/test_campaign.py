@@ -164,7 +164,7 @@ def test_a_controller_that_lets_bad_numbers_through_is_caught(monkeypatch: pytes
 def test_command_monitor_sees(commands: list[tuple[int, list[float]]], what: str) -> None:
     monitor = CommandMonitor(PROMISE)
     for t, effort in commands:
-        monitor.take(t * MS, np.array(effort), lambda: (ZERO,))
+        monitor.take(t * MS, np.array(effort), lambda: (ZERO,), t)
     assert len(monitor.violations) >= 1
     assert what in monitor.violations[0]
 
@@ -172,17 +172,16 @@ def test_command_monitor_sees(commands: list[tuple[int, list[float]]], what: str
 def test_command_monitor_lets_the_fastest_allowed_pass() -> None:
     monitor = CommandMonitor(PROMISE)
     for t in range(0, 80, 4):
-        monitor.take(t * MS, np.array([4.0 + t, 0.0]), lambda: (ZERO,))
-    monitor.take(0, np.zeros(0), tuple)
-    monitor.take(90 * MS, np.array([20.0, 1.0]), lambda: (np.array([19.0, 0.0]), ZERO))
+        monitor.take(t * MS, np.array([4.0 + t, 0.0]), lambda: (ZERO,), t)
+    monitor.take(0, np.zeros(0), tuple, 80)
+    monitor.take(90 * MS, np.array([20.0, 1.0]), lambda: (np.array([19.0, 0.0]), ZERO), 90)
     assert monitor.violations == []
 
 
 def test_command_monitor_after_a_pause_without_a_new_joint_state() -> None:
-    """Drives that follow their last command are met there; with a new joint state, where they are measured."""
-    promise = replace(PROMISE, follows_last=True)
+    """Drives are met at the last command; with a new joint state, where they are measured."""
     for after, measured_ns, violations in ((20.0, 1, 0), (20.0, 2, 1), (0.0, 1, 1), (0.0, 2, 0), (10.0, 1, 1)):
-        monitor = CommandMonitor(promise)
+        monitor = CommandMonitor(PROMISE)
         monitor.take(0, np.array([20.0, 0.0]), lambda: (np.array([20.0, 0.0]),), 1)
         monitor.take(100 * MS, np.array([after, 0.0]), lambda: (ZERO,), measured_ns)
         assert len(monitor.violations) == violations
