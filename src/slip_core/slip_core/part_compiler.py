@@ -1,8 +1,8 @@
 """How a part is compiled: typed and lowered alone, optimised only inside of the kernels that it becomes part of.
 
 numba optimises every function, and makes machine code of it, before it is linked into its callers, which optimise it
-again. For a part both are lost work: 34 of the 78 s that a first start of controller and bridge compiled. The results
-of a kernel are the same, for its arithmetic is strict.
+again. For a part both are lost work: in numba's own way a first start of controller and bridge compiles for 117 s, in
+this one for 73. The results of a kernel are the same, for its arithmetic is strict.
 """
 
 from __future__ import annotations

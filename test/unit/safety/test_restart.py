@@ -104,7 +104,9 @@ def test_after_a_pause_without_joint_states_efforts_go_on_from_the_last_ones() -
     loop.now_ns += PAUSE_NS
     result = loop.controller.watchdog(loop.now_ns)
     assert result is not None
-    assert np.abs(loop.controller.gravity - last).max() > 2 * STEP, "gravity must differ for this test to mean something"
+    assert np.abs(loop.controller.gravity - last).max() > 2 * STEP, (
+        "gravity must differ for this test to mean something"
+    )
     assert np.abs(result.command.numbers - last).max() <= AFTER_PAUSE + ROUNDING
 
 
