@@ -133,8 +133,9 @@ class Verdict(NamedTuple):
 
 
 def arbitrate(
-    config: Any, names: tuple[str, ...], memory: Memory, health: tuple[Fault, ...], frozen: bool, qd: Array, now_ns: int
-) -> Verdict:
+    config: Any, names: tuple[str, ...], memory: Memory, health: tuple[Fault, ...], frozen: bool, q: Array, qd: Array,
+    now_ns: int,
+) -> Verdict:  # fmt: skip
     """Return what speaks against the law; config: CONFIG; health: wrench, slip velocity, outside."""
     wrench, slip, outside = health
     limits, follows = config.arbitration, memory.mode in (Mode.ACTIVE, Mode.DEGRADED)
@@ -184,10 +185,21 @@ def arbitrate(
             memory.saturated_ns is not None and now_ns - memory.saturated_ns > limits.saturated_ns,
             "efforts saturated: slip cannot be driven to zero",
         ),
-        (memory.path_speed < 1.0 or memory.path_scale < 1.0, "the path waits for the arm"),
+        (
+            memory.path_speed < 1.0 or memory.path_scale < 1.0,
+            _pushed(config.motion, names, q) or "the path waits for the arm",
+        ),
     )
     degraded = "" if hold else next((text for so, text in cares if so), "")
     return Verdict(fault, hold, degraded, level, since, fast_since)
+
+
+def _pushed(limits: Any, names: tuple[str, ...], q: Array) -> str:
+    depths = np.maximum(limits.near_lower[: len(q)] - q, q - limits.near_upper[: len(q)])
+    j = int(np.argmax(depths))
+    if depths[j] <= 0.0:
+        return ""
+    return f"{names[j]} is pushed back from the end of its range, at {q[j]:.2f} rad: the pad cannot keep to the path"
 
 
 def _slides(limits: Any, v: Array) -> bool:

@@ -405,7 +405,8 @@ def _decide(
         _tare(config, state, inputs, together)
     freezes = frozen(config.joint, state.joint, now_ns)
     n, contacts = config.law.joints, config.law.contacts
-    reasons, level = arbitrate(config, task, state, outputs.health, freezes, n, contacts, sample.velocity, now_ns)
+    q, qd = sample.position, sample.velocity
+    reasons, level = arbitrate(config, task, state, outputs.health, freezes, n, contacts, q, qd, now_ns)
     decision.entered = state.mode.mode
     next_mode(config.modes, state.mode, reasons, request, now_ns)
     if request == Request.RESET_FAULT:

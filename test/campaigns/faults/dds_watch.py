@@ -67,7 +67,7 @@ class Watch:
         ages = {JOINT: inputs.joint.age_s, WRENCH: inputs.wrench.age_s}
         ages |= {} if params.controller == "classical" else {SLIP: slip_s}  # it needs no slip
         self.commands = CommandMonitor(promise)
-        self.joints = JointMonitor(effort_rate * period_s)
+        self.joints = JointMonitor(effort_rate * period_s, told_late_s=HOST_S)
         self.safe = SafeStateMonitor({name: age + period_s + HOST_S for name, age in ages.items()}, inputs.future_s)
         self._timeout_ns = round(1e9 * timeout_s)
         self.mode = Mode.WAITING_INPUT

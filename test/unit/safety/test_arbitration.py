@@ -16,7 +16,7 @@ from slip_vic_controller.sizes import NEVER
 from test.referees import safety_referee
 from test.referees.safety_referee import Memory, Verdict
 from test.support.call import call
-from test.support.made_up import MS, NOW_NS, N, controller_of
+from test.support.made_up import MS, NOW_NS, POSITION, N, controller_of
 
 TWIST, STILL = np.zeros(6), np.zeros(N)
 TIMES = ("slip_unknown_ns", "too_fast_ns", "saturated_ns", "stopping_ns")
@@ -42,16 +42,19 @@ class Arbitration:
         self.limits = record(self.config, CONFIG).arbitration
         self.names = self.controller.first.robot.joint_names
 
-    def arbitrate(self, health, frozen: bool = False, qd=STILL, now_ns: int = NOW_NS) -> tuple[TransitionReasons, int]:
+    def arbitrate(
+        self, health, frozen: bool = False, q=POSITION, qd=STILL, now_ns: int = NOW_NS
+    ) -> tuple[TransitionReasons, int]:
         """Return what runs finds."""
         config, given = record(self.config, CONFIG), new(HEALTH)
         given.view(np.int64)[:] = health
         law = config.law
-        return call(
-            arbitrate, config, self.task, self.state, given, frozen, law.joints, law.contacts, np.array(qd), now_ns
-        )
+        motion = np.array(q), np.array(qd)
+        return call(arbitrate, config, self.task, self.state, given, frozen, law.joints, law.contacts, *motion, now_ns)
 
-    def judge(self, memory: Memory, health=GOOD, frozen: bool = False, qd=STILL, now_ns: int = NOW_NS) -> Verdict:
+    def judge(
+        self, memory: Memory, health=GOOD, frozen: bool = False, q=POSITION, qd=STILL, now_ns: int = NOW_NS
+    ) -> Verdict:
         s, m = self.state, memory
         s.now_ns, s.mode.mode, s.latency.in_a_row = m.now_ns, m.mode, m.late_in_a_row
         self.task.path.scale = m.path_scale
@@ -63,11 +66,11 @@ class Arbitration:
         s.observed.twist[:] = m.pad_twist
         for of, slip in zip(s.slip_inputs, m.slips, strict=False):
             of["values"][:] = slip
-        found, level = self.arbitrate((Fault.NONE, *health), frozen, qd, now_ns)
+        found, level = self.arbitrate((Fault.NONE, *health), frozen, q, qd, now_ns)
         texts = (describe(reason, self.names) for reason in (found.fault, found.hold, found.degraded))
         since = (None if t == NEVER else int(t) for t in (s.since.slip_unknown_ns, s.since.too_fast_ns))
         verdict = Verdict(*texts, Level(level), *since)
-        plain = safety_referee.arbitrate(record(self.config, CONFIG), self.names, m, health, frozen, qd, now_ns)
+        plain = safety_referee.arbitrate(record(self.config, CONFIG), self.names, m, health, frozen, q, qd, now_ns)
         for name in TIMES[2:]:
             assert s.since[name] == (NEVER if getattr(m, name) is None else getattr(m, name))
         assert verdict == plain
@@ -110,7 +113,8 @@ def test_it_is_the_plain_form() -> None:
             memory = random_memory(rng, kind.limits)
             health = tuple(of[rng.integers(len(of))] for of in (WRENCHES, SLIPS, OUTSIDE))
             qd = robot.velocity_limit * rng.uniform(-1.0, 1.0, N) * (2.0 if rng.uniform() < 0.2 else 0.1)
-            verdict = kind.judge(memory, health, bool(rng.uniform() < 0.2), qd)
+            q = np.where(rng.uniform(size=N) < 0.05, rng.choice((robot.position_lower, robot.position_upper)), POSITION)
+            verdict = kind.judge(memory, health, bool(rng.uniform() < 0.2), q, qd)
             said.update(text for text in verdict[:3] if text and not any(c.isdigit() for c in text))
             said.add(verdict.level.name)
     assert {

@@ -214,6 +214,15 @@ def test_parameters_change_while_the_law_runs(kind: str) -> None:
     assert outcome.modes["ACTIVE"] > 100
 
 
+def test_joint_monitor_that_is_told_late_waits_for_that() -> None:
+    """Found by the campaign with two arms: the law was at work again, and its first motion came before the ledger."""
+    for follows_from, violations in ((302, 0), (310, 0), (400, 1)):
+        monitor = JointMonitor(4.0, told_late_s=0.1)
+        for t in range(410):
+            monitor.take(0.004 * t, ZERO, np.array([0.0, 0.2 if t >= 300 else 0.0]), t >= follows_from)
+        assert len(monitor.violations) == violations
+
+
 def test_joint_monitor_sees_steps_and_unrest() -> None:
     monitor = JointMonitor(4.0)
     monitor.take(0.0, ZERO, ZERO, False)

@@ -4,6 +4,7 @@ import numpy as np
 
 from slip_core.records import new, record
 from slip_core.types import JointSample, WrenchSample
+from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.law import EVALUATION
@@ -108,6 +109,18 @@ def test_an_arm_that_stays_while_its_path_goes_on_is_degraded(drive: str, margin
         if reason in result.reason:
             found.add(result.mode)
     assert found == {Mode.DEGRADED}
+
+
+def test_a_joint_that_is_pushed_back_is_the_reason_and_not_what_follows_from_it() -> None:
+    """The governor and the compensation see the pad leave its path, and would blame friction."""
+    eight = [f"controller.trajectory.{text}" for text in ("kind=lemniscate", "radius=0.06", "duration_s=8.0")]
+    loop, reasons = ClosedLoop(load_scenario("paper_planar", law="governed", assignments=eight)), []
+    for _ in range(1800):
+        result = loop.control(loop.observe())
+        reasons.append(str(result.reason))
+        loop.bridge.advance([result.command])
+    assert {reason[:42] for reason in reasons} == {"", "arm_joint4 is pushed back from the end of "}
+    assert sum(map(bool, reasons)) > 100
 
 
 def test_an_arm_that_moves_or_is_near_follows() -> None:

@@ -21,9 +21,9 @@ from slip_vic_controller.safety.drop_detection import BLIND, DropDetectionConfig
 from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.following import Following, stuck
 from slip_vic_controller.safety.latency import Latency
-from slip_vic_controller.safety.limit_avoidance import MotionLimits, too_fast
+from slip_vic_controller.safety.limit_avoidance import MotionLimits, pushed_joint, too_fast
 from slip_vic_controller.safety.modes import NOTHING, Mode, ModeState, TransitionReasons, follows
-from slip_vic_controller.safety.reasons import Cause, Reason, because, of_fault
+from slip_vic_controller.safety.reasons import Cause, Reason, because, of_fault, read_reason
 from slip_vic_controller.safety.validation import VectorInput, fine
 from slip_vic_controller.sizes import NEVER
 
@@ -271,7 +271,9 @@ def find_hold(
 
 
 @part
-def find_degraded(config: Configured, task: Shared, state: Judged, level: int, fault: int, now_ns: int) -> Reason:
+def find_degraded(
+    config: Configured, task: Shared, state: Judged, level: int, fault: int, n: int, q: Array, now_ns: int
+) -> Reason:
     """Return why to be careful; arguments as in `arbitrate`, fault: of the slip velocity."""
     since = state.since
     if level == Level.OBSERVED:
@@ -285,15 +287,22 @@ def find_degraded(config: Configured, task: Shared, state: Judged, level: int, f
     if stuck(state.following, now_ns):
         following = state.following
         return Reason(following.cause, following.joint, 0, following.value, following.error)
+    cause = Cause.NONE
     if task.governor.overrun != 0:
-        return because(Cause.OVERRUNS, 0)
-    if task.governor.halted != 0:
-        return because(Cause.HALTED, 0)
-    if state.law.given_up.given_up != 0:
-        return because(Cause.GIVEN_UP, 0)
-    if state.observed.path_speed < 1.0 or task.path.scale < 1.0:
-        return because(Cause.PATH_WAITS, 0)
-    return NOTHING
+        cause = Cause.OVERRUNS
+    elif task.governor.halted != 0:
+        cause = Cause.HALTED
+    elif state.law.given_up.given_up != 0:
+        cause = Cause.GIVEN_UP
+    elif state.observed.path_speed < 1.0 or task.path.scale < 1.0:
+        cause = Cause.PATH_WAITS
+    # What keeps the pad from its path there is no slip, and no friction that is too low; nor is it what lasts of that.
+    pushed = pushed_joint(config.motion, n, q)
+    if cause != Cause.NONE and pushed >= 0:
+        return Reason(Cause.PUSHED_BACK.value, pushed, 0, q[pushed], 0.0)
+    if cause != Cause.NONE and state.mode.reason.cause == Cause.PUSHED_BACK:
+        return read_reason(state.mode.reason)
+    return because(cause, 0)
 
 
 @part
@@ -305,6 +314,7 @@ def arbitrate(
     frozen: bool,
     n: int,
     contacts: int,
+    q: Array,
     qd: Array,
     now_ns: int,
 ) -> tuple[TransitionReasons, int]:
@@ -315,7 +325,7 @@ def arbitrate(
         health: of the inputs.
         frozen: whether the joint values have been equal to the last bit for long.
         n, contacts: numbers of joints and contacts.
-        qd: joint velocity; (n,) [rad/s].
+        q, qd: joint state; (n,) [rad], [rad/s].
         now_ns: the controller's clock.
     """
     slip = slip_fault(health, state.observed, now_ns)
@@ -327,5 +337,5 @@ def arbitrate(
     else:
         hold = find_hold(config, task, state, health, level, slip, frozen, contacts, now_ns)
     if hold.cause == Cause.NONE and health.outside == Fault.NONE:
-        degraded = find_degraded(config, task, state, level, slip, now_ns)
+        degraded = find_degraded(config, task, state, level, slip, n, q, now_ns)
     return TransitionReasons(NOTHING, fault, hold, degraded), level

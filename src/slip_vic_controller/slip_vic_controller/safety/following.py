@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final, Protocol
+from typing import Final
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
@@ -10,6 +10,7 @@ from slip_core.records import Real, Record, Whole, dtype_of
 from slip_core.vectors import vec
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.law import Evaluation
+from slip_vic_controller.safety.limit_avoidance import RangeEnds, pushed_joint
 from slip_vic_controller.safety.reasons import Cause
 from slip_vic_controller.sizes import NEVER
 
@@ -28,13 +29,6 @@ efforts (zero).
 """
 STUCK_NS: Final = 1_000_000_000
 """How long it must rest there [ns]."""
-
-
-class RangeEnds(Protocol):
-    """Where limit avoidance begins to keep joints from their stops (n,) [rad]."""
-
-    near_lower: Array
-    near_upper: Array
 
 
 class Following(Record):
@@ -86,7 +80,7 @@ def watch_following(
     if state.since_ns == NEVER:
         state.since_ns = now_ns
     state.error = law.error_linear if away else law.error_angular
-    most, deepest = -1.0, 0.0
+    most = -1.0
     state.cause = Cause.NOT_FOLLOWING.value if away else Cause.NOT_TURNING.value
     for j in range(n):
         torque = effort[j] - arm.bias[j]
@@ -95,8 +89,7 @@ def watch_following(
         against = abs(commanded[j]) + abs(torque) * TORQUE_WEIGHT
         if against > most:
             most, state.joint, state.value = against, j, torque
-    for j in range(n):
-        depth = max(limits.near_lower[j] - q[j], q[j] - limits.near_upper[j])
-        if depth > deepest:
-            state.cause = Cause.RANGE_END.value if away else Cause.RANGE_END_TURNED.value
-            deepest, state.joint, state.value = depth, j, q[j]
+    pushed = pushed_joint(limits, n, q)
+    if pushed >= 0:
+        state.cause = Cause.RANGE_END.value if away else Cause.RANGE_END_TURNED.value
+        state.joint, state.value = pushed, q[pushed]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 
@@ -27,6 +28,13 @@ TRIP = 4.0 / 3.0
 """Of the pad's speed limits: a control loop that runs away ends here."""
 
 
+class RangeEnds(Protocol):
+    """Where limit avoidance begins to keep joints from their stops (n,) [rad]."""
+
+    near_lower: Array
+    near_upper: Array
+
+
 class MotionLimits(Record):
     """Where limit avoidance begins, and what a loop that runs away is known by."""
 
@@ -42,6 +50,17 @@ class MotionLimits(Record):
 
 
 MOTION_LIMITS = dtype_of(MotionLimits)
+
+
+@part
+def pushed_joint(limits: RangeEnds, n: int, q: Array) -> int:
+    """Return the joint that is deepest in what its stops keep it from, -1 where none is; q (n,) [rad]."""
+    pushed, deepest = -1, 0.0
+    for j in range(n):
+        depth = max(limits.near_lower[j] - q[j], q[j] - limits.near_upper[j])
+        if depth > deepest:
+            pushed, deepest = j, depth
+    return pushed
 
 
 @part

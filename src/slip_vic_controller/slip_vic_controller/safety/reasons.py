@@ -49,6 +49,7 @@ class Cause(IntEnum):
     NOT_TURNING = 30  # the same where only the attitude is far: limit: error [rad]
     RANGE_END = 29  # detail: joint; value: its position [rad], limit: error [m]
     RANGE_END_TURNED = 31  # the same where only the attitude is far: limit: error [rad]
+    PUSHED_BACK = 32  # detail: joint; value: its position [rad]
     BIASED = 27  # detail: the sensor; value, limit in its unit
     JOINT = 25  # detail: joint + 256 * Finding of the estimator; value, limit [rad] or [N m]
 
@@ -165,6 +166,9 @@ def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> st
         if cause in (Cause.RANGE_END, Cause.RANGE_END_TURNED):
             why = f"is at the end of its range, at {value:.2f} rad"
         return f"{joint_names[reason.detail]} {why}, and the pad rests {off} off its reference"
+    if cause == Cause.PUSHED_BACK:
+        why = "is pushed back from the end of its range"
+        return f"{joint_names[reason.detail]} {why}, at {value:.2f} rad: the pad cannot keep to the path"
     if cause == Cause.BIASED:
         name, unit = _OF_SENSOR[Sensor(reason.detail)]
         return f"the {name} reads {value:.3g} {unit} at rest, at most {limit:.3g} are taken out: check it, call ~/tare"
