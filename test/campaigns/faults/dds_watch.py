@@ -31,6 +31,7 @@ from test.campaigns.faults.wire import Wire
 REMEMBERED = 2000  # joint states
 TELEPORT_S = 0.3  # after a reset of the simulation, within which its joints may feel anything
 HOST_S = 0.1  # what a busy machine may take beyond the stated reaction
+LEDGERS_S = 0.5  # how long joint states wait for the ledgers that tell the mode: no queue here holds more
 ODD_ONES = 5  # commands that wait for a ledger that never comes
 
 
@@ -67,7 +68,8 @@ class Watch:
         ages = {JOINT: inputs.joint.age_s, WRENCH: inputs.wrench.age_s}
         ages |= {} if params.controller == "classical" else {SLIP: slip_s}  # it needs no slip
         self.commands = CommandMonitor(promise)
-        self.joints = JointMonitor(effort_rate * period_s, told_late_s=HOST_S)
+        self.joints = JointMonitor(effort_rate * period_s)
+        self._for_joints: deque[tuple[float, Callable[[], object]]] = deque()
         self.safe = SafeStateMonitor({name: age + period_s + HOST_S for name, age in ages.items()}, inputs.future_s)
         self._timeout_ns = round(1e9 * timeout_s)
         self.mode = Mode.WAITING_INPUT
@@ -119,6 +121,7 @@ class Watch:
         entry = self._ledger(data)
         _, _, clock_ns, mode = entry
         now_s = clock_ns * 1e-9
+        self._joints_until(now_s)
         self.safe.check(now_s, mode.follows)
         if mode != self.mode:
             self.mode_since_s = now_s
@@ -144,16 +147,31 @@ class Watch:
         last, self._state_stamp_ns = self._state_stamp_ns, sample.stamp_ns
         steps = 1 if last is None else (sample.stamp_ns - last) / self._period_ns
         if not 0.5 < steps < 1.5 or now_s < self._ignore_until_s:
-            self.joints.restarted()
+            self._for_joints.append((now_s, self.joints.restarted))
         # By the bridge's rule: a command that answers an old state does not count, however often one arrives.
         answered_ns = self._answered_ns
         obeyed = answered_ns is not None and 0 <= sample.stamp_ns - answered_ns <= self._timeout_ns
         if obeyed != self._was_obeyed or now_s - self._state_s > 1e-9 * self._timeout_ns:
-            self.joints.begin_again()  # another one holds the arm from now on, and begins from its motion
+            # another one holds the arm from now on, and begins from its motion
+            self._for_joints.append((now_s, self.joints.begin_again))
         self._was_obeyed, self._state_s = obeyed, now_s
-        follows = self.mode.follows and obeyed
-        # By the simulation's clock: a bridge that was stopped has not moved meanwhile.
-        self.joints.take(sample.stamp_ns * 1e-9, sample.effort, sample.velocity, follows)
+
+        def take() -> None:
+            # By the simulation's clock: a bridge that was stopped has not moved meanwhile.
+            follows = self.mode.follows and obeyed
+            self.joints.take(sample.stamp_ns * 1e-9, sample.effort, sample.velocity, follows)
+
+        self._for_joints.append((now_s, take))
+        self._joints_until(now_s - LEDGERS_S)
+
+    def begin_again(self, now_s: float) -> None:
+        """The time to come to rest begins anew: another one holds the arm, or what it carries is not the same."""
+        self._for_joints.append((now_s, self.joints.begin_again))
+
+    def _joints_until(self, now_s: float) -> None:
+        """Judge the joint states that came before. A ledger may come later than what the arm did after it."""
+        while self._for_joints and self._for_joints[0][0] <= now_s:
+            self._for_joints.popleft()[1]()
 
     def _pair(self) -> None:
         """Judge commands with their ledgers; one whose ledger is missing is judged by itself.
@@ -280,7 +298,7 @@ class Watches:
     def begin_again(self) -> None:
         """The time to come to rest begins anew: another one holds the arms, or what they carry is not the same."""
         for watch in self.arms.values():
-            watch.joints.begin_again()
+            watch.begin_again(time.monotonic())
 
     def observe(self, on_mode: Callable[[Mode], object], *, by_itself: bool) -> None:
         """Call with every mode from now on; by_itself: two sources alternate, so no command follows the one before."""

@@ -151,28 +151,22 @@ class WorkMonitor:
 
 @dataclass
 class JointMonitor:
-    """What the joints feel: no step above the drives' slope, whoever commands; and rest where nobody follows.
-
-    told_late_s: how much later than the joint states that it moves it may be told that the law is at work again.
-    """
+    """What the joints feel: no step above the drives' slope, whoever commands; and rest where nobody follows."""
 
     largest_change: float
     rest_after_s: float = REST_AFTER_S
-    told_late_s: float = 0.0
     violations: list[str] = field(default_factory=list)
     largest_seen: float = 0.0
     _last: Numbers | None = None
     _resting_since: float | None = None
-    _moving_since: float | None = None
 
     def restarted(self) -> None:
         """The simulation has been made anew."""
-        self._last = None
-        self.begin_again()
+        self._last, self._resting_since = None, None
 
     def begin_again(self) -> None:
         """The time to come to rest begins anew: another one holds the arm, or what it carries is no longer the same."""
-        self._resting_since = self._moving_since = None
+        self._resting_since = None
 
     def take(self, now_s: float, applied: Numbers, velocity: Numbers, follows: bool) -> None:
         """Take applied efforts and velocities of a tick; `follows`: whether the law is at work."""
@@ -183,14 +177,12 @@ class JointMonitor:
                 self.violations.append(f"{now_s:.3f} s: joint effort steps by {step:.3f} N m")
         self._last = applied
         if follows:
-            self.begin_again()
+            self._resting_since = None
         elif self._resting_since is None:
             self._resting_since = now_s
         elif now_s - self._resting_since > self.rest_after_s and np.abs(velocity).max() > AT_REST:
-            self._moving_since = now_s if self._moving_since is None else self._moving_since
-            if now_s - self._moving_since >= self.told_late_s:
-                self.violations.append(f"{now_s:.3f} s: not at rest: {np.abs(velocity).max():.2f} rad/s")
-                self._resting_since, self._moving_since = now_s, None
+            self.violations.append(f"{now_s:.3f} s: not at rest: {np.abs(velocity).max():.2f} rad/s")
+            self._resting_since = now_s
 
 
 @dataclass
