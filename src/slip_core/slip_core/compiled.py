@@ -43,17 +43,12 @@ def kernel(signature: object) -> Callable[[F], F]:
     that changes with every source it can depend on: a stale one is never used. One that another user can write to is
     not used either, because what lies there is run.
 
-    No kernel calls another one; what both of them and Python call is a part.
-
     Args:
         signature: for instance VOID(IN1, IN2, INT, OUT1), or text in numba's notation.
     """
 
     def compile_now(function: F) -> F:
-        compiled = _kept(function, signature)
-        if not config.DISABLE_JIT:
-            _forget_bitcode(compiled)
-        return cast(F, compiled)
+        return cast(F, _kept(function, signature))
 
     return compile_now
 
@@ -68,12 +63,6 @@ def _kept(function: Callable[..., Any], *signature: object) -> Callable[..., Any
     if not config.DISABLE_JIT:
         config.CACHE_DIR = str(_folder(_package(Path(function.__code__.co_filename))))
     return numba.njit(*signature, cache=True, **STRICT)(function)
-
-
-def _forget_bitcode(compiled: Callable[..., Any]) -> None:
-    """Let go what numba keeps of a kernel to link it into others, which are made of parts: 21 MiB in a controller."""
-    for result in compiled.overloads.values():  # type: ignore[attr-defined]
-        result.library._shared_module = None
 
 
 @functools.lru_cache
