@@ -47,8 +47,7 @@ TO_DO = {
     Cause.RANGE_END: "The path takes the joint farther than it goes: start in another posture (`slip-vic arm FILE` finds one), or shorten it.",
     Cause.NOT_TURNING: "As for a pad that is off its place.",
     Cause.RANGE_END_TURNED: "As for a pad that is off its place.",
-    Cause.PUSHED_BACK: "The path takes the joint farther than it goes: start in another posture (`slip-vic arm FILE` finds "
-    "one), or shorten it.",
+    Cause.PUSHED_BACK: "As for a joint at the end of its range.",
     Cause.INTERNAL: "Report it with a bag and the line in the node's log.",
     Cause.PATH_TOO_HEAVY: "More grip, a lighter object, or another attitude: at that place friction cannot carry the weight.",
     Cause.OVERRUNS: "The friction fell while it moved. More grip; `governor.margin` leaves more room.",

@@ -152,8 +152,7 @@ class Watch:
         answered_ns = self._answered_ns
         obeyed = answered_ns is not None and 0 <= sample.stamp_ns - answered_ns <= self._timeout_ns
         if obeyed != self._was_obeyed or now_s - self._state_s > 1e-9 * self._timeout_ns:
-            # another one holds the arm from now on, and begins from its motion
-            self._for_joints.append((now_s, self.joints.begin_again))
+            self.begin_again(now_s)  # another one holds the arm from now on, and begins from its motion
         self._was_obeyed, self._state_s = obeyed, now_s
 
         def take() -> None:

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_core.compiled import part
+from slip_core.compiled import INT, REAL, kernel
 from slip_core.errors import InputError
 
 Mode = Literal["auto", "fixed"]
@@ -51,7 +51,7 @@ class GainReport(NamedTuple):
         return all(condition.holds for condition in self.conditions)
 
 
-@part
+@kernel(REAL(INT, INT))
 def held_sample_limit(held: int, delay: int) -> float:
     """Return the largest stable k_s T for a sample every `held` ticks that is `delay` ticks old when it arrives.
 
@@ -89,7 +89,7 @@ DRIVE_SHARE = 0.25
 """Of that bound, where drives have a loop of their own: with their lag in tau two pads swing from 0.65 on."""
 
 
-@part
+@kernel(REAL(REAL, REAL, REAL))
 def internal_gain_limit(inertia: float, stiffness: float, delay_s: float) -> float:
     """Return the largest kappa with which giving way to the internal wrench does not swing, with a margin.
 

@@ -296,11 +296,13 @@ def find_degraded(
         cause = Cause.GIVEN_UP
     elif state.observed.path_speed < 1.0 or task.path.scale < 1.0:
         cause = Cause.PATH_WAITS
+    if cause == Cause.NONE:
+        return NOTHING
     # What keeps the pad from its path there is no slip, and no friction that is too low; nor is it what lasts of that.
     pushed = pushed_joint(config.motion, n, q)
-    if cause != Cause.NONE and pushed >= 0:
+    if pushed >= 0:
         return Reason(Cause.PUSHED_BACK.value, pushed, 0, q[pushed], 0.0)
-    if cause != Cause.NONE and state.mode.reason.cause == Cause.PUSHED_BACK:
+    if state.mode.reason.cause == Cause.PUSHED_BACK:
         return read_reason(state.mode.reason)
     return because(cause, 0)
 
