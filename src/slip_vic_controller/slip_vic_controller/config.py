@@ -72,9 +72,14 @@ QUANTISED_REPEATS = 5
 """How many times as long a sensor with a quantum may repeat a reading before it counts as frozen."""
 
 
-def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Array:
-    """Return the CONFIG of a controller; a clock or position that jumps is taken at once in lockstep, where the bridge
-    waits for the answer.
+def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms: int = 1) -> Array:
+    """Return the CONFIG of an arm's controller.
+
+    Args:
+        params: checked parameters.
+        robot: the arm.
+        lockstep: whether a clock or position that jumps is taken at once, since the bridge waits for the answer.
+        arms: how many hold the object.
 
     Raises:
         InputError: parameters and arm do not fit.
@@ -99,7 +104,8 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool) -> Ar
     _fill_limits(config, safety, robot, params.control_period_s)
     _fill_command(config, params, robot)
     _fill_drop(config.drop, params)
-    _fill_hold(config.hold, params, len(robot.joint_names))
+    config.hold.joints, config.hold.carriers = len(robot.joint_names), max(arms, params.contacts.count)
+    _fill_hold(config.hold, params)
     _fill_governor(config.governor, params)
     _fill_giving_up(config, params)
     config.stream.on = int(governed_stream(params))
@@ -117,7 +123,7 @@ def renew_config(config: ControllerConfig, params: ControllerParams) -> None:
     ramp, see `Ramp`; a change in HOLD is bounded by the effort limiter."""
     fill_contacts(params.contacts, config.law.contact)
     config.gains = make_law_gains(params, gain_report(params).used).view(LAW_GAINS)[0]
-    _fill_hold(config.hold, params, config.hold.joints)
+    _fill_hold(config.hold, params)
 
 
 def use_noise(config: ControllerConfig, params: ControllerParams, effort_limit: Array, *, weighed: bool) -> None:
@@ -309,9 +315,8 @@ def _fill_observer(config: ControllerConfig, params: ControllerParams, *, weighe
         _copy(config, "observer", made, OBSERVER_CONFIG)
 
 
-def _fill_hold(hold: HoldConfig, params: ControllerParams, joints: int) -> None:
-    safety, share = params.safety, 1.0 / params.contacts.count
-    hold.joints = joints
+def _fill_hold(hold: HoldConfig, params: ControllerParams) -> None:
+    safety, share = params.safety, 1.0 / hold.carriers
     slower = min(1.0, HOLD_PERIOD_S / params.control_period_s)
     hold.stiffness, hold.damping = slower * slower * safety.hold_stiffness, slower * safety.hold_damping
     hold.load_s = safety.hold_load_s

@@ -431,7 +431,7 @@ class AtRest(NamedTuple):
 @part
 def _all_at_rest(configs: Records[ControllerConfig], states: Records[ArmState], inputs: Records[CycleInputs]) -> AtRest:
     """Return what the wrenches of all arms show together at rest; of one arm, or after the tare of all, nothing."""
-    n, held, wanted, total = len(configs), configs[0].tare.duration_ns > 0, False, ZERO
+    n, held, wanted, beyond = len(configs), configs[0].tare.duration_ns > 0, False, ZERO
     for k in range(n):
         held = held and states[k].mode.mode == Mode.HOLD and states[k].wrench_inputs[0].seen != 0
         wanted = wanted or states[k].tare.done == 0
@@ -439,9 +439,9 @@ def _all_at_rest(configs: Records[ControllerConfig], states: Records[ArmState], 
         return AtRest(n, False, ZERO)
     for k in range(n):
         R = mat(inputs[k].arm.rotation)
-        total = total + R @ wrench_at_pad(configs[k].wrench_sensor, states[k].wrench_inputs[0].values, R).linear
-    weight = configs[0].law.contacts * vec(configs[0].hold.weight)
-    return AtRest(n, True, (1.0 / n) * (total - weight))
+        measured = R @ wrench_at_pad(configs[k].wrench_sensor, states[k].wrench_inputs[0].values, R).linear
+        beyond = beyond + (measured - vec(configs[k].hold.weight))
+    return AtRest(n, True, (1.0 / n) * beyond)
 
 
 @part
@@ -457,8 +457,7 @@ def _wrench_at_rest(
     expected = object_load(config.hold, R, R @ r)
     if together.arms == 1:
         return own_wrench(config, state, R) - expected, expected
-    share = config.law.contacts / together.arms  # a law of its own wrench alone has all of it
-    return Spatial(R.T() @ together.beyond, ZERO), Spatial(share * expected.linear, ZERO)
+    return Spatial(R.T() @ together.beyond, ZERO), Spatial(expected.linear, ZERO)
 
 
 @part
@@ -682,6 +681,8 @@ def _arm_of_load(config: ControllerConfig, state: ArmState, pad: Mat) -> Vec:
     """Return r = x_c - x_o at which the load pulls, on the axes of the pad whose attitude is `pad` [m] {ee}."""
     slips, own, positions = state.law.slips, config.law.contact[0], ZERO
     # The levers of several shares of the weight cancel, as far as they can.
+    if config.law.contacts < config.hold.carriers:  # where the other pads are is not known
+        return ZERO
     if config.law.contacts > 1:
         r = mean_arm(config.law, config.gains, slips)
     else:
@@ -747,7 +748,7 @@ def _keep_joints(config: ControllerConfig, state: ArmState, inputs: CycleInputs)
     law.position[:n] = sample.position[:n]
     if all_finite(inputs.arm.gravity[:n]):
         law.gravity[:n] = inputs.arm.gravity[:n]
-    if config.law.contacts > 1 and state.mode.reason.cause != Cause.FALLS:
+    if config.hold.carriers > 1 and state.mode.reason.cause != Cause.FALLS:
         r = _arm_of_load(config, state, pad_rotation(config.law.contact[0], law.slips[0]))
         carry_load(config.hold, state.hold, inputs.arm, r, law.gravity)
 

@@ -144,16 +144,17 @@ class ArmController:
         params: checked parameters.
         urdf_text: the arm; gives kinematics, dynamics and limits.
         lockstep: whether to wait for exactly the samples the bridge lists, and to take its stamps as the clock.
+        arms: how many hold the object.
 
     Raises:
         InputError: the parameters and the URDF do not fit.
     """
 
-    def __init__(self, params: ControllerParams, urdf_text: str, *, lockstep: bool) -> None:
+    def __init__(self, params: ControllerParams, urdf_text: str, *, lockstep: bool, arms: int = 1) -> None:
         self.params, self.lockstep = params, lockstep
         self.robot = Robot(urdf_text, params.ee_frame, params.joint_names, params.gravity)
         self.report = gain_report(params)
-        self.config = make_config(params, self.robot, lockstep=lockstep)
+        self.config = make_config(params, self.robot, lockstep=lockstep, arms=arms)
         self.gains = make_law_gains(params, self.report.used)
         self.contacts = params.contacts.count
         self.make_command: Callable[[int, Array], JointCommand] = COMMANDS[params.command.interface]
@@ -177,7 +178,9 @@ class Controller:
     def __init__(self, params: Mapping[str, ControllerParams], urdfs: Mapping[str, str], *, lockstep: bool) -> None:
         check_common(params)
         self.lockstep = lockstep
-        self.arms = {name: ArmController(of, urdfs[name], lockstep=lockstep) for name, of in params.items()}
+        self.arms = {
+            name: ArmController(of, urdfs[name], lockstep=lockstep, arms=len(params)) for name, of in params.items()
+        }
         self.first = next(iter(self.arms.values()))
         self.external = self.first.external
         self.rows = max(arm.rows for arm in self.arms.values())

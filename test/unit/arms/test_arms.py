@@ -213,15 +213,20 @@ def test_a_latched_fault_of_one_arm_keeps_the_other_from_going_on() -> None:
     assert all(result.mode.follows for result in list(ticks(loop, 3))[-1].results)
 
 
-def test_a_user_holds_both_and_the_path_comes_to_rest_before() -> None:
-    loop = ClosedLoop(load_scenario(UPRIGHT, assignments=SOON))
+@every("law", ("vic", "classical"))
+def test_a_user_holds_both_and_the_path_comes_to_rest_before(law: str) -> None:
+    """Each arm then carries its share, also the one that knows its own wrench alone: none of them moves."""
+    loop = ClosedLoop(load_scenario(UPRIGHT, law=law, assignments=SOON))
     list(ticks(loop, 300))
     loop.session.request(Request.HOLD)
-    seen = [tuple(result.mode for result in tick.results) for tick in ticks(loop, 1500)]
+    run = list(ticks(loop, 1500))
+    seen = [tuple(result.mode for result in tick.results) for tick in run]
     assert all(a == b for a, b in seen)
     assert seen[10][0] == Mode.DEGRADED
     assert seen[-1][0] == Mode.HOLD
     assert max(slipped(loop)) < 1e-5
+    held = [tick.outputs for tick in run[[a for a, _ in seen].index(Mode.HOLD) :]]
+    assert max(float(np.abs(arm.joint.velocity).max()) for outputs in held for arm in outputs.arms) < 0.02
 
 
 def test_kappa_is_lowered_to_what_late_wrenches_allow_and_refused_beyond_the_period() -> None:

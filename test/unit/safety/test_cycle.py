@@ -464,11 +464,11 @@ def test_what_arms_show_together_at_rest_is_a_share_of_what_lies_beyond_the_weig
     )
     share, beyond, inner = np.array([0.1, -0.2, -2.0]), rng.normal(size=3), rng.normal(size=(n, 3))
     inner -= inner.mean(axis=0)
-    first = configs[0]  # its object is that of all
-    first.tare.duration_ns, first.law.contacts, first.hold.weight = 1, n, share
+    first = configs[0]
+    first.tare.duration_ns = 1
     for k in range(n):
         R = exponential(rng.normal(size=3))
-        configs[k].wrench_sensor.as_is = 1
+        configs[k].wrench_sensor.as_is, configs[k].hold.weight = 1, share
         states[k].mode.mode, states[k].wrench_inputs[0].seen = Mode.HOLD, 1
         states[k].wrench_inputs[0].values[:3] = R.T @ (share + beyond + inner[k])
         inputs[k].arm.rotation = R

@@ -23,9 +23,10 @@ SLOWEST = 0.45  # of the loop in slow motion: with the default gains no joint gi
 
 
 class HoldConfig(Record):
-    """Gains of HOLD, and the object; of several contacts each carries its share of it."""
+    """Gains of HOLD, and the object; of several pads each carries its share of it."""
 
     joints: Whole  # in use
+    carriers: Whole  # pads that carry the object, those of other arms too
     stiffness: Real  # 1/s^2; over the joint inertia
     damping: Real  # 1/s; over the joint inertia
     load_s: Real  # s; how fast the load is taken from the wrench
