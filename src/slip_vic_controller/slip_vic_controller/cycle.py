@@ -660,7 +660,8 @@ def _bridge(
     # The law has to end where the wrench stays away, whatever the joint states are like.
     ends = follows(state.mode.mode) and stays_away(outputs.health.wrench)
     if bridges(config, state, now_ns) and not ends:
-        outputs.wanted[:n] = state.limiter.effort[:n]
+        # `_finish` takes the disturbance off once more.
+        outputs.wanted[:n] = state.limiter.effort[:n] - state.estimate.taken_off[:n]
     else:
         outputs.wanted[:n] = state.law.gravity[:n]
         reasons = TransitionReasons(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), NOTHING)
@@ -1141,12 +1142,15 @@ def _acceleration(config: ControllerConfig, state: ArmState, inputs: CycleInputs
 
 @part
 def _remember_input(config: ControllerConfig, state: ArmState, inputs: CycleInputs, by_effort: bool) -> None:
-    """Keep what the joints are known to do: the acceleration by the effort, or the velocity that drives follow."""
-    u = np.zeros(MAX_JOINTS)
-    if by_effort:
-        _acceleration(config, state, inputs, u)
-    else:
+    """Keep what the joints are known to do: the acceleration by the effort, or the velocity that drives follow.
+
+    Without a good joint state the effort goes on as it was, and so does the acceleration.
+    """
+    u = state.estimate.inputs[state.estimate.newest].copy()
+    if not by_effort:
         u[:] = state.motion.velocity
+    elif inputs.arm.M[0, 0] > 0.0:
+        _acceleration(config, state, inputs, u)
     remember_input(config.estimator, state.estimate, u)
 
 

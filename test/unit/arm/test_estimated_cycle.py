@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.arm.estimator import Finding
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.session import CycleResult
+from test.support.every import every
 
 NOISE = 0.003
 TOLD = (
@@ -138,6 +140,33 @@ def test_a_push_is_a_collision() -> None:
     assert result.mode == Mode.FAULT
     assert result.reason.startswith("collision: the torque on ")
     assert run.arm.controller.robot.joint_names[1] in result.reason
+
+
+def test_bad_joint_states_are_bridged_with_the_last_effort_and_what_it_does_to_the_joints() -> None:
+    """What is taken off against the disturbance is in that effort, once."""
+    run, offset = Run(), 0.2 * SIGNS
+    good = run.cycles(600, push=offset)
+    estimate = run.arm.state.estimate
+    u = estimate.inputs[estimate.newest].copy()
+    assert (np.abs(estimate.taken_off[:7]) > 0.05).all()
+    for _ in range(5):
+        bridged = run.cycles(1, change=lambda q, qd: (q, np.nan * qd), push=offset)
+        np.testing.assert_allclose(bridged.command.effort, good.command.effort, atol=1e-12)
+        np.testing.assert_array_equal(estimate.inputs[estimate.newest], u)
+
+
+@every("law, period_s", itertools.product(("classical", "vic", "governed"), (0.001, 0.002, 0.004, 0.01)))
+def test_bad_joint_states_in_between_are_no_disturbance(law: str, period_s: float) -> None:
+    """The arm bridges gaps of several periods, and holds where they are too long."""
+    rng = np.random.default_rng(3)
+    run = Run(*(f"{node}.control_period_s={period_s}" for node in ("controller", "bridge")), law=law)
+    run.cycles(round(0.2 / period_s))
+    for _ in range(round(1.0 / period_s)):
+        lost = rng.random() < 0.6
+        result = run.cycles(1, change=lambda q, qd, lost=lost: (np.nan * q if lost else q, qd))
+        assert result.mode != Mode.FAULT, result.reason
+        assert np.abs(run.arm.state.estimate.effort[:7]).max() < 10.0
+    assert run.speed < 1.0
 
 
 def test_the_estimate_is_part_of_the_state() -> None:

@@ -31,6 +31,7 @@ from slip_vic_controller.observer.layouts import MOTION
 from slip_vic_controller.params import ControllerParams
 from test.referees import joint_filter
 from test.support.call import call
+from test.support.every import every
 
 MS, T, N = 1_000_000, 1e-3, 3
 LIMIT = np.array([87.0, 50.0, 12.0])
@@ -96,6 +97,32 @@ def test_each_sample_is_used_at_its_time_of_measurement() -> None:
             found = joints.sample(q, v)
             expected = plain.sample(k * T, q, v)
             np.testing.assert_allclose([found[0][1], found[1][1]], expected[:2], atol=1e-9)
+
+
+WITH_GAPS = (
+    {}, {"joint_sensor__noise_velocity": 1e-3}, {"control_period_s": 0.004}, {"control_period_s": 0.01},
+    {"command__interface": "velocity", "control_period_s": 0.008},
+)  # fmt: skip
+
+
+@every("values", WITH_GAPS)
+@every("quick", (False, True))
+@every("trust", tuple(Trust))
+def test_errors_fade_as_well_where_samples_are_missing(values: dict[str, float], quick: bool, trust: Trust) -> None:
+    """The error after a sample is a linear map of that before it: its spectral radius, by how many periods pass."""
+    config, radii = configuration(**values), []
+    config.significant = config.difference = math.inf
+    for periods in range(1, 6):
+        joints, after = Joints(config), np.zeros((3, N))
+        joints.sample(0.0, 0.0)
+        state = joints.state
+        state.q[:N], state.v[:N], state.d[:N] = np.eye(3) * 1e-3
+        state.quick[:N], state.trust[:N] = 2 if quick else 0, trust
+        call(estimate_joints, config, state, round(1e9 * periods * config.period), np.zeros(N), np.zeros(N))
+        after[:] = state.q[:N], state.v[:N], state.d[:N]
+        used = slice(1, 3) if trust == Trust.VELOCITY else slice(0, 3)  # velocities do not show where a joint is
+        radii.append(float(np.abs(np.linalg.eigvals(1e3 * after[used, used])).max()))
+    np.testing.assert_array_less(radii, max(0.95, radii[0] + 0.02))
 
 
 def simulate(config: Any, d: float, late: int = 0, bandwidth: float = 0.0, steps: int = 4000) -> tuple[Any, Any, Any]:

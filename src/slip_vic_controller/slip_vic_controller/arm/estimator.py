@@ -265,6 +265,9 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
     if state.started == 0 or not 0.0 < dt <= LONGEST_STEP * config.period:
         start_estimate(config, state, stamp_ns, q, qd)
         return
+    # After a missing sample an innovation has had longer to grow from a wrong velocity or disturbance.
+    passed = dt + state.repeats * config.period
+    share = config.sensor_period / passed if passed > GAP * config.sensor_period else 1.0
     new = is_new(config, state, q, qd)
     if new and not repeats(config, state, q, qd):
         compare_measurements(config, state, (stamp_ns - state.renewed_ns) * 1e-9, q, qd)
@@ -300,15 +303,15 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
             K = config.gain_quick if state.quick[j] > 0 else config.gain
             x_q, x_v, x_d = (
                 x_q + K[0, 0] * of_q + K[0, 1] * of_v,
-                x_v + K[1, 0] * of_q + K[1, 1] * of_v,
-                x_d + K[2, 0] * of_q + K[2, 1] * of_v,
+                x_v + share * K[1, 0] * of_q + K[1, 1] * of_v,
+                x_d + share * (share * K[2, 0] * of_q + K[2, 1] * of_v),
             )
         elif trust == Trust.POSITION:
             k = config.gain_position
-            x_q, x_v, x_d = x_q + k[0] * of_q, x_v + k[1] * of_q, x_d + k[2] * of_q
+            x_q, x_v, x_d = x_q + k[0] * of_q, x_v + share * k[1] * of_q, x_d + share * share * k[2] * of_q
         else:
             k = config.gain_velocity
-            x_q, x_v, x_d = x_q + k[0] * of_v, x_v + k[1] * of_v, x_d + k[2] * of_v
+            x_q, x_v, x_d = x_q + k[0] * of_v, x_v + k[1] * of_v, x_d + share * k[2] * of_v
         state.q[j], state.v[j], state.d[j] = x_q, x_v, x_d
         if rest > 0.0:
             u = input_of(config, state, m, j)
