@@ -153,6 +153,14 @@ def test_lists_without_an_entry_may_be_empty_or_null():
         assert parse_metadata(text.replace("topics_with_message_count: []", topics), "x") == found
 
 
+def test_files_are_listed_by_their_paths_where_an_old_version_lists_no_more() -> None:
+    metadata = BagMetadata(files=(FileInfo("x_0.mcap", 5, 7, 3), FileInfo("x_1.mcap", 6, 8, 4)))
+    tree = yaml.safe_load(metadata_text(metadata, root=True))
+    assert parse_metadata(yaml.safe_dump(tree), "x").files == metadata.files
+    del tree["rosbag2_bagfile_information"]["files"]
+    assert parse_metadata(yaml.safe_dump(tree), "x").files == (FileInfo("x_0.mcap"), FileInfo("x_1.mcap"))
+
+
 def test_numbers_of_old_versions_are_read():
     (profile,) = parse_qos(NUMBERED)
     assert (profile.history, profile.reliability, profile.durability) == ("unknown", "best_effort", "volatile")

@@ -112,6 +112,8 @@ def test_exported_numbers_are_the_recorded_ones_bit_by_bit(tmp_path, file_format
     read = pd.read_csv(path) if file_format == "csv" else pd.read_parquet(path)
     rows = content["/w"]
     assert read["log_time_ns"].tolist() == [row[0] for row in rows]
+    names = [row[3].header.frame_id for row in rows]
+    assert read["header.frame_id"].fillna("").tolist() == names
     assert read["stamp_ns"].tolist() == [row[3].header.stamp.sec * 10**9 + row[3].header.stamp.nanosec for row in rows]
     for part, axis in (("force", "x"), ("torque", "z")):
         expected = np.array([getattr(getattr(row[3].wrench, part), axis) for row in rows])

@@ -17,7 +17,7 @@ from slip_core.types import EffortCommand, JointSample, VelocityCommand
 from slip_description import urdf_text
 from slip_sim_bridge.drives.drive import Drives
 from slip_sim_bridge.drives.params import DriveParams
-from slip_sim_bridge.plant.joint_step import JOINT_DRIVE, JOINT_DRIVE_SIZE, TORQUE, joint_step
+from slip_sim_bridge.plant.joint_step import JOINT_DRIVE, JOINT_DRIVE_SIZE, TORQUE, VELOCITY, joint_step
 from slip_sim_bridge.plant.model import tree_of
 from slip_sim_bridge.sensors.params import JointSensorParams
 from slip_sim_bridge.sensors.suite import JointSensor
@@ -27,6 +27,9 @@ from test.unit.bridge.one_arm import OneArm
 from test.unit.bridge.scenes import scenario_params, scene
 
 DT = 1e-3
+MODE, BANDWIDTH, COULOMB, LIMIT = (
+    (JOINT_DRIVE.names or ()).index(name) for name in ("mode", "bandwidth", "coulomb", "limit")
+)
 LOCKED = (0.0, *(1e3,) * 6)
 """Friction that lets the first joint move alone: its inertia is constant then."""
 STEP = 2e-4  # rad: a larger one would ask for more than the drives' effort
@@ -67,8 +70,12 @@ def test_a_joint_below_its_friction_does_not_creep_and_breaks_away_at_the_limit(
         assert share == pytest.approx(1.0, abs=1e-3)
 
 
-def test_the_joints_together_are_the_solution_of_the_convex_problem() -> None:
-    """Against scipy's bounded least squares: min |L^T tau + L^-1 v|^2 in the bounds, A = L L^T."""
+@every("braked", (False, True))
+def test_the_joints_together_are_the_solution_of_the_convex_problem(braked: bool) -> None:
+    """Against scipy's bounded least squares: min |L^T tau + L^-1 v|^2 in the bounds, A = L L^T.
+
+    A drive that brakes its joint has friction on its side.
+    """
     simulation, rng = weightless(), np.random.default_rng(3)
     plant = simulation.plant
     M, drives = np.zeros((10, 10)), np.zeros((7, JOINT_DRIVE_SIZE))
@@ -78,7 +85,12 @@ def test_the_joints_together_are_the_solution_of_the_convex_problem() -> None:
         force, v = rng.normal(size=10) * 5.0, rng.normal(size=10) * rng.choice((0.0, 0.01))
         bounds = rng.uniform(0.1, 5.0, 7)
         drives[:] = 0.0
-        drives[:, (JOINT_DRIVE.names or ()).index("coulomb")] = bounds
+        drives[:, COULOMB] = bounds
+        if braked:
+            v[:7] = 0.0
+            drives[:, (MODE, BANDWIDTH)] = VELOCITY, 1e3
+            drives[:, COULOMB] = rng.uniform(0.0, bounds)
+            drives[:, LIMIT] = bounds - drives[:, COULOMB]
         assert joint_step(data.qLD, data.qLDiagInv, tree_of(plant.model), data.qpos, v, force, DT, drives)
         A = DT * np.linalg.inv(M)[:7, :7]
         v_free = (v + DT * np.linalg.solve(M, force))[:7]

@@ -8,6 +8,7 @@ import pytest
 from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
+from slip_sim_bridge.sensors.slip import dead_band
 from slip_sim_bridge.sensors.suite import SensorSuite
 from test.support.every import every
 
@@ -72,6 +73,17 @@ def test_rate_and_latency_together():
     published = run(suite(slip__rate_hz=120.0, slip__latency_s=0.010), 1000)
     assert all(now - sample.stamp_ns == 10 * MS for now, sample in published)
     assert len(published) == 119  # 120 measurements, the last one still under way
+
+
+def test_a_dead_band_takes_each_half_for_itself_and_whole() -> None:
+    twist = np.array([0.3, -0.4, 0.01, 0.02, 0.2, -0.3])
+    for linear, angular, kept in (
+        (0.49, 0.36, (1, 1)),
+        (0.51, 0.36, (0, 1)),
+        (0.49, 0.37, (1, 0)),
+        (0.51, 0.37, (0, 0)),
+    ):
+        np.testing.assert_array_equal(dead_band(twist, linear, angular), twist * np.repeat(kept, 3))
 
 
 def test_several_samples_due_at_once_come_oldest_first():

@@ -57,6 +57,14 @@ def test_scenarios_hold_the_object_at_rest(name):
     assert np.abs(simulation.observe().joint.velocity).max() < STILL
 
 
+def test_what_is_read_is_nobody_s_to_change():
+    """All samples of an instant share one array."""
+    readings = scene().observe()
+    for values in (readings.joint.position, readings.wrench.wrench, readings.slip.twist, readings.numbers):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 1.0
+
+
 def test_first_samples_are_those_of_the_held_arm():
     simulation = scene()
     before = state_of(simulation)

@@ -6,7 +6,12 @@ import random
 
 import numpy as np
 
+from slip_core.records import new, record
 from slip_vic_controller.law.contact import SLIP_SAMPLE
+from slip_vic_controller.observer.axis import Axis, noisy_zero_velocity_update, zero_velocity_update
+from slip_vic_controller.observer.layouts import OBSERVER, OBSERVER_CONFIG, ROW
+from slip_vic_controller.observer.stick import learn_model_errors
+from test.support.call import call
 from test.unit.observer.bench import Bench
 from test.unit.observer.ride import SENSOR, SLIDE, Ride
 from test.unit.observer.rig import MS, Observer, make_motion, make_params, six
@@ -125,6 +130,30 @@ def test_wrench_bias_and_wrong_mass_are_learnt_in_stick_and_removed_in_slip() ->
     assert estimate.sliding
     assert abs(estimate.twist[0] - slip) < 0.05 * slip
     assert abs(estimate.error[0] - (0.5 - reported)) < 0.01
+
+
+def test_noise_of_velocities_that_lasts_is_not_taken_for_a_change_of_each_tick() -> None:
+    """Where it lasts, that of the velocity hides the model's errors; where it is new in each tick, that of its step."""
+    step, force, dt, q_v, q_b, lasting, fresh = 3e-4, 0.7, 1e-3, 1e-9, 1e-10, 4e-6, 1e-7
+    for ticks in (0.0, 1.0, 5.0):
+        observer = Observer(make_params())
+        buffers = observer.config_buffer.copy(), observer.buffer.copy(), new(ROW)
+        config, state, row = (record(b, of) for b, of in zip(buffers, (OBSERVER_CONFIG, OBSERVER, ROW), strict=True))
+        config.correlation_ticks, config.process_variance[:], config.drift_variance[:] = ticks, q_v, q_b
+        row.step[:], row.force[:], row.dt, row.velocity_variance[:], row.change_variance[:] = (
+            step,
+            force,
+            dt,
+            lasting,
+            fresh,
+        )
+        before = Axis(*[float(x) for x in state.axes[0].item()])
+        call(learn_model_errors, config, state, row)
+        if ticks > 0.0:
+            expected = noisy_zero_velocity_update(before, step, force, dt, q_v, q_b, lasting, ticks)
+        else:
+            expected = zero_velocity_update(before, step, force, dt, q_v + fresh, q_b)
+        np.testing.assert_allclose(state.axes[0].item(), expected, rtol=1e-12)
 
 
 def test_slip_ends_when_the_estimate_is_no_longer_significant() -> None:

@@ -7,11 +7,12 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from slip_core.records import new, record
-from slip_vic_controller.reference.backward_pass import admissible, edge, most, on_line
+from slip_vic_controller.reference.backward_pass import admissible, edge, larger_root, most, on_line
 from slip_vic_controller.reference.path_grid import GRID_POINT, path_time
 from test.referees.governor_bench import PAPER_PLANAR, Governing, Governor
 from test.referees.governor_paths import BentPath
 from test.referees.planar_governed import PAPER, VERTICAL
+from test.support.call import call
 
 SOLVER = 1e-3
 """Relative: what interior point solvers reach on 200 chained cones."""
@@ -258,3 +259,13 @@ def test_a_path_whose_weight_friction_does_not_carry_is_refused_and_the_place_na
     assert G.state.weight_load / VERTICAL.force == pytest.approx(0.958, abs=1e-3)
     assert G.state.heaviest_time == path.duration
     assert Governor(path, VERTICAL, margin=1.0).plan().state.infeasible == 0
+
+
+def test_the_larger_root_is_that_of_numpy_and_negative_where_there_is_none() -> None:
+    rng = np.random.default_rng(SEED)
+    for a, b, c in rng.normal(size=(300, 3)):
+        roots = np.roots((abs(a), 2.0 * b, c))
+        expected = roots.real.max() if np.isreal(roots).all() else -1.0
+        assert call(larger_root, abs(a), b, c) == pytest.approx(expected)
+    for a in (0.0, -1.0):
+        assert call(larger_root, a, 1.0, -1.0) == -1.0

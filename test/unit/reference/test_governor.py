@@ -241,6 +241,17 @@ def test_it_begins_as_fast_as_the_first_cell_admits(K: tuple[float, ...], admitt
     assert G.state.planned == 1
 
 
+def test_a_path_that_is_in_motion_where_it_begins_is_not_begun_with_a_jump() -> None:
+    """Only where the user's path rests is its first speed free."""
+    for moves in (False, True):
+        G = Governor(BentPath(PAPER.way, 2.0), PAPER)
+        G.points["K_next"][:2] = 0.04
+        if moves:
+            G.points["uu"][0] = 1.0
+        governor.take_plan(G.config, G.state, G.grid)
+        assert G.state.rate == pytest.approx(0.0 if moves else 0.2)
+
+
 def test_the_observers_word_alone_is_dropped_where_nothing_would_stop_on_the_path_any_more() -> None:
     G = Governor(BentPath(PAPER.way, 2.0), PAPER).plan()
     state, estimate = G.state, G.state.estimate

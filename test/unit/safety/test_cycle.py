@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,8 +13,8 @@ from hypothesis.extra.numpy import arrays
 from slip_core.errors import InputError
 from slip_core.records import new, record, records
 from slip_core.types import CartesianReference, JointSample, SlipSample
-from slip_vic_controller.cycle import CONFIG, OUTPUTS, _all_at_rest, _begin_together, cycle
-from slip_vic_controller.law.bounds import held_sample_limit
+from slip_vic_controller.cycle import CONFIG, OUTPUTS, _all_at_rest, _begin_together, _limit_internal_gain, cycle
+from slip_vic_controller.law.bounds import held_sample_limit, internal_gain_limit
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.session import Health
@@ -490,6 +492,22 @@ def test_what_arms_show_together_at_rest_is_a_share_of_what_lies_beyond_the_weig
     assert not call(_all_at_rest, configs[:1], states[:1], inputs[:1]).known, "a single arm has its own wrench"
     first.tare.duration_ns = 0
     assert not call(_all_at_rest, configs, states, inputs).known
+
+
+def test_kappa_is_no_more_than_the_oldest_wrench_and_the_drives_lag_allow() -> None:
+    config, state, outputs = (record(new(of), of) for of in (CONFIG, ARM_STATE, OUTPUTS))
+    config.law.contacts, config.cycle.period_ns, config.cycle.pad_stiffness = 2, MS, 1e4
+    outputs.gains.gains.M_D[:3] = 2.0, 1.0, 3.0
+    for share, lag_s, measured_ms, late_ms, kappa in itertools.product(
+        (0.5, 1.0), (0.0, 0.003), (0, 2), ((0, 0), (1, 5), (5, 1)), (0.05, 1e3)
+    ):
+        config.cycle.kappa_share, config.cycle.drive_lag_s = share, lag_s
+        state.latency.most_ns, state.joint.answers.stamp_ns, outputs.gains.gains.kappa = measured_ms * MS, 9 * MS, kappa
+        for k in range(2):
+            state.wrench_inputs[k].stamp_ns = (9 - late_ms[k]) * MS
+        call(_limit_internal_gain, config, state, outputs)
+        most = share * internal_gain_limit(1.0, 1e4, lag_s + 1e-3 * (1 + measured_ms + max(late_ms)))
+        assert outputs.gains.gains.kappa == pytest.approx(min(kappa, most))
 
 
 def test_the_laws_of_several_arms_begin_together_and_wait_for_one_that_is_not_answered() -> None:

@@ -393,6 +393,15 @@ def test_of_too_many_slip_samples_between_two_cycles_the_oldest_go() -> None:
     np.testing.assert_allclose([s.twist[0] for s in queue.samples], 0.01 * np.arange(4, MAX_FRESH + 4))
 
 
+def test_a_bad_slip_sample_and_one_of_another_pad_are_not_taken_in() -> None:
+    v = Validation()
+    v.vector(True, STAMP_NS, QUIET, NOW_NS)
+    v.vector(True, STAMP_NS + 1, QUIET * np.nan, NOW_NS)
+    v.vector(True, STAMP_NS, QUIET, NOW_NS)
+    receive_slip(v.config, v.buffer, 1, STAMP_NS + 2, QUIET, True, False, NOW_NS)
+    assert v.state.queue.count == 1
+
+
 # -- what a session says of it ------------------------------------------------------------------------
 
 
