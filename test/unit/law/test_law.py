@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -10,10 +11,11 @@ import pytest
 
 from slip_core.errors import InputError
 from slip_core.params import build
-from slip_core.records import record
+from slip_core.records import new, record
 from slip_vic_controller.law.attitude import LOG, LOG_REPORT, RPY
 from slip_vic_controller.law.config import LAW_CONFIG, YIELDS_M, make_law_config
-from slip_vic_controller.law.law import authority
+from slip_vic_controller.law.contact import SLIP
+from slip_vic_controller.law.law import EVALUATION, authority, finite_memory
 from slip_vic_controller.params import ControllerParams
 from test.referees.law_referee import about, referee_law
 from test.support.call import call
@@ -274,3 +276,18 @@ def test_the_compensation_ends_with_the_distance_from_the_reference() -> None:
     assert call(authority, YIELDS_M, 0.15) > 0.9, "so far an object that slides through its braking takes the arm"
     assert call(authority, YIELDS_M, YIELDS_M) == call(authority, YIELDS_M, 1.0) == 0.0
     assert call(authority, math.inf, 1.0) == 1.0
+
+
+def test_every_number_that_the_next_cycle_needs_has_to_be_finite() -> None:
+    config, law, slips = record(new(LAW_CONFIG), LAW_CONFIG), record(new(EVALUATION), EVALUATION), np.zeros(2, SLIP)
+    slips = slips.view(np.recarray)
+    config.contacts = 2
+    places = [law.e[3:], *[of for slip in slips for of in (slip.position, *slip.rotation)]]
+    assert call(finite_memory, config, law, slips)
+    for bad, values in itertools.product((math.nan, math.inf, -math.inf), places):
+        for k in range(3):
+            values[k] = bad
+            assert not call(finite_memory, config, law, slips)
+            values[k] = 0.0
+    law.e[:3] = math.nan  # of the position error nothing is kept
+    assert call(finite_memory, config, law, slips)

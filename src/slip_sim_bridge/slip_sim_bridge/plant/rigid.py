@@ -237,7 +237,6 @@ class RigidPlant:
                 raise DivergenceError("simulation diverged: the torques of the drives are not finite; reset it")
             if not data.nefc:
                 break
-            mujoco.mj_fwdActuation(self.model, data)
             mujoco.mj_fwdAcceleration(self.model, data)
             mujoco.mj_fwdConstraint(self.model, data)
             change = np.abs(data.qfrc_constraint - stops).max()
@@ -252,7 +251,6 @@ class RigidPlant:
         data = self.data
         for _ in range(STOP_PASSES):
             before = self._slip_tau.tolist()
-            mujoco.mj_fwdActuation(self.model, data)
             mujoco.mj_fwdAcceleration(self.model, data)
             mujoco.mj_fwdConstraint(self.model, data)
             self._solve(effort, normal_force, substeps, data.qfrc_constraint + self._outside, 0)
