@@ -400,29 +400,42 @@ def test_without_configured_noise_it_is_off_and_a_latency_is_bounded() -> None:
         configuration(joint_sensor__latency_s=(MAX_LATENCY + 1) * T)
 
 
-def test_a_slow_sensor_of_a_late_velocity_drive_is_followed_between_its_samples() -> None:
-    """A joint that the model describes: it is known in every period though a sample is new in every eighth only."""
-    bandwidth, late, every, old = 40.0, 8, 8, 4
+@every("bandwidth, late, repeated, old", ((40.0, 8, 8, 4), (100.0, 4, 2, 2), (0.0, 0, 1, 0), (0.0, 3, 1, 1)))
+@every("lost", (0.0, 0.3, 0.7))
+def test_a_slow_sensor_of_a_late_drive_is_followed_between_its_samples(
+    bandwidth: float, late: int, repeated: int, old: int, lost: float
+) -> None:
+    """A joint that the model describes: it is known in every period, though samples are repeated, and some are lost.
+
+    Where one is lost there is no new command either: the drive keeps the last one.
+    """
+    interface = "velocity" if bandwidth > 0.0 else "effort"
     config = configuration(
-        command__interface="velocity", drive__bandwidth=bandwidth, drive__delay_s=late * T,
-        joint_sensor__rate_hz=1.0 / (every * T), joint_sensor__latency_s=old * T,
+        command__interface=interface, drive__bandwidth=bandwidth or 1.0, drive__delay_s=late * T,
+        joint_sensor__rate_hz=1.0 / (repeated * T), joint_sensor__latency_s=old * T,
     )  # fmt: skip
-    joints, commands, q, v = Joints(config), [0.0] * late, [0.0] * (old + 1), [0.0] * (old + 1)
+    rng, joints = np.random.default_rng(5), Joints(config)
+    commands, q, v = [0.0] * (late + 1), [0.0] * (old + 1), [0.0] * (old + 1)
     joints.sample(0.0, 0.0)
     F, G = joint_filter.matrices(bandwidth, T)
-    measured, errors = (0.0, 0.0), []
-    for k in range(1, 800):
+    measured, errors, answers = (0.0, 0.0), [], True
+    for k in range(1, 1600):
         u = 0.5 * math.sin(0.02 * k)
-        joints.act(u)
-        commands.append(u)
+        if answers:
+            joints.act(u)
+        commands.append(u if answers else commands[-1])
         x = F[:2, :2] @ np.array([q[-1], v[-1]]) + G[:2] * commands[-1 - late]
         q.append(float(x[0]))
         v.append(float(x[1]))
-        if k % every == 0:
+        if k % repeated == 0:
             measured = q[-1 - old], v[-1 - old]
-        found = joints.sample(*measured)
-        errors.append((abs(found[0][0] - q[-1]), abs(found[1][0] - v[-1])))
-    assert np.max(errors[200:], axis=0) == pytest.approx(0.0, abs=1e-9)
+        answers = rng.random() >= lost
+        if answers:
+            found = joints.sample(*measured)
+            errors.append((abs(found[0][0] - q[-1]), abs(found[1][0] - v[-1])))
+        else:
+            joints.k += 1
+    assert np.max(errors[len(errors) // 2 :], axis=0) == pytest.approx(0.0, abs=1e-9)
     assert joints.state.finding == Finding.NONE
 
 

@@ -34,8 +34,11 @@ from slip_vic_controller.sizes import MAX_JOINTS, Joints, WholeJoints
 
 MAX_LATENCY: Final = 32
 """Control periods by which the joint sensor may be late."""
-LONGEST_STEP: Final = 5.0
-"""Control periods after which a sample begins the estimate again: what the arm did in between is not known."""
+LONGEST_STEP: Final = 20
+LONGEST_S: Final = 0.05
+"""Control periods, and time [s], after which a sample begins the estimate again: what the arm did is not known."""
+RING: Final = MAX_LATENCY + LONGEST_STEP + 1
+"""Inputs that are kept: of so many control periods."""
 MEMORY_S: Final = 0.5
 """Time over which position and velocity are compared [s]."""
 GAP: Final = 1.5
@@ -127,13 +130,16 @@ class JointEstimate(Record):
     stamp_ns: Whole  # of the last sample
     renewed_ns: Whole  # of the last one that was new
     repeats: Whole  # control periods since then
+    missing: Whole  # whether one has been missing since then, or before it so that it is not known when it was measured
+    corrected_ns: Whole  # of the last one that corrected the estimate
     q: Joints  # rad; when the last sample was measured
     v: Joints  # rad/s
     d: Joints  # rad/s^2; disturbance
     position: Joints  # rad; now
     velocity: Joints  # rad/s; now
     newest: Whole  # place of the last input in its ring
-    inputs: Annotated[Array, (MAX_LATENCY + 2, MAX_JOINTS)]  # rad/s^2 or rad/s; one per control period
+    inputs: Annotated[Array, (RING, MAX_JOINTS)]  # rad/s^2 or rad/s; one per control period
+    remembered: Whole  # inputs since the last sample
     measured_position: Joints  # rad; of the last sample
     measured_velocity: Joints  # rad/s
     mean_q: Joints  # mean of scaled innovations of position
@@ -210,7 +216,8 @@ def transition(bandwidth: float, dt: float) -> Transition:
 @part
 def start_estimate(config: EstimatorConfig, state: JointEstimate, stamp_ns: int, q: Array, qd: Array) -> None:
     """Begin at a sample; (n,) [rad], [rad/s]. The disturbance stays: friction and offset outlast a pause."""
-    state.started, state.stamp_ns, state.renewed_ns, state.repeats, state.newest = 1, stamp_ns, stamp_ns, 0, 0
+    state.started, state.stamp_ns, state.renewed_ns, state.corrected_ns = 1, stamp_ns, stamp_ns, stamp_ns
+    state.repeats, state.missing, state.newest, state.remembered = 0, 0, 0, 0
     state.inputs[:] = 0.0
     for j in range(config.joints):
         state.q[j] = state.position[j] = state.measured_position[j] = q[j]
@@ -219,7 +226,7 @@ def start_estimate(config: EstimatorConfig, state: JointEstimate, stamp_ns: int,
         state.same_position[j] = state.same_velocity[j] = 0
         state.mean_q[j], state.mean_v[j], state.quick[j] = 0.0, 0.0, 0
         if config.bandwidth > 0.0:
-            for k in range(MAX_LATENCY + 2):
+            for k in range(RING):
                 state.inputs[k, j] = qd[j]
 
 
@@ -238,15 +245,24 @@ def clear_findings(state: JointEstimate) -> None:
 def input_of(config: EstimatorConfig, state: JointEstimate, ago: int, j: int) -> float:
     """Return the input of joint j that was at work `ago` periods before the last one; drives take it up late."""
     k = state.newest - ago - config.drive_ticks
-    return state.inputs[k if k >= 0 else k + MAX_LATENCY + 2, j]
+    return state.inputs[k if k >= 0 else k + RING, j]
 
 
 @part
 def remember_input(config: EstimatorConfig, state: JointEstimate, u: Array) -> None:
     """Keep what the joints do from now on; (n,) [rad/s^2], with velocity drives [rad/s]."""
-    state.newest = state.newest + 1 if state.newest + 1 < MAX_LATENCY + 2 else 0
+    state.newest = state.newest + 1 if state.newest + 1 < RING else 0
+    state.remembered += 1
     for j in range(config.joints):
         state.inputs[state.newest, j] = u[j]
+
+
+@part
+def go_on_with_input(config: EstimatorConfig, state: JointEstimate, periods: int) -> None:
+    """Let the last input last for the control periods since the last sample in which there was no new one."""
+    for _ in range(state.remembered, periods):
+        remember_input(config, state, state.inputs[state.newest])
+    state.remembered = 0
 
 
 @part
@@ -262,35 +278,46 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
     Implements: ours; the filter is Kalman's in steady state, as in R. E. Kalman, 1960.
     """
     dt = (stamp_ns - state.stamp_ns) * 1e-9
-    if state.started == 0 or not 0.0 < dt <= LONGEST_STEP * config.period:
+    if state.started == 0 or not 0.0 < dt <= min(LONGEST_STEP * config.period, LONGEST_S):
         start_estimate(config, state, stamp_ns, q, qd)
         return
-    # After a missing sample an innovation has had longer to grow from a wrong velocity or disturbance.
-    passed = dt + state.repeats * config.period
-    share = config.sensor_period / passed if passed > GAP * config.sensor_period else 1.0
-    new = is_new(config, state, q, qd)
+    periods = max(1, round(dt / config.period))
+    go_on_with_input(config, state, periods)
+    new = is_new(config, state, periods, q, qd)
+    if periods > 1:
+        state.missing = 1
+    # Of a slow sensor a missing sample may have been the first with what is new: nothing says when that was measured.
+    corrects = new and (periods == 1 or config.sensor_ticks == 1)
     if new and not repeats(config, state, q, qd):
         compare_measurements(config, state, (stamp_ns - state.renewed_ns) * 1e-9, q, qd)
-        state.renewed_ns = stamp_ns
+        state.renewed_ns, state.missing = stamp_ns, 0 if corrects else 1
+    # After a missing sample an innovation has had longer to grow from a wrong velocity or disturbance.
+    passed, share = (stamp_ns - state.corrected_ns) * 1e-9, 1.0
+    if passed > GAP * config.sensor_period:
+        share = config.sensor_period / passed
+    if corrects:
+        state.corrected_ns = stamp_ns
     state.stamp_ns = stamp_ns
-    m, rest = config.late_ticks, min(config.late_rest, dt)
-    older, newer = transition(config.bandwidth, rest), transition(config.bandwidth, dt - rest)
+    step = dt / periods
+    m, rest = config.late_ticks, min(config.late_rest, step)
+    older, newer = transition(config.bandwidth, rest), transition(config.bandwidth, step - rest)
     whole = transition(config.bandwidth, config.period)
     for j in range(config.joints):
         x_q, x_v, x_d = state.q[j], state.v[j], state.d[j]
-        if rest > 0.0:
-            u = input_of(config, state, m + 1, j)
+        for ago in range(m + periods - 1, m - 1, -1):
+            if rest > 0.0:
+                u = input_of(config, state, ago + 1, j)
+                x_q, x_v = (
+                    x_q + older.qv * x_v + older.qd * x_d + older.qu * u,
+                    (older.vv * x_v + older.vd * x_d + older.vu * u),
+                )
+            u = input_of(config, state, ago, j)
             x_q, x_v = (
-                x_q + older.qv * x_v + older.qd * x_d + older.qu * u,
-                (older.vv * x_v + older.vd * x_d + older.vu * u),
+                x_q + newer.qv * x_v + newer.qd * x_d + newer.qu * u,
+                (newer.vv * x_v + newer.vd * x_d + newer.vu * u),
             )
-        u = input_of(config, state, m, j)
-        x_q, x_v = (
-            x_q + newer.qv * x_v + newer.qd * x_d + newer.qu * u,
-            (newer.vv * x_v + newer.vd * x_d + newer.vu * u),
-        )
         of_q, of_v, trust = q[j] - x_q, qd[j] - x_v, state.trust[j]
-        if not new:  # what is known stays
+        if not corrects:  # what is known stays
             of_q, of_v = 0.0, 0.0
         else:
             state.mean_q[j] += config.weight * (config.scale[0] * of_q - state.mean_q[j])
@@ -344,12 +371,12 @@ def far_off(config: EstimatorConfig, state: JointEstimate, q: Array, qd: Array) 
 
 
 @part
-def is_new(config: EstimatorConfig, state: JointEstimate, q: Array, qd: Array) -> bool:
+def is_new(config: EstimatorConfig, state: JointEstimate, periods: int, q: Array, qd: Array) -> bool:
     """Return whether a sample has been measured since the one before; a sensor slower than the cycle repeats itself.
 
-    For no longer than its period: an arm at rest may read the same for ever.
+    For no longer than its period: an arm at rest may read the same for ever. periods: since then, of control.
     """
-    state.repeats += 1
+    state.repeats += periods
     if state.repeats < config.sensor_ticks and repeats(config, state, q, qd):
         return False
     state.repeats = 0
@@ -410,7 +437,7 @@ def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: floa
     for j in range(config.joints):
         before_q, before_v = state.measured_position[j], state.measured_velocity[j]
         way_q = way_v = 0.0
-        if dt < GAP * config.sensor_period:
+        if state.missing == 0 and dt < GAP * config.sensor_period:
             way_q = q[j] - before_q
             way_v = min(max(way_q, dt * min(qd[j], before_v)), dt * max(qd[j], before_v))
         state.moved[j], state.swept[j] = fade * state.moved[j] + way_q, fade * state.swept[j] + way_v
