@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+
 import numpy as np
 import pytest
 
@@ -76,13 +79,9 @@ def test_rate_and_latency_together():
 
 
 def test_a_dead_band_takes_each_half_for_itself_and_whole() -> None:
-    twist = np.array([0.3, -0.4, 0.01, 0.02, 0.2, -0.3])
-    for linear, angular, kept in (
-        (0.49, 0.36, (1, 1)),
-        (0.51, 0.36, (0, 1)),
-        (0.49, 0.37, (1, 0)),
-        (0.51, 0.37, (0, 0)),
-    ):
+    twist, limits = np.array([0.3, -0.4, 0.0, 0.5, 0.3, -0.4]), (0.5, math.hypot(0.5, 0.5))
+    for kept in itertools.product((0, 1), repeat=2):
+        linear, angular = (norm * (0.99 if keeps else 1.01) for norm, keeps in zip(limits, kept, strict=True))
         np.testing.assert_array_equal(dead_band(twist, linear, angular), twist * np.repeat(kept, 3))
 
 

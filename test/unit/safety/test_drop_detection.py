@@ -10,7 +10,7 @@ from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.law import EVALUATION
 from slip_vic_controller.reference.paths import REFERENCE
 from slip_vic_controller.safety.arbitration import watch_for_blindness
-from slip_vic_controller.safety.drop_detection import DROP_DETECTION, OBSERVED, observe_motion
+from slip_vic_controller.safety.drop_detection import DROP_DETECTION, OBSERVED, forget, observe_motion
 from slip_vic_controller.sizes import NEVER
 from test.referees.law_referee import exponential
 from test.referees.safety_referee import fall_speed, slip_evidence
@@ -57,6 +57,15 @@ def random_detection(rng: np.random.Generator, known: bool) -> Detection:
     d.observed.known, d.observed.fall_speed = known, abs(rng.normal())
     d.observed.evidence[:], d.observed.twist[:] = 0.1 * rng.normal(size=3), 0.3 * rng.normal(size=6)
     return d
+
+
+def test_what_is_forgotten_leaves_nothing_of_what_was_seen() -> None:
+    d, fresh = random_detection(np.random.default_rng(3), known=True), Detection()
+    d.observed.moves, d.observed.path_speed, d.observed.blind_since_ns = 1, 0.3, 5
+    call(forget, d.observed, NEVER)
+    assert d.observed == fresh.observed
+    call(forget, d.observed, 7)
+    assert d.observed.blind_since_ns == 7
 
 
 def test_it_is_the_plain_form() -> None:
