@@ -1053,7 +1053,7 @@ def _finish(
         else:  # the drives' own loops overcome friction, which the model does not have: it begins with gravity
             start_limiter(config.motion.drive, state.limiter, n, np.zeros(MAX_JOINTS), state.law.gravity, now_ns)
             if state.motion.started == 0 or inputs.arm.M[0, 0] > 0.0:  # else nothing tells where the drives are by now
-                start_motion(config.command, state.motion, q, qd)
+                _start_motion(config, state, q, qd)
                 moves_s = min(moves_s, 1e-9 * config.motion.drive.period_ns)
     torque, clipped = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64)
     torque[:n] = outputs.wanted[:n]
@@ -1082,6 +1082,21 @@ def _finish(
     state.now_ns = now_ns
     outputs.answered = 1
     outputs.ok = 1 if law_at_work and finite else 0
+
+
+@part
+def _start_motion(config: ControllerConfig, state: ArmState, q: Array, qd: Array) -> None:
+    """Begin with commands; after a pause where the joints are, not where the last command led: drives may have braked.
+
+    Args:
+        config, state: of the arm.
+        q, qd: joint state of this cycle; that to which commands lead, where joints are estimated [rad], [rad/s].
+    """
+    if config.estimator.on != 0 and state.estimate.started != 0 and state.motion.started != 0:
+        start_motion(config.command, state.motion, state.estimate.position, state.estimate.velocity)
+        state.estimate.started = 0
+    else:
+        start_motion(config.command, state.motion, q, qd)
 
 
 @part

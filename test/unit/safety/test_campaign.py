@@ -555,3 +555,10 @@ def test_a_node_that_starts_slowly_is_not_taken_for_a_deaf_one() -> None:
     assert start.deaf(up_s + 1.1 * SILENT_S, up=True, heard_s=never)
     start.begin(300.0)
     assert start.deaf(300.0 + 1.1 * START_S, up=False, heard_s=never)
+
+
+def test_after_a_pause_velocities_begin_where_the_joints_are_estimated_not_where_the_last_command_led() -> None:
+    """Joint states of a drive that has braked meanwhile come in late."""
+    outcome = run_trial(plan_of(262626, 1763))
+    assert not outcome.violations
+    assert outcome.commands > 100
