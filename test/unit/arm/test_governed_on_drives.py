@@ -83,3 +83,19 @@ def test_joint_states_that_are_lost_are_no_fault_and_nothing_slips(
     slip_mm, modes = losing_joint_states(drive, scenario, share)
     assert slip_mm < most_mm
     assert Mode.FAULT not in modes
+
+
+def main() -> None:
+    """Print the table of docs/drives.md."""
+    drives = ("ideal", "torque_joint", "motor_current", "velocity_500", "velocity_125", "position_250")
+    scenarios = ("paper_planar", "glass_transport", "vertical_plane")
+    print("| drive |", " | ".join(f"{scenario}, 30 % | 60 %" for scenario in scenarios), "|")
+    print("|---" * 7 + "|")
+    for drive in drives:
+        runs = [losing_joint_states(drive, scenario, share) for scenario in scenarios for share in (0.3, 0.6)]
+        cells = [f"{slip_mm:.2f} mm{', FAULT' if Mode.FAULT in modes else ''}" for slip_mm, modes in runs]
+        print(f"| `{drive}` |", " | ".join(cells), "|", flush=True)
+
+
+if __name__ == "__main__":
+    main()
