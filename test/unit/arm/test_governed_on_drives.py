@@ -1,15 +1,11 @@
 """Governed on drives that are not exact: what they add to the load takes the reserve, and nothing slips."""
 
-import dataclasses
-from typing import Any
-
 import numpy as np
 
 import slip_vic
-from slip_core.types import JointCommand
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.session import Controller, ControllerSession
+from test.support.delivery import answered_outputs, deliver, realtime
 from test.support.every import every
 
 START_NS = 10**9
@@ -36,33 +32,20 @@ def test_nothing_slips_on_drives_with_a_reserve(drive: str, scenario: str, senso
 
 def losing_joint_states(drive: str, scenario: str, share: float) -> tuple[float, set[Mode]]:
     """Return how far the object slips [mm] in 2 s of which 1.2 lose this share of all joint states, and the modes."""
-    nodes = [f"{node}.mode=realtime" for node in ("controller", "bridge")]
+    start = ("controller.trajectory.start_s=0.3",)
     world = load_scenario(
-        scenario, law="governed", drive=drive, sensor="event_1000", seed=7,
-        assignments=(*nodes, "controller.trajectory.start_s=0.3"),
-    )  # fmt: skip
-    session, bridge = (
-        ControllerSession(Controller(world.controllers, world.placed, lockstep=False)),
-        world.bridge_session(),
+        scenario, law="governed", drive=drive, sensor="event_1000", seed=7, mode="realtime", assignments=start
     )
-    (arm,), rng, modes = session.arms, np.random.default_rng(7), set()
-    command: JointCommand | None = None
-
-    def later(sample: Any, by_ns: int = START_NS) -> Any:
-        return dataclasses.replace(sample, stamp_ns=sample.stamp_ns + by_ns)
-
+    controller, bridge = realtime(world), world.bridge_session()
+    rng, modes, command = np.random.default_rng(7), set[Mode](), None
     for tick in range(2000):
-        (out,), now_ns = bridge.observe().arms, START_NS + 1_000_000 * tick
-        for wrench in out.wrenches:
-            arm.add_wrench(0, later(wrench), now_ns)
-        for slip in out.slips:
-            arm.add_slip(0, later(slip), now_ns)
-        if not (800 < tick < 2000 and rng.random() < share):
-            arm.add_joint(later(out.joint), now_ns)
-            for result in session.cycle(now_ns):
-                if result is not None:
-                    command = later(result.command, -START_NS)
-                    modes.add(result.mode)
+        outputs, now_ns = bridge.observe(), START_NS + 1_000_000 * tick
+        if 800 < tick < 2000 and rng.random() < share:
+            deliver(controller, outputs, now_ns)
+        else:
+            result = answered_outputs(controller, outputs, now_ns)
+            command = result.command
+            modes.add(result.mode)
         bridge.advance([command])
     return 1e3 * float(np.abs(bridge.simulation.observe(0).truth.slip_displacement[:3]).max()), modes
 

@@ -140,13 +140,8 @@ def test_noise_of_velocities_that_lasts_is_not_taken_for_a_change_of_each_tick()
         buffers = observer.config_buffer.copy(), observer.buffer.copy(), new(ROW)
         config, state, row = (record(b, of) for b, of in zip(buffers, (OBSERVER_CONFIG, OBSERVER, ROW), strict=True))
         config.correlation_ticks, config.process_variance[:], config.drift_variance[:] = ticks, q_v, q_b
-        row.step[:], row.force[:], row.dt, row.velocity_variance[:], row.change_variance[:] = (
-            step,
-            force,
-            dt,
-            lasting,
-            fresh,
-        )
+        row.step[:], row.force[:], row.dt = step, force, dt
+        row.velocity_variance[:], row.change_variance[:] = lasting, fresh
         before = Axis(*[float(x) for x in state.axes[0].item()])
         call(learn_model_errors, config, state, row)
         if ticks > 0.0:
