@@ -49,7 +49,8 @@ TO_DO = {
     Cause.RANGE_END_TURNED: "As for a pad that is off its place.",
     Cause.PUSHED_BACK: "As for a joint at the end of its range.",
     Cause.INTERNAL: "Report it with a bag and the line in the node's log.",
-    Cause.PATH_TOO_HEAVY: "More grip, a lighter object, or another attitude: at that place friction cannot carry the weight.",
+    Cause.PATH_TOO_HEAVY: "More grip, a lighter object, or another attitude: at that place friction cannot carry the weight. Where the "
+    "object was pushed, friction is more than what that slip has taught: `~/reset_fault` plans with the configured friction.",
     Cause.OVERRUNS: "The friction fell while it moved. More grip; `governor.margin` leaves more room.",
     Cause.HALTED: "More grip or friction, a lighter object or another path. Where it cannot be: `governor.friction: known`.",
     Cause.JOINT: "Check this joint's encoder, its sign and its driver; after a collision clear the arm. `joint_state.md` lists "

@@ -46,6 +46,7 @@ from slip_vic_controller.governing import (
     begin_pad,
     feel_pad,
     follow_goal,
+    forget_friction,
     governed_reference,
     guard,
     held,
@@ -608,6 +609,9 @@ def _prepare(
     if decision.step == Step.BRIDGE:
         _bridge(config, task, state, inputs, outputs, outputs.health.joint)
     elif decision.step == Step.ANSWER and not follows(state.mode.mode):
+        if decision.request == Request.RESET_FAULT and config.governor.mode != Governing.OFF:
+            _gains_now(state, state.joint.answers.stamp_ns, outputs)
+            forget_friction(config, task, state, inputs.arm, outputs.gains, lead)
         _hold(config, task, state, inputs, outputs, fine(outputs.health.wrench) and decision.freezes == 0, lead)
     elif decision.step == Step.ANSWER and not follows(decision.entered):
         # After a HOLD the path starts from rest; and the time that passed in it is not part of the path.

@@ -98,6 +98,21 @@ def begin_governing(config: ControllerConfig, task: TaskState, state: ArmState) 
 
 
 @part
+def forget_friction(
+    config: ControllerConfig, task: TaskState, state: ArmState, arm: Arm, gains: LawGains, lead: bool
+) -> None:
+    """Count with the configured friction of a pad again, and plan the path anew from where it is.
+
+    What pushes a held object makes it slip at a load that friction carries, and that is learnt. lead: whether it is
+    the first pad.
+    """
+    begin_pad(config, state, arm, gains)
+    if lead:
+        governor.know_pad(task.governor, state.pad)
+        governor.plan_anew(config.governor, task.governor)
+
+
+@part
 def rest_on_path(config: ControllerConfig, task: TaskState, arm: Arm) -> None:
     """Continue from rest where the path is; of a stream, where the first pad is."""
     if config.stream.on != 0:

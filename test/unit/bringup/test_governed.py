@@ -4,10 +4,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 
-from slip_vic.run.in_process import run_in_process
+from slip_vic.run.in_process import ClosedLoop, run_in_process
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.safety.modes import Mode, Request
 
 HELD_M = 1e-7
 """Slip of a grasp that holds: rounding of the friction's projection."""
@@ -147,6 +148,83 @@ def test_a_path_that_friction_cannot_carry_is_refused_with_its_place() -> None:
     assert done.slip_m < HELD_M
     assert done.mode == Mode.HOLD
     assert done.reason.startswith("friction cannot carry the object where the path is at 0.800 s")
+
+
+class Pushed:
+    """A governed scenario in which a hand pushes the object, upwards where the force [N] is positive, for 20 ms.
+
+    Friction is as told, and more than the weight; but it slips at the load of the weight alone, and that is learnt.
+    """
+
+    def __init__(self, scenario: str, force: float, at: int) -> None:
+        assignments = ("bridge.duration_s=60.0",)
+        self.loop = ClosedLoop(load_scenario(scenario, law="governed", sensor="ideal", assignments=assignments))
+        self.run(at)
+        self._push(force)
+        self.run(5)
+        self._push(0.0)
+
+    def _push(self, force: float) -> None:
+        self.loop.bridge.simulation.push(0, np.array([0.0, 0.0, force, 0.0, 0.0, 0.0]), np.zeros(1))
+
+    def request(self, request: Request) -> None:
+        self.loop.session.request(request)
+        self.run(2)
+
+    def run(self, cycles: int) -> None:
+        for _ in range(cycles):
+            self.outputs = self.loop.observe()
+            results = self.loop.answer(self.outputs)
+            self.loop.bridge.advance([result.command for result in results])
+        self.result = results[0]
+        self.governor = self.result.record.governor
+
+    def slipped(self) -> float:
+        return float(np.linalg.norm(self.outputs.truth.slip_displacement[:3]))
+
+
+def test_what_a_push_has_taught_of_friction_is_forgotten_at_the_operators_word() -> None:
+    pushed = Pushed("vertical_plane", 5.0, at=5)
+    configured = 2.308
+    pushed.run(500)
+    assert pushed.governor.friction_limit < 0.9 * configured
+    assert pushed.result.mode == Mode.HOLD
+    assert pushed.result.reason.startswith("friction cannot carry the object")
+    slipped = pushed.slipped()
+    pushed.request(Request.RESET_FAULT)
+    assert pushed.governor.friction_limit > 0.99 * configured
+    pushed.run(2000)
+    assert pushed.result.mode == Mode.ACTIVE, pushed.result.reason
+    assert pushed.governor.path_s > 0.999 * 0.8
+    assert pushed.slipped() < slipped + HELD_M
+
+
+def test_friction_forgotten_on_the_way_leaves_the_path_where_it_is() -> None:
+    pushed = Pushed("vertical_plane", 5.0, at=150)
+    pushed.request(Request.HOLD)
+    pushed.run(1500)
+    assert pushed.result.mode == Mode.HOLD
+    learnt, s, slipped = pushed.governor.friction_limit, pushed.governor.path_s, pushed.slipped()
+    assert 0.05 < s < 0.7
+    pushed.request(Request.RESET_FAULT)
+    assert pushed.governor.friction_limit > 1.02 * learnt
+    assert pushed.governor.path_s == pytest.approx(s, rel=1e-12)
+    pushed.request(Request.ENABLE)
+    assert pushed.governor.path_s == pytest.approx(s, rel=1e-12), "it is planned anew first"
+    pushed.run(2000)
+    assert pushed.result.mode == Mode.ACTIVE, pushed.result.reason
+    assert pushed.governor.path_s > 0.999 * 0.8
+    assert pushed.slipped() < slipped + HELD_M
+
+
+def test_an_object_that_rests_is_carried_whatever_a_push_has_taught_of_friction() -> None:
+    """Two arms held an upright pane for good: "friction cannot carry the object", which they carried."""
+    pushed = Pushed("pane_two_arms_upright", -6.0, at=5)
+    pushed.run(3000)
+    assert pushed.governor.friction_events == 1
+    assert pushed.governor.friction_limit < 5.0, "less than the weight asks"
+    assert pushed.result.mode == Mode.ACTIVE, pushed.result.reason
+    assert pushed.governor.path_s > 0.999 * 2.0
 
 
 def test_off_is_the_printed_law_to_the_last_bit() -> None:

@@ -263,7 +263,7 @@ def test_the_observers_word_alone_is_dropped_where_nothing_would_stop_on_the_pat
     assert (state.search, estimate.suspected) == (governor.Search.CEILING, 1)
     governor.end_pass(G.config, state, G.grid)
     assert (state.search, estimate.suspected, state.urgent) == (governor.Search.NO, 0, 0)
-    assert state.pass_load == governor.planned_load(G.config, state)
+    assert state.pass_load == governor.planned_load(G.config, state, G.grid)
 
 
 def test_while_the_observers_word_is_provisional_braking_asks_no_more_than_what_is_known_to_hold() -> None:
@@ -272,7 +272,7 @@ def test_while_the_observers_word_is_provisional_braking_asks_no_more_than_what_
         _, R, v, a = G.before()
         G.after(a, a, R, v[3:])
     G.state.estimate.suspected, G.state.estimate.suspected_at = 1, 0.8 * PAPER.force
-    G.state.asked = governor.planned_load(G.config, G.state)  # as if that plan were there, and nowhere admitted motion
+    G.state.asked = governor.planned_load(G.config, G.state, G.grid)  # as if that plan were there, and nowhere admitted motion
     G.points["K"][:] = 1e-6
     before = float(G.state.rate)
     assert before > 0.1

@@ -170,13 +170,20 @@ GOVERNOR_CONFIG, GOVERNOR, PAD = dtype_of(GovernorConfig), dtype_of(Governor), d
 @part
 def start_path(config: GovernorConfig, state: Governor) -> None:
     """Begin a path: it has to be sampled. What is known of friction stays."""
-    state.s = state.rate = state.end = 0.0
+    state.s, state.end, state.arrived = 0.0, 0.0, 0
     state.time = sample_time(config.mode, 0, state.duration)
+    plan_anew(config, state)
+
+
+@part
+def plan_anew(config: GovernorConfig, state: Governor) -> None:
+    """Rest where the path is, and sample it again: what is held or known of friction may be another."""
+    state.rate = 0.0
     state.phase, state.cursor, state.planned, state.urgent = Phase.SAMPLING, 0, 0, 0
     state.search, state.search_pass = Search.NO, 0
     state.asked = state.pass_load = state.plan_load = state.low_load = state.high_load = 0.0
     state.infeasible, state.heaviest_time, state.weight_load = 0, 0.0, 0.0
-    state.overrun, state.strained, state.halted, state.arrived = 0, 0, 0, 0
+    state.overrun, state.strained, state.halted = 0, 0, 0
     state.bound = 0.0
     steady(config, state)
 
@@ -193,9 +200,15 @@ def start_pad(config: GovernorConfig, pad: GovernedPad, at_rest: float) -> None:
 @part
 def start_governor(config: GovernorConfig, state: Governor, pad: GovernedPad) -> None:
     """Begin a path, with what is known of a pad."""
-    state.estimate = pad.estimate
-    state.duration, state.grip = config.duration, pad.grip
+    state.duration = config.duration
     start_path(config, state)
+    know_pad(state, pad)
+
+
+@part
+def know_pad(state: Governor, pad: GovernedPad) -> None:
+    """Count with what is known of a pad."""
+    state.estimate, state.grip = pad.estimate, pad.grip
 
 
 @part
@@ -251,7 +264,7 @@ def next_point(
     state.cursor += 1
     if state.cursor == GRID_POINTS:
         state.end = grid.points[GRID_POINTS - 1].s
-        begin_plan(state, planned_load(config, state))
+        begin_plan(state, planned_load(config, state, grid))
 
 
 @part
@@ -268,6 +281,13 @@ def begin_pass(state: Governor, F: float) -> None:
 
 
 @part
+def tried(config: GovernorConfig, F: float, weight_load: float) -> float:
+    """Return a load [N], at least what a weight alone asks [N], as far as the configured friction carries that."""
+    needed = MORE_THAN_WEIGHT * weight_load / config.path_margin
+    return float(max(F, min(needed, config.margin * config.estimate.configured)))
+
+
+@part
 def with_weight(config: GovernorConfig, state: Governor, F: float) -> float:
     """Return a load [N], at least what the weight alone asks on the path, where that is to be tried.
 
@@ -276,14 +296,20 @@ def with_weight(config: GovernorConfig, state: Governor, F: float) -> float:
     """
     if state.planned == 0 and config.estimate.friction != Friction.UNKNOWN:
         return F
-    needed = MORE_THAN_WEIGHT * state.weight_load / config.path_margin
-    return float(max(F, min(needed, config.margin * config.estimate.configured)))
+    return tried(config, F, state.weight_load)
 
 
 @part
-def planned_load(config: GovernorConfig, state: Governor) -> float:
-    """Return the load that the path is to be planned for [N]."""
-    return with_weight(config, state, config.most_grip * certain(config.estimate, state.estimate, config.margin))
+def planned_load(config: GovernorConfig, state: Governor, grid: PathGrid) -> float:
+    """Return the load that the path is to be planned for [N].
+
+    What rests is carried. So before the path begins, a slip at less than the weight there counts as one at the weight:
+    something has pushed the object, or several arms have pressed on each other.
+    """
+    F = config.most_grip * certain(config.estimate, state.estimate, config.margin)
+    if state.planned == 0:
+        F = tried(config, F, math.sqrt(grid.points[cell(grid, state.s)].cc) / config.estimate.kept)
+    return with_weight(config, state, F)
 
 
 @part
@@ -291,7 +317,7 @@ def plan(config: GovernorConfig, state: Governor, grid: PathGrid) -> None:
     """Do a cycle's share of the planning, and begin again where F^ has changed."""
     if state.phase == Phase.SAMPLING:
         return
-    F = planned_load(config, state)
+    F = planned_load(config, state, grid)
     if state.asked > F:
         state.urgent = 1
         begin_plan(state, F)
@@ -322,7 +348,7 @@ def end_pass(config: GovernorConfig, state: Governor, grid: PathGrid) -> None:
         begin_pass(state, state.high_load)
     elif late and state.estimate.suspected != 0 and (state.search == Search.NO or state.search == Search.CEILING):
         state.estimate.suspected, state.urgent = 0, 0  # it is too late for the observer's word alone
-        begin_plan(state, planned_load(config, state))
+        begin_plan(state, planned_load(config, state, grid))
     elif state.search == Search.CEILING and late:  # nothing stops on the path: brake with what there is
         state.search = Search.LAST
         begin_pass(state, state.asked)
@@ -354,9 +380,9 @@ def take_plan(config: GovernorConfig, state: Governor, grid: PathGrid) -> None:
     state.infeasible = 1 if state.weight_load > carries else 0
     if state.planned == 0:
         state.planned = 1
-        if config.mode != Governing.TIME_OPTIMAL and at_rest(
-            grid.points[0], carries
-        ):  # the timing of a path that begins at rest need not
+        # The timing of a path that begins at rest need not.
+        begins = state.s == 0.0 and config.mode != Governing.TIME_OPTIMAL
+        if begins and at_rest(grid.points[0], carries):
             state.rate = math.sqrt(min(grid.points[0].K, grid.points[1].K))
             steady(config, state)
 
