@@ -272,8 +272,8 @@ def test_while_the_observers_word_is_provisional_braking_asks_no_more_than_what_
         _, R, v, a = G.before()
         G.after(a, a, R, v[3:])
     G.state.estimate.suspected, G.state.estimate.suspected_at = 1, 0.8 * PAPER.force
-    G.state.asked = governor.planned_load(G.config, G.state, G.grid)  # as if that plan were there, and nowhere admitted motion
-    G.points["K"][:] = 1e-6
+    G.state.asked = governor.planned_load(G.config, G.state, G.grid)
+    G.points["K"][:] = 1e-6  # as if that plan were there, and nowhere admitted motion
     before = float(G.state.rate)
     assert before > 0.1
     _, R, v, a = G.before()
