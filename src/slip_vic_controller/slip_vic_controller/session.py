@@ -36,7 +36,7 @@ from slip_vic_controller.arrival import (
     receive_wrench,
 )
 from slip_vic_controller.config import governed_stream, make_config, renew_config, use_noise
-from slip_vic_controller.cycle import cycle, watchdog
+from slip_vic_controller.cycle import Step, cycle, watchdog
 from slip_vic_controller.cycle import describe as describe_cycle
 from slip_vic_controller.law.gains import (
     LAW_GAINS,
@@ -94,7 +94,7 @@ _GOVERNED, _GOVERNED_NAMES = place(OUTPUTS, "governor"), GOVERNED.names or ()
 _GRIP = place(OUTPUTS, "grip").start
 _PATH_SCALE = place(OUTPUTS, "path_scale").start
 _NOW, _REQUEST, _MISSING = (place(INPUTS, name).start for name in ("now_ns", "request", "missing"))
-_PRESENT = place(INPUTS, "present").start
+_PRESENT, _STEP = place(INPUTS, "present").start, place(OUTPUTS, "decision.step").start
 _RAMP = place(ARM_STATE, "law.ramp")
 _ANSWERS = [place(ARM_STATE, f"joint.answers.{name}").start for name in ("position", "velocity")]
 _CYCLES, _LAW_KNOWN = place(ARM_STATE, "cycles").start, place(ARM_STATE, "law.known").start
@@ -581,6 +581,14 @@ class ArmSession:
         self._request = Request.NONE
         return own
 
+    def ask_again(self, inputs: Array, outputs: Array) -> None:
+        """Keep a request for the next cycle where this one has only bridged a bad joint state.
+
+        inputs, outputs: INPUTS, OUTPUTS of all arms.
+        """
+        if outputs[self.outputs_place].view(np.int64)[_STEP] == Step.BRIDGE:
+            self._request = Request(inputs[self.inputs_place].view(np.int64)[_REQUEST])
+
     def give(
         self,
         joint: JointSample,
@@ -911,6 +919,8 @@ class ControllerSession:
         inputs, outputs = np.zeros(self._inputs_size), np.zeros(self._outputs_size)
         joints = [arm.prepare(now_ns, inputs) for arm in self.arms]
         cycle(self._config, self.buffer, inputs, outputs)
+        for arm in self.arms:
+            arm.ask_again(inputs, outputs)
         for arm in self._taring:
             arm.use_tare()
         pairs = zip(self.arms, joints, strict=True)
