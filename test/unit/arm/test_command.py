@@ -63,7 +63,20 @@ def test_whatever_is_wanted_every_limit_holds_and_the_joint_stays_in_its_range(s
         assert (np.abs(state.acceleration[:N]) <= ACCELERATION + ROUNDING).all()
         assert (np.abs(state.acceleration[:N] - before[1]) <= JERK * period + ROUNDING).all()
         np.testing.assert_allclose(state.velocity[:N] - before[0], period * state.acceleration[:N], atol=ROUNDING)
-        assert (np.abs(state.position[:N]) <= reach + 0.02).all()
+        assert (np.abs(state.position[:N]) <= reach).all()
+
+
+def test_no_command_is_beyond_the_end_of_a_joint_whatever_is_measured() -> None:
+    """At the end at full speed, and measured beyond it: what is left is braked as ever, and the position stays."""
+    config = limits(reach=0.4)
+    state, limited = begun(config, np.array([0.39999, -0.45, 0.7]), VELOCITY), np.zeros(MAX_JOINTS, np.int64)
+    assert state.position[:N].tolist() == [0.39999, -0.4, 0.4]
+    for _ in range(1500):
+        before = state.velocity[:N].copy()
+        advance_motion(config, state, full(np.full(N, 5.0)), full(before), PERIOD, limited)
+        assert (np.abs(state.position[:N]) <= 0.4).all()
+        assert (np.abs(state.velocity[:N] - before) <= ACCELERATION * PERIOD + ROUNDING).all()
+    assert (state.velocity[:N] < ROUNDING).all()
 
 
 def test_what_is_inside_the_limits_is_integrated_to_the_last_bit() -> None:

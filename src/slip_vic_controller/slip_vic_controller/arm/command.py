@@ -21,8 +21,8 @@ from slip_vic_controller.sizes import MAX_JOINTS
 
 STOP_SHARE: Final = 0.5
 """Share of the acceleration limit with which a command brakes ahead of the end of a joint's range."""
-
-
+BEFORE_END: Final = 1e-3
+"""How far before that end it comes to rest: periods and jerk make the brake late by less [rad]."""
 AT_REST: Final = 5e-3
 """Velocity from which a command that comes to rest is set to it, at most [rad/s]."""
 
@@ -62,11 +62,17 @@ COMMAND_CONFIG, MOTION_COMMAND = dtype_of(CommandConfig), dtype_of(MotionCommand
 
 
 @part
+def within_range(config: CommandConfig, joint: int, position: float) -> float:
+    """Return a position [rad], held to the range of a joint: whatever is measured, no command is beyond its end."""
+    return float(min(max(position, config.lower[joint]), config.upper[joint]))
+
+
+@part
 def start_motion(config: CommandConfig, state: MotionCommand, q: Array, qd: Array) -> None:
     """Begin at the joint state; (n,) [rad], [rad/s]. A velocity beyond the limit begins at the limit."""
     for j in range(config.joints):
         most = config.velocity[j]
-        state.position[j], state.acceleration[j] = q[j], 0.0
+        state.position[j], state.acceleration[j] = within_range(config, j, q[j]), 0.0
         state.velocity[j] = min(max(qd[j], -most), most)
     state.started = 1
 
@@ -150,8 +156,9 @@ def advance_motion(
         most = config.acceleration[j]
         wanted = qdd[j] if finite else rest_acceleration(v, jerk, T)
         brake = STOP_SHARE * most
-        up = min(config.velocity[j], stopping_speed(config.upper[j] - state.position[j], brake, jerk))
-        down = min(config.velocity[j], stopping_speed(state.position[j] - config.lower[j], brake, jerk))
+        ahead = state.position[j] + v * T  # what is decided now acts from there on
+        up = min(config.velocity[j], stopping_speed(config.upper[j] - BEFORE_END - ahead, brake, jerk))
+        down = min(config.velocity[j], stopping_speed(ahead - BEFORE_END - config.lower[j], brake, jerk))
         up, down = min(up, max(qd[j] + config.lead, 0.0)), min(down, max(config.lead - qd[j], 0.0))
         highest = min(most, largest_acceleration(up - v, jerk, T))
         lowest = max(-most, -largest_acceleration(v + down, jerk, T))
@@ -160,7 +167,7 @@ def advance_motion(
         new = min(max(inside, a - jerk * T), a + jerk * T)
         new = min(max(new, -most), most)
         limited[j] = 1 if new != wanted else 0
-        state.position[j] += (v + 0.5 * new * T) * T
+        state.position[j] = within_range(config, j, state.position[j] + (v + 0.5 * new * T) * T)
         state.velocity[j] = v + new * T
         state.acceleration[j] = new
     return finite
