@@ -28,7 +28,7 @@ def test_a_lost_object_is_said_by_the_bridge(words: tuple[str, ...], code: int) 
     ("words", "kind", "reason"),
     [
         ((*PRINTED, "--set", "bridge.duration_s=0.3"), "FAULT", "the limit is"),
-        ((*REFUSED, "--set", "bridge.duration_s=0.3"), "UNREACHABLE", "where the path is at 0.800 s"),
+        ((*REFUSED, "--set", "bridge.duration_s=0.3", "--one-process"), "UNREACHABLE", "where the path is at 0.800 s"),
     ],
     ids=["fault", "refused path"],
 )
