@@ -33,7 +33,9 @@ from slip_vic_controller.arm.command import (
     stop_motion,
 )
 from slip_vic_controller.arm.estimator import (
+    DISTURBED,
     clear_findings,
+    most_disturbed,
     oppose_disturbance,
     pad_variances,
     publish_joints,
@@ -130,6 +132,7 @@ from slip_vic_controller.safety.reasons import (
     Cause,
     Reason,
     because,
+    disturbed,
     of_fault,
     put_reason,
     read_reason,
@@ -408,6 +411,9 @@ def _decide(
     n, contacts = config.law.joints, config.law.contacts
     q, qd = sample.position, sample.velocity
     reasons, level = arbitrate(config, task, state, outputs.health, freezes, n, contacts, q, qd, now_ns)
+    if reasons.fault.cause == Cause.JOINT_TOO_FAST or reasons.fault.cause == Cause.FALLS:
+        said = _with_disturbance(config, state, inputs, reasons.fault)
+        reasons = TransitionReasons(reasons.missing, said, reasons.hold, reasons.degraded)
     decision.entered = state.mode.mode
     next_mode(config.modes, state.mode, reasons, request, now_ns)
     if request == Request.RESET_FAULT:
@@ -415,6 +421,13 @@ def _decide(
     decision.step, decision.request, decision.level = Step.ANSWER.value, request, level
     decision.freezes = 1 if freezes else 0
     put_reason(decision.fault, reasons.fault)
+
+
+@part
+def _with_disturbance(config: ControllerConfig, state: ArmState, inputs: CycleInputs, fault: Reason) -> Reason:
+    """Return a fault with the largest disturbance of a joint, where there is one: it may be behind it."""
+    joint, torque = most_disturbed(config.estimator, state.estimate, inputs.arm.M, config.law.effort_limit)
+    return disturbed(fault, joint, torque) if abs(torque) > DISTURBED * config.law.effort_limit[joint] else fault
 
 
 class AtRest(NamedTuple):
@@ -819,7 +832,8 @@ def _watch_following(config: ControllerConfig, state: ArmState, inputs: CycleInp
         _put_twist_of_joints(config, state, inputs, twist)
     n, q, effort, now_ns = config.law.joints, state.joint.answers.position, state.limiter.effort, inputs.now_ns
     watch_following(
-        state.following, config.motion, n, q, twist, inputs.arm, outputs.law, h, effort, commanded, now_ns
+        state.following, config.motion, n, q, twist, outputs.reference.twist, inputs.arm, outputs.law, h, effort,
+        commanded, now_ns,
     )  # fmt: skip
 
 

@@ -132,6 +132,23 @@ def test_samples_that_are_used_as_they_are_may_not_contradict_each_other(change:
     assert run.speed < 0.1
 
 
+@every("scenario", ("paper_planar", "vertical_plane"))
+@every("law", ("governed", "vic", "classical"))
+def test_an_offset_where_nothing_is_told_of_it_is_said_beside_what_it_leads_to(scenario: str, law: str) -> None:
+    """Without told noise nothing is compensated, and 2 N m lead to one of two faults; neither said why."""
+    offset = (2.0 * np.random.default_rng(0).choice((-1, 1), 7)).tolist()
+    loop = ClosedLoop(load_scenario(scenario, law=law, assignments=(f"bridge.drive.offset={offset}",)))
+    result = loop.control(loop.observe())
+    while result.mode != Mode.FAULT:
+        loop.bridge.advance([result.command])
+        result = loop.control(loop.observe())
+    what, said = str(result.reason).split("; on arm_joint")
+    assert "rad/s, the limit is" in what or what.startswith("the object falls")
+    joint, torque = int(said[0]), float(said.split(" N m beyond")[0].rpartition(" ")[2])
+    assert 4 <= joint <= 7, "2 N m are most beside the limits of the joints of the wrist"
+    assert torque == pytest.approx(2.0, abs=0.3)
+
+
 def test_a_push_is_a_collision() -> None:
     run = Run()
     run.cycles(600)

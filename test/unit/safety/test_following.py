@@ -34,14 +34,15 @@ def begun() -> Following:
 
 def watch(
     state: Following, now_ns: int, error: float, speed: float, extra: np.ndarray, angle: float = 0.0,
-    q: np.ndarray = NOTHING, commanded: np.ndarray = NOTHING,
+    q: np.ndarray = NOTHING, commanded: np.ndarray = NOTHING, reference: float = 0.1,
 ) -> None:  # fmt: skip
-    """One cycle of an arm whose efforts exceed what it needs at rest by `extra` [N m]."""
+    """One cycle of an arm whose efforts exceed what it needs at rest by `extra` [N m]; reference: its speed [m/s]."""
     arm, law = record(new(ARM), ARM), record(new(EVALUATION), EVALUATION)
     arm.bias[:N], arm.J[:, :N] = BIAS, J
     law.error_linear, law.error_angular = error, angle
     twist, effort = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]), BIAS - J.T @ FORCE + extra
-    watch_following(state, RANGE, N, q, twist, arm, law, FORCE, effort, commanded, now_ns)
+    moves = np.array([0.0, reference, 0.0, 0.0, 0.0, 0.0])
+    watch_following(state, RANGE, N, q, twist, moves, arm, law, FORCE, effort, commanded, now_ns)
 
 
 def words(state: Following) -> str:
@@ -61,13 +62,23 @@ def test_a_joint_whose_torque_has_no_effect_is_named() -> None:
     assert "50 mm" in text
 
 
+def test_an_arm_that_sways_far_from_a_reference_that_rests_does_not_follow_and_one_that_comes_nearer_does() -> None:
+    """With an offset of 2 N m on each joint: 100 mm off and 5 mm/s for as long as it ran, ACTIVE and silent."""
+    for reference, nearer, expected in ((0.0, 0.0, True), (0.1, 0.0, False), (0.0, 0.2, False)):
+        state = begun()
+        for ms in range(2 * STUCK_NS // MS):
+            error = 0.1 * (1.0 - nearer * ms * MS / STUCK_NS)
+            watch(state, ms * MS, error, 0.005, np.full(N, 2.0), reference=reference)
+        assert stuck(state, 2 * STUCK_NS) == expected, (reference, nearer)
+
+
 def test_a_pad_that_is_only_turned_away_is_reported_by_its_angle() -> None:
     state = begun()
     for ms in range(STUCK_NS // MS + 2):
         watch(state, ms * MS, 0.0, 0.0, np.array([0.1, -4.0, 0.2]), angle=0.2)
     text = words(state)
     assert text.startswith("b does not follow: -4.00 N m")
-    assert "rests 11.5 degrees off" in text
+    assert "stays 11.5 degrees off" in text
 
 
 def test_the_joint_that_a_drive_of_its_own_loop_cannot_move_is_named() -> None:
@@ -87,7 +98,7 @@ def test_a_joint_at_the_end_of_its_range_is_named_though_no_torque_is_left() -> 
             watch(state, ms * MS, error, 0.0, NOTHING, angle, q=np.array([0.0, -1.6, 1.55]))
         assert stuck(state, STUCK_NS + MS)
         assert (
-            words(state) == f"b is at the end of its range, at -1.60 rad, and the pad rests {rests} off its reference"
+            words(state) == f"b is at the end of its range, at -1.60 rad, and the pad stays {rests} off its reference"
         )
 
 

@@ -67,6 +67,10 @@ NOTICED: Final = 0.3
 """... where that is this share of what is a collision: an object that is accelerated jumps less."""
 
 
+DISTURBED: Final = 0.02
+"""Share of the effort limit from which a disturbance is said beside what went wrong."""
+
+
 @unique
 class Trust(IntEnum):
     """Which measurement of a joint is used."""
@@ -533,6 +537,27 @@ def oppose_disturbance(
             find(state, Finding.COLLISION.value, j, jump, most)
         elif state.beyond_s[j] > config.disturbed_s:
             find(state, Finding.DISTURBED.value, j, effort, bound)
+
+
+@part
+def most_disturbed(config: EstimatorConfig, state: JointEstimate, M: Array, limit: Array) -> tuple[int, float]:
+    """Return the joint whose disturbance is most beside its effort limit, and that disturbance [N m].
+
+    Also where samples are used as they are: then nothing is done against it.
+
+    Args:
+        config, state: of the estimator.
+        M: inertia (n, n) [kg m2].
+        limit: effort limits (n,) [N m].
+    """
+    joint, torque, most = 0, 0.0, -1.0
+    for j in range(config.joints):
+        effort = 0.0
+        for k in range(config.joints):
+            effort += M[j, k] * state.d[k]
+        if abs(effort) > most * limit[j]:
+            joint, torque, most = j, effort, abs(effort) / limit[j]
+    return joint, torque
 
 
 @part

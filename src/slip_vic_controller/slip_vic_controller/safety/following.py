@@ -15,11 +15,13 @@ from slip_vic_controller.safety.reasons import Cause
 from slip_vic_controller.sizes import NEVER
 
 FAR, FAR_TURNED = 0.01, 0.05
-"""Distance from the reference at which an arm that rests does not follow it [m], [rad]."""
+"""Distance from the reference at which an arm that comes no nearer does not follow it [m], [rad]."""
+NEARER: Final = 0.9
+"""Share of that distance at which it has come nearer."""
 LEAST_TORQUE: Final = 0.05
 """Torque without effect that is friction: an object of another weight balances an arm far off, too [N m]."""
 RESTS: Final = 1e-3
-"""Speed of a pad that rests [m/s]."""
+"""Speed of a pad or a reference that rests [m/s]."""
 TORQUE_WEIGHT: Final = 1e-6
 """Weight of a torque without effect beside a commanded velocity [rad/s/(N m)].
 
@@ -28,17 +30,17 @@ largest torque need not be that joint's: it decides between equal commands alone
 efforts (zero).
 """
 STUCK_NS: Final = 1_000_000_000
-"""How long it must rest there [ns]."""
+"""How long it must stay there [ns]."""
 
 
 class Following(Record):
-    """Whether the arm rests far from its reference."""
+    """Whether the arm stays far from its reference."""
 
     since_ns: Whole  # NEVER = it does not
     cause: Whole  # NOT_FOLLOWING or RANGE_END; NOT_TURNING or RANGE_END_TURNED where only its attitude is far
     joint: Whole  # that keeps it there
     value: Real  # of that joint; unit: see Cause
-    error: Real  # distance from the reference; unit: see Cause
+    error: Real  # largest distance from the reference since then; unit: see Cause
 
 
 FOLLOWING = dtype_of(Following)
@@ -54,19 +56,20 @@ def stuck(state: Following, now_ns: int) -> bool:
 
 @part
 def watch_following(
-    state: Following, limits: RangeEnds, n: int, q: Array, twist: Array, arm: Arm, law: Evaluation, h: Array,
-    effort: Array, commanded: Array, now_ns: int,
+    state: Following, limits: RangeEnds, n: int, q: Array, twist: Array, reference: Array, arm: Arm, law: Evaluation,
+    h: Array, effort: Array, commanded: Array, now_ns: int,
 ) -> None:  # fmt: skip
-    """Take down since when the arm rests far from its reference, and which joint keeps it there.
+    """Take down since when the arm stays far from its reference, and which joint keeps it there.
 
-    That is a joint near the end of its range; else the one that most torque, or the fastest command, does not move.
+    It stays where it rests, and where it comes no nearer to a reference that rests: an arm may sway there. What
+    keeps it is a joint near the end of its range; else the one that most torque, or the fastest command, does not move.
 
     Args:
         state: changed.
         limits: where limit avoidance begins.
         n: number of joints.
         q: joint positions (n,) [rad].
-        twist: of the pad as it moves {w}; (6,) [m/s, rad/s].
+        twist, reference: of the pad as it moves, and of its reference {w}; (6,) [m/s, rad/s].
         arm, law: of this cycle.
         h: wrench on the pad {w}; (6,) [N, N m].
         effort: that the joints have; (n,) [N m].
@@ -74,12 +77,14 @@ def watch_following(
         now_ns: the controller's clock.
     """
     away = law.error_linear > FAR
-    if not (away or law.error_angular > FAR_TURNED) or vec(twist).norm() > RESTS:
+    rests = vec(twist).norm() <= RESTS or vec(reference).norm() <= RESTS
+    if not (away or law.error_angular > FAR_TURNED) or not rests:
         state.since_ns = NEVER
         return
-    if state.since_ns == NEVER:
-        state.since_ns = now_ns
-    state.error = law.error_linear if away else law.error_angular
+    error = law.error_linear if away else law.error_angular
+    if state.since_ns == NEVER or error < NEARER * state.error:
+        state.since_ns, state.error = now_ns, error
+    state.error = max(state.error, error)
     most = -1.0
     state.cause = Cause.NOT_FOLLOWING.value if away else Cause.NOT_TURNING.value
     for j in range(n):

@@ -29,10 +29,10 @@ class Cause(IntEnum):
     PREDICTED = 7  # the same, while the observer runs alone
     SLOWING = 8  # the same, while the path comes to rest
     SLIDES = 9
-    JOINT_TOO_FAST = 10  # detail: joint; value, limit [rad/s]
+    JOINT_TOO_FAST = 10  # detail: joint + 256 * what `disturbed` adds; value, limit [rad/s]
     PAD_TOO_FAST = 11  # value, limit [m/s]
     PAD_TURNS_TOO_FAST = 12  # value, limit [rad/s]
-    FALLS = 13  # value [m/s]
+    FALLS = 13  # detail: 256 * what `disturbed` adds; value [m/s]
     SATURATED = 14
     PATH_WAITS = 15
     OLD_JOINT_STATE = 16
@@ -64,6 +64,8 @@ class Prefix(IntEnum):
     AFTER_RESET = 4
 
 
+LARGEST_SAID = 1e4
+"""Largest disturbance that a reason says [N m]."""
 ACTIVATION, GOOD_JOINT_STATE, JOINT_STATES = 1, 2, 4
 FIRST_WRENCH = 8
 """Bits of what is missing; wrenches of the contacts follow, then their slips."""
@@ -105,6 +107,13 @@ def of_fault(cause: int, of: int, fault: int) -> Reason:
 def prefixed(reason: Reason, prefix: int) -> Reason:
     """Return a reason with something said before it."""
     return Reason(reason.cause, reason.detail, reason.prefix | prefix, reason.value, reason.limit)
+
+
+@part
+def disturbed(reason: Reason, joint: int, torque: float) -> Reason:
+    """Return a reason with the disturbance of a joint [N m] beside it: JOINT_TOO_FAST and FALLS have room for it."""
+    detail = 1 + joint + 256 * int(10.0 * min(abs(torque), LARGEST_SAID) + 0.5)
+    return Reason(reason.cause, reason.detail + 256 * detail, reason.prefix, reason.value, reason.limit)
 
 
 @part
@@ -150,7 +159,8 @@ def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> st
         of, fault = divmod(reason.detail, 256)
         return describe_fault(Input(of), Fault(fault)) + _OF_FAULT[cause]
     if cause == Cause.JOINT_TOO_FAST:
-        return f"{joint_names[reason.detail]} turns at {value:.1f} rad/s, the limit is {limit:.1f}"
+        joint, more = reason.detail % 256, _disturbance_text(reason.detail // 256, joint_names)
+        return f"{joint_names[joint]} turns at {value:.1f} rad/s, the limit is {limit:.1f}{more}"
     if cause in (Cause.PAD_TOO_FAST, Cause.PAD_TURNS_TOO_FAST):
         unit = "m/s" if cause == Cause.PAD_TOO_FAST else "rad/s"
         return f"the pad moves at {value:.1f} {unit}, the limit is {limit:.1f}"
@@ -165,7 +175,7 @@ def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> st
         why = f"does not follow: {value:.2f} N m more than it needs at rest do not move it"
         if cause in (Cause.RANGE_END, Cause.RANGE_END_TURNED):
             why = f"is at the end of its range, at {value:.2f} rad"
-        return f"{joint_names[reason.detail]} {why}, and the pad rests {off} off its reference"
+        return f"{joint_names[reason.detail]} {why}, and the pad stays {off} off its reference"
     if cause == Cause.PUSHED_BACK:
         why = "is pushed back from the end of its range"
         return f"{joint_names[reason.detail]} {why}, at {value:.2f} rad: the pad cannot keep to the path"
@@ -173,8 +183,17 @@ def _cause_text(reason: Reason | ReasonRecord, joint_names: Sequence[str]) -> st
         name, unit = _OF_SENSOR[Sensor(reason.detail)]
         return f"the {name} reads {value:.3g} {unit} at rest, at most {limit:.3g} are taken out: check it, call ~/tare"
     if cause == Cause.FALLS:
-        return f"the object falls: it slips, and moves down {value:.2f} m/s faster than the reference"
+        more = _disturbance_text(reason.detail // 256, joint_names)
+        return f"the object falls: it slips, and moves down {value:.2f} m/s faster than the reference{more}"
     return _WORDS[cause]
+
+
+def _disturbance_text(detail: int, joint_names: Sequence[str]) -> str:
+    """Return what `disturbed` has added to a detail, in words."""
+    if detail == 0:
+        return ""
+    tenths, joint = divmod(detail - 1, 256)
+    return f"; on {joint_names[joint]} is a disturbance of {0.1 * tenths:.1f} N m beyond effort and wrench"
 
 
 def finding_text(finding: Finding, joint: str, value: float, limit: float) -> str:
