@@ -50,6 +50,31 @@ def test_everything_comes_back_in_order(tmp_path):
     assert found == expected
 
 
+def test_an_index_that_points_to_another_kind_of_record_is_damage(tmp_path):
+    """The attachment would be read as the metadata's names and values."""
+    path = tmp_path / "one.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2", library="test")
+        writer.add_attachment(1, 1, "a", "text/plain", struct.pack("<I", 0) * 20)
+        writer.add_metadata("m", {"key": "value"})
+        schema = writer.register_schema(STRING.name, "ros2msg", STRING.text.encode())
+        writer.add_message(writer.register_channel("/a", "cdr", schema, {}), 1, b"\0\1\0\0\1\0\0\0\0", 1)
+        writer.finish()
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    (attachment,), (metadata,) = summary.attachment_indexes, summary.metadata_indexes
+    data = path.read_bytes()
+    before, after = (struct.pack("<QQ", at, metadata.length) for at in (metadata.offset, attachment.offset))
+    assert data.count(before) == 1
+    path.write_bytes(data.replace(before, after)[:-12] + bytes(4) + data[-8:])  # and no CRC of the summary
+    file = mcap_file.McapFile(path)
+    with pytest.raises(InputError, match="an index that points to something else"):
+        file.metadata()
+    file.close()
+
+
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
 def test_filters_and_times(tmp_path, compression):
     make_bag(tmp_path / "bag", count=100, topics=TWO, options=WriterOptions(compression))

@@ -17,10 +17,11 @@ from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams, PushParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.plant.elastic import ElasticPlant
-from slip_sim_bridge.plant.elastic_step import ELASTIC_CONTACT, elastic_after
+from slip_sim_bridge.plant.elastic_step import ELASTIC_CONTACT, FRAME, elastic_after, fill_rows
 from slip_sim_bridge.plant.model import PAD, name_of
 from slip_sim_bridge.session import BridgeSession
 from slip_sim_bridge.simulation import Simulation
+from test.support.call import call
 
 POSTURE = (-0.040646922, 0.138380669, -0.173567454, -2.241908013, -1.709427011, 1.734215231, 0.821351893)
 GRAVITY = np.array((0.0, 0.0, -9.81))
@@ -43,6 +44,26 @@ def params(period_s: float = 1e-3, grip: float = 12.0, damping: float = 30.0, **
     }  # fmt: skip
     left = BridgeParams.model_validate(arm | more)
     return {"left": left, "right": left.model_copy(update={"base": BaseParams(position=(0.0, -0.36, 0.0))})}
+
+
+def test_rows_of_a_contact_are_the_twist_of_the_object_against_the_pad() -> None:
+    """Whatever stood in them before; the pad centre moves with the object's velocity and turning."""
+    rng, nv = np.random.default_rng(0), 20
+    frames, rotations = records(np.zeros((2, FRAME.itemsize // 8)), FRAME), []
+    for frame in frames:
+        R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        R *= np.linalg.det(R)
+        frame.rotation, frame.position = R, rng.normal(size=3)
+        rotations.append(R)
+    (pad, body), (R, R_o) = frames, rotations
+    moving, turning = np.ascontiguousarray(rng.normal(size=(2, 3, nv)))
+    rows, v = np.full((6, nv), 7.0), rng.normal(size=nv)
+    call(fill_rows, pad, body, moving, turning, rows)
+    pad_twist = moving[:, : nv - 6] @ v[: nv - 6], turning[:, : nv - 6] @ v[: nv - 6]
+    w_o, r = R_o @ v[nv - 3 :], pad.position - body.position
+    linear, angular = v[nv - 6 : nv - 3] + np.cross(w_o, r) - pad_twist[0], w_o - pad_twist[1]
+    np.testing.assert_allclose(rows @ v, np.concatenate((R.T @ linear, R.T @ angular)), atol=1e-12)
+    np.testing.assert_array_equal(rows[3:, nv - 6 : nv - 3], 0.0)
 
 
 def simulated(arms: dict[str, BridgeParams]) -> Simulation:

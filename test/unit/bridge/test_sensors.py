@@ -134,6 +134,12 @@ def noise_of(sensors: SensorSuite, ticks: int = 20):
     return np.array(slips), np.array(wrenches)
 
 
+def test_a_wrench_sensor_may_have_noise_in_force_or_in_torque_alone():
+    for force, torque in ((0.1, 0.0), (0.0, 0.01)):
+        _, wrenches = noise_of(suite(3, wrench__noise_force=force, wrench__noise_torque=torque), 500)
+        check_noise(wrenches, [force] * 3 + [torque] * 3)
+
+
 def test_seed_decides_and_reset_repeats():
     noisy = {"slip__noise_linear": 1.0, "wrench__noise_force": 1.0}
     first = suite(5, **noisy)

@@ -1,5 +1,6 @@
 """The backward pass against a conic solver and against toppra, and the path's parameter against quadrature."""
 
+from decimal import Decimal
 from types import SimpleNamespace
 
 import numpy as np
@@ -269,3 +270,11 @@ def test_the_larger_root_is_that_of_numpy_and_negative_where_there_is_none() -> 
         assert call(larger_root, abs(a), b, c) == pytest.approx(expected)
     for a in (0.0, -1.0):
         assert call(larger_root, a, 1.0, -1.0) == -1.0
+
+
+def test_the_larger_root_keeps_its_digits_where_it_is_small() -> None:
+    """x = -c / (b + root): the other form of it is a difference of nearly equal numbers there."""
+    for b in (0.5, 2.0):
+        for c in (-1e-3, -1e-8, -1e-12):
+            exact = (Decimal(b) ** 2 - Decimal(c)).sqrt() - Decimal(b)  # 28 digits
+            assert call(larger_root, 1.0, b, c) == pytest.approx(float(exact), rel=1e-14, abs=0.0)

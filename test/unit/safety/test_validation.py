@@ -268,8 +268,12 @@ def test_a_restart_of_the_clock_forgets_what_is_ahead_of_it_and_not_that_it_was_
     v.joint(STAMP_NS, POSITION, np.zeros(N), NOW_NS)
     for is_slip in (False, True):
         v.vector(is_slip, STAMP_NS, np.ones(6), NOW_NS)
+    for inputs in (v.state.wrench_inputs, v.state.slip_inputs):
+        inputs[0].invalid = 1
     back = STAMP_NS - 10**10
     assert v.joint(back, POSITION, np.zeros(N), NOW_NS + MS) == Fault.RESTARTED
+    for inputs in (v.state.wrench_inputs, v.state.slip_inputs):
+        assert inputs[0].invalid == 0, "it was the sample of the old clock that was"
     for is_slip, inputs in ((False, v.state.wrench_inputs), (True, v.state.slip_inputs)):
         assert v.validity(is_slip, NOW_NS + MS, back) == Fault.NEVER_SEEN
         assert inputs[0].seen == 1

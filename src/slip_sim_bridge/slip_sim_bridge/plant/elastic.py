@@ -127,12 +127,10 @@ class ElasticPlant:
         for contact, seen in zip(contacts, maps, strict=True):
             contact.deflection[:] = seen @ d
             contact.force[:] = -contact.stiffness * contact.deflection
-        turn, quaternion = np.zeros(4), np.zeros(4)
+        quaternion = np.zeros(4)
         mujoco.mju_mat2Quat(quaternion, R_o.ravel())
-        angle = float(np.linalg.norm(d[3:]))
-        mujoco.mju_axisAngle2Quat(turn, d[3:] / angle if angle > 0.0 else np.array((1.0, 0.0, 0.0)), angle)
-        self._object_pose[:3] = x_o + d[:3]
-        mujoco.mju_mulQuat(self._object_pose[3:7], turn, quaternion)
+        mujoco.mju_quatIntegrate(quaternion, R_o.T @ d[3:], 1.0)
+        self._object_pose[:3], self._object_pose[3:7] = x_o + d[:3], quaternion
         mujoco.mj_step1(model, data)
         self._rows[:] = 0.0
         self._look()

@@ -193,23 +193,22 @@ def _same(a: Array, b: Array) -> bool:
 @part
 def classify_vector(
     limits: VectorLimits, state: VectorInput, stamp_ns: int, values: Array, valid: bool, joint: JointInput,
-) -> tuple[int, bool]:  # fmt: skip
-    """Return the fault of a wrench or slip velocity (6,), and whether it equals the last good one to the last bit."""
+) -> int:  # fmt: skip
+    """Return the fault of a wrench or slip velocity (6,)."""
     if state.known != 0 and stamp_ns <= state.stamp_ns:
-        return (Fault.DUPLICATE.value if stamp_ns == state.stamp_ns else Fault.OUT_OF_ORDER.value), False
+        return Fault.DUPLICATE.value if stamp_ns == state.stamp_ns else Fault.OUT_OF_ORDER.value
     if joint.known != 0 and stamp_ns > joint.last.stamp_ns + limits.future_ns:
-        return Fault.FUTURE.value, False
+        return Fault.FUTURE.value
     if not valid:
-        return Fault.INVALID.value, False
+        return Fault.INVALID.value
     kind = _kind(values)
     if kind == _NOT_FINITE:
-        return Fault.NOT_FINITE.value, False
+        return Fault.NOT_FINITE.value
     linear = math.sqrt(values[0] * values[0] + values[1] * values[1] + values[2] * values[2])
     angular = math.sqrt(values[3] * values[3] + values[4] * values[4] + values[5] * values[5])
-    same = state.known != 0 and _same(values, state.values)
     if linear > limits.linear or angular > limits.angular:
-        return Fault.ABSURD.value, same
-    return (Fault.DENORMAL.value if kind == _DENORMAL else Fault.NONE.value), same
+        return Fault.ABSURD.value
+    return Fault.DENORMAL.value if kind == _DENORMAL else Fault.NONE.value
 
 
 @part
@@ -228,17 +227,14 @@ def receive_vector(
         now_ns: arrival.
         joint: state of the joint state's input.
     """
-    if refused:
-        fault, same = Fault.REFUSED.value, False
-    else:
-        fault, same = classify_vector(limits, state, stamp_ns, values, valid, joint)
+    fault = Fault.REFUSED.value if refused else classify_vector(limits, state, stamp_ns, values, valid, joint)
     if limits.zero_after != 0 and fine(fault):
         state.zeros = 0 if values.any() else state.zeros + 1
         if state.zeros >= limits.zero_after:
             fault = Fault.INVALID.value
     state.ahead = state.ahead + 1 if fault == Fault.FUTURE else 0
     if fine(fault):
-        if not same:
+        if state.known == 0 or not _same(values, state.values):
             state.equal_since_ns = stamp_ns
         state.seen, state.known, state.stamp_ns, state.arrival_ns = 1, 1, stamp_ns, now_ns
         state.values[:] = values
