@@ -153,6 +153,14 @@ def test_lists_without_an_entry_may_be_empty_or_null():
         assert parse_metadata(text.replace("topics_with_message_count: []", topics), "x") == found
 
 
+def test_a_topic_whose_qos_nobody_noted_has_none() -> None:
+    tree = yaml.safe_load(METADATA)
+    topic = tree["rosbag2_bagfile_information"]["topics_with_message_count"][1]["topic_metadata"]
+    for change in (lambda: topic.update(offered_qos_profiles=None), lambda: topic.pop("offered_qos_profiles")):
+        change()
+        assert parse_metadata(yaml.safe_dump(tree), "x").topics[1].qos == ()
+
+
 def test_files_are_listed_by_their_paths_where_an_old_version_lists_no_more() -> None:
     metadata = BagMetadata(files=(FileInfo("x_0.mcap", 5, 7, 3), FileInfo("x_1.mcap", 6, 8, 4)))
     tree = yaml.safe_load(metadata_text(metadata, root=True))

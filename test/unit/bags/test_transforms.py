@@ -109,6 +109,10 @@ def test_links_and_object_are_where_they_were(exported: Path) -> None:
         t, r = one.transform.translation, one.transform.rotation
         placed[one.child_frame_id] = base + turn.apply([t.x, t.y, t.z]), turn * Rotation.from_quat([r.x, r.y, r.z, r.w])
 
+    links = read_links(urdf_text())
+    parents = {link.name: links[link.parent].name if link.parent >= 0 else "world" for link in links}
+    assert {one.child_frame_id: one.header.frame_id for one in arm.transforms} == parents
+
     def row_of(series, stamp) -> int:
         return int(np.searchsorted(series.stamp_ns, stamp.sec * 10**9 + stamp.nanosec))
 

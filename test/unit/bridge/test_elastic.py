@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -16,7 +17,7 @@ from slip_core.types import DisplacementSample, SlipSample
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams, PushParams
 from slip_sim_bridge.plant import DivergenceError
-from slip_sim_bridge.plant.elastic import ElasticPlant
+from slip_sim_bridge.plant.elastic import LONGEST_STEP, ElasticPlant
 from slip_sim_bridge.plant.elastic_step import ELASTIC_CONTACT, FRAME, elastic_after, fill_rows
 from slip_sim_bridge.plant.model import PAD, name_of
 from slip_sim_bridge.session import BridgeSession
@@ -44,6 +45,24 @@ def params(period_s: float = 1e-3, grip: float = 12.0, damping: float = 30.0, **
     }  # fmt: skip
     left = BridgeParams.model_validate(arm | more)
     return {"left": left, "right": left.model_copy(update={"base": BaseParams(position=(0.0, -0.36, 0.0))})}
+
+
+@pytest.mark.parametrize("turning", [5.0, 4e3])
+def test_steps_are_short_enough_for_the_stiffest_motion(turning: float) -> None:
+    """Of the arms and the object together: with stiff pads it is one that turns."""
+    pad = {"stiffness": (1e4, 1e4, 1e4, turning, turning, turning), "damping": (30.0, 30.0, 30.0, 0.5, 0.5, 0.2)}
+    plant = plant_of(pair(period_s=4e-3, substeps=0, pad=pad))
+    nv, rows = plant.model.nv, np.zeros((12, plant.model.nv))
+    for i in range(2):
+        moving, turned = (np.ascontiguousarray(plant._jacobians[6 * i + k : 6 * i + k + 3]) for k in (0, 3))
+        call(fill_rows, plant._frame[i], plant._frame[2], moving, turned, rows[6 * i : 6 * i + 6])
+    M = np.zeros((nv, nv))
+    mujoco.mj_fullM(plant.model, plant.data, M)
+    K = np.diag(np.tile(pad["stiffness"], 2))
+    fastest = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(M, rows.T @ K @ rows))).max())
+    steps = round(4e-3 / plant.model.opt.timestep)
+    assert steps == max(1, np.ceil(4e-3 * fastest / LONGEST_STEP))
+    assert steps > 1
 
 
 def test_rows_of_a_contact_are_the_twist_of_the_object_against_the_pad() -> None:

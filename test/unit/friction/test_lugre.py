@@ -10,6 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slip_sim_bridge.friction.lugre import flowing_share
+from test.support.call import call
 from test.support.every import every
 from test.unit.bridge.contact import lugre, stribeck
 from test.unit.bridge.planar_block import PlanarBlock
@@ -33,6 +35,13 @@ DIRECTIONS = {"x": (1.0, 0.0, 0.0), "diagonal": (1.0, 1.0, 0.0), "x_and_spin": (
 def unit(axis, rho=0.03):
     d = np.array(DIRECTIONS[axis])
     return d / np.linalg.norm(d) * np.array([1.0, 1.0, rho])
+
+
+def test_the_share_that_flows_grows_from_nothing_at_break_away_to_all_at_full_stretch():
+    assert call(flowing_share, 0.9, 0.9) == pytest.approx(0.0, abs=1e-15)
+    assert call(flowing_share, 0.9, 0.95) == pytest.approx(0.5)
+    assert call(flowing_share, 0.9, 1.0 - 1e-9) == pytest.approx(1.0)
+    assert call(flowing_share, 0.9, 1.0) == call(flowing_share, 0.9, 1.2) == 1.0
 
 
 def ramped(t, level, seconds=0.5):

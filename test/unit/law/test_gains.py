@@ -20,6 +20,7 @@ from slip_vic_controller.law.gains import (
     make_law_gains,
     make_ramp,
     ramp_time,
+    slow_down,
     steady,
 )
 from slip_vic_controller.params import ControllerParams
@@ -139,6 +140,17 @@ def test_a_change_reaches_the_law_without_a_kick() -> None:
     whole = np.abs(torques[-1] - torques[0]).max()
     assert whole > 0.1, "a change without consequence proves nothing"
     assert np.abs(np.diff(torques, axis=0)).max() < 0.02 * whole
+
+
+def test_an_impedance_that_drives_cannot_follow_becomes_slower_and_keeps_its_damping_ratio() -> None:
+    gains = record(new(LAW_GAINS), LAW_GAINS).gains
+    gains.M_D[:], gains.K_D[:] = (1.0, 2.0, 4.0, 0.1, 0.2, 0.4), (400.0, 300.0, 200.0, 10.0, 20.0, 30.0)
+    gains.D_D[:] = (40.0, 50.0, 60.0, 2.0, 3.0, 9.0)  # 40, 25, 15, 20, 15, 22.5 1/s
+    ratio, before = gains.D_D / np.sqrt(gains.K_D * gains.M_D), gains.D_D.copy()
+    slow_down(gains, 20.0)
+    np.testing.assert_allclose(gains.D_D / gains.M_D, (20.0, 20.0, 15.0, 20.0, 15.0, 20.0))
+    np.testing.assert_allclose(gains.D_D / np.sqrt(gains.K_D * gains.M_D), ratio)
+    assert gains.D_D[[2, 3, 4]].tolist() == before[[2, 3, 4]].tolist()
 
 
 def test_the_slip_gain_of_an_arm_that_is_estimated_stands_the_delay_of_a_real_one() -> None:

@@ -136,5 +136,6 @@ def test_where_velocities_are_noisy_bias_and_gain_count_together_as_they_act() -
     assert not is_confirmed(config, state, row), "exact velocities tell b alone"
     row.velocity_variance[:] = 1e-9
     assert is_confirmed(config, state, row)
-    state.axes[0].P_bc = 2e3
-    assert not is_confirmed(config, state, row)
+    for P_bc in (2e3, -1e3):
+        state.axes[0].P_bc = P_bc
+        assert not is_confirmed(config, state, row)
