@@ -120,8 +120,8 @@ def metadata_text(metadata: BagMetadata, *, root: bool) -> str:
     return _text({"rosbag2_bagfile_information": tree} if root else tree)
 
 
-def parse_qos(text: str | Sequence[Any]) -> tuple[QosProfile, ...]:
-    """Read a QoS list as found in a channel or in ``metadata.yaml``, with names (v9) or numbers (before).
+def parse_qos(text: str | Sequence[Any] | None) -> tuple[QosProfile, ...]:
+    """Read a QoS list as found in a channel or in ``metadata.yaml``, with names (v9) or numbers (before); None: none.
 
     Raises:
         InputError: where it is neither.
@@ -205,11 +205,10 @@ def _qos(item: Any) -> QosProfile:
 
 def _topic(item: Any) -> TopicInfo:
     topic = item["topic_metadata"]
-    qos = topic.get("offered_qos_profiles") or ()
     return TopicInfo(
         name=str(topic["name"]),
         type_name=str(topic["type"]),
-        qos=parse_qos(qos),
+        qos=parse_qos(topic.get("offered_qos_profiles")),
         type_hash=str(topic.get("type_description_hash") or ""),
         message_count=int(item["message_count"]),
         encoding=str(topic["serialization_format"]),

@@ -33,6 +33,7 @@ from slip_vic_controller.reference.goals import (
 )
 from slip_vic_controller.reference.governor import GovernedPad, Governor, GovernorConfig
 from slip_vic_controller.reference.grip import follow_load, load_ahead
+from slip_vic_controller.reference.guard import missing_load
 from slip_vic_controller.reference.load import ALONE, Held, Shared, load, size, surface
 from slip_vic_controller.reference.path_grid import Along, Governing, along, along_at
 from slip_vic_controller.reference.paths import Reference, put_reference, reference_at
@@ -45,7 +46,6 @@ from slip_vic_controller.reference.stream import (
     take_queued,
     waiting,
 )
-from slip_vic_controller.safety.following import FAR, FAR_TURNED
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleOutputs, Governed, TaskState
 
 UNLIMITED = 1e3
@@ -418,23 +418,8 @@ def guard(
         governor.hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d)
         pad.guard = 1.0
         return 1.0
-    ceiling += missing_load(pad, outputs.law.error_linear, outputs.law.error_angular)
+    ceiling += missing_load(pad.commanded, pad.measured, outputs.law.error_linear, outputs.law.error_angular)
     return governor.hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d)
-
-
-@part
-def missing_load(pad: GovernedPad, error_linear: float, error_angular: float) -> float:
-    """Return what the pad lacks of the load that was commanded, where it is far from its reference [N].
-
-    There something else takes that much of the arm's acceleration, as gravity that is compensated by too little. Held
-    back to what friction would carry if all of it came about, the arm would give way to that for ever.
-
-    Args:
-        pad: what was commanded and measured.
-        error_linear, error_angular: distance from the reference [m], [rad].
-    """
-    far = max(error_linear / FAR, error_angular / FAR_TURNED)
-    return min(max(far - 1.0, 0.0), 1.0) * max(pad.commanded - pad.measured, 0.0)
 
 
 @part

@@ -8,6 +8,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from slip_vic_controller.reference import governor
+from slip_vic_controller.reference.guard import missing_load
 from slip_vic_controller.reference.path_grid import path_time
 from test.referees.governor_bench import PAPER_PLANAR, Friction, Governing, Governor
 from test.referees.governor_paths import BentPath
@@ -20,6 +21,7 @@ from test.referees.planar_governed import (
     run,
     uniform,
 )  # fmt: skip
+from test.support.call import call
 
 STICKS_MM = 0.001
 """Slip of a grasp that holds, and until the first sample of a slip tells [mm]."""
@@ -394,3 +396,10 @@ def test_unknown_friction_with_weight_in_the_slip_plane_is_tried() -> None:
     assert G.state.infeasible == 0
     assert cycles < 5999
     assert over <= 1 + ROUNDING
+
+
+def test_the_load_that_is_missing_counts_far_from_the_reference_alone() -> None:
+    cases = (0.0, 0.0, 0.0), (0.01, 0.05, 0.0), (0.015, 0.0, 0.5), (0.0, 0.075, 0.5), (1.0, 0.0, 1.0)
+    for linear, angular, share in cases:
+        assert call(missing_load, 2.0, 1.6, linear, angular) == pytest.approx(0.4 * share)
+        assert call(missing_load, 1.6, 2.0, linear, angular) == 0.0

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from slip_core.compiled import part
 from slip_core.vectors import Spatial
+
+FAR: Final = 0.01
+FAR_TURNED: Final = 0.05
+"""Distance from the reference [m], [rad] from which the load that comes about counts, fully from twice of it."""
 
 
 @part
@@ -29,3 +34,18 @@ def guard_factor(drawn: Spatial, rest: Spatial, F: float) -> float:
         return min((math.sqrt(d) - b) / a, 1.0)
     root = math.sqrt(b * b - a * c)
     return -c / (b + root) if b > 0.0 else (root - b) / a
+
+
+@part
+def missing_load(commanded: float, measured: float, error_linear: float, error_angular: float) -> float:
+    """Return what is missing of the load that was commanded, where the pad is far from its reference [N].
+
+    There something else takes that much of the arm's acceleration, as gravity that is compensated by too little. Held
+    back to what friction would carry if all of it came about, the arm would give way to that for ever.
+
+    Args:
+        commanded, measured: load [N].
+        error_linear, error_angular: distance from the reference [m], [rad].
+    """
+    far = max(error_linear / FAR, error_angular / FAR_TURNED)
+    return min(max(far - 1.0, 0.0), 1.0) * max(commanded - measured, 0.0)
