@@ -10,8 +10,10 @@ import pytest
 from slip_vic.presets import preset_names
 from slip_vic.presets.models import load_sensor
 from slip_vic_controller.observer.config import SPARE_ROWS, capacity
+from slip_vic_controller.observer.history import append
 from slip_vic_controller.observer.layouts import ROW, SAMPLE_ROW, TICK_ROW
 from slip_vic_controller.observer.slip import LASTING, contradicted_since
+from test.support.call import call
 from test.unit.observer.bench import Bench
 from test.unit.observer.ride import SENSOR
 from test.unit.observer.rig import MS, Observer, make_motion, make_params, six
@@ -148,6 +150,16 @@ def test_a_flood_of_samples_drops_the_oldest_rows_and_stays_bounded() -> None:
         assert observer.state.late > 0
         ends.append(observer.buffer.tobytes())
     assert ends[0] == ends[1] == ends[2], "the order of arrival matters"
+
+
+def test_a_new_row_is_empty_whatever_stood_in_its_place() -> None:
+    """Equal states have equal bytes: what a row of another kind has left would be part of a snapshot."""
+    observer, _ = sliding_observer(rows=64)
+    observer.history[:] = 7.0
+    for _ in range(70):  # beyond the end of the ring
+        call(append, observer.state, observer.history, observer.history.reshape(-1))
+        assert not ordered_rows(observer)[-1:].view(np.float64).any()
+        observer.history[:] = 7.0
 
 
 def test_more_samples_than_rows_do_no_harm() -> None:
