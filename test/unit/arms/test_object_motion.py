@@ -182,6 +182,9 @@ def test_three_arms_are_answered_in_one_cycle_and_each_reads_all_wrenches() -> N
         wrenches = [result.record.samples[i].wrench[2] for i in range(3)]
         assert np.allclose(wrenches, -1.6, atol=1e-6), k
     assert len({result.record.reference.position.tobytes() for result in results if result is not None}) == 1
+    assert three.session.task.start_ns == results[0].joint.stamp_ns - 29 * MS, "the law has begun once"
+    for arm in three.session.arms:
+        np.testing.assert_allclose(arm.state.grasp.rotation, np.eye(3), atol=1e-12)
 
 
 def test_what_stops_one_of_three_arms_stops_all_in_the_same_cycle() -> None:
