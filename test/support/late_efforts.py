@@ -1,8 +1,9 @@
-"""What the arm does when efforts reach its drives late: prints the table of docs/safety.md."""
+"""What the arm does when efforts reach its drives late: prints the tables of docs/results.md."""
 
 from __future__ import annotations
 
 import itertools
+import sys
 from typing import Any
 
 from slip_vic.scenarios import scenario_names
@@ -27,9 +28,10 @@ class Late(Channel):
         self._put(sample, now_ns + round(1e9 * fault.size), measured_ns, True)
 
 
-def fate(plan: Plan, scenario: Scenario) -> str:
-    """Return what becomes of law, arm and object."""
-    law = one_arm(scenario.controller, scenario.urdf, lockstep=False)
+def fate(plan: Plan, scenario: Scenario, told_s: float) -> str:
+    """Return what becomes of law, arm and object; told_s: how late the controller knows its drives to be [s]."""
+    drive = scenario.controller.drive.model_copy(update={"delay_s": told_s})
+    law = one_arm(scenario.controller.model_copy(update={"drive": drive}), scenario.urdf, lockstep=False)
     vars(trials).update(Channel=Late, DURATION_S=LASTS_S, prepared=lambda *_: (scenario, law))
     outcome = trials.run_trial(plan)
     if outcome.violations:
@@ -38,15 +40,16 @@ def fate(plan: Plan, scenario: Scenario) -> str:
 
 
 def main() -> None:
-    """Print a row for each setting."""
+    """Print a row for each setting; --told: the controller knows how late its efforts are, all the time."""
+    told = "--told" in sys.argv
     print("|".join(("", " setting ", *(f" {lag_ms} ms " for lag_ms in LAGS_MS), "")))
     print("|---" * (1 + len(LAGS_MS)) + "|")
     for name, (kind, sensor) in itertools.product(scenario_names(1), SETTINGS):
         cells = []
         for lag_ms in LAGS_MS:
-            late = Fault("late", EFFORT, FROM_S, LASTS_S, 1e-3 * lag_ms)
+            late = Fault("late", EFFORT, 0.0 if told else FROM_S, LASTS_S, 1e-3 * lag_ms)
             plan = Plan(0, 1, name, kind != "classical", kind, (late,), sensor)
-            cells.append(f" {fate(plan, campaign_scenario(plan))} ")
+            cells.append(f" {fate(plan, campaign_scenario(plan), 1e-3 * lag_ms if told else 0.0)} ")
         print("|".join(("", f" {plan.setting} ", *cells, "")), flush=True)
 
 

@@ -21,6 +21,10 @@ from slip_vic_controller.parameters.slip_params import MeasuredParams, ObserverP
 FOLLOWED = 2.5
 """Phase [rad] that the drives' lag may cost at the crossover of the impedance: the estimate takes it out as far as the
 lag is known, and a third of it leaves 40 degrees."""
+LATE_S = 0.005
+"""Lag of drives that take efforts from which all that answers the arm's motion is made slower for it [s]."""
+FOLLOWED_LATE = 0.8
+"""The same phase [rad] with drives that take efforts so late: nothing foresees where their commands lead."""
 
 
 class GainParams(ParameterModel):
@@ -292,7 +296,13 @@ class ControllerParams(ArmParams):
     @property
     def estimates_joints(self) -> bool:
         """Whether the joint state is estimated: where it may be noisy, or drives follow commands with a lag."""
-        return self.joint_sensor.estimates or self.command.interface != "effort" or self.tare.duration_s > 0.0
+        told = self.joint_sensor.estimates or self.tare.duration_s > 0.0
+        return told or self.command.interface != "effort" or self.efforts_are_late
+
+    @property
+    def efforts_are_late(self) -> bool:
+        """Whether drives that take efforts are so late that the law has to be slower."""
+        return self.command.interface == "effort" and self.drive_lag_s > LATE_S
 
     @property
     def bounded_authority(self) -> bool:
@@ -314,7 +324,8 @@ class ControllerParams(ArmParams):
     @property
     def fastest_rate(self) -> float:
         """Largest rate D/M of an impedance that drives of this lag can follow without swinging [1/s]."""
-        return FOLLOWED / self.drive_lag_s if self.drive_lag_s > 0.0 else math.inf
+        followed = FOLLOWED_LATE if self.efforts_are_late else FOLLOWED
+        return followed / self.drive_lag_s if self.drive_lag_s > 0.0 else math.inf
 
     @model_validator(mode="after")
     def _drives_fit_the_arm(self) -> ControllerParams:

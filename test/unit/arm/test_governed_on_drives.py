@@ -3,6 +3,7 @@
 import numpy as np
 
 import slip_vic
+from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.modes import Mode
 from test.support.delivery import answered_outputs, deliver, realtime
@@ -28,6 +29,24 @@ def test_nothing_slips_on_drives_with_a_reserve(drive: str, scenario: str, senso
     run = slip_vic.load(scenario, law="governed", drive=drive, sensor=sensor, seed=seed).run()  # type: ignore[arg-type]
     assert run.outcome == "ok", run.reason
     assert run.slip_mm < STICKS_MM
+
+
+@every(
+    ("scenario", "law", "most_mm"),
+    (
+        ("paper_planar", "governed", 0.1), ("vertical_plane", "governed", 0.1), ("glass_transport", "governed", 0.1),
+        ("paper_planar", "classical", 60.0), ("glass_transport", "vic", 1.0),
+    ),
+)  # fmt: skip
+def test_an_arm_that_is_told_how_late_its_efforts_are_swings_no_more(scenario: str, law: str, most_mm: float) -> None:
+    """By 24 ms: impedance, null space and what is taken off are as slow as that asks. Each loop alone was too fast."""
+    told = ("controller.drive.delay_s=0.024", "bridge.duration_s=3.0")
+    fastest = 0.0
+    for tick in run_in_process(load_scenario(scenario, law=law, assignments=told), late_ticks=24):
+        assert tick.result.mode != Mode.FAULT, tick.result.reason
+        fastest = float(np.abs(tick.outputs.arms[0].joint.velocity).max())
+    assert fastest < 0.1, "it rests at the end"
+    assert 1e3 * float(np.linalg.norm(tick.outputs.truth.slip_displacement[:3])) < most_mm
 
 
 def losing_joint_states(drive: str, scenario: str, share: float) -> tuple[float, set[Mode]]:

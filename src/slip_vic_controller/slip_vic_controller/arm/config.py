@@ -31,8 +31,8 @@ MEAN_S, QUICK_S, SIGNIFICANT = 0.01, 0.03, 4.5
 """Time over which innovations are averaged, for which the quick filter stays, and deviations that begin it."""
 
 SETTLES_AFTER: Final = 5.0
-"""Least time constant of what is taken off where arms share an object, over all that is late in the loop: each feels
-through the object what the other takes off, and faster than that they swing against each other."""
+"""Least time constant of what is taken off where arms share an object or efforts are late, over all that is late in the
+loop: each feels through the object what the other takes off, and faster than that they swing against each other."""
 LARGER: Final = 1.5
 """Measured noise over the configured one from which it is used: a spread of few samples is not exact."""
 
@@ -238,7 +238,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     spread = math.hypot(math.sqrt(2.0) * noise.position, math.sqrt(COMPARED_S * config.sensor_period) * noise.velocity)
     config.difference = max(sensor.difference, DEVIATIONS * spread) + MOST_SPEED * sensor.filter_s
     config.compensates, config.settling = int(model.compensate and by_effort), model.settling_s
-    if params.contacts.count > 1:
+    if params.contacts.count > 1 or params.efforts_are_late:
         late_s = sensor.latency_s + params.drive_lag_s + sensor.filter_s
         config.settling = max(model.settling_s, SETTLES_AFTER * late_s)
     # What a drive with a loop of its own does not follow is no torque: collisions are the drive's to find then.

@@ -32,7 +32,7 @@ class LawConfig(Record):
 
 
 NULLSPACE_RATE = 10.0
-"""Rate of the null space with drives that take no efforts [1/s]."""
+"""Rate of the null space with drives that take no efforts, or take them late [1/s]."""
 YIELDS_M = 0.5
 """Way off the reference within which the impedance of an arm that takes efforts fades [m]: more than an object that
 friction brakes slowly takes the arm along, since the impedance of such a distance tears the pad off."""
@@ -49,7 +49,7 @@ def make_law_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.attitude = RPY if params.attitude == "rpy" else LOG
     config.feed_forward = params.feed_forward
     config.nullspace_stiffness, config.nullspace_damping = params.nullspace.stiffness, params.nullspace.damping
-    if params.command.interface != "effort":
+    if params.command.interface != "effort" or params.efforts_are_late:
         config.nullspace_rate = min(params.fastest_rate, NULLSPACE_RATE)
     if params.bounded_authority:
         config.yields = YIELDS_M if params.command.interface == "effort" else math.inf
