@@ -11,6 +11,8 @@ from slip_core.vectors import Spatial
 FAR: Final = 0.01
 FAR_TURNED: Final = 0.05
 """Distance from the reference [m], [rad] from which the load that comes about counts, fully from twice of it."""
+COMES_ABOUT: Final = 0.98
+"""Share of the commanded load that is none missing: a period's change of it is measured a period later."""
 
 
 @part
@@ -48,4 +50,4 @@ def missing_load(commanded: float, measured: float, error_linear: float, error_a
         error_linear, error_angular: distance from the reference [m], [rad].
     """
     far = max(error_linear / FAR, error_angular / FAR_TURNED)
-    return min(max(far - 1.0, 0.0), 1.0) * max(commanded - measured, 0.0)
+    return min(max(far - 1.0, 0.0), 1.0) * max(COMES_ABOUT * commanded - measured, 0.0)
