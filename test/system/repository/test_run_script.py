@@ -68,7 +68,7 @@ def test_without_venv(bare: Path) -> None:
     assert not (bare / ".venv").exists()
 
 
-ALONE = [f"test/system/bringup/test_{name}.py" for name in ("demo", "launcher", "page")]
+ALONE = [f"test/system/bringup/test_{name}.py" for name in ("demo", "page")]
 
 
 @pytest.fixture
