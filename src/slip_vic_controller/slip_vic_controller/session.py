@@ -364,7 +364,7 @@ class ArmSession:
         self._manifest: Manifest | None = None
         self._wrench_counts, self._slip_counts = [0] * self.contacts, [0] * self.contacts
         self._displacements = [SlipFromDisplacement() for _ in range(self.contacts)]
-        self._request = Request.NONE
+        self._request = self._asked = Request.NONE
         self._tuned: ControllerParams | None = None
         self._outside_counts: Counter[str] = Counter()
 
@@ -578,16 +578,13 @@ class ArmSession:
         own = inputs[self.inputs_place]
         whole = own.view(np.int64)
         whole[_PRESENT], whole[_NOW], whole[_REQUEST], whole[_MISSING] = 1, now_ns, self._request, missing
-        self._request = Request.NONE
+        self._asked, self._request = self._request, Request.NONE
         return own
 
-    def ask_again(self, inputs: Array, outputs: Array) -> None:
-        """Keep a request for the next cycle where this one has only bridged a bad joint state.
-
-        inputs, outputs: INPUTS, OUTPUTS of all arms.
-        """
-        if outputs[self.outputs_place].view(np.int64)[_STEP] == Step.BRIDGE:
-            self._request = Request(inputs[self.inputs_place].view(np.int64)[_REQUEST])
+    def ask_again(self, outputs: Array) -> None:
+        """Keep a request for the next cycle where this one has only bridged a bad joint state; OUTPUTS of all arms."""
+        if self._asked and outputs[self.outputs_place].view(np.int64)[_STEP] == Step.BRIDGE:
+            self._request = self._asked
 
     def give(
         self,
@@ -920,7 +917,7 @@ class ControllerSession:
         joints = [arm.prepare(now_ns, inputs) for arm in self.arms]
         cycle(self._config, self.buffer, inputs, outputs)
         for arm in self.arms:
-            arm.ask_again(inputs, outputs)
+            arm.ask_again(outputs)
         for arm in self._taring:
             arm.use_tare()
         pairs = zip(self.arms, joints, strict=True)

@@ -77,7 +77,7 @@ def retimed(path: GivenPath, config: Array, held: Array, period_s: float) -> Tim
         pad = path.pad(at)
         take_point(config, memory, held, pad.rotation, pad.twist, pad.acceleration)
     while not plan_timing(config, memory):
-        pass
+        pass  # each call plans a piece: the call is the work
     _refuse_too_heavy(path, config, memory)
     step, rows, at = new(STEP), [(0.0, 0.0, 0.0, 0.0)], 0.0
     out: Any = record(step, STEP)

@@ -54,7 +54,7 @@ def check_writable(file: Path) -> None:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with file.open("a", encoding="utf-8"):
-            pass
+            pass  # that it opens is what is checked
         if not there:
             file.unlink()
     except OSError as error:

@@ -65,8 +65,6 @@ WITH_WRENCH: Final = 0.5
 """Share of a jump of the disturbance from which the wrench that has jumped too explains it, ..."""
 NOTICED: Final = 0.3
 """... where that is this share of what is a collision: an object that is accelerated jumps less."""
-
-
 DISTURBED: Final = 0.02
 """Share of the effort limit from which a disturbance is said beside what went wrong."""
 
@@ -488,6 +486,15 @@ def publish_joints(state: JointEstimate, out: PublishedJoints) -> None:
 
 
 @part
+def disturbance(config: EstimatorConfig, state: JointEstimate, M: Array, j: int) -> float:
+    """Return the disturbance M d of joint j [N m]; M: inertia (n, n) [kg m2]."""
+    effort = 0.0
+    for k in range(config.joints):
+        effort += M[j, k] * state.d[k]
+    return effort
+
+
+@part
 def oppose_disturbance(
     config: EstimatorConfig, state: JointEstimate, M: Array, of_wrench: Array, dt: float, torque: Array
 ) -> None:
@@ -512,9 +519,7 @@ def oppose_disturbance(
         differs = abs(state.moved[j] - state.swept[j]) > DOUBTFUL * config.difference
         doubtful = doubtful or state.trust[j] != Trust.BOTH or differs
     for j in range(n):
-        effort = 0.0
-        for k in range(n):
-            effort += M[j, k] * state.d[k]
+        effort = disturbance(config, state, M, j)
         state.effort[j] = effort
         jump, wrench_jump = effort - state.slow_effort[j], of_wrench[j] - state.slow_wrench[j]
         state.wrench_jump[j] = max(abs(wrench_jump), (1.0 - weight) * state.wrench_jump[j])
@@ -552,9 +557,7 @@ def most_disturbed(config: EstimatorConfig, state: JointEstimate, M: Array, limi
     """
     joint, torque, most = 0, 0.0, -1.0
     for j in range(config.joints):
-        effort = 0.0
-        for k in range(config.joints):
-            effort += M[j, k] * state.d[k]
+        effort = disturbance(config, state, M, j)
         if abs(effort) > most * limit[j]:
             joint, torque, most = j, effort, abs(effort) / limit[j]
     return joint, torque
