@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import sys
 from typing import Any
+from unittest import mock
 
 from slip_vic.scenarios import scenario_names
 from slip_vic.scenarios.scenario import Law, Scenario
@@ -32,8 +33,8 @@ def fate(plan: Plan, scenario: Scenario, told_s: float) -> str:
     """Return what becomes of law, arm and object; told_s: how late the controller knows its drives to be [s]."""
     drive = scenario.controller.drive.model_copy(update={"delay_s": told_s})
     law = one_arm(scenario.controller.model_copy(update={"drive": drive}), scenario.urdf, lockstep=False)
-    vars(trials).update(Channel=Late, DURATION_S=LASTS_S, prepared=lambda *_: (scenario, law))
-    outcome = trials.run_trial(plan)
+    with mock.patch.multiple(trials, Channel=Late, DURATION_S=LASTS_S, prepared=lambda *_: (scenario, law)):
+        outcome = trials.run_trial(plan)
     if outcome.violations:
         return "swings"
     return "lost" if outcome.objects_lost else "FAULT, held" if outcome.modes["FAULT"] else "law at work"

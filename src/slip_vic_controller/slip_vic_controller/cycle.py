@@ -32,6 +32,7 @@ from slip_vic_controller.arm.command import (
     start_motion,
     stop_motion,
 )
+from slip_vic_controller.arm.drive_delay import forget_drive_delay, watch_drive_delay
 from slip_vic_controller.arm.estimator import (
     DISTURBED,
     clear_findings,
@@ -400,9 +401,9 @@ def _decide(
         return
     state.since.joint_bad_ns = NEVER
     if inputs.request == Request.ENABLE:
-        forget_latency(
-            state.latency
-        )  # a user who enables the law has checked that the clocks agree and nothing is late
+        # A user who enables the law has checked that the clocks agree and nothing is late.
+        forget_latency(state.latency)
+        forget_drive_delay(state.drive_delay)
     measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns, config.cycle.late_ns)
     request = _stop_first(config, state, inputs.request, now_ns)
     if config.tare.duration_ns > 0:
@@ -733,7 +734,8 @@ def _hold(
     if wrench_good:
         measured = own_wrench(config, state, mat(inputs.arm.rotation))
         update_load_error(config.hold, state.hold, inputs.arm, r, measured, dt_ns * 1e-9)
-    hold_effort(config.hold, state.hold, inputs.arm, sample, pad, r, state.latency.most_ns * 1e-9, outputs.wanted)
+    late_s = state.latency.most_ns * 1e-9 + state.drive_delay.found_s
+    hold_effort(config.hold, state.hold, inputs.arm, sample, pad, r, late_s, outputs.wanted)
     if not (state.mode.reason.cause == Cause.FALLS and state.mode.reason.prefix == 0):
         carry_load(config.hold, state.hold, inputs.arm, r, outputs.wanted)
     if lead:
@@ -1078,6 +1080,9 @@ def _finish(
     if config.estimator.on != 0:
         _oppose_disturbance(config, state, inputs, torque)
     avoid_limits(config.motion, n, q, qd, inputs.arm, law_at_work, torque)
+    if by_effort and inputs.arm.M[0, 0] > 0.0:
+        estimator, limit = config.estimator, config.law.effort_limit
+        watch_drive_delay(estimator, state.drive_delay, state.estimate, inputs.arm.M, state.limiter.effort, limit)
     finite = limit_effort(config.motion.drive, state.limiter, n, torque, now_ns, clipped, outputs.limited)
     if not by_effort:
         _move(config, state, inputs, outputs, moves_s)
@@ -1133,7 +1138,8 @@ def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: Cycle
         for j in range(config.law.joints):
             for i in range(6):
                 of_wrench[j] += arm.J[i, j] * h[i]
-        oppose_disturbance(config.estimator, state.estimate, arm.M, of_wrench, dt, torque)
+        fault = state.mode.mode == Mode.FAULT
+        oppose_disturbance(config.estimator, state.estimate, arm.M, of_wrench, dt, fault, torque)
     else:
         for j in range(config.law.joints):
             torque[j] += state.estimate.taken_off[j]

@@ -272,7 +272,9 @@ def test_noise_and_motion_alone_are_no_fault() -> None:
         assert state.finding == Finding.NONE
 
 
-def opposed(d: Any, steps: int, v: float = 0.0, wrench: Any = None, **values: Any) -> tuple[Any, np.ndarray]:
+def opposed(
+    d: Any, steps: int, v: float = 0.0, wrench: Any = None, *, fault: bool = False, **values: Any
+) -> tuple[Any, np.ndarray]:
     config, state = configuration(**values), record(new(JOINT_ESTIMATE), JOINT_ESTIMATE)
     root = np.random.default_rng(1).normal(size=(N, N))
     M = root @ root.T + np.eye(N)
@@ -280,7 +282,7 @@ def opposed(d: Any, steps: int, v: float = 0.0, wrench: Any = None, **values: An
     for k in range(steps):
         state.d[:N] = np.linalg.solve(M, d(k * T))
         torque, state.velocity[:N] = np.ones(N), v
-        call(oppose_disturbance, config, state, M, wrench(k * T) if wrench else np.zeros(N), T, torque)
+        call(oppose_disturbance, config, state, M, wrench(k * T) if wrench else np.zeros(N), T, fault, torque)
     return state, torque - 1.0
 
 
@@ -293,6 +295,9 @@ def test_a_disturbance_inside_its_bound_is_taken_off_whole() -> None:
     np.testing.assert_allclose(added, -effort * (1.0 - math.exp(-1.0)), atol=1e-9)
     _, added = opposed(lambda t: effort, 5, disturbance__rate=0.1)
     np.testing.assert_allclose(np.abs(added), 5.0 * T * 0.1 * LIMIT, atol=1e-9)
+    for fault, settling_ms in ((False, 5.0), (True, 20.0)):  # in FAULT at least five periods
+        _, added = opposed(lambda t: effort, 5, fault=fault, control_period_s=0.004)
+        np.testing.assert_allclose(added, -effort * (1.0 - math.exp(-5.0 / settling_ms)), atol=1e-9)
     _, added = opposed(lambda t: effort, 500, disturbance__compensate=False)
     assert not added.any()
 

@@ -510,6 +510,13 @@ def test_a_clock_that_has_jumped_is_taken_over_though_every_second_joint_state_c
     assert outcome.violations == []
 
 
+def test_an_arm_with_friction_that_was_thrown_comes_to_rest_in_fault() -> None:
+    """Two joints with parallel axes swung against each other: what was taken off turned round with their friction."""
+    outcome = run_trial(plan_of(242424, 4274))
+    assert outcome.modes["FAULT"] > 0
+    assert outcome.violations == []
+
+
 @pytest.mark.parametrize("trial", [56338, 58270])
 def test_a_clock_that_jumps_is_found_out_anew_where_it_jumps_again_or_joint_states_are_damaged(trial: int) -> None:
     """Seven good joint states without an answer in all; the second jump, or a damaged one, began the count anew."""

@@ -33,6 +33,9 @@ MEAN_S, QUICK_S, SIGNIFICANT = 0.01, 0.03, 4.5
 SETTLES_AFTER: Final = 5.0
 """Least time constant of what is taken off where arms share an object or efforts are late, over all that is late in the
 loop: each feels through the object what the other takes off, and faster than that they swing against each other."""
+THROWN_SETTLES_AFTER: Final = 5.0
+"""Least time constant of it in FAULT, over the control period: an arm with friction that was thrown swings for ever
+where its disturbance, which turns round with it, is taken off in a period or two."""
 LARGER: Final = 1.5
 """Measured noise over the configured one from which it is used: a spread of few samples is not exact."""
 
@@ -241,6 +244,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     if params.contacts.count > 1 or params.efforts_are_late:
         late_s = sensor.latency_s + params.drive_lag_s + sensor.filter_s
         config.settling = max(model.settling_s, SETTLES_AFTER * late_s)
+    config.settling_fault = max(config.settling, THROWN_SETTLES_AFTER * period)
     # What a drive with a loop of its own does not follow is no torque: collisions are the drive's to find then.
     config.bound[:n], config.rate[:n] = (
         (model.limit if by_effort else math.inf) * effort_limit,

@@ -90,6 +90,7 @@ class Finding(IntEnum):
     VELOCITY_BIASED = 5  # velocity says more than position moves
     COLLISION = 6  # the disturbance has jumped
     DISTURBED = 7  # the disturbance stays above its bound
+    EFFORTS_LATE = 8  # all joints follow efforts later than told
 
 
 class EstimatorConfig(Record):
@@ -119,6 +120,7 @@ class EstimatorConfig(Record):
     bound: Joints  # N m; most that is taken off
     rate: Joints  # N m/s; of what is taken off
     settling: Real  # s; time constant with which it follows the estimate
+    settling_fault: Real  # s; and in FAULT
     collision: Joints  # N m; jump of the disturbance that is a collision
     friction: Joints  # N m; of the joints, as configured: it changes its sign with the velocity
     collision_s: Real  # s; that it must last
@@ -163,8 +165,8 @@ class JointEstimate(Record):
     beyond_s: Joints  # s; for how long it has been beyond its bound
     finding: Whole  # Finding, the first one; kept until `clear_findings`
     joint: Whole  # its joint
-    value: Real  # rad or N m
-    limit: Real  # rad or N m
+    value: Real  # rad, N m or ms
+    limit: Real  # rad, N m or ms
 
 
 class PublishedJoints(Record):
@@ -496,7 +498,7 @@ def disturbance(config: EstimatorConfig, state: JointEstimate, M: Array, j: int)
 
 @part
 def oppose_disturbance(
-    config: EstimatorConfig, state: JointEstimate, M: Array, of_wrench: Array, dt: float, torque: Array
+    config: EstimatorConfig, state: JointEstimate, M: Array, of_wrench: Array, dt: float, fault: bool, torque: Array
 ) -> None:
     """Take the disturbance off the effort, inside its bound and rate, and look for jumps and lasting excess.
 
@@ -509,11 +511,13 @@ def oppose_disturbance(
         M: inertia (n, n) [kg m2].
         of_wrench: J^T h, torque of the measured wrench; (n,) [N m].
         dt: since the cycle before [s].
+        fault: whether the mode is FAULT.
         torque: changed; (n,) [N m].
 
     Implements: ours: tau -= M d.
     """
-    n, weight, follow = config.joints, 1.0 - math.exp(-dt / SLOW_S), 1.0 - math.exp(-dt / config.settling)
+    settling = config.settling_fault if fault else config.settling
+    n, weight, follow = config.joints, 1.0 - math.exp(-dt / SLOW_S), 1.0 - math.exp(-dt / settling)
     doubtful = False  # the inertia carries a joint that is measured wrongly into the torques of the others
     for j in range(n):
         differs = abs(state.moved[j] - state.swept[j]) > DOUBTFUL * config.difference

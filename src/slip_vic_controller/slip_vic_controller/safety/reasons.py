@@ -51,7 +51,7 @@ class Cause(IntEnum):
     RANGE_END_TURNED = 31  # the same where only the attitude is far: limit: error [rad]
     PUSHED_BACK = 32  # detail: joint; value: its position [rad]
     BIASED = 27  # detail: the sensor; value, limit in its unit
-    JOINT = 25  # detail: joint + 256 * Finding of the estimator; value, limit [rad] or [N m]
+    JOINT = 25  # detail: joint + 256 * Finding of the estimator; value, limit [rad], [N m] or [ms]
 
 
 @unique
@@ -202,6 +202,9 @@ def finding_text(finding: Finding, joint: str, value: float, limit: float) -> st
         return f"collision: the torque on {joint} jumped by {value:.1f} N m, the limit is {limit:.1f}"
     if finding == Finding.DISTURBED:
         return f"{joint}: disturbance of {value:.1f} N m, at most {limit:.1f} is compensated"
+    if finding == Finding.EFFORTS_LATE:
+        told = f"tell the controller with drive.delay_s, which says {limit:.0f} ms"
+        return f"the joints follow efforts {value:.0f} ms later than told: {told}"
     differ = f"position and integrated velocity differ by {value:.4f} rad, the limit is {limit:.4f}"
     return f"{joint}: {_OF_JOINT[finding]}: {differ}"
 
