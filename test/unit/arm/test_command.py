@@ -115,6 +115,19 @@ def test_an_arm_that_does_not_follow_does_not_let_the_command_run_away() -> None
     assert (np.abs(state.velocity[:N]) <= 0.2 + ROUNDING).all()
 
 
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_command_against_the_motion_waits_until_the_arm_is_slower_than_the_lead(sign: float) -> None:
+    """An arm that is moved faster than the lead must not be commanded the other way: that would be more than the lead."""
+    config = limits(lead=0.2)
+    state, limited = begun(config, np.zeros(N), np.zeros(N)), np.zeros(MAX_JOINTS, np.int64)
+    for _ in range(200):
+        advance_motion(config, state, full(np.full(N, -sign * 8.0)), full(np.full(N, sign * 0.9)), PERIOD, limited)
+        assert (sign * state.velocity[:N] >= -ROUNDING).all()
+    for _ in range(200):
+        advance_motion(config, state, full(np.full(N, -sign * 8.0)), full(np.full(N, sign * 0.05)), PERIOD, limited)
+    np.testing.assert_allclose(state.velocity[:N], -sign * 0.15, atol=1e-2)
+
+
 @pytest.mark.parametrize("distance", [1e-3, 0.1, 1.0])
 def test_stopping_speed_is_the_inverse_of_the_stopping_distance(distance: float) -> None:
     a, j = 10.0, 1e3

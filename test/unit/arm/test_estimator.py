@@ -261,8 +261,10 @@ def test_a_position_that_drifts_at_rest_is_found_and_not_followed() -> None:
     assert (Finding(state.finding), state.joint) == (Finding.POSITION_DRIFTS, 2)
     assert abs(state.position[2] - 0.4) < 0.02
     call(clear_findings, state)
-    assert state.finding == Finding.NONE
+    assert (state.finding, state.joint, state.value, state.limit) == (Finding.NONE, 0, 0.0, 0.0)
     assert not state.trust.any()
+    assert not state.jumped_s.any()
+    assert not state.beyond_s.any()
 
 
 def test_noise_and_motion_alone_are_no_fault() -> None:
