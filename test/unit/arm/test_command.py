@@ -117,7 +117,7 @@ def test_an_arm_that_does_not_follow_does_not_let_the_command_run_away() -> None
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_command_against_the_motion_waits_until_the_arm_is_slower_than_the_lead(sign: float) -> None:
-    """An arm that is moved faster than the lead must not be commanded the other way: that would be more than the lead."""
+    """An arm that is moved faster than the lead must not be commanded the other way: that is farther off than it."""
     config = limits(lead=0.2)
     state, limited = begun(config, np.zeros(N), np.zeros(N)), np.zeros(MAX_JOINTS, np.int64)
     for _ in range(200):

@@ -5,8 +5,9 @@ efforts of some time ago show how long ago that was: with the model's torque for
 
     M (change of v) - model without delay  =  impulse of the efforts then - impulse of the efforts now,
 
-so the left side is compared with the right one for each of some delays, over blocks of a few milliseconds. Where one
-explains it, and is more than the law bears, that is a finding: the arm is held with gains for this delay.
+so the left side is compared with the right one for each of some delays, over blocks of a few milliseconds, each without
+its mean, and of joints that move: offsets, friction and what else holds a joint are no delay while efforts rise. Where
+a delay explains it, and is more than the law bears, that is a finding: the arm is held with gains for this delay.
 """
 
 from __future__ import annotations
@@ -17,8 +18,16 @@ from typing import Annotated, Final
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole, dtype_of
-from slip_vic_controller.arm.estimator import MAX_LATENCY, EstimatorConfig, Finding, JointEstimate, find, input_of
-from slip_vic_controller.sizes import MAX_JOINTS, Joints
+from slip_vic_controller.arm.estimator import (
+    MAX_LATENCY,
+    MOVES,
+    EstimatorConfig,
+    Finding,
+    JointEstimate,
+    find,
+    input_of,
+)
+from slip_vic_controller.sizes import MAX_JOINTS, Joints, WholeJoints
 
 BLOCK_S: Final = 4e-3
 """Length of a block, at least a period of control and of the sensor [s]."""
@@ -31,6 +40,8 @@ RING: Final = DELAYS + MAX_LATENCY + 1
 """Blocks that are kept: told delays lie before those that are compared."""
 MEMORY_S: Final = 0.2
 """Time constant over which they are compared [s]."""
+TURNS: Final = 5
+"""Blocks in which a joint that moves may be slow, to turn round: one that rests longer begins anew, without a mean."""
 LEAST, SWINGS = 0.01, 0.08
 """Torque without explanation from which a delay is looked for, and from which one that is borne elsewhere swings the
 arm, as a share of the effort limits."""
@@ -39,13 +50,10 @@ EXPLAINED: Final = 0.8
 OTHER_SHARE: Final = 0.3
 """Share by which the torques of a delay may be off what they explain: those of a joint that friction holds are by half,
 for there half an oscillation is as good as a delay."""
-MOVED: Final = 0.1
-"""Least square of the torque of the motion itself, over that of what is not explained: an arm that something else holds
-follows no efforts at all."""
 SHORT_S, BORNE_S = 0.0045, 0.0135
 """Delays beyond the told one that all laws bear, and that a law bears whose joint states are not estimated [s]: with
 4 ms all work, with 12 ms those do, with 16 ms all swing."""
-SURE_S: Final = 0.02
+SURE_S: Final = 0.03
 """Time for which a delay must explain it [s]."""
 LONGEST_BLOCK: Final = 4
 """Times its length that a block may last until the sensor shows something new; an arm at rest reads the same."""
@@ -63,10 +71,12 @@ class DriveDelay(Record):
     newest: Whole  # place of the last block in its ring
     blocks: Whole  # that have been kept
     torques: Annotated[Array, (RING, MAX_JOINTS)]  # mean effort of each block, share of the limit
-    product: Annotated[Array, DELAYS]  # of what is not explained and what each delay would make of it, faded
-    square: Annotated[Array, DELAYS]  # of what each delay would make of it
-    unexplained: Real  # square of what is not explained
-    moved: Real  # square of the torque of the motion itself
+    moves: WholeJoints  # blocks for which it still counts as one that moves
+    mean_missing: Joints  # torque that is not explained, share of the limit
+    mean_earlier: Annotated[Array, (DELAYS, MAX_JOINTS)]  # what each delay would make of it
+    product: Annotated[Array, DELAYS]  # covariance of the two
+    square: Annotated[Array, DELAYS]  # variance of what each delay would make of it
+    unexplained: Real  # variance of what is not explained
     explained_s: Real  # s; for how long a delay that is too long has explained it
     found_s: Real  # s; the delay beyond the told one, 0 = none is too long
 
@@ -78,9 +88,10 @@ DRIVE_DELAY = dtype_of(DriveDelay)
 def forget_drive_delay(state: DriveDelay) -> None:
     """Begin anew: nothing has been seen."""
     state.started, state.blocks, state.explained_s, state.found_s = 0, 0, 0.0, 0.0
-    state.unexplained, state.moved = 0.0, 0.0
+    state.unexplained = 0.0
     state.product[:] = 0.0
     state.square[:] = 0.0
+    state.moves[:] = 0
 
 
 @part
@@ -141,25 +152,35 @@ def _end_block(
     if state.blocks <= told + DELAYS:
         return
     weight = 1.0 - math.exp(-block_s / MEMORY_S)
+    kept = 1.0 - weight
+    state.unexplained *= kept
     for delay in range(DELAYS):
-        state.product[delay] -= weight * state.product[delay]
-        state.square[delay] -= weight * state.square[delay]
-    state.unexplained -= weight * state.unexplained
-    state.moved -= weight * state.moved
+        state.product[delay] *= kept
+        state.square[delay] *= kept
     for j in range(n):
-        moved = missing = 0.0
+        v, before = estimate.measured_velocity[j], state.velocity[j]
+        if v * before <= 0.0 or min(abs(v), abs(before)) < MOVES:
+            state.moves[j] = max(0, state.moves[j] - 1)
+            continue
+        begins, state.moves[j] = state.moves[j] == 0, TURNS
+        missing = 0.0
         for k in range(n):
-            change = estimate.measured_velocity[k] - state.velocity[k]
-            moved += M[j, k] * change
-            missing += M[j, k] * (change - state.gained[k])
-        moved, missing = moved / (block_s * limit[j]), missing / (block_s * limit[j])
-        state.moved += weight * moved * moved
-        state.unexplained += weight * missing * missing
+            missing += M[j, k] * (estimate.measured_velocity[k] - state.velocity[k] - state.gained[k])
+        missing /= block_s * limit[j]
+        if begins:
+            state.mean_missing[j] = missing
+        missing -= state.mean_missing[j]
+        state.mean_missing[j] += weight * missing
+        state.unexplained += kept * weight * missing * missing
         now = state.torques[_place(state, told), j]
         for delay in range(DELAYS):
             earlier = state.torques[_place(state, told + 1 + delay), j] - now
-            state.product[delay] += weight * missing * earlier
-            state.square[delay] += weight * earlier * earlier
+            if begins:
+                state.mean_earlier[delay, j] = earlier
+            earlier -= state.mean_earlier[delay, j]
+            state.mean_earlier[delay, j] += weight * earlier
+            state.product[delay] += kept * weight * missing * earlier
+            state.square[delay] += kept * weight * earlier * earlier
     _judge(config, state, estimate, block_s)
 
 
@@ -183,7 +204,7 @@ def _judge(config: EstimatorConfig, state: DriveDelay, estimate: JointEstimate, 
     delay_s = (best + 1) * block_s * share
     swings = state.unexplained > SWINGS * SWINGS and delay_s > SHORT_S
     too_long = state.unexplained > LEAST * LEAST and delay_s > BORNE_S
-    explains = most > EXPLAINED and abs(share - 1.0) < OTHER_SHARE and state.moved > MOVED * state.unexplained
+    explains = most > EXPLAINED and abs(share - 1.0) < OTHER_SHARE
     state.explained_s = state.explained_s + block_s if explains and (swings or too_long) else 0.0
     if state.explained_s > SURE_S:
         state.found_s = max(state.found_s, delay_s)
