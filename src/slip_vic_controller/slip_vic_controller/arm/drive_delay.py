@@ -50,6 +50,9 @@ EXPLAINED: Final = 0.8
 OTHER_SHARE: Final = 0.3
 """Share by which the torques of a delay may be off what they explain: those of a joint that friction holds are by half,
 for there half an oscillation is as good as a delay."""
+MOVED: Final = 0.1
+"""Least square of the torque of the motion itself, over the variance of what is not explained: an arm that something
+else moves follows no efforts at all."""
 SHORT_S, BORNE_S = 0.0045, 0.0135
 """Delays beyond the told one that all laws bear, and that a law bears whose joint states are not estimated [s]: with
 4 ms all work, with 12 ms those do, with 16 ms all swing."""
@@ -77,6 +80,7 @@ class DriveDelay(Record):
     product: Annotated[Array, DELAYS]  # covariance of the two
     square: Annotated[Array, DELAYS]  # variance of what each delay would make of it
     unexplained: Real  # variance of what is not explained
+    moved: Real  # square of the torque of the motion itself
     explained_s: Real  # s; for how long a delay that is too long has explained it
     found_s: Real  # s; the delay beyond the told one, 0 = none is too long
 
@@ -88,7 +92,7 @@ DRIVE_DELAY = dtype_of(DriveDelay)
 def forget_drive_delay(state: DriveDelay) -> None:
     """Begin anew: nothing has been seen."""
     state.started, state.blocks, state.explained_s, state.found_s = 0, 0, 0.0, 0.0
-    state.unexplained = 0.0
+    state.unexplained, state.moved = 0.0, 0.0
     state.product[:] = 0.0
     state.square[:] = 0.0
     state.moves[:] = 0
@@ -154,6 +158,7 @@ def _end_block(
     weight = 1.0 - math.exp(-block_s / MEMORY_S)
     kept = 1.0 - weight
     state.unexplained *= kept
+    state.moved *= kept
     for delay in range(DELAYS):
         state.product[delay] *= kept
         state.square[delay] *= kept
@@ -163,10 +168,13 @@ def _end_block(
             state.moves[j] = max(0, state.moves[j] - 1)
             continue
         begins, state.moves[j] = state.moves[j] == 0, TURNS
-        missing = 0.0
+        moved = missing = 0.0
         for k in range(n):
-            missing += M[j, k] * (estimate.measured_velocity[k] - state.velocity[k] - state.gained[k])
-        missing /= block_s * limit[j]
+            change = estimate.measured_velocity[k] - state.velocity[k]
+            moved += M[j, k] * change
+            missing += M[j, k] * (change - state.gained[k])
+        moved, missing = moved / (block_s * limit[j]), missing / (block_s * limit[j])
+        state.moved += weight * moved * moved
         if begins:
             state.mean_missing[j] = missing
         missing -= state.mean_missing[j]
@@ -204,7 +212,7 @@ def _judge(config: EstimatorConfig, state: DriveDelay, estimate: JointEstimate, 
     delay_s = (best + 1) * block_s * share
     swings = state.unexplained > SWINGS * SWINGS and delay_s > SHORT_S
     too_long = state.unexplained > LEAST * LEAST and delay_s > BORNE_S
-    explains = most > EXPLAINED and abs(share - 1.0) < OTHER_SHARE
+    explains = most > EXPLAINED and abs(share - 1.0) < OTHER_SHARE and state.moved > MOVED * state.unexplained
     state.explained_s = state.explained_s + block_s if explains and (swings or too_long) else 0.0
     if state.explained_s > SURE_S:
         state.found_s = max(state.found_s, delay_s)
