@@ -38,8 +38,10 @@ class PoolEngine:
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
+        # Without an error none has a task. Not to wait for it then lets the interpreter's end race with the executor's
+        # own thread, which ended some studies with a traceback behind their table.
         for worker in (*self._idle, *self._busy.values()):
-            worker.shutdown(wait=False, cancel_futures=True)
+            worker.shutdown(wait=error is None, cancel_futures=True)
         if error is not None:
             _end_children()
 
