@@ -53,8 +53,8 @@ TO_DO = {
     "object was pushed, friction is more than what that slip has taught: `~/reset_fault` plans with the configured friction.",
     Cause.OVERRUNS: "The friction fell while it moved. More grip; `governor.margin` leaves more room.",
     Cause.HALTED: "More grip or friction, a lighter object or another path. Where it cannot be: `governor.friction: known`.",
-    Cause.JOINT: "Check this joint's encoder, its sign and its driver; after a collision clear the arm. `joint_state.md` lists "
-    "what is found and by which limit. Then `~/reset_fault`.",
+    Cause.JOINT: "Check this joint's encoder, its sign and its driver; after a collision clear the arm. Where efforts are "
+    "late set `drive.delay_s`. `joint_state.md` lists what is found and by which limit. Then `~/reset_fault`.",
     Cause.GIVEN_UP: "Object or contact differ from the configuration: check `object.mass`, `contacts.position` and the wrench's frame.",
 }
 """What a user does about a reason."""

@@ -1080,7 +1080,7 @@ def _finish(
     if config.estimator.on != 0:
         _oppose_disturbance(config, state, inputs, torque)
     avoid_limits(config.motion, n, q, qd, inputs.arm, law_at_work, torque)
-    if by_effort and inputs.arm.M[0, 0] > 0.0:
+    if inputs.arm.M[0, 0] > 0.0:
         estimator, limit = config.estimator, config.law.effort_limit
         watch_drive_delay(estimator, state.drive_delay, state.estimate, inputs.arm.M, state.limiter.effort, limit)
     finite = limit_effort(config.motion.drive, state.limiter, n, torque, now_ns, clipped, outputs.limited)

@@ -29,13 +29,9 @@ from slip_vic_controller.arm.estimator import (
 )
 from slip_vic_controller.sizes import MAX_JOINTS, Joints, WholeJoints
 
-BLOCK_S: Final = 4e-3
-"""Length of a block, at least a period of control and of the sensor [s]."""
 DELAYS: Final = 8
 LONGEST_S: Final = 0.033
 """Delays that are compared: whole blocks, at most so many and so long [s]."""
-LEAST_DELAYS: Final = 3
-"""Of fewer one explains too easily what is no delay: cycles of more than 11 ms are not watched."""
 RING: Final = DELAYS + MAX_LATENCY + 1
 """Blocks that are kept: told delays lie before those that are compared."""
 MEMORY_S: Final = 0.2
@@ -113,9 +109,8 @@ def watch_drive_delay(
 
     Implements: ours: correlation with each of some delays, as in C. H. Knapp and G. C. Carter, 1976, without weights.
     """
-    n, period = config.joints, config.period
-    length = max(1, round(BLOCK_S / period), config.sensor_ticks)
-    if LEAST_DELAYS * length * period > LONGEST_S:
+    n, period, length = config.joints, config.period, config.block_ticks
+    if length == 0:
         return
     passed_s = (estimate.stamp_ns - state.stamp_ns) * 1e-9
     state.stamp_ns = estimate.stamp_ns
@@ -148,7 +143,7 @@ def _end_block(
 ) -> None:
     """Compare a block of `block_s` [s] with those before; arguments as in `watch_drive_delay`."""
     n = config.joints
-    state.newest = state.newest + 1 if state.newest + 1 < RING else 0
+    state.newest = (state.newest + 1) % RING
     state.blocks += 1
     for j in range(n):
         state.torques[state.newest, j] = state.impulse[j] / (block_s * limit[j])
@@ -180,9 +175,9 @@ def _end_block(
         missing -= state.mean_missing[j]
         state.mean_missing[j] += weight * missing
         state.unexplained += kept * weight * missing * missing
-        now = state.torques[_place(state, told), j]
+        now = state.torques[(state.newest - told) % RING, j]
         for delay in range(DELAYS):
-            earlier = state.torques[_place(state, told + 1 + delay), j] - now
+            earlier = state.torques[(state.newest - told - 1 - delay) % RING, j] - now
             if begins:
                 state.mean_earlier[delay, j] = earlier
             earlier -= state.mean_earlier[delay, j]
@@ -190,13 +185,6 @@ def _end_block(
             state.product[delay] += kept * weight * missing * earlier
             state.square[delay] += kept * weight * earlier * earlier
     _judge(config, state, estimate, block_s)
-
-
-@part
-def _place(state: DriveDelay, ago: int) -> int:
-    """Return the place of the block so many before the last one."""
-    k = state.newest - ago
-    return k if k >= 0 else k + RING
 
 
 @part

@@ -103,6 +103,7 @@ class EstimatorConfig(Record):
     late_ticks: Whole  # latency of the sensor, whole control periods
     late_rest: Real  # s; and what is left of it
     drive_ticks: Whole  # control periods from an input to its effect
+    block_ticks: Whole  # control periods over which efforts and motion are compared for a delay; 0 = they are not
     sensor_ticks: Whole  # control periods for which the sensor repeats a sample; 1 = each is new
     sensor_period: Real  # s; between new samples
     gain: Annotated[Array, (3, 2)]  # of (q, v, d) for innovations of position and velocity
