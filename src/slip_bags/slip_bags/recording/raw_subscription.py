@@ -13,7 +13,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 
 class Arrival(NamedTuple):
-    """One received message: when it was received and sent [ns], its number at its publisher, its CDR bytes."""
+    """One received message: when it could be taken and when it was sent [ns], its publisher's number, its CDR bytes."""
 
     received_ns: int
     sent_ns: int
@@ -38,13 +38,19 @@ class RawSubscription:
         self._node = node
         self._class = message_class
         self._subscription = node.create_subscription(message_class, topic, _never, qos, raw=True)
+        self._last_ns = 0
 
     def drain(self) -> Iterator[Arrival]:
-        """Yield what is there now."""
+        """Yield what is there now, in the order of sending and with times that do not go back.
+
+        What was lost on its way and sent again makes those behind it wait, though they were received before it.
+        """
         handle = self._subscription.handle
         with handle:
             while (taken := handle.take_message(self._class, True)) is not None:
-                yield _arrival(*taken)
+                arrival = _arrival(*taken)
+                self._last_ns = max(self._last_ns, arrival.received_ns)
+                yield arrival._replace(received_ns=self._last_ns)
 
     def publisher_count(self) -> int:
         """Matched publishers."""

@@ -232,11 +232,13 @@ def _complete(bag: Bag, topic: str) -> Series:
     series = bag.series(topic)
     if series.count == 0:
         raise InputError(f"topic {topic} of {bag.path}", got="no messages", expected="the whole run")
-    steps = np.diff(series.sequence)
-    if series.sequence[0] != 0 and (steps != 1).any():
-        lost = int(steps.sum() - len(steps))
-        got = f"{lost} messages lost, the first after number {series.sequence[int(np.argmax(steps != 1))]}"
-        raise InputError(f"topic {topic} of {bag.path}", got=got, expected="every message: replay needs them all")
+    numbers = series.sequence
+    wrong = np.flatnonzero(np.diff(numbers) != 1)
+    if numbers[0] != 0 and len(wrong):
+        lost = int(np.ptp(numbers)) + 1 - len(np.unique(numbers))
+        before, behind = numbers[wrong[0]], numbers[wrong[0] + 1]
+        got = f"{lost} messages lost; the first that does not follow is number {behind} behind number {before}"
+        raise InputError(f"topic {topic} of {bag.path}", got=got, expected="every message, in its publisher's order")
     return series
 
 
