@@ -104,6 +104,7 @@ from slip_vic_controller.safety.effort_limiter import (
 from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.following import watch_following
 from slip_vic_controller.safety.hold import (
+    begin_posture,
     carry_load,
     hold_effort,
     keep_posture,
@@ -722,13 +723,13 @@ def _hold(
     lead: bool,
 ) -> None:
     """Keep the posture in which HOLD began; what the wrench has shown of the load stays until the law begins."""
-    law, sample, n = state.law, state.joint.answers, config.law.joints
+    law, sample = state.law, state.joint.answers
     # After a pause something else has held the arm.
     if state.hold.known == 0 or inputs.now_ns - state.now_ns > config.arbitration.gap_ns:
-        state.hold.known = 1
-        state.hold.posture[:n] = sample.position[:n]
-    keep_posture(config.hold, state.hold, sample, config.motion.velocity, inputs.arm.M, config.estimator.friction)
+        begin_posture(config.hold, state.hold, sample)
     dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
+    friction, limit = config.estimator.friction, config.motion.velocity
+    keep_posture(config.hold, state.hold, sample, limit, inputs.arm.M, friction, dt_ns * 1e-9)
     pad = pad_rotation(config.law.contact[0], law.slips[0])
     r = _arm_of_load(config, state, pad)
     if wrench_good:
@@ -853,8 +854,8 @@ def _hold_without_law(
     next_mode(config.modes, state.mode, reasons, Request.NONE.value, inputs.now_ns)
     if cause == Cause.BAD_REFERENCE or cause == Cause.NO_TORQUE:
         task.forgets = 1
-    task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 1
-    state.hold.posture[:n] = sample.position[:n]
+    task.path.scale, task.path.rate = 0.0, 0.0
+    begin_posture(config.hold, state.hold, sample)
     _finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, False)
 
 

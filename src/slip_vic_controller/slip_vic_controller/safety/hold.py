@@ -18,6 +18,7 @@ EXCESS = 1.5  # times that the inertia in HOLD may be what is moved
 LOAD_LEVER = 0.1  # [m]: how far off the pad centre the unknown part of a load may pull; no pad is longer
 LEAST_LOAD = 5.0  # [N]: what one arm carries at least, where the wrench shows it: a mass that is told too small
 RESTS = 0.02  # [rad/s]: speed of a joint at rest, with the noise of its sensor
+RESTS_FOR = 0.05  # [s]: no turning point lasts that long
 ELSEWHERE = 0.01  # [rad]: off the posture that HOLD keeps; a pad has then moved by some millimetres
 SLOWEST = 0.45  # of the loop in slow motion: with the default gains no joint gives way under a load that slides
 
@@ -44,6 +45,7 @@ class Hold(Record):
 
     known: Whole
     posture: Joints  # rad
+    thrown_s: Joints  # s; for which a joint that was thrown has yet to rest, 0 where it was not
     load_error: Vec6  # N, N m {ee}; what is added to the model's load
 
 
@@ -188,13 +190,25 @@ def hold_effort(
 
 
 @part
+def begin_posture(config: HoldConfig, state: Hold, sample: JointRecord) -> None:
+    """Begin with the posture in which the joints are; config, state: of HOLD; sample: of the joints [rad]."""
+    state.known = 1
+    for j in range(config.joints):
+        state.posture[j], state.thrown_s[j] = sample.position[j], 0.0
+
+
+@part
 def keep_posture(
-    config: HoldConfig, state: Hold, sample: JointRecord, velocity_limit: Array, M: Array, friction: Array
+    config: HoldConfig, state: Hold, sample: JointRecord, velocity_limit: Array, M: Array, friction: Array, dt: float
 ) -> None:
     """Let a joint that was thrown rest where it becomes slow again: the way back would be as fast as it is allowed.
 
+    Where that is not where it comes to rest, it stays there too, once: what throws a joint passes, while an arm that
+    gives way to a load would do so step by step.
+
     So may one that has come to rest elsewhere and that friction can hold there: else the compensation of disturbances
-    grows against friction until the joint breaks loose, long after everything has come to rest.
+    grows against friction until the joint breaks loose, long after everything has come to rest. Two joints with
+    parallel axes that are off against each other pull little at either, so the pull of all joints counts.
 
     Args:
         config: of HOLD.
@@ -203,11 +217,21 @@ def keep_posture(
         velocity_limit: (n,) [rad/s].
         M: inertia (n, n) [kg m2].
         friction: of the joints, as configured (n,) [N m].
+        dt: since the cycle before [s].
     """
-    for j in range(config.joints):
-        speed, off = abs(sample.velocity[j]), abs(state.posture[j] - sample.position[j])
-        stays = speed < RESTS and off > ELSEWHERE and config.stiffness * off * M[j, j] < friction[j]
-        if speed > velocity_limit[j] or stays:
+    n = config.joints
+    off = state.posture[:n] - sample.position[:n]
+    for j in range(n):
+        speed, pull = abs(sample.velocity[j]), 0.0
+        for k in range(n):
+            pull += config.stiffness * M[j, k] * off[k]
+        elsewhere, thrown = speed < RESTS and abs(off[j]) > ELSEWHERE, speed > velocity_limit[j]
+        if thrown:
+            state.thrown_s[j] = RESTS_FOR
+        elif elsewhere and state.thrown_s[j] > 0.0:
+            state.thrown_s[j] -= dt
+            thrown = state.thrown_s[j] <= 0.0
+        if thrown or (elsewhere and abs(pull) < friction[j]):
             state.posture[j] = sample.position[j]
 
 
