@@ -115,7 +115,7 @@ def _hold_back(config, state, pad, grasped, R, w, a_C, a_d):
     c, s, held = record(config, g.GOVERNOR_CONFIG), record(state, g.GOVERNOR), _held(record(grasped, OBJECT))
     p = record(pad, g.PAD)
     p.estimate = s.estimate
-    return g.hold_back(c, s.ceiling, p, held, mat(R), vec(w), spatial(a_C), spatial(a_d))
+    return g.hold_back(c, s.ceiling, p, held, mat(R), vec(w), spatial(a_C), spatial(a_d), p.estimate.slipping != 0)
 
 
 @kernel(VOID(IN1, IN1, IN2, IN1, IN1, OUT1))

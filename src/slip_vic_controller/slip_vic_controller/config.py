@@ -50,12 +50,17 @@ LONGEST_LOOP_S = 0.02
 """Delay of the compensation's loop, from slip to its answer, above which the governor works without it."""
 SAMPLES_AHEAD = 16
 """Samples of a governed stream in the time that it is looked ahead; closer ones are thinned."""
+NOISE_S = 0.01
+"""Where sensors have noise that a tare measures: the load that slipped is the mean of so long before and after, and
+what the observer finds for a shorter time is an outlier of the slip sensor."""
 LEAST_SLIP_M_S, NOISE_DEVIATIONS = 5e-5, 6.0
 """What counts as slip: a speed, and so many standard deviations of a sample."""
 NEVER_FROZEN_NS = 2**62
 CONFIRMED = 2
 """Slip samples in a row that are believed where the observer finds slip too, on an arm whose joints are estimated: it
 finds some there that are none, and one sample may be an outlier."""
+CONTRADICTS_S = 0.05
+"""How long slip sensor and wrench must contradict each other, beyond the delay of the sensor."""
 QUIET_S = 0.05
 """Without slip for so long, it holds again."""
 FALL_SHARE = 1.0 / 3.0
@@ -273,6 +278,7 @@ def _fill_modes(config: ControllerConfig, params: ControllerParams) -> None:
     arbitration.gap_ns = seconds_to_ns(safety.inputs.joint.age_s)
     arbitration.late_after, arbitration.saturated_ns = safety.inputs.accept_after, seconds_to_ns(safety.saturated_s)
     arbitration.slip_needed = int(params.controller == "vic")
+    arbitration.blind_ns = seconds_to_ns(CONTRADICTS_S + params.slip_sensor.latency_s + params.slip_sensor.period_s)
     arbitration.resume_slip_linear = safety.resume_slip_linear
     arbitration.resume_slip_angular = safety.resume_slip_angular
 
@@ -358,12 +364,14 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     governor.window = min(max(1, round(given.window_s / params.control_period_s)), MAX_WINDOW)
     # Several arms without a common path pull the object apart, and no way is left to brake in.
     governor.led = int(len(params.contacts.position) == 3)
+    governor.guards = int(governor.led != 0 and prevents_alone(params))
     estimate = governor.estimate
     estimate.friction, estimate.configured, estimate.kept = Friction[given.friction.upper()], given.friction_limit, KEPT
     estimate.calmed = GIVEN_UP
     estimate.least, estimate.probe, estimate.trust = LEAST_SHARE * given.friction_limit, given.probe, TRUST
     noise = math.hypot(math.sqrt(2.0) * sensor.noise_linear, given.torsional_radius * sensor.noise_angular)
     estimate.threshold = max(LEAST_SLIP_M_S, NOISE_DEVIATIONS * noise, sensor.quantum_linear)
+    estimate.noise_ns = seconds_to_ns(NOISE_S) if params.tare.duration_s > 0.0 else 0
     estimate.pre_sliding = given.pre_sliding
     estimate.growth = estimate.threshold if params.joint_sensor.estimates else 0.0
     estimate.witnesses = witnesses(params)

@@ -411,15 +411,19 @@ def guard(
     """Return the factor on a_C with which friction carries the object, and keep what the next cycle needs of it."""
     a_C, a_d, v_ee = spatial(outputs.law.a_C), spatial(outputs.law.a_d), spatial(arm.twist)
     R, pad, ceiling = mat(arm.rotation), state.pad, task.governor.ceiling
+    slips = pad.estimate.slipping != 0
+    # Without compensation the impedance drags at an object that has overrun its path, the more the farther it is off.
+    slides = slips and (config.governor.guards == 0 or task.governor.overrun == 0)
     if config.law.contacts > 1:
         # What gives way to the internal wrench moves no object; and one arm that holds back alone would pull at it.
         gains = outputs.gains.gains
         a_C = a_C - gains.kappa * (R @ spatial(outputs.law.h_int)) / spatial(gains.M_D)
-        governor.hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d)
+        governor.hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d, slides)
         pad.guard = 1.0
         return 1.0
-    ceiling += missing_load(pad.commanded, pad.measured, outputs.law.error_linear, outputs.law.error_angular)
-    return governor.hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d)
+    if not slips:
+        ceiling += missing_load(pad.commanded, pad.measured, outputs.law.error_linear, outputs.law.error_angular)
+    return governor.hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d, slides)
 
 
 @part

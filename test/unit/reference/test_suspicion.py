@@ -72,6 +72,41 @@ def test_a_sensor_that_does_not_see_what_it_must_withdraws_it() -> None:
         assert (cycle(e, 30, 0.8, found=True) == TOLD) is not stands, "the same slip is not found twice"
 
 
+def test_an_outlier_that_the_observer_believes_for_a_moment_withdraws_nothing() -> None:
+    """Found by the lottery: one sample of 0.4 m/s was the claim that the next sample did not confirm."""
+    for claimed_ms, stands in ((6, True), (12, False)):
+        e = estimate()
+        e.config.noise_ns = 10 * MS
+        for ms in range(40):
+            cycle(e, ms, 0.8, found=True, speed=2.0 * THRESHOLD if ms >= 20 else 0.0)
+        sample(e, 20 + claimed_ms, 0.0)
+        assert bool(e.state.suspected) is stands
+
+
+def test_the_load_that_slipped_is_the_mean_around_it_where_the_wrench_has_noise() -> None:
+    """Found by the lottery: noise of 0.05 N in a load of 0.2 was learnt as less friction with every slip."""
+    for noise_ms, expected in ((0, 0.7), (3, 0.8), (1, (0.9 + 0.7 + 0.9) / 3)):
+        e = estimate()
+        e.config.noise_ns = noise_ms * MS
+        for ms in range(20):
+            remember(e.history, ms * MS, {10: 0.7, 9: 0.9, 11: 0.9, 8: 0.8, 12: 0.8, 7: 0.7, 13: 0.8}.get(ms, 5.0), 1.0)
+        assert sample(e, 10, 2.0 * THRESHOLD)
+        assert np.isclose(e.state.slipped_at, expected)
+    e = estimate()
+    e.config.noise_ns = 3 * MS
+    for ms in range(20):
+        measured = 0.8 + 0.1 * (-1.0) ** ms
+        remember(e.history, ms * MS, measured, 0.75)
+    assert sample(e, 10, 2.0 * THRESHOLD)
+    assert np.isclose(e.state.slipped_at, 0.75), "what was commanded bounds it"
+    e = estimate()
+    e.config.noise_ns = 2 * MS
+    for ms, load in enumerate((0.9, 0.6, 0.3)):
+        remember(e.history, ms * MS, load, load)
+    suspect(e.config, e.state, e.history, 2 * MS, True, 0.0, 0.0)
+    assert e.state.suspected == 0, "0.6 was measured on the mean, but 0.3 was commanded"
+
+
 def test_a_sample_that_sees_it_makes_it_known() -> None:
     e = estimate()
     for ms in range(30):

@@ -83,7 +83,16 @@ def kinds() -> list[Arbitration]:
         Arbitration(**safety),
         Arbitration(slip_estimator="observer", **safety),
         Arbitration(controller="classical"),
+        Arbitration(slip_sensor__latency_s=0.08, slip_sensor__rate_hz=25.0, **safety),
     ]
+
+
+def test_a_slip_sensor_contradicts_the_wrench_only_when_its_delay_has_passed() -> None:
+    """Found by the lottery: a camera that is 80 ms late was not believed any more when its first slip came."""
+    for kind, after_ms in zip(kinds(), (50, 50, None, 50 + 80 + 40), strict=True):
+        for since_ms in (49, 51, 169, 171):
+            verdict = kind.judge(QUIET._replace(blind_ns=NOW_NS - since_ms * MS))
+            assert (verdict.level != Level.MEASURED) is (after_ms is not None and since_ms > after_ms)
 
 
 def random_memory(rng: np.random.Generator, limits) -> Memory:

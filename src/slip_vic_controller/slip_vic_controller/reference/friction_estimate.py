@@ -74,6 +74,7 @@ class EstimateConfig(Record):
     quiet_ns: Whole  # without slip for so long, it holds again
     sensor_delay_ns: Whole  # age at which a cycle's load is known to have been carried
     trust: Real  # least that the model's load may be of the measured one; below it the model is not used
+    noise_ns: Whole  # loads so long before and after a stamp are averaged; what the observer claims lasts as long
 
 
 class Estimate(Record):
@@ -149,9 +150,18 @@ def certify(config: EstimateConfig, state: Estimate, history: LoadHistory, now_n
 
 
 @part
-def carried(config: EstimateConfig, load: Load) -> float:
-    """Return the load [N] of a LOAD that counts where the contact slipped at it."""
-    return float(max(min(load.measured, load.commanded), config.trust * load.measured))
+def carried(config: EstimateConfig, history: LoadHistory, i: int) -> float:
+    """Return the load [N] that counts where the contact slipped at the stamp of place i.
+
+    The measured one is a mean: noise of a single wrench, of which the least counts, was learnt with every slip.
+    """
+    load, total, count = history.loads[i], 0.0, 0
+    for k in range(min(history.count, LOADS)):
+        other = history.loads[k]
+        if abs(other.stamp_ns - load.stamp_ns) <= config.noise_ns:
+            total, count = total + other.measured, count + 1
+    measured = total / count
+    return float(max(min(measured, load.commanded), config.trust * measured))
 
 
 @part
@@ -195,8 +205,8 @@ def slip_sample(
     speed = math.sqrt(slip.dot(slip))
     if not speed > (OBSERVED if found else 1.0) * config.threshold:
         state.said, state.way[:], state.last_ns = 0, 0.0, stamp_ns
-        if state.suspected != 0 and state.claimed_ns != NEVER and stamp_ns >= state.claimed_ns:
-            state.suspected = 0
+        if state.suspected != 0 and state.claimed_ns != NEVER and stamp_ns >= state.claimed_ns + config.noise_ns:
+            state.suspected = 0  # unless it was an outlier of this sensor that the observer has found
         if state.slipping != 0 and stamp_ns - state.slip_ns >= config.quiet_ns:
             state.slipping = 0
         return False
@@ -216,7 +226,7 @@ def slip_sample(
     i = index_at(history, state.said_ns)
     if not first or i < 0 or config.friction == Friction.KNOWN:
         return False
-    slipped_at = carried(config, history.loads[i])
+    slipped_at = carried(config, history, i)
     if state.suspected != 0:
         state.suspected, slipped_at = 0, min(slipped_at, state.suspected_at)
     learnt = max(config.kept * slipped_at, config.least)
@@ -246,7 +256,7 @@ def suspect(
     if not found or config.friction == Friction.KNOWN or state.slipping != 0:
         state.claimed_ns = NEVER
     else:
-        load = carried(config, history.loads[(history.count - 1) % LOADS])
+        load = carried(config, history, (history.count - 1) % LOADS)
         known = state.certified if config.friction == Friction.UNKNOWN else state.F_hat
         least = max(PLAUSIBLE * known, weight_load)
         if state.found == 0 and state.suspected == 0 and load > least:
@@ -276,7 +286,7 @@ def stay_calm(config: EstimateConfig, state: Estimate, history: LoadHistory, sta
     elif state.calm_ns == NEVER:
         state.calm_ns = stamp_ns
     elif stamp_ns - state.calm_ns > config.sensor_delay_ns + CALM_NS:
-        load = carried(config, history.loads[(history.count - 1) % LOADS])
+        load = carried(config, history, (history.count - 1) % LOADS)
         state.calmed, state.suspected_at = 1, max(state.suspected_at, min(load / config.calmed, state.first_at))
 
 

@@ -107,6 +107,7 @@ class GovernorConfig(Record):
     most_turning: Real  # rad/s
     points_per_cycle: Whole  # of planning
     window: Whole  # cycles of the moving average
+    guards: Whole  # whether the guard holds back where the object slips and the path is overrun
     led: Whole  # whether an object that slips leads the path; several arms keep to it
     estimate: EstimateConfig
 
@@ -609,6 +610,7 @@ def hold_back(
     w_ee: Vec,
     a_C: Spatial,
     a_d: Spatial,
+    slides: bool,
 ) -> float:
     """Return the guard's factor on a_C, and keep the feedback and the load that are commanded.
 
@@ -619,14 +621,15 @@ def hold_back(
         held: object on pad axes.
         R_ee, w_ee: the pad's attitude and turning {w} [rad/s].
         a_C, a_d: control acceleration of the law, and the reference's in it {w}.
+        slides: whether the object slides and is left to that: nothing is held back.
 
-    Implements: ours: the load of the commanded acceleration never exceeds F^ while the contact holds.
+    Implements: ours: the load of the commanded acceleration never exceeds F^ unless it slides.
     """
     weights = surface(spatial(config.slip_axes), config.radius)
     l_a = drawn(held, weights, R_ee, a_C)
     l_0 = turning(held, weights, R_ee, w_ee) + weight(held, weights, R_ee, vec(config.gravity))
     k = 1.0
-    if config.mode != Governing.OFF and pad.estimate.slipping == 0:
+    if config.mode != Governing.OFF and not slides:
         alone = size(l_0)  # an object that holds shows that the limit is wrong, and one that slides needs no guard
         k = guard_factor(l_a, l_0, ceiling if alone <= ceiling else BRAKES * alone)
     pad.guard, pad.commanded = k, size(k * l_a + l_0)

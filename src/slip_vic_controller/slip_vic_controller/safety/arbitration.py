@@ -27,8 +27,6 @@ from slip_vic_controller.safety.reasons import Cause, Reason, because, of_fault,
 from slip_vic_controller.safety.validation import VectorInput, fine
 from slip_vic_controller.sizes import NEVER
 
-EVIDENCE_NS = 50_000_000
-"""How long a contradiction between slip sensor and wrench must last."""
 FAST_NS = 5_000_000
 """How long a speed must be too high: a single bad sample is no speed."""
 
@@ -64,6 +62,7 @@ class ArbitrationConfig(Record):
     late_after: Whole  # late answers in a row
     saturated_ns: Whole
     slip_needed: Whole  # whether the law needs the slip velocity
+    blind_ns: Whole  # how long a contradiction between slip sensor and wrench must last
     resume_slip_linear: Real  # m/s; slip at which the law does not begin
     resume_slip_angular: Real  # rad/s
 
@@ -162,9 +161,9 @@ def clear_since(since: Since) -> None:
 
 
 @part
-def slip_fault(health: Health, observed: ObservedMotion, now_ns: int) -> int:
+def slip_fault(config: ArbitrationConfig, health: Health, observed: ObservedMotion, now_ns: int) -> int:
     """Return the fault of the slip velocity: its own, or that wrench and motion contradict it."""
-    blind = observed.blind_since_ns != NEVER and now_ns - observed.blind_since_ns > EVIDENCE_NS
+    blind = observed.blind_since_ns != NEVER and now_ns - observed.blind_since_ns > config.blind_ns
     return Fault.IMPLAUSIBLE.value if health.slip == Fault.NONE and blind else health.slip
 
 
@@ -330,7 +329,7 @@ def arbitrate(
         q, qd: joint state; (n,) [rad], [rad/s].
         now_ns: the controller's clock.
     """
-    slip = slip_fault(health, state.observed, now_ns)
+    slip = slip_fault(config.arbitration, health, state.observed, now_ns)
     level = degradation_level(config.arbitration, state.since, slip, now_ns)
     fault, hold, degraded = find_fault(config, state, n, qd, now_ns), NOTHING, NOTHING
     if health.outside == Fault.FOREIGN_COMMAND:
