@@ -102,6 +102,15 @@ def test_worlds_of_the_lottery_in_which_governed_slipped_far(seed: int, number: 
     assert 1e3 * result.slip < 5.0
 
 
+def test_a_world_of_the_lottery_in_which_trembling_pads_stopped_the_path() -> None:
+    """It ended 455 mm off its goal, ACTIVE and without a reason."""
+    world = long_enough(with_drive(draw(182, 616161), 616161)).load(GOVERNED)
+    reasons = [tick.result.reason for tick in run_in_process(world)]
+    assert "the slip sensor reports slip that does not end" in " ".join(dict.fromkeys(reasons))
+    result = play(long_enough(with_drive(draw(182, 616161), 616161)), GOVERNED)
+    assert 1e3 * result.off_goal < 5.0
+
+
 def main() -> None:
     """Print the table of docs/drives.md."""
     drives, scenarios = (

@@ -171,6 +171,26 @@ def test_while_it_slips_the_reference_follows_the_pad() -> None:
             assert G.state.s == pytest.approx(s, abs=2.0 * G.dt * slower)
 
 
+def test_a_slip_that_does_not_end_though_the_pad_hardly_moves_is_left_behind() -> None:
+    """Found by the lottery: pads that tremble with the joints slip for ever, and the path waited for ever, ACTIVE."""
+    G = Governor(BentPath(PAPER.way, PAPER.duration), PAPER).plan()
+    still, cycles = np.zeros(6), round(governor.LED_S / DT)
+
+    def pass_time(n: int, slipping: int) -> float:
+        G.state.estimate.slipping = slipping
+        for _ in range(n):
+            G.before(v=still if slipping and not G.state.endless else None)
+        return float(G.state.rate)
+
+    assert pass_time(cycles - 10, 1) == 0.0
+    assert pass_time(300, 1) > 0.1, "the pad follows again, though the slip goes on"
+    assert G.state.endless == 1
+    pass_time(cycles - 10, 0)
+    assert G.state.endless == 1
+    pass_time(20, 0)
+    assert (G.state.endless, G.state.led_s) == (0, 0.0)
+
+
 def test_several_arms_keep_to_the_path_while_a_pad_slips() -> None:
     """Each without the path's acceleration, they pull the object apart and do not brake for the end."""
     sticks, slips = (Governor(BentPath(PAPER.way, PAPER.duration), PAPER).plan() for _ in range(2))

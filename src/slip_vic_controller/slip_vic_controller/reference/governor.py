@@ -65,6 +65,8 @@ SLOWEST: Final = 2e-2
 """... if this speed of the pad or more is too much [m/s]."""
 BRAKES: Final = 1.1
 """Of the load of the weight alone, where the estimate of friction does not carry that: the arm has to brake."""
+LED_S: Final = 1.0
+"""How long a slipping object may lead a path that hardly moves: pads that tremble slip to and fro for ever [s]."""
 BACK: Final = 1e-3
 """How near its path the pad has come back when an overrun is over, where it can stop on the path again [m]."""
 
@@ -141,6 +143,8 @@ class Governor(Record):
     overrun: Whole  # no allowed load stops on the path
     strained: Whole  # no sddot keeps the load of feedback and path within the limit
     halted: Whole  # the path rests, since the observer has found slip at a load below what it needs from here on
+    led_s: Real  # s, for which a slipping object has led the path while it hardly moved
+    endless: Whole  # that slip does not end, so the path goes on
     arrived: Whole
     out_speed: Real  # ds/dt of the first pad's path at out_time
     out_bend: Real  # its rate
@@ -184,8 +188,8 @@ def plan_anew(config: GovernorConfig, state: Governor) -> None:
     state.search, state.search_pass = Search.NO, 0
     state.asked = state.pass_load = state.plan_load = state.low_load = state.high_load = 0.0
     state.infeasible, state.heaviest_time, state.weight_load = 0, 0.0, 0.0
-    state.overrun, state.strained, state.halted = 0, 0, 0
-    state.bound = 0.0
+    state.overrun, state.strained, state.halted, state.endless = 0, 0, 0, 0
+    state.bound = state.led_s = 0.0
     steady(config, state)
 
 
@@ -439,6 +443,7 @@ def run(
     if state.planned == 0 or state.arrived == 1:
         smooth(config, state, grid, 0.0)
         return
+    watch_lead(config, state, point, dt)
     if is_led(config, state):
         anchor(config, state, grid, point, pad.x, pad.v, dt)
         return
@@ -543,9 +548,22 @@ def time_at(config: GovernorConfig, state: Governor, grid: PathGrid, s: float) -
 
 
 @part
+def watch_lead(config: GovernorConfig, state: Governor, point: Along, dt: float) -> None:
+    """Find a slip that does not end while the object leads a path that hardly moves; arguments as in `run`."""
+    if state.estimate.slipping == 0:
+        state.led_s = max(state.led_s - dt, 0.0)
+        if state.led_s == 0.0:
+            state.endless = 0
+    elif state.endless == 0:
+        crawls = state.rate * state.rate * pace(config, point) < SLOWEST * SLOWEST
+        state.led_s = state.led_s + dt if crawls else 0.0
+        state.endless = 1 if state.led_s > LED_S else 0
+
+
+@part
 def is_led(config: GovernorConfig, state: Governor) -> bool:
     """Return whether the object slips and leads the path."""
-    return state.estimate.slipping == 1 and config.led != 0
+    return state.estimate.slipping == 1 and config.led != 0 and state.endless == 0
 
 
 @part

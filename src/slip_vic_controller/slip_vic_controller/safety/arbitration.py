@@ -89,6 +89,7 @@ class GovernorVerdict(Protocol):
     infeasible: int
     overrun: int
     halted: int
+    endless: int
     heaviest_time: float
     weight_load: float
     plan_load: float
@@ -291,6 +292,8 @@ def find_degraded(
         cause = Cause.OVERRUNS
     elif task.governor.halted != 0:
         cause = Cause.HALTED
+    elif task.governor.endless != 0:
+        cause = Cause.ENDLESS_SLIP
     elif state.law.given_up.given_up != 0:
         cause = Cause.GIVEN_UP
     elif state.observed.path_speed < 1.0 or task.path.scale < 1.0:

@@ -136,7 +136,7 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
             "not zero and equal to the last bit for `inputs.slip.frozen_s`", "not used", _DEGRADED
         ),
         ("slip", Fault.IMPLAUSIBLE): Reaction(
-            "none, while wrench and motion show `fallback.evidence`", "not used", _DEGRADED
+            "none, while wrench and motion show `fallback.evidence`, for 50 ms beyond its delay", "not used", _DEGRADED
         ),
         ("any", Fault.OTHER_ARM): Reaction(
             "the other arm on the same object does not follow the law", "used", "HOLD, both in the same cycle"

@@ -44,6 +44,7 @@ class Cause(IntEnum):
     OVERRUNS = 22
     GIVEN_UP = 23
     HALTED = 24
+    ENDLESS_SLIP = 33
     TARE = 26
     NOT_FOLLOWING = 28  # detail: joint; value: torque on it beyond what it needs at rest [N m], limit: error [m]
     NOT_TURNING = 30  # the same where only the attitude is far: limit: error [rad]
@@ -240,6 +241,7 @@ _WORDS = {
     Cause.NO_TORQUE: "the law gave no finite torque",
     Cause.TARE: "tare: sensors are read at rest before the law begins",
     Cause.OVERRUNS: "friction is too low to stop on the path: the pad overruns it",
+    Cause.ENDLESS_SLIP: "the slip sensor reports slip that does not end, though the pad hardly moves: the path goes on",
     Cause.HALTED: "the observer finds slip: friction is too low for the rest of the path, so the path stops here",
     Cause.GIVEN_UP: "compensation off: it does not end the slip, or moves the arm away; impedance alone",
     Cause.INTERNAL: "internal error, see the log: this is a bug, please report it",
