@@ -189,6 +189,12 @@ def test_a_slip_that_does_not_end_though_the_pad_hardly_moves_is_left_behind() -
     assert G.state.endless == 1
     pass_time(20, 0)
     assert (G.state.endless, G.state.led_s) == (0, 0.0)
+    G.state.endless, G.state.led_s, G.state.arrived = 1, 1.0, 1
+    pass_time(1, 1)
+    assert (G.state.endless, G.state.led_s) == (0, 0.0), "at its goal nothing waits"
+    G.state.arrived, G.config.led = 0, 0
+    pass_time(cycles + 10, 1)
+    assert G.state.endless == 0, "several arms keep to their path"
 
 
 def test_several_arms_keep_to_the_path_while_a_pad_slips() -> None:

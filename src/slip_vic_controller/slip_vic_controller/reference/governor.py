@@ -440,10 +440,10 @@ def run(
     allow(config, state)
     if pad.x.dot(pad.x) < BACK * BACK and (state.arrived == 1 or state.bound <= 1.0):
         state.overrun = 0
+    watch_lead(config, state, point, dt)
     if state.planned == 0 or state.arrived == 1:
         smooth(config, state, grid, 0.0)
         return
-    watch_lead(config, state, point, dt)
     if is_led(config, state):
         anchor(config, state, grid, point, pad.x, pad.v, dt)
         return
@@ -550,7 +550,9 @@ def time_at(config: GovernorConfig, state: Governor, grid: PathGrid, s: float) -
 @part
 def watch_lead(config: GovernorConfig, state: Governor, point: Along, dt: float) -> None:
     """Find a slip that does not end while the object leads a path that hardly moves; arguments as in `run`."""
-    if state.estimate.slipping == 0:
+    if state.arrived == 1 or config.led == 0:
+        state.led_s, state.endless = 0.0, 0
+    elif state.estimate.slipping == 0:
         state.led_s = max(state.led_s - dt, 0.0)
         if state.led_s == 0.0:
             state.endless = 0
