@@ -139,7 +139,7 @@ def arbitrate(
     """Return what speaks against the law; config: CONFIG; health: wrench, slip velocity, outside."""
     wrench, slip, outside = health
     limits, follows = config.arbitration, memory.mode in (Mode.ACTIVE, Mode.DEGRADED)
-    if slip == Fault.NONE and memory.blind_ns is not None and now_ns - memory.blind_ns > config.arbitration.blind_ns:
+    if slip == Fault.NONE and memory.blind_ns is not None and now_ns - memory.blind_ns > limits.blind_ns:
         slip = Fault.IMPLAUSIBLE
     unknown = bool(limits.slip_needed) and slip not in (Fault.NONE, Fault.DENORMAL)
     since, level, words = None, Level.MEASURED, ""

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from rclpy.node import Node
@@ -48,9 +48,10 @@ class RawSubscription:
         handle = self._subscription.handle
         with handle:
             while (taken := handle.take_message(self._class, True)) is not None:
-                arrival = _arrival(*taken)
-                self._last_ns = max(self._last_ns, arrival.received_ns)
-                yield arrival._replace(received_ns=self._last_ns)
+                data, info = taken
+                self._last_ns = max(self._last_ns, info["received_timestamp"])
+                number = info["publication_sequence_number"] or 0
+                yield Arrival(self._last_ns, info["source_timestamp"], number, bytes(data))
 
     def publisher_count(self) -> int:
         """Matched publishers."""
@@ -59,12 +60,6 @@ class RawSubscription:
     def close(self) -> None:
         """Unsubscribe."""
         self._node.destroy_subscription(self._subscription)
-
-
-def _arrival(data: bytes, info: Mapping[str, int]) -> Arrival:
-    return Arrival(
-        info["received_timestamp"], info["source_timestamp"], info["publication_sequence_number"] or 0, bytes(data)
-    )
 
 
 def _never(_: object) -> None:
