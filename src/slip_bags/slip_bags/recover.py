@@ -53,7 +53,7 @@ def recover(source: Path, output: Path, compression: str = "zstd") -> RecoverRep
             for message in salvage(path, found):
                 if writer is None:
                     writer = BagWriter(output, WriterOptions(compression, attachments=dict(found.attachments)))
-                elif not topics and writer.message_count:
+                elif not topics:
                     writer.split()
                 if message.channel.topic not in topics:
                     topics.add(message.channel.topic)

@@ -62,6 +62,7 @@ class ArmTopics:
             reliable=self._lockstep,
         )
         create_subscription(part, "grip_force", on_grip, depth=10, reliable=False)
+        self._no_wrench = params.sensors.wrench.silent
         self.follows = params.grip.control == "follow"
         if self.follows:
             create_subscription(part, "grip_command", on_grip_command, depth=1000, reliable=self._lockstep)
@@ -69,8 +70,9 @@ class ArmTopics:
 
     @property
     def state_publishers(self) -> list[Any]:
-        """Publishers of what a controller waits for."""
-        return [sender.publisher for sender in (self._send_joint, self._send_wrench, self._send_slip)]
+        """Publishers of what a controller waits for; a wrench sensor that is silent from the start is none."""
+        senders = (self._send_joint, self._send_slip, *(() if self._no_wrench else (self._send_wrench,)))
+        return [sender.publisher for sender in senders]
 
     def publish(self, outputs: ArmOutputs) -> None:
         """Send what the controller waits for."""

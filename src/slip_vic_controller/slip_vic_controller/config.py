@@ -311,7 +311,8 @@ def _fill_drop(drop: DropDetectionConfig, params: ControllerParams) -> None:
         drop.down[:] = np.array(params.gravity) / g
     drop.drop_speed, drop.memory_s = safety.load.drop_speed, safety.load.memory_s
     drop.error_linear, drop.error_angular = safety.limits.error_linear, safety.limits.error_angular
-    drop.evidence = math.inf if gate_shut(params) else safety.fallback.evidence
+    unseen = gate_shut(params) or params.wrench.source == "none"  # the model's load shows no slip
+    drop.evidence = math.inf if unseen else safety.fallback.evidence
 
 
 def _fill_observer(config: ControllerConfig, params: ControllerParams, *, weighed: bool) -> None:

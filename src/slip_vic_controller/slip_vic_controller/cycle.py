@@ -160,6 +160,7 @@ from slip_vic_controller.state import (
     ControllerConfig,
     CycleInputs,
     CycleOutputs,
+    LawState,
     TaskState,
 )
 
@@ -199,6 +200,7 @@ def _begin(
         state.begun, state.now_ns = 1, inputs.now_ns
         begin_modes(config.modes, state.mode, inputs.now_ns)
         clear_since(state.since)
+        _without_slip(state.law)
         forget(state.observed, NEVER)
         start_tare(state.tare, NEVER)
         state.following.since_ns = NEVER
@@ -253,19 +255,18 @@ def _model_wrench(config: ControllerConfig, task: TaskState, state: ArmState, in
     Implements: ours: Newton's law for the object at the desired acceleration, f = m (g - a), without its rotation.
     """
     law, hold, R = state.law, config.hold, mat(inputs.arm.rotation)
-    moves = follows(state.mode.mode) and law.known != 0
     force = vec(hold.weight)
-    if moves:
+    if follows(state.mode.mode) and law.known != 0:
         force = force - hold.mass * vec(task.desired.acceleration)
-    r = _arm_of_load(config, state, pad_rotation(config.law.contact[0], law.slips[0])) if moves else ZERO
-    load = R.T() @ Spatial(force, -(R @ r).cross(force))
+    pad = pad_rotation(config.law.contact[0], law.slips[0])
+    load, R_o = Spatial(force, -(R @ _arm_of_load(config, state, pad)).cross(force)), R @ pad.T()
     stamp_ns = state.joint.answers.stamp_ns
     for k in range(config.law.contacts):
         own = state.wrench_inputs[k]
-        own.seen, own.known, own.invalid, own.zeros, own.refused, own.ahead = 1, 0, 0, 0, 0, 0
+        own.seen, own.known, own.invalid, own.zeros, own.refused, own.ahead = 1, 1, 0, 0, 0, 0
         own.stamp_ns, own.arrival_ns, own.equal_since_ns = stamp_ns, inputs.now_ns, stamp_ns
         if inputs.arm.M[0, 0] > 0.0:
-            put_spatial(own.values, load)
+            put_spatial(own.values, (R_o @ pad_rotation(config.law.contact[k], law.slips[k])).T() @ load)
 
 
 @part
@@ -303,6 +304,14 @@ def _classify_inputs(
 
 
 @part
+def _without_slip(law: LawState) -> None:
+    """Begin where no object has slipped."""
+    for k in range(MAX_CONTACTS):
+        put(law.slips[k].position, ZERO)
+        put_mat(law.slips[k].rotation, IDENTITY)
+
+
+@part
 def begin_law(
     config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
 ) -> None:
@@ -314,9 +323,7 @@ def begin_law(
         law.posture[j] = config.cycle.posture[j] if config.cycle.posture_given != 0 else sample.position[j]
         law.position[j], law.gravity[j] = sample.position[j], inputs.arm.gravity[j]
     law.e_previous[:] = 0.0
-    for k in range(MAX_CONTACTS):
-        put(law.slips[k].position, ZERO)
-        put_mat(law.slips[k].rotation, IDENTITY)
+    _without_slip(law)
     law.slip_latency.known, law.slip_latency.latency_ns, law.slip_latency.period_ns = 0, 0.0, 0.0
     law.held = 0
     start_giving_up(law.given_up)

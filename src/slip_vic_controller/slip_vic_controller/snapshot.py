@@ -31,6 +31,21 @@ def to_text(state: Array) -> str:
     return json.dumps({"layout": LAYOUT, "cycle": cycle, "state": packed}, separators=(",", ":"))
 
 
+def number_name(index: int) -> str:
+    """Return the name of a number in a snapshot: the fields that hold it, and its place in the last one."""
+    if index >= TASK_SIZE + ARM_SIZE:
+        return f"history[{index - TASK_SIZE - ARM_SIZE}]"
+    layout, rest, words = (TASK_STATE, index, "task") if index < TASK_SIZE else (ARM_STATE, index - TASK_SIZE, "arm")
+    while layout.names is not None:
+        fields = ((name, *layout.fields[name][:2]) for name in layout.names)  # type: ignore[index]
+        name, held, offset = next(field for field in reversed(list(fields)) if field[2] // 8 <= rest)
+        layout, rest, words = held.base, rest - offset // 8, f"{words}.{name}"
+        if held.shape:
+            element, rest = divmod(rest, layout.itemsize // 8)
+            words += f"[{element}]"
+    return words
+
+
 def cycle_of(text: str) -> int | None:
     """Return the cycle that a snapshot begins with, None where it is of other software."""
     try:

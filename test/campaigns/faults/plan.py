@@ -31,6 +31,8 @@ RETUNED = ("gains.stiffness", "gains.k_s", "object.mass")
 """What the fault "gains" changes."""
 MOST_NOISE, MOST_FRICTION, MOST_OFFSET = 0.01, 0.3, 0.2
 """Of joints that no parameter describes: velocity noise [rad/s], friction and torque offset [N m]."""
+WITHOUT_WRENCH = 0.15
+"""Share of the arms that have no wrench sensor."""
 PERIOD_S = 0.004
 
 
@@ -112,6 +114,8 @@ class Plan:
     task: str = "path"
     joints: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Velocity noise [rad/s], friction and offset [N m] of the joints beyond the drive's, in no parameter."""
+    wrench: str = "sensor"
+    """Or "none": an arm without such a sensor."""
 
     @property
     def interface(self) -> str:
@@ -122,7 +126,9 @@ class Plan:
     def setting(self) -> str:
         """What runs, as reports count it."""
         observer = " observer" if self.observer else ""
-        return f"{self.scenario} {self.controller}{observer} {self.task} {self.interface} {self.drive} {self.sensor}"
+        wrench = "" if self.wrench == "sensor" else " no_wrench_sensor"
+        arm = f"{self.interface} {self.drive}{wrench} {self.sensor}"
+        return f"{self.scenario} {self.controller}{observer} {self.task} {arm}"
 
 
 Cases = tuple[tuple[str, str], ...]
@@ -180,7 +186,10 @@ def make_plan(
 
 
 def with_arm_and_task(plan: Plan, latest_start_s: float, longest_s: float) -> Plan:
-    """Draw what a trial in process has beyond that: drives, joints, task, and wild goals, references or parameters."""
+    """Draw what a trial in process has beyond that.
+
+    That is: drives, joints, wrench sensor, task, and wild goals, references or parameters.
+    """
     rng = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 9)))
     task, drives = TASKS[int(rng.integers(len(TASKS)))], DRIVES[plan.interface]
     joints = (0.0, 0.0, 0.0)
@@ -194,7 +203,9 @@ def with_arm_and_task(plan: Plan, latest_start_s: float, longest_s: float) -> Pl
     ]
     faults = draw_faults(rng, [(kind, CONTROLLER) for kind in more], (latest_start_s, longest_s))
     drive = drives[int(rng.integers(len(drives)))]
-    return replace(plan, drive=drive, task=task, joints=joints, faults=in_order((*plan.faults, *faults)))
+    wrench = "none" if rng.uniform() < WITHOUT_WRENCH else "sensor"
+    faults = (*plan.faults, *faults)
+    return replace(plan, drive=drive, task=task, joints=joints, faults=in_order(faults), wrench=wrench)
 
 
 def realtime_scenario(

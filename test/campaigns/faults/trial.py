@@ -84,10 +84,11 @@ class Outcome:
 
 @cache
 def prepared(
-    name: str, observer: bool, kind: Law, sensor: str = IDEAL, drive: str = IDEAL, task: str = "path"
-) -> tuple[Scenario, Controller]:
+    name: str, observer: bool, kind: Law, sensor: str = IDEAL, drive: str = IDEAL, task: str = "path",
+    wrench: str = "sensor",
+) -> tuple[Scenario, Controller]:  # fmt: skip
     """Return a scenario as the campaign runs it, and its law; the ideal sensor leaves the gains what they are."""
-    assignments = [f"controller.trajectory.duration_s={0.75 * DURATION_S}"]
+    assignments = [f"controller.trajectory.duration_s={0.75 * DURATION_S}", f"controller.wrench.source={wrench}"]
     if name == "vertical_plane":
         # What friction cannot carry is to be met: more than just enough grip at the start.
         assignments += ["controller.trajectory.displacement=[0.0, 0.1, 0.05]"]
@@ -173,7 +174,7 @@ class Trial:
     def __init__(self, plan: Plan, *, keep: bool = False) -> None:
         self._plan, self._keep = plan, keep
         self.scenario, self._law = prepared(
-            plan.scenario, plan.observer, plan.controller, plan.sensor, plan.drive, plan.task
+            plan.scenario, plan.observer, plan.controller, plan.sensor, plan.drive, plan.task, plan.wrench
         )  # fmt: skip
         noise = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 1)))
         self._bridge_params = with_joints(self.scenario.bridge, plan.joints, int(noise.integers(2**31)))
@@ -190,7 +191,9 @@ class Trial:
         self._commands = CommandMonitor(promise_of(self._law.first, PERIOD_S))
         slope = self.scenario.bridge.effort_rate if plan.interface == "effort" else np.inf  # a drive's own loop steps
         self._joints = JointMonitor(slope * PERIOD_S, REST_AFTER_S)
-        ages_s = {JOINT: inputs.joint.age_s + PERIOD_S, WRENCH: inputs.wrench.age_s + PERIOD_S}
+        ages_s = {JOINT: inputs.joint.age_s + PERIOD_S}
+        if plan.wrench == "sensor":
+            ages_s[WRENCH] = inputs.wrench.age_s + PERIOD_S
         # The same for every sensor: a slow one must be fast enough for it, its latency included.
         slip_s = {} if plan.controller == "classical" else {SLIP: inputs.slip.age_s + PERIOD_S}  # it needs no slip
         degraded_s = safety.fallback.slow_down_s + (safety.fallback.observer_s if plan.observer else 0.0)

@@ -117,3 +117,11 @@ def test_a_namespace_moves_the_whole_run(tmp_path: Path) -> None:
     with Bag(tmp_path / "bag") as bag:
         assert bag.topics["/left/effort_command"].message_count == 100
         assert "/clock" in bag.topics
+
+
+def test_nobody_waits_for_a_wrench_sensor_that_the_arm_does_not_have(tmp_path: Path) -> None:
+    told = ("controller.wrench.source=none", "bridge.duration_s=0.1")
+    result = Launcher(load_scenario("paper_planar", law="governed", assignments=told), bag=tmp_path / "bag").run()
+    assert result.lost == 0
+    with Bag(tmp_path / "bag") as bag:
+        assert "ACTIVE" in [message.value.data.split(":")[0] for message in bag.messages("/controller/mode")]

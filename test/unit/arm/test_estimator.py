@@ -15,12 +15,16 @@ from slip_core.records import new, record
 from slip_vic_controller.arm.config import Noise, estimator_config, predicted_covariance, process, steady_state
 from slip_vic_controller.arm.estimator import (
     ESTIMATOR_CONFIG,
+    FAR,
+    FAST,
     JOINT_ESTIMATE,
     MAX_LATENCY,
     Finding,
     Trust,
     clear_findings,
+    compare_measurements,
     estimate_joints,
+    far_off,
     oppose_disturbance,
     pad_variances,
     remember_input,
@@ -457,3 +461,49 @@ def test_an_estimate_that_runs_away_begins_again_at_the_measurement(wild: float)
         assert np.abs(q - at).max() < 0.5
         assert np.abs(qd - speed).max() < 20.0
     assert np.isfinite(joints.state.d).all()
+
+
+@every("j", range(N))
+def test_far_off_is_each_joint_by_the_measurement_that_is_used(j: int) -> None:
+    config, state = configuration(), record(new(JOINT_ESTIMATE), JOINT_ESTIMATE)
+    q, qd = np.full(N, 0.3), np.full(N, -0.2)
+
+    def far(position: float, velocity: float, trust: Trust = Trust.BOTH) -> bool:
+        state.position[:N], state.velocity[:N], state.trust[:N] = q, qd, Trust.BOTH
+        state.position[j], state.velocity[j], state.trust[j] = position, velocity, trust
+        return bool(call(far_off, config, state, q, qd))
+
+    assert not far(0.3 + 0.99 * FAR, -0.2 - 0.99 * FAST)
+    assert far(0.3 - 1.01 * FAR, -0.2)
+    assert far(0.3, -0.2 + 1.01 * FAST)
+    assert far(math.nan, -0.2)
+    assert not far(9.0, -0.2, Trust.VELOCITY)
+    assert far(0.3, -0.1 - FAST, Trust.POSITION)
+    assert not far(0.3, 0.1 - FAST, Trust.POSITION)
+
+
+def compared(
+    lately: tuple[float, float], before: tuple[float, float], now: tuple[float, float]
+) -> tuple[Finding, Trust]:
+    """Return what is found of joint 1 by one sample, and what is trusted.
+
+    lately: ways that positions and velocities have shown; before, now: position and velocity of the two samples.
+    """
+    config, state = configuration(), record(new(JOINT_ESTIMATE), JOINT_ESTIMATE)
+    state.moved[1], state.swept[1] = 3.0 * config.difference, 0.0
+    state.moved_lately[1], state.swept_lately[1] = lately
+    state.measured_position[1], state.measured_velocity[1] = before
+    q, qd = np.zeros(N), np.zeros(N)
+    q[1], qd[1] = now
+    call(compare_measurements, config, state, T, q, qd)
+    return Finding(state.finding), Trust(state.trust[1])
+
+
+def test_a_sign_that_was_wrong_lately_is_one_though_the_newest_sample_rests() -> None:
+    assert compared((0.01, -0.009), (0.0, 0.0), (0.0, 1e-6)) == (Finding.VELOCITY_SIGN, Trust.POSITION)
+    assert compared((0.01, -0.002), (0.0, 0.0), (0.0, 1e-6)) == (Finding.POSITION_DRIFTS, Trust.VELOCITY)
+
+
+def test_a_velocity_that_repeats_itself_once_while_the_joint_moves_is_stuck() -> None:
+    assert compared((0.01, 0.001), (0.0, 0.02), (1e-3, 0.02)) == (Finding.VELOCITY_STUCK, Trust.POSITION)
+    assert compared((0.01, 0.001), (0.0, 0.02), (1e-3, 0.021)) == (Finding.POSITION_DRIFTS, Trust.VELOCITY)

@@ -17,9 +17,12 @@ from slip_sim_bridge.internal import internal_wrenches
 from slip_vic.run.in_process import ClosedLoop, Tick, run_in_process
 from slip_vic.scenarios.scenario import LAWS, Mismatch, Scenario, load_scenario
 from slip_vic.study.lottery import draw_arms
+from slip_vic_controller.governing import agree_on_friction
 from slip_vic_controller.law.bounds import internal_gain_limit
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import Controller
+from slip_vic_controller.state import ARM_SIZE, TASK_SIZE
+from test.support.call import call
 from test.support.every import every
 
 UPRIGHT, FLAT = "pane_two_arms_upright", "pane_two_arms_flat"
@@ -169,6 +172,18 @@ def test_a_governed_team_is_on_one_path_and_counts_with_the_weaker_pad() -> None
             assert left.load_commanded <= 5.5
     assert slowed
     assert max(slipped(loop)) == 0.0
+
+
+def test_the_path_counts_with_the_gripper_that_has_opened_most() -> None:
+    loop = ClosedLoop(load_scenario(UPRIGHT, law="governed", assignments=SOON))
+    list(ticks(loop, 5))
+    session = loop.session
+    states = session.buffer[TASK_SIZE : TASK_SIZE + 2 * ARM_SIZE]
+    for grips in ((0.9, 0.6), (0.7, 0.8)):
+        for arm, grip in zip(session.arms, grips, strict=True):
+            arm.state.pad.grip = grip
+        call(agree_on_friction, session.arms[0].config, session.task, states)
+        assert session.task.governor.grip == min(grips)
 
 
 def test_a_slip_of_one_pad_is_known_to_both_and_over_for_both() -> None:

@@ -81,6 +81,14 @@ def test_shapes_and_stamp(tmp_path):
         series["wrench.force.x"][0] = 1.0
 
 
+def test_newest_is_the_last_one_that_was_stamped_by_then(tmp_path):
+    make_bag(tmp_path / "bag", count=20, topics={"/w": "geometry_msgs/msg/WrenchStamped"})
+    series = read_series(tmp_path / "bag", "w")
+    series.stamp_ns = stamps = 1000 * np.arange(1, 21)
+    times = np.array([stamps[0] - 1, stamps[0], stamps[1] - 1, stamps[-1] + 10])
+    assert series.newest(times).tolist() == [-1, 0, 0, 19]
+
+
 def test_messages_and_columns_agree(tmp_path):
     content = make_bag(tmp_path / "bag", count=10)
     with Bag(tmp_path / "bag") as bag:

@@ -15,6 +15,7 @@ from slip_core.params import flatten
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.safety.modes import Mode
 from test.support.every import every
 from test.support.run_maker import TOPICS, attachments, record_run
 
@@ -70,11 +71,12 @@ def test_runs_with_other_slip_sensors_are_identical(tmp_path, kind):
 
 def test_a_run_by_velocities_without_a_wrench_sensor_is_identical(tmp_path):
     """The bag has no wrench message then, and none is missing."""
-    quiet = ("controller.wrench.source=none", "bridge.sensors.wrench.silent=true", "bridge.duration_s=0.6")
+    quiet = ("controller.wrench.source=none", "bridge.duration_s=0.6")
     loaded = load_scenario("paper_planar", law="governed", drive="velocity_500", assignments=quiet)
     record_run(tmp_path / "bag", loaded)
     with Bag(tmp_path / "bag") as bag:
         assert bag.series("/wrench").count == 0
+        assert {"HOLD", "ACTIVE"} <= {Mode(entry.mode).name for entry in read_run(bag, {})[""].ledger}
     assert verdict(tmp_path / "bag").text() == "identical: 600 cycles, 4200 velocities, to the last bit"
 
 

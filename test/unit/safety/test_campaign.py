@@ -338,6 +338,7 @@ def test_every_sensor_has_its_turn_with_every_controller() -> None:
     assert {plan.drive for plan in plans} == {drive for drives in DRIVES.values() for drive in drives}
     assert {plan.task for plan in plans} == set(TASKS)
     assert sum(any(plan.joints) for plan in plans) > 100
+    assert 20 < sum(plan.wrench == "none" for plan in plans) < 80
     turns = {(plan.sensor, plan.controller, plan.observer) for plan in plans}
     assert len(turns) == len(preset_names("sensors")) * 3 * 2
     assert {plan.setting.split()[-1] for plan in plans} == set(preset_names("sensors"))

@@ -11,10 +11,12 @@ from hypothesis import strategies as st
 
 from slip_core.errors import InputError
 from slip_core.params import build, flatten
+from slip_core.records import new, place, record
 from slip_core.types import JointSample
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.safety.modes import Request
-from slip_vic_controller.snapshot import LAYOUT, cycle_of, from_text, to_text
+from slip_vic_controller.snapshot import LAYOUT, cycle_of, from_text, number_name, to_text
+from slip_vic_controller.state import ARM_SIZE, ARM_STATE, TASK_SIZE, TASK_STATE
 from test.support.made_up import LOAD, POSITION, SLIP, MadeUp, N
 from test.support.one_arm import OneArm
 
@@ -122,3 +124,15 @@ def test_damaged_texts_are_refused_or_of_some_size(place: int, new: bytes, remov
 
 
 TEXT = to_text(MadeUp().session.snapshot())
+
+
+def test_every_number_of_a_snapshot_has_a_name_of_its_own() -> None:
+    names = [number_name(index) for index in range(TASK_SIZE + ARM_SIZE + 3)]
+    assert len(set(names)) == len(names)
+    assert names[-1] == "history[2]"
+    for layout, begin, first in ((TASK_STATE, 0, "task"), (ARM_STATE, TASK_SIZE, "arm")):
+        for name in layout.names or ():
+            assert names[begin + place(layout, name).start].startswith(f"{first}.{name}")
+    buffer = new(ARM_STATE)
+    record(buffer, ARM_STATE).law.slips[1].rotation[2, 0] = 1.0
+    assert names[TASK_SIZE + int(np.flatnonzero(buffer)[0])] == "arm.law.slips[1].rotation[6]"

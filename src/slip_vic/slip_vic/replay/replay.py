@@ -1,4 +1,4 @@
-"""Run the controller again on what the ledger says it used, and compare every effort bit by bit."""
+"""Run the controller again on what the ledger says it used, and compare every command and state bit by bit."""
 
 from __future__ import annotations
 
@@ -12,13 +12,18 @@ from numpy.typing import NDArray
 
 from slip_core.arms import prefix_of
 from slip_core.errors import InputError
+from slip_core.records import place
 from slip_core.types import JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_vic.replay.run_data import LedgerEntry, RecordedRun
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.safety.reasons import JOINT_STATES
 from slip_vic_controller.session import ArmSession, Controller, ControllerSession, CycleResult, Health
-from slip_vic_controller.snapshot import from_text
+from slip_vic_controller.snapshot import from_text, number_name
+from slip_vic_controller.state import ARM_STATE, TASK_SIZE
+
+INPUTS_JUDGED = slice(TASK_SIZE + place(ARM_STATE, "joint").start, TASK_SIZE + place(ARM_STATE, "slip_inputs").stop)
+"""Of a state, what says how inputs came: a replay has the verdicts instead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +148,9 @@ def _state_at(name: str, run: RecordedRun, now_ns: int) -> int:
 
 
 def replay(runs: Mapping[str, RecordedRun], begins: Sequence[int]) -> Iterator[Divergence | None]:
-    """Yield per cycle of each arm None where effort and mode are the recorded ones to the last bit, else what differs.
+    """Yield per cycle of each arm None where all is as recorded to the last bit, else what differs first.
+
+    Compared are commands, modes and, where the bag has one, the controller's whole state before the cycle.
 
     Args:
         runs: of each arm, in one controller.
@@ -160,8 +167,9 @@ def replay(runs: Mapping[str, RecordedRun], begins: Sequence[int]) -> Iterator[D
     arms = [_Arm(session, *each) for each in zip(session.arms, runs.values(), begins, strict=True)]
     while any(arm.entry is not None for arm in arms):
         turn = [arms[k] for k in _turn([arm.entry for arm in arms])]
-        for arm, entry, result in zip(turn, *_cycle(session, turn), strict=True):
-            found = _compare(arm.run, entry, arm.run.commands[arm.at - 1], result)
+        before = [arm.compare_state() for arm in turn]
+        for arm, state, entry, result in zip(turn, before, *_cycle(session, turn), strict=True):
+            found = state or _compare(arm.run, entry, arm.run.commands[arm.at - 1], result)
             yield None if found is None else replace(found, topic=f"{prefix_of(arm.name)}{found.topic}")
 
 
@@ -201,7 +209,7 @@ class _Arm:
 
     def __init__(self, session: ControllerSession, arm: ArmSession, run: RecordedRun, begin: int) -> None:
         self._session, self._arm, self.run, self.at = session, arm, run, begin
-        self.name, self.index, self._samples = arm.name, arm.index, _Samples(run)
+        self.name, self.index, self._samples, self._begin = arm.name, arm.index, _Samples(run), begin
         self._changes = {change.index: change.params for change in run.changes}
         if begin > 0:
             arm.restore(from_text(run.states[run.ledger[begin].cycle]))
@@ -213,6 +221,20 @@ class _Arm:
     def entry(self) -> LedgerEntry | None:
         """What was recorded of the next cycle; None at the end."""
         return self.run.ledger[self.at] if self.at < len(self.run.ledger) else None
+
+    def compare_state(self) -> Divergence | None:
+        """Return the first number of the state before the next cycle that is not as recorded, where the bag has one."""
+        entry = self.run.ledger[self.at]
+        if self.at == self._begin or entry.cycle not in self.run.states:
+            return None
+        recorded, replayed = from_text(self.run.states[entry.cycle]), self._arm.snapshot()
+        recorded[INPUTS_JUDGED] = replayed[INPUTS_JUDGED]
+        differ = np.flatnonzero(recorded.view(np.int64) != replayed.view(np.int64))
+        if not len(differ):
+            return None
+        at = int(differ[0])
+        one, other = float(recorded[at]), float(replayed[at])
+        return Divergence(entry.cycle, entry.joint_ns, "controller/state", number_name(at), one, other, None)
 
     def begin(self) -> LedgerEntry:
         """Take what had come since the cycle before, and return the entry of this one."""

@@ -375,6 +375,8 @@ def _made(
             start = float(own["controller"].get("trajectory.start_s", 0.0))
             own["controller"]["trajectory.start_s"] = start + wrong.late_s
         controllers[name] = build(ControllerNodeParams, own["controller"], f"{called}: controller")
+        if controllers[name].wrench.source == "none":
+            own["bridge"]["sensors.wrench.silent"] = True  # nor does anybody wait for it
         params = build(BridgeParams, own["bridge"], f"{called}: bridge")
         file = params.robot_description_file
         urdfs[name] = (
