@@ -111,6 +111,23 @@ def test_outliers_are_neither_bias_nor_noise(seed: int) -> None:
     assert deviation(state.slip.squares[:3].max(), state.slip.count) < 1.2e-3
 
 
+def test_deviation_is_that_of_two_samples_or_more() -> None:
+    assert [deviation(squares, count) for squares, count in ((3.0, 0), (3.0, 1), (9.0, 2), (8.0, 3))] == [
+        0.0,
+        0.0,
+        3.0,
+        2.0,
+    ]
+
+
+def test_a_bias_of_the_joints_is_found_beside_a_wrench_that_has_none() -> None:
+    config, state = bounds(), begun()
+    for _ in range(SAMPLES):
+        add(state.wrench, np.zeros(6), 6)
+        add_velocities(config, state, np.array([0.0, 0.03, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    assert (judge_tare(config, state).sensor, judge_tare(config, state).axis) == (Sensor.JOINTS, 1)
+
+
 def test_a_bias_beyond_all_bounds_is_the_majority() -> None:
     config, state = bounds(), begun()
     for _ in range(SAMPLES):

@@ -6,9 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from slip_core.records import new, record
 from slip_vic.run.in_process import ClosedLoop, run_in_process
 from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.governing import put_governed
 from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.state import GOVERNED
+from test.support.call import call
 
 HELD_M = 1e-7
 """Slip of a grasp that holds: rounding of the friction's projection."""
@@ -234,3 +238,17 @@ def test_off_is_the_printed_law_to_the_last_bit() -> None:
     )  # fmt: skip
     pairs = zip(run_in_process(printed), run_in_process(off), strict=True)
     assert all(a.result.command.effort.tobytes() == b.result.command.effort.tobytes() for a, b in pairs)
+
+
+def test_shares_of_the_friction_are_published_of_a_weak_grasp_too() -> None:
+    loop = ClosedLoop(load_scenario("paper_planar", law="governed"))
+    loop.answer(loop.bridge.observe())
+    state, out = loop.controller.state, new(GOVERNED)
+    state.pad.grip, state.pad.commanded, state.pad.measured = 0.5, 0.2, 0.3
+    for F_hat, factor in ((1.6, 1.25), (0.0, 0.0)):  # friction limit 0.8 N
+        state.pad.estimate.F_hat = F_hat
+        call(put_governed, loop.controller.config, loop.session.task, state, out)
+        governor = record(out, GOVERNED)
+        assert governor.friction_limit == 0.5 * F_hat
+        assert governor.load_ratio == pytest.approx(0.2 * factor)
+        assert governor.friction_share == pytest.approx(0.3 * factor)

@@ -68,6 +68,7 @@ SENT = {
     "odometry": (forms.odometry(), to_msgs.odometry_numbers(TRUTH)),
     "clock": (forms.clock(), ()),
     "whole numbers": (forms.whole_numbers(3), ((1, -(2**63), 2**63 - 1),)),
+    "number": (forms.number(), ((2.5,),)),
     "numbers": (forms.numbers(2), (np.array([0.5, -0.0]),)),
 }
 

@@ -7,11 +7,12 @@ import numpy as np
 from slip_core.records import new, record
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.arm.estimator import Finding
 from slip_vic_controller.cycle import ARM_SIZE, ARM_STATE, CONFIG, TASK_SIZE, TASK_STATE
 from slip_vic_controller.safety.arbitration import HEALTH, Level, arbitrate
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, TransitionReasons
-from slip_vic_controller.safety.reasons import describe
+from slip_vic_controller.safety.reasons import Cause, Reason, describe
 from slip_vic_controller.sizes import NEVER
 from test.referees import safety_referee
 from test.referees.safety_referee import Memory, Verdict
@@ -93,6 +94,14 @@ def test_a_slip_sensor_contradicts_the_wrench_only_when_its_delay_has_passed() -
         for since_ms in (49, 51, 169, 171):
             verdict = kind.judge(QUIET._replace(blind_ns=NOW_NS - since_ms * MS))
             assert (verdict.level != Level.MEASURED) is (after_ms is not None and since_ms > after_ms)
+
+
+def test_what_is_wrong_with_a_joint_is_a_fault_with_its_numbers() -> None:
+    arbitration = Arbitration()
+    found = arbitration.state.estimate
+    found.finding, found.joint, found.value, found.limit = Finding.VELOCITY_STUCK, 4, 0.3, 0.1
+    reasons, _ = arbitration.arbitrate((Fault.NONE, *GOOD))
+    assert reasons.fault == Reason(Cause.JOINT, 4 + 256 * Finding.VELOCITY_STUCK, 0, 0.3, 0.1)
 
 
 def random_memory(rng: np.random.Generator, limits) -> Memory:
