@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from test.support.bringup_arm import DRIVES, ERRORS, SCENARIOS, SENSORS, Loop, bring_up
+from test.support.bringup_arm import DRIVES, ERRORS, SCENARIOS, SENSORS, Error, Loop, bring_up
 from test.support.every import every
 
 
@@ -15,6 +15,15 @@ def test_a_wrong_sign_ends_the_walk_where_the_weight_shows_it() -> None:
     assert "wrench.sign" in found[-1].fix
     assert walk.measured["slip_sensor.latency_s"] == pytest.approx(0.01, abs=1e-3)
     assert walk.measured["slip_sensor.rate_hz"] == pytest.approx(120.0, rel=0.02)
+
+
+def test_an_arm_without_a_wrench_sensor_is_led_to_its_first_motion() -> None:
+    found, walk = bring_up(Loop(sensor="optical_flow_120", error=Error(("controller.wrench.source=none",))))
+    assert found[-1].holds, str(found[-1])
+    assert found[-1].step == "first motion"
+    assert not {"wrench", "weight"} & {verdict.step for verdict in found}
+    assert "no wrench sensor" in next(verdict.measured for verdict in found if verdict.step == "rest")
+    assert not [name for name in walk.measured if name.startswith("wrench")]
 
 
 def test_hold_without_stiffness_does_not_pull_to_its_posture() -> None:

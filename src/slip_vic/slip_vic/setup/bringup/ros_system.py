@@ -68,6 +68,7 @@ class RosSystem:
         if self._state() == State.PRIMARY_STATE_UNCONFIGURED:
             self._change(Transition.TRANSITION_CONFIGURE)
         self._slip = SLIP[self.params.slip_input]
+        self._wrench = ("wrench",) if self.params.wrench.source == "sensor" else ()
         self._names = self._find_inputs()
         self._inputs = {name: self._subscribe(name, full) for name, full in self._names.items()}
         self._scalars = self._subscribe("controller/scalars", f"{self._ns}/controller/scalars")
@@ -196,7 +197,7 @@ class RosSystem:
 
     def _find_inputs(self) -> dict[str, str]:
         """Return the full names of the inputs, as the controller has them by remapping."""
-        wanted = ("joint_states", "wrench", self._slip)
+        wanted = ("joint_states", *self._wrench, self._slip)
         found: dict[str, str] = {}
 
         def subscribed() -> bool:
@@ -234,7 +235,7 @@ class RosSystem:
         stamps = np.array([_time_of(arrival) for arrival in joints])
 
         def track(name: str, columns: int, numbers: Callable[[Any], Array | list[float]]) -> Track:
-            found = heard[name]
+            found = heard.get(name)
             if not found or not len(stamps):
                 return Track(np.empty(0), np.empty(0), np.empty((0, columns)))
             before = np.searchsorted(received, [arrival.received_ns for arrival in found], side="right") - 1

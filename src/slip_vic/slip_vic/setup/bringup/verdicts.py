@@ -189,11 +189,11 @@ def measured_sensors(
 
     A reading that never changes (a dead band) says nothing of the noise: what the parameters tell stays.
     """
-    deviation, scales = wrench.values.std(axis=0), params.wrench
-    noise = {
-        "wrench_sensor.noise_force": scales.force_scale * float(deviation[:3].max()),
-        "wrench_sensor.noise_torque": scales.torque_scale * float(deviation[3:].max()),
-    }
+    noise, scales = {}, params.wrench
+    if scales.source == "sensor":
+        deviation = wrench.values.std(axis=0)
+        noise["wrench_sensor.noise_force"] = scales.force_scale * float(deviation[:3].max())
+        noise["wrench_sensor.noise_torque"] = scales.torque_scale * float(deviation[3:].max())
     offset, speeds = (0.0, (0.0, 0.0)) if params.slip_input == "flag" else _slip_noise(slip, params)
     noise |= {"slip_sensor.noise_linear": speeds[0], "slip_sensor.noise_angular": speeds[1]}
     found = {name: value for name, value in noise.items() if value > NO_NOISE}
@@ -229,10 +229,10 @@ def judge_rest(speed: float, offset: float, params: ControllerParams, found: Map
     """
     noise, most = found.get("wrench_sensor.noise_force", 0.0), NOISE_SHARE * params.governor.friction_limit
     latency, torque = 1e3 * found["slip_sensor.latency_s"], found.get("wrench_sensor.noise_torque", 0.0)
+    felt = f"wrench noise {noise:.4f} N, {torque:.5f} N m" if params.wrench.source == "sensor" else "no wrench sensor"
     measured = (
-        f"joints at {speed:.4f} rad/s, wrench noise {noise:.4f} N, {torque:.5f} N m; "
-        f"slip {1e3 * offset:.2f} mm/s, noise {1e3 * found.get('slip_sensor.noise_linear', 0.0):.2f} mm/s, "
-        f"{latency:.1f} ms late"
+        f"joints at {speed:.4f} rad/s, {felt}; slip {1e3 * offset:.2f} mm/s, "
+        f"noise {1e3 * found.get('slip_sensor.noise_linear', 0.0):.2f} mm/s, {latency:.1f} ms late"
     )
     expected = (
         f"below {RESTING_SPEED} rad/s, {most:.3g} N ({NOISE_SHARE:g} of governor.friction_limit), "

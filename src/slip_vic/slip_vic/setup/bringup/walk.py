@@ -60,6 +60,7 @@ class Walk:
         self._robot = Robot(system.urdf, params.ee_frame, params.joint_names, params.gravity)
         self._sensor = record(new(WRENCH_SENSOR), WRENCH_SENSOR)
         fill_wrench_sensor(self._sensor, params, self._robot)
+        self._has_wrench = params.wrench.source == "sensor"
         self.measured: dict[str, Any] = {}
 
     def steps(self) -> Iterator[Verdict]:
@@ -92,15 +93,17 @@ class Walk:
         slack, future = verdicts.RATE_SLACK, inputs.future_s
         bounds = (1.0 - slack) * hz, (1.0 + slack) * hz
         yield verdicts.judge_stream("joint_states", heard.joints, *bounds, inputs.joint.age_s, future)
-        for name, track, age in ("wrench", heard.wrench, inputs.wrench.age_s), ("slip", heard.slip, inputs.slip.age_s):
+        wrench, slip = ("wrench", heard.wrench, inputs.wrench.age_s), ("slip", heard.slip, inputs.slip.age_s)
+        for name, track, age in (wrench, slip) if self._has_wrench else (slip,):
             yield verdicts.judge_stream(name, track, 2.0 / age, math.inf, age, future)
         found, (offset, self._slip_noise) = verdicts.measured_sensors(heard.joints, heard.wrench, heard.slip, params)
         self.measured |= found
         n = len(params.joint_names)
         speed = float(np.abs(heard.joints.values[:, n:].mean(axis=0)).max())
         yield verdicts.judge_rest(speed, offset, params, found)
-        force, torque = self._wrench(heard)
-        yield verdicts.judge_weight(force, torque, *self._weight(heard.position), params.wrench_sensor.bias_force)
+        if self._has_wrench:
+            force, torque = self._wrench(heard)
+            yield verdicts.judge_weight(force, torque, *self._weight(heard.position), params.wrench_sensor.bias_force)
 
     def _weight(self, q: Array) -> tuple[Array, Array]:
         """Return force and torque of the resting object's weight on the pad; (3,) [N], [N m] {w}."""
@@ -125,9 +128,8 @@ class Walk:
             turned = hands.turn(joint, self._inertia(before.position))
             yield verdicts.judge_joint(names, joint, turned.position - before.position if turned else None)
             before = self._system.listen(2.0 * WATCHED_S)
-        rest = self._wrench(before)[0]
-        for axis, words in enumerate(AXES):
-            change = self._wrench(hands.push(words, unit(axis)))[0] - rest
+        for axis, words in enumerate(AXES if self._has_wrench else ()):
+            change = self._wrench(hands.push(words, unit(axis)))[0] - self._wrench(before)[0]
             yield verdicts.judge_push(words, change, unit(axis), hands.size)
         R = self._robot.frame(before.position)[1]
         along = (R.T @ self._weight(before.position)[0]) * params.contacts.slip_axes[:3]
