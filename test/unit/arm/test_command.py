@@ -58,6 +58,7 @@ def test_whatever_is_wanted_every_limit_holds_and_the_joint_stays_in_its_range(s
             wanted = np.array([np.nan, np.inf, -np.inf])[rng.permutation(3)]
         before = state.velocity[:N].copy(), state.acceleration[:N].copy()
         finite = advance_motion(config, state, full(wanted), full(before[0]), period, limited)
+        assert set(limited.tolist()) <= {0, 1}
         assert finite == bool(np.isfinite(wanted).all())
         assert (np.abs(state.velocity[:N]) <= VELOCITY + ROUNDING).all()
         assert (np.abs(state.acceleration[:N]) <= ACCELERATION + ROUNDING).all()

@@ -12,7 +12,15 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.records import new, record
-from slip_vic_controller.arm.config import Noise, estimator_config, predicted_covariance, process, steady_state
+from slip_vic_controller.arm.config import (
+    LAG_ACCELERATION,
+    Noise,
+    estimator_config,
+    predicted_covariance,
+    process,
+    sensor_noise,
+    steady_state,
+)
 from slip_vic_controller.arm.estimator import (
     ESTIMATOR_CONFIG,
     FAR,
@@ -32,6 +40,7 @@ from slip_vic_controller.arm.estimator import (
 )
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.observer.layouts import MOTION
+from slip_vic_controller.parameters.arm_params import JointSensorModel
 from slip_vic_controller.params import ControllerParams
 from test.referees import joint_filter
 from test.support.call import call
@@ -461,6 +470,23 @@ def test_an_estimate_that_runs_away_begins_again_at_the_measurement(wild: float)
         assert np.abs(q - at).max() < 0.5
         assert np.abs(qd - speed).max() < 20.0
     assert np.isfinite(joints.state.d).all()
+
+
+def test_a_sensor_is_as_noisy_as_counts_filter_and_its_own_noise_make_it() -> None:
+    """Against simulated counts of a joint at constant speed; the filter's lag stands for what acceleration adds."""
+    period, quantum, filter_hz, own = 1e-3, 5e-4, 200.0, 2e-2
+    filter_s = 1.0 / (2.0 * math.pi * filter_hz)
+    sensor = JointSensorModel(quantum_position=quantum, velocity_filter_hz=filter_hz, noise_velocity=own)
+    position, velocity = sensor_noise(sensor, period)
+    rng, weight = np.random.default_rng(3), 1.0 - math.exp(-period / filter_s)
+    error = rng.uniform(-0.5, 0.5, 200_000) * quantum
+    filtered, level = [], 0.0
+    for change in np.diff(error) / period:
+        level += weight * (change - level)
+        filtered.append(level)
+    lag = LAG_ACCELERATION * filter_s
+    assert position == pytest.approx(np.std(error), rel=0.01)
+    assert velocity == pytest.approx(math.hypot(own, float(np.std(filtered)), lag), rel=0.02)
 
 
 @every("j", range(N))
