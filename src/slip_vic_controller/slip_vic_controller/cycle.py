@@ -408,10 +408,12 @@ def _decide(
         decision.step, decision.entered = Step.BRIDGE.value, state.mode.mode
         return
     state.since.joint_bad_ns = NEVER
-    if inputs.request == Request.ENABLE:
-        # A user who enables the law has checked that the clocks agree and nothing is late.
+    if inputs.request == Request.ENABLE or inputs.request == Request.RESET_FAULT:
+        # A user who enables the law, or ends a fault, has checked that the clocks agree and nothing is late.
         forget_latency(state.latency)
         forget_drive_delay(state.drive_delay)
+    if inputs.request == Request.RESET_FAULT:
+        clear_findings(state.estimate)  # what is still wrong is found again
     measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns, config.cycle.late_ns)
     request = _stop_first(config, state, inputs.request, now_ns)
     if config.tare.duration_ns > 0:
@@ -425,8 +427,6 @@ def _decide(
         reasons = TransitionReasons(reasons.missing, said, reasons.hold, reasons.degraded)
     decision.entered = state.mode.mode
     next_mode(config.modes, state.mode, reasons, request, now_ns)
-    if request == Request.RESET_FAULT:
-        clear_findings(state.estimate)
     decision.step, decision.request, decision.level = Step.ANSWER.value, request, level
     decision.freezes = 1 if freezes else 0
     put_reason(decision.fault, reasons.fault)

@@ -8,12 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slip_core.records import new, record
 from slip_core.types import EffortCommand, JointSample
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.arm.estimator import Finding
-from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.cycle import _with_disturbance
+from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.safety.reasons import Cause, Reason
 from slip_vic_controller.session import CycleResult
+from slip_vic_controller.state import CONFIG, INPUTS
+from test.support.call import call
 from test.support.every import every
 
 NOISE = 0.003
@@ -199,3 +204,38 @@ def answer_bytes(run: Run, kept: np.ndarray, outputs: Any, counts: tuple[list[in
     run.arm.restore(kept)
     run.arm._wrench_counts, run.arm._slip_counts = map(list, counts)
     return run.loop.control(outputs).record.effort.tobytes() + run.loop.controller.snapshot().tobytes()
+
+
+@every("finding", tuple(each for each in Finding if each != Finding.NONE))
+def test_one_reset_ends_the_fault_of_what_was_found_and_is_gone(finding: Finding) -> None:
+    """What has been found stays until a user resets it: the first reset forgot it, and only a second one was heard."""
+    loop = ClosedLoop(load_scenario("paper_planar"))
+
+    def cycle(request: Request = Request.NONE) -> Mode:
+        loop.session.request(request)
+        result = loop.control(loop.observe())
+        loop.bridge.advance([result.command])
+        return Mode(result.mode)
+
+    assert [cycle() for _ in range(5)][-1] == Mode.ACTIVE
+    found = loop.controller.state.estimate
+    found.finding, found.joint, found.value, found.limit = finding, 2, 1.0, 0.5
+    loop.controller.state.drive_delay.found_s = 0.03
+    assert [cycle() for _ in range(100)][-1] == Mode.FAULT
+    assert cycle(Request.RESET_FAULT) == Mode.HOLD
+    assert loop.controller.state.drive_delay.found_s == 0.0
+    assert cycle(Request.ENABLE) in (Mode.ACTIVE, Mode.DEGRADED)
+
+
+@every("share, named", ((0.01, False), (0.03, True)))
+def test_a_fault_names_a_disturbance_that_is_more_than_little(share: float, named: bool) -> None:
+    loop = ClosedLoop(load_scenario("paper_planar", assignments=TOLD))
+    loop.control(loop.observe())
+    arm, inputs = loop.controller, record(new(INPUTS), INPUTS)
+    n, limit = 7, record(arm.config, CONFIG).law.effort_limit
+    inputs.arm.M[:n, :n] = np.eye(n)
+    arm.state.estimate.d[:] = 0.0
+    arm.state.estimate.d[3] = share * limit[3]
+    fault = Reason(Cause.FALLS.value, 0, 0, 0.3, 0.0)
+    said = call(_with_disturbance, arm.config, arm.state, inputs, fault)
+    assert (said != fault) is named

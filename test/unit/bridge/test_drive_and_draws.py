@@ -8,6 +8,7 @@ import numpy as np
 
 from slip_sim_bridge.sensors.slip import draw_chances, exceeds
 from slip_sim_bridge.simulation import CLIPPED, NOT_FINITE, OBEYED, drive
+from slip_vic.scenarios.scenario import load_scenario
 from test.support.every import every
 
 
@@ -52,3 +53,17 @@ def test_exceeds_compares_sizes(values, beyond):
     assert bool(exceeds(values, bounds)) is beyond
     with np.errstate(invalid="ignore"):
         assert bool((np.abs(values) > bounds).any()) is beyond
+
+
+def test_a_position_leads_a_joint_by_what_its_speed_makes_good_in_a_period() -> None:
+    """A loop of bandwidth K goes 1 - exp(-K T) of the way: with that lead it moves at its speed, and no faster."""
+    scenario = load_scenario("paper_planar", drive="position_250")
+    arm = scenario.bridge_session().simulation.arms[0]
+    period, bandwidth = scenario.bridge.control_period_s, scenario.bridge.drive.bandwidth
+    posture = 0.5 * (arm.joints.lower + arm.joints.upper)
+    for sign in (1.0, -1.0):
+        way = arm.followable(posture + 9.0 * sign, posture) - posture
+        np.testing.assert_allclose(way * (1.0 - math.exp(-bandwidth * period)), sign * arm.joints.speed * period)
+    near = posture + 1e-4
+    np.testing.assert_array_equal(arm.followable(near, posture), near)
+    assert (arm.followable(arm.joints.upper + 1.0, arm.joints.upper - 1e-3) == arm.joints.upper).all()

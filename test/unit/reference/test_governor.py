@@ -8,6 +8,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from slip_vic_controller.reference import governor
+from slip_vic_controller.reference.friction_estimate import provisional
 from slip_vic_controller.reference.guard import missing_load
 from slip_vic_controller.reference.path_grid import path_time
 from test.referees.governor_bench import PAPER_PLANAR, Friction, Governing, Governor
@@ -308,6 +309,20 @@ def test_while_the_observers_word_is_provisional_braking_asks_no_more_than_what_
     assert G.state.urgent == 0
     assert 0.0 < G.state.rate < before
     assert np.linalg.norm(G.load_of(R, v[3:], a)) <= float(G.state.usable) * (1 + ROUNDING)
+
+
+def test_while_the_observer_suspects_slip_no_more_is_asked_than_it_leaves() -> None:
+    G = Governor(BentPath(PAPER.way, 2.0), PAPER).plan()
+    for _ in range(200):
+        _, R, v, a = G.before()
+        G.after(a, a, R, v[3:])
+    G.state.estimate.suspected, G.state.estimate.suspected_at = 1, 0.4 * PAPER.force
+    left, _ = call(provisional, G.config.estimate, G.state.estimate)
+    assert left < 0.5 * np.linalg.norm(G.load_of(R, v[3:], a))
+    for _ in range(6):
+        _, R, v, a = G.before()
+        G.after(a, a, R, v[3:])
+        assert np.linalg.norm(G.load_of(R, v[3:], a)) <= left * (1 + ROUNDING)
 
 
 def test_where_the_bound_falls_evenly_the_path_is_braked_evenly_and_stays_on_it() -> None:
