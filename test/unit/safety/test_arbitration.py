@@ -102,6 +102,9 @@ def test_what_is_wrong_with_a_joint_is_a_fault_with_its_numbers() -> None:
     found.finding, found.joint, found.value, found.limit = Finding.VELOCITY_STUCK, 4, 0.3, 0.1
     reasons, _ = arbitration.arbitrate((Fault.NONE, *GOOD))
     assert reasons.fault == Reason(Cause.JOINT, 4 + 256 * Finding.VELOCITY_STUCK, 0, 0.3, 0.1)
+    found.finding, arbitration.state.observed.fall_speed = Finding.NONE, 9.0
+    reasons, _ = arbitration.arbitrate((Fault.NONE, *GOOD))
+    assert reasons.fault == Reason(Cause.FALLS, 0, 0, 9.0, 0.0)
 
 
 def random_memory(rng: np.random.Generator, limits) -> Memory:
