@@ -44,6 +44,16 @@ def test_a_gain_changed_in_its_last_bit_is_noticed() -> None:
     assert not verdict.identical
 
 
+@pytest.mark.parametrize("name", ["paper_planar_vic", "vic_bad_sensor"])
+def test_a_state_of_another_size_is_no_error(name: str) -> None:
+    with Bag(BAGS / name) as bag:
+        known = read_run(bag, {})[""].params.slip_estimator
+        other = "measured" if known == "observer" else "observer"
+        verdict = verify_run(read_run(bag, {"slip_estimator": other}))
+    assert not verdict.identical
+    assert verdict.first is not None
+
+
 def test_a_number_of_the_state_that_is_not_as_recorded_is_named() -> None:
     with Bag(BAGS / "paper_planar_vic") as bag:
         runs = read_run(bag, {})

@@ -46,6 +46,15 @@ def travel(G, most=6000, disturbance=None, seed=0):
     return over, most
 
 
+def on_its_way(cycles):
+    """Return a governor of the paper's path after so many cycles without a hand, with R, v and a of the last one."""
+    G = Governor(BentPath(PAPER.way, 2.0), PAPER).plan()
+    for _ in range(cycles):
+        _, R, v, a = G.before()
+        G.after(a, a, R, v[3:])
+    return G, R, v, a
+
+
 def test_known_friction_holds_and_arrives_in_time() -> None:
     q = row("governor TO", end=2.1)
     assert q.slip_mm < STICKS_MM
@@ -222,10 +231,7 @@ def test_a_late_sample_teaches_the_load_of_its_own_stamp() -> None:
 
 def test_the_plan_is_slow_enough_at_once_when_friction_falls() -> None:
     """A mass or friction that changes needs a new backward pass; until it is there, the pad brakes."""
-    G = Governor(BentPath(PAPER.way, 2.0), PAPER).plan()
-    for _ in range(900):
-        _, R, v, a = G.before()
-        G.after(a, a, R, v[3:])
+    G, R, v, a = on_its_way(900)
     rate = float(G.state.rate)
     G.state.estimate.F_hat = 0.9 * PAPER.force
     seen = 0
@@ -296,10 +302,7 @@ def test_the_observers_word_alone_is_dropped_where_nothing_would_stop_on_the_pat
 
 
 def test_while_the_observers_word_is_provisional_braking_asks_no_more_than_what_is_known_to_hold() -> None:
-    G = Governor(BentPath(PAPER.way, 2.0), PAPER).plan()
-    for _ in range(900):
-        _, R, v, a = G.before()
-        G.after(a, a, R, v[3:])
+    G, R, v, a = on_its_way(900)
     G.state.estimate.suspected, G.state.estimate.suspected_at = 1, 0.8 * PAPER.force
     G.state.asked = governor.planned_load(G.config, G.state, G.grid)
     G.points["K"][:] = 1e-6  # as if that plan were there, and nowhere admitted motion
@@ -312,10 +315,7 @@ def test_while_the_observers_word_is_provisional_braking_asks_no_more_than_what_
 
 
 def test_while_the_observer_suspects_slip_no_more_is_asked_than_it_leaves() -> None:
-    G = Governor(BentPath(PAPER.way, 2.0), PAPER).plan()
-    for _ in range(200):
-        _, R, v, a = G.before()
-        G.after(a, a, R, v[3:])
+    G, R, v, a = on_its_way(200)
     G.state.estimate.suspected, G.state.estimate.suspected_at = 1, 0.4 * PAPER.force
     left, _ = call(provisional, G.config.estimate, G.state.estimate)
     assert left < 0.5 * np.linalg.norm(G.load_of(R, v[3:], a))

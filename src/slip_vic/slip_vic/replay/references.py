@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from slip_bags.reader import Bag
+from slip_core.arms import prefix_of
 from slip_core.errors import ProtocolError
 from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
@@ -22,6 +23,8 @@ from slip_vic.scenarios.scenario import Estimator, Law, Scenario, load_scenario
 SEED: Final = 0
 COMMAND: Final = "slip-vic bag references"
 LARGEST_BYTES: Final = 2_000_000
+OF_AN_ARM: Final = ("joint_states", "controller/ledger", "slip_truth")
+"""Topics with a message in every tick, beside the command, the clock and the object's state."""
 CONTROLLERS: Final[dict[Law, str]] = {
     "classical": "Classical impedance control: the arm keeps its path, and the object slips.",
     "vic": "Variable impedance control: stiffness fades with slip and compensation drives it to zero.",
@@ -112,6 +115,13 @@ def references() -> list[Reference]:
     return [*_printed(), *REAL]
 
 
+def _every_tick(scenario: Scenario) -> list[str]:
+    """Return the topics of which a run in lockstep has a message in every tick."""
+    command = f"{next(iter(scenario.controllers.values())).command.interface}_command"
+    prefixes = map(prefix_of, scenario.controllers)
+    return ["/clock", "/object_state", *(f"/{prefix}{name}" for prefix in prefixes for name in (*OF_AN_ARM, command))]
+
+
 def make_references(folder: Path, tell: Callable[[str], None]) -> None:
     """Record all reference bags again, verify each, and only then replace those in `folder`, with their README.
 
@@ -129,10 +139,12 @@ def make_references(folder: Path, tell: Callable[[str], None]) -> None:
             with Bag(staging / reference.name) as bag:
                 verdict = verify_run(read_run(bag, {}))
                 size = bag.size_bytes
+                short = [t for t in _every_tick(loaded) if bag.topic(t).message_count != result.ticks]
             if size > LARGEST_BYTES:
                 raise ProtocolError(f"reference bag {reference.name}: {size} bytes, expected at most {LARGEST_BYTES}")
-            if result.lost or not verdict.identical:
-                raise ProtocolError(f"reference bag {reference.name}: {result.lost} lost; {verdict.text()}")
+            if result.lost or short or not verdict.identical:
+                told = f"{result.lost} lost, short: {short}; {verdict.text()}"
+                raise ProtocolError(f"reference bag {reference.name}: {told}")
             tell(f"{reference.name}: {verdict.text()}")
             numbers = summarise(read_series(staging / reference.name))
             slip = f"{1e3 * numbers['slip_linear_m']:.2f} mm, {math.degrees(numbers['slip_angular_rad']):.2f} deg"

@@ -228,13 +228,15 @@ class _Arm:
         if self.at == self._begin or entry.cycle not in self.run.states:
             return None
         recorded, replayed = from_text(self.run.states[entry.cycle]), self._arm.snapshot()
+
+        def differs(field: str, one: float, other: float) -> Divergence:
+            return Divergence(entry.cycle, entry.joint_ns, "controller/state", field, float(one), float(other), None)
+
+        if recorded.shape != replayed.shape:
+            return differs("numbers", len(recorded), len(replayed))
         recorded[INPUTS_JUDGED] = replayed[INPUTS_JUDGED]
         differ = np.flatnonzero(recorded.view(np.int64) != replayed.view(np.int64))
-        if not len(differ):
-            return None
-        at = int(differ[0])
-        one, other = float(recorded[at]), float(replayed[at])
-        return Divergence(entry.cycle, entry.joint_ns, "controller/state", number_name(at), one, other, None)
+        return differs(number_name(int(differ[0])), recorded[differ[0]], replayed[differ[0]]) if len(differ) else None
 
     def begin(self) -> LedgerEntry:
         """Take what had come since the cycle before, and return the entry of this one."""

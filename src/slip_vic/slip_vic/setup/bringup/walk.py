@@ -128,9 +128,11 @@ class Walk:
             turned = hands.turn(joint, self._inertia(before.position))
             yield verdicts.judge_joint(names, joint, turned.position - before.position if turned else None)
             before = self._system.listen(2.0 * WATCHED_S)
-        for axis, words in enumerate(AXES if self._has_wrench else ()):
-            change = self._wrench(hands.push(words, unit(axis)))[0] - self._wrench(before)[0]
-            yield verdicts.judge_push(words, change, unit(axis), hands.size)
+        if self._has_wrench:
+            rest = self._wrench(before)[0]
+            for axis, words in enumerate(AXES):
+                change = self._wrench(hands.push(words, unit(axis)))[0] - rest
+                yield verdicts.judge_push(words, change, unit(axis), hands.size)
         R = self._robot.frame(before.position)[1]
         along = (R.T @ self._weight(before.position)[0]) * params.contacts.slip_axes[:3]
         for axis in (axis for axis in range(3) if params.contacts.slip_axes[axis]):
