@@ -143,8 +143,8 @@ def make_references(folder: Path, tell: Callable[[str], None]) -> None:
             if size > LARGEST_BYTES:
                 raise ProtocolError(f"reference bag {reference.name}: {size} bytes, expected at most {LARGEST_BYTES}")
             if result.lost or short or not verdict.identical:
-                told = f"{result.lost} lost, short: {short}; {verdict.text()}"
-                raise ProtocolError(f"reference bag {reference.name}: {told}")
+                why = verdict.text()
+                raise ProtocolError(f"reference bag {reference.name}: {result.lost} lost, short: {short}; {why}")
             tell(f"{reference.name}: {verdict.text()}")
             numbers = summarise(read_series(staging / reference.name))
             slip = f"{1e3 * numbers['slip_linear_m']:.2f} mm, {math.degrees(numbers['slip_angular_rad']):.2f} deg"
