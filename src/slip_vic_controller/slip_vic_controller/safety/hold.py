@@ -18,7 +18,7 @@ EXCESS = 1.5  # times that the inertia in HOLD may be what is moved
 LOAD_LEVER = 0.1  # [m]: how far off the pad centre the unknown part of a load may pull; no pad is longer
 LEAST_LOAD = 5.0  # [N]: what one arm carries at least, where the wrench shows it: a mass that is told too small
 RESTS = 0.02  # [rad/s]: speed of a joint at rest, with the noise of its sensor
-RESTS_FOR = 0.05  # [s]: no turning point lasts that long
+RESTS_FOR = 0.05  # [s]: friction holds a joint that is at rest for that long
 ELSEWHERE = 0.01  # [rad]: off the posture that HOLD keeps; a pad has then moved by some millimetres
 SLOWEST = 0.45  # of the loop in slow motion: with the default gains no joint gives way under a load that slides
 
@@ -45,7 +45,7 @@ class Hold(Record):
 
     known: Whole
     posture: Joints  # rad
-    thrown_s: Joints  # s; for which a joint that was thrown has yet to rest, 0 where it was not
+    thrown_s: Joints  # s; for which a joint of an arm that was thrown has yet to rest, 0 where it was not
     load_error: Vec6  # N, N m {ee}; what is added to the model's load
 
 
@@ -203,8 +203,8 @@ def keep_posture(
 ) -> None:
     """Let a joint that was thrown rest where it becomes slow again: the way back would be as fast as it is allowed.
 
-    Where that is not where it comes to rest, it stays there too, once: what throws a joint passes, while an arm that
-    gives way to a load would do so step by step.
+    What throws one joint moves all of them, and passes. So each stays, once, where it turns round or comes to rest; an
+    arm that gives way to a load would do so step by step.
 
     So may one that has come to rest elsewhere and that friction can hold there: else the compensation of disturbances
     grows against friction until the joint breaks loose, long after everything has come to rest. Two joints with
@@ -222,16 +222,18 @@ def keep_posture(
     n = config.joints
     off = state.posture[:n] - sample.position[:n]
     for j in range(n):
+        if abs(sample.velocity[j]) > velocity_limit[j]:
+            state.thrown_s[:n] = RESTS_FOR
+    for j in range(n):
         speed, pull = abs(sample.velocity[j]), 0.0
         for k in range(n):
             pull += config.stiffness * M[j, k] * off[k]
-        elsewhere, thrown = speed < RESTS and abs(off[j]) > ELSEWHERE, speed > velocity_limit[j]
-        if thrown:
-            state.thrown_s[j] = RESTS_FOR
-        elif elsewhere and state.thrown_s[j] > 0.0:
-            state.thrown_s[j] -= dt
-            thrown = state.thrown_s[j] <= 0.0
-        if thrown or (elsewhere and abs(pull) < friction[j]):
+        elsewhere, rests = abs(off[j]) > ELSEWHERE, speed < RESTS
+        stays = speed > velocity_limit[j] or (elsewhere and rests and abs(pull) < friction[j])
+        if state.thrown_s[j] > 0.0 and elsewhere and (rests or off[j] * sample.velocity[j] > 0.0):
+            state.thrown_s[j] = state.thrown_s[j] - dt if rests else 0.0
+            stays = stays or state.thrown_s[j] <= 0.0
+        if stays:
             state.posture[j] = sample.position[j]
 
 
