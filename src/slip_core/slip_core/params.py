@@ -46,6 +46,7 @@ RANGES: Final[Mapping[str, tuple[float, float]]] = _types.MappingProxyType(
         "N m": (1e-6, 1e6),
         "N, N m": (1e-6, 1e6),
         "N/s": (1e-3, 1e8),
+        "N/s, N m/s": (1e-6, 1e6),
         "N m/s": (1e-3, 1e8),
         "N/m": (1e-3, 1e9),
         "N m/rad": (1e-6, 1e7),

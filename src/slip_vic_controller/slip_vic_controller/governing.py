@@ -423,7 +423,8 @@ def guard(
         pad.guard = 1.0
         return 1.0
     if not slips:
-        ceiling += missing_load(pad.commanded, pad.measured, outputs.law.error_linear, outputs.law.error_angular)
+        law = outputs.law
+        ceiling += missing_load(pad.commanded, pad.measured, ceiling, law.error_linear, law.error_angular)
     return governor.hold_back(config.governor, ceiling, pad, grasped, R, v_ee.angular, a_C, a_d, slides)
 
 

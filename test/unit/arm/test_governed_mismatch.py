@@ -53,6 +53,11 @@ MISMATCHES: dict[str, Callable[[BridgeParams], list[str]]] = {
     ],
     "joint positions 3 mrad off": lambda _: [f"bridge.sensors.joint.bias_position={BIAS}"],
     "torques a tenth too small": lambda _: ["bridge.drive.gain=0.9"],
+    "wrench sensor askew by 5 degrees": lambda _: [
+        f"bridge.sensors.wrench.rotation={np.full(3, math.radians(5.0) / math.sqrt(3.0)).tolist()}"
+    ],
+    "wrench a tenth too small": lambda _: ["bridge.sensors.wrench.gain=0.9"],
+    "wrench that drifts by 0.02 N/s": lambda _: ["bridge.sensors.wrench.drift=[0.02, 0.02, 0.02, 0.0, 0.0, 0.0]"],
     "wrench at 250 Hz, 4 ms late": lambda _: [
         "bridge.sensors.wrench.latency_s=0.004", "bridge.sensors.wrench.rate_hz=250",
     ],
@@ -88,6 +93,7 @@ def test_an_arm_whose_torques_are_too_small_gives_way_and_keeps_the_object(scena
         ("ideal", "paper_planar", "base tilted by 2 degrees about y"),
         ("torque_joint", "glass_transport", "joints 3 mrad off, base tilted, wrench noise 0.05 N"),
         ("velocity_500", "vertical_plane", "object gripped turned by 5 degrees about z"),
+        ("ideal", "paper_planar", "wrench sensor askew by 5 degrees"),
     ),
 )
 def test_what_is_mounted_otherwise_than_told_makes_nothing_slip(drive: str, scenario: str, mismatch: str) -> None:

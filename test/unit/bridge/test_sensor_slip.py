@@ -137,6 +137,21 @@ def test_wrench_bias_and_hidden_joint_delay() -> None:
     assert sample.position[0] == 6.0
 
 
+def test_a_wrench_sensor_that_is_askew_scales_and_drifts() -> None:
+    """Askew by a right angle about z, x of the pad is -y of the sensor; it drifts from the first sample on."""
+    drift = (0.0, 0.0, 0.5, 0.0, 0.0, 0.1)
+    values = {"wrench__gain": 0.9, "wrench__rotation": (0.0, 0.0, math.pi / 2.0), "wrench__drift": drift}
+    suite = SensorSuite(params(**values))
+    truth = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
+    askew = 0.9 * np.array([2.0, -1.0, 3.0, 0.2, -0.1, 0.3])
+    for _ in range(2):
+        for after_s in (0.0, 2.0):
+            sample = WrenchSample(700 * MS + round(after_s * 1e9), truth)
+            measured = suite.wrench.update(sample)[0].wrench
+            np.testing.assert_allclose(measured, askew + after_s * np.array(drift), atol=1e-12)
+        suite.reset()
+
+
 def flagged(twist: np.ndarray, **values: Any) -> SlipSample:
     settings = {f"sensors.slip.{name.replace('__', '.')}": value for name, value in values.items()}
     flag = {"slip_input": "flag", "friction.torsional_radius": 0.015, "contacts.slip_axes": [1] * 6}

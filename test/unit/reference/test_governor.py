@@ -442,5 +442,8 @@ def test_unknown_friction_with_weight_in_the_slip_plane_is_tried() -> None:
 def test_the_load_that_is_missing_counts_far_from_the_reference_alone() -> None:
     cases = (0.0, 0.0, 0.0), (0.01, 0.05, 0.0), (0.015, 0.0, 0.5), (0.0, 0.075, 0.5), (1.0, 0.0, 1.0)
     for linear, angular, share in cases:
-        assert call(missing_load, 2.0, 1.6, linear, angular) == pytest.approx(0.36 * share)
-        assert call(missing_load, 2.0, 1.97, linear, angular) == call(missing_load, 1.6, 2.0, linear, angular) == 0.0
+        for commanded, measured, F, missing in (
+            (2.0, 1.6, 2.0, 0.36), (2.0, 1.97, 2.0, 0.0), (1.6, 2.0, 2.0, 0.0), (2.0, 2.39, 2.0, 0.0),
+            (0.5, 3.0, 2.0, 1.2),
+        ):  # fmt: skip
+            assert call(missing_load, commanded, measured, F, linear, angular) == pytest.approx(missing * share)

@@ -158,7 +158,7 @@ def test_two_joints_whose_pulls_cancel_stay_where_friction_can_hold_them() -> No
 
 
 def thrown_arm() -> Callable[[float, float, int], np.ndarray]:
-    """Return what moves the first two joints, of which only the second can be thrown, and returns where HOLD keeps them."""
+    """Return what moves two joints, of which only the second can be thrown, and returns where HOLD keeps them."""
     case = Random(0, N)
     hold, sample = case.hold, record(new(JOINT_SAMPLE), JOINT_SAMPLE)
     hold.posture[:N], hold.thrown_s[:N] = 0.0, 0.0

@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from slip_core.arrays import Array
+from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.sensors.params import JointSensorParams, SensorsParams, WrenchSensorParams
@@ -199,7 +199,7 @@ class SensorSuite:
 
 
 class WrenchMeasurement:
-    """Measures the wrench with noise and bias; `params` may be replaced at any time.
+    """Measures the wrench with the errors of a real sensor; `params` may be replaced at any time.
 
     Args:
         params: the sensor.
@@ -219,7 +219,12 @@ class WrenchMeasurement:
     @params.setter
     def params(self, params: WrenchSensorParams) -> None:
         self._params = params
-        self._bias = np.array(params.bias) if any(params.bias) else None
+        self._bias, self._drift = np.array(params.bias), np.array(params.drift)
+        turn = np.array(params.rotation)
+        half = 0.5 * float(np.linalg.norm(turn))
+        axis_sine = 0.5 * np.sinc(half / math.pi) * turn
+        self._axes = params.gain * matrix_from_quat_xyzw((*axis_sine, math.cos(half)))
+        self._exact = params.gain == 1.0 and not any((*params.rotation, *params.bias, *params.drift))
         self._noisy = params.noise_force > 0.0 or params.noise_torque > 0.0
         self._deviation = np.repeat((params.noise_force, params.noise_torque), 3)
 
@@ -227,6 +232,7 @@ class WrenchMeasurement:
         """Start the losses' random stream afresh."""
         self._rng = self._make_rng()
         self._chances: Iterator[float] = iter(())
+        self._began_ns: int | None = None
 
     def __call__(self, truth: WrenchSample, rng: np.random.Generator) -> WrenchSample | None:
         """Return the measured sample, or None where it is lost; noise is drawn from `rng`."""
@@ -235,11 +241,14 @@ class WrenchMeasurement:
             self._chances = iter(self._rng.random(_DRAWN_AHEAD).tolist())
             chance = next(self._chances)
         noise = rng.standard_normal(6) if self._noisy else None
+        if self._began_ns is None:
+            self._began_ns = truth.stamp_ns
         if params.silent or chance < params.dropout_probability:
             return None
-        if noise is None and self._bias is None:
+        if noise is None and self._exact:
             return truth
-        wrench = truth.wrench if self._bias is None else truth.wrench + self._bias
+        offset = self._bias + self._drift * ((truth.stamp_ns - self._began_ns) / _NS_PER_S)
+        wrench = (truth.wrench.reshape(2, 3) @ self._axes).ravel() + offset
         if noise is not None:
             wrench = wrench + self._deviation * noise
         return WrenchSample(truth.stamp_ns, wrench)

@@ -11,6 +11,8 @@ from slip_core.vectors import Spatial
 FAR: Final = 0.01
 FAR_TURNED: Final = 0.05
 """Distance from the reference [m], [rad] from which the load that comes about counts, fully from twice of it."""
+BEYOND: Final = 1.2
+"""Share of what friction carries, which a measured load is beyond with more than its noise."""
 COMES_ABOUT: Final = 0.98
 """Share of the commanded load that is none missing: a period's change of it is measured a period later."""
 
@@ -39,15 +41,19 @@ def guard_factor(drawn: Spatial, rest: Spatial, F: float) -> float:
 
 
 @part
-def missing_load(commanded: float, measured: float, error_linear: float, error_angular: float) -> float:
+def missing_load(commanded: float, measured: float, F: float, error_linear: float, error_angular: float) -> float:
     """Return what is missing of the load that was commanded, where the pad is far from its reference [N].
 
     There something else takes that much of the arm's acceleration, as gravity that is compensated by too little. Held
-    back to what friction would carry if all of it came about, the arm would give way to that for ever.
+    back to what friction would carry if all of it came about, the arm would give way to that for ever. A load beyond F
+    of an object that does not slip comes from elsewhere too, as a push or a bias of the sensor, which the law makes a
+    push: as much again brings the arm back.
 
     Args:
         commanded, measured: load [N].
+        F: what friction carries [N].
         error_linear, error_angular: distance from the reference [m], [rad].
     """
     far = max(error_linear / FAR, error_angular / FAR_TURNED)
-    return min(max(far - 1.0, 0.0), 1.0) * max(COMES_ABOUT * commanded - measured, 0.0)
+    lacks = max(COMES_ABOUT * commanded - measured, 2.0 * (measured - BEYOND * F), 0.0)
+    return min(max(far - 1.0, 0.0), 1.0) * lacks
