@@ -197,7 +197,7 @@ def _masked(data: bytes | bytearray, mask: bytes | bytearray) -> int:
 
 
 def _stamp_offset(layout: Layout, path: str) -> int:
-    sec = next((leaf for leaf in layout.leaves if leaf.path == f"{path}.sec" and leaf.dtype == "i4"), None)
+    sec = next((leaf for leaf in layout.leaves if leaf.path == f"{path}.sec"), None)
     if sec is None:
         raise ValueError(f"{path}: not a stamp")
     return sec.offset
