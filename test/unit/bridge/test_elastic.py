@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from slip_core.arrays import Array
+from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.grasp_params import BaseParams, ObjectParams
 from slip_core.records import records
@@ -19,7 +19,7 @@ from slip_sim_bridge.params import BridgeParams, PushParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.plant.elastic import LONGEST_STEP, ElasticPlant
 from slip_sim_bridge.plant.elastic_step import ELASTIC_CONTACT, FRAME, elastic_after, fill_rows
-from slip_sim_bridge.plant.model import PAD, name_of
+from slip_sim_bridge.plant.model import OBJECT, PAD, name_of
 from slip_sim_bridge.session import BridgeSession
 from slip_sim_bridge.simulation import Simulation
 from test.support.call import call
@@ -45,6 +45,14 @@ def params(period_s: float = 1e-3, grip: float = 12.0, damping: float = 30.0, **
     }  # fmt: skip
     left = BridgeParams.model_validate(arm | more)
     return {"left": left, "right": left.model_copy(update={"base": BaseParams(position=(0.0, -0.36, 0.0))})}
+
+
+def test_the_free_object_has_the_mass_and_the_inertia_that_it_was_told_to_have() -> None:
+    told = ObjectParams(mass=0.7, inertia=(2.0e-3, 1.5e-3, 1.2e-3, 2e-4, -1e-4, 3e-4))
+    body = plant_of(pair(object=told.model_dump())).model.body(OBJECT)
+    axes = matrix_from_quat_xyzw(np.roll(body.iquat, -1))
+    assert body.mass == told.mass
+    np.testing.assert_allclose(axes @ np.diag(body.inertia) @ axes.T, inertia_from_six(told.inertia), atol=1e-12)
 
 
 @pytest.mark.parametrize("turning", [5.0, 4e3])
