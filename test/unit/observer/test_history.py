@@ -171,6 +171,15 @@ def test_more_samples_than_rows_do_no_harm() -> None:
     assert np.isfinite(observer.history).all()
 
 
+def test_the_history_keeps_what_fits_into_it() -> None:
+    observer, start_ns = sliding_observer(rows=64)
+    for k in range(1, 60):
+        stamp_ns = start_ns + k * MS
+        assert observer.observe(make_motion(six(x=0.02)), stamp_ns, [(stamp_ns, six(x=0.02))])
+    assert observer.state.rows == 64
+    assert observer.state.late == 0
+
+
 def test_numbers_that_are_not_finite_are_refused() -> None:
     for slipping in (False, True):
         bench = Bench(**SENSOR, observer__drag_spread=0.0)
