@@ -62,7 +62,7 @@ class WrenchSensorParams(WrenchSensorModel):
         (0.0, 0.0, 0.0), "rotation vector of a sensor that is mounted askew, on pad axes", unit="rad", runtime=True
     )
     bias: Six = parameter(NO_BIAS, "constant added to readings, on pad axes", unit="N, N m", runtime=True)
-    drift: Six = parameter(NO_BIAS, "growth of the bias since the beginning", unit="N/s, N m/s", runtime=True)
+    drift: Six = parameter(NO_BIAS, "growth of the bias since the first sample", unit="N/s, N m/s", runtime=True)
     dropout_probability: float = parameter(0.0, "share of samples that are lost", runtime=True, ge=0.0, le=1.0)
     silent: bool = parameter(False, "publish nothing", runtime=True)
 
