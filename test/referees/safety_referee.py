@@ -118,6 +118,8 @@ class Memory(NamedTuple):
     path_speed: float
     path_scale: float
     reference_moves: bool
+    joints_move: bool
+    frozen_before: bool
     late_in_a_row: int
     pad_twist: Array
     slips: tuple[Array, ...]
@@ -170,7 +172,10 @@ def arbitrate(
             describe_fault(Input.JOINT_STATE, Fault.NOT_RUN),
         ),
         (memory.late_in_a_row >= limits.late_after, describe_fault(Input.JOINT_STATE, Fault.LATE)),
-        (frozen and memory.reference_moves and follows, describe_fault(Input.JOINT_STATE, Fault.FROZEN)),
+        (
+            frozen and (memory.joints_move or memory.frozen_before or (memory.reference_moves and follows)),
+            describe_fault(Input.JOINT_STATE, Fault.FROZEN),
+        ),
         (level == Level.HOLD or (unknown and not follows), slip_words),
         (
             not follows and bool(limits.slip_needed) and any(_slides(limits, v) for v in memory.slips),

@@ -22,7 +22,10 @@ LASTS_S, LAST_S, AT_REST = 3.0, 0.3, 0.1
 FROM_S, HELD_S = (0.6, 1.2), 3.0
 SEEDS = 20
 DRIFT, OFFSET, FRICTION = 0.05, 2.0, (0.3, 1.0)  # rad/s, N m, N m
-MEASURED = ("velocity of the wrong sign", "velocity stuck at 0", "position stuck", "position drifts")
+MEASURED = (
+    "velocity of the wrong sign", "velocity stuck at 0", "position stuck", "position drifts",
+    "position and velocity stuck", "all joints stuck",
+)  # fmt: skip
 TORQUES = ("offset of 2 N m", "friction of 0.3 to 1 N m")
 
 
@@ -40,19 +43,22 @@ class Seen(NamedTuple):
 class Wrong(Channel):
     """Joint states in which one joint, the fault's size, is measured wrongly in the way of its kind."""
 
-    _since: tuple[int, float] | None = None
+    _since: tuple[int, Any] | None = None
 
     def _suffer(self, fault: Fault, sample: Any, now_ns: int, measured_ns: int) -> None:
         joint, q, qd = int(fault.size), sample.position.copy(), sample.velocity.copy()
-        begun_ns, position = self._since = self._since or (now_ns, float(q[joint]))
+        begun_ns, first = self._since = self._since or (now_ns, sample)
+        stuck = slice(None) if fault.kind == "all joints stuck" else joint
         if fault.kind == "velocity of the wrong sign":
             qd[joint] *= -1.0
         elif fault.kind == "velocity stuck at 0":
             qd[joint] = 0.0
         elif fault.kind == "position stuck":
-            q[joint] = position
+            q[joint] = first.position[joint]
         elif fault.kind == "position drifts":
             q[joint] += DRIFT * 1e-9 * (now_ns - begun_ns)
+        elif fault.kind in MEASURED:
+            q[stuck], qd[stuck] = first.position[stuck], first.velocity[stuck]
         self._put(dataclasses.replace(sample, position=q, velocity=qd), now_ns, measured_ns, True)
 
 

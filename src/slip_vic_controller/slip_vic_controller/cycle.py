@@ -34,13 +34,16 @@ from slip_vic_controller.arm.command import (
 )
 from slip_vic_controller.arm.drive_delay import forget_drive_delay, watch_drive_delay
 from slip_vic_controller.arm.estimator import (
+    BLIND_S,
     DISTURBED,
     clear_findings,
+    is_blind,
     most_disturbed,
     oppose_disturbance,
     pad_variances,
     publish_joints,
     remember_input,
+    stay_blind,
 )
 from slip_vic_controller.arm.tare import add, add_slip, measure_at_rest, measure_without_rest, start_tare, take_biases
 from slip_vic_controller.governing import (
@@ -126,6 +129,7 @@ from slip_vic_controller.safety.modes import (
     TransitionReasons,
     begin_modes,
     follows,
+    holds_for,
     next_mode,
 )
 from slip_vic_controller.safety.reasons import (
@@ -142,6 +146,7 @@ from slip_vic_controller.safety.reasons import (
 from slip_vic_controller.safety.validation import (
     all_finite,
     fine,
+    forget_repeats,
     frozen,
     stays_away,
     usable,
@@ -288,7 +293,8 @@ def _classify_inputs(
 
     alone: whether another arm is not answered in this cycle.
     """
-    stamp_ns, moves = state.joint.answers.stamp_ns, state.joint.moves != 0
+    stamp_ns = state.joint.answers.stamp_ns
+    moves = state.joint.moves != 0 or holds_for(state.mode, Input.WRENCH, Fault.FROZEN)
     if inputs.health_given == 0:
         health = outputs.health
         health.joint, health.wrench, health.slip, health.outside = fault, 0, 0, state.outside
@@ -412,6 +418,7 @@ def _decide(
         # A user who enables the law, or ends a fault, has checked that the clocks agree and nothing is late.
         forget_latency(state.latency)
         forget_drive_delay(state.drive_delay)
+        forget_repeats(state.joint, state.wrench_inputs[: config.law.contacts], now_ns)
     if inputs.request == Request.RESET_FAULT:
         clear_findings(state.estimate)  # what is still wrong is found again
     measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns, config.cycle.late_ns)
@@ -617,6 +624,19 @@ def _hold_with_the_others(
 
 
 @part
+def _frozen_before(state: ArmState) -> bool:
+    """Return whether the law does not work because the joint state is frozen."""
+    return holds_for(state.mode, Input.JOINT_STATE, Fault.FROZEN)
+
+
+@part
+def _leave_to_drives(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
+    """Give no command: without feedback HOLD would lose the arm; drives hold it by themselves."""
+    state.limiter.started, state.now_ns, state.hold.known = 0, inputs.now_ns, 0
+    stay_blind(config.estimator, state.estimate)
+
+
+@part
 def _at_work(state: ArmState, outputs: CycleOutputs) -> bool:
     """Return whether the law is to be evaluated in this cycle."""
     return bool(outputs.decision.step == Step.ANSWER and follows(state.mode.mode))
@@ -634,7 +654,11 @@ def _prepare(
         if decision.request == Request.RESET_FAULT and config.governor.mode != Governing.OFF:
             _gains_now(state, state.joint.answers.stamp_ns, outputs)
             forget_friction(config, task, state, inputs.arm, outputs.gains, lead)
-        _hold(config, task, state, inputs, outputs, fine(outputs.health.wrench) and decision.freezes == 0, lead)
+        frozen_ns = inputs.now_ns - state.joint.equal_since_ns if _frozen_before(state) else 0
+        if is_blind(config.estimator, state.estimate) or frozen_ns * 1e-9 > BLIND_S:
+            _leave_to_drives(config, state, inputs)
+        else:
+            _hold(config, task, state, inputs, outputs, fine(outputs.health.wrench) and decision.freezes == 0, lead)
     elif decision.step == Step.ANSWER and not follows(decision.entered):
         # After a HOLD the path starts from rest; and the time that passed in it is not part of the path.
         if lead:

@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 
 from slip_core.records import new, record
+from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.modes import (
     MODE,
     MODE_POLICY,
@@ -15,9 +16,19 @@ from slip_vic_controller.safety.modes import (
     Request,
     TransitionReasons,
     begin_modes,
+    holds_for,
     next_mode,
 )
-from slip_vic_controller.safety.reasons import Cause, Prefix, Reason, because, describe, put_reason, read_reason
+from slip_vic_controller.safety.reasons import (
+    Cause,
+    Prefix,
+    Reason,
+    because,
+    describe,
+    of_fault,
+    put_reason,
+    read_reason,
+)
 from slip_vic_controller.sizes import NEVER
 from test.referees import mode_referee
 from test.referees.mode_referee import Found, ModeState, Policy
@@ -203,3 +214,19 @@ def test_every_cause_has_words() -> None:
     contacts = [f"{name} of contact {k}" for name in ("wrench", "slip") for k in range(4)]
     everything = ", ".join(["activation", "a good joint state", "joint_states", *contacts])
     assert describe(because(Cause.WAITS, 2**11 - 1), ()) == f"waits for {everything}"
+
+
+def test_what_the_law_is_held_for_is_the_fault_of_one_input_as_long_as_it_lasts() -> None:
+    frozen, state = of_fault(Cause.INPUT, Input.WRENCH, Fault.FROZEN), record(new(MODE), MODE)
+    for reason, of, fault, holds in (
+        (frozen, Input.WRENCH, Fault.FROZEN, True),
+        (frozen._replace(prefix=Prefix.ASKED_AND), Input.WRENCH, Fault.FROZEN, True),
+        (frozen._replace(prefix=Prefix.RESUMES_AFTER), Input.WRENCH, Fault.FROZEN, False),
+        (frozen._replace(prefix=Prefix.AFTER_RESET), Input.WRENCH, Fault.FROZEN, False),
+        (frozen, Input.JOINT_STATE, Fault.FROZEN, False),
+        (frozen, Input.WRENCH, Fault.SILENT, False),
+        (frozen._replace(cause=Cause.PREDICTED), Input.WRENCH, Fault.FROZEN, False),
+        (NOTHING, Input.WRENCH, Fault.FROZEN, False),
+    ):
+        put_reason(state.reason, reason)
+        assert bool(call(holds_for, state, of, fault)) is holds, reason

@@ -17,7 +17,8 @@ inputs of that time, and its estimate is predicted to now with the inputs since 
 works with this prediction.
 
 Position and velocity are compared with each other as well: where their difference grows beyond noise, one of them is
-wrong, and the joint continues with the other.
+wrong, and the joint continues with the other. A joint that moves and reads the same to the last bit is not measured:
+the model tells where it is.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from __future__ import annotations
 import math
 from enum import IntEnum, unique
 from typing import Annotated, Final, NamedTuple, Protocol
+
+import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.compiled import part
@@ -37,6 +40,8 @@ MAX_LATENCY: Final = 32
 LONGEST_STEP: Final = 20
 LONGEST_S: Final = 0.05
 """Control periods, and time [s], after which a sample begins the estimate again: what the arm did is not known."""
+BLIND_S: Final = 0.5
+"""Time for which the model tells where a joint is that is not measured [s]: enough to come to rest, not to hold it."""
 RING: Final = MAX_LATENCY + LONGEST_STEP + 1
 """Inputs that are kept: of so many control periods."""
 MEMORY_S: Final = 0.5
@@ -48,6 +53,9 @@ LATELY_S: Final = 0.006
 """Sensor periods, and least time [s], over which it is judged which of the two is wrong."""
 STUCK: Final = 3
 """Positions in a row that are equal to the last bit while the velocity is not zero: then they are stuck."""
+REVERSALS, DEAD = 20, 10
+"""Reversals of the velocity from one sample to the next, without repetitions, which show that an encoder has noise:
+motion alone does not make them. And repetitions in a row that it has not then: it has died."""
 OPPOSED, SAME_SIZE = 0.3, 0.8
 """Share of the longer of two ways in opposite directions from which the shorter one is no noise, and from which both
 are one way with a wrong sign."""
@@ -76,6 +84,7 @@ class Trust(IntEnum):
     BOTH = 0
     POSITION = 1
     VELOCITY = 2
+    NEITHER = 3  # the model alone
 
 
 @unique
@@ -91,6 +100,7 @@ class Finding(IntEnum):
     COLLISION = 6  # the disturbance has jumped
     DISTURBED = 7  # the disturbance stays above its bound
     EFFORTS_LATE = 8  # all joints follow efforts later than told
+    STUCK = 9  # neither position nor velocity changes, though that says that the joint moves
 
 
 class EstimatorConfig(Record):
@@ -156,6 +166,8 @@ class JointEstimate(Record):
     swept_lately: Joints  # rad
     same_position: WholeJoints  # samples in a row that are equal to the last bit
     same_velocity: WholeJoints
+    reversals: WholeJoints  # of the velocity from sample to sample, since a sample after one that repeated another
+    unmeasured: WholeJoints  # control periods for which it has read the same, though it moves or never did before
     trust: WholeJoints  # Trust
     effort: Joints  # N m; disturbance
     slow_effort: Joints  # N m; its low-pass
@@ -225,19 +237,29 @@ def start_estimate(config: EstimatorConfig, state: JointEstimate, stamp_ns: int,
     state.repeats, state.missing, state.newest, state.remembered = 0, 0, 0, 0
     state.inputs[:] = 0.0
     for j in range(config.joints):
-        state.q[j] = state.position[j] = state.measured_position[j] = q[j]
-        state.v[j] = state.velocity[j] = state.measured_velocity[j] = qd[j]
+        position, velocity = q[j], qd[j]
+        repeated = position == state.measured_position[j] and velocity == state.measured_velocity[j]
+        if state.unmeasured[j] > 0 and repeated and math.isfinite(state.position[j]):
+            # It is still where the model had it, and something has held it meanwhile.
+            position, velocity = state.position[j], 0.0
+        else:
+            state.unmeasured[j] = 0
+        state.q[j] = state.position[j] = position
+        state.v[j] = state.velocity[j] = velocity
+        state.measured_position[j], state.measured_velocity[j] = q[j], qd[j]
         state.moved[j] = state.swept[j] = state.moved_lately[j] = state.swept_lately[j] = 0.0
         state.same_position[j] = state.same_velocity[j] = 0
         state.mean_q[j], state.mean_v[j], state.quick[j] = 0.0, 0.0, 0
         if config.bandwidth > 0.0:
             for k in range(RING):
-                state.inputs[k, j] = qd[j]
+                state.inputs[k, j] = velocity
 
 
 @part
 def clear_findings(state: JointEstimate) -> None:
-    """Forget what was wrong: both measurements of every joint are used again."""
+    """Forget what was wrong: both measurements of every joint are used again, from the next sample on."""
+    if state.trust.any():
+        state.started = 0
     state.finding, state.joint, state.value, state.limit = 0, 0, 0.0, 0.0
     state.trust[:] = 0
     state.moved[:] = 0.0
@@ -288,6 +310,7 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
         return
     periods = max(1, round(dt / config.period))
     go_on_with_input(config, state, periods)
+    count_unmeasured(config, state, dt, periods, q, qd)
     new = is_new(config, state, periods, q, qd)
     if periods > 1:
         state.missing = 1
@@ -322,7 +345,7 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
                 (newer.vv * x_v + newer.vd * x_d + newer.vu * u),
             )
         of_q, of_v, trust = q[j] - x_q, qd[j] - x_v, state.trust[j]
-        if not corrects:  # what is known stays
+        if not corrects or is_unmeasured(config, state, j):  # what is known stays
             of_q, of_v = 0.0, 0.0
         else:
             state.mean_q[j] += config.weight * (config.scale[0] * of_q - state.mean_q[j])
@@ -341,7 +364,7 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
         elif trust == Trust.POSITION:
             k = config.gain_position
             x_q, x_v, x_d = x_q + k[0] * of_q, x_v + share * k[1] * of_q, x_d + share * share * k[2] * of_q
-        else:
+        elif trust == Trust.VELOCITY:
             k = config.gain_velocity
             x_q, x_v, x_d = x_q + k[0] * of_v, x_v + k[1] * of_v, x_d + share * k[2] * of_v
         state.q[j], state.v[j], state.d[j] = x_q, x_v, x_d
@@ -364,13 +387,63 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
 
 
 @part
+def count_unmeasured(
+    config: EstimatorConfig, state: JointEstimate, dt: float, periods: int, q: Array, qd: Array
+) -> None:
+    """Count for how long every joint has read the same (n,) [rad], [rad/s] though it moves, or never did before.
+
+    All of them where all read the same and one moves. What a joint did for longer than LONGEST_S is not known: then it
+    begins again at what it reads. dt [s], periods: since the sample before, the periods of control.
+    """
+    moves = False
+    for j in range(config.joints):
+        moves = moves or abs(qd[j]) > MOVES
+    all_stuck = moves and repeats(config, state, q, qd)
+    for j in range(config.joints):
+        repeated = q[j] == state.measured_position[j] and qd[j] == state.measured_velocity[j]
+        dead = abs(qd[j]) > MOVES or never_same(config, state, j) or state.trust[j] == Trust.NEITHER
+        if all_stuck or (repeated and dead):
+            state.unmeasured[j] += periods
+            continue
+        if state.unmeasured[j] * config.period > LONGEST_S or state.trust[j] == Trust.NEITHER:
+            state.q[j], state.v[j] = q[j] - dt * qd[j], qd[j]
+            if state.trust[j] == Trust.NEITHER:
+                state.trust[j] = Trust.BOTH.value
+        state.unmeasured[j] = 0
+
+
+@part
+def is_unmeasured(config: EstimatorConfig, state: JointEstimate, j: int) -> bool:
+    """Return whether joint j reads the same for longer than its sensor repeats itself, which nothing measured does."""
+    return bool(state.unmeasured[j] >= config.sensor_ticks)
+
+
+@part
+def is_blind(config: EstimatorConfig, state: JointEstimate) -> bool:
+    """Return whether a joint has not been measured for so long that the model cannot tell where it is."""
+    blind = False
+    for j in range(config.joints):
+        blind = blind or state.unmeasured[j] * config.period > BLIND_S
+    return blind
+
+
+@part
+def stay_blind(config: EstimatorConfig, state: JointEstimate) -> None:
+    """Let the joints rest where the model has them: the drives hold them."""
+    state.v[:] = 0.0
+    remember_input(config, state, np.zeros(MAX_JOINTS))
+
+
+@part
 def far_off(config: EstimatorConfig, state: JointEstimate, q: Array, qd: Array) -> bool:
     """Return whether the estimate of a joint is not finite, or far from a measurement that is used; [rad], [rad/s]."""
     far = False
     for j in range(config.joints):
-        trust = state.trust[j]
-        far = far or not (trust == Trust.VELOCITY or abs(state.position[j] - q[j]) < FAR)
-        measured = 0.0 if trust == Trust.POSITION else qd[j]  # then at least a speed that joints have
+        trust = Trust.NEITHER.value if is_unmeasured(config, state, j) else state.trust[j]
+        elsewhere = trust == Trust.VELOCITY or trust == Trust.NEITHER
+        far = far or not (elsewhere or abs(state.position[j] - q[j]) < FAR)
+        # Where velocity is not used it is at least a speed that joints have.
+        measured = 0.0 if trust == Trust.POSITION or trust == Trust.NEITHER else qd[j]
         far = far or not abs(state.velocity[j] - measured) < FAST
     return far
 
@@ -391,10 +464,10 @@ def is_new(config: EstimatorConfig, state: JointEstimate, periods: int, q: Array
 @part
 def repeats(config: EstimatorConfig, state: JointEstimate, q: Array, qd: Array) -> bool:
     """Return whether a sample (n,) [rad], [rad/s] is equal to the one before to the last bit."""
-    same = True
+    repeated = True
     for j in range(config.joints):
-        same = same and q[j] == state.measured_position[j] and qd[j] == state.measured_velocity[j]
-    return same
+        repeated = repeated and q[j] == state.measured_position[j] and qd[j] == state.measured_velocity[j]
+    return repeated
 
 
 @part
@@ -406,7 +479,10 @@ def use_estimate(config: EstimatorConfig, state: JointEstimate, sample: JointSam
     """
     n = config.joints
     estimate_joints(config, state, sample.stamp_ns, sample.position[:n], sample.velocity[:n])
-    if config.on == 0 and state.finding == Finding.NONE:
+    used = config.on != 0 or state.finding != Finding.NONE
+    for j in range(n):
+        used = used or is_unmeasured(config, state, j)
+    if not used:
         return
     if config.bandwidth > 0.0:
         foresee(config, state, sample)
@@ -436,7 +512,8 @@ def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: floa
     Where they differ, the joint continues with the measurement that is not to blame: one that is equal to the last bit
     while the other moves is stuck, one that moves alone drifts. Where they move in opposite directions, in the newest
     sample or lately, it is the velocity: damping by it would throw the joint, while a position that drifts moves the
-    joint no faster than that.
+    joint no faster than that. Where both are stuck, or an encoder with noise repeats itself, it continues by the model
+    alone, until it reads something else.
     """
     fade, fade_lately = math.exp(-dt / MEMORY_S), math.exp(-dt / max(LATELY * config.sensor_period, LATELY_S))
     for j in range(config.joints):
@@ -448,16 +525,25 @@ def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: floa
         state.moved[j], state.swept[j] = fade * state.moved[j] + way_q, fade * state.swept[j] + way_v
         state.moved_lately[j] = fade_lately * state.moved_lately[j] + way_q
         state.swept_lately[j] = fade_lately * state.swept_lately[j] + way_v
+        if same(state, j) > 0 and not (q[j] == before_q and qd[j] == before_v):
+            state.reversals[j] = 0
+        elif before_v * qd[j] < 0.0:
+            state.reversals[j] += 1
         state.same_position[j] = state.same_position[j] + 1 if q[j] == before_q else 0
         state.same_velocity[j] = state.same_velocity[j] + 1 if qd[j] == before_v else 0
         state.measured_position[j], state.measured_velocity[j] = q[j], qd[j]
         moved, swept = state.moved_lately[j], state.swept_lately[j]
         difference = abs(state.moved[j] - state.swept[j])
+        if state.trust[j] == Trust.BOTH and never_same(config, state, j) and same(state, j) >= DEAD:
+            state.trust[j] = Trust.NEITHER.value
+            find(state, Finding.STUCK.value, j, 0.0, 0.0)
         if state.trust[j] != Trust.BOTH or not difference > config.difference:
             continue
         finding, trust = Finding.VELOCITY_BIASED.value, Trust.POSITION.value
         if state.same_velocity[j] > 0 and way_q != 0.0:
             finding = Finding.VELOCITY_STUCK.value
+        elif same(state, j) >= STUCK:
+            finding, trust = Finding.STUCK.value, Trust.NEITHER.value
         elif state.same_position[j] >= STUCK:
             finding, trust = Finding.POSITION_STUCK.value, Trust.VELOCITY.value
         elif opposed(way_q, dt * qd[j], OPPOSED) or opposed(moved, swept, OPPOSED):
@@ -467,6 +553,18 @@ def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: floa
             finding, trust = Finding.POSITION_DRIFTS.value, Trust.VELOCITY.value
         state.trust[j] = trust
         find(state, finding, j, difference, config.difference)
+
+
+@part
+def same(state: JointEstimate, j: int) -> int:
+    """Return for how many samples in a row joint j has read the same to the last bit."""
+    return int(min(state.same_position[j], state.same_velocity[j]))
+
+
+@part
+def never_same(config: EstimatorConfig, state: JointEstimate, j: int) -> bool:
+    """Return whether the encoder of joint j has noise, and so never reads the same twice."""
+    return bool(config.on != 0 and state.reversals[j] >= REVERSALS)
 
 
 @part
@@ -519,12 +617,19 @@ def oppose_disturbance(
     """
     settling = config.settling_fault if fault else config.settling
     n, weight, follow = config.joints, 1.0 - math.exp(-dt / SLOW_S), 1.0 - math.exp(-dt / settling)
-    doubtful = False  # the inertia carries a joint that is measured wrongly into the torques of the others
+    # The inertia carries a joint that is measured wrongly, or not at all, into the torques of the others.
+    doubtful = unmeasured = False
     for j in range(n):
         differs = abs(state.moved[j] - state.swept[j]) > DOUBTFUL * config.difference
-        doubtful = doubtful or state.trust[j] != Trust.BOTH or differs
+        unmeasured = unmeasured or is_unmeasured(config, state, j)
+        doubtful = doubtful or unmeasured or state.trust[j] != Trust.BOTH or differs
     for j in range(n):
         effort = disturbance(config, state, M, j)
+        if is_unmeasured(
+            config, state, j
+        ):  # what is known of it is its torque: the acceleration depends on the other joints
+            state.d[j] += (state.effort[j] - effort) / M[j, j]
+            effort = state.effort[j]
         state.effort[j] = effort
         jump, wrench_jump = effort - state.slow_effort[j], of_wrench[j] - state.slow_wrench[j]
         state.wrench_jump[j] = max(abs(wrench_jump), (1.0 - weight) * state.wrench_jump[j])
@@ -540,6 +645,8 @@ def oppose_disturbance(
         bound, step = config.bound[j], config.rate[j] * dt
         wanted = min(max(-lasting, -bound), bound) if config.compensates != 0 else 0.0
         before = state.taken_off[j]
+        if unmeasured:
+            wanted = before
         state.taken_off[j] = min(max(before + follow * (wanted - before), before - step), before + step)
         torque[j] += state.taken_off[j]
         state.beyond_s[j] = state.beyond_s[j] + dt if abs(effort) > bound else 0.0

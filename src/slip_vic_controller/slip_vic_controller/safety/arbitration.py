@@ -22,7 +22,7 @@ from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.following import Following, stuck
 from slip_vic_controller.safety.latency import Latency
 from slip_vic_controller.safety.limit_avoidance import MotionLimits, pushed_joint, too_fast
-from slip_vic_controller.safety.modes import NOTHING, Mode, ModeState, TransitionReasons, follows
+from slip_vic_controller.safety.modes import NOTHING, Mode, ModeState, TransitionReasons, follows, holds_for
 from slip_vic_controller.safety.reasons import Cause, Reason, because, of_fault, read_reason
 from slip_vic_controller.safety.validation import VectorInput, fine
 from slip_vic_controller.sizes import NEVER
@@ -251,7 +251,8 @@ def find_hold(
         return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.NOT_RUN)
     if state.latency.in_a_row >= arbitration.late_after:
         return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.LATE)
-    if frozen and state.observed.moves != 0 and at_work:
+    moves = (state.observed.moves != 0 and at_work) or state.estimate.unmeasured[0] > 0
+    if frozen and (moves or holds_for(state.mode, Input.JOINT_STATE, Fault.FROZEN)):
         return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.FROZEN)
     if level == Level.HOLD or (unknown and not at_work):  # the levels are for a law that is at work
         return of_fault(Cause.INPUT, Input.SLIP, fault)

@@ -106,7 +106,9 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
             "nothing for `inputs.joint.age_s` on the steady clock", "-", "HOLD: efforts go to gravity compensation"
         ),
         ("joint state", Fault.FROZEN): Reaction(
-            "equal to the last bit for `inputs.joint.frozen_s` while motion is wanted", "used", "HOLD"
+            "equal to the last bit for `inputs.joint.frozen_s` while motion is wanted or measured",
+            "where it cannot be, the model's instead",
+            "HOLD until it changes or `~/enable`; after 0.5 s no command",
         ),
         ("joint state", Fault.NOT_RUN): Reaction(
             "the controller itself did not run for `inputs.joint.age_s`", "used", "HOLD, then resumes"
@@ -125,7 +127,9 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
         ("wrench", Fault.SILENT): Reaction("nothing for `inputs.wrench.age_s`", "-", "HOLD"),
         ("wrench", Fault.STALE): Reaction("newest stamp older than `inputs.wrench.age_s`", "not used", "HOLD"),
         ("wrench", Fault.FROZEN): Reaction(
-            "equal to the last bit for `inputs.wrench.frozen_s` while the arm moves", "not used", "HOLD"
+            "equal to the last bit for `inputs.wrench.frozen_s` while the arm moves",
+            "not used",
+            "HOLD until it changes or `~/enable`",
         ),
         ("slip", Fault.INVALID): Reaction("the sensor reports NaN", "not used", _DEGRADED),
         ("slip", Fault.ABSURD): Reaction("above `inputs.slip.linear`, `angular`", "dropped", _AGE),

@@ -100,6 +100,17 @@ def follows(mode: int) -> bool:
 
 
 @part
+def holds_for(state: ModeState, of: int, fault: int) -> bool:
+    """Return whether a fault of an input is why the law does not work.
+
+    A sensor that is frozen shows it while the arm moves only, so it stays frozen until it reads something else.
+    """
+    reason = state.reason
+    over = reason.prefix & (Prefix.RESUMES_AFTER | Prefix.AFTER_RESET)
+    return bool(not over and reason.cause == Cause.INPUT and reason.detail == 256 * of + fault)
+
+
+@part
 def begin_modes(policy: ModePolicy, state: ModeState, now_ns: int) -> None:
     """Begin: no effort before every input was seen and is plausible."""
     state.mode, state.since_ns = Mode.WAITING_INPUT, now_ns

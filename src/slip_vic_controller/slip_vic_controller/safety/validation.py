@@ -434,6 +434,14 @@ def frozen(limits: JointLimits, state: JointInput, now_ns: int) -> bool:
     return bool(state.known != 0 and now_ns - state.equal_since_ns > limits.frozen_ns)
 
 
+@part
+def forget_repeats(joint: JointInput, wrenches: Records[VectorInput], now_ns: int) -> None:
+    """Count from now on for how long values have been equal: a user says that they are right."""
+    joint.equal_since_ns = now_ns
+    for k in range(len(wrenches)):
+        wrenches[k].equal_since_ns = wrenches[k].stamp_ns
+
+
 def mean_period_s(rate: Rate) -> float:
     """Return the mean period of an input [s], NaN before there is one."""
     return float(rate.period_s) if rate.periods else math.nan
