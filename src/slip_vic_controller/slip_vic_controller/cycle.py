@@ -28,7 +28,9 @@ from slip_core.vectors import IDENTITY, ZERO, Mat, Spatial, Vec, mat, put, put_m
 from slip_vic_controller.arm.command import (
     Interface,
     advance_motion,
+    ignored_joint,
     joint_acceleration,
+    return_to,
     start_motion,
     stop_motion,
 )
@@ -36,7 +38,9 @@ from slip_vic_controller.arm.drive_delay import forget_drive_delay, watch_drive_
 from slip_vic_controller.arm.estimator import (
     BLIND_S,
     DISTURBED,
+    Finding,
     clear_findings,
+    find,
     is_blind,
     most_disturbed,
     oppose_disturbance,
@@ -1190,12 +1194,19 @@ def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, output
         dt: time that the command moves on [s].
     """
     motion, limited = state.motion, np.zeros(MAX_JOINTS, np.int64)
+    estimate = state.estimate
     if follows(state.mode.mode):
         qdd = np.zeros(MAX_JOINTS)
         _acceleration(config, state, inputs, qdd)
-        advance_motion(config.command, motion, qdd, state.estimate.velocity, dt, limited)
+        advance_motion(config.command, motion, qdd, estimate.velocity, dt, limited)
+        ignored = ignored_joint(config.command, motion, estimate.velocity, dt)
+        if ignored >= 0:
+            find(estimate, Finding.IGNORED.value, ignored, estimate.velocity[ignored], motion.expected[ignored])
     else:
         stop_motion(config.command, motion, dt, limited)
+        motion.expected[:], motion.ignored_s[:] = 0.0, 0.0
+        if estimate.finding == Finding.IGNORED:
+            return_to(config.command, motion, estimate.position, dt)
     for j in range(config.law.joints):
         position = config.command.interface == Interface.POSITION
         outputs.command[j] = motion.position[j] if position else motion.velocity[j]

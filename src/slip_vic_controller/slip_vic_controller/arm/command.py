@@ -23,6 +23,10 @@ STOP_SHARE: Final = 0.5
 """Share of the acceleration limit with which a command brakes ahead of the end of a joint's range."""
 BEFORE_END: Final = 1e-3
 """How far before that end it comes to rest: periods and jerk make the brake late by less [rad]."""
+UNNOTICED: Final = 0.02
+"""Commanded velocity that friction or noise may hide [rad/s]."""
+IGNORED_S: Final = 0.3
+"""Time for which a joint may move at less than half of what is commanded [s]: longer than any command gets lost."""
 AT_REST: Final = 5e-3
 """Velocity from which a command that comes to rest is set to it, at most [rad/s]."""
 
@@ -47,6 +51,7 @@ class CommandConfig(Record):
     lower: Annotated[Array, MAX_JOINTS]  # rad, where a command is at rest
     upper: Annotated[Array, MAX_JOINTS]  # rad
     lead: Real  # rad/s, most by which a command may differ from the measured velocity
+    lag: Real  # s, by which joints follow it and are measured
 
 
 class MotionCommand(Record):
@@ -56,6 +61,8 @@ class MotionCommand(Record):
     position: Annotated[Array, MAX_JOINTS]  # rad
     velocity: Annotated[Array, MAX_JOINTS]  # rad/s
     acceleration: Annotated[Array, MAX_JOINTS]  # rad/s^2
+    expected: Annotated[Array, MAX_JOINTS]  # rad/s; the velocity with the lag of the joints
+    ignored_s: Annotated[Array, MAX_JOINTS]  # s; for how long a joint has not moved as expected
 
 
 COMMAND_CONFIG, MOTION_COMMAND = dtype_of(CommandConfig), dtype_of(MotionCommand)
@@ -74,6 +81,7 @@ def start_motion(config: CommandConfig, state: MotionCommand, q: Array, qd: Arra
         most = config.velocity[j]
         state.position[j], state.acceleration[j] = within_range(config, j, q[j]), 0.0
         state.velocity[j] = min(max(qd[j], -most), most)
+        state.expected[j], state.ignored_s[j] = state.velocity[j], 0.0
     state.started = 1
 
 
@@ -171,6 +179,33 @@ def advance_motion(
         state.velocity[j] = v + new * T
         state.acceleration[j] = new
     return finite
+
+
+@part
+def ignored_joint(config: CommandConfig, state: MotionCommand, qd: Array, dt: float) -> int:
+    """Return a joint that does not take commands, -1 where all do: its driver is paused, or something blocks it.
+
+    It moves at less than half of what is commanded, for IGNORED_S. Such a command would throw the arm when it counts
+    again. qd: measured or estimated (n,) [rad/s]; dt: since the command before [s].
+    """
+    found, follow = -1, 1.0 - math.exp(-dt / config.lag)
+    for j in range(config.joints):
+        state.expected[j] += follow * (state.velocity[j] - state.expected[j])
+        expected = state.expected[j]
+        ignored = abs(expected) > UNNOTICED and abs(qd[j] - expected) > 0.5 * abs(expected)
+        state.ignored_s[j] = state.ignored_s[j] + dt if ignored else 0.0
+        if state.ignored_s[j] > IGNORED_S:
+            found = j
+    return found
+
+
+@part
+def return_to(config: CommandConfig, state: MotionCommand, q: Array, dt: float) -> None:
+    """Let the commanded positions come back to where the joints are (n,) [rad], at half of the speed limit."""
+    for j in range(config.joints):
+        most = 0.5 * config.velocity[j] * dt
+        way = min(max(q[j] - state.position[j], -most), most)
+        state.position[j] = within_range(config, j, state.position[j] + way)
 
 
 @part

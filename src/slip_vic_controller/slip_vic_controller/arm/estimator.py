@@ -101,6 +101,7 @@ class Finding(IntEnum):
     DISTURBED = 7  # the disturbance stays above its bound
     EFFORTS_LATE = 8  # all joints follow efforts later than told
     STUCK = 9  # neither position nor velocity changes, though that says that the joint moves
+    IGNORED = 10  # a joint does not move as commanded
 
 
 class EstimatorConfig(Record):
@@ -178,8 +179,8 @@ class JointEstimate(Record):
     beyond_s: Joints  # s; for how long it has been beyond its bound
     finding: Whole  # Finding, the first one; kept until `clear_findings`
     joint: Whole  # its joint
-    value: Real  # rad, N m or ms
-    limit: Real  # rad, N m or ms
+    value: Real  # rad, N m, rad/s or ms
+    limit: Real  # rad, N m, rad/s or ms
 
 
 class PublishedJoints(Record):

@@ -206,6 +206,8 @@ def finding_text(finding: Finding, joint: str, value: float, limit: float) -> st
     if finding == Finding.EFFORTS_LATE:
         told = f"tell the controller with drive.delay_s, which says {limit:.0f} ms"
         return f"the joints follow efforts {value:.0f} ms later than told: {told}"
+    if finding == Finding.IGNORED:
+        return f"{joint} does not take commands: it moves at {value:.2f} rad/s where {limit:.2f} are commanded"
     if finding == Finding.STUCK:
         return f"{joint}: its position and velocity are stuck, though it moves"
     differ = f"position and integrated velocity differ by {value:.4f} rad, the limit is {limit:.4f}"
