@@ -422,7 +422,9 @@ def _decide(
         # A user who enables the law, or ends a fault, has checked that the clocks agree and nothing is late.
         forget_latency(state.latency)
         forget_drive_delay(state.drive_delay)
-        forget_repeats(state.joint, state.wrench_inputs, now_ns)
+        forget_repeats(state.wrench_inputs)
+        if state.estimate.unmeasured[0] == 0:  # else no user can be right: the joint states contradict themselves
+            state.joint.equal_since_ns = now_ns
     if inputs.request == Request.RESET_FAULT:
         clear_findings(state.estimate)  # what is still wrong is found again
     measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns, config.cycle.late_ns)

@@ -94,6 +94,9 @@ def test_what_is_frozen_for_long_gets_no_command_and_goes_on_when_it_moves_again
     run = Freezing(drive, "governed", "glass_transport")
     assert len(run.cycles(400, EVERY).command.numbers) == 7
     assert len(run.cycles(700, EVERY).command.numbers) == 0
+    run.loop.session.request(Request.ENABLE)
+    result = run.cycles(200, EVERY)
+    assert (result.mode, len(result.command.numbers)) == (Mode.HOLD, 0), "whoever enables it"
     assert run.cycles(2000).mode.follows
 
 

@@ -626,9 +626,8 @@ def oppose_disturbance(
         doubtful = doubtful or unmeasured or state.trust[j] != Trust.BOTH or differs
     for j in range(n):
         effort = disturbance(config, state, M, j)
-        if is_unmeasured(
-            config, state, j
-        ):  # what is known of it is its torque: the acceleration depends on the other joints
+        if is_unmeasured(config, state, j):
+            # What is known of it is its torque: the acceleration depends on the other joints, too.
             state.d[j] += (state.effort[j] - effort) / M[j, j]
             effort = state.effort[j]
         state.effort[j] = effort

@@ -435,9 +435,8 @@ def frozen(limits: JointLimits, state: JointInput, now_ns: int) -> bool:
 
 
 @part
-def forget_repeats(joint: JointInput, wrenches: Records[VectorInput], now_ns: int) -> None:
+def forget_repeats(wrenches: Records[VectorInput]) -> None:
     """Count from now on for how long values have been equal: a user says that they are right."""
-    joint.equal_since_ns = now_ns
     for k in range(len(wrenches)):
         wrenches[k].equal_since_ns = wrenches[k].stamp_ns
 
