@@ -1106,10 +1106,11 @@ def _finish(
     n, now_ns, by_effort = config.law.joints, inputs.now_ns, config.command.interface == Interface.EFFORT
     moves_s = min(_passed_s(config, state, inputs), 1e-9 * config.motion.drive.longest_step_ns)
     if needs_restart(config.motion.drive, state.limiter, now_ns):
+        drive, friction = config.motion.drive, config.estimator.friction
         if by_effort:
-            start_limiter(config.motion.drive, state.limiter, n, felt, state.law.gravity, now_ns)
+            start_limiter(drive, state.limiter, n, felt, state.law.gravity, qd, friction, now_ns)
         else:  # the drives' own loops overcome friction, which the model does not have: it begins with gravity
-            start_limiter(config.motion.drive, state.limiter, n, np.zeros(MAX_JOINTS), state.law.gravity, now_ns)
+            start_limiter(drive, state.limiter, n, np.zeros(MAX_JOINTS), state.law.gravity, qd, friction, now_ns)
             if state.motion.started == 0 or inputs.arm.M[0, 0] > 0.0:  # else nothing tells where the drives are by now
                 _start_motion(config, state, q, qd)
                 moves_s = min(moves_s, 1e-9 * config.motion.drive.period_ns)

@@ -155,10 +155,28 @@ def test_start_is_what_the_joints_feel_or_gravity(measured, gravity, expected) -
     limiter = Limiter()
     limiter.record.started = 0
     assert call(needs_restart, LIMITS, limiter.buffer, 0)
-    call(start_limiter, LIMITS, limiter.buffer, N, measured, gravity, 10**9)
+    moving = np.array([0.0, 0.06, 0.0])
+    call(start_limiter, LIMITS, limiter.buffer, N, measured, gravity, moving, np.zeros(N), 10**9)
     np.testing.assert_array_equal(limiter.effort, expected)
     assert call(largest_step, LIMITS, limiter.buffer, 10**9) == pytest.approx(1000.0 * 0.004)  # one control period
     assert limiter.record.started == 1
+
+
+@every("joint", (0, 1, 2))
+def test_an_arm_does_not_rest_by_efforts_that_would_move_it(joint: int) -> None:
+    """Drivers that publish currents, or another sign: the first command threw such an arm to 2 to 7 rad/s."""
+    for beyond, friction, speed, plausible in (
+        (0.19, 0.0, 0.0, True), (0.21, 0.0, 0.0, False), (-0.21, 0.0, 0.0, False), (0.21, 0.0, 0.06, True),
+        (0.21, 0.0, -0.04, False), (0.25, 0.04, 0.0, True), (0.3, 0.04, 0.0, False),
+    ):  # fmt: skip
+        limiter, measured = Limiter(), GRAVITY.copy()
+        limiter.record.started = 0
+        limit = LIMIT[joint]
+        measured[joint] += beyond * limit
+        qd, held = np.full(N, speed), np.full(N, friction * limit)
+        call(start_limiter, LIMITS, limiter.buffer, N, measured, GRAVITY, qd, held, 10**9)
+        expected = np.clip(measured if plausible else GRAVITY, -LIMIT, LIMIT)
+        np.testing.assert_array_equal(limiter.effort, expected)
 
 
 def test_restart_after_a_pause_only() -> None:

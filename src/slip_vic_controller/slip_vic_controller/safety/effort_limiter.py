@@ -13,6 +13,10 @@ from slip_vic_controller.safety.validation import all_finite
 from slip_vic_controller.sizes import Joints
 
 NS = 1e-9
+RESTS = 0.05
+"""Speed of a joint that rests, with the noise of its encoder [rad/s]."""
+HELD = 0.2
+"""Share of the effort limit by which what holds a resting joint may be off its gravity: an object, a wrong model."""
 
 
 class EffortLimits(Record):
@@ -41,20 +45,34 @@ LIMITER = dtype_of(EffortLimiter)
 
 @part
 def start_limiter(
-    limits: EffortLimits, state: EffortLimiter, n: int, measured: Array, gravity: Array, now_ns: int,
+    limits: EffortLimits, state: EffortLimiter, n: int, measured: Array, gravity: Array, qd: Array, friction: Array,
+    now_ns: int,
 ) -> None:  # fmt: skip
     """Set what the first command, or the first after a pause, is limited from; (n,) [N m].
 
     The measured effort is what the joints feel now. Where there is none (not finite, or all zero, which a driver
-    without torque sensors publishes) it is gravity compensation: a restart makes no torque step. Where that is not
-    known either it is the last command. The first step counts one control period.
+    without torque sensors publishes) it is gravity compensation: a restart makes no torque step. So it is where that
+    cannot be what holds an arm at rest, as of drivers that publish currents. Where gravity is not known either it is
+    the last command. The first step counts one control period. qd: (n,) [rad/s]; friction: of the joints (n,) [N m].
     """
-    known = all_finite(measured[:n]) and measured[:n].any()
     good = all_finite(gravity[:n])
+    known = bool(all_finite(measured[:n]) and measured[:n].any())
+    if known and good:
+        known = not _cannot_hold(limits, n, measured, gravity, qd, friction)
     for j in range(n):
         start = measured[j] if known else gravity[j] if good else state.effort[j]
         state.effort[j] = min(max(start, -limits.effort[j]), limits.effort[j])
     state.started, state.now_ns = 1, now_ns - limits.period_ns
+
+
+@part
+def _cannot_hold(limits: EffortLimits, n: int, measured: Array, gravity: Array, qd: Array, friction: Array) -> bool:
+    """Return whether joints rest (n,) [rad/s] that measured efforts would move (n,) [N m]."""
+    rests, holds = True, True
+    for j in range(n):
+        rests = rests and abs(qd[j]) < RESTS
+        holds = holds and abs(measured[j] - gravity[j]) <= HELD * limits.effort[j] + 2.0 * friction[j]
+    return rests and not holds
 
 
 @part
