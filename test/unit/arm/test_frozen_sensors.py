@@ -74,9 +74,14 @@ class Freezing:
         return float(np.abs(self.loop.bridge.simulation.observe(0).joint.velocity).max())
 
 
-@every("name", tuple(FROM_MS))
-@every("drive", ("torque_joint", "motor_current", "velocity_500"))
-@every("law", ("governed", "vic"))
+@every(
+    "name, drive, law",
+    (
+        ("paper_planar", "torque_joint", "vic"), ("glass_transport", "motor_current", "governed"),
+        ("vertical_plane", "torque_joint", "governed"), ("glass_transport", "torque_joint", "vic"),
+        ("paper_planar", "motor_current", "governed"), ("vertical_plane", "velocity_500", "vic"),
+    ),
+)  # fmt: skip
 def test_an_arm_whose_joint_states_freeze_comes_to_rest(name: str, drive: str, law: str) -> None:
     """They threw it to 17 to 95 rad/s within half a second, by efforts."""
     run = Freezing(drive, law, name)
