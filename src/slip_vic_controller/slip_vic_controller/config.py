@@ -301,9 +301,8 @@ def _fill_command(config: ControllerConfig, params: ControllerParams, robot: Rob
     n, out, given, motion = len(robot.joint_names), config.command, params.command, config.motion
     out.interface, out.joints = Interface[given.interface.upper()], n
     out.velocity[:n], out.lead = motion.velocity[:n], given.lead
-    sensor, drive = params.joint_sensor, params.drive
-    lag_s = sensor.latency_s + sensor.filter_s + drive.delay_s + params.control_period_s
-    out.lag = lag_s + (0.0 if given.interface == "effort" else 1.0 / drive.bandwidth)
+    sensor = params.joint_sensor
+    out.lag = sensor.latency_s + sensor.filter_s + params.drive_lag_s + params.control_period_s
     out.acceleration[:n], out.jerk[:n] = given.acceleration_limit, given.jerk_limit
     out.lower[:n], out.upper[:n] = robot.position_lower, robot.position_upper
 

@@ -630,12 +630,6 @@ def _hold_with_the_others(
 
 
 @part
-def _frozen_before(state: ArmState) -> bool:
-    """Return whether the law does not work because the joint state is frozen."""
-    return holds_for(state.mode, Input.JOINT_STATE, Fault.FROZEN)
-
-
-@part
 def _leave_to_drives(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
     """Give no command: without feedback HOLD would lose the arm; drives hold it by themselves."""
     state.limiter.started, state.now_ns, state.hold.known = 0, inputs.now_ns, 0
@@ -660,8 +654,9 @@ def _prepare(
         if decision.request == Request.RESET_FAULT and config.governor.mode != Governing.OFF:
             _gains_now(state, state.joint.answers.stamp_ns, outputs)
             forget_friction(config, task, state, inputs.arm, outputs.gains, lead)
-        frozen_ns = inputs.now_ns - state.joint.equal_since_ns if _frozen_before(state) else 0
-        if is_blind(config.estimator, state.estimate) or frozen_ns * 1e-9 > BLIND_S:
+        frozen_s = 1e-9 * (inputs.now_ns - state.joint.equal_since_ns)
+        blind = frozen_s > BLIND_S and holds_for(state.mode, Input.JOINT_STATE, Fault.FROZEN)
+        if blind or is_blind(config.estimator, state.estimate):
             _leave_to_drives(config, state, inputs)
         else:
             _hold(config, task, state, inputs, outputs, fine(outputs.health.wrench) and decision.freezes == 0, lead)
@@ -1106,14 +1101,15 @@ def _finish(
     n, now_ns, by_effort = config.law.joints, inputs.now_ns, config.command.interface == Interface.EFFORT
     moves_s = min(_passed_s(config, state, inputs), 1e-9 * config.motion.drive.longest_step_ns)
     if needs_restart(config.motion.drive, state.limiter, now_ns):
-        drive, friction = config.motion.drive, config.estimator.friction
+        # Loops of the drives overcome friction, which the model does not have: there it begins with gravity.
+        feel, friction = np.zeros(MAX_JOINTS), config.estimator.friction
         if by_effort:
-            start_limiter(drive, state.limiter, n, felt, state.law.gravity, qd, friction, now_ns)
-        else:  # the drives' own loops overcome friction, which the model does not have: it begins with gravity
-            start_limiter(drive, state.limiter, n, np.zeros(MAX_JOINTS), state.law.gravity, qd, friction, now_ns)
-            if state.motion.started == 0 or inputs.arm.M[0, 0] > 0.0:  # else nothing tells where the drives are by now
-                _start_motion(config, state, q, qd)
-                moves_s = min(moves_s, 1e-9 * config.motion.drive.period_ns)
+            feel[:n] = felt[:n]
+        start_limiter(config.motion.drive, state.limiter, n, feel, state.law.gravity, qd, friction, now_ns)
+        known = state.motion.started == 0 or inputs.arm.M[0, 0] > 0.0  # else nothing tells where the drives are by now
+        if known and not by_effort:
+            _start_motion(config, state, q, qd)
+            moves_s = min(moves_s, 1e-9 * config.motion.drive.period_ns)
     torque, clipped = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64)
     torque[:n] = outputs.wanted[:n]
     if config.estimator.on != 0:
@@ -1207,7 +1203,6 @@ def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, output
             find(estimate, Finding.IGNORED.value, ignored, estimate.velocity[ignored], motion.expected[ignored])
     else:
         stop_motion(config.command, motion, dt, limited)
-        motion.expected[:], motion.ignored_s[:] = 0.0, 0.0
         if estimate.finding == Finding.IGNORED:
             return_to(config.command, motion, estimate.position, dt)
     for j in range(config.law.joints):

@@ -219,6 +219,7 @@ def rest_acceleration(velocity: float, jerk: float, period: float) -> float:
 def stop_motion(config: CommandConfig, state: MotionCommand, dt: float, limited: WholeArray) -> bool:
     """Bring the command to rest inside its limits; return whether it was at rest before. dt: since then [s]."""
     qdd, moves = np.empty(MAX_JOINTS), False
+    state.expected[:], state.ignored_s[:] = 0.0, 0.0
     if dt <= 0.0:
         return False
     for j in range(config.joints):

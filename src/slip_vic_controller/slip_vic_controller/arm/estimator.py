@@ -239,8 +239,7 @@ def start_estimate(config: EstimatorConfig, state: JointEstimate, stamp_ns: int,
     state.inputs[:] = 0.0
     for j in range(config.joints):
         position, velocity = q[j], qd[j]
-        repeated = position == state.measured_position[j] and velocity == state.measured_velocity[j]
-        if state.unmeasured[j] > 0 and repeated and math.isfinite(state.position[j]):
+        if state.unmeasured[j] > 0 and joint_repeats(state, j, q, qd) and math.isfinite(state.position[j]):
             # It is still where the model had it, and something has held it meanwhile.
             position, velocity = state.position[j], 0.0
         else:
@@ -311,13 +310,14 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
         return
     periods = max(1, round(dt / config.period))
     go_on_with_input(config, state, periods)
-    count_unmeasured(config, state, dt, periods, q, qd)
-    new = is_new(config, state, periods, q, qd)
+    repeated = repeats(config, state, q, qd)
+    count_unmeasured(config, state, dt, periods, q, qd, repeated)
+    new = is_new(config, state, periods, repeated)
     if periods > 1:
         state.missing = 1
     # Of a slow sensor a missing sample may have been the first with what is new: nothing says when that was measured.
     corrects = new and (periods == 1 or config.sensor_ticks == 1)
-    if new and not repeats(config, state, q, qd):
+    if new and not repeated:
         compare_measurements(config, state, (stamp_ns - state.renewed_ns) * 1e-9, q, qd)
         state.renewed_ns, state.missing = stamp_ns, 0 if corrects else 1
     # After a missing sample an innovation has had longer to grow from a wrong velocity or disturbance.
@@ -389,27 +389,27 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
 
 @part
 def count_unmeasured(
-    config: EstimatorConfig, state: JointEstimate, dt: float, periods: int, q: Array, qd: Array
+    config: EstimatorConfig, state: JointEstimate, dt: float, periods: int, q: Array, qd: Array, all_repeat: bool
 ) -> None:
     """Count for how long every joint has read the same (n,) [rad], [rad/s] though it moves, or never did before.
 
     All of them where all read the same and one moves. What a joint did for longer than LONGEST_S is not known: then it
-    begins again at what it reads. dt [s], periods: since the sample before, the periods of control.
+    begins again at what it reads. dt [s], periods: since the sample before, the periods of control; all_repeat: see
+    `repeats`.
     """
     moves = False
     for j in range(config.joints):
         moves = moves or abs(qd[j]) > MOVES
-    all_stuck = moves and repeats(config, state, q, qd)
     for j in range(config.joints):
-        repeated = q[j] == state.measured_position[j] and qd[j] == state.measured_velocity[j]
-        dead = abs(qd[j]) > MOVES or never_same(config, state, j) or state.trust[j] == Trust.NEITHER
-        if all_stuck or (repeated and dead):
+        unknown = state.trust[j] == Trust.NEITHER
+        dead = abs(qd[j]) > MOVES or never_same(config, state, j) or unknown
+        if (all_repeat and moves) or (dead and joint_repeats(state, j, q, qd)):
             state.unmeasured[j] += periods
             continue
-        if state.unmeasured[j] * config.period > LONGEST_S or state.trust[j] == Trust.NEITHER:
+        if unknown or state.unmeasured[j] * config.period > LONGEST_S:
             state.q[j], state.v[j] = q[j] - dt * qd[j], qd[j]
-            if state.trust[j] == Trust.NEITHER:
-                state.trust[j] = Trust.BOTH.value
+        if unknown:
+            state.trust[j] = Trust.BOTH.value
         state.unmeasured[j] = 0
 
 
@@ -422,10 +422,7 @@ def is_unmeasured(config: EstimatorConfig, state: JointEstimate, j: int) -> bool
 @part
 def is_blind(config: EstimatorConfig, state: JointEstimate) -> bool:
     """Return whether a joint has not been measured for so long that the model cannot tell where it is."""
-    blind = False
-    for j in range(config.joints):
-        blind = blind or state.unmeasured[j] * config.period > BLIND_S
-    return blind
+    return bool(state.unmeasured.max() * config.period > BLIND_S)
 
 
 @part
@@ -450,13 +447,13 @@ def far_off(config: EstimatorConfig, state: JointEstimate, q: Array, qd: Array) 
 
 
 @part
-def is_new(config: EstimatorConfig, state: JointEstimate, periods: int, q: Array, qd: Array) -> bool:
+def is_new(config: EstimatorConfig, state: JointEstimate, periods: int, repeated: bool) -> bool:
     """Return whether a sample has been measured since the one before; a sensor slower than the cycle repeats itself.
 
     For no longer than its period: an arm at rest may read the same for ever. periods: since then, of control.
     """
     state.repeats += periods
-    if state.repeats < config.sensor_ticks and repeats(config, state, q, qd):
+    if repeated and state.repeats < config.sensor_ticks:
         return False
     state.repeats = 0
     return True
@@ -467,8 +464,14 @@ def repeats(config: EstimatorConfig, state: JointEstimate, q: Array, qd: Array) 
     """Return whether a sample (n,) [rad], [rad/s] is equal to the one before to the last bit."""
     repeated = True
     for j in range(config.joints):
-        repeated = repeated and q[j] == state.measured_position[j] and qd[j] == state.measured_velocity[j]
+        repeated = repeated and joint_repeats(state, j, q, qd)
     return repeated
+
+
+@part
+def joint_repeats(state: JointEstimate, j: int, q: Array, qd: Array) -> bool:
+    """Return whether joint j reads the same as in the sample before, to the last bit; (n,) [rad], [rad/s]."""
+    return bool(q[j] == state.measured_position[j] and qd[j] == state.measured_velocity[j])
 
 
 @part
@@ -480,10 +483,7 @@ def use_estimate(config: EstimatorConfig, state: JointEstimate, sample: JointSam
     """
     n = config.joints
     estimate_joints(config, state, sample.stamp_ns, sample.position[:n], sample.velocity[:n])
-    used = config.on != 0 or state.finding != Finding.NONE
-    for j in range(n):
-        used = used or is_unmeasured(config, state, j)
-    if not used:
+    if config.on == 0 and state.finding == Finding.NONE and state.unmeasured.max() < config.sensor_ticks:
         return
     if config.bandwidth > 0.0:
         foresee(config, state, sample)
@@ -619,11 +619,10 @@ def oppose_disturbance(
     settling = config.settling_fault if fault else config.settling
     n, weight, follow = config.joints, 1.0 - math.exp(-dt / SLOW_S), 1.0 - math.exp(-dt / settling)
     # The inertia carries a joint that is measured wrongly, or not at all, into the torques of the others.
-    doubtful = unmeasured = False
+    doubtful = unmeasured = bool(state.unmeasured.max() >= config.sensor_ticks)
     for j in range(n):
         differs = abs(state.moved[j] - state.swept[j]) > DOUBTFUL * config.difference
-        unmeasured = unmeasured or is_unmeasured(config, state, j)
-        doubtful = doubtful or unmeasured or state.trust[j] != Trust.BOTH or differs
+        doubtful = doubtful or state.trust[j] != Trust.BOTH or differs
     for j in range(n):
         effort = disturbance(config, state, M, j)
         if is_unmeasured(config, state, j):

@@ -20,6 +20,7 @@ from slip_vic_controller.safety.reasons import (
     Reason,
     ReasonRecord,
     because,
+    of_fault,
     prefixed,
     put_reason,
     read_reason,
@@ -105,9 +106,9 @@ def holds_for(state: ModeState, of: int, fault: int) -> bool:
 
     A sensor that is frozen shows it while the arm moves only, so it stays frozen until it reads something else.
     """
-    reason = state.reason
+    reason, wanted = state.reason, of_fault(Cause.INPUT, of, fault)
     over = reason.prefix & (Prefix.RESUMES_AFTER | Prefix.AFTER_RESET)
-    return bool(not over and reason.cause == Cause.INPUT and reason.detail == 256 * of + fault)
+    return bool(not over and reason.cause == wanted.cause and reason.detail == wanted.detail)
 
 
 @part
