@@ -118,7 +118,7 @@ class Memory(NamedTuple):
     path_speed: float
     path_scale: float
     reference_moves: bool
-    joints_move: bool
+    unmeasured: bool
     frozen_before: bool
     late_in_a_row: int
     pad_twist: Array
@@ -173,7 +173,7 @@ def arbitrate(
         ),
         (memory.late_in_a_row >= limits.late_after, describe_fault(Input.JOINT_STATE, Fault.LATE)),
         (
-            frozen and (memory.joints_move or memory.frozen_before or (memory.reference_moves and follows)),
+            frozen and (memory.unmeasured or memory.frozen_before or (memory.reference_moves and follows)),
             describe_fault(Input.JOINT_STATE, Fault.FROZEN),
         ),
         (level == Level.HOLD or (unknown and not follows), slip_words),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slip_core.records import new, record
-from slip_core.types import EffortCommand, JointSample
+from slip_core.types import EffortCommand
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.arm.estimator import Finding
@@ -20,6 +20,7 @@ from slip_vic_controller.session import CycleResult
 from slip_vic_controller.state import CONFIG, INPUTS
 from test.support.call import call
 from test.support.every import every
+from test.support.watched_loop import WatchedLoop, with_joints
 
 NOISE = 0.003
 TOLD = (
@@ -33,34 +34,29 @@ EXACT = (
 SIGNS = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0])
 
 
-class Run:
+class Run(WatchedLoop):
     """A closed loop whose joint states and efforts can be made wrong on their way."""
 
     def __init__(self, *assignments: str, law: Any = "governed", name: str = "paper_planar") -> None:
-        scenario = load_scenario(name, law=law, sensor="event_1000", seed=5, assignments=(*TOLD, *assignments))
-        self.loop = ClosedLoop(scenario)
+        super().__init__(load_scenario(name, law=law, sensor="event_1000", seed=5, assignments=(*TOLD, *assignments)))
         self.arm = self.loop.controller
 
     def cycles(self, count: int, change: Any = None, push: Any = None) -> CycleResult:
         """Return the last result; change(q, qd): of the joint states; push: added to every effort [N m]."""
-        for _ in range(count):
-            outputs = self.loop.observe()
-            if change is not None:
-                (arm,) = outputs.arms
-                joint = arm.joint
-                q, qd = change(joint.position.copy(), joint.velocity.copy())
-                outputs = outputs._replace(arms=(arm._replace(joint=JointSample(joint.stamp_ns, q, qd, joint.effort)),))
-            result = self.loop.control(outputs)
-            command = result.command
-            if push is not None and len(command.effort):
-                command = EffortCommand(command.stamp_ns, command.effort + push)
-            self.loop.bridge.advance([command])
-        return result
 
-    @property
-    def speed(self) -> float:
-        """Largest true joint velocity [rad/s]."""
-        return float(np.abs(self.loop.bridge.simulation.observe(0).joint.velocity).max())
+        def sensed(arm: Any) -> Any:
+            if change is None:
+                return arm
+            return with_joints(arm, *change(arm.joint.position.copy(), arm.joint.velocity.copy()))
+
+        def sent(command: Any) -> Any:
+            if push is None or not len(command.effort):
+                return command
+            return EffortCommand(command.stamp_ns, command.effort + push)
+
+        for _ in range(count):
+            result = self.cycle(sensed, sent)
+        return result
 
 
 def test_the_law_works_with_the_estimate() -> None:

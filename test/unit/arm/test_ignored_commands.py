@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from slip_core.records import new, record
-from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.arm.command import (
     COMMAND_CONFIG,
@@ -21,31 +20,28 @@ from slip_vic_controller.arm.command import (
 from slip_vic_controller.safety.modes import Mode, Request
 from test.support.call import call
 from test.support.every import every
+from test.support.watched_loop import WatchedLoop
 
 DRIVES = ("velocity_500", "velocity_125", "position_250")
 T, N = 2e-3, 3
 
 
-class Paused:
+class Paused(WatchedLoop):
     """A closed loop whose drives hold the arm by themselves for a while."""
 
     def __init__(self, drive: str, law: Any = "governed", name: str = "paper_planar", *assignments: str) -> None:
-        scenario = load_scenario(name, law=law, drive=drive, sensor="event_1000", assignments=assignments)
-        self.loop, self.fastest = ClosedLoop(scenario), 0.0
+        super().__init__(load_scenario(name, law=law, drive=drive, sensor="event_1000", assignments=assignments))
 
     def cycles(self, count: int, *, paused: bool = False) -> Any:
         """Return the last result."""
         for _ in range(count):
-            result = self.loop.control(self.loop.observe())
-            self.loop.bridge.advance([None if paused else result.command])
-            speed = np.abs(self.loop.bridge.simulation.observe(0).joint.velocity).max()
-            self.fastest = max(self.fastest, float(speed))
+            result = self.cycle(sent=lambda command: None if paused else command)
         return result
 
-    @property
-    def slip(self) -> float:
-        """How far the object has slipped [m]."""
-        return float(np.linalg.norm(self.loop.bridge.simulation.observe(0).truth.slip_displacement[:3]))
+    def pause(self, count: int) -> Any:
+        """Return the last result of a pause that begins when the law does."""
+        self.cycles(430)
+        return self.cycles(count, paused=True)
 
 
 @every(
@@ -59,8 +55,7 @@ class Paused:
 def test_an_arm_that_was_paused_is_not_thrown_when_commands_count_again(name: str, drive: str, law: str) -> None:
     """It went off at 0.4 to 2.8 rad/s, and position_250 lost the object in all three scenarios."""
     run = Paused(drive, law, name)
-    run.cycles(430)
-    result = run.cycles(1500, paused=True)
+    result = run.pause(1500)
     assert result.mode == Mode.FAULT
     assert " does not take commands: it moves at " in result.reason
     run.fastest = 0.0
@@ -72,8 +67,7 @@ def test_an_arm_that_was_paused_is_not_thrown_when_commands_count_again(name: st
 @every("drive", DRIVES)
 def test_it_goes_on_to_its_goal_after_reset_and_enable(drive: str) -> None:
     run = Paused(drive)
-    run.cycles(430)
-    run.cycles(1500, paused=True)
+    run.pause(1500)
     run.loop.session.request(Request.RESET_FAULT)
     assert run.cycles(50).mode == Mode.HOLD
     run.loop.session.request(Request.ENABLE)
@@ -86,8 +80,7 @@ def test_it_goes_on_to_its_goal_after_reset_and_enable(drive: str) -> None:
 @every("drive", DRIVES)
 def test_commands_that_get_lost_for_a_moment_are_not_ignored(drive: str) -> None:
     run = Paused(drive)
-    run.cycles(430)
-    run.cycles(100, paused=True)
+    run.pause(100)
     assert run.cycles(1500).mode.follows
 
 
