@@ -118,7 +118,7 @@ class Memory(NamedTuple):
     path_speed: float
     path_scale: float
     reference_moves: bool
-    unmeasured: bool
+    unseen_ns: int
     frozen_before: bool
     late_in_a_row: int
     pad_twist: Array
@@ -173,7 +173,11 @@ def arbitrate(
         ),
         (memory.late_in_a_row >= limits.late_after, describe_fault(Input.JOINT_STATE, Fault.LATE)),
         (
-            frozen and (memory.unmeasured or memory.frozen_before or (memory.reference_moves and follows)),
+            memory.unseen_ns > (limits.unseen_ns if follows else limits.bridge_ns),
+            describe_fault(Input.JOINT_STATE, Fault.FROZEN),
+        ),
+        (
+            frozen and (memory.frozen_before or (memory.reference_moves and follows and memory.unseen_ns == 0)),
             describe_fault(Input.JOINT_STATE, Fault.FROZEN),
         ),
         (level == Level.HOLD or (unknown and not follows), slip_words),
@@ -184,6 +188,7 @@ def arbitrate(
     )
     hold = next((text for so, text in holds if so), "")
     cares = (
+        (memory.unseen_ns > limits.bridge_ns, f"{describe_fault(Input.JOINT_STATE, Fault.FROZEN)}: slowing down"),
         (bool(words), words),
         (memory.stopping_ns is not None, "hold requested: coming to rest first"),
         (

@@ -24,7 +24,7 @@ SEEDS = 20
 DRIFT, OFFSET, FRICTION = 0.05, 2.0, (0.3, 1.0)  # rad/s, N m, N m
 MEASURED = (
     "velocity of the wrong sign", "velocity stuck at 0", "position stuck", "position drifts",
-    "position and velocity stuck", "all joints stuck",
+    "position and velocity stuck", "all joints stuck", "all joints not finite",
 )  # fmt: skip
 TORQUES = ("offset of 2 N m", "friction of 0.3 to 1 N m")
 
@@ -57,6 +57,8 @@ class Wrong(Channel):
             q[joint] = first.position[joint]
         elif fault.kind == "position drifts":
             q[joint] += DRIFT * 1e-9 * (now_ns - begun_ns)
+        elif fault.kind == "all joints not finite":
+            q[:] = np.nan
         elif fault.kind in MEASURED:
             q[stuck], qd[stuck] = first.position[stuck], first.velocity[stuck]
         self._put(dataclasses.replace(sample, position=q, velocity=qd), now_ns, measured_ns, True)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from slip_core.arrays import Array
 from slip_core.compiled import BOOL, IN1, INT, OUT1, VOID, kernel
 from slip_core.records import record
-from slip_vic_controller.arm.estimator import use_estimate
+from slip_vic_controller.arm.estimator import replace_sample, use_estimate
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.validation import (
     await_answer,
+    count_replaced,
     fine,
     queue_slip,
     rebase_vector,
@@ -88,3 +89,25 @@ def estimate_joint_state(config: Array, state: Array) -> None:
     for j in range(c.estimator.joints):
         s.joint.answers.velocity[j] -= s.tare.velocity_bias[j]
     use_estimate(c.estimator, s.estimate, s.joint.answers)
+
+
+@kernel(BOOL(IN1, OUT1, INT, INT))
+def replace_joint_state(config: Array, state: Array, fault: int, now_ns: int) -> bool:
+    """Put where the model has the arm in the place of a joint state that cannot be used.
+
+    Args:
+        config, state: CONFIG and ARM_STATE of the arm; the state is changed.
+        fault: of the joint state.
+        now_ns: the controller's clock.
+
+    Returns:
+        Whether it has: the stamp has to follow the one before, and to be that of the arm.
+    """
+    c, s = record(config, CONFIG), record(state, ARM_STATE)
+    foreign = fault == Fault.JUMP and s.outside == Fault.SECOND_PUBLISHER
+    if s.law.known == 0 or unanswered(fault) or foreign:
+        return False
+    known = replace_sample(c.estimator, s.estimate, s.joint.answers)
+    if s.joint.answers.stamp_ns > s.joint.last.stamp_ns:
+        count_replaced(s.joint, s.joint.answers.stamp_ns, s.estimate.q, s.estimate.v, known, now_ns)
+    return known

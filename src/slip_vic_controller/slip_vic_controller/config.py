@@ -13,7 +13,7 @@ from slip_core.records import new, record
 from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.arm.config import estimator_config, velocity_correlation
-from slip_vic_controller.arm.estimator import ESTIMATOR_CONFIG
+from slip_vic_controller.arm.estimator import BLIND_S, ESTIMATOR_CONFIG
 from slip_vic_controller.arm.tare import TareConfig
 from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import DRIVE_SHARE, INTERNAL_BOUND, ROUNDING, internal_gain_limit
@@ -73,6 +73,8 @@ FASTEST_SLIP_M_S, FASTEST_SLIP_S = 0.08, 0.01
 for how long: an estimate that begins with a wrong model is as fast for some cycles."""
 HOLD_PERIOD_S = 0.01
 """Longest control period at which HOLD has its configured gains; beyond it is the same loop in slow motion [s]."""
+UNSEEN_SHARE = 0.9
+"""Share of the time for which the model tells where an arm is after which it holds, so that it rests in the end."""
 QUANTISED_REPEATS = 5
 """How many times as long a sensor with a quantum may repeat a reading before it counts as frozen."""
 
@@ -209,7 +211,6 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
     if posture and len(posture) != joints:
         raise InputError("parameter nullspace.posture", got=f"{len(posture)} values", expected=f"{joints} or none")
     cycle.period_ns = round(1e9 * params.control_period_s)
-    cycle.bridge_ns = seconds_to_ns(safety.inputs.bridge_s)
     cycle.late_ns = seconds_to_ns(safety.inputs.joint.late_s)
     cycle.slow_down_s, cycle.joint_damping = safety.fallback.slow_down_s, safety.joint_damping
     cycle.start_s = params.trajectory.start_s
@@ -275,6 +276,9 @@ def _fill_modes(config: ControllerConfig, params: ControllerParams) -> None:
     observer_s = safety.fallback.observer_s if params.slip_estimator == "observer" else 0.0
     arbitration.observer_ns = seconds_to_ns(observer_s)
     arbitration.slow_down_ns = seconds_to_ns(safety.fallback.slow_down_s)
+    arbitration.bridge_ns = seconds_to_ns(safety.inputs.bridge_s)
+    unseen_s = min(safety.inputs.bridge_s + safety.fallback.slow_down_s, UNSEEN_SHARE * BLIND_S)
+    arbitration.unseen_ns = seconds_to_ns(unseen_s)
     arbitration.gap_ns = seconds_to_ns(safety.inputs.joint.age_s)
     arbitration.late_after, arbitration.saturated_ns = safety.inputs.accept_after, seconds_to_ns(safety.saturated_s)
     arbitration.slip_needed = int(params.controller == "vic")

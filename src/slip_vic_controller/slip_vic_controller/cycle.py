@@ -48,6 +48,7 @@ from slip_vic_controller.arm.estimator import (
     publish_joints,
     remember_input,
     stay_blind,
+    unseen_s,
 )
 from slip_vic_controller.arm.tare import add, add_slip, measure_at_rest, measure_without_rest, start_tare, take_biases
 from slip_vic_controller.governing import (
@@ -414,10 +415,14 @@ def _decide(
 ) -> None:
     """Find what speaks against the law, and go to the mode of this cycle."""
     sample, fault, now_ns, decision = state.joint.answers, outputs.health.joint, inputs.now_ns, outputs.decision
-    if not (usable(fault) or fault == Fault.NOT_RUN):
-        decision.step, decision.entered = Step.BRIDGE.value, state.mode.mode
-        return
-    state.since.joint_bad_ns = NEVER
+    if usable(fault) or fault == Fault.NOT_RUN:
+        state.since.joint_bad_ns = NEVER
+    else:
+        if state.since.joint_bad_ns == NEVER:
+            state.since.joint_bad_ns = now_ns
+        if inputs.arm.M[0, 0] == 0.0:
+            decision.step, decision.entered = Step.BRIDGE.value, state.mode.mode
+            return
     if inputs.request == Request.ENABLE or inputs.request == Request.RESET_FAULT:
         # A user who enables the law, or ends a fault, has checked that the clocks agree and nothing is late.
         forget_latency(state.latency)
@@ -429,7 +434,7 @@ def _decide(
         clear_findings(state.estimate)  # what is still wrong is found again
     measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns, config.cycle.late_ns)
     request = _stop_first(config, state, inputs.request, now_ns)
-    if config.tare.duration_ns > 0:
+    if config.tare.duration_ns > 0 and state.since.joint_bad_ns == NEVER:
         _tare(config, state, inputs, together)
     freezes = frozen(config.joint, state.joint, now_ns)
     n, contacts = config.law.joints, config.law.contacts
@@ -693,21 +698,25 @@ def _stop_first(config: ControllerConfig, state: ArmState, request: int, now_ns:
 
 @part
 def bridges(config: ControllerConfig, state: ArmState, now_ns: int) -> bool:
-    """Return whether a bad joint state is bridged with the last effort: shortly, and not after a pause."""
-    # After a pause the last effort is old, however young the sample.
+    """Return whether a gap of good joint states is bridged: shortly, and not after a pause of the controller."""
     ran = now_ns - state.now_ns <= config.arbitration.gap_ns
-    short = state.since.joint_bad_ns == NEVER or now_ns - state.since.joint_bad_ns <= config.cycle.bridge_ns
-    return ran and state.limiter.started != 0 and short
+    return ran and state.limiter.started != 0 and now_ns - state.since.joint_bad_ns <= config.arbitration.bridge_ns
 
 
 @part
 def _bridge(
-    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, fault: int
+    config: ControllerConfig,
+    task: TaskState,
+    state: ArmState,
+    inputs: CycleInputs,
+    outputs: CycleOutputs,
+    fault: int,
 ) -> None:
-    """Bridge a short gap of good joint states with the last effort, then let it go to gravity compensation."""
+    """Bridge a short gap of good joint states, in which nothing tells where the arm is, with the last effort.
+
+    Then let it go to gravity compensation, and give no command where the gap is a pause.
+    """
     n, now_ns = config.law.joints, inputs.now_ns
-    if state.since.joint_bad_ns == NEVER:
-        state.since.joint_bad_ns = now_ns
     # The law has to end where the wrench stays away, whatever the joint states are like.
     ends = follows(state.mode.mode) and stays_away(outputs.health.wrench)
     if bridges(config, state, now_ns) and not ends:
@@ -718,6 +727,9 @@ def _bridge(
         reasons = TransitionReasons(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), NOTHING)
         next_mode(config.modes, state.mode, reasons, inputs.request, now_ns)
         task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 0
+        if is_blind(config.estimator, state.estimate):
+            _leave_to_drives(config, state, inputs)
+            return
     # A jump of the positions leaves the efforts believable, unless another publisher sends joint states too: after a
     # pause the limiter starts at what the joints feel.
     rest, felt = np.zeros(MAX_JOINTS), np.zeros(MAX_JOINTS)
@@ -807,19 +819,20 @@ def _keep_joints(config: ControllerConfig, state: ArmState, inputs: CycleInputs)
 
 
 @part
-def _stops(state: ArmState, outputs: CycleOutputs) -> bool:
+def _stops(config: ControllerConfig, state: ArmState, outputs: CycleOutputs) -> bool:
     """Return whether an arm needs the path to come to rest."""
-    return bool(outputs.decision.level == Level.SLOWING or state.since.stopping_ns != NEVER)
+    unseen = 1e9 * unseen_s(config.estimator, state.estimate) > config.arbitration.bridge_ns
+    return bool(outputs.decision.level == Level.SLOWING or state.since.stopping_ns != NEVER or unseen)
 
 
 @part
-def _path_speed(states: Records[ArmState], outputs: Records[CycleOutputs]) -> float:
+def _path_speed(configs: Records[ControllerConfig], states: Records[ArmState], outputs: Records[CycleOutputs]) -> float:
     """Return how fast the path may be run through for other reasons than friction: as the slowest arm can follow it."""
     speed = states[0].observed.path_speed
     for k in range(len(states)):
         speed = min(speed, states[k].observed.path_speed)
     for k in range(len(states)):
-        if _at_work(states[k], outputs[k]) and _stops(states[k], outputs[k]):
+        if _at_work(states[k], outputs[k]) and _stops(configs[k], states[k], outputs[k]):
             speed = 0.0
     return float(speed)
 
@@ -1308,7 +1321,7 @@ def cycle(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outpu
     for k in range(n):
         if inputs[k].present != 0:
             _prepare(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
-    path_speed = _path_speed(states, outputs)
+    path_speed = _path_speed(configs, states, outputs)
     if _at_work(states[0], outputs[0]):
         _move_on(configs[0], task, states[0], path_speed)
     _sense_all(configs, task, states, history, inputs, outputs)

@@ -34,6 +34,7 @@ from slip_vic_controller.arrival import (
     receive_joint_state,
     receive_slip,
     receive_wrench,
+    replace_joint_state,
 )
 from slip_vic_controller.config import governed_stream, make_config, renew_config, use_noise
 from slip_vic_controller.cycle import Step, cycle, watchdog
@@ -565,6 +566,10 @@ class ArmSession:
             given.health_given, given.health = 1, tuple(int(part) for part in health)
         if _GOOD[fault]:
             estimate_joint_state(self.config, self.row)
+            known = True
+        else:
+            known = replace_joint_state(self.config, self.row, fault, own.view(np.int64)[_NOW])
+        if known:
             q, qd = self._answers
             self.controller.robot.terms(q, qd, own[_ARM])
         return joint

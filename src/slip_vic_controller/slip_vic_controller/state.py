@@ -44,7 +44,6 @@ class CycleConfig(Record):
     """What the cycle itself needs to be configured."""
 
     period_ns: Whole
-    bridge_ns: Whole  # gap of good joint states that is bridged
     late_ns: Whole  # what is too late for the law, 0 = nothing
     slow_down_s: Real  # s; time in which the path comes to rest
     joint_damping: Real  # N m s/rad

@@ -55,7 +55,7 @@ class Arm:
         for _ in range(round(seconds / self.period)):
             t = self.k * self.period
             measured = self.v + self.noise * self.rng.normal(size=N)
-            call(estimate_joints, self.config, self.estimate, round(t * NS), self.q, measured)
+            call(estimate_joints, self.config, self.estimate, round(t * NS), self.q, measured, True)
             call(watch_drive_delay, self.config, self.state, self.estimate, INERTIA, self.efforts[-1], LIMIT)
             effort = share * LIMIT * np.sin(2.0 * np.pi * np.array([5.0, 7.0, 9.0]) * t)
             self.efforts.append(effort)

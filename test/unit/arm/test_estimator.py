@@ -70,7 +70,7 @@ class Joints:
 
     def sample(self, q: Any, qd: Any) -> tuple[np.ndarray, np.ndarray]:
         q, qd = (np.broadcast_to(np.asarray(x, float), (N,)).copy() for x in (q, qd))
-        call(estimate_joints, self.config, self.state, self.k * MS, q, qd)
+        call(estimate_joints, self.config, self.state, self.k * MS, q, qd, True)
         self.k += 1
         return self.state.position[:N].copy(), self.state.velocity[:N].copy()
 
@@ -131,7 +131,7 @@ def test_errors_fade_as_well_where_samples_are_missing(values: dict[str, float],
         state = joints.state
         state.q[:N], state.v[:N], state.d[:N] = np.eye(3) * 1e-3
         state.quick[:N], state.trust[:N] = 2 if quick else 0, trust
-        call(estimate_joints, config, state, round(1e9 * periods * config.period), np.zeros(N), np.zeros(N))
+        call(estimate_joints, config, state, round(1e9 * periods * config.period), np.zeros(N), np.zeros(N), True)
         after[:] = state.q[:N], state.v[:N], state.d[:N]
         used = slice(1, 3) if trust == Trust.VELOCITY else slice(0, 3)  # velocities do not show where a joint is
         radii.append(float(np.abs(np.linalg.eigvals(1e3 * after[used, used])).max()))
@@ -244,7 +244,7 @@ def test_a_velocity_against_its_position_is_never_what_the_joint_goes_on_with() 
             t, wrong = k * period_ms * T, k >= 300 // period_ms
             v = speed + 2e-3 * rng.normal()
             q = np.array([0.0, speed * t, 0.0]) + 2e-5 * rng.normal(size=N)
-            call(estimate_joints, config, state, k * period_ms * MS, q, np.array([0.0, -v if wrong else v, 0.0]))
+            call(estimate_joints, config, state, k * period_ms * MS, q, np.array([0.0, -v if wrong else v, 0.0]), True)
         found = Finding(state.finding), state.joint, Trust(state.trust[1])
         assert found == (Finding.VELOCITY_SIGN, 1, Trust.POSITION), (period_ms, speed)
 
@@ -259,7 +259,7 @@ def test_what_a_joint_does_while_samples_are_missing_contradicts_nothing() -> No
             continue
         t = k * T
         q, qd = 4.0 * (t - math.sin(w * t) / w), 4.0 * (1.0 - math.cos(w * t))
-        call(estimate_joints, config, state, k * MS, np.array([q, 0.0, 0.0]), np.array([qd, 0.0, 0.0]))
+        call(estimate_joints, config, state, k * MS, np.array([q, 0.0, 0.0]), np.array([qd, 0.0, 0.0]), True)
     assert Finding(state.finding) == Finding.NONE
 
 

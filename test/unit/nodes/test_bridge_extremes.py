@@ -19,7 +19,7 @@ from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session import Manifest
 from test.support.one_arm import OneArm, one_arm
 
-SUFFERS, BACK = 60, 400  # cycles
+SUFFERS, BACK = 60, 700  # cycles
 SMALLEST = 5e-324
 LIVE = [info for info in parameter_infos(BridgeParams) if info.runtime]
 AFTER_RESET = {"grip.force"}

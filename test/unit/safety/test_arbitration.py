@@ -26,7 +26,7 @@ SLIPS = (Fault.NONE, Fault.NONE, Fault.DENORMAL, Fault.INVALID, Fault.FROZEN)
 OUTSIDE = (Fault.NONE,) * 6 + (Fault.SECOND_PUBLISHER, Fault.FOREIGN_COMMAND)
 QUIET = Memory(
     now_ns=NOW_NS - MS, mode=Mode.ACTIVE, slip_unknown_ns=None, too_fast_ns=None, saturated_ns=None, stopping_ns=None,
-    blind_ns=None, fall_speed=0.0, path_speed=1.0, path_scale=1.0, reference_moves=False, unmeasured=False,
+    blind_ns=None, fall_speed=0.0, path_speed=1.0, path_scale=1.0, reference_moves=False, unseen_ns=0,
     frozen_before=False, late_in_a_row=0,
     pad_twist=TWIST, slips=(TWIST,),
 )  # fmt: skip
@@ -66,7 +66,7 @@ class Arbitration:
         s.observed.blind_since_ns = NEVER if m.blind_ns is None else m.blind_ns
         s.observed.fall_speed, s.observed.path_speed, s.observed.moves = m.fall_speed, m.path_speed, m.reference_moves
         s.observed.twist[:] = m.pad_twist
-        s.estimate.unmeasured[:] = int(m.unmeasured)
+        s.estimate.unmeasured[:N] = m.unseen_ns // MS
         reason = of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.FROZEN if m.frozen_before else Fault.LATE)
         put_reason(s.mode.reason, reason)
         for of, slip in zip(s.slip_inputs, m.slips, strict=False):
@@ -124,7 +124,7 @@ def random_memory(rng: np.random.Generator, limits) -> Memory:
         slip_unknown_ns=since(ladder_ns), too_fast_ns=since(8e6), saturated_ns=since(limits.saturated_ns),
         stopping_ns=since(1e8), blind_ns=since(8e7), fall_speed=small(0.6), path_speed=1.0 - small(1.0),
         path_scale=1.0 - small(1.0), reference_moves=rng.uniform() < 0.5,
-        unmeasured=rng.uniform() < 0.3, frozen_before=rng.uniform() < 0.3,
+        unseen_ns=int(rng.choice((0, 0, 0, 49, 51, 449, 451))) * MS, frozen_before=rng.uniform() < 0.3,
         late_in_a_row=int(rng.choice((0, 0, 0, limits.late_after - 1, limits.late_after))),
         pad_twist=rng.normal(size=6) * small(4.0), slips=(rng.normal(size=6) * small(0.5),),
     )  # fmt: skip

@@ -129,7 +129,7 @@ def test_a_user_who_enables_again_goes_on() -> None:
 BAD = {"joint": {"velocity": np.full(N, np.nan)}, "slip": np.zeros(6)}
 
 
-def test_a_request_that_meets_a_bad_joint_state_is_decided_with_the_next_good_one() -> None:
+def test_a_request_that_meets_a_bad_joint_state_is_decided_all_the_same() -> None:
     """The service has said that it is decided: with one bad joint state in three, one call in three was lost."""
     made_up = law_at_work(**CALM)
     made_up.run(300, **STILL)
@@ -138,9 +138,8 @@ def test_a_request_that_meets_a_bad_joint_state_is_decided_with_the_next_good_on
         (Request.HOLD, stops, Mode.HOLD), (Request.ENABLE, stops, Mode.ACTIVE),
         (Request.FAILED, 1, Mode.FAULT), (Request.RESET_FAULT, 1, Mode.HOLD),
     ):  # fmt: skip
-        before = made_up.session.mode
         made_up.session.request(request)
-        assert made_up.run(3, **BAD).mode == before
+        made_up.run(3, **BAD)
         assert made_up.run(cycles, **STILL).mode == expected, request
 
 

@@ -12,7 +12,15 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_vic_controller.arm.drive_delay import LONGEST_S
-from slip_vic_controller.arm.estimator import ESTIMATOR_CONFIG, MAX_LATENCY, EstimatorConfig, transition
+from slip_vic_controller.arm.estimator import (
+    ESTIMATOR_CONFIG,
+    MAX_LATENCY,
+    MOVES,
+    REPEATED,
+    UNMOVED,
+    EstimatorConfig,
+    transition,
+)
 from slip_vic_controller.arm.tare import LEAST_SAMPLES, Tare, deviation
 from slip_vic_controller.parameters.arm_params import JointSensorModel
 from slip_vic_controller.params import ControllerParams
@@ -247,6 +255,8 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     config.velocity_variance, config.change_variance = ahead[1, 1], both.change_variance
     spread = math.hypot(math.sqrt(2.0) * noise.position, math.sqrt(COMPARED_S * config.sensor_period) * noise.velocity)
     config.difference = max(sensor.difference, DEVIATIONS * spread) + MOST_SPEED * sensor.filter_s
+    config.repeated = MOVES if config.on else REPEATED
+    config.unmoved = max(UNMOVED, 2.0 * sensor.quantum_position)
     config.compensates, config.settling = int(model.compensate and by_effort), model.settling_s
     if params.contacts.count > 1 or params.efforts_are_late:
         late_s = sensor.latency_s + params.drive_lag_s + sensor.filter_s

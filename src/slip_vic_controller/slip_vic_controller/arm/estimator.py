@@ -42,6 +42,10 @@ LONGEST_S: Final = 0.05
 """Control periods, and time [s], after which a sample begins the estimate again: what the arm did is not known."""
 BLIND_S: Final = 0.5
 """Time for which the model tells where a joint is that is not measured [s]: enough to come to rest, not to hold it."""
+REPEATED: Final = 1e-3
+UNMOVED: Final = 3e-4
+"""Velocity of a sensor without noise [rad/s], and way by any velocity [rad] (of an encoder that is read in steps two of
+them), with which a joint that is measured does not read the same to the last bit."""
 RING: Final = MAX_LATENCY + LONGEST_STEP + 1
 """Inputs that are kept: of so many control periods."""
 MEMORY_S: Final = 0.5
@@ -128,6 +132,8 @@ class EstimatorConfig(Record):
     velocity_variance: Real  # (rad/s)^2; of the predicted velocity
     change_variance: Real  # (rad/s)^2; noise of its change over a period
     difference: Real  # rad; between position and integrated velocity that is no noise
+    repeated: Real  # rad/s; velocity with which a joint that is measured does not read the same
+    unmoved: Real  # rad; and way by its velocity
     compensates: Whole  # whether the disturbance is taken off the effort
     bound: Joints  # N m; most that is taken off
     rate: Joints  # N m/s; of what is taken off
@@ -293,7 +299,9 @@ def go_on_with_input(config: EstimatorConfig, state: JointEstimate, periods: int
 
 
 @part
-def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int, q: Array, qd: Array) -> None:
+def estimate_joints(
+    config: EstimatorConfig, state: JointEstimate, stamp_ns: int, q: Array, qd: Array, measured: bool
+) -> None:
     """Take a sample in; the estimate of now is `position` and `velocity` of the state.
 
     Args:
@@ -301,18 +309,19 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
         state: changed.
         stamp_ns: of the sample.
         q, qd: measured; (n,) [rad], [rad/s].
+        measured: whether they were, at the stamp; else they are those of the last sample, and the model alone goes on.
 
     Implements: ours; the filter is Kalman's in steady state, as in R. E. Kalman, 1960.
     """
     dt = (stamp_ns - state.stamp_ns) * 1e-9
-    if state.started == 0 or not 0.0 < dt <= min(LONGEST_STEP * config.period, LONGEST_S):
+    if not goes_on(config, state, stamp_ns):
         start_estimate(config, state, stamp_ns, q, qd)
         return
     periods = max(1, round(dt / config.period))
     go_on_with_input(config, state, periods)
     repeated = repeats(config, state, q, qd)
-    count_unmeasured(config, state, dt, periods, q, qd, repeated)
-    new = is_new(config, state, periods, repeated)
+    count_unmeasured(config, state, stamp_ns, q, qd, repeated, measured)
+    new = measured and is_new(config, state, periods, repeated)
     if periods > 1:
         state.missing = 1
     # Of a slow sensor a missing sample may have been the first with what is new: nothing says when that was measured.
@@ -389,17 +398,18 @@ def estimate_joints(config: EstimatorConfig, state: JointEstimate, stamp_ns: int
 
 @part
 def count_unmeasured(
-    config: EstimatorConfig, state: JointEstimate, dt: float, periods: int, q: Array, qd: Array, all_repeat: bool
+    config: EstimatorConfig, state: JointEstimate, stamp_ns: int, q: Array, qd: Array, all_repeat: bool, measured: bool
 ) -> None:
     """Count for how long every joint has read the same (n,) [rad], [rad/s] though it moves, or never did before.
 
-    All of them where all read the same and one moves. What a joint did for longer than LONGEST_S is not known: then it
-    begins again at what it reads. dt [s], periods: since the sample before, the periods of control; all_repeat: see
-    `repeats`.
+    All of them where all read the same and one moves, or nothing was measured. What a joint did for longer than
+    LONGEST_S is not known: then it begins again at what it reads. all_repeat: see `repeats`; the others: see
+    `estimate_joints`.
     """
-    moves = False
+    dt, renewed_s = (stamp_ns - state.stamp_ns) * 1e-9, (stamp_ns - state.renewed_ns) * 1e-9
+    periods, moves = max(1, round(dt / config.period)), not measured
     for j in range(config.joints):
-        moves = moves or abs(qd[j]) > MOVES
+        moves = moves or abs(qd[j]) > config.repeated or abs(qd[j]) * renewed_s > config.unmoved
     for j in range(config.joints):
         unknown = state.trust[j] == Trust.NEITHER
         dead = abs(qd[j]) > MOVES or never_same(config, state, j) or unknown
@@ -422,7 +432,19 @@ def is_unmeasured(config: EstimatorConfig, state: JointEstimate, j: int) -> bool
 @part
 def is_blind(config: EstimatorConfig, state: JointEstimate) -> bool:
     """Return whether a joint has not been measured for so long that the model cannot tell where it is."""
-    return bool(state.unmeasured.max() * config.period > BLIND_S)
+    return unseen_s(config, state) > BLIND_S
+
+
+@part
+def unseen_s(config: EstimatorConfig, state: JointEstimate) -> float:
+    """Return for how long a joint has not been measured [s]."""
+    return float(state.unmeasured.max() * config.period)
+
+
+@part
+def lose_sight(config: EstimatorConfig, state: JointEstimate) -> None:
+    """Let no joint count as measured, nor as known by the model."""
+    state.unmeasured[: config.joints] = int(BLIND_S / config.period) + 1
 
 
 @part
@@ -476,15 +498,45 @@ def joint_repeats(state: JointEstimate, j: int, q: Array, qd: Array) -> bool:
 
 @part
 def use_estimate(config: EstimatorConfig, state: JointEstimate, sample: JointSampleLike) -> None:
-    """Take a joint state in, and put the estimate of now in its place; where it is off, from a finding on.
+    """Take a joint state in, and put the estimate of now in its place; where it is off, from a finding on."""
+    n = config.joints
+    estimate_joints(config, state, sample.stamp_ns, sample.position[:n], sample.velocity[:n], True)
+    if config.on != 0 or state.finding != Finding.NONE or state.unmeasured.max() >= config.sensor_ticks:
+        put_estimate(config, state, sample)
+
+
+@part
+def goes_on(config: EstimatorConfig, state: JointEstimate, stamp_ns: int) -> bool:
+    """Return whether a sample follows the one before closely enough to go on with the estimate."""
+    dt = (stamp_ns - state.stamp_ns) * 1e-9
+    return bool(state.started != 0 and 0.0 < dt <= min(LONGEST_STEP * config.period, LONGEST_S))
+
+
+@part
+def replace_sample(config: EstimatorConfig, state: JointEstimate, sample: JointSampleLike) -> bool:
+    """Put where the model has the joints in the place of a joint state that cannot be used.
+
+    Returns:
+        Whether that is known: not after a pause.
+    """
+    n, q, qd = config.joints, state.measured_position.copy(), state.measured_velocity.copy()
+    if not goes_on(config, state, sample.stamp_ns):
+        if sample.stamp_ns > state.stamp_ns:
+            lose_sight(config, state)
+        return False
+    estimate_joints(config, state, sample.stamp_ns, q[:n], qd[:n], False)
+    put_estimate(config, state, sample)
+    return True
+
+
+@part
+def put_estimate(config: EstimatorConfig, state: JointEstimate, sample: JointSampleLike) -> None:
+    """Put the estimate of now in the place of a joint state.
 
     Of drives with loops of their own it is the state to which the commands that have been sent lead: then the law
     commands what is free of their lag, and the joint does the same that much later.
     """
     n = config.joints
-    estimate_joints(config, state, sample.stamp_ns, sample.position[:n], sample.velocity[:n])
-    if config.on == 0 and state.finding == Finding.NONE and state.unmeasured.max() < config.sensor_ticks:
-        return
     if config.bandwidth > 0.0:
         foresee(config, state, sample)
     else:

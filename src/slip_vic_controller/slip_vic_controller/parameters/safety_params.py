@@ -108,7 +108,7 @@ class InputParams(ParameterModel):
         gt=0.0,
     )
     bridge_s: float = parameter(
-        0.01, "longest gap of good joint states that is bridged by repeating the last effort", unit="s", ge=0.0
+        0.05, "longest gap of good joint states in which the law goes on where the model has the arm", unit="s", ge=0.0
     )
     accept_after: int = parameter(
         5,

@@ -14,7 +14,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Whole, dtype_of
 from slip_core.vectors import spatial, vec
-from slip_vic_controller.arm.estimator import Finding, JointEstimate
+from slip_vic_controller.arm.estimator import EstimatorConfig, Finding, JointEstimate, unseen_s
 from slip_vic_controller.arm.tare import Sensor, Tare, TareConfig
 from slip_vic_controller.law.giving_up import CompensationState
 from slip_vic_controller.safety.drop_detection import BLIND, DropDetectionConfig, ObservedMotion
@@ -24,7 +24,7 @@ from slip_vic_controller.safety.latency import Latency
 from slip_vic_controller.safety.limit_avoidance import MotionLimits, pushed_joint, too_fast
 from slip_vic_controller.safety.modes import NOTHING, Mode, ModeState, TransitionReasons, follows, holds_for
 from slip_vic_controller.safety.reasons import Cause, Reason, because, of_fault, read_reason
-from slip_vic_controller.safety.validation import VectorInput, fine
+from slip_vic_controller.safety.validation import VectorInput, fine, usable
 from slip_vic_controller.sizes import NEVER
 
 FAST_NS = 5_000_000
@@ -58,6 +58,8 @@ class ArbitrationConfig(Record):
 
     observer_ns: Whole  # how long the observer may run alone, 0 where there is none
     slow_down_ns: Whole  # time to come to rest
+    bridge_ns: Whole  # how long the law goes on where the model has an arm that is not measured
+    unseen_ns: Whole  # the same, with the time in which the path comes to rest
     gap_ns: Whole  # pause of the controller itself that is too long
     late_after: Whole  # late answers in a row
     saturated_ns: Whole
@@ -114,6 +116,7 @@ class Configured(Protocol):
     motion: MotionLimits
     drop: DropDetectionConfig
     tare: TareConfig
+    estimator: EstimatorConfig
 
     @property
     def governor(self) -> GovernorMargin:
@@ -229,6 +232,12 @@ def slides(config: ArbitrationConfig, inputs: Records[VectorInput], contacts: in
 
 
 @part
+def unseen_fault(health: Health) -> int:
+    """Return the fault of joint states that show nothing: their own, or that they repeat themselves."""
+    return Fault.FROZEN.value if usable(health.joint) else health.joint
+
+
+@part
 def find_hold(
     config: Configured,
     task: Shared,
@@ -251,7 +260,10 @@ def find_hold(
         return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.NOT_RUN)
     if state.latency.in_a_row >= arbitration.late_after:
         return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.LATE)
-    moves = (state.observed.moves != 0 and at_work) or state.estimate.unmeasured[0] > 0
+    unseen_ns = 1e9 * unseen_s(config.estimator, state.estimate)
+    if unseen_ns > (arbitration.unseen_ns if at_work else arbitration.bridge_ns):
+        return of_fault(Cause.INPUT, Input.JOINT_STATE, unseen_fault(health))
+    moves = state.observed.moves != 0 and at_work and unseen_ns == 0
     if frozen and (moves or holds_for(state.mode, Input.JOINT_STATE, Fault.FROZEN)):
         return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.FROZEN)
     if level == Level.HOLD or (unknown and not at_work):  # the levels are for a law that is at work
@@ -273,10 +285,20 @@ def find_hold(
 
 @part
 def find_degraded(
-    config: Configured, task: Shared, state: Judged, level: int, fault: int, n: int, q: Array, now_ns: int
+    config: Configured,
+    task: Shared,
+    state: Judged,
+    health: Health,
+    level: int,
+    fault: int,
+    n: int,
+    q: Array,
+    now_ns: int,
 ) -> Reason:
     """Return why to be careful; arguments as in `arbitrate`, fault: of the slip velocity."""
     since = state.since
+    if 1e9 * unseen_s(config.estimator, state.estimate) > config.arbitration.bridge_ns:
+        return of_fault(Cause.SLOWING, Input.JOINT_STATE, unseen_fault(health))
     if level == Level.OBSERVED:
         return of_fault(Cause.PREDICTED, Input.SLIP, fault)
     if level == Level.SLOWING:
@@ -342,5 +364,5 @@ def arbitrate(
     else:
         hold = find_hold(config, task, state, health, level, slip, frozen, contacts, now_ns)
     if hold.cause == Cause.NONE and health.outside == Fault.NONE:
-        degraded = find_degraded(config, task, state, level, slip, n, q, now_ns)
+        degraded = find_degraded(config, task, state, health, level, slip, n, q, now_ns)
     return TransitionReasons(NOTHING, fault, hold, degraded), level

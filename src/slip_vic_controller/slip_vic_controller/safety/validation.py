@@ -412,6 +412,22 @@ def receive_joints(
 
 
 @part
+def count_replaced(state: JointInput, stamp_ns: int, q: Array, qd: Array, known: bool, now_ns: int) -> None:
+    """Let the joint states go on with one that could not be used; what comes next follows where the model has the arm.
+
+    Args:
+        state: of the joint state's input; changed.
+        stamp_ns: of the joint state.
+        q, qd: where the model has the joints, and how fast [rad], [rad/s].
+        known: whether it does.
+        now_ns: the controller's clock.
+    """
+    state.last.stamp_ns, state.arrival_ns = stamp_ns, now_ns
+    if known:
+        state.last.position[:], state.last.velocity[:] = q, qd
+
+
+@part
 def await_answer(state: JointInput, stamp_ns: int, q: Array, qd: Array, effort: Array, fault: int) -> None:
     """Let the next cycle answer this joint state; one that was not answered yet is skipped, the newest wins."""
     if state.pending != 0:
