@@ -9,13 +9,13 @@ from slip_vic_controller.arm.estimator import replace_sample, use_estimate
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.validation import (
     await_answer,
-    count_replaced,
     fine,
     queue_slip,
     rebase_vector,
     receive_joints,
     receive_vector,
     silent,
+    take_replaced,
     unanswered,
 )
 from slip_vic_controller.state import ARM_STATE, CONFIG
@@ -107,7 +107,7 @@ def replace_joint_state(config: Array, state: Array, fault: int, now_ns: int) ->
     foreign = fault == Fault.JUMP and s.outside == Fault.SECOND_PUBLISHER
     if s.law.known == 0 or unanswered(fault) or foreign:
         return False
-    known = replace_sample(c.estimator, s.estimate, s.joint.answers)
-    if s.joint.answers.stamp_ns > s.joint.last.stamp_ns:
-        count_replaced(s.joint, s.joint.answers.stamp_ns, s.estimate.q, s.estimate.v, known, now_ns)
-    return known
+    if not replace_sample(c.estimator, s.estimate, s.joint.answers):
+        return False
+    take_replaced(s.joint, s.joint.answers.stamp_ns, s.estimate.q, s.estimate.v, now_ns)
+    return True

@@ -1349,6 +1349,8 @@ def cycle(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outpu
 def watchdog(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outputs_buffer: Array, arm: int) -> int:
     """Answer that joint states of an arm stay away: HOLD, efforts go to gravity compensation where the arm was.
 
+    Where no command was given before, there is none now.
+
     Args:
         config_buffer, state_buffer, inputs_buffer, outputs_buffer: as in `cycle`.
         arm: number of the arm.
@@ -1370,9 +1372,12 @@ def watchdog(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, ou
     next_mode(config.modes, state.mode, reasons, inputs.request, inputs.now_ns)
     task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 0
     outputs.wanted[:n] = state.law.gravity[:n]
-    go_on(config.motion.drive, state.limiter, inputs.now_ns)
-    rest = np.zeros(MAX_JOINTS)
-    _finish(config, state, inputs, outputs, state.law.position, rest, rest, False)
+    if state.limiter.started != 0:
+        go_on(config.motion.drive, state.limiter, inputs.now_ns)
+        rest = np.zeros(MAX_JOINTS)
+        _finish(config, state, inputs, outputs, state.law.position, rest, rest, False)
+    else:
+        _leave_to_drives(config, state, inputs)  # as before
     _end(config, task, state, inputs, outputs)
     if not follows(state.mode.mode):
         first = record(state_buffer[TASK_SIZE : TASK_SIZE + ARM_SIZE], ARM_STATE)

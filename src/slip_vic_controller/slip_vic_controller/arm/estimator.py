@@ -442,12 +442,6 @@ def unseen_s(config: EstimatorConfig, state: JointEstimate) -> float:
 
 
 @part
-def lose_sight(config: EstimatorConfig, state: JointEstimate) -> None:
-    """Let no joint count as measured, nor as known by the model."""
-    state.unmeasured[: config.joints] = int(BLIND_S / config.period) + 1
-
-
-@part
 def stay_blind(config: EstimatorConfig, state: JointEstimate) -> None:
     """Let the joints rest where the model has them: the drives hold them."""
     state.v[:] = 0.0
@@ -517,12 +511,11 @@ def replace_sample(config: EstimatorConfig, state: JointEstimate, sample: JointS
     """Put where the model has the joints in the place of a joint state that cannot be used.
 
     Returns:
-        Whether that is known: not after a pause.
+        Whether that is known: not after a pause, nor where its stamp is as wrong as its values.
     """
     n, q, qd = config.joints, state.measured_position.copy(), state.measured_velocity.copy()
     if not goes_on(config, state, sample.stamp_ns):
-        if sample.stamp_ns > state.stamp_ns:
-            lose_sight(config, state)
+        state.unmeasured[:n] += 1
         return False
     estimate_joints(config, state, sample.stamp_ns, q[:n], qd[:n], False)
     put_estimate(config, state, sample)

@@ -412,19 +412,17 @@ def receive_joints(
 
 
 @part
-def count_replaced(state: JointInput, stamp_ns: int, q: Array, qd: Array, known: bool, now_ns: int) -> None:
-    """Let the joint states go on with one that could not be used; what comes next follows where the model has the arm.
+def take_replaced(state: JointInput, stamp_ns: int, q: Array, qd: Array, now_ns: int) -> None:
+    """Let the joint states go on with one that could not be used: what comes next follows where the model has the arm.
 
     Args:
         state: of the joint state's input; changed.
         stamp_ns: of the joint state.
         q, qd: where the model has the joints, and how fast [rad], [rad/s].
-        known: whether it does.
         now_ns: the controller's clock.
     """
     state.last.stamp_ns, state.arrival_ns = stamp_ns, now_ns
-    if known:
-        state.last.position[:], state.last.velocity[:] = q, qd
+    state.last.position[:], state.last.velocity[:] = q, qd
 
 
 @part
