@@ -120,6 +120,7 @@ class Memory(NamedTuple):
     reference_moves: bool
     unseen_ns: int
     frozen_before: bool
+    wrench_bad_ns: int | None
     late_in_a_row: int
     pad_twist: Array
     slips: tuple[Array, ...]
@@ -155,6 +156,8 @@ def arbitrate(
             level, words = Level.SLOWING, f"{slip_words}: slowing down"
         else:
             level = Level.HOLD
+    wrench_bad = wrench not in (Fault.NONE, Fault.DENORMAL)
+    wrench_since = now_ns if memory.wrench_bad_ns is None else memory.wrench_bad_ns
     fastest, fast_since, fault = too_fast(config.motion, names, qd, memory.pad_twist), None, ""
     if fastest:
         fast_since = now_ns if memory.too_fast_ns is None else memory.too_fast_ns
@@ -166,7 +169,10 @@ def arbitrate(
         return Verdict(fault, "", "", level, since, fast_since)
     holds = (
         (outside != Fault.NONE, describe_fault(Input.ANY, outside)),
-        (wrench not in (Fault.NONE, Fault.DENORMAL), describe_fault(Input.WRENCH, wrench)),
+        (
+            wrench_bad and not (follows and now_ns - wrench_since < limits.slow_down_ns),
+            describe_fault(Input.WRENCH, wrench),
+        ),
         (
             now_ns - memory.now_ns > limits.gap_ns and memory.mode != Mode.WAITING_INPUT,
             describe_fault(Input.JOINT_STATE, Fault.NOT_RUN),
@@ -189,6 +195,7 @@ def arbitrate(
     hold = next((text for so, text in holds if so), "")
     cares = (
         (memory.unseen_ns > limits.bridge_ns, f"{describe_fault(Input.JOINT_STATE, Fault.FROZEN)}: slowing down"),
+        (wrench_bad and follows, f"{describe_fault(Input.WRENCH, wrench)}: slowing down"),
         (bool(words), words),
         (memory.stopping_ns is not None, "hold requested: coming to rest first"),
         (

@@ -73,6 +73,8 @@ FASTEST_SLIP_M_S, FASTEST_SLIP_S = 0.08, 0.01
 for how long: an estimate that begins with a wrong model is as fast for some cycles."""
 HOLD_PERIOD_S = 0.01
 """Longest control period at which HOLD has its configured gains; beyond it is the same loop in slow motion [s]."""
+STOPS_WITHIN = 2.0
+"""How much longer than a path that is slowed down one may need that friction has to brake."""
 UNSEEN_SHARE = 0.9
 """Share of the time for which the model tells where an arm is after which it holds, so that it rests in the end."""
 QUANTISED_REPEATS = 5
@@ -275,7 +277,7 @@ def _fill_modes(config: ControllerConfig, params: ControllerParams) -> None:
     config.modes.resume_after_ns = seconds_to_ns(safety.resume_after_s)
     observer_s = safety.fallback.observer_s if params.slip_estimator == "observer" else 0.0
     arbitration.observer_ns = seconds_to_ns(observer_s)
-    arbitration.slow_down_ns = seconds_to_ns(safety.fallback.slow_down_s)
+    arbitration.slow_down_ns = seconds_to_ns(STOPS_WITHIN * safety.fallback.slow_down_s)
     arbitration.bridge_ns = seconds_to_ns(safety.inputs.bridge_s)
     unseen_s = min(safety.inputs.bridge_s + safety.fallback.slow_down_s, UNSEEN_SHARE * BLIND_S)
     arbitration.unseen_ns = seconds_to_ns(unseen_s)

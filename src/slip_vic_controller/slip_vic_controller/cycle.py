@@ -270,13 +270,20 @@ def _model_wrench(config: ControllerConfig, task: TaskState, state: ArmState, in
         force = force - hold.mass * vec(task.desired.acceleration)
     pad = pad_rotation(config.law.contact[0], law.slips[0])
     load, R_o = Spatial(force, -(R @ _arm_of_load(config, state, pad)).cross(force)), R @ pad.T()
+    state.wrench_modelled = 1
+    for k in range(config.law.contacts):
+        if inputs.arm.M[0, 0] > 0.0:
+            put_spatial(state.wrench_of_model[k], (R_o @ pad_rotation(config.law.contact[k], law.slips[k])).T() @ load)
+
+
+@part
+def _needs_no_sensor(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
+    """Let the inputs of the wrench count as good, where there is no sensor."""
     stamp_ns = state.joint.answers.stamp_ns
     for k in range(config.law.contacts):
         own = state.wrench_inputs[k]
         own.seen, own.known, own.invalid, own.zeros, own.refused, own.ahead = 1, 1, 0, 0, 0, 0
         own.stamp_ns, own.arrival_ns, own.equal_since_ns = stamp_ns, inputs.now_ns, stamp_ns
-        if inputs.arm.M[0, 0] > 0.0:
-            put_spatial(own.values, (R_o @ pad_rotation(config.law.contact[k], law.slips[k])).T() @ load)
 
 
 @part
@@ -299,7 +306,9 @@ def _classify_inputs(
     alone: whether another arm is not answered in this cycle.
     """
     stamp_ns = state.joint.answers.stamp_ns
+    # What is frozen stays so while the path comes to rest, and in the HOLD after it.
     moves = state.joint.moves != 0 or holds_for(state.mode, Input.WRENCH, Fault.FROZEN)
+    moves = moves or state.since.wrench_bad_ns != NEVER
     if inputs.health_given == 0:
         health = outputs.health
         health.joint, health.wrench, health.slip, health.outside = fault, 0, 0, state.outside
@@ -390,7 +399,7 @@ def _look(
         state.law.known = 0
         _wait(config, state, inputs, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), state.limiter.started)
     if config.cycle.models_wrench != 0:
-        _model_wrench(config, task, state, inputs)
+        _needs_no_sensor(config, state, inputs)
     decision.never_seen = _never_seen(config, state)
     missing = inputs.missing | decision.never_seen
     if state.law.known == 0 and not usable(fault):
@@ -399,6 +408,11 @@ def _look(
         _wait(config, state, inputs, because(Cause.WAITS, missing), 0)
         return
     _classify_inputs(config, state, inputs, outputs, fault, alone)
+    state.wrench_modelled = 0
+    # One that repeats itself is nearer to the truth than the model: of an object that is lost it is right.
+    unusable = not fine(outputs.health.wrench) and outputs.health.wrench != Fault.FROZEN
+    if config.cycle.models_wrench != 0 or (unusable and state.law.known != 0):
+        _model_wrench(config, task, state, inputs)
     if state.law.known == 0:
         begin_law(config, task, state, inputs, outputs, lead)
     _decide(config, task, state, inputs, outputs, together)
@@ -480,7 +494,7 @@ def _all_at_rest(configs: Records[ControllerConfig], states: Records[ArmState], 
         return AtRest(n, False, ZERO)
     for k in range(n):
         R = mat(inputs[k].arm.rotation)
-        measured = R @ wrench_at_pad(configs[k].wrench_sensor, states[k].wrench_inputs[0].values, R).linear
+        measured = R @ measured_wrench(configs[k], states[k], R).linear
         beyond = beyond + (measured - vec(configs[k].hold.weight))
     return AtRest(n, True, (1.0 / n) * beyond)
 
@@ -542,9 +556,19 @@ def _gains_now(state: ArmState, stamp_ns: int, outputs: CycleOutputs) -> None:
 
 
 @part
+def measured_wrench(config: ControllerConfig, state: ArmState, R_ee: Mat) -> Spatial:
+    """Return the wrench on the own pad [N, N m] {ee} as the sensor reads it, or that of the model."""
+    if state.wrench_modelled != 0:
+        return spatial(state.wrench_of_model[0])
+    return wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, R_ee)
+
+
+@part
 def own_wrench(config: ControllerConfig, state: ArmState, R_ee: Mat) -> Spatial:
-    """Return the wrench of the object on the own pad [N, N m] {ee}, without the sensor's bias."""
-    measured = wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, R_ee)
+    """Return the wrench of the object on the own pad [N, N m] {ee}, without the sensor's bias, or that of the model."""
+    measured = measured_wrench(config, state, R_ee)
+    if state.wrench_modelled != 0:
+        return measured
     return measured - spatial(state.tare.wrench_bias)
 
 
@@ -690,7 +714,7 @@ def _stop_first(config: ControllerConfig, state: ArmState, request: int, now_ns:
     if request == Request.HOLD and state.since.stopping_ns == NEVER:
         state.since.stopping_ns = now_ns
         return Request.NONE.value
-    if state.since.stopping_ns != NEVER and now_ns - state.since.stopping_ns >= 2 * config.arbitration.slow_down_ns:
+    if state.since.stopping_ns != NEVER and now_ns - state.since.stopping_ns >= config.arbitration.slow_down_ns:
         state.since.stopping_ns = NEVER
         return Request.HOLD.value
     return Request.NONE.value  # a second request does not stop the path more suddenly
@@ -822,7 +846,8 @@ def _keep_joints(config: ControllerConfig, state: ArmState, inputs: CycleInputs)
 def _stops(config: ControllerConfig, state: ArmState, outputs: CycleOutputs) -> bool:
     """Return whether an arm needs the path to come to rest."""
     unseen = 1e9 * unseen_s(config.estimator, state.estimate) > config.arbitration.bridge_ns
-    return bool(outputs.decision.level == Level.SLOWING or state.since.stopping_ns != NEVER or unseen)
+    wrench = state.since.wrench_bad_ns != NEVER
+    return bool(outputs.decision.level == Level.SLOWING or state.since.stopping_ns != NEVER or unseen or wrench)
 
 
 @part
@@ -922,7 +947,10 @@ def sense(
     if sample.stamp_ns < law.stamp_ns:
         return Cause.OLD_JOINT_STATE.value
     for k in range(config.law.contacts):
-        samples[k].wrench[:] = state.wrench_inputs[k].values
+        if state.wrench_modelled != 0:
+            samples[k].wrench[:] = state.wrench_of_model[k]
+        else:
+            samples[k].wrench[:] = state.wrench_inputs[k].values
         samples[k].slip_twist[:] = state.slip_inputs[k].values
         if slip_unknown:
             samples[k].slip_twist[:] = 0.0

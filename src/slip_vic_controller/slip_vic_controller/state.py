@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
+from slip_core.arrays import Array
 from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, WholeArray, dtype_of
 from slip_vic_controller.arm.command import CommandConfig, MotionCommand
 from slip_vic_controller.arm.drive_delay import DriveDelay
@@ -149,6 +150,8 @@ class ArmState(Record):
     joint: JointInput
     wrench_inputs: Annotated[Records[VectorInput], MAX_CONTACTS]
     slip_inputs: Annotated[Records[VectorInput], MAX_CONTACTS]
+    wrench_modelled: Whole  # whether the model tells the wrench of all contacts
+    wrench_of_model: Annotated[Array, (MAX_CONTACTS, 6)]  # N, N m on the axes of each pad
     queue: SlipQueue
     mode: ModeState
     since: Since

@@ -24,6 +24,7 @@ from test.campaigns.faults.monitors import (
     Promise,
     SafeStateMonitor,
     TogetherMonitor,
+    promised_ages,
 )
 from test.campaigns.faults.plan import EFFORT, JOINT, SLIP, WRENCH
 from test.campaigns.faults.wire import Wire
@@ -63,10 +64,13 @@ class Watch:
         limits, inputs = safety.limits, safety.inputs
         rate = limits.effort_rate if allowed_rate is None else allowed_rate
         promise = Promise(robot.effort_limit, rate, limits.longest_step_s, limits.restart_after_s, period_s)
-        observer_s = safety.fallback.observer_s if params.slip_estimator == "observer" else 0.0
-        slip_s = inputs.slip.age_s + safety.fallback.slow_down_s + observer_s
-        ages = {JOINT: inputs.joint.age_s, WRENCH: inputs.wrench.age_s}
-        ages |= {} if params.controller == "classical" else {SLIP: slip_s}  # it needs no slip
+        ages, _ = promised_ages(
+            safety,
+            observer=params.slip_estimator == "observer",
+            needs_slip=params.controller != "classical",
+            has_wrench=True,
+            joints_spoilt=True,
+        )
         self.commands = CommandMonitor(promise)
         self.joints = JointMonitor(effort_rate * period_s)
         self._for_joints: deque[tuple[float, Callable[[], object]]] = deque()

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_vic_controller.arm.estimator import BLIND_S
+from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.reference.governor import Phase
 from slip_vic_controller.reference.path_grid import GRID_POINTS
-from test.campaigns.faults.plan import JOINT, WRENCH
+from test.campaigns.faults.plan import JOINT, SLIP, WRENCH
 
 Numbers = NDArray[np.float64]
 NS = 1e-9
@@ -183,6 +185,25 @@ class JointMonitor:
         elif now_s - self._resting_since > self.rest_after_s and np.abs(velocity).max() > AT_REST:
             self.violations.append(f"{now_s:.3f} s: not at rest: {np.abs(velocity).max():.2f} rad/s")
             self._resting_since = now_s
+
+
+def promised_ages(
+    safety: SafetyParams, *, observer: bool, needs_slip: bool, has_wrench: bool, joints_spoilt: bool
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return `limits` and `unheeded` of a SafeStateMonitor; joints_spoilt: whether joint states may come that are none.
+
+    Without slip velocity or wrench, and where joint states come that show nothing, the path comes to rest first.
+    """
+    inputs, rest_s = safety.inputs, 2.0 * safety.fallback.slow_down_s
+    unheeded = {JOINT: inputs.joint.age_s}
+    limits = {JOINT: 0.9 * BLIND_S if joints_spoilt else inputs.joint.age_s}
+    if has_wrench:
+        unheeded[WRENCH] = inputs.wrench.age_s
+        limits[WRENCH] = inputs.wrench.age_s + rest_s
+    if needs_slip:
+        unheeded[SLIP] = inputs.slip.age_s
+        limits[SLIP] = inputs.slip.age_s + rest_s + (safety.fallback.observer_s if observer else 0.0)
+    return limits, unheeded
 
 
 @dataclass

@@ -16,8 +16,8 @@ from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session import Controller, ControllerSession, Results
 from test.campaigns.faults.carriers import SampleCarrier
-from test.campaigns.faults.channel import Channel
-from test.campaigns.faults.monitors import NS, CommandMonitor, SafeStateMonitor, TogetherMonitor
+from test.campaigns.faults.channel import DAMAGED, Channel
+from test.campaigns.faults.monitors import NS, CommandMonitor, SafeStateMonitor, TogetherMonitor, promised_ages
 from test.campaigns.faults.plan import (
     BRIDGE,
     CONTROLLER,
@@ -110,11 +110,9 @@ class PairTrial:
         safety = next(iter(self.scenario.controllers.values())).safety
         inputs = safety.inputs
         self.commands = [CommandMonitor(promise_of(arm, PERIOD_S)) for arm in self._controller.arms.values()]
-        age = {
-            JOINT: inputs.joint.age_s + PERIOD_S,
-            WRENCH: inputs.wrench.age_s + PERIOD_S,
-            SLIP: inputs.slip.age_s + safety.fallback.slow_down_s + PERIOD_S,
-        }
+        spoilt = any(fault.target.endswith(JOINT) and fault.kind in DAMAGED for fault in faults)
+        limits, _ = promised_ages(safety, observer=False, needs_slip=True, has_wrench=True, joints_spoilt=spoilt)
+        age = {name: age_s + PERIOD_S for name, age_s in limits.items()}
         self.safe = [SafeStateMonitor(dict(age), inputs.future_s) for _ in SIDES]
         self.together = TogetherMonitor(SIDES, PERIOD_S)
         self.modes: Counter[str] = Counter()

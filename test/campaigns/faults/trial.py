@@ -38,6 +38,7 @@ from test.campaigns.faults.monitors import (
     Promise,
     SafeStateMonitor,
     WorkMonitor,
+    promised_ages,
 )
 from test.campaigns.faults.plan import (
     BRIDGE,
@@ -191,18 +192,20 @@ class Trial:
         self._commands = CommandMonitor(promise_of(self._law.first, PERIOD_S))
         slope = self.scenario.bridge.effort_rate if plan.interface == "effort" else np.inf  # a drive's own loop steps
         self._joints = JointMonitor(slope * PERIOD_S, REST_AFTER_S)
-        ages_s = {JOINT: inputs.joint.age_s + PERIOD_S}
-        if plan.wrench == "sensor":
-            ages_s[WRENCH] = inputs.wrench.age_s + PERIOD_S
         # The same for every sensor: a slow one must be fast enough for it, its latency included.
-        slip_s = {} if plan.controller == "classical" else {SLIP: inputs.slip.age_s + PERIOD_S}  # it needs no slip
-        degraded_s = safety.fallback.slow_down_s + (safety.fallback.observer_s if plan.observer else 0.0)
-        ages_s |= {name: age_s + degraded_s for name, age_s in slip_s.items()}
+        ages = promised_ages(
+            safety,
+            observer=plan.observer,
+            needs_slip=plan.controller != "classical",
+            has_wrench=plan.wrench == "sensor",
+            joints_spoilt=any(fault.target == JOINT and fault.kind in DAMAGED for fault in plan.faults),
+        )
+        limits, unheeded = ({name: age_s + PERIOD_S for name, age_s in of.items()} for of in ages)
         self._work = WorkMonitor(POINTS_PER_CYCLE + SAMPLES_PER_CYCLE, inputs.accept_after + 1)
         self._user = User(
             plan.task, np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(plan.trial, 10)))
         )
-        self._safe = SafeStateMonitor(ages_s, inputs.future_s, slip_s)
+        self._safe = SafeStateMonitor(limits, inputs.future_s, unheeded)
         self._stops = [fault for fault in plan.faults if fault.kind == "stop"]
         self._clock_stops = [fault for fault in plan.faults if fault.kind == "clock_stop"]
         self._modes: Counter[str] = Counter()

@@ -160,12 +160,14 @@ def test_a_wrench_that_is_frozen_stays_so_until_it_changes_or_a_user_says_it_is_
     """The arm rested, so it was not seen any more, and the law began again: to and fro, a hundred times."""
     run = Freezing(drive, "governed", "paper_planar" if drive == "ideal" else "glass_transport")
     assert run.cycles(2500, wrench=True).reason == "wrench is frozen"
-    assert len(run.modes) == 2, run.modes
+    assert run.modes[1:] == ["DEGRADED wrench is frozen", "HOLD wrench is frozen"]
+    assert run.slip < 3e-4, "the path has come to rest before"
     run.loop.session.request(Request.ENABLE)
-    assert run.cycles(300, wrench=True).reason == "wrench is frozen"
-    assert len([mode for mode in run.modes if mode == "HOLD wrench is frozen"]) == 2
-    lost = drive == "ideal"  # there the object slips away, and its wrench does not change any more
-    assert (run.cycles(1500).reason == "wrench is frozen") is lost
+    run.cycles(2500, wrench=True)
+    moves = drive != "ideal"  # there the path is all but over
+    assert len([mode for mode in run.modes if mode == "DEGRADED wrench is frozen"]) == 1 + moves, run.modes
+    assert run.cycles(1500).mode.follows
+    assert run.slip < 3e-4
 
 
 def sine(k: int) -> tuple[float, float, float]:

@@ -32,9 +32,10 @@ def test_the_monitor_sees_one_arm_that_goes_on() -> None:
 
 @pytest.mark.parametrize("topic", [JOINT, WRENCH, SLIP])
 def test_an_input_of_one_arm_that_falls_silent_stops_both(topic: str) -> None:
+    """Without wrench or slip velocity of one arm both come to rest along the path first."""
     trial = PairTrial(SCENARIOS[1], (Fault("drop", f"right/{topic}", 0.2, 0.7, 0.9),), 1, 0)
     assert trial.run() == []
-    assert trial.modes["HOLD"] > 20
+    assert trial.modes["HOLD" if topic == JOINT else "DEGRADED"] > 20
 
 
 def test_some_trials_keep_the_promises() -> None:
@@ -47,7 +48,7 @@ def test_both_go_on_together_after_a_stop_though_each_joint_state_is_answered_as
     for topic in (JOINT, WRENCH):
         trial = PairTrial(SCENARIOS[1], (Fault("drop", f"left/{topic}", 0.2, 0.1, 0.9),), 1, 0)
         assert trial.run() == []
-        assert trial.modes["HOLD"] > 20, topic
+        assert trial.modes["HOLD" if topic == JOINT else "DEGRADED"] >= (20 if topic == JOINT else 5), topic
         assert trial.follows == (True, True)
 
 

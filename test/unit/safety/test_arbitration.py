@@ -27,7 +27,7 @@ OUTSIDE = (Fault.NONE,) * 6 + (Fault.SECOND_PUBLISHER, Fault.FOREIGN_COMMAND)
 QUIET = Memory(
     now_ns=NOW_NS - MS, mode=Mode.ACTIVE, slip_unknown_ns=None, too_fast_ns=None, saturated_ns=None, stopping_ns=None,
     blind_ns=None, fall_speed=0.0, path_speed=1.0, path_scale=1.0, reference_moves=False, unseen_ns=0,
-    frozen_before=False, late_in_a_row=0,
+    frozen_before=False, wrench_bad_ns=None, late_in_a_row=0,
     pad_twist=TWIST, slips=(TWIST,),
 )  # fmt: skip
 GOOD = (Fault.NONE, Fault.NONE, Fault.NONE)
@@ -64,6 +64,7 @@ class Arbitration:
             value = getattr(m, name)
             s.since[name] = NEVER if value is None else value
         s.observed.blind_since_ns = NEVER if m.blind_ns is None else m.blind_ns
+        s.since.wrench_bad_ns = NEVER if m.wrench_bad_ns is None else m.wrench_bad_ns
         s.observed.fall_speed, s.observed.path_speed, s.observed.moves = m.fall_speed, m.path_speed, m.reference_moves
         s.observed.twist[:] = m.pad_twist
         s.estimate.unmeasured[:N] = m.unseen_ns // MS
@@ -125,6 +126,7 @@ def random_memory(rng: np.random.Generator, limits) -> Memory:
         stopping_ns=since(1e8), blind_ns=since(8e7), fall_speed=small(0.6), path_speed=1.0 - small(1.0),
         path_scale=1.0 - small(1.0), reference_moves=rng.uniform() < 0.5,
         unseen_ns=int(rng.choice((0, 0, 0, 49, 51, 449, 451))) * MS, frozen_before=rng.uniform() < 0.3,
+        wrench_bad_ns=since(limits.slow_down_ns),
         late_in_a_row=int(rng.choice((0, 0, 0, limits.late_after - 1, limits.late_after))),
         pad_twist=rng.normal(size=6) * small(4.0), slips=(rng.normal(size=6) * small(0.5),),
     )  # fmt: skip
@@ -146,6 +148,7 @@ def test_it_is_the_plain_form() -> None:
     assert {
         "OBSERVED", "SLOWING", "HOLD", "MEASURED", "wrench is silent", "an input has two publishers",
         "joint state was not answered for too long", "joint state is late", "joint state is frozen",
+        "joint state is frozen: slowing down", "wrench is silent: slowing down",
         "slip velocity is invalid", "slip velocity is invalid: predicting it from the wrench",
         "slip velocity contradicts the wrench: slowing down", "the object slides: waiting until it rests",
         "hold requested: coming to rest first", "efforts saturated: slip cannot be driven to zero",

@@ -107,7 +107,7 @@ def test_an_input_that_stops_the_law_on_the_way_to_rest_does_not_take_the_wish_t
     path.made_up.session.request(Request.HOLD)
     path.run(100)
     assert path.modes[-1].follows
-    path.run(200, wrench=None)
+    path.run(2 * round(1e3 * SLOW_DOWN_S), wrench=None)
     assert path.modes[-1] == Mode.HOLD
     path.run(1000)
     assert path.modes[-1] == Mode.HOLD
@@ -149,13 +149,25 @@ def test_without_slip_samples_the_path_comes_to_rest_too() -> None:
     path.run(round(1e3 * SLOW_DOWN_S) - 5, slip=np.full(6, np.nan))
     assert 0.0 < path.speeds[-1] < 0.02
     assert path.made_up.session.reason == "slip velocity is invalid: slowing down"
-    path.run(10, slip=np.full(6, np.nan))
+    path.run(round(1e3 * SLOW_DOWN_S) + 15, slip=np.full(6, np.nan))  # until an arm that friction brakes rests, too
     assert path.modes[-1] == Mode.HOLD
     path.run(110)  # it begins where it has come to rest, from rest
     assert path.modes[-1].follows
     assert path.speeds[-1] < 0.1
     path.run(600)
     assert path.speeds[-1] == 1.0
+
+
+@every("wrench", (None, np.full(6, np.nan)))
+def test_without_a_wrench_the_path_comes_to_rest_by_the_model_s(wrench: np.ndarray | None) -> None:
+    path = Path()
+    path.run(700)
+    path.run(50 + round(1e3 * SLOW_DOWN_S), wrench=wrench)
+    what = "silent" if wrench is None else "not finite"
+    assert path.made_up.session.reason == f"wrench is {what}: slowing down"
+    assert path.speeds[-1] < 0.02
+    path.run(round(1e3 * SLOW_DOWN_S) + 5, wrench=wrench)
+    assert (path.modes[-1], path.made_up.session.reason) == (Mode.HOLD, f"wrench is {what}")
 
 
 def test_a_reference_from_outside_is_slowed_down_as_well() -> None:

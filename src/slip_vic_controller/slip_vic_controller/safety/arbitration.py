@@ -57,7 +57,7 @@ class ArbitrationConfig(Record):
     """How long each degradation level lasts, and what else speaks against the law."""
 
     observer_ns: Whole  # how long the observer may run alone, 0 where there is none
-    slow_down_ns: Whole  # time to come to rest
+    slow_down_ns: Whole  # time for the path to come to rest
     bridge_ns: Whole  # how long the law goes on where the model has an arm that is not measured
     unseen_ns: Whole  # the same, with the time in which the path comes to rest
     gap_ns: Whole  # pause of the controller itself that is too long
@@ -77,6 +77,7 @@ class Since(Record):
     saturated_ns: Whole
     stopping_ns: Whole
     joint_bad_ns: Whole
+    wrench_bad_ns: Whole  # while the law is at work
 
 
 class GovernorMargin(Protocol):
@@ -161,7 +162,7 @@ class Judged(Protocol):
 def clear_since(since: Since) -> None:
     """Begin: nothing is so."""
     since.slip_unknown_ns, since.too_fast_ns, since.saturated_ns = NEVER, NEVER, NEVER
-    since.stopping_ns, since.joint_bad_ns = NEVER, NEVER
+    since.stopping_ns, since.joint_bad_ns, since.wrench_bad_ns = NEVER, NEVER, NEVER
 
 
 @part
@@ -192,6 +193,15 @@ def degradation_level(config: ArbitrationConfig, since: Since, fault: int, now_n
     if passed < config.observer_ns:
         return Level.OBSERVED.value
     return Level.SLOWING.value if passed < config.observer_ns + config.slow_down_ns else Level.HOLD.value
+
+
+@part
+def watch_wrench(state: Judged, fault: int, now_ns: int) -> None:
+    """Take down since when the wrench cannot be used while the law is at work; fault: of the wrench."""
+    if fine(fault) or not follows(state.mode.mode):
+        state.since.wrench_bad_ns = NEVER
+    elif state.since.wrench_bad_ns == NEVER:
+        state.since.wrench_bad_ns = now_ns
 
 
 @part
@@ -254,7 +264,7 @@ def find_hold(
     unknown = not fine(fault) and arbitration.slip_needed != 0
     if health.outside != Fault.NONE:
         return of_fault(Cause.INPUT, Input.ANY, health.outside)
-    if not fine(health.wrench):
+    if not fine(health.wrench) and not (at_work and now_ns - state.since.wrench_bad_ns < arbitration.slow_down_ns):
         return of_fault(Cause.INPUT, Input.WRENCH, health.wrench)
     if now_ns - state.now_ns > arbitration.gap_ns and state.mode.mode != Mode.WAITING_INPUT:
         return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.NOT_RUN)
@@ -299,6 +309,8 @@ def find_degraded(
     since = state.since
     if 1e9 * unseen_s(config.estimator, state.estimate) > config.arbitration.bridge_ns:
         return of_fault(Cause.SLOWING, Input.JOINT_STATE, unseen_fault(health))
+    if since.wrench_bad_ns != NEVER:
+        return of_fault(Cause.SLOWING, Input.WRENCH, health.wrench)
     if level == Level.OBSERVED:
         return of_fault(Cause.PREDICTED, Input.SLIP, fault)
     if level == Level.SLOWING:
@@ -355,6 +367,7 @@ def arbitrate(
         q, qd: joint state; (n,) [rad], [rad/s].
         now_ns: the controller's clock.
     """
+    watch_wrench(state, health.wrench, now_ns)
     slip = slip_fault(config.arbitration, health, state.observed, now_ns)
     level = degradation_level(config.arbitration, state.since, slip, now_ns)
     fault, hold, degraded = find_fault(config, state, n, qd, now_ns), NOTHING, NOTHING
