@@ -755,12 +755,13 @@ def _bridge(
             _leave_to_drives(config, state, inputs)
             return
     # A jump of the positions leaves the efforts believable, unless another publisher sends joint states too: after a
-    # pause the limiter starts at what the joints feel.
+    # pause the limiter starts at what the joints feel. Where nothing tells that, the drives go on as in the pause.
     rest, felt = np.zeros(MAX_JOINTS), np.zeros(MAX_JOINTS)
     if fault == Fault.JUMP and outputs.health.outside != Fault.SECOND_PUBLISHER:
         felt[:] = state.joint.answers.effort
-    else:
-        go_on(config.motion.drive, state.limiter, now_ns)
+    elif needs_restart(config.motion.drive, state.limiter, now_ns):
+        _leave_to_drives(config, state, inputs)
+        return
     _finish(config, state, inputs, outputs, state.law.position, rest, felt, False)
 
 

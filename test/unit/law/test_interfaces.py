@@ -91,15 +91,15 @@ def test_a_wrench_that_stays_exactly_zero_is_not_no_load() -> None:
     noise = made.noise
     made.noise = lambda size: np.zeros(size) if size == len(LOAD) else noise(size)  # to the last bit
     assert made.cycle().mode == Mode.ACTIVE
-    modes = [made.cycle(wrench=_ZERO).mode for _ in range(8)]
+    modes = [made.cycle(wrench=_ZERO, slip=_ZERO).mode for _ in range(8)]
     assert modes[:4] == [Mode.ACTIVE] * 4
     assert modes[4:] == [Mode.DEGRADED] * 4
     assert made.session.reason == "wrench is invalid: slowing down"
     for _ in range(1000):
-        made.cycle(wrench=_ZERO)
+        made.cycle(wrench=_ZERO, slip=_ZERO)
     assert (made.session.mode, made.session.reason) == (Mode.HOLD, "wrench is invalid")
     assert MadeUp(wrench__zero_after=0).cycle(wrench=_ZERO).mode == Mode.ACTIVE
-    assert made.cycle(wrench=LOAD).mode == Mode.HOLD, "it must be good for a while first"
+    assert made.cycle(wrench=LOAD, slip=_ZERO).mode == Mode.HOLD, "it must be good for a while first"
     assert "wrench is invalid" in made.session.reason
 
 

@@ -138,7 +138,7 @@ def test_after_a_pause_efforts_of_a_second_source_are_not_believed() -> None:
     effort = loop.cycle(foreign)
     assert loop.fault == Fault.JUMP
     assert np.abs(last - foreign.effort).max() > 2 * STEP, "the arm must be held for this test to mean something"
-    assert np.abs(effort - last).max() <= AFTER_PAUSE + ROUNDING
+    assert len(effort) == 0, "nothing tells what the joints feel: the drives go on as in the pause"
 
 
 def test_hold_begins_anew_where_the_arm_is_after_a_pause() -> None:
