@@ -174,6 +174,8 @@ from slip_vic_controller.state import (
     TaskState,
 )
 
+LOSS = 0.5
+"""Share of the weight by which a wrench differs from the model's where the object is not held as it was."""
 LONGEST_PAUSE = 5
 """Control periods that count at most as time between two cycles."""
 
@@ -274,6 +276,17 @@ def _model_wrench(config: ControllerConfig, task: TaskState, state: ArmState, in
     for k in range(config.law.contacts):
         if inputs.arm.M[0, 0] > 0.0:
             put_spatial(state.wrench_of_model[k], (R_o @ pad_rotation(config.law.contact[k], law.slips[k])).T() @ load)
+
+
+@part
+def _shows_loss(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> bool:
+    """Return whether the sensor reads much less than the model's wrench, or another one: the object may be lost."""
+    R = mat(inputs.arm.rotation)
+    model, modelled = own_wrench(config, state, R), state.wrench_modelled
+    state.wrench_modelled = 0
+    read = own_wrench(config, state, R)
+    state.wrench_modelled = modelled
+    return (read - model).linear.norm() > LOSS * vec(config.hold.weight).norm()
 
 
 @part
@@ -409,10 +422,10 @@ def _look(
         return
     _classify_inputs(config, state, inputs, outputs, fault, alone)
     state.wrench_modelled = 0
-    # One that repeats itself is nearer to the truth than the model: of an object that is lost it is right.
-    unusable = not fine(outputs.health.wrench) and outputs.health.wrench != Fault.FROZEN
-    if config.cycle.models_wrench != 0 or (unusable and state.law.known != 0):
+    if config.cycle.models_wrench != 0 or (not fine(outputs.health.wrench) and state.law.known != 0):
         _model_wrench(config, task, state, inputs)
+    if outputs.health.wrench == Fault.FROZEN and _shows_loss(config, state, inputs):
+        state.wrench_modelled = 0  # what reads the same is right then
     if state.law.known == 0:
         begin_law(config, task, state, inputs, outputs, lead)
     _decide(config, task, state, inputs, outputs, together)

@@ -33,8 +33,9 @@ def test_limits_are_the_defaults() -> None:
         f"braked at {safety.limits.speed_linear:g} m/s, {safety.limits.speed_angular:g} rad/s",
         f"half of {safety.limits.error_linear:g} m, {safety.limits.error_angular:g} rad",
         f"HOLD after {1e3 * safety.inputs.joint.age_s:g} ms",
+        f"goes on for {1e3 * safety.inputs.bridge_s:g} ms by the model",
         f"after {1e3 * safety.inputs.slip.age_s:g} ms {safety.fallback.observer_s:g} s on the observer, "
-        f"{safety.fallback.slow_down_s:g} s to slow down",
+        f"{2 * safety.fallback.slow_down_s:g} s to come to rest",
         f"stiffness {safety.hold_stiffness:g} 1/s^2 and damping {safety.hold_damping:g} 1/s over the inertia",
     ):
         assert text in PAGE, text

@@ -69,7 +69,13 @@ class Reaction(NamedTuple):
     mode: str
 
 
-_BRIDGED = "the last effort is repeated for `inputs.bridge_s`, then HOLD from the last good position"
+_BRIDGED = (
+    "the law goes on where the model has the arm, after `inputs.bridge_s` DEGRADED: the path comes to rest, after "
+    "0.45 s HOLD, after 0.5 s no command"
+)
+_STOPPING = (
+    "DEGRADED: the path comes to rest, for twice `fallback.slow_down_s`, with the wrench of the model; then HOLD"
+)
 _AGE = "none by itself; the age limit decides"
 _AHEAD = "stamp more than `inputs.future_s` ahead of the joint state: two clocks, or joint states that come late"
 _DEGRADED = "DEGRADED: observer alone, then slow down along the path; then HOLD"
@@ -108,7 +114,7 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
         ("joint state", Fault.FROZEN): Reaction(
             "equal to the last bit for `inputs.joint.frozen_s` while motion is wanted or measured",
             "where it cannot be, the model's instead",
-            "HOLD until it changes or `~/enable`; after 0.5 s no command",
+            f"{_BRIDGED}; until it changes or `~/enable`",
         ),
         ("joint state", Fault.NOT_RUN): Reaction(
             "the controller itself did not run for `inputs.joint.age_s`", "used", "HOLD, then resumes"
@@ -121,15 +127,16 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
         ("wrench", Fault.NOT_FINITE): Reaction("NaN or infinity", "dropped", _AGE),
         ("wrench", Fault.ABSURD): Reaction("above `inputs.wrench.force`, `torque`", "dropped", _AGE),
         ("wrench", Fault.INVALID): Reaction(
-            "all numbers zero, `wrench.zero_after` samples in a row", "not used", "HOLD"
+            "all numbers zero, `wrench.zero_after` samples in a row", "not used", _STOPPING
         ),
-        ("wrench", Fault.FUTURE): Reaction(_AHEAD, "dropped", "HOLD from the second in a row on"),
-        ("wrench", Fault.SILENT): Reaction("nothing for `inputs.wrench.age_s`", "-", "HOLD"),
-        ("wrench", Fault.STALE): Reaction("newest stamp older than `inputs.wrench.age_s`", "not used", "HOLD"),
+        ("wrench", Fault.FUTURE): Reaction(_AHEAD, "dropped", f"from the second in a row on: {_STOPPING}"),
+        ("wrench", Fault.SILENT): Reaction("nothing for `inputs.wrench.age_s`", "-", _STOPPING),
+        ("wrench", Fault.STALE): Reaction("newest stamp older than `inputs.wrench.age_s`", "not used", _STOPPING),
         ("wrench", Fault.FROZEN): Reaction(
             "equal to the last bit for `inputs.wrench.frozen_s` while the arm moves",
-            "not used",
-            "HOLD until it changes or `~/enable`",
+            "used",
+            "DEGRADED: the path comes to rest, for twice `fallback.slow_down_s`; then HOLD; until it changes or "
+            "`~/enable`",
         ),
         ("slip", Fault.INVALID): Reaction("the sensor reports NaN", "not used", _DEGRADED),
         ("slip", Fault.ABSURD): Reaction("above `inputs.slip.linear`, `angular`", "dropped", _AGE),

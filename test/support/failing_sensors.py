@@ -1,0 +1,98 @@
+"""How far the object slips where a sensor fails in motion: prints the table of docs/results.md."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from slip_vic.scenarios import scenario_names
+from slip_vic.scenarios.scenario import Law, load_scenario
+from test.support.watched_loop import WatchedLoop, with_joints
+
+DRIVES = ("ideal", "torque_joint", "motor_current", "velocity_500", "position_250")
+MOVES_MS = {"paper_planar": 1500, "vertical_plane": 1200, "glass_transport": 900}
+"""When it fails: while the arm moves."""
+LASTS_MS = 2000
+
+
+def wrench_not_finite(arm: Any, _: Any) -> Any:
+    """No wrench is a number."""
+    return arm._replace(wrenches=tuple(replace(w, wrench=w.wrench * np.nan) for w in arm.wrenches))
+
+
+def wrench_frozen(arm: Any, kept: Any) -> Any:
+    """The wrench repeats what it was."""
+    pairs = zip(arm.wrenches, kept.wrenches, strict=True)
+    return arm._replace(wrenches=tuple(replace(w, wrench=k.wrench) for w, k in pairs))
+
+
+def slip_invalid(arm: Any, _: Any) -> Any:
+    """The slip sensor says that it measures nothing."""
+    return arm._replace(slips=tuple(replace(s, valid=False) for s in arm.slips))
+
+
+def joints_not_finite(arm: Any, _: Any) -> Any:
+    """No position is a number."""
+    return with_joints(arm, arm.joint.position * np.nan, arm.joint.velocity)
+
+
+def joints_frozen(arm: Any, kept: Any) -> Any:
+    """The joint states repeat what they were."""
+    return with_joints(arm, kept.joint.position, kept.joint.velocity)
+
+
+FAILURES: dict[str, Callable[[Any, Any], Any]] = {
+    "wrench not finite": wrench_not_finite, "wrench frozen": wrench_frozen, "slip velocity invalid": slip_invalid,
+    "joint states not finite": joints_not_finite, "joint states frozen": joints_frozen,
+}  # fmt: skip
+
+
+class Failed(NamedTuple):
+    """Slip [m] and fastest joint [rad/s] from the failure on, and the modes with their reasons."""
+
+    slip: float
+    fastest: float
+    said: list[str]
+
+
+def fail(what: str, scenario: str, drive: str, law: Law, lasts_ms: int = LASTS_MS) -> Failed:
+    """Return what comes of a failure; what: of FAILURES."""
+    run = WatchedLoop(load_scenario(scenario, law=law, drive=drive, sensor="event_1000"))
+    for _ in range(MOVES_MS[scenario]):
+        run.cycle()
+    kept: list[Any] = []
+    run.fastest, said = 0.0, [""]
+
+    def sensed(arm: Any) -> Any:
+        kept.append(arm)
+        return FAILURES[what](arm, kept[0])
+
+    for _ in range(lasts_ms):
+        result = run.cycle(sensed)
+        if said[-1] != f"{result.mode.name} {result.reason}":
+            said.append(f"{result.mode.name} {result.reason}")
+    return Failed(run.slip, run.fastest, said[1:])
+
+
+def main() -> None:
+    """Print a row for each failure, law and scenario: slip [mm] by drive, and the fastest joint of all [rad/s]."""
+    laws: tuple[Law, ...] = ("governed", "vic")
+    drives = [drive for drive in DRIVES if not sys.argv[1:] or drive in sys.argv[1:]]
+    print(f"| failure | law | scenario | {' | '.join(drives)} | fastest joint |")
+    print("|---" * (4 + len(drives)) + "|")
+    for what in FAILURES:
+        for law in laws:
+            for scenario in scenario_names():
+                if scenario not in MOVES_MS:
+                    continue
+                runs = [fail(what, scenario, drive, law) for drive in drives]
+                slips = " | ".join(f"{1e3 * run.slip:.1f}" for run in runs)
+                print(f"| {what} | {law} | {scenario} | {slips} | {max(r.fastest for r in runs):.1f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
