@@ -282,11 +282,8 @@ def _model_wrench(config: ControllerConfig, task: TaskState, state: ArmState, in
 def _shows_loss(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> bool:
     """Return whether the sensor reads much less than the model's wrench, or another one: the object may be lost."""
     R = mat(inputs.arm.rotation)
-    model, modelled = own_wrench(config, state, R), state.wrench_modelled
-    state.wrench_modelled = 0
-    read = own_wrench(config, state, R)
-    state.wrench_modelled = modelled
-    return (read - model).linear.norm() > LOSS * vec(config.hold.weight).norm()
+    read = wrench_at_pad(config.wrench_sensor, state.wrench_inputs[0].values, R) - spatial(state.tare.wrench_bias)
+    return (read - spatial(state.wrench_of_model[0])).linear.norm() > LOSS * vec(config.hold.weight).norm()
 
 
 @part
@@ -424,7 +421,7 @@ def _look(
     state.wrench_modelled = 0
     if config.cycle.models_wrench != 0 or (not fine(outputs.health.wrench) and state.law.known != 0):
         _model_wrench(config, task, state, inputs)
-    if outputs.health.wrench == Fault.FROZEN and _shows_loss(config, state, inputs):
+    if state.wrench_modelled != 0 and outputs.health.wrench == Fault.FROZEN and _shows_loss(config, state, inputs):
         state.wrench_modelled = 0  # what reads the same is right then
     if state.law.known == 0:
         begin_law(config, task, state, inputs, outputs, lead)

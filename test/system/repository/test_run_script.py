@@ -101,7 +101,7 @@ def called(tmp_path: Path) -> dict[str, str]:
                 "ruff check .",
                 "mypy ",
                 f"python -m pytest {FAST}",
-                f"python -m pytest test/system -n 2 {BY_FILE} {' '.join(f'--ignore={path}' for path in ALONE)}",
+                f"python -m pytest test/system -n 3 {BY_FILE} {' '.join(f'--ignore={path}' for path in ALONE)}",
                 f"python -m pytest {' '.join(ALONE)}",
                 "python -m pytest test/referees -n 2 -m referee and not long",
             ],

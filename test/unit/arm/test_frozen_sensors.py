@@ -68,13 +68,13 @@ class Freezing(WatchedLoop):
         return result
 
 
-@every("finite", (True, False))
 @every(
-    "name, drive, law",
+    "name, drive, law, finite",
     (
-        ("paper_planar", "torque_joint", "vic"), ("glass_transport", "motor_current", "governed"),
-        ("vertical_plane", "torque_joint", "governed"), ("glass_transport", "torque_joint", "vic"),
-        ("paper_planar", "motor_current", "governed"), ("vertical_plane", "velocity_500", "vic"),
+        ("paper_planar", "torque_joint", "vic", True), ("glass_transport", "motor_current", "governed", False),
+        ("vertical_plane", "torque_joint", "governed", False), ("glass_transport", "torque_joint", "vic", False),
+        ("paper_planar", "motor_current", "governed", True), ("vertical_plane", "velocity_500", "vic", True),
+        ("paper_planar", "torque_joint", "governed", False), ("glass_transport", "torque_joint", "vic", True),
     ),
 )  # fmt: skip
 def test_an_arm_whose_joint_states_show_nothing_comes_to_rest(name: str, drive: str, law: str, finite: bool) -> None:

@@ -127,7 +127,12 @@ class FallbackParams(ParameterModel):
         unit="s",
         ge=0.0,
     )
-    slow_down_s: float = parameter(0.5, "time in which motion along the path comes to rest", unit="s", gt=0.0)
+    slow_down_s: float = parameter(
+        0.5,
+        "time in which motion along the path comes to rest; one that friction has to brake gets twice that",
+        unit="s",
+        gt=0.0,
+    )
     evidence: float = parameter(
         0.08,
         "slip speed shown by wrench and motion, while the sensor shows none, that makes the sensor implausible",

@@ -134,9 +134,8 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
         ("wrench", Fault.STALE): Reaction("newest stamp older than `inputs.wrench.age_s`", "not used", _STOPPING),
         ("wrench", Fault.FROZEN): Reaction(
             "equal to the last bit for `inputs.wrench.frozen_s` while the arm moves",
-            "used",
-            "DEGRADED: the path comes to rest, for twice `fallback.slow_down_s`; then HOLD; until it changes or "
-            "`~/enable`",
+            "the model's instead, unless it shows that the object is gone",
+            f"{_STOPPING}; until it changes or `~/enable`",
         ),
         ("slip", Fault.INVALID): Reaction("the sensor reports NaN", "not used", _DEGRADED),
         ("slip", Fault.ABSURD): Reaction("above `inputs.slip.linear`, `angular`", "dropped", _AGE),
