@@ -6,8 +6,6 @@ import fcntl
 import functools
 import importlib
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 from slip_core.errors import InputError
@@ -16,8 +14,6 @@ from slip_vic.run.versions import digest, versions
 
 MODULES = ("slip_core.poses", "slip_vic_controller.session", "slip_sim_bridge.session")
 """These import all modules with compiled formulas."""
-BESIDE = "import slip_sim_bridge.session as _; from slip_sim_bridge.plant.rigid import compile_laws; compile_laws()"
-"""What a second process compiles meanwhile: it needs nothing of the controller."""
 
 
 @functools.cache
@@ -35,10 +31,6 @@ def prepare() -> None:
         with note.with_suffix(".lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not (note.exists() and Path(note.read_text(encoding="utf-8")).is_dir()):
-                importlib.import_module(MODULES[0])
-                beside = subprocess.Popen([sys.executable, "-c", BESIDE])
-                importlib.import_module(MODULES[1])
-                beside.wait()  # where it could not, this process compiles it now
                 note.write_text(_compile(), encoding="utf-8")
         _compile()
 
