@@ -22,9 +22,7 @@ class WatchedLoop:
     def __init__(self, scenario: Scenario) -> None:
         self.loop, self.fastest = ClosedLoop(scenario), 0.0
 
-    def cycle(
-        self, sensed: Callable[[Any], Any] | None = None, sent: Callable[[Any], Any] | None = None
-    ) -> CycleResult:
+    def cycle(self, sensed: Change | None = None, sent: Change | None = None) -> CycleResult:
         """Run a cycle; sensed(arm): what arrives of its samples; sent(command): what arrives of it, None = nothing."""
         outputs = self.loop.observe()
         if sensed is not None:

@@ -48,7 +48,7 @@ from slip_vic_controller.arm.estimator import (
     publish_joints,
     remember_input,
     stay_blind,
-    unseen_s,
+    unseen_ns,
 )
 from slip_vic_controller.arm.tare import add, add_slip, measure_at_rest, measure_without_rest, start_tare, take_biases
 from slip_vic_controller.governing import (
@@ -136,6 +136,7 @@ from slip_vic_controller.safety.modes import (
     follows,
     holds_for,
     next_mode,
+    since_when,
 )
 from slip_vic_controller.safety.reasons import (
     FIRST_WRENCH,
@@ -287,7 +288,7 @@ def _shows_loss(config: ControllerConfig, state: ArmState, inputs: CycleInputs) 
 
 
 @part
-def _needs_no_sensor(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
+def _count_wrench_as_good(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
     """Let the inputs of the wrench count as good, where there is no sensor."""
     stamp_ns = state.joint.answers.stamp_ns
     for k in range(config.law.contacts):
@@ -409,7 +410,7 @@ def _look(
         state.law.known = 0
         _wait(config, state, inputs, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), state.limiter.started)
     if config.cycle.models_wrench != 0:
-        _needs_no_sensor(config, state, inputs)
+        _count_wrench_as_good(config, state, inputs)
     decision.never_seen = _never_seen(config, state)
     missing = inputs.missing | decision.never_seen
     if state.law.known == 0 and not usable(fault):
@@ -439,14 +440,11 @@ def _decide(
 ) -> None:
     """Find what speaks against the law, and go to the mode of this cycle."""
     sample, fault, now_ns, decision = state.joint.answers, outputs.health.joint, inputs.now_ns, outputs.decision
-    if usable(fault) or fault == Fault.NOT_RUN:
-        state.since.joint_bad_ns = NEVER
-    else:
-        if state.since.joint_bad_ns == NEVER:
-            state.since.joint_bad_ns = now_ns
-        if inputs.arm.M[0, 0] == 0.0:
-            decision.step, decision.entered = Step.BRIDGE.value, state.mode.mode
-            return
+    bad = not (usable(fault) or fault == Fault.NOT_RUN)
+    state.since.joint_bad_ns = since_when(state.since.joint_bad_ns, bad, now_ns)
+    if bad and inputs.arm.M[0, 0] == 0.0:  # the model does not know where the arm is either
+        decision.step, decision.entered = Step.BRIDGE.value, state.mode.mode
+        return
     if inputs.request == Request.ENABLE or inputs.request == Request.RESET_FAULT:
         # A user who enables the law, or ends a fault, has checked that the clocks agree and nothing is late.
         forget_latency(state.latency)
@@ -458,7 +456,7 @@ def _decide(
         clear_findings(state.estimate)  # what is still wrong is found again
     measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns, config.cycle.late_ns)
     request = _stop_first(config, state, inputs.request, now_ns)
-    if config.tare.duration_ns > 0 and state.since.joint_bad_ns == NEVER:
+    if config.tare.duration_ns > 0 and not bad:
         _tare(config, state, inputs, together)
     freezes = frozen(config.joint, state.joint, now_ns)
     n, contacts = config.law.joints, config.law.contacts
@@ -739,12 +737,7 @@ def bridges(config: ControllerConfig, state: ArmState, now_ns: int) -> bool:
 
 @part
 def _bridge(
-    config: ControllerConfig,
-    task: TaskState,
-    state: ArmState,
-    inputs: CycleInputs,
-    outputs: CycleOutputs,
-    fault: int,
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, fault: int
 ) -> None:
     """Bridge a short gap of good joint states, in which nothing tells where the arm is, with the last effort.
 
@@ -856,7 +849,7 @@ def _keep_joints(config: ControllerConfig, state: ArmState, inputs: CycleInputs)
 @part
 def _stops(config: ControllerConfig, state: ArmState, outputs: CycleOutputs) -> bool:
     """Return whether an arm needs the path to come to rest."""
-    unseen = 1e9 * unseen_s(config.estimator, state.estimate) > config.arbitration.bridge_ns
+    unseen = unseen_ns(config.estimator, state.estimate) > config.arbitration.bridge_ns
     wrench = state.since.wrench_bad_ns != NEVER
     return bool(outputs.decision.level == Level.SLOWING or state.since.stopping_ns != NEVER or unseen or wrench)
 
@@ -1185,10 +1178,7 @@ def _finish(
             outputs.command[j] = outputs.effort[j]
         outputs.saturated[j] = 1 if clipped[j] != 0 or (law_at_work and outputs.law.saturated[j] != 0) else 0
         saturated += outputs.saturated[j]
-    if saturated == 0:
-        state.since.saturated_ns = NEVER
-    elif state.since.saturated_ns == NEVER:
-        state.since.saturated_ns = now_ns
+    state.since.saturated_ns = since_when(state.since.saturated_ns, saturated != 0, now_ns)
     state.now_ns = now_ns
     outputs.answered = 1
     outputs.ok = 1 if law_at_work and finite else 0

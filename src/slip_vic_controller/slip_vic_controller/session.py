@@ -564,9 +564,9 @@ class ArmSession:
         if health is not None:
             given = record(own, INPUTS)
             given.health_given, given.health = 1, tuple(int(part) for part in health)
-        if _GOOD[fault]:
+        known = _GOOD[fault]
+        if known:
             estimate_joint_state(self.config, self.row)
-            known = True
         else:
             known = replace_joint_state(self.config, self.row, fault, own.view(np.int64)[_NOW])
         if known:

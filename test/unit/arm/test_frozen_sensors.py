@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,12 +24,11 @@ from slip_vic_controller.arm.estimator import (
 from slip_vic_controller.safety.modes import Mode, Request
 from test.support.call import call
 from test.support.every import every
+from test.support.failing_sensors import MOVES_MS, fail, wrench_frozen
 from test.support.watched_loop import WatchedLoop, with_joints
 from test.unit.arm.test_estimator import MS, N, T, configuration
 
 EVERY = slice(None)
-FROM_MS = {"paper_planar": 1500, "glass_transport": 900, "vertical_plane": 1200}
-"""When something freezes: while the arm moves."""
 UNMEASURED = 0.05
 """Error of a velocity that has not been measured for 0.15 s, where the disturbance is known to 0.3 rad/s^2 [rad/s]."""
 
@@ -41,7 +39,7 @@ class Freezing(WatchedLoop):
     def __init__(self, drive: str, law: Any, name: str = "paper_planar", *assignments: str) -> None:
         super().__init__(load_scenario(name, law=law, drive=drive, sensor="event_1000", assignments=assignments))
         self.modes, self.kept = [""], None
-        self.cycles(FROM_MS[name])
+        self.cycles(MOVES_MS[name])
         self.fastest = 0.0
         del self.modes[:-1]
 
@@ -55,10 +53,7 @@ class Freezing(WatchedLoop):
                 q[joints], qd[joints] = kept.joint.position[joints], kept.joint.velocity[joints]
                 q[joints] *= 1.0 if finite else np.nan
                 arm = with_joints(arm, q, qd)
-            if wrench:
-                same = (replace(w, wrench=k.wrench) for w, k in zip(arm.wrenches, kept.wrenches, strict=True))
-                arm = arm._replace(wrenches=tuple(same))
-            return arm
+            return wrench_frozen(arm, kept) if wrench else arm
 
         for _ in range(count):
             result = self.cycle(sensed)
@@ -93,17 +88,15 @@ def test_an_arm_whose_joint_states_show_nothing_comes_to_rest(name: str, drive: 
 @every("drive", ("torque_joint", "velocity_500", "position_250"))
 def test_the_path_comes_to_rest_before_the_arm_does(drive: str) -> None:
     """HOLD at once threw the object off: 16 to 102 mm."""
-    for finite in (True, False):
-        run = Freezing(drive, "governed", "glass_transport")
-        run.cycles(1500, EVERY, finite=finite)
-        assert run.slip < 1e-3
+    for what in ("joint states frozen", "joint states not finite"):
+        assert fail(what, "glass_transport", drive, "governed", 1500).slip < 1e-3
 
 
 @every("name, from_ms", (("vertical_plane", 1200), ("vertical_plane", 1500), ("glass_transport", 1000)))
 def test_an_arm_without_noise_that_hardly_moves_is_seen_to_be_frozen(name: str, from_ms: int) -> None:
     """Below 0.02 rad/s it was taken for one that rests: 6 to 118 rad/s in the end, and the object was lost."""
     run = Freezing("ideal", "governed", name)
-    run.cycles(max(1, from_ms - FROM_MS[name]))
+    run.cycles(max(1, from_ms - MOVES_MS[name]))
     assert 1e-4 < run.speed < 0.02
     run.cycles(3000, EVERY)
     assert run.fastest < 0.2

@@ -320,7 +320,7 @@ def estimate_joints(
     periods = max(1, round(dt / config.period))
     go_on_with_input(config, state, periods)
     repeated = repeats(config, state, q, qd)
-    count_unmeasured(config, state, stamp_ns, q, qd, repeated, measured)
+    count_unmeasured(config, state, stamp_ns, periods, q, qd, repeated, measured)
     new = measured and is_new(config, state, periods, repeated)
     if periods > 1:
         state.missing = 1
@@ -398,16 +398,17 @@ def estimate_joints(
 
 @part
 def count_unmeasured(
-    config: EstimatorConfig, state: JointEstimate, stamp_ns: int, q: Array, qd: Array, all_repeat: bool, measured: bool
-) -> None:
+    config: EstimatorConfig, state: JointEstimate, stamp_ns: int, periods: int, q: Array, qd: Array, all_repeat: bool,
+    measured: bool,
+) -> None:  # fmt: skip
     """Count for how long every joint has read the same (n,) [rad], [rad/s] though it moves, or never did before.
 
     All of them where all read the same and one moves, or nothing was measured. What a joint did for longer than
-    LONGEST_S is not known: then it begins again at what it reads. all_repeat: see `repeats`; the others: see
-    `estimate_joints`.
+    LONGEST_S is not known: then it begins again at what it reads. periods: since the sample before, of control;
+    all_repeat: see `repeats`; the others: see `estimate_joints`.
     """
     dt, renewed_s = (stamp_ns - state.stamp_ns) * 1e-9, (stamp_ns - state.renewed_ns) * 1e-9
-    periods, moves = max(1, round(dt / config.period)), not measured
+    moves = not measured
     for j in range(config.joints):
         moves = moves or abs(qd[j]) > config.repeated or abs(qd[j]) * renewed_s > config.unmoved
     for j in range(config.joints):
@@ -432,13 +433,13 @@ def is_unmeasured(config: EstimatorConfig, state: JointEstimate, j: int) -> bool
 @part
 def is_blind(config: EstimatorConfig, state: JointEstimate) -> bool:
     """Return whether a joint has not been measured for so long that the model cannot tell where it is."""
-    return unseen_s(config, state) > BLIND_S
+    return unseen_ns(config, state) > 1e9 * BLIND_S
 
 
 @part
-def unseen_s(config: EstimatorConfig, state: JointEstimate) -> float:
-    """Return for how long a joint has not been measured [s]."""
-    return float(state.unmeasured.max() * config.period)
+def unseen_ns(config: EstimatorConfig, state: JointEstimate) -> float:
+    """Return for how long a joint has not been measured [ns]."""
+    return float(1e9 * (state.unmeasured.max() * config.period))
 
 
 @part

@@ -14,7 +14,7 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Whole, dtype_of
 from slip_core.vectors import spatial, vec
-from slip_vic_controller.arm.estimator import EstimatorConfig, Finding, JointEstimate, unseen_s
+from slip_vic_controller.arm.estimator import EstimatorConfig, Finding, JointEstimate, unseen_ns
 from slip_vic_controller.arm.tare import Sensor, Tare, TareConfig
 from slip_vic_controller.law.giving_up import CompensationState
 from slip_vic_controller.safety.drop_detection import BLIND, DropDetectionConfig, ObservedMotion
@@ -22,7 +22,7 @@ from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.following import Following, stuck
 from slip_vic_controller.safety.latency import Latency
 from slip_vic_controller.safety.limit_avoidance import MotionLimits, pushed_joint, too_fast
-from slip_vic_controller.safety.modes import NOTHING, Mode, ModeState, TransitionReasons, follows, holds_for
+from slip_vic_controller.safety.modes import NOTHING, Mode, ModeState, TransitionReasons, follows, holds_for, since_when
 from slip_vic_controller.safety.reasons import Cause, Reason, because, of_fault, read_reason
 from slip_vic_controller.safety.validation import VectorInput, fine, usable
 from slip_vic_controller.sizes import NEVER
@@ -176,32 +176,20 @@ def slip_fault(config: ArbitrationConfig, health: Health, observed: ObservedMoti
 def watch_for_blindness(observed: ObservedMotion, slip_speed: float, evidence: float, now_ns: int) -> None:
     """Take down since when wrench and motion show slip that the sensor does not."""
     blind = vec(observed.evidence).norm() > evidence and slip_speed < BLIND * evidence
-    observed.blind_since_ns = (
-        NEVER if not blind else now_ns if observed.blind_since_ns == NEVER else observed.blind_since_ns
-    )
+    observed.blind_since_ns = since_when(observed.blind_since_ns, blind, now_ns)
 
 
 @part
 def degradation_level(config: ArbitrationConfig, since: Since, fault: int, now_ns: int) -> int:
     """Return the level for a fault of the slip velocity: a bounded time on each, from the moment it became unknown."""
-    if fine(fault) or config.slip_needed == 0:
-        since.slip_unknown_ns = NEVER
+    unknown = not fine(fault) and config.slip_needed != 0
+    since.slip_unknown_ns = since_when(since.slip_unknown_ns, unknown, now_ns)
+    if not unknown:
         return Level.MEASURED.value
-    if since.slip_unknown_ns == NEVER:
-        since.slip_unknown_ns = now_ns
     passed = now_ns - since.slip_unknown_ns
     if passed < config.observer_ns:
         return Level.OBSERVED.value
     return Level.SLOWING.value if passed < config.observer_ns + config.slow_down_ns else Level.HOLD.value
-
-
-@part
-def watch_wrench(state: Judged, fault: int, now_ns: int) -> None:
-    """Take down since when the wrench cannot be used while the law is at work; fault: of the wrench."""
-    if fine(fault) or not follows(state.mode.mode):
-        state.since.wrench_bad_ns = NEVER
-    elif state.since.wrench_bad_ns == NEVER:
-        state.since.wrench_bad_ns = now_ns
 
 
 @part
@@ -216,10 +204,7 @@ def find_fault(config: Configured, state: Judged, n: int, qd: Array, now_ns: int
         now_ns: the controller's clock.
     """
     found = too_fast(config.motion, n, qd, spatial(state.observed.twist))
-    if found.cause == Cause.NONE:
-        state.since.too_fast_ns = NEVER
-    elif state.since.too_fast_ns == NEVER:
-        state.since.too_fast_ns = now_ns
+    state.since.too_fast_ns = since_when(state.since.too_fast_ns, found.cause != Cause.NONE, now_ns)
     if found.cause != Cause.NONE and now_ns - state.since.too_fast_ns > FAST_NS:
         return found
     if state.estimate.finding != Finding.NONE:
@@ -270,10 +255,10 @@ def find_hold(
         return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.NOT_RUN)
     if state.latency.in_a_row >= arbitration.late_after:
         return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.LATE)
-    unseen_ns = 1e9 * unseen_s(config.estimator, state.estimate)
-    if unseen_ns > (arbitration.unseen_ns if at_work else arbitration.bridge_ns):
+    passed_ns = unseen_ns(config.estimator, state.estimate)
+    if passed_ns > (arbitration.unseen_ns if at_work else arbitration.bridge_ns):
         return of_fault(Cause.INPUT, Input.JOINT_STATE, unseen_fault(health))
-    moves = state.observed.moves != 0 and at_work and unseen_ns == 0
+    moves = state.observed.moves != 0 and at_work and passed_ns == 0
     if frozen and (moves or holds_for(state.mode, Input.JOINT_STATE, Fault.FROZEN)):
         return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.FROZEN)
     if level == Level.HOLD or (unknown and not at_work):  # the levels are for a law that is at work
@@ -307,7 +292,7 @@ def find_degraded(
 ) -> Reason:
     """Return why to be careful; arguments as in `arbitrate`, fault: of the slip velocity."""
     since = state.since
-    if 1e9 * unseen_s(config.estimator, state.estimate) > config.arbitration.bridge_ns:
+    if unseen_ns(config.estimator, state.estimate) > config.arbitration.bridge_ns:
         return of_fault(Cause.SLOWING, Input.JOINT_STATE, unseen_fault(health))
     if since.wrench_bad_ns != NEVER:
         return of_fault(Cause.SLOWING, Input.WRENCH, health.wrench)
@@ -367,7 +352,8 @@ def arbitrate(
         q, qd: joint state; (n,) [rad], [rad/s].
         now_ns: the controller's clock.
     """
-    watch_wrench(state, health.wrench, now_ns)
+    wrench_bad = not fine(health.wrench) and follows(state.mode.mode)
+    state.since.wrench_bad_ns = since_when(state.since.wrench_bad_ns, wrench_bad, now_ns)
     slip = slip_fault(config.arbitration, health, state.observed, now_ns)
     level = degradation_level(config.arbitration, state.since, slip, now_ns)
     fault, hold, degraded = find_fault(config, state, n, qd, now_ns), NOTHING, NOTHING

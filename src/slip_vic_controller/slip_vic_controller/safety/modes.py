@@ -101,6 +101,14 @@ def follows(mode: int) -> bool:
 
 
 @part
+def since_when(since_ns: int, so: bool, now_ns: int) -> int:
+    """Return since when something is so [ns], NEVER where it is not; since_ns: since when it was so until now."""
+    if not so:
+        return NEVER
+    return now_ns if since_ns == NEVER else since_ns
+
+
+@part
 def holds_for(state: ModeState, of: int, fault: int) -> bool:
     """Return whether a fault of an input is why the law does not work.
 
@@ -129,7 +137,7 @@ def next_mode(policy: ModePolicy, state: ModeState, reasons: TransitionReasons, 
     missing, hold = reasons.missing.cause != Cause.NONE, reasons.hold.cause != Cause.NONE
     reason = read_reason(state.reason)
     enabled = request == Request.ENABLE or (state.enabled != 0 and request != Request.HOLD)
-    good_since = NEVER if missing or hold else now_ns if state.good_since_ns == NEVER else state.good_since_ns
+    good_since = since_when(state.good_since_ns, not missing and not hold, now_ns)
     if state.mode == Mode.FAULT and request != Request.RESET_FAULT:
         state.enabled, state.good_since_ns = 0, good_since
     elif request == Request.FAILED:
