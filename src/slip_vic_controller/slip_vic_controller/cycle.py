@@ -1216,7 +1216,8 @@ def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: Cycle
             for i in range(6):
                 of_wrench[j] += arm.J[i, j] * h[i]
         fault = state.mode.mode == Mode.FAULT
-        oppose_disturbance(config.estimator, state.estimate, arm.M, of_wrench, dt, fault, torque)
+        judged = config.tare.duration_ns == 0 or state.tare.rough != 0
+        oppose_disturbance(config.estimator, state.estimate, arm.M, of_wrench, dt, fault, judged, torque)
     else:
         for j in range(config.law.joints):
             torque[j] += state.estimate.taken_off[j]

@@ -297,7 +297,7 @@ def opposed(
     for k in range(steps):
         state.d[:N] = np.linalg.solve(M, d(k * T))
         torque, state.velocity[:N] = np.ones(N), v
-        call(oppose_disturbance, config, state, M, wrench(k * T) if wrench else np.zeros(N), T, fault, torque)
+        call(oppose_disturbance, config, state, M, wrench(k * T) if wrench else np.zeros(N), T, fault, True, torque)
     return state, torque - 1.0
 
 

@@ -277,7 +277,7 @@ def test_the_torque_of_a_joint_that_is_not_measured_stays_while_others_change() 
     M = np.array([[2.0, 1.5, 0.0], [1.5, 2.0, 0.0], [0.0, 0.0, 1.0]])
     state.d[:N] = 0.5, -0.5, 0.1
     for _k in range(20):
-        call(oppose_disturbance, config, state, M, np.zeros(N), T, False, np.zeros(N))
+        call(oppose_disturbance, config, state, M, np.zeros(N), T, False, True, np.zeros(N))
         state.unmeasured[0] = 1
         state.d[1] += 0.05
     assert state.effort[0] == pytest.approx(0.25)

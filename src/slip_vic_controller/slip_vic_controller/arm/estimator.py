@@ -644,7 +644,14 @@ def disturbance(config: EstimatorConfig, state: JointEstimate, M: Array, j: int)
 
 @part
 def oppose_disturbance(
-    config: EstimatorConfig, state: JointEstimate, M: Array, of_wrench: Array, dt: float, fault: bool, torque: Array
+    config: EstimatorConfig,
+    state: JointEstimate,
+    M: Array,
+    of_wrench: Array,
+    dt: float,
+    fault: bool,
+    judged: bool,
+    torque: Array,
 ) -> None:
     """Take the disturbance off the effort, inside its bound and rate, and look for jumps and lasting excess.
 
@@ -658,6 +665,7 @@ def oppose_disturbance(
         of_wrench: J^T h, torque of the measured wrench; (n,) [N m].
         dt: since the cycle before [s].
         fault: whether the mode is FAULT.
+        judged: whether the noise of joint velocities is known by now; before, a jump may be noise.
         torque: changed; (n,) [N m].
 
     Implements: ours: tau -= M d.
@@ -665,7 +673,8 @@ def oppose_disturbance(
     settling = config.settling_fault if fault else config.settling
     n, weight, follow = config.joints, 1.0 - math.exp(-dt / SLOW_S), 1.0 - math.exp(-dt / settling)
     # The inertia carries a joint that is measured wrongly, or not at all, into the torques of the others.
-    doubtful = unmeasured = bool(state.unmeasured.max() >= config.sensor_ticks)
+    unmeasured = bool(state.unmeasured.max() >= config.sensor_ticks)
+    doubtful = unmeasured or not judged
     for j in range(n):
         differs = abs(state.moved[j] - state.swept[j]) > DOUBTFUL * config.difference
         doubtful = doubtful or state.trust[j] != Trust.BOTH or differs
