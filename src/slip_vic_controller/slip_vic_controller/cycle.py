@@ -546,7 +546,8 @@ def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, togeth
             put_spatial(six, expected)
             take_biases(config.tare, tare, six, stamp_ns, state.joint.last.position[:n])
     elif tare.done == 0:  # FAULT damps the same velocities as HOLD
-        measure_without_rest(config.tare, tare, state.joint.last.velocity[: config.law.joints])
+        wrong = state.estimate.finding != Finding.NONE
+        measure_without_rest(config.tare, tare, state.joint.last.velocity[: config.law.joints], wrong)
     for k in range(queue.count):
         for i in range(6):
             queue.samples[k].twist[i] -= tare.slip_bias[i]

@@ -27,6 +27,7 @@ from slip_vic_controller.arm.estimator import (
     FAST,
     JOINT_ESTIMATE,
     MAX_LATENCY,
+    QUICK,
     Finding,
     Trust,
     clear_findings,
@@ -100,7 +101,7 @@ def test_each_sample_is_used_at_its_time_of_measurement() -> None:
         config = configuration(joint_sensor__latency_s=late_ms * 1e-3, joint_sensor__difference=1.0)
         config.significant = math.inf
         rng, joints = np.random.default_rng(1), Joints(config)
-        plain = joint_filter.Delayed(np.array(config.gain), 0.0, T, late_ms * 1e-3, 0.3, 0.1)
+        plain = joint_filter.Delayed(np.array(config.gain[Trust.BOTH]), 0.0, T, late_ms * 1e-3, 0.3, 0.1)
         joints.sample(0.3, 0.1)
         plain.x, plain.at = np.array([0.3, 0.1, 0.0]), -late_ms * 1e-3
         for k in range(1, 60):
@@ -164,7 +165,7 @@ def test_a_constant_disturbance_is_found_exactly() -> None:
 def test_a_velocity_drive_is_predicted_by_its_bandwidth() -> None:
     config = configuration(joint_sensor__difference=1.0)
     config.bandwidth = 100.0
-    config.gain[:] = config.gain_quick[:] = steady_state(NOISE, 100.0, T).gain
+    config.gain[[Trust.BOTH, QUICK]] = steady_state(NOISE, 100.0, T).gain
     state, q, v = simulate(config, 0.8, bandwidth=100.0)
     np.testing.assert_allclose(state.d[:N], 0.8, atol=1e-8)
     np.testing.assert_allclose([state.position[0], state.velocity[0]], [q, v], atol=1e-9)

@@ -220,11 +220,26 @@ def test_what_is_measured_without_rest_is_noise_and_rest_begins_anew_after_it() 
     for t in range(30):
         measure_at_rest(config, state, t * ms, q, 5e-3 * rng.normal(size=N))
     for _ in range(ROUGH):
-        measure_without_rest(config, state, 5e-3 * rng.normal(size=N))
+        measure_without_rest(config, state, 5e-3 * rng.normal(size=N), False)
     assert state.rough
     over = [measure_at_rest(config, state, t * ms, q, np.zeros(N)) for t in range(80, 181)]
     assert over.index(True) == 100
     assert state.velocity.count == 101
+
+
+def test_what_was_found_wrong_is_no_noise() -> None:
+    """Five damaged velocities among fifty hid every velocity from then on: an arm in FAULT moved unseen."""
+    config, state, q, ms = bounds(), begun(), np.zeros(N), 1_000_000
+    rng = np.random.default_rng(4)
+    for t in range(ROUGH + 1):
+        damaged = 10.0 if 20 <= t < 25 else 0.0
+        measure_at_rest(config, state, t * ms, q, damaged * rng.normal(size=N) + 1e-3 * rng.normal(size=N))
+    assert deviation(state.change.squares[0], state.change.count) > 1.0
+    for k in range(ROUGH + 1):
+        measure_without_rest(config, state, 1e-3 * rng.normal(size=N), True)
+        assert bool(state.rough) is (k == ROUGH)
+    spread = [deviation(state.change.squares[j], state.change.count) for j in range(N)]
+    np.testing.assert_allclose(spread, np.sqrt(2.0) * 1e-3, rtol=0.4)
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.1])

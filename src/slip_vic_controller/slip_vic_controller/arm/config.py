@@ -16,9 +16,11 @@ from slip_vic_controller.arm.estimator import (
     ESTIMATOR_CONFIG,
     MAX_LATENCY,
     MOVES,
+    QUICK,
     REPEATED,
     UNMOVED,
     EstimatorConfig,
+    Trust,
     transition,
 )
 from slip_vic_controller.arm.tare import LEAST_SAMPLES, Tare, deviation
@@ -119,6 +121,19 @@ def _filter(F: Array, Q: Array, H: Array, R: Array) -> SteadyState:
     gain = np.linalg.solve(H @ P @ H.T + R, H @ P).T
     kept = np.eye(len(F)) - gain @ H
     return SteadyState(F, Q, H, P, kept @ P @ kept.T + gain @ R @ gain.T, gain)
+
+
+def gains_by_trust(both: SteadyState, noise: Noise) -> Array:
+    """Return the gains of the filter of both measurements, and of those of one of them alone, by Trust; (4, 3, 2).
+
+    Position is not observable from velocity: it is integrated, v and d are filtered. By the model alone: zeros.
+    """
+    F, Q, gain = both.F, both.Q, np.zeros((len(Trust), 3, 2))
+    gain[Trust.BOTH] = both.gain
+    gain[Trust.POSITION, :, 0] = _filter(F, Q, both.H[:1], np.array([[noise.position**2]])).gain[:, 0]
+    of_velocity = _filter(F[1:, 1:], Q[1:, 1:], np.eye(2)[:1], np.array([[noise.velocity**2]]))
+    gain[Trust.VELOCITY, 1:, 1] = of_velocity.gain[:, 0]
+    return gain
 
 
 def predicted_covariance(steady: SteadyState, noise: Noise, bandwidth: float, period: float, ahead_s: float) -> Array:
@@ -241,16 +256,13 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     block = max(1, round(BLOCK_S / period), ticks)
     config.block_ticks = block if by_effort and LEAST_DELAYS * block * period <= LONGEST_S else 0
     both = steady_state(noise, config.bandwidth, period, ticks)
-    F, Q, H = both.F, both.Q, both.H
-    config.gain[:] = both.gain
-    quick = steady_state(noise._replace(drift=max(model.quick_drift, model.drift)), config.bandwidth, period, ticks)
-    config.gain_quick[:], config.quick_ticks = quick.gain, max(1, round(QUICK_S / config.sensor_period))
+    config.gain[: len(Trust)], H = gains_by_trust(both, noise), both.H
+    quick = noise._replace(drift=max(model.quick_drift, model.drift))
+    config.gain[QUICK] = steady_state(quick, config.bandwidth, period, ticks).gain
+    config.quick_ticks = max(1, round(QUICK_S / config.sensor_period))
     S = H @ both.predicted @ H.T + np.diag([noise.position**2, noise.velocity**2])
     config.scale[:], config.weight = 1.0 / np.sqrt(np.diag(S)), 1.0 - math.exp(-config.sensor_period / MEAN_S)
     config.significant = SIGNIFICANT * math.sqrt(config.weight / (2.0 - config.weight))
-    config.gain_position[:] = _filter(F, Q, H[:1], np.array([[noise.position**2]])).gain[:, 0]
-    # Position is not observable from velocity: it is integrated, v and d are filtered.
-    config.gain_velocity[1:] = _filter(F[1:, 1:], Q[1:, 1:], np.eye(2)[:1], np.array([[noise.velocity**2]])).gain[:, 0]
     ahead = predicted_covariance(both, noise, config.bandwidth, period, sensor.latency_s)
     config.velocity_variance, config.change_variance = ahead[1, 1], both.change_variance
     spread = math.hypot(math.sqrt(2.0) * noise.position, math.sqrt(COMPARED_S * config.sensor_period) * noise.velocity)

@@ -91,6 +91,10 @@ class Trust(IntEnum):
     NEITHER = 3  # the model alone
 
 
+QUICK: Final = 4
+"""Row of the gains for both measurements while the disturbance changes fast, after those by Trust."""
+
+
 @unique
 class Finding(IntEnum):
     """What is wrong with a joint."""
@@ -121,14 +125,11 @@ class EstimatorConfig(Record):
     block_ticks: Whole  # control periods over which efforts and motion are compared for a delay; 0 = they are not
     sensor_ticks: Whole  # control periods for which the sensor repeats a sample; 1 = each is new
     sensor_period: Real  # s; between new samples
-    gain: Annotated[Array, (3, 2)]  # of (q, v, d) for innovations of position and velocity
-    gain_quick: Annotated[Array, (3, 2)]  # the same, while the disturbance changes fast
-    quick_ticks: Whole  # control periods that it is used after the innovations have said so
+    gain: Annotated[Array, (5, 3, 2)]  # of (q, v, d) for innovations of position and velocity; by Trust, and QUICK
+    quick_ticks: Whole  # control periods for which QUICK is used after the innovations have said so
     scale: Annotated[Array, 2]  # 1/rad, s/rad; over the standard deviation of an innovation
     weight: Real  # of a new innovation in their mean
     significant: Real  # mean of scaled innovations that is no noise
-    gain_position: Annotated[Array, 3]  # where velocity is not used
-    gain_velocity: Annotated[Array, 3]  # where position is not used
     velocity_variance: Real  # (rad/s)^2; of the predicted velocity
     change_variance: Real  # (rad/s)^2; noise of its change over a period
     difference: Real  # rad; between position and integrated velocity that is no noise
@@ -166,7 +167,7 @@ class JointEstimate(Record):
     measured_velocity: Joints  # rad/s
     mean_q: Joints  # mean of scaled innovations of position
     mean_v: Joints  # and of velocity
-    quick: WholeJoints  # control periods for which `gain_quick` is used still
+    quick: WholeJoints  # control periods for which the gains QUICK are used still
     moved: Joints  # rad; way that position shows, faded
     swept: Joints  # rad; way that velocity shows, faded
     moved_lately: Joints  # rad; the same of the last samples
@@ -364,19 +365,12 @@ def estimate_joints(
                 state.quick[j] = config.quick_ticks
             elif state.quick[j] > 0:
                 state.quick[j] -= 1
-        if trust == Trust.BOTH:
-            K = config.gain_quick if state.quick[j] > 0 else config.gain
-            x_q, x_v, x_d = (
-                x_q + K[0, 0] * of_q + K[0, 1] * of_v,
-                x_v + share * K[1, 0] * of_q + K[1, 1] * of_v,
-                x_d + share * (share * K[2, 0] * of_q + K[2, 1] * of_v),
-            )
-        elif trust == Trust.POSITION:
-            k = config.gain_position
-            x_q, x_v, x_d = x_q + k[0] * of_q, x_v + share * k[1] * of_q, x_d + share * share * k[2] * of_q
-        elif trust == Trust.VELOCITY:
-            k = config.gain_velocity
-            x_q, x_v, x_d = x_q + k[0] * of_v, x_v + k[1] * of_v, x_d + share * k[2] * of_v
+        K = config.gain[QUICK if trust == Trust.BOTH and state.quick[j] > 0 else trust]
+        x_q, x_v, x_d = (
+            x_q + K[0, 0] * of_q + K[0, 1] * of_v,
+            x_v + share * K[1, 0] * of_q + K[1, 1] * of_v,
+            x_d + share * (share * K[2, 0] * of_q + K[2, 1] * of_v),
+        )
         state.q[j], state.v[j], state.d[j] = x_q, x_v, x_d
         if rest > 0.0:
             u = input_of(config, state, m, j)

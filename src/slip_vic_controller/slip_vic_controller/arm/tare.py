@@ -272,11 +272,16 @@ def measure_at_rest(config: TareConfig, state: Tare, now_ns: int, q: Array, qd: 
 
 
 @part
-def measure_without_rest(config: TareConfig, state: Tare, qd: Array) -> None:
+def measure_without_rest(config: TareConfig, state: Tare, qd: Array, wrong: bool) -> None:
     """Take in the joint velocities (n,) [rad/s] of a cycle that is no part of the rest: their changes show the noise.
 
-    The time of rest starts again after it.
+    The time of rest starts again after it. wrong: whether joints were found to be measured wrongly; where that ended
+    the rest, what was measured before is no noise: it hides every velocity for good.
     """
+    if wrong and state.begun_ns != NEVER:
+        state.rough = 0
+        forget_mean(state.change)
+        forget_mean(state.velocity)
     state.begun_ns = NEVER
     add_velocities(config, state, qd)
 
