@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -107,6 +108,7 @@ class JointReferee:
         self.last: tuple[JointSample, int] | None = None
         self.after_jump: list[tuple[JointSample, int]] = []
         self.equal_since_ns, self.moves = 0, False
+        self.spiked: Array | bool = False
 
     def receive(self, sample: JointSample, now_ns: int) -> Fault:
         """Return what is wrong; after a jump, `accept_after` samples that follow each other are a new beginning."""
@@ -128,8 +130,17 @@ class JointReferee:
             if before is None or _bits(before) != _bits(sample):
                 self.equal_since_ns = now_ns
             self.moves = bool((np.abs(sample.velocity) > MOVES_RAD_S).any())
-            self.last, self.after_jump = (sample, now_ns), []
+            self.last, self.after_jump = (self.without_spikes(sample, before, fault), now_ns), []
         return fault
+
+    def without_spikes(self, sample: JointSample, before: JointSample | None, fault: Fault) -> JointSample:
+        """A velocity that changes by more than 0.3 rad/s and 100 rad/s^2 is the one before, but not twice in a row."""
+        if before is None or fault == Fault.RESTARTED:
+            self.spiked = False
+            return sample
+        most = 0.3 + 100.0 * (sample.stamp_ns - before.stamp_ns) * 1e-9
+        self.spiked = (np.abs(sample.velocity - before.velocity) > most) & ~np.asarray(self.spiked)
+        return replace(sample, velocity=np.where(self.spiked, before.velocity, sample.velocity))
 
     def fault_of(self, sample: JointSample, now_ns: int, before: tuple[JointSample, int] | None) -> Fault:
         q, qd = sample.position, sample.velocity

@@ -68,6 +68,26 @@ def test_velocities_that_are_differences_of_noisy_positions_are_no_collision() -
     assert result.mode.follows
 
 
+@pytest.mark.parametrize("law", ["governed", "vic"])
+@pytest.mark.parametrize("drive", ["ideal", "torque_joint"])
+def test_one_wrong_velocity_is_no_collision_and_no_noise(drive: str, law: Law) -> None:
+    """At rest, where noise is measured, and in motion: 20 rad/s in one sample made the object fall, and FAULT."""
+    slips_mm = []
+    for wrong in (0.0, 20.0):
+        of = loop("vertical_plane", TARE, law=law, drive=drive)
+        for k in range(700):
+            outputs = of.observe()
+            joint = outputs.arms[0].joint
+            velocity = joint.velocity + (wrong * (np.arange(7) == 3) if k in (20, 500) else 0.0)
+            shown = dataclasses.replace(joint, velocity=velocity)
+            result = of.control(outputs._replace(arms=(outputs.arms[0]._replace(joint=shown),)))
+            of.bridge.advance([result.command])
+        assert result.mode.follows, result.reason
+        readings = of.bridge.simulation.observe(0)
+        slips_mm.append(1e3 * np.linalg.norm(readings.numbers[readings.layout.slip_displacement][:3]))
+    assert slips_mm[1] < slips_mm[0] + 0.5
+
+
 def test_an_arm_rests_in_a_fault_that_comes_before_its_noise_is_known() -> None:
     """FAULT damps joint velocities as HOLD does: with too little noise configured it kept the wrist moving."""
     of = loop("glass_transport", "bridge.sensors.joint.noise_velocity=0.009", TARE, drive="torque_joint")

@@ -101,6 +101,23 @@ class Validation:
             assert joint.counts[fault] == plain.counts[fault]
 
 
+def test_one_velocity_that_no_effort_has_made_is_left_out_and_the_next_one_counts() -> None:
+    v, q, spike = Validation(), POSITION.copy(), 20.0 * (np.arange(N) == 3) / 10.0
+    used = []
+    for k, qd in enumerate((0.1, 0.1 + spike, 0.1, 0.1 + spike, 0.1 + spike, 0.1 + spike, 0.1, 0.1)):
+        assert v.joint(STAMP_NS + k * MS, q + 1e-4 * k, np.broadcast_to(qd, N), NOW_NS + k * MS) == Fault.NONE
+        used.append(float(v.state.joint.last.velocity[3]))
+    assert used == [0.1, 0.1, 0.1, 0.1, 2.1, 2.1, 2.1, 0.1]
+    assert v.state.joint.last.velocity[:N].max() == 0.1
+
+
+def test_a_velocity_may_change_by_more_after_a_pause() -> None:
+    v, q = Validation(), POSITION.copy()
+    v.joint(STAMP_NS, q, np.zeros(N), NOW_NS)
+    v.joint(STAMP_NS + 20 * MS, q, np.full(N, 2.0), NOW_NS + 20 * MS)
+    assert v.state.joint.last.velocity[:N].min() == 2.0
+
+
 def test_random_joint_states_are_judged_as_by_the_plain_watch() -> None:
     seen: set[Fault] = set()
     for seed in range(36):

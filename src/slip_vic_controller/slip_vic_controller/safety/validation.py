@@ -17,7 +17,7 @@ from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Vec6, Whole, WholeArray, dtype_of
 from slip_vic_controller.law.contact import StampedSlip
 from slip_vic_controller.safety.faults import FAULTS, Fault
-from slip_vic_controller.sizes import MAX_FRESH, Joints
+from slip_vic_controller.sizes import MAX_FRESH, Joints, WholeJoints
 
 TINY = float(np.finfo(np.float64).tiny)
 ARM_MOVES = 0.02
@@ -25,6 +25,10 @@ ARM_MOVES = 0.02
 _NOT_FINITE, _ABSURD, _DENORMAL, _JUMP, _MOVES, _SAME = 1, 2, 4, 8, 16, 32
 """What the numbers of a sample show; _SAME: equal to the last bit to the sample before."""
 _LONGEST_COAST_S = 0.1  # for which a velocity explains a change of position
+SPIKE, ACCELERATES = 0.3, 100.0
+"""Change of a joint velocity in one sample [rad/s], beyond what a joint accelerates [rad/s^2], that is none.
+
+An arm that is thrown is seen one sample later."""
 _WEIGHT = 0.02  # of a new period in the mean
 _TWICE = 2  # stamps in a row that are ahead of the joint state's: one alone is the sample's own fault
 
@@ -116,6 +120,7 @@ class JointInput(Record):
     candidate: JointRecord  # the newest after a jump
     agreeing: Whole  # candidates in a row that follow each other
     equal_since_ns: Whole  # arrival since when the values are equal to the last bit
+    spikes: WholeJoints  # whether the velocity of `last` is that of the sample before
     moves: Whole  # whether a joint moves
     pending: Whole  # whether a cycle has to answer `answers`
     pending_fault: Whole  # its Fault
@@ -367,6 +372,24 @@ def classify_joints(
 
 
 @part
+def leave_out_spikes(state: JointInput, stamp_ns: int, qd: Array, follows: bool) -> None:
+    """Put the velocity before in the place of one that no effort has made since; the next one counts, whatever it is.
+
+    Args:
+        state: of the joint state's input; changed.
+        stamp_ns, qd: of the sample; velocities (n,) [rad/s], changed.
+        follows: whether it follows the one before.
+    """
+    most = SPIKE + ACCELERATES * 1e-9 * (stamp_ns - state.last.stamp_ns)
+    for j in range(qd.shape[0]):
+        before = state.last.velocity[j]
+        spike = follows and state.spikes[j] == 0 and abs(qd[j] - before) > most
+        state.spikes[j] = 1 if spike else 0
+        if spike:
+            qd[j] = before
+
+
+@part
 def receive_joints(
     limits: JointLimits, state: JointInput, stamp_ns: int, q: Array, qd: Array, effort: Array, refused: bool,
     now_ns: int, one_source: bool,
@@ -376,7 +399,7 @@ def receive_joints(
     Args:
         limits: of the joint state.
         state: of the joint state's input; changed.
-        stamp_ns, q, qd, effort: the sample; (n,) [rad], [rad/s], [N m].
+        stamp_ns, q, qd, effort: the sample; (n,) [rad], [rad/s], [N m]; a velocity that is a spike is left out.
         refused: whether the message itself was not what it should be.
         now_ns: arrival.
         one_source: whether nobody else publishes joint states of this arm.
@@ -405,6 +428,7 @@ def receive_joints(
         if not found & _SAME:
             state.equal_since_ns = now_ns
         state.moves = 1 if found & _MOVES else 0
+        leave_out_spikes(state, stamp_ns, qd, follows and fault != Fault.RESTARTED)
         _copy_sample(state.last, stamp_ns, q, qd, effort)
         state.known, state.arrival_ns, state.candidate_known, state.agreeing = 1, now_ns, 0, 0
         _count_period(state.rate, now_ns)
