@@ -44,9 +44,18 @@ def joints_frozen(arm: Any, kept: Any) -> Any:
     return with_joints(arm, kept.joint.position, kept.joint.velocity)
 
 
+def velocity_outliers(arm: Any, _: Any) -> Any:
+    """One joint velocity in a sample of fifty is off, by 3 rad/s (standard deviation)."""
+    rng, velocity = np.random.default_rng(arm.joint.stamp_ns), arm.joint.velocity.copy()
+    if rng.uniform() < 0.02:
+        velocity[rng.integers(len(velocity))] += 3.0 * rng.normal()
+    return with_joints(arm, arm.joint.position, velocity)
+
+
 FAILURES: dict[str, Callable[[Any, Any], Any]] = {
     "wrench not finite": wrench_not_finite, "wrench frozen": wrench_frozen, "slip velocity invalid": slip_invalid,
     "joint states not finite": joints_not_finite, "joint states frozen": joints_frozen,
+    "outliers of joint velocities": velocity_outliers,
 }  # fmt: skip
 
 

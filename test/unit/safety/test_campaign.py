@@ -442,18 +442,11 @@ def test_an_arm_rests_after_a_wrong_wrench_has_told_of_metres_of_slip() -> None:
 
 def test_a_joint_that_bad_joint_states_have_thrown_is_braked_and_not_thrown_to_the_other_side() -> None:
     """It turned at 11 rad/s for ever: the brake asked for the full effort, which the rate limit made come too late."""
-    frozen = Fault("freeze_message", EFFORT, 0.13885944429128222, 0.28330723720808043, 0.07145980155955556)
-    wrong = Fault("corrupt_values", JOINT, 0.44264457509307953, 0.09691312164022722, 0.7649576362879444)
-    still = Fault("freeze_values", SLIP, 0.4866929437000143, 0.08486397226297236, 0.16280252576743337)
     first = Fault("corrupt_values", JOINT, 0.2961735175185298, 0.03486323083433841, 0.3284165175051872)
     second = Fault("corrupt_values", JOINT, 0.4035277054318592, 0.08496196028815647, 0.9818354589158573)
-    for plan in (
-        Plan(38281, 29, "vertical_plane", False, "governed", (frozen, wrong, still), "vision_25"),
-        Plan(41866, 29, "vertical_plane", True, "vic", (first, second), "vision_60"),
-    ):
-        outcome = run_trial(plan)
-        assert outcome.modes["FAULT"] > 200
-        assert outcome.violations == []
+    outcome = run_trial(Plan(41866, 29, "vertical_plane", True, "vic", (first, second), "vision_60"))
+    assert outcome.modes["FAULT"] > 200
+    assert outcome.violations == []
 
 
 def test_a_thrown_arm_rests_within_half_a_second_and_does_not_return_at_its_speed_limit(
