@@ -134,13 +134,15 @@ class JointReferee:
         return fault
 
     def without_spikes(self, sample: JointSample, before: JointSample | None, fault: Fault) -> JointSample:
-        """A velocity that changes by more than 0.3 rad/s and 100 rad/s^2 is the one before, but not twice in a row."""
+        """A velocity that changes by more than 0.3 rad/s and 100 rad/s^2 is the positions', but not twice in a row."""
         if before is None or fault == Fault.RESTARTED:
             self.spiked = False
             return sample
-        most = 0.3 + 100.0 * (sample.stamp_ns - before.stamp_ns) * 1e-9
-        self.spiked = (np.abs(sample.velocity - before.velocity) > most) & ~np.asarray(self.spiked)
-        return replace(sample, velocity=np.where(self.spiked, before.velocity, sample.velocity))
+        passed_s = 1e-9 * (sample.stamp_ns - before.stamp_ns)
+        shown = (sample.position - before.position) / passed_s
+        change, of_positions = (np.abs(v - before.velocity) for v in (sample.velocity, shown))
+        self.spiked = (change > 0.3 + 100.0 * passed_s) & ~np.asarray(self.spiked)
+        return replace(sample, velocity=np.where(self.spiked & (of_positions < change), shown, sample.velocity))
 
     def fault_of(self, sample: JointSample, now_ns: int, before: tuple[JointSample, int] | None) -> Fault:
         q, qd = sample.position, sample.velocity

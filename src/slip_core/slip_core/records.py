@@ -14,6 +14,7 @@ record's. The compiler types a record by its dtype: annotations cost nothing the
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from typing import Annotated, Any, Protocol, TypeVar, get_args, get_origin, get_type_hints
 
@@ -70,6 +71,7 @@ class View(np.void):  # type: ignore[misc]  # numpy says final, and has np.recor
         self[name] = value
 
 
+@functools.cache  # a record is part of many others: their hints are evaluated once
 def dtype_of(declared: type[Record]) -> np.dtype[np.void]:
     """Return the dtype of a declared record, fields in the order of the class.
 
@@ -88,7 +90,7 @@ def layout(fields: list[Any]) -> np.dtype[np.void]:
 def _field(name: str, hint: object) -> tuple[Any, ...]:
     """Return type and, of an array, shape of a field, as numpy wants them."""
     if isinstance(hint, type) and issubclass(hint, Record):
-        return (dtype_of(hint),)
+        return (dtype_of(hint),)  # type: ignore[arg-type]  # every class is hashable
     kind, *given = get_args(hint) if get_origin(hint) is Annotated else (hint,)
     if given in ([REAL], [WHOLE]):
         return (given[0],)

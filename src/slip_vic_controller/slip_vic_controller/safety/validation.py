@@ -120,7 +120,7 @@ class JointInput(Record):
     candidate: JointRecord  # the newest after a jump
     agreeing: Whole  # candidates in a row that follow each other
     equal_since_ns: Whole  # arrival since when the values are equal to the last bit
-    spikes: WholeJoints  # whether the velocity of `last` is that of the sample before
+    spikes: WholeJoints  # whether the velocity of `last` is not as measured
     moves: Whole  # whether a joint moves
     pending: Whole  # whether a cycle has to answer `answers`
     pending_fault: Whole  # its Fault
@@ -372,21 +372,24 @@ def classify_joints(
 
 
 @part
-def leave_out_spikes(state: JointInput, stamp_ns: int, qd: Array, follows: bool) -> None:
-    """Put the velocity before in the place of one that no effort has made since; the next one counts, whatever it is.
+def leave_out_spikes(state: JointInput, stamp_ns: int, q: Array, qd: Array, follows: bool) -> None:
+    """Put what the positions show in the place of a velocity that no effort has made, where that is nearer to the last.
+
+    The next one counts, whatever it is: where the joint was thrown, the positions show it at once.
 
     Args:
         state: of the joint state's input; changed.
-        stamp_ns, qd: of the sample; velocities (n,) [rad/s], changed.
+        stamp_ns, q, qd: the sample; (n,) [rad], [rad/s], velocities are changed.
         follows: whether it follows the one before.
     """
-    most = SPIKE + ACCELERATES * 1e-9 * (stamp_ns - state.last.stamp_ns)
-    for j in range(qd.shape[0]):
-        before = state.last.velocity[j]
-        spike = follows and state.spikes[j] == 0 and abs(qd[j] - before) > most
+    passed_s = 1e-9 * (stamp_ns - state.last.stamp_ns)
+    for j in range(q.shape[0]):
+        change = abs(qd[j] - state.last.velocity[j])
+        spike = follows and state.spikes[j] == 0 and change > SPIKE + ACCELERATES * passed_s
         state.spikes[j] = 1 if spike else 0
         if spike:
-            qd[j] = before
+            shown = (q[j] - state.last.position[j]) / passed_s
+            qd[j] = shown if abs(shown - state.last.velocity[j]) < change else qd[j]
 
 
 @part
@@ -428,7 +431,7 @@ def receive_joints(
         if not found & _SAME:
             state.equal_since_ns = now_ns
         state.moves = 1 if found & _MOVES else 0
-        leave_out_spikes(state, stamp_ns, qd, follows and fault != Fault.RESTARTED)
+        leave_out_spikes(state, stamp_ns, q, qd, follows and fault != Fault.RESTARTED)
         _copy_sample(state.last, stamp_ns, q, qd, effort)
         state.known, state.arrival_ns, state.candidate_known, state.agreeing = 1, now_ns, 0, 0
         _count_period(state.rate, now_ns)

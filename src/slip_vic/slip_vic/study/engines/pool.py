@@ -38,12 +38,12 @@ class PoolEngine:
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
-        # Without an error none has a task. Not to wait for it then lets the interpreter's end race with the executor's
-        # own thread, which ended some studies with a traceback behind their table.
-        for worker in (*self._idle, *self._busy.values()):
-            worker.shutdown(wait=error is None, cancel_futures=True)
         if error is not None:
             _end_children()
+        # Not to wait lets the interpreter's end race with the executors' own threads, which ended some studies with a
+        # traceback behind their table. Without an error none has a task, with one none has a process.
+        for worker in (*self._idle, *self._busy.values()):
+            worker.shutdown(cancel_futures=True)
 
     def run(
         self, call: Callable[[Shared, Task], Result], shared: Shared, tasks: Iterable[Task]
@@ -108,7 +108,7 @@ def _interrupts_later() -> Iterator[None]:
 
 
 def _end_children() -> None:
-    """End the worker processes: the interpreter would wait at its end until their cases are done."""
+    """End the worker processes: who waits for their executors would wait until their cases are done."""
     for child in multiprocessing.active_children():
         child.terminate()
 
