@@ -16,7 +16,7 @@ REFUSED = ("--scenario", "vertical_plane", "--set", "controller.governor.margin=
 
 
 @pytest.mark.parametrize(
-    ("words", "code"), [((), 1), (("--one-process", "--allow-fault"), 0)], ids=["two processes", "one process, allowed"]
+    ("words", "code"), [((), 1), (("--in-process", "--allow-fault"), 0)], ids=["two processes", "in process, allowed"]
 )
 def test_a_lost_object_is_said_by_the_bridge(words: tuple[str, ...], code: int) -> None:
     done = slip_vic("run", *NO_GRIP, *words)
@@ -28,7 +28,7 @@ def test_a_lost_object_is_said_by_the_bridge(words: tuple[str, ...], code: int) 
     ("words", "kind", "reason"),
     [
         ((*PRINTED, "--set", "bridge.duration_s=0.3"), "FAULT", "the limit is"),
-        ((*REFUSED, "--set", "bridge.duration_s=0.3", "--one-process"), "UNREACHABLE", "where the path is at 0.800 s"),
+        ((*REFUSED, "--set", "bridge.duration_s=0.3", "--in-process"), "UNREACHABLE", "where the path is at 0.800 s"),
     ],
     ids=["fault", "refused path"],
 )

@@ -90,8 +90,7 @@ def called(tmp_path: Path) -> dict[str, str]:
                 "ruff check .",
                 "mypy ",
                 f"python -m pytest {FAST}",
-                f"python -m pytest test/system -m smoke -n 2 {BY_FILE}",
-                "python -m pytest test/referees -n 2 -m referee and not long",
+                f"python -m pytest test/referees test/system -m smoke or referee and not long -n 2 {BY_FILE}",
             ],
         ),
         (
@@ -101,9 +100,9 @@ def called(tmp_path: Path) -> dict[str, str]:
                 "ruff check .",
                 "mypy ",
                 f"python -m pytest {FAST}",
-                f"python -m pytest test/system -n 3 {BY_FILE} {' '.join(f'--ignore={path}' for path in ALONE)}",
+                f"python -m pytest test/referees test/system -n 3 {BY_FILE} "
+                + " ".join(f"--ignore={path}" for path in ALONE),
                 f"python -m pytest {' '.join(ALONE)}",
-                "python -m pytest test/referees -n 2 -m referee and not long",
             ],
         ),
         (("-k", "law"), ["ruff format --check .", "ruff check .", "mypy ", "python -m pytest -k law"]),
