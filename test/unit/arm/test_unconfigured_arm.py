@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
 from slip_vic.run.in_process import ClosedLoop
-from slip_vic.scenarios.scenario import Law, load_scenario
+from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
 from slip_vic_controller.safety.modes import Mode, follows
 from slip_vic_controller.session import CycleResult
+from test.support.watched_loop import WatchedLoop, with_joints
 
 TARE = "controller.tare.duration_s=0.1"
 PERIOD_S = 1e-3
 OFFSET = [0.05, 0.17, -0.01, 0.18, 0.12, 0.12, -0.19]
 
 
+def scenario_of(name: str, *assignments: str, law: Law = "governed", drive: str = "ideal") -> Scenario:
+    return load_scenario(name, law=law, drive=drive, sensor="event_1000", seed=2, assignments=assignments)
+
+
 def loop(name: str, *assignments: str, law: Law = "governed", drive: str = "ideal") -> ClosedLoop:
-    scenario = load_scenario(name, law=law, drive=drive, sensor="event_1000", seed=2, assignments=assignments)
-    return ClosedLoop(scenario)
+    return ClosedLoop(scenario_of(name, *assignments, law=law, drive=drive))
 
 
 def until(of: ClosedLoop, wanted: Callable[[Mode], bool], most: int = 700) -> CycleResult:
@@ -53,17 +57,16 @@ def test_velocity_noise_far_above_the_configured_one_does_not_keep_the_tare_from
 
 def test_velocities_that_are_differences_of_noisy_positions_are_no_collision() -> None:
     """As many drivers make them: 0.02 rad/s of noise that nobody told, which is some N m in 10 ms."""
-    of = loop("glass_transport", TARE, drive="torque_joint")
-    before, modes = None, set()
+    run, modes = WatchedLoop(scenario_of("glass_transport", TARE, drive="torque_joint")), set()
+    before: list[np.ndarray] = []
+
+    def differences(arm: Any) -> Any:
+        before.append(arm.joint.position)
+        return with_joints(arm, before[-1], (before[-1] - before[max(-2, -len(before))]) / PERIOD_S)
+
     for _ in range(700):
-        outputs = of.observe()
-        joint = outputs.arms[0].joint
-        velocity = 0.0 * joint.velocity if before is None else (joint.position - before) / PERIOD_S
-        before = joint.position
-        shown = dataclasses.replace(joint, velocity=velocity)
-        result = of.control(outputs._replace(arms=(outputs.arms[0]._replace(joint=shown),)))
+        result = run.cycle(differences)
         modes.add(result.mode)
-        of.bridge.advance([result.command])
     assert Mode.FAULT not in modes, result.reason
     assert result.mode.follows
 
@@ -72,20 +75,15 @@ def test_velocities_that_are_differences_of_noisy_positions_are_no_collision() -
 @pytest.mark.parametrize("drive", ["ideal", "torque_joint"])
 def test_one_wrong_velocity_is_no_collision_and_no_noise(drive: str, law: Law) -> None:
     """At rest, where noise is measured, and in motion: 20 rad/s in one sample made the object fall, and FAULT."""
-    slips_mm = []
-    for wrong in (0.0, 20.0):
-        of = loop("vertical_plane", TARE, law=law, drive=drive)
+    slips = []
+    for size in (0.0, 20.0):
+        wrong, run = size * (np.arange(7) == 3), WatchedLoop(scenario_of("vertical_plane", TARE, law=law, drive=drive))
         for k in range(700):
-            outputs = of.observe()
-            joint = outputs.arms[0].joint
-            velocity = joint.velocity + (wrong * (np.arange(7) == 3) if k in (20, 500) else 0.0)
-            shown = dataclasses.replace(joint, velocity=velocity)
-            result = of.control(outputs._replace(arms=(outputs.arms[0]._replace(joint=shown),)))
-            of.bridge.advance([result.command])
+            off = wrong if k in (20, 500) else 0.0
+            result = run.cycle(lambda arm, off=off: with_joints(arm, arm.joint.position, arm.joint.velocity + off))
         assert result.mode.follows, result.reason
-        readings = of.bridge.simulation.observe(0)
-        slips_mm.append(1e3 * np.linalg.norm(readings.numbers[readings.layout.slip_displacement][:3]))
-    assert slips_mm[1] < slips_mm[0] + 0.5
+        slips.append(run.slip)
+    assert slips[1] < slips[0] + 0.5e-3
 
 
 def test_an_arm_rests_in_a_fault_that_comes_before_its_noise_is_known() -> None:

@@ -101,7 +101,7 @@ class Validation:
             assert joint.counts[fault] == plain.counts[fault]
 
 
-def test_one_velocity_that_no_effort_has_made_is_left_out_and_the_next_one_counts() -> None:
+def test_one_velocity_that_no_effort_has_made_is_replaced_and_the_next_one_counts() -> None:
     v, q, spike = Validation(), POSITION.copy(), 20.0 * (np.arange(N) == 3) / 10.0
     used = []
     for k, qd in enumerate((0.1, 0.1 + spike, 0.1, 0.1 + spike, 0.1 + spike, 0.1 + spike, 0.1, 0.1)):

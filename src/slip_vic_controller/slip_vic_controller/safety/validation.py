@@ -26,9 +26,7 @@ _NOT_FINITE, _ABSURD, _DENORMAL, _JUMP, _MOVES, _SAME = 1, 2, 4, 8, 16, 32
 """What the numbers of a sample show; _SAME: equal to the last bit to the sample before."""
 _LONGEST_COAST_S = 0.1  # for which a velocity explains a change of position
 SPIKE, ACCELERATES = 0.3, 100.0
-"""Change of a joint velocity in one sample [rad/s], beyond what a joint accelerates [rad/s^2], that is none.
-
-An arm that is thrown is seen one sample later."""
+"""Change of a joint velocity in one sample [rad/s], beyond what a joint accelerates [rad/s^2], that is none."""
 _WEIGHT = 0.02  # of a new period in the mean
 _TWICE = 2  # stamps in a row that are ahead of the joint state's: one alone is the sample's own fault
 
@@ -372,7 +370,7 @@ def classify_joints(
 
 
 @part
-def leave_out_spikes(state: JointInput, stamp_ns: int, q: Array, qd: Array, follows: bool) -> None:
+def replace_spikes(state: JointInput, stamp_ns: int, q: Array, qd: Array, follows: bool) -> None:
     """Put what the positions show in the place of a velocity that no effort has made, where that is nearer to the last.
 
     The next one counts, whatever it is: where the joint was thrown, the positions show it at once.
@@ -402,7 +400,7 @@ def receive_joints(
     Args:
         limits: of the joint state.
         state: of the joint state's input; changed.
-        stamp_ns, q, qd, effort: the sample; (n,) [rad], [rad/s], [N m]; a velocity that is a spike is left out.
+        stamp_ns, q, qd, effort: the sample; (n,) [rad], [rad/s], [N m]; a velocity that is a spike is replaced.
         refused: whether the message itself was not what it should be.
         now_ns: arrival.
         one_source: whether nobody else publishes joint states of this arm.
@@ -431,7 +429,7 @@ def receive_joints(
         if not found & _SAME:
             state.equal_since_ns = now_ns
         state.moves = 1 if found & _MOVES else 0
-        leave_out_spikes(state, stamp_ns, q, qd, follows and fault != Fault.RESTARTED)
+        replace_spikes(state, stamp_ns, q, qd, follows and fault != Fault.RESTARTED)
         _copy_sample(state.last, stamp_ns, q, qd, effort)
         state.known, state.arrival_ns, state.candidate_known, state.agreeing = 1, now_ns, 0, 0
         _count_period(state.rate, now_ns)
