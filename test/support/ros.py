@@ -15,10 +15,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 
-from slip_vic.run import shared_memory
+from slip_msgs_py.transport import choose_transport
 from slip_vic.run.domain import domain_id
 from slip_vic.run.processes import Child, EventKind, ProcessGroup, child_environment
 
@@ -69,23 +68,9 @@ class Processes:
         return child.exit_code
 
     def kill(self, child: Child) -> None:
-        """Kill a child at a moment when none of its threads is at work.
-
-        One that is killed while it writes to DDS's shared memory leaves a lock, and whoever writes there next waits for
-        ever: this process too.
-        """
-        tasks = Path(f"/proc/{child.pid}/task")
-        while child.exit_code is None:
-            child.send(signal.SIGSTOP)
-            stats, calls = list[str](), list[str]()
-            with contextlib.suppress(OSError):  # where the system does not show the calls: at any moment
-                stats += [stat.read_text().rpartition(")")[2].split()[0] for stat in tasks.glob("*/stat")]
-                calls += [call.read_text().split()[0] for call in tasks.glob("*/syscall")]
-            if set(stats) == {"T"} and "-1" not in calls and "running" not in calls:
-                child.send(signal.SIGKILL)
-                self.wait_end(child)
-            child.send(signal.SIGCONT)
-            time.sleep(0.001)
+        """Kill a child and wait for its end."""
+        child.send(signal.SIGKILL)
+        self.wait_end(child)
 
     def stop(self, child: Child, signal_number: int) -> int:
         """Send a signal and wait for the end; return the exit code."""
@@ -97,7 +82,7 @@ class Processes:
 def _domain() -> Iterator[int]:
     with domain_id() as domain, pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(domain))
-        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        choose_transport()
         yield domain
 
 
@@ -106,13 +91,11 @@ def _processes(domain: int) -> Iterator[Processes]:
     environment = child_environment(domain)
     roots = sorted(str(path) for path in (Path(__file__).parents[2] / "src").iterdir() if path.is_dir())
     environment["PYTHONPATH"] = os.pathsep.join([*roots, environment.get("PYTHONPATH", "")]).rstrip(os.pathsep)
-    before = shared_memory.segments()
     with ProcessGroup() as group:
         yield Processes(group, environment)
         for child in group.children:  # pytest shows it where the test failed
             print(f"{child.name} (exit code {child.exit_code}), last lines:\n{child.tail()}")
             assert " object at 0x" not in child.tail(), "a line of the log shows an object instead of its name"
-    shared_memory.remove_orphans(shared_memory.segments() - before)
 
 
 @contextlib.contextmanager
@@ -139,7 +122,7 @@ def ros_domain() -> Iterator[int]:
 
 @pytest.fixture
 def processes(ros_domain: int) -> Iterator[Processes]:
-    """Child processes in the test's domain; ended, and their shared memory removed, with the test."""
+    """Child processes in the test's domain; ended with the test."""
     with _processes(ros_domain) as started:
         yield started
 
@@ -188,15 +171,3 @@ def call_service(node: Any, kind: Any, name: str, request: Any, wait: Callable[[
     wait(answered, f"answer of {name}")
     node.destroy_client(client)
     return next(answer.result() for answer in answers if answer.done())
-
-
-def segments_of(pid: int) -> set[Path]:
-    """Files of shared memory that a process and its children have mapped: their own, unlike those of other tests."""
-    found: set[Path] = set()
-    with contextlib.suppress(psutil.Error):
-        parent = psutil.Process(pid)
-        for each in (parent, *parent.children(recursive=True)):
-            with contextlib.suppress(psutil.Error, OSError):
-                words = Path(f"/proc/{each.pid}/maps").read_text().split()
-                found.update(Path(word) for word in words if word.startswith(str(shared_memory.SHM)))
-    return found

@@ -5,14 +5,12 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterator
-from functools import partial
 
 import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from slip_msgs_py.dead_ports import make_heard
-from slip_msgs_py.localhost import stay_on_this_machine
+from slip_msgs_py.transport import choose_transport
 
 
 def request_realtime() -> bool:
@@ -30,12 +28,12 @@ def request_realtime() -> bool:
 @contextlib.contextmanager
 def ros_node(name: str, namespace: str = "/") -> Iterator[Node]:
     """Give a bare node in a context of its own; the command line is not read, signals are left alone."""
-    stay_on_this_machine()
+    choose_transport()
     context = rclpy.Context()
     rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
     try:
         bare = {"start_parameter_services": False, "enable_rosout": False}
-        node = make_heard(partial(Node, name, namespace=namespace, context=context, **bare))
+        node = Node(name, namespace=namespace, context=context, **bare)
         try:
             yield node
         finally:

@@ -19,11 +19,10 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from slip_core.errors import SlipVicError
-from slip_msgs_py.dead_ports import make_heard
 from slip_msgs_py.events import wanted
 from slip_msgs_py.executor import wake_all
-from slip_msgs_py.localhost import stay_on_this_machine
 from slip_msgs_py.stop_flag import SIGNALS, StopFlag, ending
+from slip_msgs_py.transport import choose_transport
 
 
 class RunnableNode(Protocol):
@@ -84,11 +83,11 @@ def _end_in_time(number: int, over: threading.Event) -> None:
 
 
 def _run(factory: Callable[[], RunnableNode], stop: StopFlag) -> int:
-    stay_on_this_machine()
+    choose_transport()
     node: RunnableNode | None = None
     try:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-        node = make_heard(factory)
+        node = factory()
         node.run(stop)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass  # a wanted end
@@ -106,7 +105,7 @@ def _run(factory: Callable[[], RunnableNode], stop: StopFlag) -> int:
             deliver(node, DELIVERY_S if not stop() else LAUNCHED_DELIVERY_S if patient else STOP_DELIVERY_S)
             node.destroy_node()
         else:
-            gc.collect()  # a node that refused its parameters has cycles, and holds its part of /dev/shm
+            gc.collect()  # a node that refused its parameters has cycles, and holds its participant
         rclpy.try_shutdown()
     return 0
 

@@ -166,7 +166,7 @@ class SlipSimBridge(LastResort, Node):
     # -- running -----------------------------------------------------------------------------------
 
     def destroy_node(self) -> None:
-        """Release everything; what the executor waits for it holds, and with it the participant's shared memory."""
+        """Release everything; what the executor waits for it holds, and with it the participant."""
         self._executor.shutdown()
         super().destroy_node()
 

@@ -281,7 +281,7 @@ class SlipVicController(LastResort, LifecycleNode):
         self.get_logger().info("matched: every input has a publisher, and the efforts have a subscriber")
 
     def destroy_node(self) -> None:
-        """Release everything; what the executor waits for it holds, and with it the participant's shared memory."""
+        """Release everything; what the executor waits for it holds, and with it the participant."""
         self._executor.shutdown()
         super().destroy_node()
         self._state_machine.destroy_when_not_in_use()  # rclpy forgets it, and it holds the node

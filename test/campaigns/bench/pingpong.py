@@ -30,6 +30,7 @@ from slip_core.stamps import stamp_to_ns
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.messages import forms
 from slip_msgs_py.messages.cdr import CdrCodec
+from slip_msgs_py.transport import choose_transport
 
 NAMES = tuple(f"arm_joint{i}" for i in range(1, 8))
 JOINTS = forms.joint_state(NAMES)
@@ -176,6 +177,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--rounds", type=int, default=1000)
     parser.add_argument("--warm-up", type=int, default=100)
     words = parser.parse_args(argv)
+    choose_transport()
     rclpy.init(args=[])
     try:
         side = Side(f"pp_{words.side}", fast=words.path == "raw", reliable=not words.best_effort)

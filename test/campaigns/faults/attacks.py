@@ -5,7 +5,6 @@ None of them lasts longer than some seconds; what comes after is the suite's (`a
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
 import resource
@@ -32,7 +31,6 @@ from std_srvs.srv import Trigger
 
 from slip_vic.run.node_command import node_command
 from slip_vic.run.processes import python_module
-from test.campaigns.faults import network
 from test.campaigns.faults.flood import FOREIGN, message
 from test.campaigns.faults.plan import BRIDGE, CONTROLLER, Fault
 
@@ -42,8 +40,6 @@ STORM_S = 2.0
 ANSWERED_S = 10.0  # until the last of many calls is
 CALM_S = 1.0  # after which the nodes take calls of services again
 STARTS_S = 6.0  # what a second system needs to start
-SHM: Final = Path("/dev/shm")
-SHM_MIB: Final = 256
 """Size of the suite's own."""
 NODES: Final = {CONTROLLER: "slip_vic_controller", BRIDGE: "slip_sim_bridge"}
 LARGEST_SEC = 2**31 - 1
@@ -274,23 +270,6 @@ def memory(stage: Stage) -> str:
     return ""
 
 
-def shared_memory(stage: Stage) -> str:
-    """A full /dev/shm, where it is one of the suite's own: a file takes what is left, and another node starts."""
-    if not network.is_own() or os.statvfs(SHM).f_blocks * os.statvfs(SHM).f_frsize > SHM_MIB << 20:
-        return "not permitted here"
-    file = SHM / "attack"
-    try:
-        with file.open("wb") as out, contextlib.suppress(OSError):
-            while True:
-                out.write(bytes(1 << 20))
-                out.flush()
-        other = stage.start("another node", python_module("test.campaigns.faults.flood", "wrench", "10", "1"))
-        stage.go_on(STARTS_S, lambda: other.exit_code is not None)
-    finally:
-        file.unlink(missing_ok=True)
-    return ""
-
-
 def another_system(stage: Stage) -> str:
     """A second bridge and controller in a namespace of their own, on the same domain."""
     started = []
@@ -351,7 +330,6 @@ ATTACKS: Final[dict[str, Attack]] = {
     "SIGSTOP of the controller, 5 s": _stopped(CONTROLLER),
     "SIGSTOP of the bridge, 5 s": _stopped(BRIDGE),
     "memory limit of the controller": memory,
-    "full /dev/shm": shared_memory,
     "domain shared with another system": another_system,
     "clock set back": clock_back,
     "second controller": second_controller,

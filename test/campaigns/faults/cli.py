@@ -55,9 +55,7 @@ def faults(
     from test.campaigns.faults import campaign, network
 
     if attacking:
-        from test.campaigns.faults.attacks import SHM_MIB
-
-        network.enter(memory_mib=SHM_MIB)
+        network.enter()
         _attack(only, out)
         return
     if dds:

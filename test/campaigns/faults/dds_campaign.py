@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import itertools
-import os
 import tempfile
 import time
 from collections import Counter
@@ -25,6 +24,7 @@ from slip_core.arms import prefix_of
 from slip_core.topics import topic
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.qos import create_subscription, message_class
+from slip_msgs_py.transport import choose_transport
 from slip_vic.run.domain import domain_id
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import ProcessGroup, child_environment
@@ -141,12 +141,11 @@ def campaign_of(kind: type[Campaign], out: Path, effort_rate: float | None, plan
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="slip_vic_faults_")))
         cable = stack.enter_context(network.Cable()) if network.is_own() else None
         group = stack.enter_context(ProcessGroup())
+        if cable is not None:
+            network.allow_other_machines()
+        choose_transport()
         environment = child_environment(domain)
-        # In a network of our own discovery may go through every cable; else it stays on this machine.
-        reach = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET" if cable else "LOCALHOST"}
-        environment.update(reach)
-        with _environment(reach):
-            rclpy.init(args=[], domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=[], domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         node = Node("faults", start_parameter_services=False, enable_rosout=False)
         try:
             nodes = Nodes(node, group, environment, campaign_scenario(plan), folder, cable)
@@ -154,20 +153,6 @@ def campaign_of(kind: type[Campaign], out: Path, effort_rate: float | None, plan
         finally:
             node.destroy_node()
             rclpy.try_shutdown()
-
-
-@contextmanager
-def _environment(values: Mapping[str, str]) -> Iterator[None]:
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 class DdsCampaign:

@@ -10,8 +10,8 @@ import rclpy
 from rclpy.serialization import serialize_message
 
 from slip_core.topics import topic
-from slip_msgs_py.localhost import stay_on_this_machine
 from slip_msgs_py.qos import create_publisher, message_class
+from slip_msgs_py.transport import choose_transport
 
 FOREIGN = "foreign"
 """frame_id of every message that an attacker sends, so that the monitor knows it."""
@@ -32,7 +32,7 @@ def message(name: str) -> Any:
 
 def main(name: str, rate_hz: float, seconds: float) -> int:
     """Publish; print how many messages a second it came to."""
-    stay_on_this_machine()
+    choose_transport()
     rclpy.init(args=[])
     node = rclpy.create_node("flood", start_parameter_services=False, enable_rosout=False)
     publisher = create_publisher(node, name)

@@ -11,35 +11,26 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
+from slip_msgs_py.transport import PROFILES, RANGE
+
 INSIDE = "SLIP_VIC_NETWORK"
 _NEAR, _FAR = "svcable", "svplant"
 _START_S = 5.0
 
 
-def enter(*, memory_mib: int = 0) -> None:
-    """Run this command again in a network namespace of its own; go on without one where that is not permitted.
-
-    memory_mib: size of a /dev/shm of its own too; 0 = that of the machine.
-    """
+def enter() -> None:
+    """Run this command again in a network namespace of its own; go on without one where that is not permitted."""
     if INSIDE in os.environ:
         return
-    unshare = own_network(mount=bool(memory_mib))
+    unshare = own_network()
     os.environ[INSIDE] = "yes" if unshare else "no"
     if unshare:
-        again = [sys.executable, *sys.orig_argv[1:]]
-        if memory_mib:
-            mount = f'mount -t tmpfs -o size={memory_mib}m tmpfs /dev/shm && exec "$@"'
-            again = ["sh", "-c", mount, "sh", *again]
-        os.execvp("unshare", [*unshare, *again])
+        os.execvp("unshare", [*unshare, sys.executable, *sys.orig_argv[1:]])
 
 
-def own_network(*, mount: bool = False) -> list[str]:
-    """Return the words that run a command in a network namespace of its own, none where that is not permitted.
-
-    mount: with mounts of its own too.
-    """
-    words = ["unshare", *([] if os.geteuid() == 0 else ["--user", "--map-root-user"]), "--net"]
-    words += ["--mount", "--"] if mount else ["--"]
+def own_network() -> list[str]:
+    """Return the words that run a command in a network namespace of its own, none where that is not permitted."""
+    words = ["unshare", *([] if os.geteuid() == 0 else ["--user", "--map-root-user"]), "--net", "--"]
     tools = all(shutil.which(tool) for tool in ("unshare", "nsenter", "ip"))
     return words if tools and _quietly([*words, "ip", "link", "set", "lo", "up"]) else []
 
@@ -47,6 +38,13 @@ def own_network(*, mount: bool = False) -> list[str]:
 def is_own() -> bool:
     """Return whether this process is in a network namespace of its own."""
     return os.environ.get(INSIDE) == "yes"
+
+
+def allow_other_machines() -> None:
+    """Let the nodes that start from now on be found through a cable."""
+    os.environ[RANGE] = "SUBNET"
+    for name in PROFILES:
+        os.environ.pop(name, None)
 
 
 class Cable:
@@ -86,9 +84,8 @@ class Cable:
         return ""
 
     def behind(self, argv: Sequence[str]) -> list[str]:
-        """Return the command that runs behind the cable: no shared memory, so that all its messages go through it."""
-        udp = ["env", "FASTDDS_BUILTIN_TRANSPORTS=UDPv4"]
-        return ["nsenter", "--target", str(self._holder.pid), "--net", "--", *udp, *argv]
+        """Return the command that runs behind the cable."""
+        return ["nsenter", "--target", str(self._holder.pid), "--net", "--", *argv]
 
     def cut(self) -> None:
         """Take the cable out."""

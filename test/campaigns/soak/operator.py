@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
 from slip_msgs_py.qos import create_subscription
+from slip_msgs_py.transport import choose_transport
 from test.campaigns.faults.monitors import LOST_M
 
 PATIENCE_S = 2.0  # a fault is looked at before it is reset
@@ -73,7 +73,7 @@ class Operator:
 @contextmanager
 def operator_of(domain: int) -> Iterator[Operator]:
     """Give an operator in a ROS domain, who leaves with the block."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    choose_transport()
     context = rclpy.Context()
     rclpy.init(args=[], context=context, domain_id=domain)
     node = rclpy.create_node("operator", context=context)

@@ -17,7 +17,6 @@ import psutil
 
 from slip_core.errors import ProtocolError
 from slip_msgs_py.events import Event, Started, Warned
-from slip_vic.run import shared_memory
 from slip_vic.run.domain import domain_id
 from slip_vic.run.node_command import node_command, run_parameters
 from slip_vic.run.processes import Child, ProcessGroup, child_environment
@@ -35,12 +34,11 @@ SPLIT_S = 300.0  # the bag goes on in a new file, as a long recording should: a 
 
 @dataclass
 class SoakResult:
-    """Samples of every process, what bridge and controller said at their end, and shared-memory files over time."""
+    """Samples of every process, and what bridge and controller said at their end."""
 
     minutes: float
     rate_hz: float
     samples: dict[str, list[Sample]] = field(default_factory=dict)
-    shared_memory_files: list[int] = field(default_factory=list)
     said: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
@@ -70,7 +68,6 @@ class SoakResult:
             "samples": len(next(iter(self.samples.values()), [])),
             "growth": {name: grown.as_dict() for name, grown in growth.items()},
             "grows": {name: words for name, grown in growth.items() if (words := grown.grows(limits))},
-            "shared_memory_files": self.shared_memory_files[:1] + self.shared_memory_files[-1:],
             "said": {name: dict(values) for name, values in self.said.items()},
             "warnings": self.warnings,
         }
@@ -158,7 +155,6 @@ def _watch(
             for name, process in watched.items():
                 with contextlib.suppress(psutil.NoSuchProcess):
                     result.samples.setdefault(name, []).append(sample_process(process, t))
-            result.shared_memory_files.append(len(shared_memory.segments()))
         operator.attend(min(LOOK_S, every_s))
     on_time(seconds)
 

@@ -45,6 +45,9 @@ def publish(count: int, rate_hz: float, seconds: float) -> None:
     from rclpy.qos import QoSProfile
     from rclpy.serialization import serialize_message
 
+    from slip_msgs_py.transport import choose_transport
+
+    choose_transport()
     rclpy.init(args=[])
     node = rclpy.create_node("source", start_parameter_services=False, enable_rosout=False)
     publishers = []
@@ -80,7 +83,6 @@ def running(bag: Path, count: int, rate_hz: float, seconds: float, compression: 
     environment = {
         **os.environ,
         "ROS_DOMAIN_ID": str(random.randrange(*FREE_DOMAINS)),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "SLIP_VIC_EVENTS": "1",
     }
     command = ["-m", "slip_bags.cli", "record", "--output", str(bag), "--compression", compression]
@@ -168,10 +170,9 @@ def play(count: int, rate_hz: float, seconds: float, repeat: int) -> None:
                 time_ns = 10**18 + round(index * 1e9 / rate_hz)
                 writer.write(name, time_ns, time_ns, index + 1, data)
         writer.close()
-        environment = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
         for _ in range(repeat):
             command = [sys.executable, "-m", "slip_vic.cli", "bag", "play", str(bag)]
-            done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+            done = subprocess.run(command, capture_output=True, text=True, check=True)
             print(f"{count} topics x {rate_hz:g} Hz: {done.stdout.strip()}")
 
 

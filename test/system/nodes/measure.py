@@ -24,7 +24,6 @@ import numpy as np
 from slip_msgs_py.cpu_latency import LATENCY_FILE, CpuLatency
 from slip_msgs_py.events import Started
 from slip_msgs_py.realtime import ProcessOptions, set_up_interpreter
-from slip_vic.run import shared_memory
 from slip_vic.run.domain import domain_id
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.launcher import Launcher
@@ -46,7 +45,7 @@ NOWHERE = "/nowhere"
 def starts(times: int, seed: int) -> None:
     """Start and stop both nodes so many times, at a random moment of a run in real time."""
     scenario, moments = load_scenario("paper_planar", mode="realtime"), random.Random(seed)
-    before, took, codes = shared_memory.segments(), [], []
+    took, codes = [], []
     for number in range(times):
         with domain_id() as domain, tempfile.TemporaryDirectory() as folder, ProcessGroup() as group:
             environment = child_environment(domain)
@@ -70,11 +69,10 @@ def starts(times: int, seed: int) -> None:
                 if child.exit_code != 0:
                     print(f"\n{name}: exit code {child.exit_code}; last lines:\n{child.tail()}")
         print(f"\r{number + 1}/{times}", end="", flush=True)
-    left = shared_memory.segments() - before
     print(
         f"\n{times} starts and stops: exit codes other than 0: {sum(code != 0 for code in codes)}; both stopped after "
         f"{1e3 * statistics.median(took):.0f} ms (median), {1e3 * max(took):.0f} ms (longest); "
-        f"above 300 ms: {sum(t > 0.3 for t in took)}; left in /dev/shm: {len(left)}"
+        f"above 300 ms: {sum(t > 0.3 for t in took)}"
     )
 
 

@@ -5,49 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-import psutil
 import pytest
 
-from slip_msgs_py.dead_ports import NODE, NODE_AT, PORT, PORT_OK
-from slip_msgs_py.events import Started
 from slip_vic.run.processes import Child
-from slip_vic.run.shared_memory import FIRST_PORT, PORTS_PER_DOMAIN
 from test.support.ros import Processes
 from test.system.nodes.test_modes import BRIDGE_ENDLESS, CONTROLLER_SLOW, Start, Watcher, starter
 
 ALONE = "bridge.wait_for=[]"
 BY_HAND = "controller.safety.auto_enable=false"
 CALL_ENABLE = "to continue call ~/enable"
-
-
-def port_of(node: Child, domain: int) -> Path | None:
-    """Return the port of shared memory at which a process listens in its domain: it holds the lock."""
-    files = [Path(file.path) for file in psutil.Process(node.pid).open_files()]
-    first = FIRST_PORT + PORTS_PER_DOMAIN * domain
-    of_domain = {f"{PORT}{number}_el" for number in range(first, first + PORTS_PER_DOMAIN)}
-    return next((file.with_name(file.name.removesuffix("_el")) for file in files if file.name in of_domain), None)
-
-
-def in_order(port: bytes) -> bool:
-    return bool(NODE.unpack(port[NODE_AT : NODE_AT + NODE.size])[-1] & PORT_OK)
-
-
-def test_what_others_have_open_of_a_killed_node_has_failed_once_another_listens_there(
-    ros_domain: int, processes: Processes, tmp_path: Path
-) -> None:
-    """Else they write on into it. There are no others here, and so no watchdog of theirs that would find it in time."""
-    start = starter(processes, tmp_path)
-    killed = start("bridge", *BRIDGE_ENDLESS, ALONE)
-    processes.wait_event(killed, Started)
-    port = port_of(killed, ros_domain)
-    assert port is not None
-    with port.open("rb") as file:
-        processes.kill(killed)
-        again = start("bridge", *BRIDGE_ENDLESS, ALONE)
-        processes.wait_event(again, Started)
-        assert port_of(again, ros_domain) == port
-        assert in_order(port.read_bytes())
-        assert not in_order(file.read())
 
 
 class System(NamedTuple):

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from slip_msgs_py.events import Progress
-from slip_vic.run import shared_memory
 from slip_vic.scenarios.scenario import NODES, load_scenario, ros_parameter_file
-from test.support.ros import Processes, segments_of, wait_until
+from test.support.ros import Processes, wait_until
 
 BRIDGE, CONTROLLER = "slip_sim_bridge.main", "slip_vic_controller.main"
 
@@ -161,17 +160,6 @@ def test_a_bad_parameter_is_one_line_and_exit_code_2(processes: Processes) -> No
         assert len(lines) == 1, node.tail()
         assert lines[0].startswith("error: ")
         assert all(word in lines[0] for word in words), lines[0]
-
-
-@pytest.mark.parametrize("module", [CONTROLLER, BRIDGE])
-def test_a_bad_parameter_leaves_no_shared_memory(processes: Processes, module: str) -> None:
-    node = processes.python("node", "-m", module, "--ros-args", "-p", "ee_frame:=hand_of_god")
-    mapped: set[Path] = set()
-    while node.exit_code is None:
-        mapped |= segments_of(node.pid)
-    assert node.exit_code == 2, node.tail()
-    assert mapped
-    assert not shared_memory.orphans(mapped)
 
 
 def watch_for_publisher(processes: Processes, topic: str) -> None:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import socket
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,26 +11,23 @@ from typing import Any
 import psutil
 import pytest
 
+from slip_msgs_py.transport import PROFILES, RANGE
 from test.campaigns.faults.network import own_network
 from test.support.ros import Processes
 from test.system.nodes.test_modes import BRIDGE_ENDLESS, CONTROLLER_SLOW, Watcher, start, watcher  # noqa: F401
 
-LOOPBACK = "127.0.0.1"
-
-
-def unread(port: int) -> bool:
-    """Return whether a datagram to a port stays where it is: a socket that only sends."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        sender.sendto(b"anybody there?", (LOOPBACK, port))
-    line = next(line.split() for line in Path("/proc/net/udp").read_text().splitlines() if f":{port:04X} " in line)
-    return int(line[4].partition(":")[2], 16) > 0
+LOOPBACK, DISCOVERY = "127.0.0.1", "239.255.0.1"
 
 
 def assert_loopback_only(pid: int) -> None:
-    sockets = psutil.Process(pid).net_connections("inet")
-    assert any(each.laddr.ip == LOOPBACK for each in sockets)
-    open_to_all = [each.laddr for each in sockets if each.laddr.ip != LOOPBACK]
-    assert all(unread(address.port) for address in open_to_all if address.ip == "0.0.0.0"), open_to_all
+    """Listen to the group of discovery, too, which was joined on the loopback interface."""
+    sockets = {each.laddr.ip for each in psutil.Process(pid).net_connections("inet")}
+    assert LOOPBACK in sockets
+    assert sockets <= {LOOPBACK, DISCOVERY}
+
+
+def assert_no_shared_memory(pid: int) -> None:
+    assert "/dev/shm/fast" not in Path(f"/proc/{pid}/maps").read_text()
 
 
 def test_nodes_listen_on_the_loopback_interface_only(watcher: Watcher, start: Any) -> None:
@@ -39,6 +35,20 @@ def test_nodes_listen_on_the_loopback_interface_only(watcher: Watcher, start: An
     watcher.wait_law()
     for node in nodes:
         assert_loopback_only(node.pid)
+        assert_no_shared_memory(node.pid)
+
+
+@pytest.mark.parametrize("reach", [None, "LOCALHOST"])
+def test_a_node_of_others_on_this_machine_hears_ours(processes: Processes, reach: str | None) -> None:
+    """It has shared memory too, and sockets on every interface."""
+    processes.python("ours", "-m", "test.campaigns.faults.flood", "wrench", "50", "60")
+    for name in (RANGE, *PROFILES):
+        processes.environment.pop(name, None)
+    if reach is not None:
+        processes.environment[RANGE] = reach
+    stranger = processes.python("stranger", str(Path(__file__).with_name("stranger.py")))
+    assert processes.wait_end(stranger) == 0, stranger.tail()
+    assert "wrench: heard, 1 known" in stranger.tail()
 
 
 def test_another_machine_hears_nothing_unless_it_may(processes: Processes) -> None:

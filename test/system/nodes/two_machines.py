@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from slip_msgs_py.localhost import RANGE
+from slip_msgs_py.transport import PROFILES, RANGE
 from test.campaigns.faults.network import Cable
 
 SPEAKS_S, RATE_HZ = "30", "50"
@@ -18,16 +18,17 @@ STRANGER = Path(__file__).with_name("stranger.py")
 
 def main() -> None:
     subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
+    unset = {name: value for name, value in os.environ.items() if name not in PROFILES}
     with Cable() as cable:
         speakers = [
             subprocess.Popen(
                 [sys.executable, "-m", "test.campaigns.faults.flood", topic, RATE_HZ, SPEAKS_S],
-                env={**os.environ, RANGE: reach},
+                env={**unset, RANGE: reach},
             )
             for topic, reach in (("joint_states", "LOCALHOST"), ("wrench", "SUBNET"))
         ]
         try:
-            far = {**os.environ, RANGE: "SUBNET", "ROS_STATIC_PEERS": "10.93.0.1"}
+            far = {**unset, RANGE: "SUBNET", "ROS_STATIC_PEERS": "10.93.0.1"}
             subprocess.run(cable.behind([sys.executable, str(STRANGER)]), env=far, check=True)
         finally:
             for speaker in speakers:

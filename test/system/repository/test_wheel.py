@@ -25,7 +25,7 @@ def environment(venv: Path) -> dict[str, str]:
     """Return an environment in which only the scratch one is found, as in a new shell of a user."""
     kept = {name: value for name, value in os.environ.items() if name in ("HOME", "LANG", "SSL_CERT_FILE")}
     kept |= {name: value for name, value in os.environ.items() if name.lower().startswith(("pip_", "http", "no_proxy"))}
-    return {**kept, "PATH": f"{venv / 'bin'}:/usr/bin:/bin", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    return {**kept, "PATH": f"{venv / 'bin'}:/usr/bin:/bin"}
 
 
 @pytest.fixture(scope="module")

@@ -79,7 +79,6 @@ def watch(namespace: str, domain_id: int | None, host: str, port: int, rate: flo
                 runs = domains_in_use()
                 if wanted is None and runs:
                     domain = runs[0]
-                    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
                 os.environ["ROS_DOMAIN_ID"] = str(domain)
                 click.echo(what_is_watched(domain, runs), err=True)
                 ended_or_moved = over if wanted is not None else until_another_run(domain, over)

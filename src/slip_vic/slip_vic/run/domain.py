@@ -1,7 +1,7 @@
 """A ROS_DOMAIN_ID of one's own: locked while in use, so that runs on one machine never hear each other.
 
-The lock is a file because it must hold across network namespaces, like the shared memory of DDS; the sockets of ROS's
-`domain_coordinator` do not. That package also turns an OSError inside its block into another error.
+The lock is a file because it must hold across network namespaces; the sockets of ROS's `domain_coordinator` do not.
+That package also turns an OSError inside its block into another error.
 """
 
 from __future__ import annotations
@@ -15,11 +15,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from slip_core.errors import InputError, ProtocolError
-from slip_vic.run.shared_memory import remove_dead_ports
 
 # Above 101 the DDS ports reach into Linux's ephemeral range; 0 is everybody's default.
 FIRST, LAST = 1, 101
-_turns = itertools.count(os.getpid())  # the next run in one process gets the next domain: no ports of a killed node
+_turns = itertools.count(os.getpid())  # the next run gets the next domain: nothing of the last one is under way
 
 
 @contextlib.contextmanager
@@ -46,7 +45,6 @@ def domain_id(wanted: int | None = None) -> Iterator[int]:
             except BlockingIOError:
                 continue
             os.utime(lock.fileno())
-            remove_dead_ports(candidate)
             yield candidate
             return
     raise ProtocolError(f"all ROS domain ids from {FIRST} to {LAST} are in use by other runs; give --domain-id")

@@ -18,7 +18,6 @@ import psutil
 from slip_core.errors import InputError, ProtocolError, SlipVicError
 from slip_msgs_py import events
 from slip_msgs_py.events import Event
-from slip_vic.run import shared_memory
 
 LAST_LINES = 12
 GRACE_S = 5.0
@@ -125,20 +124,16 @@ class RefusedByChild(SlipVicError):
 
 
 class ProcessGroup:
-    """Children that live and die together; a context manager whose end leaves no process and no shared memory."""
+    """Children that live and die together; a context manager whose end leaves no process."""
 
     def __init__(self) -> None:
         self.children: list[Child] = []
-        self._killed = False
-        self._shm_before = shared_memory.segments()
 
     def __enter__(self) -> ProcessGroup:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.stop(self.children, in_haste=True)
-        if self._killed or any(child.exit_code not in (0, 1, 2) for child in self.children):
-            shared_memory.remove_orphans(shared_memory.segments() - self._shm_before)
 
     def start(
         self, name: str, argv: Sequence[str], environment: Mapping[str, str], on_event: Callable[[str, Event], None]
@@ -179,7 +174,6 @@ class ProcessGroup:
                 child.wait(max(0.0, deadline - time.monotonic()))
         for child in children:
             if child.exit_code is None:
-                self._killed = True
                 with contextlib.suppress(psutil.Error):
                     for descendant in psutil.Process(child.pid).children(recursive=True):
                         descendant.kill()
@@ -193,10 +187,9 @@ def python_module(module: str, *arguments: str) -> list[str]:
 
 
 def child_environment(domain_id: int) -> dict[str, str]:
-    """Return the environment of a node process: its domain, localhost, one BLAS thread, events on stdout."""
+    """Return the environment of a node process: its domain, one BLAS thread, events on stdout."""
     environment = dict(os.environ)
     environment["ROS_DOMAIN_ID"] = str(domain_id)
-    environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     environment.update(
         OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1", **{events.EVENTS_VARIABLE: "1"}
     )

@@ -1,0 +1,41 @@
+"""How DDS sends: by UDP alone, and on this machine only, unless configured otherwise.
+
+ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST limits whom a node looks for, not who finds it: its sockets are open on every
+interface, and a machine that names this one in its ROS_STATIC_PEERS reads and writes every topic. A profile of Fast DDS
+binds them to 127.0.0.1.
+
+Shared memory is left out. A process that is killed while it holds a lock there holds up for ever who writes there next,
+the controller too, and a node that starts where a killed one listened can be deaf.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Final
+
+RANGE: Final = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+LOCALHOST: Final = "LOCALHOST"
+LOCALHOST_ONLY: Final = "ROS_LOCALHOST_ONLY"  # deprecated, and stronger than the range
+PEERS: Final = "ROS_STATIC_PEERS"
+PROFILES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+TRANSPORTS: Final = "FASTDDS_BUILTIN_TRANSPORTS"
+RMW: Final = "RMW_IMPLEMENTATION"
+
+
+def choose_transport() -> None:
+    """Set in the environment how this process and its children send, where it does not say so already.
+
+    To be called before rclpy starts.
+    """
+    if any(os.environ.get(name) for name in PROFILES):
+        return
+    if os.environ.get(LOCALHOST_ONLY) == "1":
+        os.environ |= {LOCALHOST_ONLY: "0", RANGE: LOCALHOST}
+    here = os.environ.setdefault(RANGE, LOCALHOST) == LOCALHOST and not os.environ.get(PEERS)
+    if here and os.environ.get(RMW, "rmw_fastrtps_cpp").startswith("rmw_fastrtps"):
+        profile = Path(__file__).with_name("localhost.xml")
+        # With LOCALHOST rmw_fastrtps adds shared memory, whatever a profile sets.
+        os.environ |= {RANGE: "SYSTEM_DEFAULT", PROFILES[0]: str(profile)}
+    else:
+        os.environ.setdefault(TRANSPORTS, "UDPv4")
