@@ -109,6 +109,7 @@ class JointReferee:
         self.after_jump: list[tuple[JointSample, int]] = []
         self.equal_since_ns, self.moves = 0, False
         self.spiked: Array | bool = False
+        self.jumped: Array | bool = False
 
     def receive(self, sample: JointSample, now_ns: int) -> Fault:
         """Return what is wrong; after a jump, `accept_after` samples that follow each other are a new beginning."""
@@ -126,19 +127,31 @@ class JointReferee:
                 fault = Fault.RESTARTED
         self.counts[fault] += fault != Fault.NONE
         if fault in (*GOOD, Fault.RESTARTED):
-            before = self.last[0] if self.last else None
+            before, coast_s = (self.last[0] if self.last else None), 0.0
+            if before is not None:
+                held_ns = sample.stamp_ns - before.stamp_ns + self.last[1] - self.equal_since_ns
+                coast_s = min(1e-9 * held_ns, 0.1)
             if before is None or _bits(before) != _bits(sample):
                 self.equal_since_ns = now_ns
             self.moves = bool((np.abs(sample.velocity) > MOVES_RAD_S).any())
-            self.last, self.after_jump = (self.without_spikes(sample, before, fault), now_ns), []
+            self.last, self.after_jump = (self.without_spikes(sample, before, fault, coast_s), now_ns), []
         return fault
 
-    def without_spikes(self, sample: JointSample, before: JointSample | None, fault: Fault) -> JointSample:
-        """A velocity that changes by more than 0.3 rad/s and 100 rad/s^2 is the positions', but not twice in a row."""
+    def without_spikes(
+        self, sample: JointSample, before: JointSample | None, fault: Fault, coast_s: float
+    ) -> JointSample:
+        """A velocity that changes by more than 0.3 rad/s and 100 rad/s^2 is the positions', but not twice in a row.
+
+        A position that is more than 5 mrad and 100 rad/s^2 beyond what velocities explain is where the last one leads.
+        """
         if before is None or fault == Fault.RESTARTED:
-            self.spiked = False
+            self.spiked = self.jumped = False
             return sample
         passed_s = 1e-9 * (sample.stamp_ns - before.stamp_ns)
+        led, way = before.position + passed_s * before.velocity, np.abs(sample.position - before.position)
+        explained = coast_s * np.maximum(np.abs(sample.velocity), np.abs(before.velocity))
+        self.jumped = (way - explained > 5e-3 + 100.0 * passed_s**2) & ~np.asarray(self.jumped)
+        sample = replace(sample, position=np.where(self.jumped, led, sample.position))
         shown = (sample.position - before.position) / passed_s
         change, of_positions = (np.abs(v - before.velocity) for v in (sample.velocity, shown))
         self.spiked = (change > 0.3 + 100.0 * passed_s) & ~np.asarray(self.spiked)

@@ -38,14 +38,15 @@ def receive_joint_state(
         lockstep: whether the bridge waits for an answer to everything.
     """
     c, s = record(config, CONFIG), record(state, ARM_STATE)
-    one_source, v = s.outside != Fault.SECOND_PUBLISHER, qd.copy()
-    fault = receive_joints(c.joint, s.joint, stamp_ns, q, v, effort, refused, now_ns, one_source)
+    one_source, position, velocity = s.outside != Fault.SECOND_PUBLISHER, q.copy(), qd.copy()
+    blind = s.estimate.unmeasured.max() > 0
+    fault = receive_joints(c.joint, s.joint, stamp_ns, position, velocity, effort, refused, now_ns, one_source, blind)
     if fault == Fault.RESTARTED:
         for k in range(c.law.contacts):
             rebase_vector(c.wrench, s.wrench_inputs[k], stamp_ns)
             rebase_vector(c.slip, s.slip_inputs[k], stamp_ns)
     if lockstep or not unanswered(fault):
-        await_answer(s.joint, stamp_ns, q, v, effort, fault)
+        await_answer(s.joint, stamp_ns, position, velocity, effort, fault)
     return fault
 
 

@@ -285,7 +285,43 @@ def test_noise_and_motion_alone_are_no_fault() -> None:
     for seed in range(5):
         state, found, _ = moving(lambda q, v, t, m: (q, v), steps=2000, seed=seed)
         assert found == -1
+        assert (state.finding, state.lag) == (Finding.NONE, 0.0)
+
+
+def late(lag_s: float, joints: tuple[int, ...], seed: int, steps: int = 1200, **values: Any) -> tuple[Any, float]:
+    """Return the state after a motion with velocities behind a low-pass, and the last error of the velocity."""
+    sampled, rng, filtered = Joints(configuration(**values)), np.random.default_rng(seed), np.zeros(N)
+    speeds = np.array([0.6, -0.4, 0.8])
+    for k in range(steps):
+        w, t = 4.0, k * T
+        q, v, a = speeds * (1.0 - math.cos(w * t)) / w, speeds * math.sin(w * t), speeds * w * math.cos(w * t)
+        filtered += (1.0 - math.exp(-T / lag_s)) * (v - filtered)
+        measured = np.where(np.isin(np.arange(N), joints), filtered, v) + 1e-3 * rng.normal(size=N)
+        _, velocity = sampled.sample(q + 2e-5 * rng.normal(size=N), measured)
+        sampled.act(a)
+    return sampled.state, float(np.abs(velocity[:N] - v).max())
+
+
+@pytest.mark.parametrize("lag_s", [0.004, 0.008, 0.016])
+def test_velocities_of_a_low_pass_that_nobody_told_are_left_to_the_positions(lag_s: float) -> None:
+    """They were called positions that drift: FAULT, and the object was thrown off."""
+    for seed in range(3):
+        state, error = late(lag_s, (0, 1, 2), seed)
         assert state.finding == Finding.NONE
+        assert state.lag == pytest.approx(lag_s, rel=0.25)
+        assert error < 0.03
+    call(clear_findings, state)
+    assert state.lag == 0.0
+
+
+def test_a_low_pass_that_was_told_is_none_that_nobody_told() -> None:
+    state, _ = late(0.008, (0, 1, 2), 1, **{"joint_sensor.velocity_filter_hz": 20.0})
+    assert (state.finding, state.lag) == (Finding.NONE, 0.0)
+
+
+def test_one_late_velocity_is_no_low_pass_of_all() -> None:
+    state, _ = late(0.008, (1,), 1)
+    assert (state.finding, state.lag) == (Finding.NONE, 0.0)
 
 
 def opposed(

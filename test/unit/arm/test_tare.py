@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import pytest
 
@@ -21,6 +23,7 @@ from slip_vic_controller.arm.tare import (
     judge_tare,
     measure_at_rest,
     measure_without_rest,
+    periods_of_joints,
     start_tare,
     take_biases,
 )
@@ -240,6 +243,26 @@ def test_what_was_found_wrong_is_no_noise() -> None:
         assert bool(state.rough) is (k == ROUGH)
     spread = [deviation(state.change.squares[j], state.change.count) for j in range(N)]
     np.testing.assert_allclose(spread, np.sqrt(2.0) * 1e-3, rtol=0.4)
+
+
+def periods_of(runs: Iterable[int]) -> int:
+    """Return what a tare finds where each velocity is sent so many times."""
+    config, state, rng = bounds(), begun(), np.random.default_rng(6)
+    sent = [velocity for run in runs for velocity in run * [1e-3 * rng.normal(size=N)]]
+    for velocity in sent[: ROUGH + 1]:
+        add_velocities(config, state, velocity)
+    assert state.rough
+    return periods_of_joints(state)
+
+
+def test_joint_states_that_are_sent_again_are_counted_where_they_are_regular() -> None:
+    rng = np.random.default_rng(8)
+    for periods in (1, 2, 4, 8, 10):
+        assert periods_of(60 * [periods]) == periods
+    assert periods_of([4, 5, 4, 3] * 20) == 4  # two clocks
+    assert periods_of([100]) == 1  # at rest, without noise
+    for _ in range(20):
+        assert periods_of(rng.geometric(0.1, size=60)) == 1  # an encoder that is read in steps, at rest
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.1])

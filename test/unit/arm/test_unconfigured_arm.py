@@ -12,6 +12,7 @@ from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
 from slip_vic_controller.safety.modes import Mode, follows
 from slip_vic_controller.session import CycleResult
+from test.support.untold_drivers import drive_untold
 from test.support.watched_loop import WatchedLoop, with_joints
 
 TARE = "controller.tare.duration_s=0.1"
@@ -69,6 +70,30 @@ def test_velocities_that_are_differences_of_noisy_positions_are_no_collision() -
         modes.add(result.mode)
     assert Mode.FAULT not in modes, result.reason
     assert result.mode.follows
+
+
+@pytest.mark.parametrize(
+    ("what", "scenario", "drive", "most_mm"),
+    [
+        ("each joint state 4 times", "paper_planar", "torque_joint", 0.1),
+        ("each joint state 4 times", "glass_transport", "torque_joint", 0.1),
+        ("each joint state 4 times", "glass_transport", "velocity_500", 0.1),
+        ("velocities through 20 Hz", "vertical_plane", "ideal", 0.1),
+        ("velocities through 20 Hz", "vertical_plane", "torque_joint", 0.5),
+        ("velocities through 10 Hz", "glass_transport", "velocity_500", 0.1),
+        ("outliers of positions, 20 mrad", "glass_transport", "ideal", 0.1),
+        ("outliers of positions, 20 mrad", "paper_planar", "torque_joint", 0.5),
+    ],
+)
+def test_what_a_driver_does_with_joint_states_throws_nothing_off(
+    what: str, scenario: str, drive: str, most_mm: float
+) -> None:
+    """Nobody told it: arms were thrown to 60 rad/s, or ended in FAULT, and the object was lost."""
+    found = drive_untold(what, scenario, drive, "governed", lasts_ms=2500)
+    assert not [text for text in found.said if text.startswith("FAULT")]
+    assert 1e3 * found.slip < most_mm
+    if "velocities through" in what and drive != "ideal":
+        assert any("behind the positions, which are used alone: tell the controller" in text for text in found.said)
 
 
 @pytest.mark.parametrize("law", ["governed", "vic"])

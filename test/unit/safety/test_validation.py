@@ -112,6 +112,25 @@ def test_one_velocity_that_no_effort_has_made_is_replaced_and_the_next_one_count
     assert v.state.joint.last.velocity[:N].max() == 0.1
 
 
+def test_one_position_that_no_velocity_explains_is_replaced_and_the_next_one_counts() -> None:
+    v, qd, way = Validation(), np.full(N, 0.1), 0.1e-3 * np.arange(8)
+    off = 0.02 * (np.arange(N) == 3)
+    for k, wrong in enumerate((0.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0)):
+        assert v.joint(STAMP_NS + k * MS, POSITION + way[k] + wrong * off, qd, NOW_NS + k * MS) == Fault.NONE
+        jumped = (k > 3 and wrong > 0.0) or k == 7  # for good in the fourth, and back in the eighth
+        expected = way[k] + (0.02 if jumped else 0.0)
+        assert v.state.joint.last.position[3] - POSITION[3] == pytest.approx(expected, abs=1e-9)
+    np.testing.assert_allclose(v.state.joint.last.position[:3], POSITION[:3] + way[7], atol=1e-12)
+
+
+def test_positions_that_are_sent_again_show_the_way_of_that_time_in_one_step() -> None:
+    v, qd = Validation(), np.full(N, 2.0)
+    for k in range(12):
+        q = POSITION + 2e-3 * 4 * (k // 4)  # 8 mrad
+        v.joint(STAMP_NS + k * MS, q, qd, NOW_NS + k * MS)
+        assert v.state.joint.last.position[0] == q[0]
+
+
 def test_a_velocity_may_change_by_more_after_a_pause() -> None:
     v, q = Validation(), POSITION.copy()
     v.joint(STAMP_NS, q, np.zeros(N), NOW_NS)

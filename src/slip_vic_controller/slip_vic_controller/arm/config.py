@@ -14,6 +14,7 @@ from slip_core.records import new, record
 from slip_vic_controller.arm.drive_delay import LONGEST_S
 from slip_vic_controller.arm.estimator import (
     ESTIMATOR_CONFIG,
+    LEAST_LAG_S,
     MAX_LATENCY,
     MOVES,
     QUICK,
@@ -23,7 +24,7 @@ from slip_vic_controller.arm.estimator import (
     Trust,
     transition,
 )
-from slip_vic_controller.arm.tare import LEAST_SAMPLES, Tare, deviation
+from slip_vic_controller.arm.tare import LEAST_SAMPLES, Tare, deviation, periods_of_joints
 from slip_vic_controller.parameters.arm_params import JointSensorModel
 from slip_vic_controller.params import ControllerParams
 
@@ -171,15 +172,20 @@ def sensor_noise(sensor: JointSensorModel, period: float) -> tuple[float, float]
 def with_measured_noise(params: ControllerParams, tare: Tare) -> ControllerParams:
     """Return the parameters with the noise that a tare has measured so far, where it is larger than what is configured.
 
-    Before the tare is done that is the noise of the joint velocities alone.
+    Before the tare is done that is the noise of the joint velocities alone. Joint states that are sent more often than
+    they are measured are told by it, too.
     """
-    joints, joint = len(params.joint_names), params.joint_sensor
-    of, differences = (tare.velocity, 1.0) if tare.done else (tare.change, math.sqrt(2.0))
+    joints, joint, periods = len(params.joint_names), params.joint_sensor, periods_of_joints(tare)
+    of, differences = (tare.velocity, 1.0) if tare.done else (tare.change, math.sqrt(2.0 / periods))
     velocity = max(deviation(float(of.squares[j]), int(of.count)) for j in range(joints)) / differences
     if not joint.estimates:
         velocity = max(velocity, LEAST_VELOCITY)
+    found = {}
     if velocity >= LEAST_VELOCITY and velocity > LARGER * joint.noise_velocity:
-        params = params.model_copy(update={"joint_sensor": joint.model_copy(update={"noise_velocity": velocity})})
+        found["noise_velocity"] = velocity
+    if periods > tuning_of(params).ticks:
+        found["rate_hz"] = 1.0 / (periods * params.control_period_s)
+    params = params.model_copy(update={"joint_sensor": joint.model_copy(update=found)})
     return with_measured_samples(params, tare) if tare.done else params
 
 
@@ -266,6 +272,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     ahead = predicted_covariance(both, noise, config.bandwidth, period, sensor.latency_s)
     config.velocity_variance, config.change_variance = ahead[1, 1], both.change_variance
     spread = math.hypot(math.sqrt(2.0) * noise.position, math.sqrt(COMPARED_S * config.sensor_period) * noise.velocity)
+    config.spread, config.least_lag = spread, LEAST_LAG_S + 2.0 * sensor.filter_s
     config.difference = max(sensor.difference, DEVIATIONS * spread) + MOST_SPEED * sensor.filter_s
     config.repeated = MOVES if config.on else REPEATED
     config.unmoved = max(UNMOVED, 2.0 * sensor.quantum_position)

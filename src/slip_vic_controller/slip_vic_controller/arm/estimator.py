@@ -63,6 +63,12 @@ motion alone does not make them. And repetitions in a row that it has not then: 
 OPPOSED, SAME_SIZE = 0.3, 0.8
 """Share of the longer of two ways in opposite directions from which the shorter one is no noise, and from which both
 are one way with a wrong sign."""
+LAG_S: Final = 0.01
+"""Time by which a velocity may be behind its position before they contradict each other, as behind a low-pass of 16 Hz
+[s]; more where more has been found."""
+LEAST_LAG_S, LATE, ALIKE, BEYOND_NOISE = 0.002, 10, 0.9, 5.0
+"""Time by which velocities are late [s], from which positions are used alone, and samples in a row that must show it;
+square of the correlation of all joints with it, and their difference over its noise."""
 DOUBTFUL: Final = 0.3
 """Share of the difference between position and velocity from which a jump may be a wrong measurement."""
 FAR: Final = 0.5
@@ -133,6 +139,8 @@ class EstimatorConfig(Record):
     velocity_variance: Real  # (rad/s)^2; of the predicted velocity
     change_variance: Real  # (rad/s)^2; noise of its change over a period
     difference: Real  # rad; between position and integrated velocity that is no noise
+    spread: Real  # rad; standard deviation that noise gives it
+    least_lag: Real  # s; by which velocities are later than told
     repeated: Real  # rad/s; velocity with which a joint that is measured does not read the same
     unmoved: Real  # rad; and way by its velocity
     compensates: Whole  # whether the disturbance is taken off the effort
@@ -177,6 +185,8 @@ class JointEstimate(Record):
     reversals: WholeJoints  # of the velocity from sample to sample, since a sample after one that repeated another
     unmeasured: WholeJoints  # control periods for which it has read the same, though it moves or never did before
     trust: WholeJoints  # Trust
+    late: Whole  # samples in a row that show velocities behind positions
+    lag: Real  # s; by which velocities are behind positions, which are used alone then; 0 = they are not
     effort: Joints  # N m; disturbance
     slow_effort: Joints  # N m; its low-pass
     slow_wrench: Joints  # N m; low-pass of the measured wrench's torque
@@ -273,6 +283,7 @@ def clear_findings(state: JointEstimate) -> None:
     state.swept[:] = 0.0
     state.jumped_s[:] = 0.0
     state.beyond_s[:] = 0.0
+    state.late, state.lag = 0, 0.0
 
 
 @part
@@ -329,6 +340,7 @@ def estimate_joints(
     corrects = new and (periods == 1 or config.sensor_ticks == 1)
     if new and not repeated:
         compare_measurements(config, state, (stamp_ns - state.renewed_ns) * 1e-9, q, qd)
+        find_late_velocities(config, state)
         state.renewed_ns, state.missing = stamp_ns, 0 if corrects else 1
     # After a missing sample an innovation has had longer to grow from a wrong velocity or disturbance.
     passed, share = (stamp_ns - state.corrected_ns) * 1e-9, 1.0
@@ -356,6 +368,8 @@ def estimate_joints(
                 (newer.vv * x_v + newer.vd * x_d + newer.vu * u),
             )
         of_q, of_v, trust = q[j] - x_q, qd[j] - x_v, state.trust[j]
+        if trust == Trust.BOTH and state.lag > 0.0:
+            trust = Trust.POSITION.value
         if not corrects or is_unmeasured(config, state, j):  # what is known stays
             of_q, of_v = 0.0, 0.0
         else:
@@ -574,7 +588,7 @@ def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: floa
         state.same_velocity[j] = state.same_velocity[j] + 1 if qd[j] == before_v else 0
         state.measured_position[j], state.measured_velocity[j] = q[j], qd[j]
         moved, swept = state.moved_lately[j], state.swept_lately[j]
-        difference = abs(state.moved[j] - state.swept[j])
+        difference = abs(contradiction(state, j))
         if state.trust[j] == Trust.BOTH and never_same(config, state, j) and same(state, j) >= DEAD:
             state.trust[j] = Trust.NEITHER.value
             find(state, Finding.STUCK.value, j, 0.0, 0.0)
@@ -594,6 +608,45 @@ def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: floa
             finding, trust = Finding.POSITION_DRIFTS.value, Trust.VELOCITY.value
         state.trust[j] = trust
         find(state, finding, j, difference, config.difference)
+
+
+@part
+def contradiction(state: JointEstimate, j: int) -> float:
+    """Return what position shows beyond velocity [rad] that a velocity which is up to LAG_S late does not explain."""
+    difference = state.moved[j] - state.swept[j]
+    late = max(LAG_S, 2.0 * state.lag) * gained(state, j)
+    return float(difference - min(max(difference, min(late, 0.0)), max(late, 0.0)))
+
+
+@part
+def gained(state: JointEstimate, j: int) -> float:
+    """Return the faded sum of the changes of the velocity of joint j [rad/s]; a second behind, its way lacks as much.
+
+    Implements: ours: by parts it is the velocity now, less its faded mean.
+    """
+    return float(state.measured_velocity[j] - state.swept[j] / MEMORY_S)
+
+
+@part
+def find_late_velocities(config: EstimatorConfig, state: JointEstimate) -> None:
+    """Find velocities that all are behind the positions by one time, as those of a low-pass that nobody told.
+
+    Implements: ours: least squares of the differences of all joints over what their velocities gained.
+    """
+    if config.on == 0 or state.lag > 0.0:
+        return
+    along = square = differences = 0.0
+    for j in range(config.joints):
+        if state.trust[j] == Trust.BOTH:
+            difference, gain = state.moved[j] - state.swept[j], gained(state, j)
+            along += difference * gain
+            square += gain * gain
+            differences += difference * difference
+    noise = BEYOND_NOISE * config.spread
+    clear = differences > config.joints * noise * noise and along * along > ALIKE * differences * square
+    state.late = state.late + 1 if clear and along > config.least_lag * square else 0
+    if state.late >= LATE:
+        state.lag = along / square
 
 
 @part
@@ -670,7 +723,7 @@ def oppose_disturbance(
     unmeasured = bool(state.unmeasured.max() >= config.sensor_ticks)
     doubtful = unmeasured or not judged
     for j in range(n):
-        differs = abs(state.moved[j] - state.swept[j]) > DOUBTFUL * config.difference
+        differs = abs(contradiction(state, j)) > DOUBTFUL * config.difference
         doubtful = doubtful or state.trust[j] != Trust.BOTH or differs
     for j in range(n):
         effort = disturbance(config, state, M, j)

@@ -78,6 +78,9 @@ class Tare(Record):
     change: Mean  # rad/s, of the joint velocities from one cycle to the next, at rest or not
     last_velocity: Joints  # rad/s
     rough: Whole  # whether `change` shows what noise the joint velocities have
+    renewed: Whole  # of these changes, those that are not zero for all joints
+    repeated: Whole  # zero changes in a row
+    longest: Whole  # most of them in a row
     mass_share: Real  # of the object beyond the configured mass
     slip_bias: Vec6  # m/s, rad/s {ee}; taken out of the samples
     wrench_bias: Vec6  # N, N m {ee}
@@ -156,7 +159,22 @@ def add_velocities(config: TareConfig, state: Tare, qd: Array) -> None:
     add(state.velocity, qd, config.joints)
     if state.velocity.count > 1 and state.rough == 0:
         add(state.change, change, config.joints)
+        repeats = not change[: config.joints].any()
+        state.renewed += 0 if repeats else 1
+        state.repeated = state.repeated + 1 if repeats else 0
+        state.longest = max(state.longest, state.repeated)
         state.rough = 1 if state.change.count == ROUGH else 0
+
+
+def periods_of_joints(state: Tare) -> int:
+    """Return after how many cycles the joint velocities are new, where that is regular to one of them; else 1.
+
+    An encoder that is read in steps repeats itself at rest, too, but for any time.
+    """
+    if state.renewed < LEAST_SAMPLES:
+        return 1
+    periods = round(state.change.count / state.renewed)
+    return periods if state.longest <= periods else 1
 
 
 @part
@@ -279,7 +297,7 @@ def measure_without_rest(config: TareConfig, state: Tare, qd: Array, wrong: bool
     the rest, what was measured before is no noise: it hides every velocity for good.
     """
     if wrong and state.begun_ns != NEVER:
-        state.rough = 0
+        state.rough, state.renewed, state.repeated, state.longest = 0, 0, 0, 0
         forget_mean(state.change)
         forget_mean(state.velocity)
     state.begun_ns = NEVER

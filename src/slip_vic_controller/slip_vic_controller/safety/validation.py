@@ -25,8 +25,9 @@ ARM_MOVES = 0.02
 _NOT_FINITE, _ABSURD, _DENORMAL, _JUMP, _MOVES, _SAME = 1, 2, 4, 8, 16, 32
 """What the numbers of a sample show; _SAME: equal to the last bit to the sample before."""
 _LONGEST_COAST_S = 0.1  # for which a velocity explains a change of position
-SPIKE, ACCELERATES = 0.3, 100.0
-"""Change of a joint velocity in one sample [rad/s], beyond what a joint accelerates [rad/s^2], that is none."""
+SPIKE, SPIKE_POSITION, ACCELERATES = 0.3, 5e-3, 100.0
+"""Change of a joint velocity [rad/s], and way of a joint beyond that of its velocity [rad], in one sample, which
+are none; beyond what a joint accelerates [rad/s^2]."""
 _WEIGHT = 0.02  # of a new period in the mean
 _TWICE = 2  # stamps in a row that are ahead of the joint state's: one alone is the sample's own fault
 
@@ -119,6 +120,7 @@ class JointInput(Record):
     agreeing: Whole  # candidates in a row that follow each other
     equal_since_ns: Whole  # arrival since when the values are equal to the last bit
     spikes: WholeJoints  # whether the velocity of `last` is not as measured
+    position_spikes: WholeJoints  # whether its position is not
     moves: Whole  # whether a joint moves
     pending: Whole  # whether a cycle has to answer `answers`
     pending_fault: Whole  # its Fault
@@ -370,18 +372,27 @@ def classify_joints(
 
 
 @part
-def replace_spikes(state: JointInput, stamp_ns: int, q: Array, qd: Array, follows: bool) -> None:
-    """Put what the positions show in the place of a velocity that no effort has made, where that is nearer to the last.
+def replace_spikes(state: JointInput, stamp_ns: int, q: Array, qd: Array, follows: bool, blind: bool) -> None:
+    """Replace what no effort has made: a position by the way of the last velocity, a velocity by what positions show.
 
-    The next one counts, whatever it is: where the joint was thrown, the positions show it at once.
+    A velocity only where that is nearer to the last. The next one counts, whatever it is: where the joint was thrown,
+    the positions show it at once.
 
     Args:
         state: of the joint state's input; changed.
-        stamp_ns, q, qd: the sample; (n,) [rad], [rad/s], velocities are changed.
+        stamp_ns, q, qd: the sample; (n,) [rad], [rad/s], changed.
         follows: whether it follows the one before.
+        blind: whether that showed nothing, so that a joint may be anywhere by now.
     """
     passed_s = 1e-9 * (stamp_ns - state.last.stamp_ns)
+    # A driver that sends the same again and again shows the way of that time in one step.
+    coast_s = min(passed_s + 1e-9 * (state.arrival_ns - state.equal_since_ns), _LONGEST_COAST_S)
+    most = SPIKE_POSITION + ACCELERATES * passed_s * passed_s
     for j in range(q.shape[0]):
+        way = abs(q[j] - state.last.position[j]) - coast_s * max(abs(qd[j]), abs(state.last.velocity[j]))
+        off = follows and not blind and state.position_spikes[j] == 0 and way > most
+        state.position_spikes[j] = 1 if off else 0
+        q[j] = state.last.position[j] + passed_s * state.last.velocity[j] if off else q[j]
         change = abs(qd[j] - state.last.velocity[j])
         spike = follows and state.spikes[j] == 0 and change > SPIKE + ACCELERATES * passed_s
         state.spikes[j] = 1 if spike else 0
@@ -393,17 +404,18 @@ def replace_spikes(state: JointInput, stamp_ns: int, q: Array, qd: Array, follow
 @part
 def receive_joints(
     limits: JointLimits, state: JointInput, stamp_ns: int, q: Array, qd: Array, effort: Array, refused: bool,
-    now_ns: int, one_source: bool,
+    now_ns: int, one_source: bool, blind: bool,
 ) -> int:  # fmt: skip
     """Take a joint state in; return its fault. RESTARTED is good, and everything before it is discarded.
 
     Args:
         limits: of the joint state.
         state: of the joint state's input; changed.
-        stamp_ns, q, qd, effort: the sample; (n,) [rad], [rad/s], [N m]; a velocity that is a spike is replaced.
+        stamp_ns, q, qd, effort: the sample; (n,) [rad], [rad/s], [N m]; what is a spike is replaced.
         refused: whether the message itself was not what it should be.
         now_ns: arrival.
         one_source: whether nobody else publishes joint states of this arm.
+        blind: whether the last ones showed nothing, so that the model had the arm.
     """
     if refused:
         state.counts[Fault.REFUSED] += 1
@@ -426,10 +438,10 @@ def receive_joints(
     if fault != Fault.NONE:
         state.counts[fault] += 1
     if usable(fault):
+        replace_spikes(state, stamp_ns, q, qd, follows and fault != Fault.RESTARTED, blind)
         if not found & _SAME:
             state.equal_since_ns = now_ns
         state.moves = 1 if found & _MOVES else 0
-        replace_spikes(state, stamp_ns, q, qd, follows and fault != Fault.RESTARTED)
         _copy_sample(state.last, stamp_ns, q, qd, effort)
         state.known, state.arrival_ns, state.candidate_known, state.agreeing = 1, now_ns, 0, 0
         _count_period(state.rate, now_ns)
