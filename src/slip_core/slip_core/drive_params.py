@@ -56,18 +56,23 @@ class JointSensorModel(ParameterModel):
     """Joint encoders: what is known of them."""
 
     rate_hz: float = parameter(
-        0.0, "how often positions and velocities are renewed; 0 at every tick", unit="Hz", ge=0.0
-    )
+        0.0, "how often positions and velocities are renewed; in between they are repeated. 0 = in every message",
+        unit="Hz", ge=0.0, le=1e5,
+    )  # fmt: skip
     latency_s: float = parameter(
-        0.0, "age of the values that their stamp does not show: a driver's hidden delay", unit="s", ge=0.0
+        0.0, "age of the values that their stamp does not show: a driver's hidden delay", unit="s", ge=0.0, le=0.1
     )
-    noise_position: float = parameter(0.0, "standard deviation of each joint position", unit="rad", ge=0.0)
-    noise_velocity: float = parameter(0.0, "standard deviation of each joint velocity", unit="rad/s", ge=0.0)
-    quantum_position: float = parameter(0.0, "step of each joint position; 0 = none", unit="rad", ge=0.0)
+    noise_position: float = parameter(0.0, "standard deviation of each joint position", unit="rad", ge=0.0, le=0.1)
+    noise_velocity: float = parameter(
+        0.0, "standard deviation of each joint velocity; with 0, and no quantum, a controller uses samples as they are",
+        unit="rad/s", ge=0.0, le=10.0,
+    )  # fmt: skip
+    quantum_position: float = parameter(0.0, "step of each joint position; 0 = none", unit="rad", ge=0.0, le=0.1)
     velocity_filter_hz: float = parameter(
         0.0,
         "corner of the first-order filter by which velocities come from differences of measured positions; 0: "
         "velocities are measured on their own",
         unit="Hz",
         ge=0.0,
+        le=1e5,
     )

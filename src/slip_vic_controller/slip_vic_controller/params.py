@@ -13,7 +13,7 @@ from slip_core.drive_params import DriveModel
 from slip_core.grasp_params import ArmParams, Six, Three
 from slip_core.params import RANGES, ParameterModel, parameter, parameter_unit
 from slip_core.sensor_params import SLIP_INPUT, SlipInput, SlipSensorModel
-from slip_vic_controller.parameters.arm_params import DisturbanceParams, JointSensorModel, TareParams
+from slip_vic_controller.parameters.arm_params import DisturbanceParams, JointSensorConfig, TareParams
 from slip_vic_controller.parameters.interface_params import CommandParams, EffortParams, GripParams, WrenchParams
 from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.parameters.slip_params import MeasuredParams, ObserverParams, WrenchSensorModel
@@ -261,7 +261,7 @@ class ControllerParams(ArmParams):
     )
     slip_sensor: SlipSensorModel = Field(default_factory=SlipSensorModel)
     wrench_sensor: WrenchSensorModel = Field(default_factory=WrenchSensorModel)
-    joint_sensor: JointSensorModel = Field(default_factory=JointSensorModel)
+    joint_sensor: JointSensorConfig = Field(default_factory=JointSensorConfig)
     disturbance: DisturbanceParams = Field(default_factory=DisturbanceParams)
     drive: DriveModel = Field(default_factory=DriveModel)
     command: CommandParams = Field(default_factory=CommandParams)

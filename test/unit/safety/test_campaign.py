@@ -511,6 +511,14 @@ def test_an_arm_with_friction_that_was_thrown_comes_to_rest_in_fault() -> None:
     assert outcome.violations == []
 
 
+@pytest.mark.parametrize("trial", [89, 323])
+def test_the_law_ends_where_wrenches_show_joint_states_that_are_late(trial: int) -> None:
+    """By 68 ms and more: it went on for up to a second, while the path came to rest."""
+    outcome = run_trial(plan_of(202020, trial))
+    assert "delay" in [fault.kind for fault in outcome.plan.faults]
+    assert outcome.violations == []
+
+
 @pytest.mark.parametrize("trial", [56338, 58270])
 def test_a_clock_that_jumps_is_found_out_anew_where_it_jumps_again_or_joint_states_are_damaged(trial: int) -> None:
     """Seven good joint states without an answer in all; the second jump, or a damaged one, began the count anew."""

@@ -25,7 +25,7 @@ from slip_vic_controller.arm.estimator import (
     transition,
 )
 from slip_vic_controller.arm.tare import LEAST_SAMPLES, Tare, deviation, periods_of_joints
-from slip_vic_controller.parameters.arm_params import JointSensorModel
+from slip_vic_controller.parameters.arm_params import JointSensorConfig
 from slip_vic_controller.params import ControllerParams
 
 DEVIATIONS: Final = 6.0
@@ -153,7 +153,7 @@ def divide(latency_s: float, period: float) -> tuple[int, float]:
     return ticks, rest if rest > 1e-6 * period else 0.0
 
 
-def sensor_noise(sensor: JointSensorModel, period: float) -> tuple[float, float]:
+def sensor_noise(sensor: JointSensorConfig, period: float) -> tuple[float, float]:
     """Return the standard deviations of position [rad] and velocity [rad/s] that a sensor's numbers come to.
 
     A count is uniform noise. A velocity that is made of counts has the noise of their difference, less by its filter,

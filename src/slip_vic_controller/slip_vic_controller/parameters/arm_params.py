@@ -4,33 +4,16 @@ from __future__ import annotations
 
 import math
 
+from slip_core.drive_params import JointSensorModel
 from slip_core.params import ParameterModel, parameter
 
 
-class JointSensorModel(ParameterModel):
-    """Joint sensor, as configured; the launcher fills it from the drive's preset."""
+class JointSensorConfig(JointSensorModel):
+    """Joint sensor, as configured; the launcher fills it from the drive's preset.
 
-    noise_position: float = parameter(0.0, "standard deviation of each joint position", unit="rad", ge=0.0, le=0.1)
-    noise_velocity: float = parameter(
-        0.0,
-        "standard deviation of each joint velocity; 0, and no quantum = the samples are used as they are, no estimator",
-        unit="rad/s",
-        ge=0.0,
-        le=10.0,
-    )
-    quantum_position: float = parameter(0.0, "step of the positions, of an encoder's count", unit="rad", ge=0.0, le=0.1)
-    velocity_filter_hz: float = parameter(
-        0.0, "corner frequency of the filter of velocities that are differences of counts; 0 = they are not",
-        unit="Hz", ge=0.0, le=1e5,
-    )  # fmt: skip
-    rate_hz: float = parameter(
-        0.0, "how often positions and velocities are renewed; in between they are repeated. 0 = in every message",
-        unit="Hz", ge=0.0, le=1e5,
-    )  # fmt: skip
-    latency_s: float = parameter(
-        0.0, "time by which joint states are older than their stamps; the estimate is predicted forward by it",
-        unit="s", ge=0.0, le=0.1,
-    )  # fmt: skip
+    Without noise of the velocities and without a quantum the samples are used as they are, and nothing is estimated.
+    """
+
     difference: float = parameter(
         5e-3, "difference between position and integrated velocity of half a second that is still no fault", unit="rad",
         gt=0.0, le=1.0,

@@ -150,7 +150,7 @@ def certify(config: EstimateConfig, state: Estimate, history: LoadHistory, now_n
 
 
 @part
-def carried(config: EstimateConfig, history: LoadHistory, i: int) -> float:
+def slipping_load(config: EstimateConfig, history: LoadHistory, i: int) -> float:
     """Return the load [N] that counts where the contact slipped at the stamp of place i.
 
     The measured one is a mean: noise of a single wrench, of which the least counts, was learnt with every slip.
@@ -226,7 +226,7 @@ def slip_sample(
     i = index_at(history, state.said_ns)
     if not first or i < 0 or config.friction == Friction.KNOWN:
         return False
-    slipped_at = carried(config, history, i)
+    slipped_at = slipping_load(config, history, i)
     if state.suspected != 0:
         state.suspected, slipped_at = 0, min(slipped_at, state.suspected_at)
     learnt = max(config.kept * slipped_at, config.least)
@@ -256,7 +256,7 @@ def suspect(
     if not found or config.friction == Friction.KNOWN or state.slipping != 0:
         state.claimed_ns = NEVER
     else:
-        load = carried(config, history, (history.count - 1) % LOADS)
+        load = slipping_load(config, history, (history.count - 1) % LOADS)
         known = state.certified if config.friction == Friction.UNKNOWN else state.F_hat
         least = max(PLAUSIBLE * known, weight_load)
         if state.found == 0 and state.suspected == 0 and load > least:
@@ -286,7 +286,7 @@ def stay_calm(config: EstimateConfig, state: Estimate, history: LoadHistory, sta
     elif state.calm_ns == NEVER:
         state.calm_ns = stamp_ns
     elif stamp_ns - state.calm_ns > config.sensor_delay_ns + CALM_NS:
-        load = carried(config, history, (history.count - 1) % LOADS)
+        load = slipping_load(config, history, (history.count - 1) % LOADS)
         state.calmed, state.suspected_at = 1, max(state.suspected_at, min(load / config.calmed, state.first_at))
 
 

@@ -250,7 +250,9 @@ def find_hold(
     unknown = not fine(fault) and arbitration.slip_needed != 0
     if health.outside != Fault.NONE:
         return of_fault(Cause.INPUT, Input.ANY, health.outside)
-    if not fine(health.wrench) and not (at_work and now_ns - state.since.wrench_bad_ns < arbitration.slow_down_ns):
+    # A wrench that is ahead shows joint states that are late, and the law works with these.
+    slows = at_work and health.wrench != Fault.FUTURE and now_ns - state.since.wrench_bad_ns < arbitration.slow_down_ns
+    if not fine(health.wrench) and not slows:
         return of_fault(Cause.INPUT, Input.WRENCH, health.wrench)
     if now_ns - state.now_ns > arbitration.gap_ns and state.mode.mode != Mode.WAITING_INPUT:
         return of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.NOT_RUN)

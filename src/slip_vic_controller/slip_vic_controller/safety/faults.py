@@ -129,7 +129,7 @@ REACTIONS: Mapping[tuple[str, Fault], Reaction] = MappingProxyType(
         ("wrench", Fault.INVALID): Reaction(
             "all numbers zero, `wrench.zero_after` samples in a row", "not used", _STOPPING
         ),
-        ("wrench", Fault.FUTURE): Reaction(_AHEAD, "dropped", f"from the second in a row on: {_STOPPING}"),
+        ("wrench", Fault.FUTURE): Reaction(_AHEAD, "dropped", "from the second in a row on: HOLD"),
         ("wrench", Fault.SILENT): Reaction("nothing for `inputs.wrench.age_s`", "-", _STOPPING),
         ("wrench", Fault.STALE): Reaction("newest stamp older than `inputs.wrench.age_s`", "not used", _STOPPING),
         ("wrench", Fault.FROZEN): Reaction(
