@@ -110,9 +110,16 @@ class JointReferee:
         self.equal_since_ns, self.moves = 0, False
         self.spiked: Array | bool = False
         self.jumped: Array | bool = False
+        self.without, self.stands_since_ns = False, 0
 
     def receive(self, sample: JointSample, now_ns: int) -> Fault:
         """Return what is wrong; after a jump, `accept_after` samples that follow each other are a new beginning."""
+        whole = sample.position.shape == sample.velocity.shape == self.lower.shape
+        if whole:
+            self.without = bool((self.without or self.last is None) and np.isnan(sample.velocity).all())
+        if whole and self.without:
+            kept = np.zeros(sample.position.size) if self.last is None else self.last[0].velocity
+            sample = replace(sample, velocity=kept)
         fault = self.fault_of(sample, now_ns, self.last)
         if fault == Fault.JUMP and self.silent(now_ns):
             fault = Fault.RESTARTED
@@ -127,18 +134,20 @@ class JointReferee:
                 fault = Fault.RESTARTED
         self.counts[fault] += fault != Fault.NONE
         if fault in (*GOOD, Fault.RESTARTED):
-            before, coast_s = (self.last[0] if self.last else None), 0.0
+            before, held_s = (self.last[0] if self.last else None), 0.0
             if before is not None:
-                held_ns = sample.stamp_ns - before.stamp_ns + self.last[1] - self.equal_since_ns
-                coast_s = min(1e-9 * held_ns, 0.1)
+                held_s = 1e-9 * (sample.stamp_ns - self.stands_since_ns)
             if before is None or _bits(before) != _bits(sample):
                 self.equal_since_ns = now_ns
             self.moves = bool((np.abs(sample.velocity) > MOVES_RAD_S).any())
-            self.last, self.after_jump = (self.without_spikes(sample, before, fault, coast_s), now_ns), []
+            used = self.without_spikes(sample, before, fault, held_s)
+            if before is None or fault == Fault.RESTARTED or (used.position != before.position).any():
+                self.stands_since_ns = sample.stamp_ns
+            self.last, self.after_jump = (used, now_ns), []
         return fault
 
     def without_spikes(
-        self, sample: JointSample, before: JointSample | None, fault: Fault, coast_s: float
+        self, sample: JointSample, before: JointSample | None, fault: Fault, held_s: float
     ) -> JointSample:
         """A velocity that changes by more than 0.3 rad/s and 100 rad/s^2 is the positions', but not twice in a row.
 
@@ -146,14 +155,17 @@ class JointReferee:
         """
         if before is None or fault == Fault.RESTARTED:
             self.spiked = self.jumped = False
-            return sample
+            return replace(sample, velocity=np.zeros(sample.position.size)) if self.without else sample
         passed_s = 1e-9 * (sample.stamp_ns - before.stamp_ns)
         led, way = before.position + passed_s * before.velocity, np.abs(sample.position - before.position)
-        explained = coast_s * np.maximum(np.abs(sample.velocity), np.abs(before.velocity))
+        explained = min(held_s, 0.1) * np.maximum(np.abs(sample.velocity), np.abs(before.velocity))
         self.jumped = (way - explained > 5e-3 + 100.0 * passed_s**2) & ~np.asarray(self.jumped)
         sample = replace(sample, position=np.where(self.jumped, led, sample.position))
         shown = (sample.position - before.position) / passed_s
         change, of_positions = (np.abs(v - before.velocity) for v in (sample.velocity, shown))
+        if self.without and (sample.position != before.position).any():
+            velocity = (sample.position - before.position) / held_s
+            return replace(sample, velocity=np.clip(velocity, -self.fastest, self.fastest))
         self.spiked = (change > 0.3 + 100.0 * passed_s) & ~np.asarray(self.spiked)
         return replace(sample, velocity=np.where(self.spiked & (of_positions < change), shown, sample.velocity))
 

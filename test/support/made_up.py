@@ -102,7 +102,8 @@ class MadeUp:
         """Return the answer to samples that input validation does not look at, as in a replay."""
         joint = self._moved(joint, passed_ns)
         new = SlipSample(self.stamp_ns, slip)
-        self.session.give(joint, [WrenchSample(self.stamp_ns, wrench)], [new], [new], self.now_ns)
+        self.session.add_joint(joint, self.now_ns)
+        self.session.give(joint, [WrenchSample(self.stamp_ns, wrench)], [new], [new])
         return self.session.answer(joint, Fault.NONE, self.now_ns, 0, Health() if health is None else health)
 
 

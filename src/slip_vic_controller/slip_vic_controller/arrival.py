@@ -41,6 +41,7 @@ def receive_joint_state(
     one_source, position, velocity = s.outside != Fault.SECOND_PUBLISHER, q.copy(), qd.copy()
     blind = s.estimate.unmeasured.max() > 0
     fault = receive_joints(c.joint, s.joint, stamp_ns, position, velocity, effort, refused, now_ns, one_source, blind)
+    s.estimate.alone = s.joint.without
     if fault == Fault.RESTARTED:
         for k in range(c.law.contacts):
             rebase_vector(c.wrench, s.wrench_inputs[k], stamp_ns)

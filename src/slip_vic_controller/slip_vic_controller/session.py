@@ -57,7 +57,7 @@ from slip_vic_controller.robot import Robot
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.safety.reasons import ACTIVATION, describe
-from slip_vic_controller.safety.validation import JointInput, VectorInput, mean_period_s, unanswered
+from slip_vic_controller.safety.validation import JointInput, JointRecord, VectorInput, mean_period_s, unanswered
 from slip_vic_controller.sizes import MAX_FRESH
 from slip_vic_controller.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.state import (
@@ -331,6 +331,12 @@ Waiting = tuple[JointSample, Fault, int, Health | None]
 the health of the inputs in a replay; None = found by input validation."""
 
 
+def joint_sample(record: JointRecord, joints: int) -> JointSample:
+    """Return a copy of the joint state in a record."""
+    position, velocity, effort = (of[:joints].copy() for of in (record.position, record.velocity, record.effort))
+    return JointSample(int(record.stamp_ns), position, velocity, effort)
+
+
 class ArmSession:
     """One arm between cycles: its samples, and its row of the state.
 
@@ -417,13 +423,13 @@ class ArmSession:
     @property
     def newest_joint(self) -> JointSample | None:
         """The last good joint state."""
-        joint, n = self.state.joint, self._joints
-        if not joint.known:
-            return None
-        last = joint.last
-        return JointSample(
-            int(last.stamp_ns), last.position[:n].copy(), last.velocity[:n].copy(), last.effort[:n].copy()
-        )
+        joint = self.state.joint
+        return joint_sample(joint.last, self._joints) if joint.known else None
+
+    def validated(self, sample: JointSample) -> JointSample:
+        """Return a joint state that was added as input validation leaves it: spikes replaced, velocities derived."""
+        answers = self.state.joint.answers
+        return joint_sample(answers, self._joints) if answers.stamp_ns == sample.stamp_ns else sample
 
     # -- samples -----------------------------------------------------------------------------------
 
@@ -597,17 +603,14 @@ class ArmSession:
         wrenches: Sequence[WrenchSample],
         slips: Sequence[SlipSample | None],
         new_slips: Sequence[SlipSample],
-        now_ns: int,
     ) -> None:
         """Put the samples of the next cycle in place as a replay names them, past input validation.
 
         Args:
-            joint: the joint state that it answers.
+            joint: the joint state that it answers; it was added, so that what is kept of joint states goes on.
             wrenches, slips: the newest of each contact; none where the run waited for them.
             new_slips: of the own contact, since the cycle before.
-            now_ns: the controller's clock.
         """
-        self.add_joint(joint, now_ns)  # what it keeps of the joint state (frozen, restarted) continues
         state, n = self.state, self._joints
         answers = state.joint.answers
         answers.stamp_ns, answers.position[:n], answers.velocity[:n] = joint.stamp_ns, joint.position, joint.velocity

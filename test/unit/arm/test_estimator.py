@@ -41,7 +41,7 @@ from slip_vic_controller.arm.estimator import (
 )
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.observer.layouts import MOTION
-from slip_vic_controller.parameters.arm_params import JointSensorModel
+from slip_vic_controller.parameters.arm_params import JointSensorConfig
 from slip_vic_controller.params import ControllerParams
 from test.referees import joint_filter
 from test.support.call import call
@@ -513,7 +513,7 @@ def test_a_sensor_is_as_noisy_as_counts_filter_and_its_own_noise_make_it() -> No
     """Against simulated counts of a joint at constant speed; the filter's lag stands for what acceleration adds."""
     period, quantum, filter_hz, own = 1e-3, 5e-4, 200.0, 2e-2
     filter_s = 1.0 / (2.0 * math.pi * filter_hz)
-    sensor = JointSensorModel(quantum_position=quantum, velocity_filter_hz=filter_hz, noise_velocity=own)
+    sensor = JointSensorConfig(quantum_position=quantum, velocity_filter_hz=filter_hz, noise_velocity=own)
     position, velocity = sensor_noise(sensor, period)
     rng, weight = np.random.default_rng(3), 1.0 - math.exp(-period / filter_s)
     error = rng.uniform(-0.5, 0.5, 200_000) * quantum

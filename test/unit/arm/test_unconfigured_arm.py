@@ -96,6 +96,17 @@ def test_what_a_driver_does_with_joint_states_throws_nothing_off(
         assert any("behind the positions, which are used alone: tell the controller" in text for text in found.said)
 
 
+@pytest.mark.parametrize("drive", ["ideal", "torque_joint", "motor_current", "velocity_500", "position_250"])
+def test_joint_states_without_velocities_make_nothing_slip(drive: str) -> None:
+    """As those of hardware that measures positions alone."""
+    run = WatchedLoop(scenario_of("glass_transport", "bridge.sensors.joint.velocity=false", drive=drive))
+    for _ in range(2500):
+        result = run.cycle()
+        assert result.mode is not Mode.FAULT, result.reason
+    assert result.mode.follows
+    assert run.slip < 5e-4
+
+
 @pytest.mark.parametrize("law", ["governed", "vic"])
 @pytest.mark.parametrize("drive", ["ideal", "torque_joint"])
 def test_one_wrong_velocity_is_no_collision_and_no_noise(drive: str, law: Law) -> None:

@@ -80,6 +80,16 @@ def test_a_run_by_velocities_without_a_wrench_sensor_is_identical(tmp_path):
     assert verdict(tmp_path / "bag").text() == "identical: 600 cycles, 4200 velocities, to the last bit"
 
 
+def test_a_run_whose_joint_states_have_no_velocities_is_identical(tmp_path):
+    """What is recorded of them is not what the cycle works with."""
+    loaded = load_scenario(
+        "paper_planar", law="governed", drive="torque_joint",
+        assignments=("bridge.sensors.joint.velocity=false", "bridge.duration_s=0.6"),
+    )  # fmt: skip
+    record_run(tmp_path / "bag", loaded)
+    assert verdict(tmp_path / "bag").text() == "identical: 600 cycles, 4200 efforts, to the last bit"
+
+
 @pytest.mark.parametrize("name", SENSITIVE)
 def test_last_bit_of_a_parameter_is_caught(recorded, name):
     with Bag(recorded) as bag:

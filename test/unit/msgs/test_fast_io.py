@@ -152,7 +152,7 @@ BAD_JOINT_STATES = {
     "a joint missing": (joint_state(("a", "bb"), position=[0.0] * 2, velocity=[0.0] * 2), "joint ccc"),
     "another joint": (joint_state(("a", "bb", "d"), position=[0.0] * 3, velocity=[0.0] * 3), "joint ccc"),
     "a joint twice": (joint_state(("a", "bb", "ccc", "a"), position=[0.0] * 4, velocity=[0.0] * 4), "joint a"),
-    "no velocities": (joint_state(position=[0.0] * 3), "0 velocities"),
+    "a velocity missing": (joint_state(position=[0.0] * 3, velocity=[0.0] * 2), "2 velocities"),
     "a cut message": (joint_state(position=[0.0] * 3, velocity=[0.0] * 3)[:40], "40 bytes that are no JointState"),
     "nothing": (b"", "0 bytes that are no JointState"),
 }

@@ -135,8 +135,16 @@ def test_joint_states_come_in_the_order_of_the_controller_and_efforts_may_be_lef
             np.testing.assert_array_equal(values, (1.0, 2.0))
     whole = {"name": list(ORDER), "position": [0.0] * 3, "velocity": [0.0] * 3}
     for name in ("position", "velocity"):
-        with pytest.raises(InputError, match="one position and one velocity per name"):
+        with pytest.raises(InputError, match="one position per name, and one velocity or none"):
             joint_samples(JointState(**{**whole, name: [0.0] * 2}), order)
+
+
+def test_velocities_that_a_joint_state_leaves_out_are_no_numbers() -> None:
+    message = JointState(name=list(ORDER), position=[1.0, 2.0, 3.0])
+    sample = joint_samples(message, JointOrder(ORDER))(7, np.array([1.0, 2.0, 3.0]), np.zeros(0), np.zeros(0))
+    np.testing.assert_array_equal(sample.position, (1.0, 2.0, 3.0))
+    assert np.isnan(sample.velocity).all()
+    assert sample.velocity.shape == (3,)
 
 
 def test_of_a_command_its_interface_counts_alone() -> None:

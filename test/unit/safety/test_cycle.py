@@ -136,7 +136,8 @@ def test_stamps_that_are_wrong_are_bridged_and_then_gravity_of_the_last_good_pos
     def cycle() -> CycleResult:
         made_up.pass_time()
         old = JointSample(good.joint.stamp_ns, POSITION, VELOCITY, np.zeros(N))
-        made_up.session.give(old, [WrenchSample(made_up.stamp_ns, LOAD)], [None], [], made_up.now_ns)
+        made_up.session.add_joint(old, made_up.now_ns)
+        made_up.session.give(old, [WrenchSample(made_up.stamp_ns, LOAD)], [None], [])
         fault = Fault.OUT_OF_ORDER
         return made_up.session.answer(old, fault, made_up.now_ns, 0, Health(joint=fault))
 

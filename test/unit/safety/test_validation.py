@@ -123,6 +123,17 @@ def test_one_position_that_no_velocity_explains_is_replaced_and_the_next_one_cou
     np.testing.assert_allclose(v.state.joint.last.position[:3], POSITION[:3] + way[7], atol=1e-12)
 
 
+def test_velocities_that_no_joint_state_has_are_those_of_the_positions() -> None:
+    v, nothing, way = Validation(), np.full(N, np.nan), np.array([0.0, 1.0, 3.0, 3.0, 3.0, 6.0]) * 1e-3
+    shown = []
+    for k, done in enumerate(way):
+        assert v.joint(STAMP_NS + k * MS, POSITION + done, nothing, NOW_NS + k * MS) == Fault.NONE
+        shown.append(float(v.state.joint.last.velocity[0]))
+    np.testing.assert_allclose(shown, [0.0, 1.0, 2.0, 2.0, 2.0, 1.0], rtol=1e-9)  # sent three times, over three periods
+    assert v.joint(STAMP_NS + 6 * MS, POSITION + 0.007, np.full(N, 0.5), NOW_NS + 6 * MS) == Fault.NONE
+    assert v.joint(STAMP_NS + 7 * MS, POSITION + 0.007, nothing, NOW_NS + 7 * MS) == Fault.NOT_FINITE
+
+
 def test_positions_that_are_sent_again_show_the_way_of_that_time_in_one_step() -> None:
     v, qd = Validation(), np.full(N, 2.0)
     for k in range(12):

@@ -73,23 +73,26 @@ class JointOrder:
 def joint_samples(message: JointState, order: JointOrder) -> Callable[[int, Array, Array, Array], JointSample]:
     """Check names and sizes of a JointState; return what makes samples of (stamp_ns, position, velocity, effort).
 
-    Efforts that the message leaves out are zero.
+    Velocities that the message leaves out are NaN, efforts are zero.
 
     Raises:
         InputError: wrong names, or arrays shorter than the names.
     """
     pick = _picker(order.indices(message.name))
     count = len(message.name)
-    if len(message.position) != count or len(message.velocity) != count:
+    if len(message.position) != count or len(message.velocity) not in (0, count):
         raise InputError(
             "joint state",
             got=f"{count} names, {len(message.position)} positions, {len(message.velocity)} velocities",
-            expected="one position and one velocity per name",
+            expected="one position per name, and one velocity or none at all",
         )
-    no_effort = readonly(np.zeros(len(order.names))) if len(message.effort) != count else None
+    size = len(order.names)
+    no_effort = readonly(np.zeros(size)) if len(message.effort) != count else None
+    no_velocity = readonly(np.full(size, np.nan)) if len(message.velocity) != count else None
 
     def make(stamp_ns: int, position: Array, velocity: Array, effort: Array) -> JointSample:
-        return JointSample(stamp_ns, pick(position), pick(velocity), pick(effort) if no_effort is None else no_effort)
+        measured = pick(velocity) if no_velocity is None else no_velocity
+        return JointSample(stamp_ns, pick(position), measured, pick(effort) if no_effort is None else no_effort)
 
     return make
 

@@ -70,6 +70,7 @@ class WrenchSensorParams(WrenchSensorModel):
 class JointSensorParams(JointSensorModel):
     """Joint encoders. A joint state comes at every tick, because it starts the tick; its values may be old."""
 
+    velocity: bool = parameter(True, "whether joint states have velocities; without them they are NaN")
     bias_position: tuple[float, ...] = parameter((), "constant added to each position; empty = none", unit="rad")
 
 

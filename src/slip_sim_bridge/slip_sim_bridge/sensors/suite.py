@@ -98,7 +98,7 @@ class JointSensor:
         self._held = params.rate_hz > 0.0 or params.latency_s > 0.0
         self._bias = np.array(params.bias_position) if params.bias_position else None
         noisy = params.noise_position > 0.0 or params.noise_velocity > 0.0
-        exact = params.quantum_position == 0.0 and params.velocity_filter_hz == 0.0
+        exact = params.quantum_position == 0.0 and params.velocity_filter_hz == 0.0 and params.velocity
         self._ideal = not self._held and self._bias is None and not noisy and exact
         self.reset()
 
@@ -139,6 +139,8 @@ class JointSensor:
         velocity = source.velocity + noise
         if self._params.velocity_filter_hz > 0.0:
             velocity = self._filter(source.stamp_ns, position) + noise
+        if not self._params.velocity:
+            velocity = np.full(size, np.nan)
         self._read = source, position, velocity
         return JointSample(truth.stamp_ns, position, velocity, truth.effort)
 

@@ -34,8 +34,8 @@ AFTER_S: Final = 2.0
 """Simulated time after the end of the path as given [s]: a law that slows down may take it."""
 TARE_S: Final = 0.3
 """How long laws of this project read their sensors at rest before they begin [s]."""
-SINCE: Final = ("controller.drive.coulomb=", "controller.governor.reserve=")
-"""What presets of drives configure in the controller since the suite was frozen."""
+SINCE: Final = ("controller.drive.coulomb=", "controller.governor.reserve=", "bridge.sensors.joint.velocity=true")
+"""What presets of drives configure since the suite was frozen."""
 
 Grip = Literal["capped", "free"]
 """The two tracks. capped: the object would break, the squeeze is at most what the scenario has. free: what the gripper
@@ -122,8 +122,8 @@ def worlds(track: Grip, arms: int, count: int, seed: int = SEED) -> Iterator[Wor
 def as_frozen(world: Sequence[str]) -> list[str]:
     """Return a world as it was written when the suite was frozen, for its digest.
 
-    Since then presets of drives configure more of the controller (`SINCE`), which changes no world, and the bridge has
-    `drive.coulomb` one place earlier.
+    Since then presets of drives configure more (`SINCE`), which changes no world, and the bridge has `drive.coulomb`
+    one place earlier.
     """
     lines = [one for one in world if not one.startswith(SINCE)]
     for k in range(1, len(lines)):

@@ -259,12 +259,14 @@ class _Arm:
         if together and health.outside == Fault.OTHER_ARM:
             health = health._replace(outside=Fault.NONE)
         joint = samples.joint(entry)
+        arm.add_joint(joint, entry.now_ns)
+        used = arm.validated(joint)
         if samples.waits(entry):
-            arm.give(joint, (), (), (), entry.now_ns)
+            arm.give(used, (), (), ())
             arm.waiting = joint, health.joint, JOINT_STATES, health
             return
         new_slips = samples.new_slips(entry)
-        arm.give(joint, samples.wrenches(entry), samples.slips(entry), new_slips, entry.now_ns)
+        arm.give(used, samples.wrenches(entry), samples.slips(entry), new_slips)
         arm.waiting = joint, health.joint, 0, health
 
     def waited(self, entry: LedgerEntry) -> bool:

@@ -185,6 +185,7 @@ class JointEstimate(Record):
     reversals: WholeJoints  # of the velocity from sample to sample, since a sample after one that repeated another
     unmeasured: WholeJoints  # control periods for which it has read the same, though it moves or never did before
     trust: WholeJoints  # Trust
+    alone: Whole  # whether positions alone are measured
     late: Whole  # samples in a row that show velocities behind positions
     lag: Real  # s; by which velocities are behind positions, which are used alone then; 0 = they are not
     effort: Joints  # N m; disturbance
@@ -337,7 +338,7 @@ def estimate_joints(
     if periods > 1:
         state.missing = 1
     # Of a slow sensor a missing sample may have been the first with what is new: nothing says when that was measured.
-    corrects = new and (periods == 1 or config.sensor_ticks == 1)
+    corrects = new and (periods == 1 or config.sensor_ticks == 1) and not all_unmeasured(config, state)
     if new and not repeated:
         compare_measurements(config, state, (stamp_ns - state.renewed_ns) * 1e-9, q, qd)
         find_late_velocities(config, state)
@@ -368,7 +369,7 @@ def estimate_joints(
                 (newer.vv * x_v + newer.vd * x_d + newer.vu * u),
             )
         of_q, of_v, trust = q[j] - x_q, qd[j] - x_v, state.trust[j]
-        if trust == Trust.BOTH and state.lag > 0.0:
+        if trust == Trust.BOTH and (state.lag > 0.0 or state.alone != 0):
             trust = Trust.POSITION.value
         if not corrects or is_unmeasured(config, state, j):  # what is known stays
             of_q, of_v = 0.0, 0.0
@@ -436,6 +437,12 @@ def count_unmeasured(
 def is_unmeasured(config: EstimatorConfig, state: JointEstimate, j: int) -> bool:
     """Return whether joint j reads the same for longer than its sensor repeats itself, which nothing measured does."""
     return bool(state.unmeasured[j] >= config.sensor_ticks)
+
+
+@part
+def all_unmeasured(config: EstimatorConfig, state: JointEstimate) -> bool:
+    """Return whether that holds of all joints: then nothing corrects the estimate, and innovations grow longer."""
+    return bool(state.unmeasured[: config.joints].min() >= config.sensor_ticks)
 
 
 @part
@@ -576,7 +583,7 @@ def compare_measurements(config: EstimatorConfig, state: JointEstimate, dt: floa
         way_q = way_v = 0.0
         if state.missing == 0 and dt < GAP * config.sensor_period:
             way_q = q[j] - before_q
-            way_v = min(max(way_q, dt * min(qd[j], before_v)), dt * max(qd[j], before_v))
+            way_v = min(max(way_q, dt * min(qd[j], before_v)), dt * max(qd[j], before_v)) if state.alone == 0 else way_q
         state.moved[j], state.swept[j] = fade * state.moved[j] + way_q, fade * state.swept[j] + way_v
         state.moved_lately[j] = fade_lately * state.moved_lately[j] + way_q
         state.swept_lately[j] = fade_lately * state.swept_lately[j] + way_v
@@ -633,7 +640,7 @@ def find_late_velocities(config: EstimatorConfig, state: JointEstimate) -> None:
 
     Implements: ours: least squares of the differences of all joints over what their velocities gained.
     """
-    if config.on == 0 or state.lag > 0.0:
+    if config.on == 0 or state.alone != 0 or state.lag > 0.0:
         return
     along = square = differences = 0.0
     for j in range(config.joints):

@@ -119,8 +119,10 @@ class JointInput(Record):
     candidate: JointRecord  # the newest after a jump
     agreeing: Whole  # candidates in a row that follow each other
     equal_since_ns: Whole  # arrival since when the values are equal to the last bit
+    stands_since_ns: Whole  # stamp since when all positions of `last` are the same
     spikes: WholeJoints  # whether the velocity of `last` is not as measured
     position_spikes: WholeJoints  # whether its position is not
+    without: Whole  # whether joint states have come without velocities from the first one on
     moves: Whole  # whether a joint moves
     pending: Whole  # whether a cycle has to answer `answers`
     pending_fault: Whole  # its Fault
@@ -386,7 +388,7 @@ def replace_spikes(state: JointInput, stamp_ns: int, q: Array, qd: Array, follow
     """
     passed_s = 1e-9 * (stamp_ns - state.last.stamp_ns)
     # A driver that sends the same again and again shows the way of that time in one step.
-    coast_s = min(passed_s + 1e-9 * (state.arrival_ns - state.equal_since_ns), _LONGEST_COAST_S)
+    coast_s = min(1e-9 * (stamp_ns - state.stands_since_ns), _LONGEST_COAST_S)
     most = SPIKE_POSITION + ACCELERATES * passed_s * passed_s
     for j in range(q.shape[0]):
         way = abs(q[j] - state.last.position[j]) - coast_s * max(abs(qd[j]), abs(state.last.velocity[j]))
@@ -402,6 +404,38 @@ def replace_spikes(state: JointInput, stamp_ns: int, q: Array, qd: Array, follow
 
 
 @part
+def not_sent(values: Array) -> bool:
+    """Return whether none of the values (n,) is a number: a broadcaster's word for what drives do not measure."""
+    for x in values:  # noqa: SIM110 - compiled code has no generators
+        if not math.isnan(x):
+            return False
+    return True
+
+
+@part
+def derive_velocities(limits: JointLimits, state: JointInput, stamp_ns: int, q: Array, qd: Array) -> None:
+    """Write the velocities that positions show, since the last ones that were others.
+
+    Where all are the same the last velocities last, because a driver sends again what it has read; of encoders that are
+    read in steps they are zero.
+
+    Args:
+        limits: of the joint state.
+        state: of the joint state's input.
+        stamp_ns, q: the sample; (n,) [rad].
+        qd: changed; (n,) [rad/s].
+    """
+    n = q.shape[0]
+    repeats = _same(q, state.last.position[:n])
+    passed_s = 1e-9 * (stamp_ns - state.stands_since_ns)
+    for j in range(n):
+        shown = (q[j] - state.last.position[j]) / passed_s
+        shown = min(max(shown, -limits.fastest[j]), limits.fastest[j])
+        kept = state.last.velocity[j] if limits.still == 0.0 else 0.0
+        qd[j] = kept if repeats else shown
+
+
+@part
 def receive_joints(
     limits: JointLimits, state: JointInput, stamp_ns: int, q: Array, qd: Array, effort: Array, refused: bool,
     now_ns: int, one_source: bool, blind: bool,
@@ -411,7 +445,8 @@ def receive_joints(
     Args:
         limits: of the joint state.
         state: of the joint state's input; changed.
-        stamp_ns, q, qd, effort: the sample; (n,) [rad], [rad/s], [N m]; what is a spike is replaced.
+        stamp_ns, q, qd, effort: the sample; (n,) [rad], [rad/s], [N m]; what is a spike is replaced, and velocities
+            that no joint state has had are derived.
         refused: whether the message itself was not what it should be.
         now_ns: arrival.
         one_source: whether nobody else publishes joint states of this arm.
@@ -421,6 +456,9 @@ def receive_joints(
         state.counts[Fault.REFUSED] += 1
         return Fault.REFUSED.value
     follows = state.known != 0
+    state.without = 1 if (state.without != 0 or not follows) and not_sent(qd) else 0
+    if state.without != 0:
+        qd[:] = state.last.velocity[: qd.shape[0]]
     fault, found = classify_joints(limits, stamp_ns, q, qd, now_ns, state.last, state.arrival_ns, follows)
     if fault == Fault.JUMP and one_source and now_ns - state.arrival_ns > limits.age_ns:
         # Nobody has seen where the arm went in the meantime: efforts for the old posture would kick it.
@@ -438,9 +476,16 @@ def receive_joints(
     if fault != Fault.NONE:
         state.counts[fault] += 1
     if usable(fault):
-        replace_spikes(state, stamp_ns, q, qd, follows and fault != Fault.RESTARTED, blind)
+        goes_on = follows and fault != Fault.RESTARTED
+        replace_spikes(state, stamp_ns, q, qd, goes_on, blind)
+        if state.without != 0 and goes_on:
+            derive_velocities(limits, state, stamp_ns, q, qd)
+        elif state.without != 0:
+            qd[:] = 0.0
         if not found & _SAME:
             state.equal_since_ns = now_ns
+        if not goes_on or not _same(q, state.last.position[: q.shape[0]]):
+            state.stands_since_ns = stamp_ns
         state.moves = 1 if found & _MOVES else 0
         _copy_sample(state.last, stamp_ns, q, qd, effort)
         state.known, state.arrival_ns, state.candidate_known, state.agreeing = 1, now_ns, 0, 0
@@ -458,7 +503,7 @@ def take_replaced(state: JointInput, stamp_ns: int, q: Array, qd: Array, now_ns:
         q, qd: where the model has the joints, and how fast [rad], [rad/s].
         now_ns: the controller's clock.
     """
-    state.last.stamp_ns, state.arrival_ns = stamp_ns, now_ns
+    state.last.stamp_ns, state.stands_since_ns, state.arrival_ns = stamp_ns, stamp_ns, now_ns
     state.last.position[:], state.last.velocity[:] = q, qd
 
 
