@@ -12,8 +12,10 @@ from slip_core.arrays import Array
 from slip_description import urdf_text
 from slip_vic.cli import cli
 from slip_vic.presets.models import load_drive
-from slip_vic.setup.identify import Motion, identify
+from slip_vic.scenarios.scenario import load_scenario
+from slip_vic.setup.identify import Motion, identify, read_motion
 from slip_vic_controller.robot import Robot
+from test.support.run_maker import record_run
 from test.unit.bridge.scenes import scene
 
 COULOMB = (0.8, 0.6, 0.5, 0.5, 0.3, 0.3, 0.2)
@@ -74,3 +76,14 @@ def test_the_command_reads_a_bag_and_writes_a_drive_file(tmp_path: Path) -> None
     assert result.exit_code == 0, result.output
     assert "arm_joint7" in result.output
     assert load_drive(str(file)).drive.interface == "effort"
+
+
+def test_a_bag_without_velocities_shows_friction_too(tmp_path: Path) -> None:
+    words = ("bridge.sensors.joint.velocity=false", "bridge.duration_s=3.0")
+    record_run(
+        tmp_path / "bag", load_scenario("glass_transport", law="classical", drive="torque_joint", assignments=words)
+    )
+    motion, robot = read_motion(tmp_path / "bag", "ee")
+    assert np.isfinite(motion.velocity).all()
+    found = identify(motion, robot)
+    assert found[1].coulomb == pytest.approx(0.3, abs=0.15)  # of the preset

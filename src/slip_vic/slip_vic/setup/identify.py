@@ -60,7 +60,7 @@ def read_motion(path: Path, robot_frame: str) -> tuple[Motion, Robot]:
     """Read joint states, URDF and, where there is one, the wrench at `robot_frame` from a bag.
 
     Raises:
-        InputError: no bag, or one without joint states, efforts or a description of the arm.
+        InputError: no bag, or one without joint states, efforts or a description of the arm; others than numbers.
     """
     with Bag(path) as bag:
         states, wrenches = bag.ending("joint_states"), bag.ending("wrench")
@@ -72,6 +72,10 @@ def read_motion(path: Path, robot_frame: str) -> tuple[Motion, Robot]:
         names = tuple(map(str, series["name"][0]))
         robot = Robot(_urdf(bag), robot_frame, names)
         q, qd, times = series["position"], series["velocity"], 1e-9 * (series.stamps - series.stamps[0])
+        if qd.shape != q.shape or np.isnan(qd).all():  # the arm measures positions alone
+            qd = np.gradient(q, times, axis=0)
+        if not (np.isfinite(q).all() and np.isfinite(qd).all()):
+            raise InputError(f"bag {path}", got="joint states that are not finite", expected="numbers")
         load = np.zeros_like(q)
         if wrenches is not None and bag.topics[wrenches].message_count:
             felt = bag.series(wrenches)
