@@ -56,8 +56,14 @@ def position_outliers(size: float) -> Change:
     return sensed
 
 
+def no_velocities() -> Change:
+    """No joint state has velocities."""
+    return lambda arm: with_joints(arm, arm.joint.position, arm.joint.velocity * np.nan)
+
+
 UNTOLD: dict[str, Callable[[], Change]] = {
-    "each joint state 4 times": lambda: repeated(4), "velocities through 50 Hz": lambda: low_pass(50.0),
+    "each joint state 4 times": lambda: repeated(4), "each joint state 10 times": lambda: repeated(10),
+    "no velocities": no_velocities, "velocities through 50 Hz": lambda: low_pass(50.0),
     "velocities through 20 Hz": lambda: low_pass(20.0), "velocities through 10 Hz": lambda: low_pass(10.0),
     "outliers of positions, 20 mrad": lambda: position_outliers(0.02),
 }  # fmt: skip

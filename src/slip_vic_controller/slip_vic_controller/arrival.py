@@ -39,7 +39,7 @@ def receive_joint_state(
     """
     c, s = record(config, CONFIG), record(state, ARM_STATE)
     one_source, position, velocity = s.outside != Fault.SECOND_PUBLISHER, q.copy(), qd.copy()
-    blind = s.estimate.unmeasured.max() > 0
+    blind = s.estimate.unmeasured.max() >= c.estimator.sensor_ticks
     fault = receive_joints(c.joint, s.joint, stamp_ns, position, velocity, effort, refused, now_ns, one_source, blind)
     s.estimate.alone = s.joint.without
     if fault == Fault.RESTARTED:

@@ -100,6 +100,7 @@ _RAMP = place(ARM_STATE, "law.ramp")
 _ANSWERS = [place(ARM_STATE, f"joint.answers.{name}").start for name in ("position", "velocity")]
 _CYCLES, _LAW_KNOWN = place(ARM_STATE, "cycles").start, place(ARM_STATE, "law.known").start
 _TARED, _ROUGHLY = place(ARM_STATE, "tare.done").start, place(ARM_STATE, "tare.rough").start
+_WITHOUT = place(ARM_STATE, "joint.without").start
 _STATE_MODE = place(ARM_STATE, "mode.mode").start
 _CONFIG_SIZE, _INPUTS_SIZE, _OUTPUTS_SIZE = CONFIG.itemsize // 8, INPUTS.itemsize // 8, OUTPUTS.itemsize // 8
 
@@ -449,6 +450,8 @@ class ArmSession:
         fault = receive_joint_state(self.config, self.row, stamp_ns, q, qd, effort, refused, now_ns, self._lockstep)
         if self._lockstep or not _UNANSWERED[fault]:
             self.overdue = self.waiting is not None
+            if self._whole[_WITHOUT]:  # what a command shows beside its numbers is numbers, too
+                sample = self.validated(sample)
             self.waiting = sample, _FAULTS[fault], 0, None
 
     def add_wrench(self, contact: int, sample: WrenchSample, now_ns: int | None = None) -> None:
