@@ -5,12 +5,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from slip_vic.scenarios.scenario import Law, load_scenario
-from test.support.watched_loop import WatchedLoop, with_joints
+from test.support.watched_loop import Watched, WatchedLoop, print_slips, with_joints
 
 DRIVES = ("ideal", "torque_joint", "motor_current", "velocity_500", "position_250")
 MOVES_MS = {"paper_planar": 1500, "vertical_plane": 1200, "glass_transport": 900}
@@ -59,46 +59,21 @@ FAILURES: dict[str, Callable[[Any, Any], Any]] = {
 }  # fmt: skip
 
 
-class Failed(NamedTuple):
-    """Slip [m] and fastest joint [rad/s] from the failure on, and the modes with their reasons."""
-
-    slip: float
-    fastest: float
-    said: list[str]
-
-
-def fail(what: str, scenario: str, drive: str, law: Law, lasts_ms: int = LASTS_MS) -> Failed:
-    """Return what comes of a failure; what: of FAILURES."""
+def fail(what: str, scenario: str, drive: str, law: Law, lasts_ms: int = LASTS_MS) -> Watched:
+    """Return what comes of a failure, from it on; what: of FAILURES."""
     run = WatchedLoop(load_scenario(scenario, law=law, drive=drive, sensor="event_1000"))
     for _ in range(MOVES_MS[scenario]):
         run.cycle()
     kept: list[Any] = []
-    run.fastest, said = 0.0, [""]
+    run.fastest = 0.0
 
     def sensed(arm: Any) -> Any:
         kept.append(arm)
         return FAILURES[what](arm, kept[0])
 
-    for _ in range(lasts_ms):
-        result = run.cycle(sensed)
-        if said[-1] != f"{result.mode.name} {result.reason}":
-            said.append(f"{result.mode.name} {result.reason}")
-    return Failed(run.slip, run.fastest, said[1:])
-
-
-def main() -> None:
-    """Print a row for each failure, law and scenario: slip [mm] by drive, and the fastest joint of all [rad/s]."""
-    laws: tuple[Law, ...] = ("governed", "vic")
-    drives = [drive for drive in DRIVES if not sys.argv[1:] or drive in sys.argv[1:]]
-    print(f"| failure | law | scenario | {' | '.join(drives)} | fastest joint |")
-    print("|---" * (4 + len(drives)) + "|")
-    for what in FAILURES:
-        for law in laws:
-            for scenario in sorted(MOVES_MS):
-                runs = [fail(what, scenario, drive, law) for drive in drives]
-                slips = " | ".join(f"{1e3 * run.slip:.1f}" for run in runs)
-                print(f"| {what} | {law} | {scenario} | {slips} | {max(r.fastest for r in runs):.1f} |", flush=True)
+    return run.watch(lasts_ms, sensed)
 
 
 if __name__ == "__main__":
-    main()
+    asked = [drive for drive in DRIVES if not sys.argv[1:] or drive in sys.argv[1:]]
+    print_slips("failure", FAILURES, sorted(MOVES_MS), asked, fail)

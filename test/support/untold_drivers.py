@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from slip_vic.scenarios.scenario import Law, load_scenario
 from test.support.failing_sensors import DRIVES
-from test.support.watched_loop import Change, WatchedLoop, with_joints
+from test.support.watched_loop import Change, Watched, WatchedLoop, print_slips, with_joints
 
 SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")
 LASTS_MS = 5000
@@ -69,37 +69,12 @@ UNTOLD: dict[str, Callable[[], Change]] = {
 }  # fmt: skip
 
 
-class Untold(NamedTuple):
-    """Slip [m], fastest joint [rad/s], and the modes with their reasons."""
-
-    slip: float
-    fastest: float
-    said: list[str]
-
-
-def drive_untold(what: str, scenario: str, drive: str, law: Law, lasts_ms: int = LASTS_MS) -> Untold:
+def drive_untold(what: str, scenario: str, drive: str, law: Law, lasts_ms: int = LASTS_MS) -> Watched:
     """Return what comes of a driver that does so from the start; what: of UNTOLD."""
     sensor = "" if drive == "ideal" else "event_1000"
-    run, sensed, said = WatchedLoop(load_scenario(scenario, law=law, drive=drive, sensor=sensor)), UNTOLD[what](), [""]
-    for _ in range(lasts_ms):
-        result = run.cycle(sensed)
-        if said[-1] != f"{result.mode.name} {result.reason}":
-            said.append(f"{result.mode.name} {result.reason}")
-    return Untold(run.slip, run.fastest, said[1:])
-
-
-def main() -> None:
-    """Print a row for each driver, law and scenario: slip [mm] by drive, and the fastest joint of all [rad/s]."""
-    laws: tuple[Law, ...] = ("governed", "vic")
-    print(f"| driver | law | scenario | {' | '.join(DRIVES)} | fastest joint |")
-    print("|---" * (4 + len(DRIVES)) + "|")
-    for what in UNTOLD:
-        for law in laws:
-            for scenario in SCENARIOS:
-                runs = [drive_untold(what, scenario, drive, law) for drive in DRIVES]
-                slips = " | ".join(f"{1e3 * run.slip:.1f}" for run in runs)
-                print(f"| {what} | {law} | {scenario} | {slips} | {max(r.fastest for r in runs):.1f} |", flush=True)
+    run = WatchedLoop(load_scenario(scenario, law=law, drive=drive, sensor=sensor))
+    return run.watch(lasts_ms, UNTOLD[what]())
 
 
 if __name__ == "__main__":
-    main()
+    print_slips("driver", UNTOLD, SCENARIOS, DRIVES, drive_untold)

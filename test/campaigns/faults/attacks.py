@@ -40,7 +40,6 @@ STORM_S = 2.0
 ANSWERED_S = 10.0  # until the last of many calls is
 CALM_S = 1.0  # after which the nodes take calls of services again
 STARTS_S = 6.0  # what a second system needs to start
-"""Size of the suite's own."""
 NODES: Final = {CONTROLLER: "slip_vic_controller", BRIDGE: "slip_sim_bridge"}
 LARGEST_SEC = 2**31 - 1
 """A stamp's seconds have 32 bits: the year 2038 is as far as it goes, 2262 is that of 64-bit nanoseconds."""
