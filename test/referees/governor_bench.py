@@ -62,7 +62,7 @@ def _start(config, state, pad, grasped, R):
     weights = surface(spatial(c.slip_axes), c.radius)
     at_rest = load(_held(record(grasped, OBJECT)), weights, mat(R), ZERO, vec(c.gravity), Spatial(ZERO, ZERO))
     p = record(pad, g.PAD)
-    g.start_pad(c, p, size(at_rest))
+    g.start_pad(c, p, size(at_rest), False, 1.0)
     g.start_governor(c, s, p)
 
 

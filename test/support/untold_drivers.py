@@ -1,9 +1,12 @@
-"""What drivers do with joint states and tell nobody: prints the table of docs/results.md."""
+"""What drivers of arms and slip sensors do and tell nobody: prints the table of docs/results.md."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -61,11 +64,24 @@ def no_velocities() -> Change:
     return lambda arm: with_joints(arm, arm.joint.position, arm.joint.velocity * np.nan)
 
 
+def older(ms: int) -> Change:
+    """Slip velocities are so much older than their stamps: a camera's images, stamped when they have been evaluated."""
+    kept = deque([np.zeros(6)] * ms)
+
+    def sensed(arm: Any) -> Any:
+        kept.append(arm.slips[-1].twist if arm.slips else kept[-1])
+        old = kept.popleft()
+        return arm._replace(slips=tuple(replace(new, twist=old) for new in arm.slips))
+
+    return sensed
+
+
 UNTOLD: dict[str, Callable[[], Change]] = {
     "each joint state 4 times": lambda: repeated(4), "each joint state 10 times": lambda: repeated(10),
     "no velocities": no_velocities, "velocities through 50 Hz": lambda: low_pass(50.0),
     "velocities through 20 Hz": lambda: low_pass(20.0), "velocities through 10 Hz": lambda: low_pass(10.0),
     "outliers of positions, 20 mrad": lambda: position_outliers(0.02),
+    **{f"slip {ms} ms older than stamped": partial(older, ms) for ms in (10, 20, 60)},
 }  # fmt: skip
 
 

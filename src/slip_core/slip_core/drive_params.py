@@ -15,7 +15,7 @@ EACH = "one number for all joints or one per joint, empty = none"
 class DriveModel(ParameterModel):
     """Drives of the joints: what is known of them; the launcher fills it from the drive's preset."""
 
-    FRICTION: ClassVar[tuple[str, ...]] = ("coulomb",)
+    NOT_NEGATIVE: ClassVar[tuple[str, ...]] = ("armature", "coulomb")
     """Lists of the joints that are not negative."""
 
     delay_s: float = parameter(
@@ -27,6 +27,10 @@ class DriveModel(ParameterModel):
     bandwidth: float = parameter(
         300.0, "interfaces velocity and position: rate with which the joint follows its command", unit="rad/s", gt=0.0
     )
+    armature: tuple[float, ...] = parameter(
+        (), f"inertia of the motors on the side of the joints: the rotor's by the gear's ratio squared; {EACH}",
+        unit="kg m2",
+    )  # fmt: skip
     coulomb: tuple[float, ...] = parameter((), f"Coulomb friction of the joints; {EACH}", unit="N m")
 
     def of_joints(self, name: str, joints: int) -> tuple[float, ...]:
@@ -44,12 +48,13 @@ class DriveModel(ParameterModel):
         """See that the lists fit an arm.
 
         Raises:
-            ValueError: a list of another length, or negative friction.
+            ValueError: a list of another length, or negative friction or inertia.
         """
-        for name in self.FRICTION:
+        for name in self.NOT_NEGATIVE:
             values = self.of_joints(name, joints)
             if min(values) < 0.0:
-                raise ValueError(f"drive.{name} {list(values)}: friction is not negative")
+                what = "inertia" if name == "armature" else "friction"
+                raise ValueError(f"drive.{name} {list(values)}: {what} is not negative")
 
 
 class JointSensorModel(ParameterModel):

@@ -456,8 +456,8 @@ def _decide(
         clear_findings(state.estimate)  # what is still wrong is found again
     measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns, config.cycle.late_ns)
     request = _stop_first(config, state, inputs.request, now_ns)
-    if config.tare.duration_ns > 0 and not bad:
-        _tare(config, state, inputs, together)
+    weighed = config.tare.duration_ns > 0 and not bad and _tare(config, state, inputs, together)
+    decision.weighed = 1 if weighed else 0
     freezes = frozen(config.joint, state.joint, now_ns)
     n, contacts = config.law.joints, config.law.contacts
     q, qd = sample.position, sample.velocity
@@ -524,9 +524,12 @@ def _wrench_at_rest(
 
 
 @part
-def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, together: AtRest) -> None:
-    """Read the sensors at rest while HOLD keeps the arm, and take what is a bias out of the samples of this cycle."""
-    tare, queue = state.tare, state.queue
+def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, together: AtRest) -> bool:
+    """Read the sensors at rest while HOLD keeps the arm, and take what is a bias out of the samples of this cycle.
+
+    Returns whether the object's weight was found, and is another than before.
+    """
+    tare, queue, mass_share = state.tare, state.queue, state.tare.mass_share
     if inputs.request == Request.TARE and not follows(state.mode.mode):
         start_tare(tare, NEVER)
     if tare.done == 0 and state.mode.mode == Mode.HOLD:
@@ -551,6 +554,7 @@ def _tare(config: ControllerConfig, state: ArmState, inputs: CycleInputs, togeth
     for k in range(queue.count):
         for i in range(6):
             queue.samples[k].twist[i] -= tare.slip_bias[i]
+    return bool(tare.mass_share != mass_share)
 
 
 @part
@@ -689,7 +693,8 @@ def _prepare(
     if decision.step == Step.BRIDGE:
         _bridge(config, task, state, inputs, outputs, outputs.health.joint)
     elif decision.step == Step.ANSWER and not follows(state.mode.mode):
-        if decision.request == Request.RESET_FAULT and config.governor.mode != Governing.OFF:
+        known_anew = decision.request == Request.RESET_FAULT or decision.weighed != 0
+        if known_anew and config.governor.mode != Governing.OFF:
             _gains_now(state, state.joint.answers.stamp_ns, outputs)
             forget_friction(config, task, state, inputs.arm, outputs.gains, lead)
         frozen_s = 1e-9 * (inputs.now_ns - state.joint.equal_since_ns)

@@ -88,8 +88,8 @@ def begin_pad(config: ControllerConfig, state: ArmState, arm: Arm, gains: LawGai
     weights = surface(spatial(config.governor.slip_axes), config.governor.radius)
     nothing = Spatial(ZERO, ZERO)
     at_rest = load(held(config, state, gains), weights, mat(arm.rotation), ZERO, vec(config.governor.gravity), nothing)
-    governor.start_pad(config.governor, state.pad, size(at_rest))
-    state.pad.grip = state.grip.actual / config.grip.nominal
+    grip, weighed = state.grip.actual / config.grip.nominal, state.tare.mass_share != 0.0
+    governor.start_pad(config.governor, state.pad, size(at_rest), bool(weighed), grip)
 
 
 @part

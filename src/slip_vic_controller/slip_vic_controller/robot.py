@@ -24,19 +24,27 @@ class Robot:
         ee_frame: name of the frame at the pad centre.
         joint_names: the joints that move {ee}, from base to tip; all others are locked at 0.
         gravity: (3,) [m/s^2] {w}.
+        armature: inertia of the motors on the side of the joints (n,) [kg m2]; none: 0.
 
     Raises:
         InputError: not a URDF, frame or joints missing, joints in another order, too many, limits or inertias missing.
     """
 
     def __init__(
-        self, urdf_text: str, ee_frame: str, joint_names: Sequence[str], gravity: Sequence[float] = (0.0, 0.0, -9.81)
+        self,
+        urdf_text: str,
+        ee_frame: str,
+        joint_names: Sequence[str],
+        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        armature: Sequence[float] = (),
     ) -> None:
         names = tuple(joint_names)
         if len(names) > MAX_JOINTS:
             raise InputError("joint_names", got=f"{len(names)} joints", expected=f"at most {MAX_JOINTS}")
         model = _parse(usable_urdf(urdf_text, ee_frame, names))
         model.gravity.linear = vector(gravity, 3, "gravity")
+        if armature:
+            model.armature = vector(armature, model.nv, "armature")
         self.name = str(model.name)
         self.joint_names = names
         self.effort_limit = readonly(model.effortLimit)

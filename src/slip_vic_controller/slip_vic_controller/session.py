@@ -154,7 +154,8 @@ class ArmController:
 
     def __init__(self, params: ControllerParams, urdf_text: str, *, lockstep: bool, arms: int = 1) -> None:
         self.params, self.lockstep = params, lockstep
-        self.robot = Robot(urdf_text, params.ee_frame, params.joint_names, params.gravity)
+        armature = params.drive.of_joints("armature", len(params.joint_names))
+        self.robot = Robot(urdf_text, params.ee_frame, params.joint_names, params.gravity, armature)
         self.report = gain_report(params)
         self.config = make_config(params, self.robot, lockstep=lockstep, arms=arms)
         self.gains = make_law_gains(params, self.report.used)

@@ -8,10 +8,13 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from slip_core.params import build
+from slip_core.records import new, record
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant.model import arm_spec, compile_spec
 from slip_sim_bridge.plant.rigid import build_model
+from slip_vic_controller.law.arm import ARM as ARM_RECORD
+from slip_vic_controller.robot import Robot
 from test.referees.grasp_twin import LWA, GraspTwin
 from test.support.every import every
 
@@ -53,6 +56,22 @@ def test_arm_alone_on_1000_random_states(seed):
         mujoco.mj_jacBody(ours, data, linear, angular, body)
         J = pin.computeFrameJacobian(theirs, workspace, q, frame, LWA)
         np.testing.assert_allclose(np.vstack((linear, angular)), J, rtol=0, atol=PARITY)
+
+
+def test_motors_add_their_inertia_to_the_joints_of_both_sides() -> None:
+    """MuJoCo's armature is Pinocchio's, and no effort holds it at rest; the object's weight is unchanged."""
+    armature = tuple(np.linspace(0.5, 0.05, ARM).tolist())
+    params = build(BridgeParams, {"drive.armature": armature}, "test")
+    ours, plain = compile_spec(arm_spec(params, urdf_text())), compile_spec(arm_spec(BridgeParams(), urdf_text()))
+    known = Robot(urdf_text(), "ee", params.joint_names, armature=armature)
+    arm, buffer = mujoco.MjData(ours), new(ARM_RECORD)
+    for q, v in random_states(pin.buildModelFromXML(urdf_text()), 4, 20):
+        M, bias = mujoco_terms(ours, arm, q, v)
+        without, same = mujoco_terms(plain, mujoco.MjData(plain), q, v)
+        np.testing.assert_allclose(M - without, np.diag(armature), rtol=0, atol=PARITY)
+        np.testing.assert_allclose(bias, same, rtol=0, atol=PARITY)
+        known.terms(q, v, buffer)
+        np.testing.assert_allclose(record(buffer, ARM_RECORD).M[:ARM, :ARM], M, rtol=0, atol=PARITY)
 
 
 @every("seed", [2, 3])

@@ -55,6 +55,7 @@ def test_both_nodes_take_the_same_quaternions(norm):
         {"object.inertia": (math.nan,) * 6},
         {"joint_names": ()},
         {"joint_names": ("a",) * 7},
+        {"drive.armature": (-0.1,)},
         {"drive.coulomb": (1.0,) * 3},
         {"drive.coulomb": (*(1.0,) * 6, -1.0)},
     ],

@@ -11,7 +11,7 @@ from slip_core.params import parameter
 class DriveParams(DriveModel):
     """Drives of an arm."""
 
-    FRICTION: ClassVar[tuple[str, ...]] = ("coulomb", "viscous")
+    NOT_NEGATIVE: ClassVar[tuple[str, ...]] = (*DriveModel.NOT_NEGATIVE, "viscous")
     interface: CommandInterface = parameter(
         "effort", "what the drives take: effort [N m], or velocity [rad/s] or position [rad] with a loop of their own"
     )

@@ -48,10 +48,11 @@ def arm_spec(params: BridgeParams, urdf_text: str) -> mujoco.MjSpec:
     spec.option.gravity = params.gravity
     spec.option.timestep = params.control_period_s
 
+    armature = dict(zip(params.joint_names, params.drive.of_joints("armature", len(params.joint_names)), strict=True))
     for joint in spec.joints:
         joint.damping = np.zeros(3)
         joint.frictionloss = 0.0
-        joint.armature = 0.0
+        joint.armature = armature[joint.name]
     return spec
 
 

@@ -34,7 +34,10 @@ AFTER_S: Final = 2.0
 """Simulated time after the end of the path as given [s]: a law that slows down may take it."""
 TARE_S: Final = 0.3
 """How long laws of this project read their sensors at rest before they begin [s]."""
-SINCE: Final = ("controller.drive.coulomb=", "controller.governor.reserve=", "bridge.sensors.joint.velocity=true")
+SINCE: Final = (
+    "controller.drive.coulomb=", "controller.governor.reserve=", "bridge.sensors.joint.velocity=true",
+    "controller.drive.armature=[]", "bridge.drive.armature=[]",
+)  # fmt: skip
 """What presets of drives configure since the suite was frozen."""
 
 Grip = Literal["capped", "free"]

@@ -81,6 +81,7 @@ class Estimate(Record):
     """What friction is taken to be."""
 
     F_hat: Real  # N, F^
+    first: Real  # N, F^ at first
     slipped_at: Real  # N, smallest load at which it has slipped, in the model's units; 0 before
     certified: Real  # N, largest load carried without slip
     slipping: Whole
@@ -107,10 +108,31 @@ ESTIMATE_CONFIG, ESTIMATE = dtype_of(EstimateConfig), dtype_of(Estimate)
 
 
 @part
-def start_estimate(config: EstimateConfig, state: Estimate, history: LoadHistory, at_rest: float) -> None:
-    """Begin with what is configured, or with what the object's weight shows; at_rest: load at rest [N]."""
-    state.F_hat, state.slipped_at = config.configured, 0.0
-    state.certified = min(at_rest + config.probe, config.configured)
+def first_friction(config: EstimateConfig, rests_with: float) -> float:
+    """Return the friction to begin with [N]: as configured, or what the object at rest disproves that with.
+
+    What rests is carried: an object that was weighed and loads the grasp by more than friction as configured is held by
+    more. Its load counts as that of a slip would: 1/0.95 of it is carried.
+
+    Args:
+        config: ESTIMATE_CONFIG.
+        rests_with: load at rest that a tare has found [N]; 0 where it is the configuration's.
+    """
+    disproved = config.friction == Friction.LEARNT and rests_with > config.configured
+    return float(rests_with / config.kept if disproved else config.configured)
+
+
+@part
+def start_estimate(
+    config: EstimateConfig, state: Estimate, history: LoadHistory, at_rest: float, rests_with: float
+) -> None:
+    """Begin with what is configured, or with what the object's weight shows.
+
+    at_rest: load at rest [N]; rests_with: see `first_friction`.
+    """
+    state.F_hat = state.first = first_friction(config, rests_with)
+    state.slipped_at = 0.0
+    state.certified = min(at_rest + config.probe, state.first)
     state.slipping, state.slip_ns, state.events, state.event_ns = 0, NEVER, 0, NEVER
     state.suspected, state.suspected_at, state.claimed_ns, state.found = 0, 0.0, NEVER, 0
     state.suspected_ns, state.suspected_speed = 0, 0.0
@@ -210,7 +232,7 @@ def slip_sample(
         if state.slipping != 0 and stamp_ns - state.slip_ns >= config.quiet_ns:
             state.slipping = 0
         return False
-    if state.slipping == 0 and state.said == 0 and is_outlier(config, state, stamp_ns, speed):
+    if (state.slipping != 0 or state.said == 0) and is_outlier(config, state, stamp_ns, speed):
         return False
     stays = state.slipping == 0 and gives_way(config, state, stamp_ns, slip)
     state.last_ns = stamp_ns
@@ -253,7 +275,7 @@ def suspect(
 
     weight_load: largest load of the weight alone on the path [N]: no slower path helps where less than that slips.
     """
-    if not found or config.friction == Friction.KNOWN or state.slipping != 0:
+    if not found or config.friction == Friction.KNOWN or state.slipping != 0 or config.sensor_delay_ns == 0:
         state.claimed_ns = NEVER
     else:
         load = slipping_load(config, history, (history.count - 1) % LOADS)
@@ -320,7 +342,7 @@ def weaker(estimate: Estimate, pad: Estimate) -> None:
     """Let an ESTIMATE of all pads count with another pad where that one is weaker; each sensor sees its own pad."""
     if pad.F_hat < estimate.F_hat:
         estimate.F_hat, estimate.slipped_at = pad.F_hat, pad.slipped_at
-    estimate.certified = min(estimate.certified, pad.certified)
+    estimate.certified, estimate.first = min(estimate.certified, pad.certified), min(estimate.first, pad.first)
     estimate.slipping, estimate.slip_ns = max(estimate.slipping, pad.slipping), max(estimate.slip_ns, pad.slip_ns)
     if pad.suspected != 0:
         known = estimate.suspected != 0

@@ -194,11 +194,19 @@ def plan_anew(config: GovernorConfig, state: Governor) -> None:
 
 
 @part
-def start_pad(config: GovernorConfig, pad: GovernedPad, at_rest: float) -> None:
-    """Begin with a pad: nothing is known of friction beyond the configuration; at_rest: load of the object [N]."""
-    start_estimate(config.estimate, pad.estimate, pad.loads, at_rest)
+def start_pad(config: GovernorConfig, pad: GovernedPad, at_rest: float, weighed: bool, grip: float) -> None:
+    """Begin with a pad: of friction is known what is configured, or what the object at rest shows.
+
+    Args:
+        config, pad: GOVERNOR_CONFIG, PAD.
+        at_rest: load of the object at rest [N].
+        weighed: whether a tare has found that, and not the configuration.
+        grip: over the one for which friction is configured.
+    """
+    rests_with = at_rest / (grip * config.path_margin) if weighed else 0.0
+    start_estimate(config.estimate, pad.estimate, pad.loads, at_rest / grip, rests_with)
     pad.commanded = pad.measured = at_rest
-    pad.guard, pad.grip = 1.0, 1.0
+    pad.guard, pad.grip = 1.0, grip
     put_spatial(pad.feedback, Spatial(Vec(0.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0)))
 
 
@@ -286,10 +294,10 @@ def begin_pass(state: Governor, F: float) -> None:
 
 
 @part
-def tried(config: GovernorConfig, F: float, weight_load: float) -> float:
-    """Return a load [N], at least what a weight alone asks [N], as far as the configured friction carries that."""
+def tried(config: GovernorConfig, state: Governor, F: float, weight_load: float) -> float:
+    """Return a load [N], at least what a weight alone asks [N], as far as friction carried that at first."""
     needed = MORE_THAN_WEIGHT * weight_load / config.path_margin
-    return float(max(F, min(needed, config.margin * config.estimate.configured)))
+    return float(max(F, min(needed, config.margin * state.estimate.first)))
 
 
 @part
@@ -301,7 +309,7 @@ def with_weight(config: GovernorConfig, state: Governor, F: float) -> float:
     """
     if state.planned == 0 and config.estimate.friction != Friction.UNKNOWN:
         return F
-    return tried(config, F, state.weight_load)
+    return tried(config, state, F, state.weight_load)
 
 
 @part
@@ -313,7 +321,7 @@ def planned_load(config: GovernorConfig, state: Governor, grid: PathGrid) -> flo
     """
     F = config.most_grip * certain(config.estimate, state.estimate, config.margin)
     if state.planned == 0:
-        F = tried(config, F, math.sqrt(grid.points[cell(grid, state.s)].cc) / config.estimate.kept)
+        F = tried(config, state, F, math.sqrt(grid.points[cell(grid, state.s)].cc) / config.estimate.kept)
     return with_weight(config, state, F)
 
 
