@@ -159,13 +159,13 @@ def test_an_object_that_hangs_at_rest_disproves_less_friction_than_its_weight_ne
     heavier = ("bridge.object.mass=0.25", "controller.tare.duration_s=0.3", "controller.trajectory.rotation=[0.2,0,0]")
     better = ("bridge.friction.mu_s=0.69", "bridge.friction.mu_k=0.62")
     for friction, slip_m in ((better, HELD_M), ((*better, "bridge.friction.model=lugre"), 5e-5)):
-        done = run("vertical_plane", *heavier, *friction, seconds=4.0)
+        done = run("vertical_plane", *heavier, *friction, seconds=3.0)
         assert done.slip_m < slip_m
         assert done.error_m < 1e-3
         assert done.mode == Mode.ACTIVE, done.reason
         assert done.events == 0
     for words in (("controller.trajectory.rotation=[0.4,0,0]",), ("controller.object.mass=0.25",)):
-        done = run("vertical_plane", *heavier, *better, *words, seconds=2.0)
+        done = run("vertical_plane", *heavier, *better, *words, seconds=0.8)
         assert done.mode == Mode.HOLD, "far more than what it has carried; or nothing was found that it contradicts"
         assert done.reason.startswith("friction cannot carry the object"), done.reason
 
