@@ -48,13 +48,12 @@ class DriveModel(ParameterModel):
         """See that the lists fit an arm.
 
         Raises:
-            ValueError: a list of another length, or negative friction or inertia.
+            ValueError: a list of another length, or with a negative number where it has none.
         """
         for name in self.NOT_NEGATIVE:
             values = self.of_joints(name, joints)
             if min(values) < 0.0:
-                what = "inertia" if name == "armature" else "friction"
-                raise ValueError(f"drive.{name} {list(values)}: {what} is not negative")
+                raise ValueError(f"drive.{name} {list(values)}: none of them is negative")
 
 
 class JointSensorModel(ParameterModel):

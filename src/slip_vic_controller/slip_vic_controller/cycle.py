@@ -456,8 +456,8 @@ def _decide(
         clear_findings(state.estimate)  # what is still wrong is found again
     measure_latency(state.latency, now_ns, sample.stamp_ns, now_ns - state.now_ns, config.cycle.late_ns)
     request = _stop_first(config, state, inputs.request, now_ns)
-    weighed = config.tare.duration_ns > 0 and not bad and _tare(config, state, inputs, together)
-    decision.weighed = 1 if weighed else 0
+    reweighed = config.tare.duration_ns > 0 and not bad and _tare(config, state, inputs, together)
+    decision.reweighed = 1 if reweighed else 0
     freezes = frozen(config.joint, state.joint, now_ns)
     n, contacts = config.law.joints, config.law.contacts
     q, qd = sample.position, sample.velocity
@@ -693,7 +693,7 @@ def _prepare(
     if decision.step == Step.BRIDGE:
         _bridge(config, task, state, inputs, outputs, outputs.health.joint)
     elif decision.step == Step.ANSWER and not follows(state.mode.mode):
-        known_anew = decision.request == Request.RESET_FAULT or decision.weighed != 0
+        known_anew = decision.request == Request.RESET_FAULT or decision.reweighed != 0
         if known_anew and config.governor.mode != Governing.OFF:
             _gains_now(state, state.joint.answers.stamp_ns, outputs)
             forget_friction(config, task, state, inputs.arm, outputs.gains, lead)

@@ -203,7 +203,7 @@ class Decision(Record):
     level: Whole  # degradation level
     entered: Whole  # mode before arbitration
     freezes: Whole  # whether the joint state is frozen
-    weighed: Whole  # whether a tare has found another weight of the object in this cycle
+    reweighed: Whole  # whether a tare has found another weight of the object in this cycle
     works: Whole  # whether the law does, or its last effort is repeated
     cause: Whole  # why the law could not be evaluated
     fault: ReasonRecord  # for the mode machine

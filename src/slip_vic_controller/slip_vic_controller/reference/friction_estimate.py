@@ -274,6 +274,7 @@ def suspect(
     """Take the observer's word: whether it finds slip at this stamp, and how fast, |S v_s| [m/s].
 
     weight_load: largest load of the weight alone on the path [N]: no slower path helps where less than that slips.
+    A slip sensor without delay sees that slip itself: there the observer alone has nothing to say.
     """
     if not found or config.friction == Friction.KNOWN or state.slipping != 0 or config.sensor_delay_ns == 0:
         state.claimed_ns = NEVER
