@@ -316,16 +316,27 @@ class CycleResult:
         """Why the controller is in its mode, in words."""
         return describe(self.record.mode.reason, self._controller.robot.joint_names)
 
-    def scalars(self) -> dict[str, float]:
-        """Return the numbers worth plotting, with the same names in every cycle; NaN where there is none."""
-        names, places = published(len(self._controller.robot.joint_names))
+    @property
+    def symbol_names(self) -> tuple[str, ...]:
+        """Names of `symbols`, the same in every cycle of a controller."""
+        names = published(len(self._controller.robot.joint_names))[0]
+        return (*names, *_GOVERNED_NAMES) if self._governed else names
+
+    def symbols(self) -> Array:
+        """Return the numbers worth plotting, in the order of `symbol_names`; NaN where there is none."""
         symbols = new(SYMBOLS)
         describe_cycle(self._controller.config, self.inputs, self.outputs, symbols)
-        numbers = dict(zip(names, symbols[places].tolist(), strict=True))
+        numbers = symbols[published(len(self._controller.robot.joint_names))[1]]
+        return np.concatenate((numbers, self.outputs[_GOVERNED])) if self._governed else numbers
+
+    def scalars(self) -> dict[str, float]:
+        """Return `symbols` by name."""
+        return dict(zip(self.symbol_names, self.symbols().tolist(), strict=True))
+
+    @property
+    def _governed(self) -> bool:
         params = self._controller.params
-        if params.governor.mode != "off" or params.trajectory.kind == "goal":
-            numbers |= zip(_GOVERNED_NAMES, self.outputs[_GOVERNED].tolist(), strict=True)
-        return numbers
+        return params.governor.mode != "off" or params.trajectory.kind == "goal"
 
 
 Waiting = tuple[JointSample, Fault, int, Health | None]

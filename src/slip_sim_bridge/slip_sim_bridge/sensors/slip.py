@@ -17,6 +17,7 @@ from slip_core.types import SlipSample
 from slip_sim_bridge.sensors.params import CHIPS, SlipFaultParams, SlipSensorParams
 
 _INVALID = readonly(np.full(6, math.nan))
+_STILL = readonly(np.zeros(3))
 _DRAWN_AHEAD = 256
 
 
@@ -120,8 +121,9 @@ def dead_band(twist: Array, linear: float, angular: float) -> Array:
 
     Slow motion gives an optical sensor no counts.
     """
-    keep = np.repeat((math.hypot(*twist[:3]) >= linear, math.hypot(*twist[3:]) >= angular), 3)
-    return twist if keep.all() else np.where(keep, twist, 0.0)
+    x, y, z, about_x, about_y, about_z = twist.tolist()
+    moves, turns = math.hypot(x, y, z) >= linear, math.hypot(about_x, about_y, about_z) >= angular
+    return twist if moves and turns else np.concatenate((twist[:3] if moves else _STILL, twist[3:] if turns else _STILL))
 
 
 def lifted_chip_reading(twist: Array, lifted: int, radius: float) -> Array:

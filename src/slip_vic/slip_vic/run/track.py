@@ -11,6 +11,7 @@ from slip_sim_bridge.internal import internal_wrenches
 from slip_vic.run.in_process import Tick
 from slip_vic.run.series import AXES, RunSeries, grasp_in_object
 from slip_vic.scenarios.scenario import Scenario
+from slip_vic_controller.safety.modes import Mode
 
 SIX = tuple(f"_{axis}" for axis in AXES)
 _PARTS = {
@@ -37,12 +38,16 @@ class Track:
         self._evaluated: list[list[bool]] = [[] for _ in self.arms]
         self._efforts: list[list[Array]] = [[] for _ in self.arms]
         self._joints: list[list[Array]] = [[] for _ in self.arms]
-        self._symbols: list[list[dict[str, float]]] = [[] for _ in self.arms]
+        self._symbol_names: tuple[tuple[str, ...], ...] = ()
+        self._symbols: list[list[Array]] = [[] for _ in self.arms]
         self._modes: list[list[tuple[float, str]]] = [[] for _ in self.arms]
+        self._said: list[tuple[int, ...]] = [() for _ in self.arms]
 
     def add(self, tick: Tick) -> None:
         """Take a tick in, with the effort that is applied."""
         now = tick.time_s
+        if self._whole and not self._times:
+            self._symbol_names = tuple(result.symbol_names for result in tick.results)
         self._times.append(now)
         if self.scenario.several:
             readings = [arm.readings for arm in tick.outputs.arms]
@@ -64,15 +69,16 @@ class Track:
             )  # fmt: skip
             self._evaluated[k].append(bool(record.ok))
             self._efforts[k].append(np.array(effort))
-            mode = result.mode.name
-            mode += f": {result.reason}" if mode != "ACTIVE" and result.reason else ""
-            if not self._modes[k] or self._modes[k][-1][1] != mode:
-                self._modes[k].append((now, mode))
+            said = (result.mode, *(result.reason_key if result.mode is not Mode.ACTIVE else ()))
+            if said != self._said[k]:
+                self._said[k] = said
+                words = result.reason if result.mode is not Mode.ACTIVE else ""
+                self._modes[k].append((now, f"{result.mode.name}: {words}" if words else result.mode.name))
             if self._whole:
                 self._joints[k].append(
                     np.concatenate((outputs.readings.joint.position, outputs.readings.joint.velocity))
                 )
-                self._symbols[k].append(result.scalars())
+                self._symbols[k].append(result.symbols())
 
     @property
     def ticks(self) -> int:
@@ -127,8 +133,7 @@ class Track:
 
     def _law(self, k: int, places: dict[str, Array], evaluated: NDArray[np.bool_]) -> dict[str, Array]:
         if self._whole:
-            names = self._symbols[k][0]
-            return {name: np.array([row[name] for row in self._symbols[k]]) for name in names}
+            return dict(zip(self._symbol_names[k], np.array(self._symbols[k]).T.copy(), strict=True))
         law: dict[str, Array] = {}
         for name, pose in (("position", "position"), ("desired", "desired_position")):
             turned = places["rotation" if name == "position" else "desired_rotation"].reshape(-1, 3, 3).copy()
