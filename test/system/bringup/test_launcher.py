@@ -44,7 +44,7 @@ def kill_when_running(module: str, number: int) -> threading.Thread:
 
 def test_a_recorder_that_sleeps_for_a_while_loses_nothing(tmp_path: Path) -> None:
     """A machine with other work does that to it; its queues and those of the publishers hold what comes meanwhile."""
-    scenario = load_scenario("paper_planar", law="vic", assignments=["bridge.duration_s=6.0"])
+    scenario = load_scenario("paper_planar", law="vic", assignments=["bridge.duration_s=3.0"])
     waking: list[threading.Timer] = []
 
     def sleep(sim_time_s: float) -> None:
@@ -59,7 +59,7 @@ def test_a_recorder_that_sleeps_for_a_while_loses_nothing(tmp_path: Path) -> Non
     assert result.lost == 0
     with Bag(tmp_path / "bag") as bag:
         for topic in ("/joint_states", "/effort_command", "/controller/ledger"):
-            assert bag.topics[topic].message_count == result.ticks == 6000, topic
+            assert bag.topics[topic].message_count == result.ticks == 3000, topic
 
 
 @pytest.mark.parametrize(
