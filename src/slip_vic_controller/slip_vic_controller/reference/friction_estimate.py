@@ -22,9 +22,9 @@ from slip_vic_controller.sizes import NEVER
 LOADS: Final = 256
 """Control cycles that the history goes back."""
 PLAUSIBLE: Final = 0.5
-"""Share of what is known of friction below which a slip that the observer alone finds is the model's error."""
-
-
+"""Share of what is known of friction below which a slip is doubted: the model's error, or pads that give way."""
+GIVES_M: Final = 1e-3
+"""Most that soft pads give way [m]: what a slip must go beyond at a load far below what they have just carried."""
 OBSERVED: Final = 0.5
 """Share of the threshold that a slip sample must show where the observer has found slip: two pieces of evidence."""
 FASTEST_GROWTH: Final = 30.0
@@ -198,12 +198,19 @@ def is_outlier(config: EstimateConfig, state: Estimate, stamp_ns: int, speed: fl
 
 
 @part
-def gives_way(config: EstimateConfig, state: Estimate, stamp_ns: int, slip: Spatial) -> bool:
-    """Return whether a slip may be pads that give way before they slip: to and fro, not far from where it began."""
+def gives_way(config: EstimateConfig, state: Estimate, history: LoadHistory, stamp_ns: int, slip: Spatial) -> bool:
+    """Return whether a slip may be pads that give way before they slip: to and fro, not far from where it began.
+
+    Soft pads give way the faster the load changes, whatever it is, and friction does not end far below what it has just
+    carried.
+    """
     passed_s = 1e-9 * (stamp_ns - state.last_ns) if NEVER < state.last_ns <= stamp_ns else 0.0
     way = spatial(state.way) + passed_s * slip
     put_spatial(state.way, way)
-    return math.sqrt(way.dot(way)) < config.pre_sliding
+    length, i = math.sqrt(way.dot(way)), index_at(history, stamp_ns)
+    if i < 0 or not length < GIVES_M:
+        return length < config.pre_sliding
+    return length < config.pre_sliding or slipping_load(config, history, i) < PLAUSIBLE * state.certified
 
 
 @part
@@ -234,7 +241,7 @@ def slip_sample(
         return False
     if (state.slipping != 0 or state.said == 0) and is_outlier(config, state, stamp_ns, speed):
         return False
-    stays = state.slipping == 0 and gives_way(config, state, stamp_ns, slip)
+    stays = state.slipping == 0 and gives_way(config, state, history, stamp_ns, slip)
     state.last_ns = stamp_ns
     if stays:
         return False
