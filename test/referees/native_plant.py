@@ -235,7 +235,7 @@ class NativePlant:
         return np.array(data.qfrc_bias[self._arm] + full[np.ix_(self._arm, self._arm)] @ pull)
 
     def read(self, _arm: int) -> Array:
-        """Return everything that can be read, laid out by `ReadOut`; (2 n + 48,).
+        """Return everything that can be read, laid out by `ReadOut`; (2 n + 54,).
 
         The wrench counts 0.2 g of pads as object.
         """
@@ -255,6 +255,7 @@ class NativePlant:
         twist[:3] += np.cross(twist[3:], data.xipos[self._body] - data.xpos[self._body])
         out[at.object_twist] = twist
         out[at.pad_position], out[at.pad_rotation] = data.xpos[self._pad], data.xmat[self._pad]
+        out[at.pad_yield] = 0.0
         return out
 
     def _slip_velocity(self) -> Array:

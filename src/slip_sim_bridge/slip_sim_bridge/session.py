@@ -140,7 +140,7 @@ class BridgeSession:
             wrenches = tuple(sensors.wrench.update(readings.wrench))
             slips: tuple[SlipSample, ...] | tuple[DisplacementSample, ...]
             if sensors.displacement is None:
-                slips = tuple(sensors.slip.update(readings.slip))
+                slips = tuple(sensors.slip.update(readings.seen if sensors.sees_pads else readings.slip))
             else:
                 slips = tuple(sensors.displacement.update(readings.truth))
             counts[2 * index] += len(wrenches)

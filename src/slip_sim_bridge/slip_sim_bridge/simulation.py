@@ -51,6 +51,12 @@ class Readings(NamedTuple):
         )
 
     @property
+    def seen(self) -> SlipSample:
+        """The slip velocity as a sensor sees it that looks at the object: what pads give way is in it."""
+        yields = self.numbers[self.layout.pad_yield]
+        return SlipSample(self.slip.stamp_ns, self.slip.twist + yields)
+
+    @property
     def pad(self) -> tuple[Array, Array]:
         """Position [m] and attitude of the pad; (3,), (3, 3) {w}."""
         return self.numbers[self.layout.pad_position], self.numbers[self.layout.pad_rotation].reshape(3, 3)

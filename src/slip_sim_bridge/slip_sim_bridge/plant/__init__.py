@@ -38,6 +38,8 @@ class Grasp(Record):
     """Of the pad centre [m] {w}."""
     pad_rotation: Mat3
     """{ee} to {w}."""
+    pad_yield: Vec6
+    """How fast the pad's surface gives way to the object, signed as slip_velocity [m/s, rad/s] {ee}; rigid: 0."""
 
 
 GRASP = dtype_of(Grasp)
@@ -62,6 +64,7 @@ class ReadOut:
         self.slip_velocity, self.object_position = self._slice("slip_velocity"), self._slice("object_position")
         self.object_rotation, self.object_twist = self._slice("object_rotation"), self._slice("object_twist")
         self.pad_position, self.pad_rotation = self._slice("pad_position"), self._slice("pad_rotation")
+        self.pad_yield = self._slice("pad_yield")
 
     def _slice(self, name: str) -> slice:
         fields: dict[str, tuple[np.dtype[np.void], int]] = {**(GRASP.fields or {}), **(self.layout.fields or {})}  # type: ignore[dict-item]
@@ -88,7 +91,7 @@ class Movable(Protocol):
         ...
 
     def read(self, arm: int) -> Array:
-        """Return everything that can be read of one arm, as a fresh array laid out by `ReadOut`; (2 n + 48,)."""
+        """Return everything that can be read of one arm, as a fresh array laid out by `ReadOut`; (2 n + 54,)."""
         ...
 
 

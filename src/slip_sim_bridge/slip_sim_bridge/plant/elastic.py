@@ -109,7 +109,7 @@ class ElasticPlant:
         mujoco.mj_kinematics(model, data)
         contacts, first = self._contacts, self._params[0]
         for contact in contacts:
-            for part in (contact.law_state, contact.deflection, contact.slip, contact.force, contact.slip_rate):
+            for part in (contact.law_state, contact.deflection, contact.rate, contact.slip, contact.force, contact.slip_rate):
                 part[:] = 0.0
             contact.rubbed = contact.damped = 0.0
         R_pad = [data.site_xmat[site].reshape(3, 3).copy() for site in self._sites]
@@ -207,7 +207,7 @@ class ElasticPlant:
         return np.array(data.qfrc_bias[at] - load + self._mass_matrix[at, at] @ pull)
 
     def read(self, arm: int) -> Array:
-        """Return everything that can be read of one arm, laid out by `ReadOut`; (2 n + 48,)."""
+        """Return everything that can be read of one arm, laid out by `ReadOut`; (2 n + 54,)."""
         self._look()
         out, at = np.empty(self._sizes[arm]), self._joints[arm]
         read_elastic(self._state, arm, self._qpos[at], self._qvel[at], self._qvel[self._arms :], self._frames, out)

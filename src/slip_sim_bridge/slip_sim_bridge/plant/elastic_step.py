@@ -56,6 +56,8 @@ class ElasticContact(Record):
     """Of the friction law."""
     deflection: Vec6
     """xi [m, rad]."""
+    rate: Vec6
+    """xi' of the step that just ended [m/s, rad/s]."""
     slip: Vec3
     """Pad on the object, x, y [m] {p} and angle [rad]."""
     force: Vec6
@@ -277,7 +279,7 @@ def elastic_after(qvel: Array, rows: Array, normal_forces: Array, dt: float, sta
     for i in range(len(normal_forces)):
         c = contacts[i]
         if not normal_forces[i] > 0.0:
-            c.deflection[:] = 0.0
+            c.deflection[:], c.rate[:] = 0.0, 0.0
             c.slip_rate[:] = 0.0
             continue
         w = np.zeros(6)
@@ -288,6 +290,7 @@ def elastic_after(qvel: Array, rows: Array, normal_forces: Array, dt: float, sta
             slip = c.slip_rate[k] if k < 2 else c.slip_rate[2] if k == 5 else 0.0
             rate = w[k] - slip
             c.deflection[k] += dt * rate
+            c.rate[k] = rate
             c.damped += dt * c.damping[k] * rate * rate
             c.rubbed -= dt * c.force[k] * slip
         turn = c.slip[2] - 0.5 * dt * c.slip_rate[2]
@@ -309,7 +312,7 @@ def read_elastic(
         position, velocity: of its joints; (n,) [rad], [rad/s].
         object_velocity: (6,): velocity of the centre of mass {w}, turning on the object's axes.
         frames: a FRAME per contact, then that of the object.
-        out: (2 n + 48,).
+        out: (2 n + 54,).
 
     Implements: h_ee of Eq. (1), v_s of Eq. (14), v_o of Eq. (10).
     """
@@ -333,3 +336,5 @@ def read_elastic(
     put(grasp.object_twist[3:], R_o @ vec(object_velocity[3:]))
     put(grasp.pad_position, vec(pad.position))
     put_mat(grasp.pad_rotation, mat(pad.rotation))
+    for k in range(6):
+        grasp.pad_yield[k] = -c.rate[k]

@@ -72,7 +72,7 @@ class LoosePlant:
         return np.array(data.qfrc_bias[joints] + full[joints, joints] @ pull)
 
     def read(self, arm: int) -> Array:
-        """Return everything that can be read of one arm, laid out by `ReadOut`; (2 n + 48,)."""
+        """Return everything that can be read of one arm, laid out by `ReadOut`; (2 n + 54,)."""
         data, at, joints, n, site = self.data, self._at[arm], self._joints[arm], self._n, self._sites[arm]
         out, R_o = np.zeros(at.size), data.xmat[self._body]
         out[at.position], out[at.velocity] = data.qpos[joints], data.qvel[joints]

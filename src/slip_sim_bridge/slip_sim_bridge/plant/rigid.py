@@ -186,7 +186,7 @@ class RigidPlant:
         return self._bias[:n] + self._mass_matrix[:n, :n] @ pull
 
     def read(self, _arm: int) -> Array:
-        """Return everything that can be read, laid out by `ReadOut`; (2 n + 48,)."""
+        """Return everything that can be read, laid out by `ReadOut`; (2 n + 54,)."""
         out = np.empty(self._size)
         read_out(
             self._qpos, self._qvel, self._readings, self._object_position, self._object_rotation,

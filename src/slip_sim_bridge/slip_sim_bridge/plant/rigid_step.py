@@ -163,7 +163,7 @@ def read_out(
         root: centre of mass of the whole tree; (3,) [m] {w}.
         p_R_o: {o} to {p}; (3, 3).
         pad_position, pad_rotation: (3,) [m] {w}, (3, 3) {ee} to {w}.
-        out: (2 n + 48,).
+        out: (2 n + 54,).
 
     Implements: h_ee of Eq. (1), v_s of Eq. (14), v_o of Eq. (10).
     """
@@ -189,3 +189,4 @@ def read_out(
     put(grasp.object_twist[3:], turning)
     put(grasp.pad_position, vec(pad_position))
     put_mat(grasp.pad_rotation, mat(pad_rotation))
+    grasp.pad_yield[:] = 0.0

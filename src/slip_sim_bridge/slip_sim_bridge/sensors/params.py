@@ -49,6 +49,10 @@ class SlipSensorParams(SlipSensorModel):
     noise_angle: float = parameter(
         0.0, "slip_input displacement: standard deviation of each angular axis that can slip", unit="rad", ge=0.0
     )
+    sees_pads: bool = parameter(
+        False,
+        "the sensor looks at the object, so it also reads how soft pads give way to it; plant elastic, twist and flag",
+    )
     faults: SlipFaultParams = SlipFaultParams()
 
 

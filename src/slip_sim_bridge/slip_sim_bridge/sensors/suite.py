@@ -168,6 +168,7 @@ class SensorSuite:
 
         slip, wrench = sensors.slip, sensors.wrench
         axes = np.array(params.contacts.slip_axes[:6], dtype=float)
+        self.sees_pads = slip.sees_pads
         self._measure_slip = SlipMeasurement(slip, axes, stream("slip faults"))
         measure: Any = self._measure_slip
         if params.slip_input == "flag":

@@ -24,7 +24,7 @@ LOADS: Final = 256
 PLAUSIBLE: Final = 0.5
 """Share of what is known of friction below which a slip is doubted: the model's error, or pads that give way."""
 GIVES_M: Final = 1e-3
-"""Most that soft pads give way [m]: what a slip must go beyond at a load far below what they have just carried."""
+"""Most that soft pads give way [m]: how far a slip must go at a load far below what they have carried."""
 OBSERVED: Final = 0.5
 """Share of the threshold that a slip sample must show where the observer has found slip: two pieces of evidence."""
 FASTEST_GROWTH: Final = 30.0
@@ -84,6 +84,7 @@ class Estimate(Record):
     first: Real  # N, F^ at first
     slipped_at: Real  # N, smallest load at which it has slipped, in the model's units; 0 before
     certified: Real  # N, largest load carried without slip
+    carried: Real  # N, the same, whatever slips have shown since
     slipping: Whole
     slip_ns: Whole  # stamp of the newest slip sample
     events: Whole  # how often F^ was made smaller
@@ -132,7 +133,7 @@ def start_estimate(
     """
     state.F_hat = state.first = first_friction(config, rests_with)
     state.slipped_at = 0.0
-    state.certified = min(at_rest + config.probe, state.first)
+    state.certified = state.carried = min(at_rest + config.probe, state.first)
     state.slipping, state.slip_ns, state.events, state.event_ns = 0, NEVER, 0, NEVER
     state.suspected, state.suspected_at, state.claimed_ns, state.found = 0, 0.0, NEVER, 0
     state.suspected_ns, state.suspected_speed = 0, 0.0
@@ -168,7 +169,9 @@ def certify(config: EstimateConfig, state: Estimate, history: LoadHistory, now_n
         return
     i = index_at(history, now_ns - config.sensor_delay_ns)
     if i >= 0 and history.loads[i].stamp_ns <= now_ns - config.sensor_delay_ns:
-        state.certified = min(max(state.certified, history.loads[i].commanded), state.F_hat)
+        load = history.loads[i]
+        state.certified = min(max(state.certified, load.commanded), state.F_hat)
+        state.carried = max(state.carried, min(load.commanded, load.measured, state.F_hat))
 
 
 @part
@@ -201,7 +204,7 @@ def is_outlier(config: EstimateConfig, state: Estimate, stamp_ns: int, speed: fl
 def gives_way(config: EstimateConfig, state: Estimate, history: LoadHistory, stamp_ns: int, slip: Spatial) -> bool:
     """Return whether a slip may be pads that give way before they slip: to and fro, not far from where it began.
 
-    Soft pads give way the faster the load changes, whatever it is, and friction does not end far below what it has just
+    Soft pads give way the faster the load changes, whatever it is, and friction does not end far below what it has
     carried.
     """
     passed_s = 1e-9 * (stamp_ns - state.last_ns) if NEVER < state.last_ns <= stamp_ns else 0.0
@@ -210,7 +213,7 @@ def gives_way(config: EstimateConfig, state: Estimate, history: LoadHistory, sta
     length, i = math.sqrt(way.dot(way)), index_at(history, stamp_ns)
     if i < 0 or not length < GIVES_M:
         return length < config.pre_sliding
-    return length < config.pre_sliding or slipping_load(config, history, i) < PLAUSIBLE * state.certified
+    return length < config.pre_sliding or slipping_load(config, history, i) < PLAUSIBLE * state.carried
 
 
 @part
