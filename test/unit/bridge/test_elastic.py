@@ -55,6 +55,37 @@ def test_the_free_object_has_the_mass_and_the_inertia_that_it_was_told_to_have()
     np.testing.assert_allclose(axes @ np.diag(body.inertia) @ axes.T, inertia_from_six(told.inertia), atol=1e-12)
 
 
+def test_a_sensor_that_looks_at_the_object_sees_how_pads_give_way_to_a_load() -> None:
+    """While nothing slips its sum is what the load bends the pads by, F / K to each pad; the truth is no slip."""
+    told = params(grip=60.0, friction=COULOMB, sensors={"slip": {"sees_pads": True}})
+    session, seen = BridgeSession(told, dict.fromkeys(NAMES, urdf_text())), np.zeros((2, 6))
+    commands = [None, None]
+    for _ in range(300):
+        session.advance(commands)
+        session.observe()
+    before = [session.simulation.observe(k).wrench.wrench for k in range(2)]
+    session.set_push(0, PushParams(wrench=(1.5, 1.5, -2.0, 0.0, 0.0, 0.0)))
+    for _ in range(1500):
+        session.advance(commands)
+        outputs = session.observe()
+        for k, arm in enumerate(outputs.arms):
+            (sample,) = arm.slips
+            assert isinstance(sample, SlipSample)
+            assert not arm.readings.truth.slip_velocity.any()
+            seen[k] += 1e-3 * sample.twist
+    for k in range(2):
+        bent = session.simulation.observe(k).wrench.wrench - before[k]
+        expected = -bent / np.array(told["left"].pad.stiffness)
+        assert np.abs(expected[:2]).max() > 5e-5
+        np.testing.assert_allclose(seen[k][[0, 1, 5]], expected[[0, 1, 5]], atol=2e-6)
+
+
+@pytest.mark.parametrize("words", [{"plant": "rigid"}, {"slip_input": "displacement"}])
+def test_a_sensor_cannot_see_pads_that_do_not_give_way(words: dict[str, str]) -> None:
+    with pytest.raises(ValueError, match="pads give way in plant elastic alone"):
+        params(sensors={"slip": {"sees_pads": True}}, **words)
+
+
 @pytest.mark.parametrize("turning", [5.0, 4e3])
 def test_steps_are_short_enough_for_the_stiffest_motion(turning: float) -> None:
     """Of the arms and the object together: with stiff pads it is one that turns."""

@@ -9,6 +9,7 @@ from slip_core.vectors import ZERO, Spatial, Vec
 from slip_vic_controller.reference.friction_estimate import (
     ESTIMATE,
     ESTIMATE_CONFIG,
+    GIVES_M,
     LOAD_HISTORY,
     OBSERVED,
     PLAUSIBLE,
@@ -261,6 +262,44 @@ def test_pre_sliding_is_no_slip() -> None:
             sample(e, ms, speed)
         assert bool(e.state.slipping) is slips
         assert bool(e.state.F_hat < TOLD) is slips
+
+
+def test_far_below_what_was_carried_a_slip_is_believed_once_pads_cannot_give_way_that_far() -> None:
+    """Soft pads give way where a load changes fast: at a tenth of the friction there is, which was learnt."""
+    speed, carried = 0.04, 0.8
+    for load, after_m, slips in (
+        (0.9 * PLAUSIBLE * carried, 0.8 * GIVES_M, False),
+        (0.9 * PLAUSIBLE * carried, 1.2 * GIVES_M, True),
+        (1.1 * PLAUSIBLE * carried, 0.2 * GIVES_M, True),
+    ):
+        e = estimate()
+        for ms in range(150):
+            remember(e.history, ms * MS, carried, carried)
+            certify(e.config, e.state, e.history, ms * MS)
+        assert e.state.carried == carried
+        for ms in range(150, 150 + round(1e3 * after_m / speed)):
+            remember(e.history, ms * MS, load, load)
+            sample(e, ms, speed)
+        assert bool(e.state.slipping) is slips
+        assert np.isclose(e.state.F_hat, KEPT * load if slips else TOLD)
+
+
+def test_what_was_learnt_makes_no_smaller_load_believable() -> None:
+    """Else each false slip at half of the last one's load is believed, down to nothing."""
+    e = estimate()
+    for ms in range(150):
+        remember(e.history, ms * MS, 0.8, 0.8)
+        certify(e.config, e.state, e.history, ms * MS)
+    for begin, load in ((150, 0.5), (400, 0.3)):
+        sample(e, begin - 1, 0.0)
+        for ms in range(begin, begin + 5):
+            remember(e.history, ms * MS, load, load)
+            sample(e, ms, 0.04)
+        sample(e, begin + 100, 0.0)
+        assert e.state.slipping == 0
+        assert np.isclose(e.state.F_hat, KEPT * 0.5), load
+    assert np.isclose(e.state.certified, KEPT * 0.5)
+    assert e.state.carried == 0.8
 
 
 def test_pads_that_give_way_to_and_fro_do_not_slip_whatever_way_that_adds_up_to() -> None:
