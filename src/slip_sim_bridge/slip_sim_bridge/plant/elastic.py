@@ -109,7 +109,7 @@ class ElasticPlant:
         mujoco.mj_kinematics(model, data)
         contacts, first = self._contacts, self._params[0]
         for contact in contacts:
-            for part in (contact.law_state, contact.deflection, contact.rate, contact.slip, contact.force, contact.slip_rate):
+            for part in (contact.law_state, contact.deflection, contact.slip, contact.force, contact.slip_rate):
                 part[:] = 0.0
             contact.rubbed = contact.damped = 0.0
         R_pad = [data.site_xmat[site].reshape(3, 3).copy() for site in self._sites]
@@ -126,6 +126,7 @@ class ElasticPlant:
         d = np.linalg.solve(K, weight)
         for contact, seen in zip(contacts, maps, strict=True):
             contact.deflection[:] = seen @ d
+            contact.deflection_before[:] = contact.deflection
             contact.force[:] = -contact.stiffness * contact.deflection
         quaternion = np.zeros(4)
         mujoco.mju_mat2Quat(quaternion, R_o.ravel())
@@ -146,6 +147,8 @@ class ElasticPlant:
         """
         model, data, dt = self.model, self.data, self.model.opt.timestep
         self._effort[: self._arms] = efforts
+        for contact in self._contacts:
+            contact.deflection_before[:] = contact.deflection
         for _ in range(self._substeps):
             self._look()
             if self._pushes is not None:
@@ -210,7 +213,9 @@ class ElasticPlant:
         """Return everything that can be read of one arm, laid out by `ReadOut`; (2 n + 54,)."""
         self._look()
         out, at = np.empty(self._sizes[arm]), self._joints[arm]
-        read_elastic(self._state, arm, self._qpos[at], self._qvel[at], self._qvel[self._arms :], self._frames, out)
+        read_elastic(
+            self._state, arm, self._qpos[at], self._qvel[at], self._qvel[self._arms :], self._frames, self._period, out
+        )
         return out
 
     def energy(self) -> tuple[float, float]:

@@ -56,8 +56,8 @@ class ElasticContact(Record):
     """Of the friction law."""
     deflection: Vec6
     """xi [m, rad]."""
-    rate: Vec6
-    """xi' of the step that just ended [m/s, rad/s]."""
+    deflection_before: Vec6
+    """The same one control period ago."""
     slip: Vec3
     """Pad on the object, x, y [m] {p} and angle [rad]."""
     force: Vec6
@@ -279,7 +279,7 @@ def elastic_after(qvel: Array, rows: Array, normal_forces: Array, dt: float, sta
     for i in range(len(normal_forces)):
         c = contacts[i]
         if not normal_forces[i] > 0.0:
-            c.deflection[:], c.rate[:] = 0.0, 0.0
+            c.deflection[:] = 0.0
             c.slip_rate[:] = 0.0
             continue
         w = np.zeros(6)
@@ -290,7 +290,6 @@ def elastic_after(qvel: Array, rows: Array, normal_forces: Array, dt: float, sta
             slip = c.slip_rate[k] if k < 2 else c.slip_rate[2] if k == 5 else 0.0
             rate = w[k] - slip
             c.deflection[k] += dt * rate
-            c.rate[k] = rate
             c.damped += dt * c.damping[k] * rate * rate
             c.rubbed -= dt * c.force[k] * slip
         turn = c.slip[2] - 0.5 * dt * c.slip_rate[2]
@@ -300,10 +299,11 @@ def elastic_after(qvel: Array, rows: Array, normal_forces: Array, dt: float, sta
         c.slip[2] -= dt * c.slip_rate[2]
 
 
-@kernel(VOID(IN2, INT, IN1, IN1, IN1, IN2, OUT1))
+@kernel(VOID(IN2, INT, IN1, IN1, IN1, IN2, REAL, OUT1))
 def read_elastic(
-    state: Array, i: int, position: Array, velocity: Array, object_velocity: Array, frames: Array, out: Array
-) -> None:
+    state: Array, i: int, position: Array, velocity: Array, object_velocity: Array, frames: Array, period: float,
+    out: Array,
+) -> None:  # fmt: skip
     """Write what can be read of one arm to `out`, laid out by `ReadOut`.
 
     Args:
@@ -312,6 +312,7 @@ def read_elastic(
         position, velocity: of its joints; (n,) [rad], [rad/s].
         object_velocity: (6,): velocity of the centre of mass {w}, turning on the object's axes.
         frames: a FRAME per contact, then that of the object.
+        period: of control [s].
         out: (2 n + 54,).
 
     Implements: h_ee of Eq. (1), v_s of Eq. (14), v_o of Eq. (10).
@@ -337,4 +338,4 @@ def read_elastic(
     put(grasp.pad_position, vec(pad.position))
     put_mat(grasp.pad_rotation, mat(pad.rotation))
     for k in range(6):
-        grasp.pad_yield[k] = -c.rate[k]
+        grasp.pad_yield[k] = (c.deflection_before[k] - c.deflection[k]) / period

@@ -123,7 +123,9 @@ def dead_band(twist: Array, linear: float, angular: float) -> Array:
     """
     x, y, z, about_x, about_y, about_z = twist.tolist()
     moves, turns = math.hypot(x, y, z) >= linear, math.hypot(about_x, about_y, about_z) >= angular
-    return twist if moves and turns else np.concatenate((twist[:3] if moves else _STILL, twist[3:] if turns else _STILL))
+    return (
+        twist if moves and turns else np.concatenate((twist[:3] if moves else _STILL, twist[3:] if turns else _STILL))
+    )
 
 
 def lifted_chip_reading(twist: Array, lifted: int, radius: float) -> Array:
