@@ -172,10 +172,7 @@ class BridgeParams(ArmParams):
             raise ValueError(f"push.effort: {len(self.push.effort)} numbers for {len(self.joint_names)} joints")
         self.drive.check(len(self.joint_names))
         if self.sensors.slip.sees_pads and (self.plant != "elastic" or self.slip_input == "displacement"):
-            raise ValueError(
-                f"sensors.slip.sees_pads with plant {self.plant} and slip_input {self.slip_input}: pads give way in "
-                "plant elastic alone, and a displacement does not show it"
-            )
+            raise ValueError("sensors.slip.sees_pads: needs plant elastic, and slip_input twist or flag")
         ticks = self.control_period_s * _CLOCK_TICKS_PER_S
         if abs(ticks - round(ticks)) > 1e-3:
             raise ValueError("control_period_s must be a whole number of nanoseconds")

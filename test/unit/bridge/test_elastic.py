@@ -82,7 +82,7 @@ def test_a_sensor_that_looks_at_the_object_sees_how_pads_give_way_to_a_load() ->
 
 @pytest.mark.parametrize("words", [{"plant": "rigid"}, {"slip_input": "displacement"}])
 def test_a_sensor_cannot_see_pads_that_do_not_give_way(words: dict[str, str]) -> None:
-    with pytest.raises(ValueError, match="pads give way in plant elastic alone"):
+    with pytest.raises(ValueError, match="sees_pads: needs plant elastic, and slip_input twist or flag"):
         params(sensors={"slip": {"sees_pads": True}}, **words)
 
 
