@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 
 from slip_vic.scenarios.scenario import Law, load_scenario
 from test.support.failing_sensors import DRIVES
 from test.support.untold_drivers import LASTS_MS, SCENARIOS
-from test.support.watched_loop import Watched, WatchedLoop, print_slips
+from test.support.watched_loop import Watched, WatchedLoop
 
+SENSORS = ("event_1000", "optical_flow_120")
 TOLD = ("controller.governor.pre_sliding=1e-3",)
 MASS, RADIUS, DAMPING = 0.5, 0.015, 0.2
 """Of the object [kg], of the pad [m]: what its stiffness against turning follows from; share of critical damping."""
@@ -35,16 +35,21 @@ def on_soft_pads(
 
 
 def main() -> None:
-    """Print a table for each sensor, untold and told."""
-    for sensor in ("event_1000", "optical_flow_120"):
-        for told in (False, True):
-            print(f"\n{sensor}, {'told' if told else 'not told'}\n")
-            runs = {f"{kilo} kN/m": 1e3 * kilo for kilo in (10.0, 3.0, 1.5)}
-            watched = partial(on_soft_pads, sensor=sensor, told=told)
-            print_slips(
-                "pads", runs, SCENARIOS, DRIVES,
-                lambda name, *which, runs=runs, watched=watched: watched(runs[name], *which),
-            )  # fmt: skip
+    """Print the table: slip with `event_1000` / with `optical_flow_120` [mm]."""
+    print(f"| law | pads | scenario | {' | '.join(DRIVES)} |")
+    print("|---" * (3 + len(DRIVES)) + "|")
+    laws: tuple[tuple[Law, bool], ...] = (("governed", False), ("governed", True), ("vic", False), ("classical", False))
+    for law, told in laws:
+        for kilo in (10.0, 3.0, 1.5):
+            for scenario in SCENARIOS:
+                cells = []
+                for drive in DRIVES:
+                    runs = [
+                        on_soft_pads(1e3 * kilo, scenario, drive, law, sensor=sensor, told=told) for sensor in SENSORS
+                    ]
+                    cells.append(" / ".join(f"{1e3 * run.slip:.1f}" for run in runs))
+                name = f"{law}, told" if told else law
+                print(f"| {name} | {kilo} kN/m | {scenario} | {' | '.join(cells)} |", flush=True)
 
 
 if __name__ == "__main__":
