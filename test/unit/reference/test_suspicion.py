@@ -290,7 +290,7 @@ def test_what_was_learnt_makes_no_smaller_load_believable() -> None:
     for ms in range(150):
         remember(e.history, ms * MS, 0.8, 0.8)
         certify(e.config, e.state, e.history, ms * MS)
-    for begin, load in ((150, 0.5), (400, 0.3)):
+    for begin, load in ((150, 0.5), (400, 0.9 * PLAUSIBLE**2 * 0.8)):
         sample(e, begin - 1, 0.0)
         for ms in range(begin, begin + 5):
             remember(e.history, ms * MS, load, load)
@@ -298,8 +298,13 @@ def test_what_was_learnt_makes_no_smaller_load_believable() -> None:
         sample(e, begin + 100, 0.0)
         assert e.state.slipping == 0
         assert np.isclose(e.state.F_hat, KEPT * 0.5), load
-    assert np.isclose(e.state.certified, KEPT * 0.5)
+    e.state.certified = 0.3  # and of what is certain now a slip at half of the load is believed
     assert e.state.carried == 0.8
+    sample(e, 599, 0.0)
+    for ms in range(600, 605):
+        remember(e.history, ms * MS, 0.3, 0.3)
+        sample(e, ms, 0.04)
+    assert np.isclose(e.state.F_hat, KEPT * 0.3)
 
 
 def test_pads_that_give_way_to_and_fro_do_not_slip_whatever_way_that_adds_up_to() -> None:

@@ -205,7 +205,7 @@ def gives_way(config: EstimateConfig, state: Estimate, history: LoadHistory, sta
     """Return whether a slip may be pads that give way before they slip: to and fro, not far from where it began.
 
     Soft pads give way the faster the load changes, whatever it is, and friction does not end far below what it has
-    carried.
+    carried: half of it, or a quarter of what it had carried before slips showed less.
     """
     passed_s = 1e-9 * (stamp_ns - state.last_ns) if NEVER < state.last_ns <= stamp_ns else 0.0
     way = spatial(state.way) + passed_s * slip
@@ -213,7 +213,8 @@ def gives_way(config: EstimateConfig, state: Estimate, history: LoadHistory, sta
     length, i = math.sqrt(way.dot(way)), index_at(history, stamp_ns)
     if i < 0 or not length < GIVES_M:
         return length < config.pre_sliding
-    return length < config.pre_sliding or slipping_load(config, history, i) < PLAUSIBLE * state.carried
+    least = PLAUSIBLE * max(state.certified, PLAUSIBLE * state.carried)
+    return length < config.pre_sliding or slipping_load(config, history, i) < least
 
 
 @part
