@@ -69,7 +69,6 @@ class Freezing(WatchedLoop):
         ("paper_planar", "torque_joint", "vic", True), ("glass_transport", "motor_current", "governed", False),
         ("vertical_plane", "torque_joint", "governed", False), ("glass_transport", "torque_joint", "vic", False),
         ("paper_planar", "motor_current", "governed", True), ("vertical_plane", "velocity_500", "vic", True),
-        ("paper_planar", "torque_joint", "governed", False), ("glass_transport", "torque_joint", "vic", True),
     ),
 )  # fmt: skip
 def test_an_arm_whose_joint_states_show_nothing_comes_to_rest(name: str, drive: str, law: str, finite: bool) -> None:
@@ -114,8 +113,10 @@ def test_what_is_frozen_for_long_gets_no_command_and_goes_on_when_it_moves_again
     assert run.cycles(2000).mode.follows
 
 
-@every("drive", ("ideal", "torque_joint", "velocity_500", "position_250"))
-@every("finite", (True, False))
+@every(
+    ("drive", "finite"),
+    (("ideal", False), ("torque_joint", True), ("torque_joint", False), ("velocity_500", True), ("position_250", False)),
+)
 def test_a_driver_that_shows_nothing_for_50_ms_is_bridged_by_the_model(drive: str, finite: bool) -> None:
     """20 ms without numbers lost the object: HOLD came after 10, and threw it off."""
     run = Freezing(drive, "governed")
@@ -127,8 +128,7 @@ def test_a_driver_that_shows_nothing_for_50_ms_is_bridged_by_the_model(drive: st
     assert run.slip < 3e-4
 
 
-@every("joint", (0, 3))
-@every("drive", ("ideal", "torque_joint", "motor_current"))
+@every(("joint", "drive"), ((0, "ideal"), (3, "torque_joint"), (0, "motor_current"), (3, "motor_current")))
 def test_an_encoder_that_dies_is_a_fault_with_its_name_and_the_arm_rests(joint: int, drive: str) -> None:
     """The joint went on by its velocity, which was as dead as its position: 3 to 35 rad/s."""
     run = Freezing(drive, "governed")
