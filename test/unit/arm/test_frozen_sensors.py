@@ -115,7 +115,13 @@ def test_what_is_frozen_for_long_gets_no_command_and_goes_on_when_it_moves_again
 
 @every(
     ("drive", "finite"),
-    (("ideal", False), ("torque_joint", True), ("torque_joint", False), ("velocity_500", True), ("position_250", False)),
+    (
+        ("ideal", False),
+        ("torque_joint", True),
+        ("torque_joint", False),
+        ("velocity_500", True),
+        ("position_250", False),
+    ),
 )
 def test_a_driver_that_shows_nothing_for_50_ms_is_bridged_by_the_model(drive: str, finite: bool) -> None:
     """20 ms without numbers lost the object: HOLD came after 10, and threw it off."""
