@@ -265,7 +265,7 @@ def test_pre_sliding_is_no_slip() -> None:
 
 
 def test_far_below_what_was_carried_a_slip_is_believed_once_pads_cannot_give_way_that_far() -> None:
-    """Soft pads give way where a load changes fast: at a tenth of the friction there is, which was learnt."""
+    """Soft pads give way where a load changes fast: at a fifth of the friction there is, which was learnt."""
     speed, carried = 0.04, 0.8
     for load, after_m, slips in (
         (0.9 * PLAUSIBLE * carried, 0.8 * GIVES_M, False),

@@ -211,10 +211,10 @@ def gives_way(config: EstimateConfig, state: Estimate, history: LoadHistory, sta
     way = spatial(state.way) + passed_s * slip
     put_spatial(state.way, way)
     length, i = math.sqrt(way.dot(way)), index_at(history, stamp_ns)
-    if i < 0 or not length < GIVES_M:
-        return length < config.pre_sliding
-    least = PLAUSIBLE * max(state.certified, PLAUSIBLE * state.carried)
-    return length < config.pre_sliding or slipping_load(config, history, i) < least
+    if length < config.pre_sliding:
+        return True
+    doubted = PLAUSIBLE * max(state.certified, PLAUSIBLE * state.carried)
+    return i >= 0 and length < GIVES_M and slipping_load(config, history, i) < doubted
 
 
 @part
