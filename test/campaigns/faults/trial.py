@@ -325,6 +325,10 @@ class Trial:
             values[name] = (change_factor(fault.size) * np.array(values[name], float)).tolist()
         with suppress(InputError):  # gains may be refused; that is no violation
             controller.retune(build(ControllerNodeParams, values, "trial"))
+            # HOLD carries what it is told that the arm carries; softer with the same damping, it returns as much later.
+            self._joints.begin_again()
+            usual, now = (params.safety.hold_stiffness for params in (self.scenario.controller, controller.tuned))
+            self._joints.rest_after_s = REST_AFTER_S * max(1.0, usual / now)
 
     def _restart_bridge(self, back: float) -> None:
         """Let the bridge be away until `back` [s] and then begin where the arm is, with the object in the grasp."""
