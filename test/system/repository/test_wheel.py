@@ -17,8 +17,12 @@ pytestmark = pytest.mark.long
 ROOT = Path(__file__).parents[3]
 LIMIT_S = 1500.0
 DEADLINE_S = 600.0
-# Benchmarks, and two arms on one object: compiled where they are first made, in the parent of the processes.
-NOT_IN_A_RUN = ("test.campaigns.", "slip_sim_bridge.plant.elastic")
+# Benchmarks, another's timing, and two arms on one object: compiled where they are first made, in the parent of the
+# processes.
+NOT_IN_A_RUN = (
+    "test.campaigns.", "slip_vic_controller.reference.retiming", "slip_sim_bridge.plant.elastic",
+    "slip_sim_bridge.soft_grasp",
+)  # fmt: skip
 
 
 def environment(venv: Path) -> dict[str, str]:
