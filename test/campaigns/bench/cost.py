@@ -22,10 +22,8 @@ from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params import ContactParams, ControllerParams
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.session import ControllerSession, CycleResult
-from test.campaigns.bench.bare_law import BareLaw
 from test.campaigns.bench.chain import chain_urdf
 from test.campaigns.bench.pingpong import JOINTS, LEDGER_FORM, NEEDED, TRUTH, codec
-from test.campaigns.bench.whole_pass import whole_pass
 from test.support.one_arm import one_arm
 
 SCENARIO = "paper_planar"
@@ -102,12 +100,16 @@ def bare_terms(robot: Robot, joint: JointSample) -> Call:
 
 def backward_pass(governed: Moment) -> Call:
     """Return the governor's whole backward pass over the path of a governed moment."""
+    from test.campaigns.bench.whole_pass import whole_pass
+
     state, F = governed.session.buffer.copy(), governed.scenario.controller.governor.friction_limit
     return lambda: whole_pass(state, F)
 
 
 def closed_loop_factor(scenario: Scenario, ticks: int) -> float:
     """Return simulated over wall time of simulator, sensors and law in one loop: the law alone, no middleware."""
+    from test.campaigns.bench.bare_law import BareLaw  # half a minute of compilation, for this alone
+
     bridge = scenario.bridge_session()
     law = BareLaw(one_arm(scenario.controller, scenario.urdf, lockstep=True))
     outputs = bridge.observe()
