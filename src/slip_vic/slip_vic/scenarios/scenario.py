@@ -18,6 +18,7 @@ from slip_core.files.placed_urdf import on_base
 from slip_core.files.plain_yaml import read_yaml
 from slip_core.files.urdf_file import read_urdf
 from slip_core.grasp_params import BaseParams, Three
+from slip_core.loading import without_collector
 from slip_core.params import (
     ParameterModel,
     build,
@@ -232,7 +233,9 @@ class Scenario:
             InputError: e.g. a URDF without the frame, joints missing or in another order, a path out of reach;
                 more contacts than arms.
         """
-        from slip_vic_controller.session import Controller
+        with without_collector():
+            from slip_sim_bridge.session import BridgeSession
+            from slip_vic_controller.session import Controller
 
         for params in self.controllers.values():
             contacts = params.contacts.count
@@ -243,7 +246,7 @@ class Scenario:
                     fix="several arms that hold one object are below `arms` in the scenario: docs/two_arms.md",
                 )  # fmt: skip
         Controller(self.controllers, self.placed, lockstep=True)
-        self.bridge_session()
+        BridgeSession(self.bridges, self.urdfs)
         self.check_arm()
 
     def bridge_session(self) -> BridgeSession:
