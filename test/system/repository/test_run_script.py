@@ -100,7 +100,7 @@ def called(tmp_path: Path) -> dict[str, str]:
                 "ruff check .",
                 "mypy ",
                 f"python -m pytest {FAST}",
-                f"python -m pytest test/referees test/system -n 3 {BY_FILE} "
+                f"python -m pytest test/referees test/system -n 4 {BY_FILE} "
                 + " ".join(f"--ignore={path}" for path in ALONE),
                 f"python -m pytest {' '.join(ALONE)}",
             ],
