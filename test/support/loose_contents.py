@@ -77,7 +77,7 @@ def main() -> None:
                 for scenario in SCENARIOS:
                     runs = [with_loose_contents(share, frequency, scenario, drive, law) for drive in DRIVES]
                     cells = " | ".join(f"{1e3 * run.slip:.1f}" for run in runs)
-                    print(f"| {share:.0%} | {frequency} Hz | {law} | {scenario} | {cells} |", flush=True)
+                    print(f"| {100.0 * share:.0f} % | {frequency} Hz | {law} | {scenario} | {cells} |", flush=True)
 
 
 if __name__ == "__main__":

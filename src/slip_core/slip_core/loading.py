@@ -15,5 +15,4 @@ def without_collector() -> Iterator[None]:
     try:
         yield
     finally:
-        if collects:
-            gc.enable()
+        (gc.enable if collects else gc.disable)()  # what was compiled meanwhile needed it

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
 import signal
 import struct
 
+from slip_msgs_py.stop_flag import end_with
+
 LATENCY_FILE = "/dev/cpu_dma_latency"
-_PR_SET_PDEATHSIG = 1
 
 
 class CpuLatency:
@@ -63,10 +63,10 @@ def _idle_process(core: int) -> int:
     try:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_DFL)
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+        end_with(parent)
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
         os.sched_setaffinity(0, (core,))
-        while os.getppid() == parent:  # it may have ended before the line above
+        while os.getppid() == parent:  # also where the kernel sends no signal
             for _ in range(1_000_000):
                 pass  # to be busy is the work
     finally:

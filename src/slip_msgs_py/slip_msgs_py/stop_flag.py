@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import signal
 import sys
@@ -12,6 +13,7 @@ from types import FrameType
 from typing import Any, Final
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_PR_SET_PDEATHSIG: Final = 1
 
 
 class StopFlag:
@@ -117,3 +119,10 @@ def ending_at_once(exit_code: int, line: str = "") -> contextlib.AbstractContext
         os._exit(exit_code)
 
     return ending(end)
+
+
+def end_with(parent: int) -> None:
+    """End this process as soon as its parent ends, whose process id this is."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:  # it may have ended before the line above
+        os._exit(0)

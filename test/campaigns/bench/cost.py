@@ -24,6 +24,7 @@ from slip_vic_controller.robot import Robot
 from slip_vic_controller.session import ControllerSession, CycleResult
 from test.campaigns.bench.chain import chain_urdf
 from test.campaigns.bench.pingpong import JOINTS, LEDGER_FORM, NEEDED, TRUTH, codec
+from test.campaigns.bench.whole_pass import whole_pass
 from test.support.one_arm import one_arm
 
 SCENARIO = "paper_planar"
@@ -100,8 +101,6 @@ def bare_terms(robot: Robot, joint: JointSample) -> Call:
 
 def backward_pass(governed: Moment) -> Call:
     """Return the governor's whole backward pass over the path of a governed moment."""
-    from test.campaigns.bench.whole_pass import whole_pass
-
     state, F = governed.session.buffer.copy(), governed.scenario.controller.governor.friction_limit
     return lambda: whole_pass(state, F)
 

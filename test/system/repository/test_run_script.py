@@ -115,7 +115,7 @@ def test_the_checks_of_each_tier(called: dict[str, str], arguments: tuple[str, .
         [ROOT / "tools" / "check", *arguments], env=called, capture_output=True, text=True, timeout=150, check=True
     )
     found = [line.removeprefix("called ") for line in done.stdout.splitlines() if line.startswith("called ")]
-    compiles = [line for line in found if "prepare()" in line]  # in any order with them
+    compiles = [line for line in found if "prepare()" in line]  # beside the first checks, in any order with them
     assert len(compiles) == 1
     assert [line.strip() for line in found if line not in compiles] == [line.strip() for line in calls]
 

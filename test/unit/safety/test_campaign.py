@@ -511,6 +511,14 @@ def test_an_arm_with_friction_that_was_thrown_comes_to_rest_in_fault() -> None:
     assert outcome.violations == []
 
 
+@pytest.mark.parametrize("trial", [11919, 6298])
+def test_an_arm_may_rest_as_late_as_hold_was_told(trial: int) -> None:
+    """By a spring that is a sixth as stiff, or with a load that was told anew: the monitor counted from before."""
+    outcome = run_trial(plan_of(404040, trial))
+    assert "parameter" in [fault.kind for fault in outcome.plan.faults]
+    assert outcome.violations == []
+
+
 @pytest.mark.parametrize("trial", [89, 323])
 def test_the_law_ends_where_wrenches_show_joint_states_that_are_late(trial: int) -> None:
     """By 68 ms and more: it went on for up to a second, while the path came to rest."""

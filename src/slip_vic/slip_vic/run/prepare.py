@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import ctypes
 import fcntl
 import functools
 import importlib
 import os
-import signal
 import subprocess
 import sys
 from pathlib import Path
 from typing import Final
 
 from slip_core.errors import InputError
-from slip_msgs_py.stop_flag import ending_at_once
+from slip_msgs_py.stop_flag import end_with, ending_at_once
 from slip_vic.run.versions import digest, versions
 
 MODULES: Final = ("slip_core.poses", "slip_vic_controller.session", "slip_sim_bridge.session")
 """These import all modules with compiled formulas."""
 LONGEST: Final = "slip_vic_controller.cycle"
 BESIDE: Final = ("slip_sim_bridge.session", "slip_vic_controller.arrival")
-"""What a second process compiles while this one compiles the longest: 58 s instead of 86 on two cores."""
-_PR_SET_PDEATHSIG: Final = 1
+"""What a second process compiles while this one compiles the longest: 66 s instead of 86 on two cores."""
 
 
 @functools.cache
@@ -46,9 +43,8 @@ def prepare() -> None:
 
 def compile_beside(parent: int) -> None:
     """Compile what a second process does, and end with its parent, whose process id this is."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-    if os.getppid() == parent:  # it may have ended before the line above
-        _compile(BESIDE)
+    end_with(parent)
+    _compile(BESIDE)
 
 
 def _compile_in_two() -> str:

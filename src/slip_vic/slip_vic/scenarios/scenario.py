@@ -234,7 +234,6 @@ class Scenario:
                 more contacts than arms.
         """
         with without_collector():
-            from slip_sim_bridge.session import BridgeSession
             from slip_vic_controller.session import Controller
 
         for params in self.controllers.values():
@@ -246,7 +245,7 @@ class Scenario:
                     fix="several arms that hold one object are below `arms` in the scenario: docs/two_arms.md",
                 )  # fmt: skip
         Controller(self.controllers, self.placed, lockstep=True)
-        BridgeSession(self.bridges, self.urdfs)
+        self.bridge_session()
         self.check_arm()
 
     def bridge_session(self) -> BridgeSession:
