@@ -596,26 +596,21 @@ class ArmSession:
         return joint
 
     def result(self, joint: JointSample, inputs: Array, outputs: Array) -> CycleResult:
-        """Return the result of a cycle for this arm; INPUTS and OUTPUTS of all arms.
-
-        A request is kept for the next cycle where this one has only bridged a bad joint state.
-        """
-        own = outputs[self.outputs_place]
-        if self._asked and own.view(np.int64)[_STEP] == Step.BRIDGE:
-            self._request = self._asked
-        return CycleResult(self.controller, joint, inputs[self.inputs_place], own)
+        """Return the result of a cycle for this arm; INPUTS and OUTPUTS of all arms."""
+        return CycleResult(self.controller, joint, inputs[self.inputs_place], outputs[self.outputs_place])
 
     def fill(self, now_ns: int, missing: int, inputs: Array) -> Array:
         """Fill clock and request of the INPUTS of this arm, in those of all arms, and return them."""
         own = inputs[self.inputs_place]
         whole = own.view(np.int64)
-        whole[_PRESENT], whole[_NOW] = 1, now_ns
-        if missing:
-            whole[_MISSING] = missing
-        self._asked = self._request
-        if self._asked:
-            whole[_REQUEST], self._request = self._asked, Request.NONE
+        whole[_PRESENT], whole[_NOW], whole[_REQUEST], whole[_MISSING] = 1, now_ns, self._request, missing
+        self._asked, self._request = self._request, Request.NONE
         return own
+
+    def ask_again(self, outputs: Array) -> None:
+        """Keep a request for the next cycle where this one has only bridged a bad joint state; OUTPUTS of all arms."""
+        if self._asked and outputs[self.outputs_place].view(np.int64)[_STEP] == Step.BRIDGE:
+            self._request = self._asked
 
     def give(
         self,
@@ -944,6 +939,8 @@ class ControllerSession:
         inputs, outputs = np.zeros(self._inputs_size), np.zeros(self._outputs_size)
         joints = [arm.prepare(now_ns, inputs) for arm in self.arms]
         cycle(self._config, self.buffer, inputs, outputs)
+        for arm in self.arms:
+            arm.ask_again(outputs)
         for arm in self._taring:
             arm.use_tare()
         pairs = zip(self.arms, joints, strict=True)
