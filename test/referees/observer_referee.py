@@ -26,6 +26,7 @@ class Tick:
     force: np.ndarray
     turn: np.ndarray
     drag: np.ndarray
+    load: float
     samples: list[tuple[int, tuple[float, ...]]] = field(default_factory=list)
     contradicts: list[bool] = field(default_factory=list)
     after: list[np.ndarray] = field(default_factory=list)
@@ -88,7 +89,9 @@ class ObserverReferee:
         turn[:3, :3], turn[3:, 3:] = skew(w_ee + 2.0 * w_o), skew(w_ee + w_o)
         step, force = on_pad(v_ee - self.v_ee - dt * motion["follow"]), on_pad(motion["force"])
         drag = motion["drag"] @ R
-        return Tick(stamp_ns, dt, step[self.axes], force[self.axes], turn[self.block], drag[self.linear])
+        return Tick(
+            stamp_ns, dt, step[self.axes], force[self.axes], turn[self.block], drag[self.linear], motion["load"]
+        )
 
     # -- stick
     def _stick(self, tick: Tick, fresh) -> None:
@@ -108,8 +111,8 @@ class ObserverReferee:
                     self.sample_mean = np.array(values)
                 if total > self.config.nis_slip:
                     seen_ns = stamp_ns
-        soon = self.stamp_ns - self.since_ns < self.config.memory_ns
-        if self.significance > (self.config.nis_again if soon else self.config.nis_slip):
+        likely = tick.load > self.config.load or self.stamp_ns - self.since_ns < self.config.memory_ns
+        if self.significance > (self.config.nis_likely if likely else self.config.nis_slip):
             self.P[:, 1, 1] += (self.onset_gain * np.sqrt(np.sum(tick.drag**2))) ** 2
             self.sliding = True
             self._run(0)

@@ -61,6 +61,7 @@ from slip_vic_controller.governing import (
     governed_reference,
     guard,
     held,
+    load_of_motion,
     put_governed,
     rest_after_hold,
     rest_on_path,
@@ -975,6 +976,7 @@ def sense(
         observer, queue, motion = state.observer, state.queue, outputs.motion
         if not predict_motion(config.law, outputs.gains, inputs.arm, samples, law.slips, observer.twist, motion):
             return Cause.NO_ESTIMATE.value
+        motion.load = load_of_motion(config, state, outputs.gains, inputs.arm, spatial(samples[0].wrench))
         if config.estimator.on != 0:
             pad_variances(config.estimator, inputs.arm, motion)
             if config.command.interface != Interface.EFFORT:

@@ -34,7 +34,7 @@ from slip_vic_controller.reference.goals import (
 from slip_vic_controller.reference.governor import GovernedPad, Governor, GovernorConfig
 from slip_vic_controller.reference.grip import follow_load, load_ahead
 from slip_vic_controller.reference.guard import missing_load
-from slip_vic_controller.reference.load import ALONE, Held, Shared, load, size, surface
+from slip_vic_controller.reference.load import ALONE, Held, Shared, load, size, surface, weight
 from slip_vic_controller.reference.path_grid import Along, Governing, along, along_at
 from slip_vic_controller.reference.paths import Reference, put_reference, reference_at
 from slip_vic_controller.reference.stream import (
@@ -80,6 +80,22 @@ def held(config: ControllerConfig, state: ArmState, gains: LawGains) -> Held:
     arm = math.sqrt(with_others.longest * with_others.longest + rho * rho)
     shared = Shared(with_others.contacts, with_others.middle, with_others.inverse, arm, rho)
     return Held(own.mass, own.inertia, own.r, shared)
+
+
+@part
+def load_of_motion(
+    config: ControllerConfig, state: ArmState, gains: LawGains, arm: Arm, wrench: Spatial
+) -> float:  # fmt: skip
+    """Return what a wrench [N, N m] {ee} takes of the configured friction that the weight leaves; 1 = all of it.
+
+    Zero where friction does not carry the weight, and below zero where the wrench is smaller than the weight.
+    """
+    weights, F = (
+        surface(spatial(config.governor.slip_axes), config.governor.radius),
+        config.governor.estimate.configured,
+    )
+    at_rest = size(weight(held(config, state, gains), weights, mat(arm.rotation), vec(config.governor.gravity)))
+    return (size(weights * wrench) - at_rest) / (F - at_rest) if at_rest < F else 0.0
 
 
 @part

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from slip_core.records import new, record
 from slip_vic_controller.arm.config import velocity_correlation
-from slip_vic_controller.observer.config import observer_config
+from slip_vic_controller.observer.config import LIKELY, observer_config
 from slip_vic_controller.observer.layouts import OBSERVER, OBSERVER_CONFIG, ROW
 from slip_vic_controller.observer.slip import is_confirmed
 from slip_vic_controller.observer.stick import SLOW_GROWTH, window_ticks
@@ -120,11 +120,32 @@ def test_slip_must_show_over_the_longer_the_noisier_the_velocities_are_where_the
     assert window_ticks(exact, row) == exact.window_ticks == exact.longest_window_ticks
 
 
-def test_noise_of_estimated_velocities_lasts_unless_it_is_the_lag_of_a_filter() -> None:
+def test_noise_of_estimated_velocities_lasts_unless_it_is_the_lag_of_a_filter_and_samples_are_soon_there() -> None:
     filtered = {"joint_sensor__quantum_position": 5e-5, "joint_sensor__velocity_filter_hz": 50.0}
     assert config_of(**REAL_ARM, joint_sensor__noise_velocity=1e-3).correlation_ticks > 1.0
-    assert config_of(**REAL_ARM, **filtered).correlation_ticks == 0.0
+    assert config_of(**REAL_ARM, **filtered, slip_sensor__latency_s=0.035).correlation_ticks == 0.0
+    assert config_of(**REAL_ARM, **filtered, slip_sensor__latency_s=0.045).correlation_ticks > 1.0
     assert config_of().correlation_ticks == 0.0
+
+
+def test_slip_is_over_once_a_sample_of_that_time_has_come_where_no_governor_slows_the_path() -> None:
+    camera = {"slip_sensor__latency_s": 0.08}
+    assert config_of(**REAL_ARM, **camera).dwell_ticks == 80
+    assert config_of(**REAL_ARM, **camera, observer__dwell_s=0.2).dwell_ticks == 200
+    for config in (
+        config_of(**camera),
+        config_of(**REAL_ARM),
+        config_of(**REAL_ARM, **camera, governor__mode="slow_down"),
+    ):
+        assert config.dwell_ticks == 5
+
+
+def test_slip_that_is_likely_needs_less_evidence_where_no_governor_keeps_the_load_below_friction() -> None:
+    alone = config_of(**REAL_ARM)
+    np.testing.assert_allclose(alone.nis_likely, chi2.isf(LIKELY, 3), rtol=1e-9)
+    assert config_of(**REAL_ARM, observer__false_alarm_rate=0.01).nis_likely == pytest.approx(chi2.isf(0.01, 3))
+    for config in (config_of(), config_of(**REAL_ARM, governor__mode="slow_down")):
+        assert config.nis_likely == config.nis_slip == alone.nis_slip
 
 
 def test_where_velocities_are_noisy_bias_and_gain_count_together_as_they_act() -> None:

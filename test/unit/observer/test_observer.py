@@ -9,7 +9,7 @@ import numpy as np
 from slip_core.records import new, record
 from slip_vic_controller.law.contact import SLIP_SAMPLE
 from slip_vic_controller.observer.axis import Axis, noisy_zero_velocity_update, zero_velocity_update
-from slip_vic_controller.observer.layouts import OBSERVER, OBSERVER_CONFIG, ROW
+from slip_vic_controller.observer.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW
 from slip_vic_controller.observer.stick import learn_model_errors
 from test.support.call import call
 from test.unit.observer.bench import Bench
@@ -214,19 +214,40 @@ def test_a_slip_that_late_samples_show_is_that_of_their_stamp() -> None:
         assert abs(bench.twist[0] - behind - bench.state.twist[0]) < lag
 
 
-def test_soon_after_it_has_held_a_slip_is_found_earlier_without_a_governor() -> None:
-    """A path that friction does not carry goes on; below a governor it is slower by then."""
+def test_where_slip_is_likely_it_is_found_earlier_without_a_governor() -> None:
+    """Soon after it has held, and where motion takes most of the friction: a governor keeps the path below that."""
+    likely = {"soon": (100, 0.0), "loaded": (400, 0.9)}  # the memory is 300 ticks
     ticks = {}
     for mode in ("off", "slow_down"):
-        for rest in (100, 400):  # the memory is 300 ticks
+        for name, (rest, load) in {**likely, "neither": (400, 0.8)}.items():
             bench = Bench(tare__duration_s=0.3, governor__mode=mode, **SENSOR)
             for _ in range(rest):
-                bench.step(np.zeros(6))
+                bench.step(np.zeros(6), load=load)
             while not bench.state.sliding:
-                bench.step(six(x=0.3))
-            ticks[mode, rest] = bench.tick - rest
-    assert ticks["off", 100] < ticks["slow_down", 100]
-    assert ticks["off", 400] == ticks["slow_down", 400]
+                bench.step(six(x=0.3), load=load)
+            ticks[mode, name] = bench.tick - rest
+    for name in likely:
+        assert ticks["off", name] < 0.7 * ticks["off", "neither"], name
+        assert ticks["slow_down", name] == ticks["slow_down", "neither"] == ticks["off", "neither"], name
+
+
+def test_a_fast_slip_shows_in_the_newest_ticks_of_a_long_window() -> None:
+    """Soon after the law has begun little is known of the wrench's bias: over all ticks it adds up to more."""
+    slips = {}
+    for window_s in (0.04, 0.15):
+        noisy = {"tare__duration_s": 0.3, "wrench_sensor__bias_force": 0.2, "observer__window_s": window_s}
+        observer = Observer(make_params(**noisy, **SENSOR), rows=1000, correlation_ticks=20.0)
+        twist, slips[window_s] = np.zeros(6), 0
+        for tick in range(1, 1000):
+            slips[window_s] += tick > 130
+            twist[0] = 3e-3 * slips[window_s]
+            motion = make_motion(twist)
+            motion.view(MOTION)[0]["velocity_variance"] = 1.7e-3**2
+            assert observer.observe(motion, tick * MS, ())
+            if observer.state.sliding:
+                break
+        assert observer.state.rows > 100, "all of the window is run as slip"
+    assert slips[0.04] < 0.5 * slips[0.15]
 
 
 def test_samples_that_go_on_contradicting_the_model_are_believed() -> None:

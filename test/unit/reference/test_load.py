@@ -5,10 +5,14 @@ from scipy.spatial.transform import Rotation
 
 from slip_core.records import new, record
 from slip_core.vectors import mat, spatial, vec
-from slip_vic_controller.governing import held_by
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.governing import held_by, load_of_motion
 from slip_vic_controller.law.contact import CONTACT, SLIP
 from slip_vic_controller.reference.guard import guard_factor
 from slip_vic_controller.reference.load import ALONE, Held, Shared, at_contact, load, size, surface
+from slip_vic_controller.state import CONFIG, OUTPUTS
+from test.support.call import call
 
 SEED, CASES = 5, 60
 ROUNDING = 1e-12
@@ -102,3 +106,28 @@ def test_the_load_of_shared_pads_is_never_below_that_of_any_of_them() -> None:
         assert max(loads) <= bound * (1.0 + ROUNDING)
         tight = max(tight, max(loads) / bound)
     assert tight > 0.9
+
+
+def test_motion_takes_a_share_of_the_friction_that_the_weight_leaves() -> None:
+    """Where vertical_plane begins, upright but for what joints give way: 1.96 N, no torque about the pads' normal."""
+    loop = ClosedLoop(load_scenario("vertical_plane", law="vic", sensor="vision_25", drive="torque_joint"))
+    result = loop.control(loop.observe())
+    while not result.mode.follows:
+        loop.bridge.advance([result.command])
+        result = loop.control(loop.observe())
+    config, state = record(loop.session.controller.config.copy(), CONFIG), loop.controller.state
+    gains = record(result.outputs.copy(), OUTPUTS).gains
+    weight, rho = 0.2 * 9.81, config.governor.radius
+
+    def share(wrench) -> float:
+        return float(call(load_of_motion, config, state, gains, result.arm, np.array(wrench)))
+
+    for F in (2.2, 4.0):
+        config.governor.estimate.configured = F
+        for force, torque in ((weight, 0.0), (0.5 * weight, 0.0), (F, 0.0), (3.0, 0.05), (0.0, -0.01)):
+            expected = (np.hypot(force, torque / rho) - weight) / (F - weight)
+            for direction in ((1.0, 0.0), (0.6, -0.8)):
+                fx, fy = force * np.array(direction)
+                np.testing.assert_allclose(share((fx, fy, 7.0, 0.3, -0.2, torque)), expected, rtol=1e-3, atol=1e-3)
+    config.governor.estimate.configured = 0.99 * weight
+    assert share((5.0, 0.0, 0.0, 0.0, 0.0, 0.0)) == 0.0

@@ -20,6 +20,11 @@ WITNESSES = 3
 """Samples in a row that a real sensor must show slip in: two outliers in a row happen in every minute."""
 TOGETHER = 1.2
 """What these samples may move the tested mean together, over what is significant [1]."""
+LIKELY = 1e-4
+"""Probability, per tick in stick, that slip is declared where it is likely."""
+LOAD = 0.85
+"""Share of the configured friction, as far as the weight leaves it, beyond which slip is likely: the true one may be
+that much lower."""
 MOST_ROWS = 100_000
 """Rows of a history that still fits into memory and into a cycle many times."""
 
@@ -107,15 +112,17 @@ def observer_config(params: ControllerParams, *, weighed: bool = False, correlat
     count = max(int(np.sum(config.axes)), 1)
     config.correlation_ticks = correlation_ticks if params.stands_alone else 0.0
     config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
-    # What has just slipped is likely to slip again: with a governor the path is slower by then.
-    again = math.sqrt(tuning.false_alarm_rate) if params.stands_alone else tuning.false_alarm_rate
-    config.nis_again = float(chdtri(count, again))
+    # A governor keeps the load below friction, and the path is slower once the object has slipped.
+    likely = max(LIKELY, tuning.false_alarm_rate) if params.stands_alone else tuning.false_alarm_rate
+    config.nis_likely, config.load = float(chdtri(count, likely)), LOAD
     config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))
     needed = witnesses(params)
     config.most_step = TOGETHER / needed if needed > 1 else math.inf
     config.smoothing, config.outlier_deviations = tuning.smoothing, tuning.outlier
     config.friction_spread, config.friction_memory_ticks = tuning.drag_spread, tuning.drag_memory_s / T
-    config.dwell_ticks = max(1, round(tuning.dwell_s / T))
+    # Without a governor the path goes on: slip is over once a sample of that time has come.
+    dwell_s = max(tuning.dwell_s, sensor.latency_s) if params.stands_alone else tuning.dwell_s
+    config.dwell_ticks = max(1, round(dwell_s / T))
     config.dates_samples = int(params.stands_alone)
     # Without a governor the ticks since a late sample was measured are kept: the slip is that of its stamp.
     late_s = min(sensor.latency_s, tuning.memory_s) if params.stands_alone else 0.0

@@ -72,7 +72,7 @@ def observe(
     if state.sliding:
         observe_slip(config, state, history, rows, samples, count)
     else:
-        observe_stick(config, state, rows, samples, count)
+        observe_stick(config, state, rows, samples, count, motion.load)
     publish(config, state, motion)
     return is_small(state)
 

@@ -72,12 +72,14 @@ def learn_model_errors(config: ObserverConfig, state: Observer, row: Row) -> Non
 
 
 @part
-def normalised_innovation_squared(config: ObserverConfig, state: Observer, rows: Records[Row]) -> float:
-    """Return v^T S^-1 v of the velocity that the window adds up to from v = 0; chi-squared where there is no slip; [1].
+def normalised_innovation_squared(
+    config: ObserverConfig, state: Observer, rows: Records[Row], begin: int
+) -> float:  # fmt: skip
+    """Return v^T S^-1 v of the velocity that rows add up to from v = 0; chi-squared where there is no slip; [1].
 
-    S: the variances that the model's errors and the process noise of the window give it.
+    S: the variances that the model's errors and the process noise of these rows give it; begin: the first row.
     """
-    first, last = row_at(state, rows, 0), row_at(state, rows, state.rows - 1)
+    first, last = row_at(state, rows, begin), row_at(state, rows, state.rows - 1)
     time = last.time - first.time + first.dt
     total = 0.0
     for i in range(AXES):
@@ -86,7 +88,7 @@ def normalised_innovation_squared(config: ObserverConfig, state: Observer, rows:
             impulse = last.impulses[i] - first.impulses[i] + first.dt * first.force[i]
             v = last.steps[i] - first.steps[i] + first.step[i] - time * x.b - impulse * x.c
             S = time * time * x.P_bb + 2.0 * time * impulse * x.P_bc + impulse * impulse * x.P_cc
-            S += state.rows * config.process_variance[i] + config.floor_variance[i]
+            S += (state.rows - begin) * config.process_variance[i] + config.floor_variance[i]
             total += v * v / (S + first.velocity_variance[i] + last.velocity_variance[i])
     return total
 
@@ -172,18 +174,25 @@ def begin_slip_of_samples(config: ObserverConfig, state: Observer, rows: Records
 
 @part
 def observe_stick(
-    config: ObserverConfig, state: Observer, rows: Records[Row], samples: Records[StampedSlip], count: int,
+    config: ObserverConfig, state: Observer, rows: Records[Row], samples: Records[StampedSlip], count: int, load: float,
 ) -> None:  # fmt: skip
-    """Learn from the tick that leaves the window, and test whether slip has begun; the tick's row is the last one."""
+    """Learn from the tick that leaves the window, and test whether slip has begun; the tick's row is the last one.
+
+    load: of motion, over the friction that the weight leaves. What has just slipped, or is loaded that much, is likely
+    to slip: then the model needs less evidence.
+    """
     add_up(state, rows)
     window = window_ticks(config, row_at(state, rows, state.rows - 1))
     while state.rows > window:
         learn_model_errors(config, state, row_at(state, rows, 0))
         drop_oldest(state, rows)
-    state.significance = normalised_innovation_squared(config, state, rows)
+    state.significance = normalised_innovation_squared(config, state, rows, 0)
+    if state.rows > config.window_ticks:  # a fast slip shows in the newest ticks first, where errors add up to less
+        newest = normalised_innovation_squared(config, state, rows, state.rows - config.window_ticks)
+        state.significance = max(state.significance, newest)
     seen = average_and_test_samples(config, state, samples, count)
-    soon = state.stamp_ns - state.since_ns < config.memory_ns
-    if state.significance > (config.nis_again if soon else config.nis_slip):
+    likely = load > config.load or state.stamp_ns - state.since_ns < config.memory_ns
+    if state.significance > (config.nis_likely if likely else config.nis_slip):
         begin_slip_of_model(config, state, rows)
     elif seen >= 0:
         begin_slip_of_samples(config, state, rows, samples[seen].stamp_ns)
