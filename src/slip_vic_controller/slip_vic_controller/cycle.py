@@ -976,7 +976,8 @@ def sense(
         observer, queue, motion = state.observer, state.queue, outputs.motion
         if not predict_motion(config.law, outputs.gains, inputs.arm, samples, law.slips, observer.twist, motion):
             return Cause.NO_ESTIMATE.value
-        motion.load = load_of_motion(config, state, outputs.gains, inputs.arm, spatial(samples[0].wrench))
+        if config.observer.nis_likely < config.observer.nis_slip:  # else it makes no difference
+            motion.load = load_of_motion(config, state, outputs.gains, inputs.arm, spatial(samples[0].wrench))
         if config.estimator.on != 0:
             pad_variances(config.estimator, inputs.arm, motion)
             if config.command.interface != Interface.EFFORT:

@@ -34,7 +34,7 @@ from slip_vic_controller.reference.goals import (
 from slip_vic_controller.reference.governor import GovernedPad, Governor, GovernorConfig
 from slip_vic_controller.reference.grip import follow_load, load_ahead
 from slip_vic_controller.reference.guard import missing_load
-from slip_vic_controller.reference.load import ALONE, Held, Shared, load, size, surface, weight
+from slip_vic_controller.reference.load import ALONE, Held, Shared, size, surface, weight
 from slip_vic_controller.reference.path_grid import Along, Governing, along, along_at
 from slip_vic_controller.reference.paths import Reference, put_reference, reference_at
 from slip_vic_controller.reference.stream import (
@@ -83,29 +83,28 @@ def held(config: ControllerConfig, state: ArmState, gains: LawGains) -> Held:
 
 
 @part
-def load_of_motion(
-    config: ControllerConfig, state: ArmState, gains: LawGains, arm: Arm, wrench: Spatial
-) -> float:  # fmt: skip
+def load_at_rest(config: ControllerConfig, state: ArmState, gains: LawGains, arm: Arm) -> float:
+    """Return the load of the object's weight on the own pad [N]."""
+    weights = surface(spatial(config.governor.slip_axes), config.governor.radius)
+    return size(weight(held(config, state, gains), weights, mat(arm.rotation), vec(config.governor.gravity)))
+
+
+@part
+def load_of_motion(config: ControllerConfig, state: ArmState, gains: LawGains, arm: Arm, wrench: Spatial) -> float:
     """Return what a wrench [N, N m] {ee} takes of the configured friction that the weight leaves; 1 = all of it.
 
     Zero where friction does not carry the weight, and below zero where the wrench is smaller than the weight.
     """
-    weights, F = (
-        surface(spatial(config.governor.slip_axes), config.governor.radius),
-        config.governor.estimate.configured,
-    )
-    at_rest = size(weight(held(config, state, gains), weights, mat(arm.rotation), vec(config.governor.gravity)))
+    weights = surface(spatial(config.governor.slip_axes), config.governor.radius)
+    F, at_rest = config.governor.estimate.configured, load_at_rest(config, state, gains, arm)
     return (size(weights * wrench) - at_rest) / (F - at_rest) if at_rest < F else 0.0
 
 
 @part
 def begin_pad(config: ControllerConfig, state: ArmState, arm: Arm, gains: LawGains) -> None:
     """Begin with a pad: its load is that of the object at rest."""
-    weights = surface(spatial(config.governor.slip_axes), config.governor.radius)
-    nothing = Spatial(ZERO, ZERO)
-    at_rest = load(held(config, state, gains), weights, mat(arm.rotation), ZERO, vec(config.governor.gravity), nothing)
     grip, weighed = state.grip.actual / config.grip.nominal, state.tare.mass_share != 0.0
-    governor.start_pad(config.governor, state.pad, size(at_rest), bool(weighed), grip)
+    governor.start_pad(config.governor, state.pad, load_at_rest(config, state, gains, arm), bool(weighed), grip)
 
 
 @part

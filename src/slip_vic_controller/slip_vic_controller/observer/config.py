@@ -20,8 +20,6 @@ WITNESSES = 3
 """Samples in a row that a real sensor must show slip in: two outliers in a row happen in every minute."""
 TOGETHER = 1.2
 """What these samples may move the tested mean together, over what is significant [1]."""
-LIKELY = 1e-4
-"""Probability, per tick in stick, that slip is declared where it is likely."""
 LOAD = 0.85
 """Share of the configured friction, as far as the weight leaves it, beyond which slip is likely: the true one may be
 that much lower."""
@@ -113,7 +111,7 @@ def observer_config(params: ControllerParams, *, weighed: bool = False, correlat
     config.correlation_ticks = correlation_ticks if params.stands_alone else 0.0
     config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
     # A governor keeps the load below friction, and the path is slower once the object has slipped.
-    likely = max(LIKELY, tuning.false_alarm_rate) if params.stands_alone else tuning.false_alarm_rate
+    likely = math.sqrt(tuning.false_alarm_rate) if params.stands_alone else tuning.false_alarm_rate
     config.nis_likely, config.load = float(chdtri(count, likely)), LOAD
     config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))
     needed = witnesses(params)

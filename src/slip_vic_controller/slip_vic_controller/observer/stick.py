@@ -72,9 +72,7 @@ def learn_model_errors(config: ObserverConfig, state: Observer, row: Row) -> Non
 
 
 @part
-def normalised_innovation_squared(
-    config: ObserverConfig, state: Observer, rows: Records[Row], begin: int
-) -> float:  # fmt: skip
+def normalised_innovation_squared(config: ObserverConfig, state: Observer, rows: Records[Row], begin: int) -> float:
     """Return v^T S^-1 v of the velocity that rows add up to from v = 0; chi-squared where there is no slip; [1].
 
     S: the variances that the model's errors and the process noise of these rows give it; begin: the first row.
