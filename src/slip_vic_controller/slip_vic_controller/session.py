@@ -37,8 +37,8 @@ from slip_vic_controller.arrival import (
     replace_joint_state,
 )
 from slip_vic_controller.config import governed_stream, make_config, renew_config, use_noise
-from slip_vic_controller.cycle import Step, cycle, watchdog
-from slip_vic_controller.cycle import describe as describe_cycle
+from slip_vic_controller.cycle.cycle import cycle, watchdog
+from slip_vic_controller.cycle.cycle import describe as describe_cycle
 from slip_vic_controller.law.gains import (
     LAW_GAINS,
     RAMP,
@@ -71,6 +71,7 @@ from slip_vic_controller.state import (
     TASK_STATE,
     ArmState,
     ControllerConfig,
+    Step,
     TaskState,
 )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import IntEnum, unique
 from typing import Annotated
 
 from slip_core.arrays import Array
@@ -192,6 +193,15 @@ class CycleInputs(Record):
 
 
 INPUTS = dtype_of(CycleInputs)
+
+
+@unique
+class Step(IntEnum):
+    """What a cycle does for an arm after its decision."""
+
+    NONE = 0
+    BRIDGE = 1
+    ANSWER = 2
 
 
 class Decision(Record):

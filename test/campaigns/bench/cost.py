@@ -17,11 +17,11 @@ from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.run.in_process import ClosedLoop, run_in_process
 from slip_vic.scenarios.scenario import Scenario, load_scenario
-from slip_vic_controller.cycle import ARM_SIZE, TASK_SIZE
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params import ContactParams, ControllerParams
 from slip_vic_controller.robot import Robot
 from slip_vic_controller.session import ControllerSession, CycleResult
+from slip_vic_controller.state import ARM_SIZE, TASK_SIZE
 from test.campaigns.bench.chain import chain_urdf
 from test.campaigns.bench.pingpong import JOINTS, LEDGER_FORM, NEEDED, TRUTH, codec
 from test.campaigns.bench.whole_pass import whole_pass

@@ -5,8 +5,8 @@ from __future__ import annotations
 from slip_core.arrays import Array
 from slip_core.compiled import OUT1, REAL, VOID, kernel
 from slip_core.records import record
-from slip_vic_controller.cycle import TASK_SIZE, TASK_STATE
 from slip_vic_controller.reference.backward_pass import step_back
+from slip_vic_controller.state import TASK_SIZE, TASK_STATE
 
 
 @kernel(VOID(OUT1, REAL))

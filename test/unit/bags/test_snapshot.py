@@ -22,10 +22,10 @@ from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.cycle import ARM_SIZE, ARM_STATE, TASK_SIZE
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.session import Manifest
 from slip_vic_controller.snapshot import from_text, to_text
+from slip_vic_controller.state import ARM_SIZE, ARM_STATE, TASK_SIZE
 from test.support.one_arm import OneArm, one_arm
 
 BAGS = Path(__file__).parents[3] / "bags"

@@ -8,12 +8,12 @@ from slip_core.records import new, record
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.arm.estimator import Finding
-from slip_vic_controller.cycle import ARM_SIZE, ARM_STATE, CONFIG, TASK_SIZE, TASK_STATE
 from slip_vic_controller.safety.arbitration import HEALTH, Level, arbitrate
 from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.modes import Mode, TransitionReasons
 from slip_vic_controller.safety.reasons import Cause, Reason, describe, of_fault, put_reason
 from slip_vic_controller.sizes import NEVER
+from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, TASK_SIZE, TASK_STATE
 from test.referees import safety_referee
 from test.referees.safety_referee import Memory, Verdict
 from test.support.call import call

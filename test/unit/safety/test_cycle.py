@@ -13,12 +13,15 @@ from hypothesis.extra.numpy import arrays
 from slip_core.errors import InputError
 from slip_core.records import new, record, records
 from slip_core.types import CartesianReference, JointSample, SlipSample, WrenchSample
-from slip_vic_controller.cycle import CONFIG, OUTPUTS, _all_at_rest, _begin_together, _limit_internal_gain, cycle
+from slip_vic_controller.cycle.agreeing import begin_together
+from slip_vic_controller.cycle.cycle import cycle
+from slip_vic_controller.cycle.gains import limit_internal_gain
+from slip_vic_controller.cycle.taring import all_at_rest
 from slip_vic_controller.law.bounds import held_sample_limit, internal_gain_limit
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.session import CycleResult, Health
-from slip_vic_controller.state import ARM_STATE, INPUTS, TASK_STATE
+from slip_vic_controller.state import ARM_STATE, CONFIG, INPUTS, OUTPUTS, TASK_STATE
 from test.referees.law_referee import exponential
 from test.support import made_up as support
 from test.support.call import call
@@ -483,24 +486,24 @@ def test_what_arms_show_together_at_rest_is_a_share_of_what_lies_beyond_the_weig
         states[k].mode.mode, states[k].wrench_inputs[0].seen = Mode.HOLD, 1
         states[k].wrench_inputs[0].values[:3] = R.T @ (share + beyond + inner[k])
         inputs[k].arm.rotation = R
-    found = call(_all_at_rest, configs, states, inputs)
+    found = call(all_at_rest, configs, states, inputs)
     assert (found.arms, found.known) == (n, True)
     np.testing.assert_allclose(found.beyond, beyond, atol=ROUNDING)
     states[0].tare.done = states[2].tare.done = 1
-    assert call(_all_at_rest, configs, states, inputs).known, "of one it is still wanted"
+    assert call(all_at_rest, configs, states, inputs).known, "of one it is still wanted"
     states[1].tare.done = 1
-    assert not call(_all_at_rest, configs, states, inputs).known
+    assert not call(all_at_rest, configs, states, inputs).known
     for k in range(n):
         for state in states:
             state.tare.done = 0
         states[k].mode.mode = Mode.ACTIVE
-        assert not call(_all_at_rest, configs, states, inputs).known
+        assert not call(all_at_rest, configs, states, inputs).known
         states[k].mode.mode, states[k].wrench_inputs[0].seen = Mode.HOLD, 0
-        assert not call(_all_at_rest, configs, states, inputs).known
+        assert not call(all_at_rest, configs, states, inputs).known
         states[k].wrench_inputs[0].seen = 1
-    assert not call(_all_at_rest, configs[:1], states[:1], inputs[:1]).known, "a single arm has its own wrench"
+    assert not call(all_at_rest, configs[:1], states[:1], inputs[:1]).known, "a single arm has its own wrench"
     first.tare.duration_ns = 0
-    assert not call(_all_at_rest, configs, states, inputs).known
+    assert not call(all_at_rest, configs, states, inputs).known
 
 
 def test_kappa_is_no_more_than_the_oldest_wrench_and_the_drives_lag_allow() -> None:
@@ -514,7 +517,7 @@ def test_kappa_is_no_more_than_the_oldest_wrench_and_the_drives_lag_allow() -> N
         state.latency.most_ns, state.joint.answers.stamp_ns, outputs.gains.gains.kappa = measured_ms * MS, 9 * MS, kappa
         for k in range(2):
             state.wrench_inputs[k].stamp_ns = (9 - late_ms[k]) * MS
-        call(_limit_internal_gain, config, state, outputs)
+        call(limit_internal_gain, config, state, outputs)
         most = share * internal_gain_limit(1.0, 1e4, lag_s + 1e-3 * (1 + measured_ms + max(late_ms)))
         assert outputs.gains.gains.kappa == pytest.approx(min(kappa, most))
 
@@ -536,10 +539,10 @@ def test_the_laws_of_several_arms_begin_together_and_wait_for_one_that_is_not_an
             states[k].law.known, inputs[k].present = known[k], k != absent
             states[k].joint.pending_fault = Fault.RESTARTED if k == restarts else Fault.NONE
         case = begun, known, absent, restarts
-        assert call(_begin_together, task, states, inputs) == alone, case
+        assert call(begin_together, task, states, inputs) == alone, case
         assert tuple(state.law.known for state in states) == after, case
         begins = not begun or 0 in known or (restarts is not None and restarts != absent)
         assert task.begun == (0 if begins else begun), case
         states[0].law.known, task.begun = 1, 0
-        call(_begin_together, task, states[:1], inputs[:1])
+        call(begin_together, task, states[:1], inputs[:1])
         assert states[0].law.known == 1, "one arm alone waits for nobody"

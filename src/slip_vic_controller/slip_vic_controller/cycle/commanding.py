@@ -1,0 +1,157 @@
+"""What the law commands: the desired motion, the evaluation of the law, and whether the arm follows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slip_core.compiled import part
+from slip_core.vectors import mat, put_spatial, spatial, vec
+from slip_vic_controller.arm.command import Interface
+from slip_vic_controller.cycle.finishing import finish
+from slip_vic_controller.cycle.holding import hold_without_law, keep_joints
+from slip_vic_controller.cycle.sensing import put_twist_now, put_twist_of_joints
+from slip_vic_controller.cycle.wrench import put_own_wrench
+from slip_vic_controller.governing import follow_goal, governed_reference, guard, held
+from slip_vic_controller.law.contact import integrate_slips, slip_velocity
+from slip_vic_controller.law.giving_up import judge_compensation
+from slip_vic_controller.law.impedance import slip_speed
+from slip_vic_controller.law.law import evaluate, scale_acceleration
+from slip_vic_controller.reference.path_grid import Governing
+from slip_vic_controller.reference.path_scaling import scaled
+from slip_vic_controller.reference.paths import carried, put_reference, read_reference, reference_at
+from slip_vic_controller.safety.arbitration import watch_for_blindness
+from slip_vic_controller.safety.drop_detection import observe_motion
+from slip_vic_controller.safety.following import watch_following
+from slip_vic_controller.safety.reasons import Cause
+from slip_vic_controller.safety.validation import all_finite
+from slip_vic_controller.sizes import MAX_JOINTS
+from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
+
+
+@part
+def follow(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
+) -> None:
+    """Let the law command the arm, on what `sense` has found."""
+    sample, n = state.joint.answers, config.law.joints
+    dt_ns = max(sample.stamp_ns - state.law.stamp_ns, 0)
+    cause = command(config, task, state, inputs, outputs, lead)
+    if cause != Cause.NONE:
+        hold_without_law(config, task, state, inputs, outputs, cause)
+        return
+    keep_law(config, state, inputs, outputs)
+    outputs.wanted[:n] = outputs.law.effort[:n]
+    axes, law = config.law.contact[0].slip_axes, outputs.law
+    observe_motion(config.drop, axes, state.observed, inputs.arm, law, outputs.reference, dt_ns * 1e-9)
+    watch_for_blindness(state.observed, law.slip_speed, config.drop.evidence, inputs.now_ns)
+    _watch_following(config, state, inputs, outputs)
+    finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, True)
+
+
+@part
+def command(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
+) -> int:
+    """Evaluate the law on what `sense` has found; return why it could not be, Cause.NONE where it could."""
+    law, sample = state.law, state.joint.answers
+    dt, slipping = (sample.stamp_ns - law.stamp_ns) * 1e-9, state.pad.estimate.slipping
+    if config.giving_up.witness != 0 and config.giving_up.on != 0 and slipping == 0:
+        outputs.samples[0].slip_twist[:] = 0.0  # nor may it move the pad on the object: a wrong lever stops the arm
+    if not _reference(config, task, state, outputs, lead):
+        return Cause.BAD_REFERENCE.value
+    error = (vec(inputs.arm.position) - vec(outputs.reference.position)).norm()
+    v_s = slip_velocity(config.law.contact[0], outputs.samples[0])
+    fall = state.observed.fall_speed
+    judge_compensation(config.giving_up, law.given_up, outputs.gains.gains, v_s, slipping, error, fall, dt)
+    integrate_slips(config.law, outputs.samples, law.slips, dt, outputs.slips)
+    if config.cycle.slip_ahead_s > 0.0:
+        _foresee_slip(config, state, inputs, outputs)
+    evaluate(config.law, inputs.arm, sample, law, outputs)
+    if config.governor.mode != Governing.OFF and outputs.law.ok != 0:
+        factor = guard(config, task, state, inputs.arm, outputs, held(config, state, outputs.gains))
+        if factor < 1.0:
+            scale_acceleration(config.law, inputs.arm, sample, law, factor, outputs)
+    outputs.evaluated = outputs.law.ok
+    return Cause.NONE.value if outputs.law.ok != 0 else Cause.NO_TORQUE.value
+
+
+@part
+def _reference(config: ControllerConfig, task: TaskState, state: ArmState, outputs: CycleOutputs, lead: bool) -> bool:
+    """Write the desired motion of this cycle; return whether it is finite.
+
+    A path by topic or towards a goal is that of the first pad; the other pads keep to the object as they held it when
+    the law began. A built-in path each pad runs through from where it was then.
+    """
+    law = state.law
+    keeps = not lead and (task.reference_known != 0 or config.stream.on != 0 or config.goals.on != 0)
+    if state.reference_known != 0:
+        desired = read_reference(state.reference)
+    elif keeps:
+        desired = carried(read_reference(task.desired), state.grasp)
+    elif task.reference_known != 0:
+        desired = read_reference(task.reference)
+    elif config.governor.mode != Governing.OFF:
+        desired = governed_reference(config, task, state, lead)
+    elif config.goals.on != 0:
+        desired = follow_goal(task, state)
+    else:
+        t = (state.joint.answers.stamp_ns - task.start_ns) * 1e-9 - config.cycle.start_s
+        desired = reference_at(config.path, t, law.start_position, law.start_rotation)
+    if not keeps and (task.path.scale != 1.0 or task.path.rate != 0.0):
+        desired = scaled(desired, task.path)
+    put_reference(outputs.reference, desired)
+    if lead:
+        task.desired = outputs.reference
+    finite = all_finite(outputs.reference.position) and all_finite(outputs.reference.twist)
+    finite = finite and all_finite(outputs.reference.acceleration)
+    for k in range(3):
+        finite = finite and all_finite(outputs.reference.rotation[k])
+    return finite
+
+
+@part
+def _foresee_slip(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
+    """Replace the slip velocity by the one to which the commands under way lead, as the joints are, see `foresee`.
+
+    Until then the pad's twist changes by what is known, and the object's as the wrench accelerates it now. Else the law
+    would answer for as long as drives take to what it has answered already. No larger than now: where the object
+    nearly holds, its acceleration changes with the pad's, and what is predicted is none.
+
+    Implements: ours: v_s + J (qd_commanded - qd) - t (G^T a_o + Phi2), a predictor after O. J. M. Smith, 1957.
+    """
+    contact, sample, now = config.law.contact[0], outputs.samples[0], np.zeros(6)
+    v_s = slip_velocity(contact, sample)
+    if v_s.dot(v_s) == 0.0:
+        return
+    put_twist_now(config, state, inputs, now)
+    follow = spatial(outputs.motion.follow)
+    change = spatial(inputs.arm.twist) - spatial(now) - config.cycle.slip_ahead_s * follow
+    error = config.cycle.slip_ahead_s * spatial(outputs.follow_error)
+    ahead = v_s + spatial(contact.slip_axes) * (mat(inputs.arm.rotation).T() @ change - error)
+    gains = outputs.gains.gains
+    most, speed = slip_speed(gains, v_s), slip_speed(gains, ahead)
+    put_spatial(sample.slip_twist, (most / speed) * ahead if speed > most else ahead)
+
+
+@part
+def keep_law(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
+    """Keep what the next evaluation of the law needs of this one."""
+    state.law.e_previous[:] = outputs.law.e[3:]
+    for k in range(config.law.contacts):
+        state.law.slips[k] = outputs.slips[k]
+    keep_joints(config, state, inputs)
+
+
+@part
+def _watch_following(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
+    """Look whether the arm moves as commanded; its velocity of now is not that of the commands under way."""
+    h, twist, commanded = np.empty(6), inputs.arm.twist.copy(), np.zeros(MAX_JOINTS)
+    put_own_wrench(config, state, inputs, h)
+    if config.command.interface != Interface.EFFORT:
+        commanded[:] = state.motion.velocity
+        put_twist_of_joints(config, state, inputs, twist)
+    n, q, effort, now_ns = config.law.joints, state.joint.answers.position, state.limiter.effort, inputs.now_ns
+    watch_following(
+        state.following, config.motion, n, q, twist, outputs.reference.twist, inputs.arm, outputs.law, h, effort,
+        commanded, now_ns,
+    )  # fmt: skip

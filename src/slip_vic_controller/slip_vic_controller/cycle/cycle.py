@@ -1,0 +1,167 @@
+"""The control cycle of all arms that hold one object: records in, records out, one compiled function.
+
+    cycle(configs, state, inputs, outputs)
+
+One arm is the ordinary number. The state is the task once (where the object's path is, how fast, goal, stream,
+friction), then a row per arm (inputs, mode, law, observer, HOLD, limiter). A cycle decides for every arm, lets the arms
+agree, and acts for every arm: the law works for all of them or for none, on one path, at the speed of the slowest, with
+the friction of the weakest pad. One arm always agrees with itself.
+
+`state` is advanced in place: copy it to keep it; its bytes are a snapshot, and equal states evolve identically. Nothing
+here raises, waits, reads a clock or keeps anything elsewhere. On its way a joint state passes input validation (when it
+arrives), arbitration and modes, then the law (or HOLD), limit avoidance and the effort limiter; every command comes out
+of `finish`.
+
+The steps, in the order of a cycle:
+
+    agreeing.py     the law begins for all arms, works for all or for none, on one path, at one speed
+    beginning.py    a cycle of an arm begins, and the law does, where the arm is
+    deciding.py     faults of the inputs, what speaks against the law, the mode
+    taring.py       sensors read at rest, and what of that is a bias
+    holding.py      instead of the law: HOLD, the bridge over a gap, no command
+    sensing.py      samples, gains, slip velocity and load
+    commanding.py   desired motion and law
+    finishing.py    limit avoidance, effort limiter, and the command that the drives take
+
+What several steps read: wrench.py (on the pad, measured or of the model), gains.py (in effect), ledger.py.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, INT, OUT1, VOID, kernel
+from slip_core.records import record, records
+from slip_vic_controller.cycle.agreeing import agree, at_work, begin_together, common_path_speed, move_on, share_speed
+from slip_vic_controller.cycle.beginning import begin_cycle
+from slip_vic_controller.cycle.commanding import follow
+from slip_vic_controller.cycle.deciding import look
+from slip_vic_controller.cycle.finishing import finish
+from slip_vic_controller.cycle.holding import leave_to_drives, prepare
+from slip_vic_controller.cycle.ledger import end_cycle
+from slip_vic_controller.cycle.sensing import sense_all
+from slip_vic_controller.cycle.taring import all_at_rest
+from slip_vic_controller.governing import agree_on_friction, screen, step_on_path
+from slip_vic_controller.law.symbols import SYMBOLS, no_symbols, symbols
+from slip_vic_controller.observer.layouts import ROW_SIZE
+from slip_vic_controller.reference.path_grid import Governing
+from slip_vic_controller.safety.effort_limiter import go_on
+from slip_vic_controller.safety.faults import Fault, Input
+from slip_vic_controller.safety.modes import NOTHING, TransitionReasons, follows, next_mode
+from slip_vic_controller.safety.reasons import Cause, of_fault
+from slip_vic_controller.sizes import MAX_JOINTS
+from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, INPUTS, OUTPUTS, TASK_SIZE, TASK_STATE
+
+
+@kernel(INT(IN1, OUT1, IN1, OUT1))
+def cycle(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outputs_buffer: Array) -> int:
+    """Answer the joint states that wait for it; return how many arms have an effort.
+
+    Args:
+        config_buffer: CONFIG of every arm.
+        state_buffer: TASK_STATE, ARM_STATE of every arm, and the histories of their observers; changed.
+        inputs_buffer: INPUTS of every arm.
+        outputs_buffer: OUTPUTS of every arm.
+    """
+    configs, inputs, outputs = (
+        records(config_buffer, CONFIG), records(inputs_buffer, INPUTS), records(outputs_buffer, OUTPUTS)
+    )  # fmt: skip
+    n = len(configs)
+    end = TASK_SIZE + n * ARM_SIZE
+    task, states = record(state_buffer[:TASK_SIZE], TASK_STATE), records(state_buffer[TASK_SIZE:end], ARM_STATE)
+    history = state_buffer[end:].reshape(-1, ROW_SIZE)
+    alone = begin_together(task, states, inputs)
+    together = all_at_rest(configs, states, inputs)
+    for k in range(n):
+        if inputs[k].present != 0:
+            look(configs[k], task, states[k], inputs[k], outputs[k], k == 0, alone, together)
+    agree(configs, task, states, inputs, outputs, alone)
+    for k in range(n):
+        if inputs[k].present != 0:
+            prepare(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
+    path_speed = common_path_speed(configs, states, outputs)
+    if at_work(states[0], outputs[0]):
+        move_on(configs[0], task, states[0], path_speed)
+    sense_all(configs, task, states, history, inputs, outputs)
+    if configs[0].governor.mode != Governing.OFF and at_work(states[0], outputs[0]):
+        agree_on_friction(configs[0], task, states)
+        step_on_path(configs[0], task, states, inputs[0].arm, outputs[0], path_speed)
+    answered, holds = 0, False
+    for k in range(n):
+        if at_work(states[k], outputs[k]):
+            follow(configs[k], task, states[k], inputs[k], outputs[k], k == 0)
+    share_speed(states, outputs)
+    for k in range(n):
+        if inputs[k].present != 0:
+            if outputs[k].decision.never_seen == 0:
+                states[k].queue.count = 0
+            end_cycle(configs[k], task, states[k], inputs[k], outputs[k])
+            holds = holds or not follows(states[k].mode.mode)
+            answered += outputs[k].answered
+    if holds:
+        screen(configs[0], task, states[0], False)
+    return answered
+
+
+@kernel(INT(IN1, OUT1, IN1, OUT1, INT))
+def watchdog(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outputs_buffer: Array, arm: int) -> int:
+    """Answer that joint states of an arm stay away: HOLD, efforts go to gravity compensation where the arm was.
+
+    Where no command was given before, there is none now.
+
+    Args:
+        config_buffer, state_buffer, inputs_buffer, outputs_buffer: as in `cycle`.
+        arm: number of the arm.
+
+    Returns:
+        1 where effort or mode have changed by it.
+    """
+    config, inputs = records(config_buffer, CONFIG)[arm], records(inputs_buffer, INPUTS)[arm]
+    outputs, task = records(outputs_buffer, OUTPUTS)[arm], record(state_buffer[:TASK_SIZE], TASK_STATE)
+    begin = TASK_SIZE + arm * ARM_SIZE
+    state = record(state_buffer[begin : begin + ARM_SIZE], ARM_STATE)
+    n = config.law.joints
+    begin_cycle(config, task, state, inputs, outputs, state.law.stamp_ns, arm == 0)
+    outputs.health.joint = Fault.SILENT.value
+    mode, since, enabled, cause = state.mode.mode, state.mode.good_since_ns, state.mode.enabled, state.mode.reason.cause
+    prefix, detail = state.mode.reason.prefix, state.mode.reason.detail
+    effort, velocity = state.limiter.effort.copy(), state.motion.velocity.copy()
+    reasons = TransitionReasons(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.SILENT), NOTHING)
+    next_mode(config.modes, state.mode, reasons, inputs.request, inputs.now_ns)
+    task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 0
+    outputs.wanted[:n] = state.law.gravity[:n]
+    if state.limiter.started != 0:
+        go_on(config.motion.drive, state.limiter, inputs.now_ns)
+        rest = np.zeros(MAX_JOINTS)
+        finish(config, state, inputs, outputs, state.law.position, rest, rest, False)
+    else:
+        leave_to_drives(config, state, inputs)  # as before
+    end_cycle(config, task, state, inputs, outputs)
+    if not follows(state.mode.mode):
+        first = record(state_buffer[TASK_SIZE : TASK_SIZE + ARM_SIZE], ARM_STATE)
+        screen(records(config_buffer, CONFIG)[0], task, first, False)
+    same_mode = state.mode.mode == mode and state.mode.good_since_ns == since and state.mode.enabled == enabled
+    same_mode = same_mode and state.mode.reason.cause == cause and state.mode.reason.prefix == prefix
+    same = same_mode and state.mode.reason.detail == detail
+    for j in range(n):
+        same = same and state.limiter.effort[j] == effort[j] and state.motion.velocity[j] == velocity[j]
+    return 0 if same else 1
+
+
+@kernel(VOID(IN1, IN1, IN1, OUT1))
+def describe(config_buffer: Array, inputs_buffer: Array, outputs_buffer: Array, symbols_buffer: Array) -> None:
+    """Fill the SYMBOLS of an arm's cycle, when something looks at them.
+
+    Args:
+        config_buffer, inputs_buffer, outputs_buffer: CONFIG, INPUTS, OUTPUTS of the arm, after `cycle`.
+        symbols_buffer: SYMBOLS.
+    """
+    config, out = record(config_buffer, CONFIG), record(symbols_buffer, SYMBOLS)
+    inputs, outputs = record(inputs_buffer, INPUTS), record(outputs_buffer, OUTPUTS)
+    no_symbols(outputs.effort, outputs.saturated, symbols_buffer)
+    if outputs.ok != 0:
+        law, estimate = outputs.law, outputs.estimate
+        symbols(config.law, outputs.gains, inputs.arm, outputs.slips, outputs.reference, law, estimate, out)
+        for j in range(config.law.joints):
+            out.effort[j], out.saturated[j] = outputs.effort[j], outputs.saturated[j]

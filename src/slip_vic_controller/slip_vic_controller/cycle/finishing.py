@@ -1,0 +1,181 @@
+"""The way of every effort to the drives: limit avoidance, the effort limiter, then the command that they take."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_vic_controller.arm.command import (
+    Interface,
+    advance_motion,
+    ignored_joint,
+    joint_acceleration,
+    return_to,
+    start_motion,
+    stop_motion,
+)
+from slip_vic_controller.arm.drive_delay import watch_drive_delay
+from slip_vic_controller.arm.estimator import Finding, find, oppose_disturbance, publish_joints, remember_input
+from slip_vic_controller.cycle.wrench import put_own_wrench
+from slip_vic_controller.safety.effort_limiter import limit_effort, needs_restart, start_limiter
+from slip_vic_controller.safety.limit_avoidance import avoid_limits
+from slip_vic_controller.safety.modes import Mode, follows, since_when
+from slip_vic_controller.sizes import MAX_JOINTS
+from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs
+
+LONGEST_PAUSE = 5
+"""Control periods that count at most as time between two cycles."""
+
+
+@part
+def finish(
+    config: ControllerConfig,
+    state: ArmState,
+    inputs: CycleInputs,
+    outputs: CycleOutputs,
+    q: Array,
+    qd: Array,
+    felt: Array,
+    law_at_work: bool,
+) -> None:
+    """Add limit avoidance, pass the effort limiter, and write the outcome.
+
+    Args:
+        config, state, inputs, outputs: of the arm; `outputs.wanted` is what goes in.
+        q, qd: joint state [rad], [rad/s].
+        felt: measured joint efforts, where a pause makes the limiter restart [N m].
+        law_at_work: whether the effort is the law's; then the pad's speed is limited too.
+    """
+    n, now_ns, by_effort = config.law.joints, inputs.now_ns, config.command.interface == Interface.EFFORT
+    moves_s = min(_passed_s(config, state, inputs), 1e-9 * config.motion.drive.longest_step_ns)
+    if needs_restart(config.motion.drive, state.limiter, now_ns):
+        # Loops of the drives overcome friction, which the model does not have: there it begins with gravity.
+        feel, friction = np.zeros(MAX_JOINTS), config.estimator.friction
+        if by_effort:
+            feel[:n] = felt[:n]
+        start_limiter(config.motion.drive, state.limiter, n, feel, state.law.gravity, qd, friction, now_ns)
+        known = state.motion.started == 0 or inputs.arm.M[0, 0] > 0.0  # else nothing tells where the drives are by now
+        if known and not by_effort:
+            _start_motion(config, state, q, qd)
+            moves_s = min(moves_s, 1e-9 * config.motion.drive.period_ns)
+    torque, clipped = np.empty(MAX_JOINTS), np.zeros(MAX_JOINTS, np.int64)
+    torque[:n] = outputs.wanted[:n]
+    if config.estimator.on != 0:
+        _oppose_disturbance(config, state, inputs, torque)
+    avoid_limits(config.motion, n, q, qd, inputs.arm, law_at_work, torque)
+    if inputs.arm.M[0, 0] > 0.0:
+        estimator, limit = config.estimator, config.law.effort_limit
+        watch_drive_delay(estimator, state.drive_delay, state.estimate, inputs.arm.M, state.limiter.effort, limit)
+    finite = limit_effort(config.motion.drive, state.limiter, n, torque, now_ns, clipped, outputs.limited)
+    if not by_effort:
+        _move(config, state, inputs, outputs, moves_s)
+    _remember_input(config, state, inputs, by_effort)
+    if config.estimator.on != 0:
+        publish_joints(state.estimate, outputs.joints)
+    saturated = 0
+    for j in range(n):
+        outputs.effort[j] = state.limiter.effort[j]
+        if config.cycle.leaves_gravity != 0:
+            outputs.effort[j] -= state.law.gravity[j]
+        if by_effort:
+            outputs.command[j] = outputs.effort[j]
+        outputs.saturated[j] = 1 if clipped[j] != 0 or (law_at_work and outputs.law.saturated[j] != 0) else 0
+        saturated += outputs.saturated[j]
+    state.since.saturated_ns = since_when(state.since.saturated_ns, saturated != 0, now_ns)
+    state.now_ns = now_ns
+    outputs.answered = 1
+    outputs.ok = 1 if law_at_work and finite else 0
+
+
+@part
+def _passed_s(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> float:
+    """Return the time since the last command [s], no longer than a few control periods."""
+    return float(min(max(inputs.now_ns - state.now_ns, 0), LONGEST_PAUSE * config.cycle.period_ns) * 1e-9)
+
+
+@part
+def _start_motion(config: ControllerConfig, state: ArmState, q: Array, qd: Array) -> None:
+    """Begin with commands; after a pause where the joints are, not where the last command led: drives may have braked.
+
+    Args:
+        config, state: of the arm.
+        q, qd: joint state of this cycle; that to which commands lead, where joints are estimated [rad], [rad/s].
+    """
+    if config.estimator.on != 0 and state.estimate.started != 0 and state.motion.started != 0:
+        start_motion(config.command, state.motion, state.estimate.position, state.estimate.velocity)
+        state.estimate.started = 0
+    else:
+        start_motion(config.command, state.motion, q, qd)
+
+
+@part
+def _oppose_disturbance(config: ControllerConfig, state: ArmState, inputs: CycleInputs, torque: Array) -> None:
+    """Take what the model of the arm leaves out off the effort; without a good joint state as in the cycle before."""
+    if inputs.arm.M[0, 0] > 0.0:
+        dt, arm = _passed_s(config, state, inputs), inputs.arm
+        h, of_wrench = np.empty(6), np.zeros(MAX_JOINTS)
+        put_own_wrench(config, state, inputs, h)
+        for j in range(config.law.joints):
+            for i in range(6):
+                of_wrench[j] += arm.J[i, j] * h[i]
+        fault = state.mode.mode == Mode.FAULT
+        judged = config.tare.duration_ns == 0 or state.tare.rough != 0
+        oppose_disturbance(config.estimator, state.estimate, arm.M, of_wrench, dt, fault, judged, torque)
+    else:
+        for j in range(config.law.joints):
+            torque[j] += state.estimate.taken_off[j]
+
+
+@part
+def _move(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, dt: float) -> None:
+    """Write the velocity or position that the effort makes of the last one; without the law it comes to rest.
+
+    A short gap of good joint states is bridged with the velocity before. A pause counts no longer than in the effort
+    limiter, and not at all where the command begins anew: drives that have come to rest at the last command meanwhile
+    would take what it is worth in one period.
+
+    Args:
+        config, state, inputs, outputs: of the arm.
+        dt: time that the command moves on [s].
+    """
+    motion, limited = state.motion, np.zeros(MAX_JOINTS, np.int64)
+    estimate = state.estimate
+    if follows(state.mode.mode):
+        qdd = np.zeros(MAX_JOINTS)
+        _acceleration(config, state, inputs, qdd)
+        advance_motion(config.command, motion, qdd, estimate.velocity, dt, limited)
+        ignored = ignored_joint(config.command, motion, estimate.velocity, dt)
+        if ignored >= 0:
+            find(estimate, Finding.IGNORED.value, ignored, estimate.velocity[ignored], motion.expected[ignored])
+    else:
+        stop_motion(config.command, motion, dt, limited)
+        if estimate.finding == Finding.IGNORED:
+            return_to(config.command, motion, estimate.position, dt)
+    for j in range(config.law.joints):
+        position = config.command.interface == Interface.POSITION
+        outputs.command[j] = motion.position[j] if position else motion.velocity[j]
+
+
+@part
+def _acceleration(config: ControllerConfig, state: ArmState, inputs: CycleInputs, qdd: Array) -> None:
+    """Write the acceleration that the effort gives the joints (n,) [rad/s^2]; zeros without a good joint state."""
+    h, arm = np.empty(6), inputs.arm
+    if arm.M[0, 0] > 0.0:
+        put_own_wrench(config, state, inputs, h)
+        if not joint_acceleration(config.law.joints, arm.M, arm.bias, arm.J, h, state.limiter.effort, qdd):
+            qdd[:] = 0.0
+
+
+@part
+def _remember_input(config: ControllerConfig, state: ArmState, inputs: CycleInputs, by_effort: bool) -> None:
+    """Keep what the joints are known to do: the acceleration by the effort, or the velocity that drives follow.
+
+    Without a good joint state the effort goes on as it was, and so does the acceleration.
+    """
+    u = state.estimate.inputs[state.estimate.newest].copy()
+    if not by_effort:
+        u[:] = state.motion.velocity
+    elif inputs.arm.M[0, 0] > 0.0:
+        _acceleration(config, state, inputs, u)
+    remember_input(config.estimator, state.estimate, u)

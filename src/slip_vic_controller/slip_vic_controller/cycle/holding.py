@@ -1,0 +1,176 @@
+"""What an arm does without the law: HOLD, the bridge over a gap of joint states, or no command at all."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slip_core.compiled import part
+from slip_core.vectors import mat
+from slip_vic_controller.arm.estimator import BLIND_S, is_blind, stay_blind
+from slip_vic_controller.cycle.finishing import finish
+from slip_vic_controller.cycle.gains import gains_now
+from slip_vic_controller.cycle.wrench import arm_of_load, own_wrench
+from slip_vic_controller.governing import forget_friction, rest_after_hold, rest_on_path
+from slip_vic_controller.law.contact import pad_rotation
+from slip_vic_controller.observer.observer import reset
+from slip_vic_controller.reference.path_grid import Governing
+from slip_vic_controller.safety.drop_detection import forget
+from slip_vic_controller.safety.effort_limiter import needs_restart
+from slip_vic_controller.safety.faults import Fault, Input
+from slip_vic_controller.safety.hold import begin_posture, carry_load, hold_effort, keep_posture, update_load_error
+from slip_vic_controller.safety.modes import NOTHING, Mode, Request, TransitionReasons, follows, holds_for, next_mode
+from slip_vic_controller.safety.reasons import Cause, because, of_fault
+from slip_vic_controller.safety.validation import all_finite, fine, stays_away
+from slip_vic_controller.sizes import MAX_JOINTS, NEVER
+from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, Step, TaskState
+
+
+@part
+def prepare(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, lead: bool
+) -> None:
+    """Do what comes before the law in this cycle, or instead of it."""
+    decision = outputs.decision
+    if decision.step == Step.BRIDGE:
+        _bridge(config, task, state, inputs, outputs, outputs.health.joint)
+    elif decision.step == Step.ANSWER and not follows(state.mode.mode):
+        known_anew = decision.request == Request.RESET_FAULT or decision.reweighed != 0
+        if known_anew and config.governor.mode != Governing.OFF:
+            gains_now(state, state.joint.answers.stamp_ns, outputs)
+            forget_friction(config, task, state, inputs.arm, outputs.gains, lead)
+        frozen_s = 1e-9 * (inputs.now_ns - state.joint.equal_since_ns)
+        blind = frozen_s > BLIND_S and holds_for(state.mode, Input.JOINT_STATE, Fault.FROZEN)
+        if blind or is_blind(config.estimator, state.estimate):
+            leave_to_drives(config, state, inputs)
+        else:
+            hold(config, task, state, inputs, outputs, fine(outputs.health.wrench) and decision.freezes == 0, lead)
+    elif decision.step == Step.ANSWER and not follows(decision.entered):
+        # After a HOLD the path starts from rest; and the time that passed in it is not part of the path.
+        if lead:
+            task.path.scale, task.path.rate = (1.0 if decision.entered == Mode.WAITING_INPUT else 0.0), 0.0
+            rest_on_path(config, task, inputs.arm)
+            if decision.entered != Mode.WAITING_INPUT:
+                rest_after_hold(config, task, inputs.arm)
+        state.hold.known, state.hold.load_error[:] = 0, 0.0
+        forget(state.observed, state.observed.blind_since_ns)
+        if config.cycle.has_observer != 0:
+            reset(config.observer, state.observer, state.joint.answers.stamp_ns, inputs.arm.twist)
+
+
+@part
+def hold(
+    config: ControllerConfig,
+    task: TaskState,
+    state: ArmState,
+    inputs: CycleInputs,
+    outputs: CycleOutputs,
+    wrench_good: bool,
+    lead: bool,
+) -> None:
+    """Keep the posture in which HOLD began; what the wrench has shown of the load stays until the law begins."""
+    law, sample = state.law, state.joint.answers
+    # After a pause something else has held the arm.
+    if state.hold.known == 0 or inputs.now_ns - state.now_ns > config.arbitration.gap_ns:
+        begin_posture(config.hold, state.hold, sample)
+    dt_ns = max(sample.stamp_ns - law.stamp_ns, 0)
+    friction, limit = config.estimator.friction, config.motion.velocity
+    keep_posture(config.hold, state.hold, sample, limit, inputs.arm.M, friction, dt_ns * 1e-9)
+    pad = pad_rotation(config.law.contact[0], law.slips[0])
+    r = arm_of_load(config, state, pad)
+    if wrench_good:
+        measured = own_wrench(config, state, mat(inputs.arm.rotation))
+        update_load_error(config.hold, state.hold, inputs.arm, r, measured, dt_ns * 1e-9)
+    late_s = state.latency.most_ns * 1e-9 + state.drive_delay.found_s
+    hold_effort(config.hold, state.hold, inputs.arm, sample, pad, r, late_s, outputs.wanted)
+    if not (state.mode.reason.cause == Cause.FALLS and state.mode.reason.prefix == 0):
+        carry_load(config.hold, state.hold, inputs.arm, r, outputs.wanted)
+    if lead:
+        task.start_ns += dt_ns
+    keep_joints(config, state, inputs)
+    task.path.scale, task.path.rate = 0.0, 0.0
+    forget(state.observed, NEVER)
+    state.since.saturated_ns, state.following.since_ns = NEVER, NEVER
+    finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, False)
+
+
+@part
+def _bridge(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, fault: int
+) -> None:
+    """Bridge a short gap of good joint states, in which nothing tells where the arm is, with the last effort.
+
+    Then let it go to gravity compensation, and give no command where the gap is a pause.
+    """
+    n, now_ns = config.law.joints, inputs.now_ns
+    # The law has to end where the wrench stays away, whatever the joint states are like.
+    ends = follows(state.mode.mode) and stays_away(outputs.health.wrench)
+    if bridges(config, state, now_ns) and not ends:
+        # `finish` takes the disturbance off once more.
+        outputs.wanted[:n] = state.limiter.effort[:n] - state.estimate.taken_off[:n]
+    else:
+        outputs.wanted[:n] = state.law.gravity[:n]
+        reasons = TransitionReasons(NOTHING, NOTHING, of_fault(Cause.INPUT, Input.JOINT_STATE, fault), NOTHING)
+        next_mode(config.modes, state.mode, reasons, inputs.request, now_ns)
+        task.path.scale, task.path.rate, state.hold.known = 0.0, 0.0, 0
+        if is_blind(config.estimator, state.estimate):
+            leave_to_drives(config, state, inputs)
+            return
+    # A jump of the positions leaves the efforts believable, unless another publisher sends joint states too: after a
+    # pause the limiter starts at what the joints feel. Where nothing tells that, the drives go on as in the pause.
+    rest, felt = np.zeros(MAX_JOINTS), np.zeros(MAX_JOINTS)
+    if fault == Fault.JUMP and outputs.health.outside != Fault.SECOND_PUBLISHER:
+        felt[:] = state.joint.answers.effort
+    elif needs_restart(config.motion.drive, state.limiter, now_ns):
+        leave_to_drives(config, state, inputs)
+        return
+    finish(config, state, inputs, outputs, state.law.position, rest, felt, False)
+
+
+@part
+def bridges(config: ControllerConfig, state: ArmState, now_ns: int) -> bool:
+    """Return whether a gap of good joint states is bridged: shortly, and not after a pause of the controller."""
+    ran = now_ns - state.now_ns <= config.arbitration.gap_ns
+    return ran and state.limiter.started != 0 and now_ns - state.since.joint_bad_ns <= config.arbitration.bridge_ns
+
+
+@part
+def leave_to_drives(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
+    """Give no command: without feedback HOLD would lose the arm; drives hold it by themselves."""
+    state.limiter.started, state.now_ns, state.hold.known = 0, inputs.now_ns, 0
+    stay_blind(config.estimator, state.estimate)
+
+
+@part
+def keep_joints(config: ControllerConfig, state: ArmState, inputs: CycleInputs) -> None:
+    """Keep stamp and position of a good joint state, and gravity there.
+
+    With other arms on the object its share of the weight belongs to it: an arm that loses sight must not let them
+    carry all of it at once.
+    """
+    law, sample, n = state.law, state.joint.answers, config.law.joints
+    law.stamp_ns = max(sample.stamp_ns, law.stamp_ns)
+    law.position[:n] = sample.position[:n]
+    if all_finite(inputs.arm.gravity[:n]):
+        law.gravity[:n] = inputs.arm.gravity[:n]
+    if config.hold.carriers > 1 and state.mode.reason.cause != Cause.FALLS:
+        r = arm_of_load(config, state, pad_rotation(config.law.contact[0], law.slips[0]))
+        carry_load(config.hold, state.hold, inputs.arm, r, law.gravity)
+
+
+@part
+def hold_without_law(
+    config: ControllerConfig, task: TaskState, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs, cause: int
+) -> None:
+    """Hold because the law could not be evaluated: gravity compensation with damping in this cycle, and HOLD."""
+    law, sample, n = state.law, state.joint.answers, config.law.joints
+    keep_joints(config, state, inputs)
+    for j in range(n):
+        torque = law.gravity[j] - config.cycle.joint_damping * sample.velocity[j]
+        outputs.wanted[j] = min(max(torque, -config.law.effort_limit[j]), config.law.effort_limit[j])
+    reasons = TransitionReasons(NOTHING, NOTHING, because(cause, 0), NOTHING)
+    next_mode(config.modes, state.mode, reasons, Request.NONE.value, inputs.now_ns)
+    if cause == Cause.BAD_REFERENCE or cause == Cause.NO_TORQUE:
+        task.forgets = 1
+    task.path.scale, task.path.rate = 0.0, 0.0
+    begin_posture(config.hold, state.hold, sample)
+    finish(config, state, inputs, outputs, sample.position, sample.velocity, sample.effort, False)
