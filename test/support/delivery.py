@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from slip_sim_bridge.session import BridgeSession, TickOutputs
-from slip_vic_controller.session import CycleResult
+from slip_vic_controller.session.cycle_result import CycleResult
 from test.campaigns.faults.trial import START_NS
 from test.support.one_arm import OneArm, one_arm
 

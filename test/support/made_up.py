@@ -12,7 +12,8 @@ from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.safety.faults import Fault
-from slip_vic_controller.session import Controller, CycleResult, Health
+from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.session.cycle_result import CycleResult, Health
 from test.support.one_arm import OneArm, one_arm
 from test.support.small_arm import HOME, small_arm_urdf
 

@@ -8,7 +8,10 @@ from slip_core.types import CartesianReference, JointSample, PoseGoal
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Request
-from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Health, Manifest
+from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.session.cycle_result import CycleResult, Health
+from slip_vic_controller.session.manifest import Manifest
+from slip_vic_controller.session.session import ControllerSession
 
 
 def one_arm(params: ControllerParams, urdf: str, *, lockstep: bool) -> Controller:

@@ -9,7 +9,8 @@ import numpy as np
 
 from slip_core.types import JointCommand
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.session import Controller, ControllerSession
+from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.session.session import ControllerSession
 from test.campaigns.faults.pair import SCENARIOS, STEADY_NS
 
 PAUSES: tuple[tuple[tuple[float, float], ...], ...] = (

@@ -11,7 +11,7 @@ from slip_core.arrays import Array
 from slip_core.types import JointSample
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import Law, Scenario
-from slip_vic_controller.session import CycleResult
+from slip_vic_controller.session.cycle_result import CycleResult
 
 Change = Callable[[Any], Any]
 

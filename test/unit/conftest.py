@@ -11,7 +11,7 @@ import pytest
 
 from test.support.no_processes import forbidden
 
-KERNELS: Final = ("slip_vic_controller.session", "test.unit.law.digests", "test.referees.governor_bench")
+KERNELS: Final = ("slip_vic_controller.session.session", "test.unit.law.digests", "test.referees.governor_bench")
 
 
 def pytest_sessionstart() -> None:

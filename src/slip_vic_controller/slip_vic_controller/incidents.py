@@ -7,7 +7,7 @@ from typing import Final
 from slip_core.incidents import Incident
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety.reasons import Cause
-from slip_vic_controller.session import CycleResult
+from slip_vic_controller.session.cycle_result import CycleResult
 
 UNREACHABLE_S: Final = 2.0
 """How long the path may wait for the arm, or for friction, before its end is said not to be reached."""

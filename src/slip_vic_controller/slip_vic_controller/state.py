@@ -279,3 +279,5 @@ class CycleOutputs(Record):
 
 
 OUTPUTS = dtype_of(CycleOutputs)
+CONFIG_SIZE, INPUTS_SIZE, OUTPUTS_SIZE = CONFIG.itemsize // 8, INPUTS.itemsize // 8, OUTPUTS.itemsize // 8
+"""What a cycle is called with has these records of every arm, one behind the other."""

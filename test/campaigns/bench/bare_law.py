@@ -15,7 +15,7 @@ from slip_vic_controller.cycle.commanding import command, keep_law
 from slip_vic_controller.cycle.sensing import sense
 from slip_vic_controller.observer.layouts import ROW_SIZE
 from slip_vic_controller.safety.validation import await_answer, queue_slip
-from slip_vic_controller.session import Controller
+from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, INPUTS, OUTPUTS, TASK_SIZE, TASK_STATE
 
 

@@ -20,7 +20,8 @@ from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.params import ContactParams, ControllerParams
 from slip_vic_controller.robot import Robot
-from slip_vic_controller.session import ControllerSession, CycleResult
+from slip_vic_controller.session.cycle_result import CycleResult
+from slip_vic_controller.session.session import ControllerSession
 from slip_vic_controller.state import ARM_SIZE, TASK_SIZE
 from test.campaigns.bench.chain import chain_urdf
 from test.campaigns.bench.pingpong import JOINTS, LEDGER_FORM, NEEDED, TRUTH, codec

@@ -14,7 +14,8 @@ from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import Scenario, load_scenario
 from slip_vic_controller.safety.modes import Request
-from slip_vic_controller.session import Controller, ControllerSession, Results
+from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.session.session import ControllerSession, Results
 from test.campaigns.faults.carriers import SampleCarrier
 from test.campaigns.faults.channel import DAMAGED, Channel
 from test.campaigns.faults.monitors import NS, CommandMonitor, SafeStateMonitor, TogetherMonitor, promised_ages

@@ -24,7 +24,9 @@ from slip_vic_controller.config import POINTS_PER_CYCLE
 from slip_vic_controller.governing import SAMPLES_PER_CYCLE
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session import RETUNABLE, ArmController, Controller, CycleResult
+from slip_vic_controller.session.controller import ArmController, Controller
+from slip_vic_controller.session.cycle_result import CycleResult
+from slip_vic_controller.session.session import RETUNABLE
 from slip_vic_controller.sizes import MAX_JOINTS
 from slip_vic_controller.topics.arm import SLIP_DEPTH, STATE_DEPTH
 from test.campaigns.faults.carriers import SampleCarrier

@@ -13,7 +13,8 @@ from slip_core.types import EffortCommand, JointSample, PositionCommand, SlipSam
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session import Controller, CycleResult
+from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.session.cycle_result import CycleResult
 from test.support.every import every
 from test.support.one_arm import OneArm, one_arm
 

@@ -16,7 +16,7 @@ from slip_vic_controller.arm.estimator import Finding
 from slip_vic_controller.cycle.deciding import _with_disturbance
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.safety.reasons import Cause, Reason
-from slip_vic_controller.session import CycleResult
+from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.state import CONFIG, INPUTS
 from test.support.call import call
 from test.support.every import every

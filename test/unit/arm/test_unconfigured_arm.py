@@ -11,7 +11,7 @@ import pytest
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
 from slip_vic_controller.safety.modes import Mode, follows
-from slip_vic_controller.session import CycleResult
+from slip_vic_controller.session.cycle_result import CycleResult
 from test.support.untold_drivers import drive_untold
 from test.support.watched_loop import WatchedLoop, with_joints
 

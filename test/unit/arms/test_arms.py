@@ -20,7 +20,7 @@ from slip_vic.study.lottery import draw_arms
 from slip_vic_controller.governing import agree_on_friction
 from slip_vic_controller.law.bounds import internal_gain_limit
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session import Controller
+from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.state import ARM_SIZE, TASK_SIZE
 from test.support.call import call
 from test.support.every import every

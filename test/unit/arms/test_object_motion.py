@@ -15,7 +15,9 @@ from slip_vic.scenarios.scenario import Law, load_scenario
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.reference.goals import GoalPhase
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session import Controller, ControllerSession, CycleResult
+from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.session.cycle_result import CycleResult
+from slip_vic_controller.session.session import ControllerSession
 from test.support.small_arm import HOME, small_arm_urdf
 
 UPRIGHT = "pane_two_arms_upright"

@@ -13,7 +13,7 @@ from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session import CycleResult
+from slip_vic_controller.session.cycle_result import CycleResult
 from test.support.one_arm import OneArm, one_arm
 from test.support.small_arm import HOME, small_arm_urdf
 

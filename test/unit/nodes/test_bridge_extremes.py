@@ -16,7 +16,7 @@ from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant import DivergenceError
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session import Manifest
+from slip_vic_controller.session.manifest import Manifest
 from test.support.one_arm import OneArm, one_arm
 
 SUFFERS, BACK = 60, 700  # cycles

@@ -11,7 +11,7 @@ from slip_core.types import JointSample, SlipSample, WrenchSample
 from slip_msgs_py.last_resort import LOUD_VARIABLE, LastResort
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session import Controller
+from slip_vic_controller.session.controller import Controller
 from test.support.one_arm import OneArm, one_arm
 
 MS = 1_000_000

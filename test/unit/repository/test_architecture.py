@@ -99,7 +99,10 @@ OWN = {  # layers inside a package: what of the own package a part may import
     }
     | SHARED,
     "slip_vic_controller.session": CYCLE
-    | {f"slip_vic_controller.{part}" for part in ("arrival", "config", "cycle", "robot", "slip_displacement", "state")},
+    | {
+        f"slip_vic_controller.{part}"
+        for part in ("arrival", "config", "cycle", "robot", "session", "slip_displacement", "state")
+    },
     "slip_vic_controller.slip_displacement": {"slip_vic_controller.law.rotation"},
     "slip_vic_controller.snapshot": {"slip_vic_controller.state", "slip_vic_controller.observer"},
     "slip_vic_controller.state": CYCLE | {"slip_vic_controller.interfaces"},

@@ -5,7 +5,7 @@ from __future__ import annotations
 from slip_core.types import JointSample
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.session import CycleResult
+from slip_vic_controller.session.cycle_result import CycleResult
 from test.campaigns.faults.trial import PERIOD_S, STEADY_NS, prepared
 from test.support.delivery import begun_bridge, deliver
 from test.support.every import every

@@ -20,7 +20,7 @@ from slip_vic_controller.cycle.taring import all_at_rest
 from slip_vic_controller.law.bounds import held_sample_limit, internal_gain_limit
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.session import CycleResult, Health
+from slip_vic_controller.session.cycle_result import CycleResult, Health
 from slip_vic_controller.state import ARM_STATE, CONFIG, INPUTS, OUTPUTS, TASK_STATE
 from test.referees.law_referee import exponential
 from test.support import made_up as support

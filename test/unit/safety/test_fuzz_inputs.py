@@ -20,7 +20,8 @@ from slip_msgs_py.fast_io import Receiver
 from slip_msgs_py.messages import from_msgs, to_msgs
 from slip_msgs_py.qos import message_class
 from slip_vic_controller.safety.modes import Request
-from slip_vic_controller.session import Controller, Manifest
+from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.session.manifest import Manifest
 from test.campaigns.faults.monitors import CommandMonitor, Promise
 from test.campaigns.faults.plan import EFFORT, JOINT, SLIP, TOPICS, WRENCH
 from test.campaigns.faults.trial import PERIOD_S, prepared, starts_of

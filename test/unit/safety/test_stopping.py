@@ -12,7 +12,8 @@ from slip_core.records import record
 from slip_core.types import CartesianReference
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session import Health, Manifest
+from slip_vic_controller.session.cycle_result import Health
+from slip_vic_controller.session.manifest import Manifest
 from slip_vic_controller.state import CONFIG
 from test.support.every import every
 from test.support.law_cases import reference_of

@@ -45,7 +45,7 @@ from slip_vic_controller.safety.effort_limiter import (
     needs_restart,
     start_limiter,
 )
-from slip_vic_controller.session import CycleResult
+from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.state import CONFIG, ControllerConfig
 
 LONGEST_STEP_S: Final = 2.0

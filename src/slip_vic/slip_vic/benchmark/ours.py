@@ -12,7 +12,9 @@ from slip_core.types import EffortCommand
 from slip_vic.benchmark.law import Answer, Effort, Seen, Setup
 from slip_vic.scenarios.scenario import Law as LawName
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
-from slip_vic_controller.session import Controller, ControllerSession, Manifest
+from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.session.manifest import Manifest
+from slip_vic_controller.session.session import ControllerSession
 
 
 class Vic:

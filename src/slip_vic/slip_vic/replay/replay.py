@@ -18,7 +18,10 @@ from slip_vic.replay.run_data import LedgerEntry, RecordedRun
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.safety.reasons import JOINT_STATES
-from slip_vic_controller.session import ArmSession, Controller, ControllerSession, CycleResult, Health
+from slip_vic_controller.session.arm_session import ArmSession
+from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.session.cycle_result import CycleResult, Health
+from slip_vic_controller.session.session import ControllerSession
 from slip_vic_controller.snapshot import from_text, number_name
 from slip_vic_controller.state import ARM_STATE, TASK_SIZE
 

@@ -20,7 +20,7 @@ from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.joint_path import JointPath
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.reference.governor import GOVERNOR_CONFIG
-from slip_vic_controller.session import ArmController
+from slip_vic_controller.session.controller import ArmController
 from slip_vic_controller.state import CONFIG
 
 

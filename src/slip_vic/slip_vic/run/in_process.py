@@ -14,7 +14,10 @@ from slip_core.types import CartesianReference, DisplacementSample, EffortComman
 from slip_sim_bridge.session import TickOutputs
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.incidents import IncidentWatch
-from slip_vic_controller.session import Controller, ControllerSession, CycleResult, Manifest
+from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.session.cycle_result import CycleResult
+from slip_vic_controller.session.manifest import Manifest
+from slip_vic_controller.session.session import ControllerSession
 
 
 class Tick:

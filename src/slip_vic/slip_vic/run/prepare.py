@@ -15,7 +15,7 @@ from slip_core.errors import InputError
 from slip_msgs_py.stop_flag import end_with, ending_at_once
 from slip_vic.run.versions import digest, versions
 
-MODULES: Final = ("slip_core.poses", "slip_vic_controller.session", "slip_sim_bridge.session")
+MODULES: Final = ("slip_core.poses", "slip_vic_controller.session.session", "slip_sim_bridge.session")
 """These import all modules with compiled formulas."""
 LONGEST: Final = "slip_vic_controller.cycle.cycle"
 BESIDE: Final = ("slip_sim_bridge.session", "slip_vic_controller.arrival")

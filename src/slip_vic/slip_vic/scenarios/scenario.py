@@ -234,7 +234,7 @@ class Scenario:
                 more contacts than arms.
         """
         with without_collector():
-            from slip_vic_controller.session import Controller
+            from slip_vic_controller.session.controller import Controller
 
         for params in self.controllers.values():
             contacts = params.contacts.count

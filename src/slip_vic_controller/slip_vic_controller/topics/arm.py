@@ -18,7 +18,8 @@ from slip_msgs_py.messages import forms, from_msgs
 from slip_msgs_py.node_part import NodePart
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.publishing import DiagnosticsPublisher, StatePublisher, StatusPublisher, TimingPublisher
-from slip_vic_controller.session import NO_NUMBERS, ArmSession, CycleResult
+from slip_vic_controller.session.arm_session import ArmSession
+from slip_vic_controller.session.cycle_result import NO_NUMBERS, CycleResult
 from slip_vic_controller.topics.mode import ModeInterface
 
 STATE_DEPTH = {True: 100, False: 1}  # lockstep loses nothing; in real time only the newest state matters

@@ -9,7 +9,7 @@ from slip_msgs_py.fast_io import Refusals
 from slip_msgs_py.messages import from_msgs, to_msgs
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_vic_controller.reference.goals import GoalPhase, Refusal
-from slip_vic_controller.session import ControllerSession
+from slip_vic_controller.session.session import ControllerSession
 
 GOAL_DEPTH = 10
 _PHASES = {

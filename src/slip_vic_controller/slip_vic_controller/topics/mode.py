@@ -17,7 +17,9 @@ from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.incidents import IncidentWatch
 from slip_vic_controller.publishing import DIAGNOSTICS_PERIOD_NS, MODE_PHASE, StatusPublisher
 from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.session import ArmSession, ControllerSession, CycleResult
+from slip_vic_controller.session.arm_session import ArmSession
+from slip_vic_controller.session.cycle_result import CycleResult
+from slip_vic_controller.session.session import ControllerSession
 
 PUBLISHERS_PERIOD_S = 0.02  # so long a foreign command may go unseen; a look takes some 30 us
 GO_ON = "; to continue call ~/reset_fault, then ~/enable"

@@ -1,0 +1,467 @@
+"""One arm between cycles: samples in, Pinocchio's call, results out."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from slip_core.arrays import Array, readonly
+from slip_core.errors import InputError
+from slip_core.records import new, place, record
+from slip_core.types import CartesianReference, DisplacementSample, JointSample, SlipSample, WrenchSample
+from slip_vic_controller.arm.config import with_measured_noise
+from slip_vic_controller.arrival import (
+    estimate_joint_state,
+    is_silent,
+    receive_joint_state,
+    receive_slip,
+    receive_wrench,
+    replace_joint_state,
+)
+from slip_vic_controller.config import renew_config, use_noise
+from slip_vic_controller.law.gains import LAW_GAINS, RAMP, make_ramp, sample_gains
+from slip_vic_controller.observer.layouts import ROW_SIZE
+from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.safety.reasons import ACTIVATION, describe
+from slip_vic_controller.safety.validation import JointInput, JointRecord, VectorInput, mean_period_s, unanswered
+from slip_vic_controller.session.cycle_result import MODES, CycleResult, Health
+from slip_vic_controller.session.manifest import Manifest
+from slip_vic_controller.sizes import MAX_FRESH
+from slip_vic_controller.slip_displacement import SlipFromDisplacement
+from slip_vic_controller.state import (
+    ARM_SIZE,
+    ARM_STATE,
+    CONFIG,
+    INPUTS,
+    INPUTS_SIZE,
+    OUTPUTS,
+    OUTPUTS_SIZE,
+    TASK_SIZE,
+    ArmState,
+    Step,
+    TaskState,
+)
+
+if TYPE_CHECKING:  # the session over all arms makes this one, and each calls the other
+    from slip_vic_controller.session.session import ControllerSession
+
+# Looked up in every cycle, by number: to make an enum's member of one, or to hash it, takes longer.
+_FAULTS = tuple(Fault)
+_GOOD = tuple(fault in (Fault.NONE, Fault.DENORMAL, Fault.RESTARTED, Fault.NOT_RUN) for fault in Fault)
+_UNANSWERED = tuple(unanswered(fault) for fault in Fault)
+_ARM = place(INPUTS, "arm")
+_NOW, _REQUEST, _MISSING = (place(INPUTS, name).start for name in ("now_ns", "request", "missing"))
+_PRESENT, _STEP = place(INPUTS, "present").start, place(OUTPUTS, "decision.step").start
+_RAMP = place(ARM_STATE, "law.ramp")
+_ANSWERS = [place(ARM_STATE, f"joint.answers.{name}").start for name in ("position", "velocity")]
+_CYCLES, _LAW_KNOWN = place(ARM_STATE, "cycles").start, place(ARM_STATE, "law.known").start
+_TARED, _ROUGHLY = place(ARM_STATE, "tare.done").start, place(ARM_STATE, "tare.rough").start
+_WITHOUT = place(ARM_STATE, "joint.without").start
+_STATE_MODE = place(ARM_STATE, "mode.mode").start
+_NO_VECTOR = readonly(np.full(6, np.nan))
+
+Waiting = tuple[JointSample, Fault, int, Health | None]
+"""A joint state that waits for its cycle, its fault, bits of what is missing beside inputs that were never seen, and
+the health of the inputs in a replay; None = found by input validation."""
+
+
+class ArmSession:
+    """One arm between cycles: its samples, and its row of the state.
+
+    Args:
+        session: of all arms.
+        name, index: of the arm.
+    """
+
+    def __init__(self, session: ControllerSession, name: str, index: int) -> None:
+        self.name, self.index, self._session = name, index, session
+        self.controller = session.controller.arms[name]
+        self.contacts = self.controller.contacts
+        self.row = session.buffer[TASK_SIZE + index * ARM_SIZE :][:ARM_SIZE]
+        rows = session.controller.rows
+        begin = TASK_SIZE + len(session.controller.arms) * ARM_SIZE + index * rows * ROW_SIZE
+        self.history = session.buffer[begin : begin + rows * ROW_SIZE]
+        self.state: ArmState = record(self.row, ARM_STATE)
+        self.inputs_place = slice(index * INPUTS_SIZE, (index + 1) * INPUTS_SIZE)
+        self.outputs_place = slice(index * OUTPUTS_SIZE, (index + 1) * OUTPUTS_SIZE)
+        self.config = session.config_of(index)
+        self.routes: tuple[tuple[tuple[ArmSession, int], ...], ...] = ()
+        self.waiting: Waiting | None = None
+        self.overdue = False  # its own next joint state has come while one waited for another arm
+        self._lockstep = self.controller.lockstep
+        self._joints = len(self.controller.robot.joint_names)
+        self._answers = [self.row[first : first + self._joints] for first in _ANSWERS]
+        self._slip_delay_ns = int(record(self.config, CONFIG).cycle.slip_delay_ns)
+        self._has_wrench = self.controller.params.wrench.source == "sensor"
+        self._estimates = bool(record(self.config, CONFIG).estimator.on)
+        self._tared = 0
+        self._whole = self.row.view(np.int64)
+        self._manifest: Manifest | None = None
+        self._wrench_counts, self._slip_counts = [0] * self.contacts, [0] * self.contacts
+        self._displacements = [SlipFromDisplacement() for _ in range(self.contacts)]
+        self._request = self._asked = Request.NONE
+        self._tuned: ControllerParams | None = None
+        self._outside_counts: Counter[str] = Counter()
+
+    @property
+    def estimated_joints(self) -> tuple[str, ...]:
+        """Names of the joints whose state is estimated; none where the samples are used as they are."""
+        return self.controller.robot.joint_names if self._estimates else ()
+
+    @property
+    def task(self) -> TaskState:
+        """What is remembered of the object's motion, by name."""
+        return self._session.task
+
+    @property
+    def active(self) -> bool:
+        """Whether efforts are given."""
+        return self._session.active
+
+    @property
+    def mode(self) -> Mode:
+        """The mode of the last cycle."""
+        return MODES[self._whole[_STATE_MODE]]
+
+    @property
+    def reason(self) -> str:
+        """Why the controller is in its mode, in words."""
+        return describe(self.state.mode.reason, self.controller.robot.joint_names)
+
+    @property
+    def cycles(self) -> int:
+        """How many cycles have been answered."""
+        return int(self._whole[_CYCLES])
+
+    @property
+    def begun(self) -> bool:
+        """Whether the law has begun: a state of it is remembered."""
+        return bool(self._whole[_LAW_KNOWN])
+
+    @property
+    def gravity(self) -> Array:
+        """Gravity torque at the last good joint state that was answered; (n,) [N m]."""
+        return readonly(self.state.law.gravity[: self._joints])
+
+    @property
+    def tuned(self) -> ControllerParams:
+        """The parameters that are in effect, or that gains and payload ramp to."""
+        return self._tuned or self.controller.params
+
+    @property
+    def newest_joint(self) -> JointSample | None:
+        """The last good joint state."""
+        joint = self.state.joint
+        return joint_sample(joint.last, self._joints) if joint.known else None
+
+    def validated(self, sample: JointSample) -> JointSample:
+        """Return a joint state that was added as input validation leaves it: spikes replaced, velocities derived."""
+        answers = self.state.joint.answers
+        return joint_sample(answers, self._joints) if answers.stamp_ns == sample.stamp_ns else sample
+
+    # -- samples -----------------------------------------------------------------------------------
+
+    def add_joint(self, sample: JointSample, now_ns: int | None = None) -> None:
+        """Take a joint state; one that was never answered is skipped, newest wins. `now_ns`: steady time of arrival.
+
+        One that no cycle answers changes nothing for one that waits already, for the partner's.
+        """
+        n, q, qd, effort = self._joints, sample.position, sample.velocity, sample.effort
+        refused = q.shape != (n,) or qd.shape != (n,)
+        if refused or effort.shape != (n,):
+            effort = np.full(n, np.nan)
+        if refused:
+            q = qd = effort
+        stamp_ns = sample.stamp_ns
+        now_ns = stamp_ns if now_ns is None else now_ns
+        fault = receive_joint_state(self.config, self.row, stamp_ns, q, qd, effort, refused, now_ns, self._lockstep)
+        if self._lockstep or not _UNANSWERED[fault]:
+            self.overdue = self.waiting is not None
+            if self._whole[_WITHOUT]:  # what a command shows beside its numbers is numbers, too
+                sample = self.validated(sample)
+            self.waiting = sample, _FAULTS[fault], 0, None
+
+    def add_wrench(self, contact: int, sample: WrenchSample, now_ns: int | None = None) -> None:
+        """Take a wrench of one contact; that of the own pad goes to every arm that has a wrench sensor and reads it."""
+        stamp_ns, wrench = sample.stamp_ns, sample.wrench
+        now_ns = stamp_ns if now_ns is None else now_ns
+        refused = wrench.shape != (6,)
+        if refused:
+            wrench = _NO_VECTOR
+        for arm, number in self.routes[contact]:
+            arm._wrench_counts[number] += 1
+            if arm._has_wrench:
+                receive_wrench(arm.config, arm.row, number, stamp_ns, wrench, refused, now_ns)
+
+    def add_slip(self, contact: int, sample: SlipSample, now_ns: int | None = None) -> None:
+        """Take a slip velocity of one contact; that of the own pad goes to every arm that reads it."""
+        stamp_ns, twist = sample.stamp_ns, sample.twist
+        now_ns = stamp_ns if now_ns is None else now_ns
+        refused = twist.shape != (6,)
+        if refused:
+            twist = _NO_VECTOR
+        for arm, number in self.routes[contact]:
+            arm._slip_counts[number] += 1
+            receive_slip(arm.config, arm.row, number, stamp_ns, twist, sample.valid, refused, now_ns)
+
+    def add_displacement(self, contact: int, sample: DisplacementSample, now_ns: int | None = None) -> None:
+        """Take where the pad of one contact is on the object; from the second one on it gives slip velocities."""
+        slip = self._displacements[contact](sample)
+        if slip is None:
+            for arm, number in self.routes[contact]:
+                arm._slip_counts[number] += 1
+        else:
+            self.add_slip(contact, slip, sample.stamp_ns if now_ns is None else now_ns)
+
+    def add_manifest(self, manifest: Manifest) -> None:
+        """Take the list of what belongs to the current lockstep cycle; contacts in this arm's order."""
+        self._manifest = manifest
+
+    def set_own_reference(self, reference: CartesianReference) -> None:
+        """Use this reference of this pad alone from the next cycle on, wherever the others are led."""
+        self.state.reference_known = 1
+        write_reference(reference, self.state.reference)
+
+    def set_publishers(self, counts: Mapping[str, int], own_topic_publishers: int) -> None:
+        """Take how many publishers each input topic has, and how many our command topic has."""
+        before, twice = self.state.outside, [name for name, count in counts.items() if count > 1]
+        outside = Fault.SECOND_PUBLISHER if twice else Fault.NONE
+        if own_topic_publishers > 1:
+            outside = Fault.FOREIGN_COMMAND
+        self.state.outside = int(outside)
+        if outside not in (before, Fault.NONE):
+            self._outside_counts[f"{', '.join(twice) or 'effort command'} {outside.name.lower()}"] += 1
+
+    # -- requests and parameters -------------------------------------------------------------------
+
+    def request(self, request: Request) -> None:
+        """Request a mode of this arm; the next cycle decides."""
+        self._request = request
+
+    def ramp_to(self, params: ControllerParams, target: Array) -> None:
+        """Let gains and payload ramp to those of `params`, whose LAW_GAINS is `target`."""
+        least_s, law = params.gains.ramp_s, self.state.law
+        if params.object != self.tuned.object:
+            self.state.tare.mass_share = 0.0  # what a user gives counts
+        self.state.tuned = make_ramp(self.controller.gains, target, 0, least_s).view(RAMP)[0]
+        if law.known:
+            start = new(LAW_GAINS)
+            sample_gains(self.row[_RAMP], int(law.stamp_ns), start)
+            law.ramp = make_ramp(start, target, int(law.stamp_ns), least_s).view(RAMP)[0]
+        self.know(params)
+
+    def know(self, params: ControllerParams) -> None:
+        """Take parameters that were set before the state which `restore` was given: their ramp is part of it."""
+        self._tuned = params
+        self._session.configure(self.index, lambda config: renew_config(config, params))
+
+    def use_tare(self) -> None:
+        """Use the noise that a tare has measured, and what is configured until then."""
+        measured = int(self._whole[_ROUGHLY]) + 2 * int(self._whole[_TARED])
+        if measured != self._tared:
+            self._tared = measured
+            params = with_measured_noise(self.tuned, self.state.tare) if measured else self.tuned
+            limit, weighed = self.controller.robot.effort_limit, bool(self.state.tare.done)
+            self._session.configure(self.index, lambda config: use_noise(config, params, limit, weighed=weighed))
+            self._estimates = bool(record(self.config, CONFIG).estimator.on)
+
+    # -- cycles ------------------------------------------------------------------------------------
+
+    def complete(self) -> bool:
+        """Return whether a cycle can be answered: a joint state, and in lockstep all that belongs to its stamp.
+
+        Lockstep answers every cycle, also one whose other inputs are still missing.
+        """
+        waiting, manifest = self.waiting, self._manifest
+        if waiting is None or not self._lockstep:
+            return waiting is not None
+        return (
+            manifest is not None
+            and manifest.stamp_ns == waiting[0].stamp_ns
+            and (manifest.wrench_counts == tuple(self._wrench_counts) or not self._has_wrench)
+            and manifest.slip_counts == tuple(self._slip_counts)
+        )
+
+    def prepare(self, now_ns: int | None, inputs: Array) -> JointSample | None:
+        """Fill the INPUTS of this arm for a cycle; return the joint state that it answers, None where none waits.
+
+        Args:
+            now_ns: the controller's clock; None takes the stamp of the joint state.
+            inputs: INPUTS of all arms.
+        """
+        if self.waiting is None:
+            return None
+        joint, fault, missing, health = self.waiting
+        self.waiting = self._manifest = None
+        self.overdue = False
+        if not self._session.active:
+            missing |= ACTIVATION
+        own = self.fill(joint.stamp_ns if now_ns is None else now_ns, missing, inputs)
+        if health is not None:
+            given = record(own, INPUTS)
+            given.health_given, given.health = 1, tuple(int(part) for part in health)
+        known = _GOOD[fault]
+        if known:
+            estimate_joint_state(self.config, self.row)
+        else:
+            known = replace_joint_state(self.config, self.row, fault, own.view(np.int64)[_NOW])
+        if known:
+            q, qd = self._answers
+            self.controller.robot.terms(q, qd, own[_ARM])
+        return joint
+
+    def result(self, joint: JointSample, inputs: Array, outputs: Array) -> CycleResult:
+        """Return the result of a cycle for this arm; INPUTS and OUTPUTS of all arms."""
+        return CycleResult(self.controller, joint, inputs[self.inputs_place], outputs[self.outputs_place])
+
+    def fill(self, now_ns: int, missing: int, inputs: Array) -> Array:
+        """Fill clock and request of the INPUTS of this arm, in those of all arms, and return them."""
+        own = inputs[self.inputs_place]
+        whole = own.view(np.int64)
+        whole[_PRESENT], whole[_NOW], whole[_REQUEST], whole[_MISSING] = 1, now_ns, self._request, missing
+        self._asked, self._request = self._request, Request.NONE
+        return own
+
+    def ask_again(self, outputs: Array) -> None:
+        """Keep a request for the next cycle where this one has only bridged a bad joint state; OUTPUTS of all arms."""
+        if self._asked and outputs[self.outputs_place].view(np.int64)[_STEP] == Step.BRIDGE:
+            self._request = self._asked
+
+    def give(
+        self,
+        joint: JointSample,
+        wrenches: Sequence[WrenchSample],
+        slips: Sequence[SlipSample | None],
+        new_slips: Sequence[SlipSample],
+    ) -> None:
+        """Put the samples of the next cycle in place as a replay names them, past input validation.
+
+        Args:
+            joint: the joint state that it answers; it was added, so that what is kept of joint states goes on.
+            wrenches, slips: the newest of each contact; none where the run waited for them.
+            new_slips: of the own contact, since the cycle before.
+        """
+        state, n = self.state, self._joints
+        answers = state.joint.answers
+        answers.stamp_ns, answers.position[:n], answers.velocity[:n] = joint.stamp_ns, joint.position, joint.velocity
+        answers.effort[:n] = joint.effort if joint.effort.shape == (n,) else math.nan
+        for of, wrench in zip(state.wrench_inputs, wrenches, strict=False):
+            of.seen, of.stamp_ns, of.values[:] = 1, wrench.stamp_ns, wrench.wrench
+        for of, slip in zip(state.slip_inputs, slips, strict=False):
+            if slip is not None:
+                of.seen, of.stamp_ns, of.values[:] = 1, slip.stamp_ns, slip.twist
+        state.queue.count = len(new_slips[-MAX_FRESH:])
+        for fresh, slip in zip(state.queue.samples, new_slips[-MAX_FRESH:], strict=False):
+            fresh.stamp_ns, fresh.twist[:] = slip.stamp_ns - self._slip_delay_ns, slip.twist
+
+    def silent(self, now_ns: int) -> bool:
+        """Return whether no good joint state has come for the age limit."""
+        return bool(is_silent(self.config, self.row, now_ns))
+
+    def watchdog(self, now_ns: int) -> CycleResult | None:
+        """Return a command where joint states have stayed away for too long, None where all is well.
+
+        On the steady clock, so that it bites when every other clock stops. It repeats until the effort has come down to
+        gravity compensation; the bridge's command timeout does the rest.
+        """
+        if not self.active or self._lockstep or not self.begun or self.mode == Mode.WAITING_INPUT:
+            return None
+        if not self.silent(now_ns):
+            return None
+        newest = self.newest_joint
+        assert newest is not None  # silent is only an arm that has sent
+        before = self._session.buffer.copy()
+        result, changed = self.without_joint_state(newest, now_ns)
+        if not changed:
+            self._session.buffer[:] = before
+            return None
+        return result
+
+    def failed(self, now_ns: int) -> CycleResult | None:
+        """Go to FAULT because the node has failed; return a command where the law has begun.
+
+        It comes from the last good joint state alone, so that it needs nothing of what failed. Without one the drive or
+        the bridge holds the arm, and the next cycle goes to FAULT.
+        """
+        self._request = Request.FAILED
+        newest = self.newest_joint
+        if not self.active or not self.begun or self.mode == Mode.WAITING_INPUT or newest is None:
+            return None
+        return self.without_joint_state(newest, newest.stamp_ns if self._lockstep else now_ns)[0]
+
+    def without_joint_state(self, newest: JointSample, now_ns: int) -> tuple[CycleResult, bool]:
+        """Run one cycle of the watchdog; return its result, and whether effort or mode have changed by it."""
+        return self._session.run_watchdog(self, newest, now_ns)
+
+    # -- snapshots ---------------------------------------------------------------------------------
+
+    def snapshot(self) -> Array:
+        """Return all with which the next cycle of this arm begins: the task, and its own row and history."""
+        task = self._session.buffer[:TASK_SIZE]
+        return np.concatenate((task, self.row, used_history(self.state.observer, self.history)))
+
+    def restore(self, state: Array) -> None:
+        """Continue from a snapshot of this arm; of several arms each is restored from its own.
+
+        Raises:
+            InputError: it is of another size.
+        """
+        expected = TASK_SIZE + self.row.size + self.history.size
+        if state.shape != (expected,):
+            raise InputError("controller state", got=f"{state.size} numbers", expected=f"{expected}")
+        self._session.buffer[:TASK_SIZE] = state[:TASK_SIZE]
+        self.row[:], self.history[:] = state[TASK_SIZE:][:ARM_SIZE], state[TASK_SIZE + ARM_SIZE :]
+        self.use_tare()
+
+    # -- statistics --------------------------------------------------------------------------------
+
+    def counts(self) -> dict[str, int]:
+        """Return every fault that was seen, as "input fault", with how often."""
+        state, found = self.state, {}
+        inputs: list[tuple[str, JointInput | VectorInput]] = [("joint state", state.joint)]
+        for kind, each in (("wrench", state.wrench_inputs), ("slip", state.slip_inputs)):
+            inputs += [(kind if k == 0 else f"{kind} of contact {k}", each[k]) for k in range(self.contacts)]
+        for name, of in inputs:
+            for fault in Fault:
+                if of.counts[fault]:
+                    found[f"{name} {fault.name.lower()}"] = int(of.counts[fault])
+        return found | dict(self._outside_counts)
+
+    def rates(self) -> dict[str, tuple[float, float]]:
+        """Return mean period and jitter [s] of the inputs that have come at least twice."""
+        state = self.state
+        of = {
+            "joint_states": state.joint.rate,
+            "wrench": state.wrench_inputs[0].rate,
+            "slip_velocity": state.slip_inputs[0].rate,
+        }
+        rates = {name: (mean_period_s(rate), float(rate.jitter_s)) for name, rate in of.items()}
+        return {name: rate for name, rate in rates.items() if not math.isnan(rate[0])}
+
+
+def joint_sample(record: JointRecord, joints: int) -> JointSample:
+    """Return a copy of the joint state in a record."""
+    position, velocity, effort = (of[:joints].copy() for of in (record.position, record.velocity, record.effort))
+    return JointSample(int(record.stamp_ns), position, velocity, effort)
+
+
+def used_history(observer: Any, history: Array) -> Array:
+    """Return the history of an OBSERVER with zeros where it has nothing."""
+    rows = history.reshape(-1, ROW_SIZE).copy()
+    if len(rows):
+        unused = np.ones(len(rows), dtype=bool)
+        unused[(observer.first + np.arange(observer.rows)) % len(rows)] = False
+        rows[unused] = 0.0
+    return rows.reshape(-1)
+
+
+def write_reference(reference: CartesianReference, out: Any) -> None:
+    """Write a reference to a REFERENCE."""
+    out.position, out.rotation = reference.position, reference.rotation
+    out.twist, out.acceleration = reference.twist, reference.acceleration

@@ -1,0 +1,110 @@
+"""What is configured: parameters, arms and the CONFIG of the cycle, for each arm and for all that hold one object."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_core.records import place, records
+from slip_core.types import COMMANDS, JointCommand
+from slip_vic_controller.config import make_config
+from slip_vic_controller.law.gains import RAMP, gain_report, make_law_gains, steady
+from slip_vic_controller.observer.config import capacity
+from slip_vic_controller.observer.layouts import ROW_SIZE
+from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.robot import Robot
+from slip_vic_controller.state import ARM_SIZE, ARM_STATE, OUTPUTS, TASK_SIZE
+
+_COMMAND = place(OUTPUTS, "command")
+
+
+class ArmController:
+    """The configuration of one arm: parameters, arm, and the CONFIG of the cycle.
+
+    Args:
+        params: checked parameters.
+        urdf_text: the arm; gives kinematics, dynamics and limits.
+        lockstep: whether to wait for exactly the samples the bridge lists, and to take its stamps as the clock.
+        arms: how many hold the object.
+
+    Raises:
+        InputError: the parameters and the URDF do not fit.
+    """
+
+    def __init__(self, params: ControllerParams, urdf_text: str, *, lockstep: bool, arms: int = 1) -> None:
+        self.params, self.lockstep = params, lockstep
+        armature = params.drive.of_joints("armature", len(params.joint_names))
+        self.robot = Robot(urdf_text, params.ee_frame, params.joint_names, params.gravity, armature)
+        self.report = gain_report(params)
+        self.config = make_config(params, self.robot, lockstep=lockstep, arms=arms)
+        self.gains = make_law_gains(params, self.report.used)
+        self.contacts = params.contacts.count
+        self.make_command: Callable[[int, Array], JointCommand] = COMMANDS[params.command.interface]
+        self.command_place = slice(_COMMAND.start, _COMMAND.start + len(params.joint_names))
+        self.external = params.trajectory.kind in ("topic", "goal")
+        self.rows = capacity(params) if params.slip_estimator == "observer" else 0
+
+
+class Controller:
+    """The configuration of all arms that hold an object. Sessions may share it.
+
+    Args:
+        params: checked parameters of each arm by its name; the first arm leads along the path.
+        urdfs: the arms.
+        lockstep: whether to wait for exactly the samples the bridge lists, and to take its stamps as the clock.
+
+    Raises:
+        InputError: parameters and URDFs do not fit, or the arms do not fit each other.
+    """
+
+    def __init__(self, params: Mapping[str, ControllerParams], urdfs: Mapping[str, str], *, lockstep: bool) -> None:
+        check_common(params)
+        self.lockstep = lockstep
+        self.arms = {
+            name: ArmController(of, urdfs[name], lockstep=lockstep, arms=len(params)) for name, of in params.items()
+        }
+        self.first = next(iter(self.arms.values()))
+        self.external = self.first.external
+        self.rows = max(arm.rows for arm in self.arms.values())
+        self.config = np.concatenate([arm.config for arm in self.arms.values()])
+        self.config.setflags(write=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the arms."""
+        return tuple(self.arms)
+
+    def new_state(self) -> Array:
+        """Return the state before the first cycle: TASK_STATE, ARM_STATE of each arm, histories of their observers."""
+        n = len(self.arms)
+        state = np.zeros(TASK_SIZE + n * (ARM_SIZE + self.rows * ROW_SIZE))
+        for k, arm in enumerate(self.arms.values()):
+            records(state[TASK_SIZE : TASK_SIZE + n * ARM_SIZE], ARM_STATE)[k].tuned = steady(arm.gains).view(RAMP)[0]
+        return state
+
+
+COMMON = ("mode", "control_period_s", "trajectory.kind", "governor.mode")
+"""Parameters that are equal for all arms that hold one object."""
+
+
+def common_values(params: ControllerParams) -> tuple[object, ...]:
+    """Return the values of the parameters in COMMON."""
+    return params.mode, params.control_period_s, params.trajectory.kind, params.governor.mode
+
+
+def check_common(params: Mapping[str, ControllerParams]) -> None:
+    """See that arms fit each other: they hold one object, so they follow one path, in one rhythm.
+
+    Raises:
+        InputError: they do not.
+    """
+    (name, first), *others = params.items()
+    for other, of in others:
+        for what, a, b in zip(COMMON, common_values(first), common_values(of), strict=True):
+            if a != b:
+                raise InputError(
+                    f"parameter {other}.{what}", got=b, expected=f"{a!r}, as for {name}: all arms hold one object"
+                )

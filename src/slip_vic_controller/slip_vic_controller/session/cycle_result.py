@@ -1,0 +1,157 @@
+"""The result of a cycle for one arm: its command, its mode and reason, its ledger, and the numbers worth plotting."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from slip_core.arrays import Array, readonly
+from slip_core.records import new, place, record
+from slip_core.types import JointCommand, JointSample
+from slip_vic_controller.cycle.cycle import describe as describe_cycle
+from slip_vic_controller.law.symbols import SYMBOLS, published
+from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.safety.reasons import describe
+from slip_vic_controller.session.controller import ArmController
+from slip_vic_controller.state import GOVERNED, INPUTS, OUTPUTS
+
+MODES = tuple(Mode)
+"""Looked up in every cycle, by number: to make an enum's member of one takes longer."""
+
+_LEDGER = place(OUTPUTS, "ledger")
+_EFFORT = place(OUTPUTS, "effort")
+_ANSWERED, _MODE = place(OUTPUTS, "answered").start, place(OUTPUTS, "mode.mode").start
+_OK, _CAUSE = place(OUTPUTS, "ok").start, place(OUTPUTS, "mode.reason").start
+_REASON = slice(_CAUSE, _CAUSE + 3)
+_GOVERNED, _GOVERNED_NAMES = place(OUTPUTS, "governor"), GOVERNED.names or ()
+_GRIP = place(OUTPUTS, "grip").start
+_PATH_SCALE = place(OUTPUTS, "path_scale").start
+
+NO_NUMBERS = readonly(np.zeros(0))
+
+
+class Health(NamedTuple):
+    """The fault of each input in one cycle; NONE = good. `slip` and `wrench` are the worst of all contacts."""
+
+    joint: Fault = Fault.NONE
+    wrench: Fault = Fault.NONE
+    slip: Fault = Fault.NONE
+    outside: Fault = Fault.NONE
+
+    @staticmethod
+    def from_code(code: int) -> Health:
+        """Read the number in the ledger: a replay uses what the run found, whose arrival times no bag has."""
+        return Health(*(Fault(code >> shift & 0xFF) for shift in (0, 8, 16, 24)))
+
+
+class CycleResult:
+    """One answered cycle; an empty command means "no command": an input has never been seen.
+
+    joint: the joint state; numbers: what is commanded, as `command.interface` has it, (n,) [N m], [rad/s] or [rad];
+    mode; inputs, outputs: records of the arm.
+    """
+
+    __slots__ = ("_controller", "inputs", "joint", "mode", "numbers", "outputs")
+
+    def __init__(self, controller: ArmController, joint: JointSample, inputs: Array, outputs: Array) -> None:
+        self._controller, self.joint, self.inputs, self.outputs = controller, joint, inputs, outputs
+        outputs.setflags(write=False)
+        whole = outputs.view(np.int64)
+        self.mode = MODES[whole[_MODE]]
+        self.numbers = outputs[controller.command_place] if whole[_ANSWERED] else NO_NUMBERS
+
+    @property
+    def command(self) -> JointCommand:
+        """The command that answers the joint state."""
+        return self._controller.make_command(self.joint.stamp_ns, self.numbers)
+
+    @property
+    def effort(self) -> Array:
+        """Effort of the law or of what stands in for it; (n,) [N m], empty where there is no command.
+
+        Drives that take velocities or positions are commanded the motion that it gives the arm.
+        """
+        return self.outputs[_EFFORT][: len(self.numbers)]
+
+    @property
+    def ledger(self) -> tuple[int, ...]:
+        """What it used: the cycle, and the stamps (sec, nanosec) of joint state, wrench and slip of each contact."""
+        return tuple(self._numbers(0, 3 + 4 * self._controller.contacts))
+
+    @property
+    def decision(self) -> tuple[int, ...]:
+        """On what it decided, behind the ledger; where references or goals come by topic, also how many were taken."""
+        begin = 3 + 4 * self._controller.contacts
+        return tuple(self._numbers(begin, begin + 5 + self._controller.external))
+
+    def _numbers(self, begin: int, end: int) -> list[int]:
+        return self.outputs[_LEDGER][begin:end].view(np.int64).tolist()
+
+    @property
+    def cycle(self) -> int:
+        """Number of the cycle."""
+        return self.ledger[0]
+
+    @property
+    def grip(self) -> float:
+        """Grip force that is commanded [N]."""
+        return float(self.outputs[_GRIP])
+
+    @property
+    def path_speed(self) -> float:
+        """Speed along the path; 1 = the trajectory as planned."""
+        return float(self.outputs[_PATH_SCALE])
+
+    @property
+    def ok(self) -> bool:
+        """Whether the effort is the law's."""
+        return bool(self.outputs.view(np.int64)[_OK])
+
+    @property
+    def load_source(self) -> str:
+        """What the load is known from: the wrench sensor, or the model alone."""
+        return "model" if self._controller.params.wrench.source == "none" else "sensor"
+
+    @property
+    def reason_key(self) -> tuple[int, ...]:
+        """What is different where the words of the reason are, but for their numbers."""
+        return tuple(self.outputs.view(np.int64)[_REASON].tolist())
+
+    @property
+    def arm(self) -> Any:
+        """The arm's terms by name; zeros where the joint state was not good."""
+        return record(self.inputs, INPUTS).arm
+
+    @property
+    def record(self) -> Any:
+        """The outputs by name."""
+        return record(self.outputs, OUTPUTS)
+
+    @property
+    def reason(self) -> str:
+        """Why the controller is in its mode, in words."""
+        return describe(self.record.mode.reason, self._controller.robot.joint_names)
+
+    @property
+    def symbol_names(self) -> tuple[str, ...]:
+        """Names of `symbols`, the same in every cycle of a controller."""
+        names = published(len(self._controller.robot.joint_names))[0]
+        return (*names, *_GOVERNED_NAMES) if self._governed else names
+
+    def symbols(self) -> Array:
+        """Return the numbers worth plotting, in the order of `symbol_names`; NaN where there is none."""
+        symbols = new(SYMBOLS)
+        describe_cycle(self._controller.config, self.inputs, self.outputs, symbols)
+        numbers = symbols[published(len(self._controller.robot.joint_names))[1]]
+        return np.concatenate((numbers, self.outputs[_GOVERNED])) if self._governed else numbers
+
+    def scalars(self) -> dict[str, float]:
+        """Return `symbols` by name."""
+        return dict(zip(self.symbol_names, self.symbols().tolist(), strict=True))
+
+    @property
+    def _governed(self) -> bool:
+        params = self._controller.params
+        return params.governor.mode != "off" or params.trajectory.kind == "goal"

@@ -1,0 +1,306 @@
+"""The controller between cycles: parameters, Pinocchio's call, samples in and results out; `cycle` does the rest.
+
+A controller has one or more arms, which hold one object; the name of a single arm is "". The node, the in-process loop,
+bag replay and the fault campaign all run this same class.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from slip_core.arrays import Array, matrix_from_quat_xyzw
+from slip_core.errors import InputError
+from slip_core.params import flatten
+from slip_core.records import record, records
+from slip_core.types import CartesianReference, JointSample, PoseGoal
+from slip_vic_controller.config import governed_stream
+from slip_vic_controller.cycle.cycle import cycle, watchdog
+from slip_vic_controller.law.gains import gain_report, make_law_gains
+from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.reference.stream import QUEUED
+from slip_vic_controller.safety.modes import Request
+from slip_vic_controller.session.arm_session import ArmSession, used_history, write_reference
+from slip_vic_controller.session.controller import Controller
+from slip_vic_controller.session.cycle_result import CycleResult
+from slip_vic_controller.session.manifest import Manifest
+from slip_vic_controller.state import (
+    ARM_SIZE,
+    CONFIG,
+    CONFIG_SIZE,
+    INPUTS_SIZE,
+    OUTPUTS_SIZE,
+    TASK_SIZE,
+    TASK_STATE,
+    ControllerConfig,
+    TaskState,
+)
+
+MOST_POSITION, MOST_TWIST, MOST_ACCELERATION = 1e3, 1e2, 1e4
+"""[m], [m/s, rad/s], [m/s^2, rad/s^2] Most that a reference may have; numbers that are not finite lead to HOLD."""
+
+
+RETUNABLE = ("gains.", "object.", "contacts.position", "safety.hold_stiffness")
+"""Parameters that ramp while the law runs."""
+
+
+Results = tuple[CycleResult | None, ...]
+"""One for each arm; None where it was not answered."""
+
+
+class ControllerSession:
+    """Runs the control cycle whenever a set of inputs is complete: a joint state of every arm, and what belongs to it.
+
+    Contact 0 of an arm is its own pad. Further contacts are the pads of the other arms in their order; of a single arm
+    they have topics of their own.
+
+    Args:
+        controller: parameters and arms.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        self.controller = controller
+        self.buffer = controller.new_state()
+        self.active = True
+        self.task: TaskState = record(self.buffer[:TASK_SIZE], TASK_STATE)
+        self._lockstep, self._config = controller.lockstep, controller.config
+        self._governed_stream = governed_stream(controller.first.params)
+        self._ahead: frozenset[int] = frozenset()  # answered for joint states that other arms have yet to bring
+        self.arms = tuple(ArmSession(self, name, k) for k, name in enumerate(controller.names))
+        self._inputs_size, self._outputs_size = len(self.arms) * INPUTS_SIZE, len(self.arms) * OUTPUTS_SIZE
+        self._taring = tuple(arm for arm in self.arms if arm.controller.params.tare.duration_s > 0.0)
+        for arm in self.arms:
+            arm.routes = tuple(tuple(self._routes(arm.index, contact)) for contact in range(arm.contacts))
+
+    def _routes(self, own: int, contact: int) -> Iterator[tuple[ArmSession, int]]:
+        """Yield the arms that read a contact of an arm, and its number there."""
+        yield self.arms[own], contact
+        for arm in self.arms if contact == 0 else ():
+            number = own + 1 if own < arm.index else own
+            if arm.index != own and number < arm.contacts:
+                yield arm, number
+
+    @property
+    def reference_from_topic(self) -> bool:
+        """Whether the reference comes from outside instead of the built-in trajectory."""
+        return self.controller.first.params.trajectory.kind == "topic"
+
+    def config_of(self, index: int) -> Array:
+        """Return the CONFIG of an arm."""
+        return self._config[index * CONFIG_SIZE :][:CONFIG_SIZE]
+
+    def configure(self, index: int, change: Callable[[ControllerConfig], None]) -> None:
+        """Change the CONFIG of an arm; sessions that share the controller keep theirs."""
+        config = self._config.copy()
+        change(records(config, CONFIG)[index])
+        if config.tobytes() != self._config.tobytes():
+            config.setflags(write=False)
+            self._config = config
+            for arm in self.arms:
+                arm.config = self.config_of(arm.index)
+
+    # -- inputs of the object ----------------------------------------------------------------------
+
+    def add_manifest(self, manifest: Manifest) -> None:
+        """Take the list of what belongs to the current lockstep cycle: the pads' samples, in the order of the arms."""
+        if len(self.arms) == 1:
+            self.arms[0].add_manifest(manifest)
+            return
+        for arm in self.arms:
+            order = [arm.index, *(k for k in range(len(manifest.wrench_counts)) if k != arm.index)][: arm.contacts]
+            wrenches, slips = (
+                tuple(counts[k] for k in order if k < len(counts))
+                for counts in (manifest.wrench_counts, manifest.slip_counts)
+            )
+            arm.add_manifest(Manifest(manifest.tick, manifest.stamp_ns, wrenches, slips))
+
+    def set_reference(self, reference: CartesianReference) -> None:
+        """Use this reference from the next cycle on; governed, follow it as soon as friction admits.
+
+        Of one arm it is that of the pad; of several that of the object's centre of mass, which every pad keeps to.
+
+        Raises:
+            InputError: numbers that no arm can follow, which are errors of a unit or a frame; nothing has changed then.
+        """
+        for what, values, most in (
+            ("position", reference.position, MOST_POSITION), ("twist", reference.twist, MOST_TWIST),
+            ("acceleration", reference.acceleration, MOST_ACCELERATION),
+        ):  # fmt: skip
+            largest = float(np.abs(values).max())
+            if math.isfinite(largest) and largest > most:
+                raise InputError(f"reference: {what}", got=f"{largest:.3g}", expected=f"at most {most:g}")
+        task = self.task
+        task.taken += 1
+        given = task.reference
+        if self._governed_stream:
+            stream = task.stream
+            if stream.queued == QUEUED:
+                for k in range(QUEUED - 1):
+                    stream.queue[k] = stream.queue[k + 1]
+                stream.queued -= 1
+            item = stream.queue[int(stream.queued)]
+            item.stamp_ns, given = reference.stamp_ns, item.reference
+            stream.queued += 1
+        else:
+            task.reference_known = 1
+        write_reference(self._of_first_pad(reference), given)
+
+    def set_goal(self, goal: PoseGoal) -> None:
+        """Come to rest at this pose; the next cycle begins it, waits until the pad is at rest, or refuses it.
+
+        Of one arm it is the pose of the pad; of several that of the object's centre of mass.
+        """
+        task = self.task.goal
+        r, R = self._grasp(goal.rotation)
+        task.received, task.pending = task.received + 1, 1
+        task.to_position, task.to_rotation, task.duration = goal.position + r, R, goal.duration_s
+        self.task.taken += 1
+
+    def _grasp(self, rotation: Array) -> tuple[Array, Array]:
+        """Return lever [m] and attitude of the first pad {w}; rotation: of what references and goals move."""
+        if len(self.arms) == 1:
+            return np.zeros(3), rotation
+        contacts = self.controller.first.params.contacts
+        return rotation @ np.array(contacts.position[:3]), rotation @ matrix_from_quat_xyzw(
+            contacts.orientation_xyzw[:4]
+        )
+
+    def _of_first_pad(self, reference: CartesianReference) -> CartesianReference:
+        """Return the reference of the first pad where the object moves by a reference."""
+        if len(self.arms) == 1:
+            return reference
+        (r, R), w, alpha = self._grasp(reference.rotation), reference.twist[3:], reference.acceleration[3:]
+        twist = np.concatenate((reference.twist[:3] + np.cross(w, r), w))
+        linear = reference.acceleration[:3] + np.cross(alpha, r) + np.cross(w, np.cross(w, r))
+        acceleration = np.concatenate((linear, alpha))
+        return CartesianReference(reference.position + r, R, twist, acceleration, reference.stamp_ns)
+
+    # -- requests and parameters -------------------------------------------------------------------
+
+    def set_active(self, active: bool) -> None:
+        """Start again, or answer without effort until then; a fault stays."""
+        self.active = active
+        for arm in self.arms:
+            arm.state.law.known = 0
+
+    def request(self, request: Request) -> None:
+        """Request a mode of all arms; the next cycle decides."""
+        for arm in self.arms:
+            arm.request(request)
+
+    def retune(self, params: Sequence[ControllerParams]) -> None:
+        """Let gains and payload of each arm ramp to those of `params`, and HOLD use them, from the next cycle on.
+
+        Raises:
+            InputError: the values are refused as a whole, or something else has changed; nothing has happened then.
+        """
+        targets = []
+        for arm, wanted in zip(self.arms, params, strict=True):
+            now = flatten(arm.tuned)
+            for name, value in flatten(wanted).items():
+                if value != now[name] and not name.startswith(RETUNABLE):
+                    raise InputError(
+                        f"parameter {name}", got=value, expected=f"{now[name]!r} while the law runs",
+                        fix="restart the node",
+                    )  # fmt: skip
+            targets.append(make_law_gains(wanted, gain_report(wanted).used))
+        for arm, wanted, target in zip(self.arms, params, targets, strict=True):
+            arm.ramp_to(wanted, target)
+
+    # -- cycles ------------------------------------------------------------------------------------
+
+    def cycle(self, now_ns: int | None = None) -> Results:
+        """Answer what has come: all arms, or in real time those whose partners' joint states stay away.
+
+        Arms that are answered without the others hold.
+
+        Args:
+            now_ns: steady time; None, and lockstep, take the stamps of the joint states.
+        """
+        if self._lockstep or now_ns is None:
+            for arm in self.arms:
+                if not arm.complete():
+                    return (None,) * len(self.arms)
+            return self.answer(None)
+        late = [arm for arm in self.arms if arm.waiting is None]
+        if not late:
+            self._ahead = frozenset()
+            return self.answer(now_ns)
+        if len(late) == len(self.arms) == 1:
+            return (None,)
+        results = tuple([None if arm.waiting is not None else arm.watchdog(now_ns) for arm in self.arms])
+        ready = [arm for arm in self.arms if arm.waiting is not None]
+        if not ready or not self._may_go_alone(ready, late, now_ns):
+            return results
+        return tuple(own or result for own, result in zip(self.answer(now_ns), results, strict=True))
+
+    def _may_go_alone(self, ready: Sequence[ArmSession], late: Sequence[ArmSession], now_ns: int) -> bool:
+        """Return whether arms are answered whose partners are silent or hold.
+
+        A partner that is not silent is waited for, so that all are answered together: while they follow the law until
+        its joint state comes, while it holds until the next one of an arm that waits does.
+        """
+        if not all(arm.begun for arm in late):
+            return False
+        awaited = [arm for arm in late if not arm.silent(now_ns) and arm.index not in self._ahead]
+        if not awaited:
+            self._ahead = frozenset()
+            return True
+        if any(arm.mode.follows for arm in awaited) or not any(arm.overdue for arm in ready):
+            return False
+        self._ahead = frozenset(arm.index for arm in ready)
+        return True
+
+    def answer(self, now_ns: int | None) -> Results:
+        """Run one cycle on the joint states that wait for it; an arm where none waits is not answered.
+
+        now_ns: the controller's clock; None takes the stamps of the joint states.
+        """
+        inputs, outputs = np.zeros(self._inputs_size), np.zeros(self._outputs_size)
+        joints = [arm.prepare(now_ns, inputs) for arm in self.arms]
+        cycle(self._config, self.buffer, inputs, outputs)
+        for arm in self.arms:
+            arm.ask_again(outputs)
+        for arm in self._taring:
+            arm.use_tare()
+        pairs = zip(self.arms, joints, strict=True)
+        return tuple([None if joint is None else arm.result(joint, inputs, outputs) for arm, joint in pairs])
+
+    def run_watchdog(self, arm: ArmSession, newest: JointSample, now_ns: int) -> tuple[CycleResult, bool]:
+        """Run one cycle of the watchdog for an arm; return its result, and whether effort or mode have changed."""
+        inputs, outputs = np.zeros(self._inputs_size), np.zeros(self._outputs_size)
+        arm.fill(now_ns, 0, inputs)
+        changed = watchdog(self._config, self.buffer, inputs, outputs, arm.index)
+        return arm.result(newest, inputs, outputs), bool(changed)
+
+    def watchdog(self, now_ns: int) -> Results:
+        """Answer arms whose joint states have stayed away for too long, and those that waited for them."""
+        if self._lockstep:
+            return (None,) * len(self.arms)
+        return self.cycle(now_ns) if len(self.arms) > 1 else (self.arms[0].watchdog(now_ns),)
+
+    def failed(self, now_ns: int) -> Results:
+        """Go to FAULT with all arms because the node has failed; return commands where the law has begun."""
+        return tuple(arm.failed(now_ns) for arm in self.arms)
+
+    # -- snapshots ---------------------------------------------------------------------------------
+
+    def snapshot(self) -> Array:
+        """Return all with which the next cycle begins; its bytes are equal where states evolve identically."""
+        begin = TASK_SIZE + len(self.arms) * ARM_SIZE
+        histories = [used_history(arm.state.observer, arm.history) for arm in self.arms]
+        return np.concatenate((self.buffer[:begin], *histories))
+
+    def restore(self, state: Array) -> None:
+        """Continue from a snapshot.
+
+        Raises:
+            InputError: it is of another size.
+        """
+        if state.shape != self.buffer.shape:
+            raise InputError("controller state", got=f"{state.size} numbers", expected=f"{self.buffer.size}")
+        self.buffer[:] = state
+        for arm in self._taring:
+            arm.use_tare()
