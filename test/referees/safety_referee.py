@@ -115,6 +115,7 @@ class Memory(NamedTuple):
     stopping_ns: int | None
     blind_ns: int | None
     fall_speed: float
+    slip_variance: Array
     path_speed: float
     path_scale: float
     reference_moves: bool
@@ -162,7 +163,8 @@ def arbitrate(
     if fastest:
         fast_since = now_ns if memory.too_fast_ns is None else memory.too_fast_ns
         fault = fastest if now_ns - fast_since > 5_000_000 else ""
-    if not fault and memory.fall_speed > config.drop.drop_speed:
+    deviation = math.sqrt(np.max(memory.slip_variance[:3])) if config.estimator.on else 0.0
+    if not fault and memory.fall_speed > config.drop.drop_speed + 3.0 * deviation:
         fault = f"the object falls: it slips, and moves down {memory.fall_speed:.2f} m/s faster than the reference"
     if outside == Fault.FOREIGN_COMMAND:
         fault = fault or describe_fault(Input.EFFORT_COMMAND, outside)

@@ -18,7 +18,7 @@ from slip_core.vectors import spatial, vec
 from slip_vic_controller.arm.estimator import EstimatorConfig, Finding, JointEstimate, unseen_ns
 from slip_vic_controller.arm.tare import Sensor, Tare, TareConfig
 from slip_vic_controller.law.giving_up import CompensationState
-from slip_vic_controller.safety.drop_detection import BLIND, DropDetectionConfig, ObservedMotion
+from slip_vic_controller.safety.drop_detection import BLIND, DropDetectionConfig, ObservedMotion, doubt_of_fall
 from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.following import Following, stuck
 from slip_vic_controller.safety.latency import Latency
@@ -99,6 +99,12 @@ class GovernorVerdict(Protocol):
     plan_load: float
 
 
+class EstimatedSlip(Protocol):
+    """What is read of the observer's state."""
+
+    variance: Array
+
+
 class GivenUp(Protocol):
     """What is read of the law's state."""
 
@@ -158,6 +164,11 @@ class Judged(Protocol):
         """Return the state of the law."""
         ...
 
+    @property
+    def observer(self) -> EstimatedSlip:
+        """Return the state of the slip observer."""
+        ...
+
 
 @part
 def clear_since(since: Since) -> None:
@@ -211,7 +222,9 @@ def find_fault(config: Configured, state: Judged, n: int, qd: Array, now_ns: int
     if state.estimate.finding != Finding.NONE:
         finding = state.estimate
         return Reason(Cause.JOINT.value, finding.joint + 256 * finding.finding, 0, finding.value, finding.limit)
-    if state.observed.fall_speed > config.drop.drop_speed:
+    # Noise of the joints' velocities can grow to such a slip velocity at rest, between two samples of a camera.
+    doubt = doubt_of_fall(state.observer.variance) if config.estimator.on != 0 else 0.0
+    if state.observed.fall_speed > config.drop.drop_speed + doubt:
         return Reason(Cause.FALLS.value, 0, 0, state.observed.fall_speed, 0.0)
     return NOTHING
 

@@ -22,6 +22,8 @@ MOVING = 0.01
 """[m/s] or [rad/s] above which a reference requires motion."""
 SLIPPING = 0.005
 """[m/s] above which a slip velocity counts as slip, with the slip activation at zero too."""
+DEVIATIONS = 3.0
+"""Standard deviations of an estimated slip velocity by which an object must fall faster to be lost."""
 BLIND = 0.1
 """Share of the evidence below which a slip velocity sees nothing of it."""
 
@@ -101,3 +103,9 @@ def observe_motion(
     put(state.evidence, velocity)
     state.twist[:] = arm.twist
     state.known = 1
+
+
+@part
+def doubt_of_fall(variance: Array) -> float:
+    """Return the speed [m/s] that an estimated slip velocity makes a fall of at rest; variance: (6,) of its axes."""
+    return DEVIATIONS * math.sqrt(max(variance[0], variance[1], variance[2]))
