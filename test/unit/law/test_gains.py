@@ -169,3 +169,18 @@ def test_the_slip_gain_of_an_arm_that_is_estimated_stands_the_delay_of_a_real_on
     assert k_s() == k_s(**late) == k_s(**late, gains__authority="printed") < k_s(gains__authority="printed")
     assert k_s(drive__delay_s=0.006) < k_s()
     assert k_s(governor__mode="slow_down") == k_s(gains__authority="printed")
+
+
+def test_the_slip_activation_is_steeper_where_drives_hold_the_joints_and_no_governor_slows_the_path() -> None:
+    estimated = {"tare__duration_s": 0.3, "slip_estimator": "observer", "gains__alpha": 50.0}
+    drives = {"command__interface": "velocity", "drive__lag_s": 0.02}
+    for values, alpha in (
+        (estimated | drives, 100.0),
+        (estimated | drives | {"gains__alpha": 220.0}, 240.0),
+        (estimated | drives | {"gains__alpha": 300.0}, 300.0),
+        (estimated, 50.0),
+        (estimated | drives | {"slip_estimator": "measured"}, 50.0),
+        (estimated | drives | {"gains__authority": "printed"}, 50.0),
+        (estimated | drives | {"governor__mode": "slow_down"}, 50.0),
+    ):
+        assert record(law_gains(**values), LAW_GAINS).gains.alpha == alpha, values

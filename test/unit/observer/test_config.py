@@ -123,8 +123,9 @@ def test_slip_must_show_over_the_longer_the_noisier_the_velocities_are_where_the
 def test_noise_of_estimated_velocities_lasts_unless_it_is_the_lag_of_a_filter_and_samples_are_soon_there() -> None:
     filtered = {"joint_sensor__quantum_position": 5e-5, "joint_sensor__velocity_filter_hz": 50.0}
     assert config_of(**REAL_ARM, joint_sensor__noise_velocity=1e-3).correlation_ticks > 1.0
-    assert config_of(**REAL_ARM, **filtered, slip_sensor__latency_s=0.035).correlation_ticks == 0.0
-    assert config_of(**REAL_ARM, **filtered, slip_sensor__latency_s=0.045).correlation_ticks > 1.0
+    camera = {"slip_sensor__rate_hz": 100.0}  # the next sample comes 10 ms after the last one
+    assert config_of(**REAL_ARM, **filtered, **camera, slip_sensor__latency_s=0.029).correlation_ticks == 0.0
+    assert config_of(**REAL_ARM, **filtered, **camera, slip_sensor__latency_s=0.031).correlation_ticks > 1.0
     assert config_of().correlation_ticks == 0.0
 
 

@@ -229,11 +229,11 @@ def velocity_correlation(params: ControllerParams) -> float:
     """Return for how many control periods noise of the estimated velocities stays the same; 0 where that is not known.
 
     The lag of a velocity filter counts as noise, but lasts as long as the acceleration that causes it. Velocities that
-    drives are commanded make up for it; and where samples come later than the observer's window, slip shows in nothing
-    else.
+    drives are commanded make up for it; and where the next sample may come later than the observer's window, slip shows
+    in nothing else.
     """
     noise, bandwidth, ticks = tuning_of(params)
-    late = params.slip_sensor.latency_s > params.observer.window_s
+    late = params.slip_sensor.latency_s + params.slip_sensor.period_s > params.observer.window_s
     if params.joint_sensor.velocity_filter_hz > 0.0 and bandwidth == 0.0 and not late:
         return 0.0
     return ticks * steady_state(noise, bandwidth, params.control_period_s, ticks).correlation

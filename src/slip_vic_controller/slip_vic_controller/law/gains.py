@@ -58,6 +58,10 @@ class ObjectModel(Record):
     gravity: Vec3  # m/s^2 {w}
 
 
+STEEPER, STEEPEST = 2.0, 240.0
+"""The slip activation is this much steeper where drives hold the joints, up to so much [s/m]: delays bound k_s there,
+so that a gate half open leaves more slip, and the arm does not drift on with the object as one by efforts does."""
+
 OBJECT = dtype_of(ObjectModel)
 
 
@@ -95,6 +99,8 @@ def make_law_gains(params: ControllerParams, k_s: float) -> Array:
     out: LawGains = record(buffer, LAW_GAINS)
     axes = np.array(params.contacts.slip_axes[:6], dtype=float)
     fill_gains(params.gains, axes, k_s, out.gains, classical=params.controller == "classical")
+    if params.stands_alone and params.foresees_slip:
+        out.gains.alpha = max(out.gains.alpha, min(STEEPER * out.gains.alpha, STEEPEST))
     slow_down(out.gains, params.fastest_rate)
     out.object.mass = params.object.mass
     out.object.inertia[:] = inertia_from_six(params.object.inertia, "parameter object.inertia")
