@@ -18,7 +18,7 @@ from slip_vic_controller.safety.validation import (
     take_replaced,
     unanswered,
 )
-from slip_vic_controller.state import ARM_STATE, CONFIG
+from slip_vic_controller.state import ARM_STATE, CONFIG, INPUTS
 
 
 @kernel(INT(IN1, OUT1, INT, IN1, IN1, IN1, BOOL, INT, BOOL))
@@ -82,6 +82,19 @@ def is_silent(config: Array, state: Array, now_ns: int) -> bool:
     """Return whether no good joint state has come for the age limit."""
     c, s = record(config, CONFIG), record(state, ARM_STATE)
     return silent(c.joint, s.joint, now_ns)
+
+
+@kernel(VOID(OUT1, INT, INT, INT))
+def begin_inputs(inputs: Array, now_ns: int, request: int, missing: int) -> None:
+    """Begin the INPUTS of an arm that is answered in a cycle.
+
+    Args:
+        inputs: INPUTS; changed.
+        now_ns: the controller's clock.
+        request, missing: as in CycleInputs.
+    """
+    i = record(inputs, INPUTS)
+    i.present, i.now_ns, i.request, i.missing = 1, now_ns, request, missing
 
 
 @kernel(VOID(IN1, OUT1))

@@ -8,6 +8,7 @@ import statistics
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,68 +31,95 @@ from test.support.one_arm import one_arm
 
 SCENARIO = "paper_planar"
 SETTLE_TICKS = 1200  # of the scenario: the arm moves, and the object has begun to slip
+STRETCH = 8  # ticks: what is done in turns by cycles is done once
 SLIDE_TICKS = 500
 PERIOD_NS = 1_000_000
 STATE_SIZE = TASK_SIZE + ARM_SIZE
 Call = Callable[[], object]
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """One tick of a running scenario: all that a control cycle needs."""
+class Inputs(NamedTuple):
+    """What a control cycle takes in."""
 
-    scenario: Scenario
-    session: ControllerSession
-    state: Array
     joint: JointSample
     wrenches: tuple[WrenchSample, ...]
     slips: tuple[SlipSample, ...]
 
+
+@dataclass(slots=True)
+class Stretch:
+    """Ticks of a running scenario one after another, again and again: all that their control cycles need.
+
+    state: before the first one; at: the next one.
+    """
+
+    scenario: Scenario
+    session: ControllerSession
+    state: Array
+    inputs: tuple[Inputs, ...]
+    at: int = 0
+
+    def restore(self) -> None:
+        """Go back to the first tick after the last one; the observer's history goes on from the same place."""
+        if self.at == len(self.inputs):
+            self.session.buffer[:STATE_SIZE], self.at = self.state, 0
+
     def step(self) -> CycleResult:
-        """Do the control cycle of this moment, with everything in it, from the same state each time."""
-        session = self.session
+        """Do the control cycle of the next tick, with everything in it."""
+        session, (joint, wrenches, slips) = self.session, self.inputs[self.at]
+        self.at += 1
         (arm,) = session.arms
-        session.buffer[:STATE_SIZE] = self.state  # the observer's history goes on from the same place
-        for contact, (wrench, slip) in enumerate(zip(self.wrenches, self.slips, strict=True)):
+        for contact, (wrench, slip) in enumerate(zip(wrenches, slips, strict=True)):
             arm.add_wrench(contact, wrench)
             arm.add_slip(contact, slip)
-        arm.add_joint(self.joint)
-        (result,) = session.cycle(self.joint.stamp_ns)
+        arm.add_joint(joint)
+        (result,) = session.cycle(joint.stamp_ns)
         assert result is not None
         return result
 
 
-def moment(scenario: Scenario, ticks: int = SETTLE_TICKS) -> Moment:
-    """Run a scenario in process up to a tick and return what it is there."""
-    loop = ClosedLoop(scenario)
+def stretch(scenario: Scenario, ticks: int = SETTLE_TICKS) -> Stretch:
+    """Run a scenario in process up to a tick and return what it is from there on."""
+    loop, inputs = ClosedLoop(scenario), []
     for _ in range(ticks):
         loop.bridge.advance([loop.control(loop.observe()).command])
-    outputs = loop.observe()
-    controller = one_arm(scenario.controller, scenario.urdf, lockstep=False)
-    session = ControllerSession(controller)
+    session = ControllerSession(one_arm(scenario.controller, scenario.urdf, lockstep=False))
     session.restore(loop.session.buffer)
-    newest = (outputs.arms[0].wrenches[-1],), (outputs.arms[0].slips[-1],)
-    return Moment(scenario, session, session.buffer[:STATE_SIZE].copy(), outputs.arms[0].joint, *newest)
+    for _ in range(STRETCH):
+        outputs = loop.observe()
+        (arm,) = outputs.arms
+        inputs.append(Inputs(arm.joint, (arm.wrenches[-1],), (arm.slips[-1],)))
+        loop.bridge.advance([loop.control(outputs).command])
+    return Stretch(scenario, session, session.buffer[:STATE_SIZE].copy(), tuple(inputs))
 
 
-def interleaved(calls: Mapping[str, Call], turns: int) -> dict[str, float]:
+def interleaved(calls: Mapping[str, Call | Stretch], turns: int) -> dict[str, float]:
     """Time several calls in turn, one call each, in an order that changes, and return the median of each [s].
+
+    Of a stretch it is the mean over its ticks, and the way back to its beginning is not timed: a control loop copies no
+    100 kB.
 
     So everybody finds the caches as any of the others left them, as in a control loop, where a tick never repeats
     itself; a call that is repeated alone looks two to three times cheaper than it is, and one that always follows
     another that needs the same code looks cheaper too. What slows the machine for longer than a turn slows all alike.
     """
-    times: dict[str, list[float]] = {name: [] for name in calls}
-    for call in calls.values():
-        call()
+    times: dict[str, list[list[float]]] = {
+        name: [[] for _ in call.inputs] if isinstance(call, Stretch) else [[]] for name, call in calls.items()
+    }
     clock, order, dice = time.perf_counter, list(calls.items()), random.Random(0)
-    for _ in range(turns):
-        dice.shuffle(order)
+    for turn in range(1 + turns):
         for name, call in order:
+            step, of_tick = call, times[name][0]
+            if isinstance(call, Stretch):
+                call.restore()
+                step, of_tick = call.step, times[name][call.at]
             start = clock()
-            call()
-            times[name].append(clock() - start)
-    return {name: statistics.median(found) for name, found in times.items()}
+            step()
+            passed = clock() - start
+            if turn > 0:
+                of_tick.append(passed)
+        dice.shuffle(order)
+    return {name: statistics.fmean(map(statistics.median, filter(None, found))) for name, found in times.items()}
 
 
 def bare_terms(robot: Robot, joint: JointSample) -> Call:
@@ -100,8 +128,8 @@ def bare_terms(robot: Robot, joint: JointSample) -> Call:
     return lambda: robot.terms(joint.position, joint.velocity, arm)
 
 
-def backward_pass(governed: Moment) -> Call:
-    """Return the governor's whole backward pass over the path of a governed moment."""
+def backward_pass(governed: Stretch) -> Call:
+    """Return the governor's whole backward pass over the path of a governed run."""
     state, F = governed.session.buffer.copy(), governed.scenario.controller.governor.friction_limit
     return lambda: whole_pass(state, F)
 
@@ -142,14 +170,14 @@ def _factor(tick: Call, scenario: Scenario, ticks: int) -> float:
 
 def tick_profile(ticks: int, turns: int) -> dict[str, float]:
     """Return what each part of a lockstep tick costs, without middleware [s]."""
-    now = moment(load_scenario(SCENARIO))
+    now = stretch(load_scenario(SCENARIO))
     sent = [form for _, form in (*NEEDED.values(), *TRUTH.values())] + [JOINTS, LEDGER_FORM]
     read = [form for _, form in NEEDED.values()] + [JOINTS]
     encoders = [(codec(form).encode, form.zeros()) for form in sent]
     decoders = [(codec(form).decode, codec(form).encode(0, *form.zeros())) for form in read]
-    calls: dict[str, Call] = {
-        "terms": bare_terms(now.session.controller.first.robot, now.joint),
-        "step": now.step,
+    calls: dict[str, Call | Stretch] = {
+        "terms": bare_terms(now.session.controller.first.robot, now.inputs[0].joint),
+        "step": now,
         "messages: encode": lambda: [encode(0, *numbers) for encode, numbers in encoders],
         "messages: decode": lambda: [decode(data) for decode, data in decoders],
     }
@@ -217,7 +245,7 @@ def slipping_scenario() -> Scenario:
     return load_scenario(SCENARIO, assignments=("gravity=[0.5, 0.0, -9.81]", "bridge.grip.force=0.05"))
 
 
-def scaled_step(joints: int, contacts: int) -> Call:
+def scaled_step(joints: int, contacts: int) -> Stretch:
     """Return the control step of a chain of `joints` joints with `contacts` contacts on the object."""
     params = ControllerParams(
         joint_names=tuple(f"joint{i}" for i in range(1, joints + 1)),
@@ -231,9 +259,11 @@ def scaled_step(joints: int, contacts: int) -> Call:
     joint = JointSample(0, 0.3 + 0.1 * np.arange(joints, dtype=np.float64), 0.1 * np.ones(joints), np.zeros(joints))
     wrenches = tuple(WrenchSample(0, 0.1 * np.arange(6.0)) for _ in range(contacts))
     slips = tuple(SlipSample(0, 1e-3 * np.arange(6.0)) for _ in range(contacts))
-    now = Moment(observer_scenario(), session, session.buffer[:STATE_SIZE].copy(), joint, wrenches, slips)
-    now.step()
-    begun, at = session.buffer[:STATE_SIZE].copy(), replace(joint, stamp_ns=PERIOD_NS)
-    wrenches = tuple(replace(wrench, stamp_ns=PERIOD_NS) for wrench in wrenches)
-    slips = tuple(replace(slip, stamp_ns=PERIOD_NS) for slip in slips)
-    return Moment(now.scenario, session, begun, at, wrenches, slips).step
+    first = Inputs(joint, wrenches, slips)
+    Stretch(observer_scenario(), session, session.buffer[:STATE_SIZE].copy(), (first,)).step()
+    later = Inputs(
+        replace(joint, stamp_ns=PERIOD_NS),
+        tuple(replace(wrench, stamp_ns=PERIOD_NS) for wrench in wrenches),
+        tuple(replace(slip, stamp_ns=PERIOD_NS) for slip in slips),
+    )
+    return Stretch(observer_scenario(), session, session.buffer[:STATE_SIZE].copy(), (later,))

@@ -101,16 +101,16 @@ def _rounds(effort: Effort, library: Path | None, say: Say) -> Rounds:
     rounds = Rounds()
     scenario = dds.lockstep_scenario(effort.lockstep_s)
     vic = load_scenario(cost.SCENARIO)
-    step = cost.moment(vic)
-    pieces: dict[str, cost.Call] = {
-        "control step": step.step,
-        "pinocchio terms": cost.bare_terms(step.session.controller.first.robot, step.joint),
+    step = cost.stretch(vic)
+    pieces: dict[str, cost.Call | cost.Stretch] = {
+        "control step": step,
+        "pinocchio terms": cost.bare_terms(step.session.controller.first.robot, step.inputs[0].joint),
     }
-    pieces["control step, observer"] = cost.moment(cost.observer_scenario()).step
-    governed = cost.moment(cost.governed_scenario())
-    pieces |= {"control step, governed": governed.step, "backward pass": cost.backward_pass(governed)}
+    pieces["control step, observer"] = cost.stretch(cost.observer_scenario())
+    governed = cost.stretch(cost.governed_scenario())
+    pieces |= {"control step, governed": governed, "backward pass": cost.backward_pass(governed)}
     for name, drive in (("estimator", "torque_joint"), ("velocity", "velocity_500")):
-        pieces[f"control step, {name}"] = cost.moment(cost.governed_scenario(drive)).step
+        pieces[f"control step, {name}"] = cost.stretch(cost.governed_scenario(drive))
     sticking = cost.holding_bridge(vic)
     pieces["simulator step, stick"] = lambda: sticking.advance([None])
     pieces["simulator step, slip"] = cost.sliding_step(cost.holding_bridge(cost.slipping_scenario()))

@@ -189,10 +189,14 @@ def test_the_chain_has_the_joints_it_says(joints: int) -> None:
 
 
 def test_the_measured_control_step_does_the_whole_law() -> None:
-    now = cost.moment(load_scenario(cost.SCENARIO), ticks=30)
-    result = now.step()
-    assert result.ok
-    assert result.command.effort.tobytes() == now.step().command.effort.tobytes()
+    now, rounds = cost.stretch(load_scenario(cost.SCENARIO), ticks=30), []
+    for _ in range(2):
+        now.restore()
+        results = [now.step() for _ in now.inputs]
+        assert all(result.ok for result in results)
+        rounds.append([result.command.effort.tobytes() for result in results])
+    assert rounds[0] == rounds[1]
+    assert len(set(rounds[0])) == cost.STRETCH
 
 
 def test_the_slipping_scenario_slips_and_the_other_sticks() -> None:
@@ -214,6 +218,13 @@ def test_the_sliding_object_is_put_back_before_it_is_far_away() -> None:
     assert max(slips) > 0.005
     assert max(slips) < 0.1
     assert slips[-1] < 0.01 * max(slips)
+
+
+def test_of_a_stretch_one_tick_after_another_is_timed() -> None:
+    now = cost.stretch(load_scenario(cost.SCENARIO), ticks=30)
+    for turns, at in ((1, 2), (cost.STRETCH + 3, 6)):  # and one that is not timed
+        assert cost.interleaved({"step": now}, turns)["step"] > 0.0
+        assert now.at == at
 
 
 def test_calls_are_timed_in_every_order() -> None:

@@ -15,6 +15,7 @@ from slip_core.records import new, place, record
 from slip_core.types import CartesianReference, DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.arm.config import with_measured_noise
 from slip_vic_controller.arrival import (
+    begin_inputs,
     estimate_joint_state,
     is_silent,
     receive_joint_state,
@@ -56,8 +57,7 @@ _FAULTS = tuple(Fault)
 _GOOD = tuple(fault in (Fault.NONE, Fault.DENORMAL, Fault.RESTARTED, Fault.NOT_RUN) for fault in Fault)
 _UNANSWERED = tuple(unanswered(fault) for fault in Fault)
 _ARM = place(INPUTS, "arm")
-_NOW, _REQUEST, _MISSING = (place(INPUTS, name).start for name in ("now_ns", "request", "missing"))
-_PRESENT, _STEP = place(INPUTS, "present").start, place(OUTPUTS, "decision.step").start
+_STEP = place(OUTPUTS, "decision.step").start
 _RAMP = place(ARM_STATE, "law.ramp")
 _ANSWERS = [place(ARM_STATE, f"joint.answers.{name}").start for name in ("position", "velocity")]
 _CYCLES, _LAW_KNOWN = place(ARM_STATE, "cycles").start, place(ARM_STATE, "law.known").start
@@ -105,7 +105,7 @@ class ArmSession:
         self._manifest: Manifest | None = None
         self._wrench_counts, self._slip_counts = [0] * self.contacts, [0] * self.contacts
         self._displacements = [SlipFromDisplacement() for _ in range(self.contacts)]
-        self._request = self._asked = Request.NONE
+        self._request = self._asked = int(Request.NONE)  # numbers: members of an enum are slow to pass on
         self._tuned: ControllerParams | None = None
         self._outside_counts: Counter[str] = Counter()
 
@@ -242,7 +242,7 @@ class ArmSession:
 
     def request(self, request: Request) -> None:
         """Request a mode of this arm; the next cycle decides."""
-        self._request = request
+        self._request = int(request)
 
     def ramp_to(self, params: ControllerParams, target: Array) -> None:
         """Let gains and payload ramp to those of `params`, whose LAW_GAINS is `target`."""
@@ -302,7 +302,8 @@ class ArmSession:
         self.overdue = False
         if not self._session.active:
             missing |= ACTIVATION
-        own = self.fill(joint.stamp_ns if now_ns is None else now_ns, missing, inputs)
+        now_ns = joint.stamp_ns if now_ns is None else now_ns
+        own = self.fill(now_ns, missing, inputs)
         if health is not None:
             given = record(own, INPUTS)
             given.health_given, given.health = 1, tuple(int(part) for part in health)
@@ -310,28 +311,28 @@ class ArmSession:
         if known:
             estimate_joint_state(self.config, self.row)
         else:
-            known = replace_joint_state(self.config, self.row, fault, own.view(np.int64)[_NOW])
+            known = replace_joint_state(self.config, self.row, fault, now_ns)
         if known:
             q, qd = self._answers
             self.controller.robot.terms(q, qd, own[_ARM])
         return joint
 
     def result(self, joint: JointSample, inputs: Array, outputs: Array) -> CycleResult:
-        """Return the result of a cycle for this arm; INPUTS and OUTPUTS of all arms."""
-        return CycleResult(self.controller, joint, inputs[self.inputs_place], outputs[self.outputs_place])
+        """Return the result of a cycle for this arm; INPUTS and OUTPUTS of all arms.
+
+        A request stays for the next cycle where this one has only bridged a bad joint state.
+        """
+        own = outputs[self.outputs_place]
+        if self._asked and own.view(np.int64)[_STEP] == Step.BRIDGE:
+            self._request = self._asked
+        return CycleResult(self.controller, joint, inputs[self.inputs_place], own)
 
     def fill(self, now_ns: int, missing: int, inputs: Array) -> Array:
         """Fill clock and request of the INPUTS of this arm, in those of all arms, and return them."""
         own = inputs[self.inputs_place]
-        whole = own.view(np.int64)
-        whole[_PRESENT], whole[_NOW], whole[_REQUEST], whole[_MISSING] = 1, now_ns, self._request, missing
-        self._asked, self._request = self._request, Request.NONE
+        begin_inputs(own, now_ns, self._request, missing)
+        self._asked, self._request = self._request, 0
         return own
-
-    def ask_again(self, outputs: Array) -> None:
-        """Keep a request for the next cycle where this one has only bridged a bad joint state; OUTPUTS of all arms."""
-        if self._asked and outputs[self.outputs_place].view(np.int64)[_STEP] == Step.BRIDGE:
-            self._request = self._asked
 
     def give(
         self,
@@ -389,7 +390,7 @@ class ArmSession:
         It comes from the last good joint state alone, so that it needs nothing of what failed. Without one the drive or
         the bridge holds the arm, and the next cycle goes to FAULT.
         """
-        self._request = Request.FAILED
+        self._request = int(Request.FAILED)
         newest = self.newest_joint
         if not self.active or not self.begun or self.mode == Mode.WAITING_INPUT or newest is None:
             return None

@@ -261,8 +261,6 @@ class ControllerSession:
         inputs, outputs = np.zeros(self._inputs_size), np.zeros(self._outputs_size)
         joints = [arm.prepare(now_ns, inputs) for arm in self.arms]
         cycle(self._config, self.buffer, inputs, outputs)
-        for arm in self.arms:
-            arm.ask_again(outputs)
         for arm in self._taring:
             arm.use_tare()
         pairs = zip(self.arms, joints, strict=True)
