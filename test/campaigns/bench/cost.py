@@ -96,12 +96,12 @@ def stretch(scenario: Scenario, ticks: int = SETTLE_TICKS) -> Stretch:
 def interleaved(calls: Mapping[str, Call | Stretch], turns: int) -> dict[str, float]:
     """Time several calls in turn, one call each, in an order that changes, and return the median of each [s].
 
-    Of a stretch it is the mean over its ticks, and the way back to its beginning is not timed: a control loop copies no
-    100 kB.
-
     So everybody finds the caches as any of the others left them, as in a control loop, where a tick never repeats
     itself; a call that is repeated alone looks two to three times cheaper than it is, and one that always follows
     another that needs the same code looks cheaper too. What slows the machine for longer than a turn slows all alike.
+
+    Of a stretch it is the mean over its ticks, and the way back to its beginning is not timed: a control loop copies no
+    100 kB.
     """
     times: dict[str, list[list[float]]] = {
         name: [[] for _ in call.inputs] if isinstance(call, Stretch) else [[]] for name, call in calls.items()

@@ -2,6 +2,8 @@
 
 import ast
 import sys
+from collections.abc import Iterable, Iterator, Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -113,9 +115,9 @@ OWN = {  # layers inside a package: what of the own package a part may import
 }
 
 
-def imports(tree: ast.AST) -> set[str]:
+def imports(nodes: Iterable[ast.AST]) -> set[str]:
     found = set()
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -134,7 +136,7 @@ def violations(module: str, text: str) -> list[str]:
     allowed = ALLOWED[rule] | OWN.get(rule, {module.partition(".")[0]})
     return [
         name
-        for name in sorted(imports(ast.parse(text)))
+        for name in sorted(imports(ast.walk(ast.parse(text))))
         if name.partition(".")[0] not in sys.stdlib_module_names
         and not any(f"{name}.".startswith(f"{one}.") for one in allowed)
     ]
@@ -148,6 +150,38 @@ def modules() -> list[tuple[str, Path]]:
             continue  # launch files: read by ros2 launch, imported by nobody
         result.append((".".join(parts[:-1] if parts[-1] == "__init__" else parts), path))
     return result
+
+
+def loaded(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield what runs when a module is loaded: functions import later, and types are for the checker alone."""
+    for child in ast.iter_child_nodes(node):
+        typed = isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING"
+        if not typed and not isinstance(child, ast.FunctionDef):
+            yield child
+            yield from loaded(child)
+
+
+def circle(texts: Mapping[str, str]) -> list[str]:
+    """Return modules that import each other in a circle while they are loaded; texts: of the modules by name."""
+    graph = {}
+    for module, text in texts.items():
+        names = imports(loaded(ast.parse(text)))
+        graph[module] = {one for one in texts if any(name == one or name.rpartition(".")[0] == one for name in names)}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    assert circle({module: path.read_text() for module, path in modules()}) == []
+
+
+def test_the_rule_sees_a_circle_of_modules() -> None:
+    texts = {"a.b": "from a.c import x", "a.c": "from a import d", "a.d": "import a.b", "a": ""}
+    assert set(circle(texts)) == {"a.b", "a.c", "a.d"}
+    assert circle(texts | {"a.d": "if TYPE_CHECKING:\n    import a.b\ndef later():\n    import a.b"}) == []
 
 
 def test_every_listed_module_exists() -> None:

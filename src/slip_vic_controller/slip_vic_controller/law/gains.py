@@ -27,6 +27,9 @@ the object's motion is predicted over the rest, since a pad that is held back to
 LEAST_DELAY_S = 0.004
 """Time from an effort to the motion of a real arm, where less is configured [s]: four control periods at 1 kHz, for the
 way to the drives, their own loop, and what the configuration does not know of both."""
+STEEPER, STEEPEST = 2.0, 240.0
+"""The slip activation is this much steeper where drives hold the joints, up to so much [s/m]: delays bound k_s there,
+so that a gate half open leaves more slip, and the arm does not drift on with the object as one by efforts does."""
 
 
 class Gains(Record):
@@ -57,10 +60,6 @@ class ObjectModel(Record):
     inertia: Mat3  # kg m2 {o}; about the centre of mass
     gravity: Vec3  # m/s^2 {w}
 
-
-STEEPER, STEEPEST = 2.0, 240.0
-"""The slip activation is this much steeper where drives hold the joints, up to so much [s/m]: delays bound k_s there,
-so that a gate half open leaves more slip, and the arm does not drift on with the object as one by efforts does."""
 
 OBJECT = dtype_of(ObjectModel)
 

@@ -107,5 +107,5 @@ def observe_motion(
 
 @part
 def doubt_of_fall(variance: Array) -> float:
-    """Return the speed [m/s] that an estimated slip velocity makes a fall of at rest; variance: (6,) of its axes."""
+    """Return the speed [m/s] by which an estimated slip velocity may be off; variance: (6,) of its axes."""
     return DEVIATIONS * math.sqrt(max(variance[0], variance[1], variance[2]))
