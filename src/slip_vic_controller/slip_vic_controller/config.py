@@ -9,6 +9,7 @@ import numpy as np
 
 from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
 from slip_core.errors import InputError
+from slip_core.matrices import product
 from slip_core.records import new, record
 from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.arm.command import Interface
@@ -99,7 +100,7 @@ def make_config(params: ControllerParams, robot: Robot, *, lockstep: bool, arms:
     _copy(config, "path", make_path(params.trajectory), PATH)
     if params.trajectory.of == "object":
         o_R_p = matrix_from_quat_xyzw(params.contacts.orientation_xyzw[:4])
-        config.path.carries, config.path.lever[:] = 1, o_R_p.T @ np.array(params.contacts.position[:3])
+        config.path.carries, config.path.lever[:] = 1, product(o_R_p.T, np.array(params.contacts.position[:3]))
     _check_internal_gain(params)
     gains = make_law_gains(params, gain_report(params).used)
     _copy(config, "gains", gains, config.gains.dtype)

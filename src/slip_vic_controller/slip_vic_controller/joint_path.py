@@ -10,6 +10,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
+from slip_core.matrices import product
 from slip_core.records import new, record
 from slip_core.types import CartesianReference
 from slip_vic_controller.law.arm import ARM
@@ -107,7 +108,7 @@ class JointPath:
         self._robot.terms(q, qd, self._buffer)
         arm, n = self._arm, len(q)
         return PadMotion(
-            arm.position.copy(), arm.rotation.copy(), arm.twist.copy(), arm.J[:, :n] @ qdd + arm.jdot_qd
+            arm.position.copy(), arm.rotation.copy(), arm.twist.copy(), product(arm.J[:, :n], qdd) + arm.jdot_qd
         )  # fmt: skip
 
     def reference(self, t: float, stamp_ns: int) -> CartesianReference:

@@ -6,10 +6,10 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 
 from slip_core.arrays import Array
 from slip_core.errors import InputError
+from slip_core.matrices import product, riccati, solve
 from slip_core.records import new, record
 from slip_vic_controller.arm.drive_delay import LONGEST_S
 from slip_vic_controller.arm.estimator import (
@@ -89,8 +89,9 @@ class SteadyState(NamedTuple):
     @property
     def correlation(self) -> float:
         """Sum of the autocorrelation of the velocity's noise: samples for which it stays the same, white noise one."""
-        A = (np.eye(len(self.F)) - self.gain @ self.H) @ self.F
-        total = (2.0 * np.linalg.inv(np.eye(len(A)) - A) - np.eye(len(A))) @ self.updated
+        one = np.eye(len(self.F))
+        A = product(one - product(self.gain, self.H), self.F)
+        total = 2.0 * solve(one - A, self.updated) - self.updated
         return float(total[1, 1] / self.updated[1, 1])
 
 
@@ -107,7 +108,7 @@ def process_over(noise: Noise, bandwidth: float, period: float, ticks: int) -> t
     F, Q = process(noise, bandwidth, period)
     over, spread = F, Q
     for _ in range(ticks - 1):
-        over, spread = F @ over, F @ spread @ F.T + Q
+        over, spread = product(F, over), product(F, spread, F.T) + Q
     return over, spread
 
 
@@ -118,10 +119,10 @@ def steady_state(noise: Noise, bandwidth: float, period: float, ticks: int = 1) 
 
 
 def _filter(F: Array, Q: Array, H: Array, R: Array) -> SteadyState:
-    P = solve_discrete_are(F.T, H.T, Q, R)
-    gain = np.linalg.solve(H @ P @ H.T + R, H @ P).T
-    kept = np.eye(len(F)) - gain @ H
-    return SteadyState(F, Q, H, P, kept @ P @ kept.T + gain @ R @ gain.T, gain)
+    P = riccati(F, H, Q, R)
+    gain = solve(product(H, P, H.T) + R, product(H, P)).T
+    kept = np.eye(len(F)) - product(gain, H)
+    return SteadyState(F, Q, H, P, product(kept, P, kept.T) + product(gain, R, gain.T), gain)
 
 
 def gains_by_trust(both: SteadyState, noise: Noise) -> Array:
@@ -142,7 +143,7 @@ def predicted_covariance(steady: SteadyState, noise: Noise, bandwidth: float, pe
     P, (ticks, rest) = steady.updated, divide(ahead_s, period)
     for dt in (*([rest] if rest > 0.0 else []), *([period] * ticks)):
         F, Q = process(noise, bandwidth, dt)
-        P = F @ P @ F.T + Q
+        P = product(F, P, F.T) + Q
     return P
 
 
@@ -268,7 +269,7 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
     quick = noise._replace(drift=max(model.quick_drift, model.drift))
     config.gain[QUICK] = steady_state(quick, config.bandwidth, period, ticks).gain
     config.quick_ticks = max(1, round(QUICK_S / config.sensor_period))
-    S = H @ both.predicted @ H.T + np.diag([noise.position**2, noise.velocity**2])
+    S = product(H, both.predicted, H.T) + np.diag([noise.position**2, noise.velocity**2])
     config.scale[:], config.weight = 1.0 / np.sqrt(np.diag(S)), 1.0 - math.exp(-config.sensor_period / MEAN_S)
     config.significant = SIGNIFICANT * math.sqrt(config.weight / (2.0 - config.weight))
     ahead = predicted_covariance(both, noise, config.bandwidth, period, sensor.latency_s)
