@@ -61,7 +61,7 @@ class OneArm:
         return self.session.failed(now_ns)[0]
 
     def answer(self, joint: JointSample, fault: Fault, now_ns: int, missing: int, health: Health | None) -> CycleResult:
-        self.arm.waiting = joint, fault, missing, health
+        self.arm.waiting = joint, int(fault), missing, health
         (result,) = self.session.answer(now_ns)
         assert result is not None
         return result

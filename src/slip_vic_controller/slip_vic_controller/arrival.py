@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from slip_core.arrays import Array
-from slip_core.compiled import BOOL, IN1, INT, OUT1, VOID, kernel
+from slip_core.compiled import BOOL, IN1, INT, OUT1, kernel
 from slip_core.records import record
 from slip_vic_controller.arm.estimator import replace_sample, use_estimate
 from slip_vic_controller.safety.faults import Fault
@@ -17,6 +17,7 @@ from slip_vic_controller.safety.validation import (
     silent,
     take_replaced,
     unanswered,
+    usable,
 )
 from slip_vic_controller.state import ARM_STATE, CONFIG, INPUTS
 
@@ -84,41 +85,33 @@ def is_silent(config: Array, state: Array, now_ns: int) -> bool:
     return silent(c.joint, s.joint, now_ns)
 
 
-@kernel(VOID(OUT1, INT, INT, INT))
-def begin_inputs(inputs: Array, now_ns: int, request: int, missing: int) -> None:
-    """Begin the INPUTS of an arm that is answered in a cycle.
+@kernel(BOOL(IN1, OUT1, OUT1, INT, INT, INT, INT))
+def begin_answer(
+    config: Array, state: Array, inputs: Array, now_ns: int, request: int, missing: int, fault: int
+) -> bool:
+    """Begin the INPUTS of an arm, and put the estimate of now in the place of the joint state that waits.
 
-    Args:
-        inputs: INPUTS; changed.
-        now_ns: the controller's clock.
-        request, missing: as in CycleInputs.
-    """
-    i = record(inputs, INPUTS)
-    i.present, i.now_ns, i.request, i.missing = 1, now_ns, request, missing
-
-
-@kernel(VOID(IN1, OUT1))
-def estimate_joint_state(config: Array, state: Array) -> None:
-    """Put the estimate of now in the place of the joint state that waits for an answer; CONFIG, ARM_STATE."""
-    c, s = record(config, CONFIG), record(state, ARM_STATE)
-    for j in range(c.estimator.joints):
-        s.joint.answers.velocity[j] -= s.tare.velocity_bias[j]
-    use_estimate(c.estimator, s.estimate, s.joint.answers)
-
-
-@kernel(BOOL(IN1, OUT1, INT, INT))
-def replace_joint_state(config: Array, state: Array, fault: int, now_ns: int) -> bool:
-    """Put where the model has the arm in the place of a joint state that cannot be used.
+    Where that cannot be used, it is where the model has the arm. One call: each costs as much as what it does.
 
     Args:
         config, state: CONFIG and ARM_STATE of the arm; the state is changed.
-        fault: of the joint state.
+        inputs: INPUTS; changed.
         now_ns: the controller's clock.
+        request, missing: as in CycleInputs.
+        fault: of the joint state.
 
     Returns:
-        Whether it has: the stamp has to follow the one before, and to be that of the arm.
+        Whether it is known where the arm is: a bad joint state's stamp has to follow the one before, and to be that of
+        the arm.
     """
     c, s = record(config, CONFIG), record(state, ARM_STATE)
+    i = record(inputs, INPUTS)
+    i.present, i.now_ns, i.request, i.missing = 1, now_ns, request, missing
+    if usable(fault) or fault == Fault.NOT_RUN:
+        for j in range(c.estimator.joints):
+            s.joint.answers.velocity[j] -= s.tare.velocity_bias[j]
+        use_estimate(c.estimator, s.estimate, s.joint.answers)
+        return True
     foreign = fault == Fault.JUMP and s.outside == Fault.SECOND_PUBLISHER
     if s.law.known == 0 or unanswered(fault) or foreign:
         return False

@@ -211,9 +211,9 @@ def test_the_same_buffers_give_the_same_bytes() -> None:
     inputs = made_up.session.cycle(made_up.now_ns).inputs
     found = []
     for _ in range(2):
-        state, outputs = before.copy(), new(OUTPUTS)
-        assert cycle(made_up.controller.config, state, inputs, outputs) == 1
-        found.append(state.tobytes() + outputs.tobytes())
+        state, exchange = before.copy(), np.concatenate((inputs, new(OUTPUTS)))
+        assert cycle(made_up.controller.config, state, exchange) == 1
+        found.append(state.tobytes() + exchange.tobytes())
     assert found[0] == found[1]
 
 

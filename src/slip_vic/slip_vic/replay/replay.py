@@ -266,11 +266,11 @@ class _Arm:
         used = arm.validated(joint)
         if samples.waits(entry):
             arm.give(used, (), (), ())
-            arm.waiting = joint, health.joint, JOINT_STATES, health
+            arm.waiting = joint, int(health.joint), JOINT_STATES, health
             return
         new_slips = samples.new_slips(entry)
         arm.give(used, samples.wrenches(entry), samples.slips(entry), new_slips)
-        arm.waiting = joint, health.joint, 0, health
+        arm.waiting = joint, int(health.joint), 0, health
 
     def waited(self, entry: LedgerEntry) -> bool:
         """Return whether a cycle waited for an input; what comes next begins again."""

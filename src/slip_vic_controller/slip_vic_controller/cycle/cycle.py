@@ -1,6 +1,6 @@
 """The control cycle of all arms that hold one object: records in, records out, one compiled function.
 
-    cycle(configs, state, inputs, outputs)
+    cycle(configs, state, exchange)
 
 One arm is the ordinary number. The state is the task once (where the object's path is, how fast, goal, stream,
 friction), then a row per arm (inputs, mode, law, observer, HOLD, limiter). A cycle decides for every arm, lets the arms
@@ -51,23 +51,25 @@ from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.modes import NOTHING, TransitionReasons, follows, next_mode
 from slip_vic_controller.safety.reasons import Cause, of_fault
 from slip_vic_controller.sizes import MAX_JOINTS
-from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, INPUTS, OUTPUTS, TASK_SIZE, TASK_STATE
+from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, INPUTS, INPUTS_SIZE, OUTPUTS, TASK_SIZE, TASK_STATE
+
+ANSWERED, CHANGED = 1, 2
+"""What the watchdog returns."""
 
 
-@kernel(INT(IN1, OUT1, IN1, OUT1))
-def cycle(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outputs_buffer: Array) -> int:
-    """Answer the joint states that wait for it; return how many arms have an effort.
+@kernel(INT(IN1, OUT1, OUT1))
+def cycle(config_buffer: Array, state_buffer: Array, exchange: Array) -> int:
+    """Answer the joint states that wait for it; return which arms have a command: 1 for the first, 2, 4, ...
 
     Args:
         config_buffer: CONFIG of every arm.
         state_buffer: TASK_STATE, ARM_STATE of every arm, and the histories of their observers; changed.
-        inputs_buffer: INPUTS of every arm.
-        outputs_buffer: OUTPUTS of every arm.
+        exchange: INPUTS of every arm, then OUTPUTS of every arm; these are written.
     """
-    configs, inputs, outputs = (
-        records(config_buffer, CONFIG), records(inputs_buffer, INPUTS), records(outputs_buffer, OUTPUTS)
-    )  # fmt: skip
+    configs = records(config_buffer, CONFIG)
     n = len(configs)
+    given = n * INPUTS_SIZE
+    inputs, outputs = records(exchange[:given], INPUTS), records(exchange[given:], OUTPUTS)
     end = TASK_SIZE + n * ARM_SIZE
     task, states = record(state_buffer[:TASK_SIZE], TASK_STATE), records(state_buffer[TASK_SIZE:end], ARM_STATE)
     history = state_buffer[end:].reshape(-1, ROW_SIZE)
@@ -98,30 +100,35 @@ def cycle(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outpu
                 states[k].queue.count = 0
             end_cycle(configs[k], task, states[k], inputs[k], outputs[k])
             holds = holds or not follows(states[k].mode.mode)
-            answered += outputs[k].answered
+            answered |= outputs[k].answered << k
     if holds:
         screen(configs[0], task, states[0], False)
     return answered
 
 
-@kernel(INT(IN1, OUT1, IN1, OUT1, INT))
-def watchdog(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, outputs_buffer: Array, arm: int) -> int:
+@kernel(INT(IN1, OUT1, OUT1, INT, INT, INT))
+def watchdog(config_buffer: Array, state_buffer: Array, exchange: Array, arm: int, now_ns: int, request: int) -> int:
     """Answer that joint states of an arm stay away: HOLD, efforts go to gravity compensation where the arm was.
 
     Where no command was given before, there is none now.
 
     Args:
-        config_buffer, state_buffer, inputs_buffer, outputs_buffer: as in `cycle`.
+        config_buffer, state_buffer, exchange: as in `cycle`; INPUTS are written, too.
         arm: number of the arm.
+        now_ns: the controller's clock.
+        request: as in CycleInputs.
 
     Returns:
-        1 where effort or mode have changed by it.
+        ANSWERED where there is a command, CHANGED where effort or mode have changed by it, or both.
     """
-    config, inputs = records(config_buffer, CONFIG)[arm], records(inputs_buffer, INPUTS)[arm]
-    outputs, task = records(outputs_buffer, OUTPUTS)[arm], record(state_buffer[:TASK_SIZE], TASK_STATE)
+    configs, task = records(config_buffer, CONFIG), record(state_buffer[:TASK_SIZE], TASK_STATE)
+    given = len(configs) * INPUTS_SIZE
+    config, inputs = configs[arm], records(exchange[:given], INPUTS)[arm]
+    outputs = records(exchange[given:], OUTPUTS)[arm]
     begin = TASK_SIZE + arm * ARM_SIZE
     state = record(state_buffer[begin : begin + ARM_SIZE], ARM_STATE)
     n = config.law.joints
+    inputs.present, inputs.now_ns, inputs.request = 1, now_ns, request
     begin_cycle(config, task, state, inputs, outputs, state.law.stamp_ns, arm == 0)
     outputs.health.joint = Fault.SILENT.value
     mode, since, enabled, cause = state.mode.mode, state.mode.good_since_ns, state.mode.enabled, state.mode.reason.cause
@@ -140,13 +147,13 @@ def watchdog(config_buffer: Array, state_buffer: Array, inputs_buffer: Array, ou
     end_cycle(config, task, state, inputs, outputs)
     if not follows(state.mode.mode):
         first = record(state_buffer[TASK_SIZE : TASK_SIZE + ARM_SIZE], ARM_STATE)
-        screen(records(config_buffer, CONFIG)[0], task, first, False)
+        screen(configs[0], task, first, False)
     same_mode = state.mode.mode == mode and state.mode.good_since_ns == since and state.mode.enabled == enabled
     same_mode = same_mode and state.mode.reason.cause == cause and state.mode.reason.prefix == prefix
     same = same_mode and state.mode.reason.detail == detail
     for j in range(n):
         same = same and state.limiter.effort[j] == effort[j] and state.motion.velocity[j] == velocity[j]
-    return 0 if same else 1
+    return (ANSWERED if outputs.answered != 0 else 0) | (0 if same else CHANGED)
 
 
 @kernel(VOID(IN1, IN1, IN1, OUT1))

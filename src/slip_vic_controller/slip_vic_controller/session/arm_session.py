@@ -15,13 +15,11 @@ from slip_core.records import new, place, record
 from slip_core.types import CartesianReference, DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.arm.config import with_measured_noise
 from slip_vic_controller.arrival import (
-    begin_inputs,
-    estimate_joint_state,
+    begin_answer,
     is_silent,
     receive_joint_state,
     receive_slip,
     receive_wrench,
-    replace_joint_state,
 )
 from slip_vic_controller.config import renew_config, use_noise
 from slip_vic_controller.law.gains import LAW_GAINS, RAMP, make_ramp, sample_gains
@@ -31,7 +29,7 @@ from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.safety.reasons import ACTIVATION, describe
 from slip_vic_controller.safety.validation import JointInput, JointRecord, VectorInput, mean_period_s, unanswered
-from slip_vic_controller.session.cycle_result import MODES, CycleResult, Health
+from slip_vic_controller.session.cycle_result import NO_NUMBERS, CycleResult, Health
 from slip_vic_controller.session.manifest import Manifest
 from slip_vic_controller.sizes import MAX_FRESH
 from slip_vic_controller.slip_displacement import SlipFromDisplacement
@@ -53,8 +51,7 @@ if TYPE_CHECKING:  # the session over all arms makes this one, and each calls th
     from slip_vic_controller.session.session import ControllerSession
 
 # Looked up in every cycle, by number: to make an enum's member of one, or to hash it, takes longer.
-_FAULTS = tuple(Fault)
-_GOOD = tuple(fault in (Fault.NONE, Fault.DENORMAL, Fault.RESTARTED, Fault.NOT_RUN) for fault in Fault)
+_MODES = tuple(Mode)
 _UNANSWERED = tuple(unanswered(fault) for fault in Fault)
 _ARM = place(INPUTS, "arm")
 _STEP = place(OUTPUTS, "decision.step").start
@@ -66,9 +63,10 @@ _WITHOUT = place(ARM_STATE, "joint.without").start
 _STATE_MODE = place(ARM_STATE, "mode.mode").start
 _NO_VECTOR = readonly(np.full(6, np.nan))
 
-Waiting = tuple[JointSample, Fault, int, Health | None]
-"""A joint state that waits for its cycle, its fault, bits of what is missing beside inputs that were never seen, and
-the health of the inputs in a replay; None = found by input validation."""
+Waiting = tuple[JointSample, int, int, Health | None]
+"""A joint state that waits for its cycle, the number of its fault (to pass on an enum's member is slow), bits of what
+is missing beside inputs that were never seen, and the health of the inputs in a replay; None = found by input
+validation."""
 
 
 class ArmSession:
@@ -88,8 +86,9 @@ class ArmSession:
         begin = TASK_SIZE + len(session.controller.arms) * ARM_SIZE + index * rows * ROW_SIZE
         self.history = session.buffer[begin : begin + rows * ROW_SIZE]
         self.state: ArmState = record(self.row, ARM_STATE)
-        self.inputs_place = slice(index * INPUTS_SIZE, (index + 1) * INPUTS_SIZE)
-        self.outputs_place = slice(index * OUTPUTS_SIZE, (index + 1) * OUTPUTS_SIZE)
+        given = len(session.controller.arms) * INPUTS_SIZE
+        self._inputs = slice(index * INPUTS_SIZE, (index + 1) * INPUTS_SIZE)
+        self._outputs = slice(given + index * OUTPUTS_SIZE, given + (index + 1) * OUTPUTS_SIZE)
         self.config = session.config_of(index)
         self.routes: tuple[tuple[tuple[ArmSession, int], ...], ...] = ()
         self.waiting: Waiting | None = None
@@ -127,7 +126,7 @@ class ArmSession:
     @property
     def mode(self) -> Mode:
         """The mode of the last cycle."""
-        return MODES[self._whole[_STATE_MODE]]
+        return _MODES[self._whole.item(_STATE_MODE)]
 
     @property
     def reason(self) -> str:
@@ -183,9 +182,9 @@ class ArmSession:
         fault = receive_joint_state(self.config, self.row, stamp_ns, q, qd, effort, refused, now_ns, self._lockstep)
         if self._lockstep or not _UNANSWERED[fault]:
             self.overdue = self.waiting is not None
-            if self._whole[_WITHOUT]:  # what a command shows beside its numbers is numbers, too
+            if self._whole.item(_WITHOUT):  # what a command shows beside its numbers is numbers, too
                 sample = self.validated(sample)
-            self.waiting = sample, _FAULTS[fault], 0, None
+            self.waiting = sample, fault, 0, None
 
     def add_wrench(self, contact: int, sample: WrenchSample, now_ns: int | None = None) -> None:
         """Take a wrench of one contact; that of the own pad goes to every arm that has a wrench sensor and reads it."""
@@ -288,12 +287,12 @@ class ArmSession:
             and manifest.slip_counts == tuple(self._slip_counts)
         )
 
-    def prepare(self, now_ns: int | None, inputs: Array) -> JointSample | None:
+    def prepare(self, now_ns: int | None, exchange: Array) -> JointSample | None:
         """Fill the INPUTS of this arm for a cycle; return the joint state that it answers, None where none waits.
 
         Args:
             now_ns: the controller's clock; None takes the stamp of the joint state.
-            inputs: INPUTS of all arms.
+            exchange: INPUTS and OUTPUTS of all arms.
         """
         if self.waiting is None:
             return None
@@ -303,36 +302,35 @@ class ArmSession:
         if not self._session.active:
             missing |= ACTIVATION
         now_ns = joint.stamp_ns if now_ns is None else now_ns
-        own = self.fill(now_ns, missing, inputs)
+        own = exchange[self._inputs]
         if health is not None:
             given = record(own, INPUTS)
             given.health_given, given.health = 1, tuple(int(part) for part in health)
-        known = _GOOD[fault]
-        if known:
-            estimate_joint_state(self.config, self.row)
-        else:
-            known = replace_joint_state(self.config, self.row, fault, now_ns)
-        if known:
+        if begin_answer(self.config, self.row, own, now_ns, self.take_request(), missing, fault):
             q, qd = self._answers
             self.controller.robot.terms(q, qd, own[_ARM])
         return joint
 
-    def result(self, joint: JointSample, inputs: Array, outputs: Array) -> CycleResult:
-        """Return the result of a cycle for this arm; INPUTS and OUTPUTS of all arms.
+    def take_request(self) -> int:
+        """Return the mode that is requested, from now on for the cycle that begins."""
+        self._asked, self._request = self._request, 0
+        return self._asked
+
+    def result(self, joint: JointSample, exchange: Array, commands: bool) -> CycleResult:
+        """Return the result of a cycle for this arm, which has advanced its state.
 
         A request stays for the next cycle where this one has only bridged a bad joint state.
+
+        Args:
+            joint: the joint state that it answers.
+            exchange: INPUTS and OUTPUTS of all arms, read-only from now on.
+            commands: whether there is a command.
         """
-        own = outputs[self.outputs_place]
+        own = exchange[self._outputs]
         if self._asked and own.view(np.int64)[_STEP] == Step.BRIDGE:
             self._request = self._asked
-        return CycleResult(self.controller, joint, inputs[self.inputs_place], own)
-
-    def fill(self, now_ns: int, missing: int, inputs: Array) -> Array:
-        """Fill clock and request of the INPUTS of this arm, in those of all arms, and return them."""
-        own = inputs[self.inputs_place]
-        begin_inputs(own, now_ns, self._request, missing)
-        self._asked, self._request = self._request, 0
-        return own
+        numbers = own[self.controller.command_place] if commands else NO_NUMBERS
+        return CycleResult(self.controller, joint, self.mode, numbers, exchange[self._inputs], own)
 
     def give(
         self,

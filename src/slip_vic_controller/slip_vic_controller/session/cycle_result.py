@@ -17,12 +17,8 @@ from slip_vic_controller.safety.reasons import describe
 from slip_vic_controller.session.controller import ArmController
 from slip_vic_controller.state import GOVERNED, INPUTS, OUTPUTS
 
-MODES = tuple(Mode)
-"""Looked up in every cycle, by number: to make an enum's member of one takes longer."""
-
 _LEDGER = place(OUTPUTS, "ledger")
 _EFFORT = place(OUTPUTS, "effort")
-_ANSWERED, _MODE = place(OUTPUTS, "answered").start, place(OUTPUTS, "mode.mode").start
 _OK, _CAUSE = place(OUTPUTS, "ok").start, place(OUTPUTS, "mode.reason").start
 _REASON = slice(_CAUSE, _CAUSE + 3)
 _GOVERNED, _GOVERNED_NAMES = place(OUTPUTS, "governor"), GOVERNED.names or ()
@@ -55,12 +51,11 @@ class CycleResult:
 
     __slots__ = ("_controller", "inputs", "joint", "mode", "numbers", "outputs")
 
-    def __init__(self, controller: ArmController, joint: JointSample, inputs: Array, outputs: Array) -> None:
-        self._controller, self.joint, self.inputs, self.outputs = controller, joint, inputs, outputs
-        outputs.setflags(write=False)
-        whole = outputs.view(np.int64)
-        self.mode = MODES[whole[_MODE]]
-        self.numbers = outputs[controller.command_place] if whole[_ANSWERED] else NO_NUMBERS
+    def __init__(
+        self, controller: ArmController, joint: JointSample, mode: Mode, numbers: Array, inputs: Array, outputs: Array
+    ) -> None:
+        self._controller, self.joint, self.mode, self.numbers = controller, joint, mode, numbers
+        self.inputs, self.outputs = inputs, outputs
 
     @property
     def command(self) -> JointCommand:

@@ -13,11 +13,12 @@ import numpy as np
 
 from slip_core.arrays import Array, matrix_from_quat_xyzw
 from slip_core.errors import InputError
+from slip_core.matrices import product
 from slip_core.params import flatten
 from slip_core.records import record, records
 from slip_core.types import CartesianReference, JointSample, PoseGoal
 from slip_vic_controller.config import governed_stream
-from slip_vic_controller.cycle.cycle import cycle, watchdog
+from slip_vic_controller.cycle.cycle import ANSWERED, CHANGED, cycle, watchdog
 from slip_vic_controller.law.gains import gain_report, make_law_gains
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.reference.stream import QUEUED
@@ -46,6 +47,8 @@ RETUNABLE = ("gains.", "object.", "contacts.position", "safety.hold_stiffness")
 """Parameters that ramp while the law runs."""
 
 
+NONE_AHEAD: frozenset[int] = frozenset()
+
 Results = tuple[CycleResult | None, ...]
 """One for each arm; None where it was not answered."""
 
@@ -67,9 +70,9 @@ class ControllerSession:
         self.task: TaskState = record(self.buffer[:TASK_SIZE], TASK_STATE)
         self._lockstep, self._config = controller.lockstep, controller.config
         self._governed_stream = governed_stream(controller.first.params)
-        self._ahead: frozenset[int] = frozenset()  # answered for joint states that other arms have yet to bring
+        self._ahead = NONE_AHEAD  # answered for joint states that other arms have yet to bring
         self.arms = tuple(ArmSession(self, name, k) for k, name in enumerate(controller.names))
-        self._inputs_size, self._outputs_size = len(self.arms) * INPUTS_SIZE, len(self.arms) * OUTPUTS_SIZE
+        self._exchange_size = len(self.arms) * (INPUTS_SIZE + OUTPUTS_SIZE)
         self._taring = tuple(arm for arm in self.arms if arm.controller.params.tare.duration_s > 0.0)
         for arm in self.arms:
             arm.routes = tuple(tuple(self._routes(arm.index, contact)) for contact in range(arm.contacts))
@@ -163,9 +166,8 @@ class ControllerSession:
         if len(self.arms) == 1:
             return np.zeros(3), rotation
         contacts = self.controller.first.params.contacts
-        return rotation @ np.array(contacts.position[:3]), rotation @ matrix_from_quat_xyzw(
-            contacts.orientation_xyzw[:4]
-        )
+        own = matrix_from_quat_xyzw(contacts.orientation_xyzw[:4])
+        return product(rotation, np.array(contacts.position[:3])), product(rotation, own)
 
     def _of_first_pad(self, reference: CartesianReference) -> CartesianReference:
         """Return the reference of the first pad where the object moves by a reference."""
@@ -224,10 +226,13 @@ class ControllerSession:
                 if not arm.complete():
                     return (None,) * len(self.arms)
             return self.answer(None)
-        late = [arm for arm in self.arms if arm.waiting is None]
-        if not late:
-            self._ahead = frozenset()
+        for arm in self.arms:
+            if arm.waiting is None:
+                break
+        else:
+            self._ahead = NONE_AHEAD
             return self.answer(now_ns)
+        late = [arm for arm in self.arms if arm.waiting is None]
         if len(late) == len(self.arms) == 1:
             return (None,)
         results = tuple([None if arm.waiting is not None else arm.watchdog(now_ns) for arm in self.arms])
@@ -246,7 +251,7 @@ class ControllerSession:
             return False
         awaited = [arm for arm in late if not arm.silent(now_ns) and arm.index not in self._ahead]
         if not awaited:
-            self._ahead = frozenset()
+            self._ahead = NONE_AHEAD
             return True
         if any(arm.mode.follows for arm in awaited) or not any(arm.overdue for arm in ready):
             return False
@@ -258,20 +263,24 @@ class ControllerSession:
 
         now_ns: the controller's clock; None takes the stamps of the joint states.
         """
-        inputs, outputs = np.zeros(self._inputs_size), np.zeros(self._outputs_size)
-        joints = [arm.prepare(now_ns, inputs) for arm in self.arms]
-        cycle(self._config, self.buffer, inputs, outputs)
+        exchange = np.zeros(self._exchange_size)
+        joints = [arm.prepare(now_ns, exchange) for arm in self.arms]
+        answered = cycle(self._config, self.buffer, exchange)
         for arm in self._taring:
             arm.use_tare()
-        pairs = zip(self.arms, joints, strict=True)
-        return tuple([None if joint is None else arm.result(joint, inputs, outputs) for arm, joint in pairs])
+        exchange.setflags(write=False)
+        results: list[CycleResult | None] = []
+        for arm, joint in zip(self.arms, joints, strict=True):
+            commands = bool(answered >> arm.index & 1)
+            results.append(None if joint is None else arm.result(joint, exchange, commands))
+        return tuple(results)
 
     def run_watchdog(self, arm: ArmSession, newest: JointSample, now_ns: int) -> tuple[CycleResult, bool]:
         """Run one cycle of the watchdog for an arm; return its result, and whether effort or mode have changed."""
-        inputs, outputs = np.zeros(self._inputs_size), np.zeros(self._outputs_size)
-        arm.fill(now_ns, 0, inputs)
-        changed = watchdog(self._config, self.buffer, inputs, outputs, arm.index)
-        return arm.result(newest, inputs, outputs), bool(changed)
+        exchange = np.zeros(self._exchange_size)
+        found = watchdog(self._config, self.buffer, exchange, arm.index, now_ns, arm.take_request())
+        exchange.setflags(write=False)
+        return arm.result(newest, exchange, bool(found & ANSWERED)), bool(found & CHANGED)
 
     def watchdog(self, now_ns: int) -> Results:
         """Answer arms whose joint states have stayed away for too long, and those that waited for them."""
