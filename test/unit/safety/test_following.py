@@ -8,7 +8,7 @@ from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.law import EVALUATION
-from slip_vic_controller.safety.following import FAR, FOLLOWING, STUCK_NS, Following, stuck, watch_following
+from slip_vic_controller.safety.following import FAR, FOLLOWING, STUCK_NS, Following, find_what_keeps, stays_far, stuck
 from slip_vic_controller.safety.limit_avoidance import MOTION_LIMITS
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety.reasons import Reason, describe
@@ -42,7 +42,8 @@ def watch(
     law.error_linear, law.error_angular = error, angle
     twist, effort = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]), BIAS - J.T @ FORCE + extra
     moves = np.array([0.0, reference, 0.0, 0.0, 0.0, 0.0])
-    watch_following(state, RANGE, N, q, twist, moves, arm, law, FORCE, effort, commanded, now_ns)
+    if stays_far(state, twist, moves, law, now_ns):
+        find_what_keeps(state, RANGE, N, q, arm, law, FORCE, effort, commanded)
 
 
 def words(state: Following) -> str:

@@ -21,10 +21,9 @@ from slip_vic_controller.reference.path_scaling import scaled
 from slip_vic_controller.reference.paths import carried, put_reference, read_reference, reference_at
 from slip_vic_controller.safety.arbitration import watch_for_blindness
 from slip_vic_controller.safety.drop_detection import observe_motion
-from slip_vic_controller.safety.following import watch_following
+from slip_vic_controller.safety.following import find_what_keeps, stays_far
 from slip_vic_controller.safety.reasons import Cause
 from slip_vic_controller.safety.validation import all_finite
-from slip_vic_controller.sizes import MAX_JOINTS
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
 
@@ -145,13 +144,15 @@ def keep_law(config: ControllerConfig, state: ArmState, inputs: CycleInputs, out
 @part
 def _watch_following(config: ControllerConfig, state: ArmState, inputs: CycleInputs, outputs: CycleOutputs) -> None:
     """Look whether the arm moves as commanded; its velocity of now is not that of the commands under way."""
-    h, twist, commanded = np.empty(6), inputs.arm.twist.copy(), np.zeros(MAX_JOINTS)
-    put_own_wrench(config, state, inputs, h)
-    if config.command.interface != Interface.EFFORT:
-        commanded[:] = state.motion.velocity
+    following, expected, now_ns = state.following, outputs.reference.twist, inputs.now_ns
+    if config.command.interface == Interface.EFFORT:
+        far = stays_far(following, inputs.arm.twist, expected, outputs.law, now_ns)
+    else:
+        twist = np.empty(6)
         put_twist_of_joints(config, state, inputs, twist)
-    n, q, effort, now_ns = config.law.joints, state.joint.answers.position, state.limiter.effort, inputs.now_ns
-    watch_following(
-        state.following, config.motion, n, q, twist, outputs.reference.twist, inputs.arm, outputs.law, h, effort,
-        commanded, now_ns,
-    )  # fmt: skip
+        far = stays_far(following, twist, expected, outputs.law, now_ns)
+    if far:
+        h, n, q, effort = np.empty(6), config.law.joints, state.joint.answers.position, state.limiter.effort
+        put_own_wrench(config, state, inputs, h)
+        commanded = state.motion.velocity  # zeros with drives that take efforts
+        find_what_keeps(following, config.motion, n, q, inputs.arm, outputs.law, h, effort, commanded)

@@ -55,37 +55,49 @@ def stuck(state: Following, now_ns: int) -> bool:
 
 
 @part
-def watch_following(
-    state: Following, limits: RangeEnds, n: int, q: Array, twist: Array, reference: Array, arm: Arm, law: Evaluation,
-    h: Array, effort: Array, commanded: Array, now_ns: int,
-) -> None:  # fmt: skip
-    """Take down since when the arm stays far from its reference, and which joint keeps it there.
+def stays_far(state: Following, twist: Array, reference: Array, law: Evaluation, now_ns: int) -> bool:
+    """Return whether the arm stays far from its reference, and take down since when.
 
-    It stays where it rests, and where it comes no nearer to a reference that rests: an arm may sway there. What
-    keeps it is a joint near the end of its range; else the one that most torque, or the fastest command, does not move.
+    It stays where it rests, and where it comes no nearer to a reference that rests: an arm may sway there.
 
     Args:
         state: changed.
-        limits: where limit avoidance begins.
-        n: number of joints.
-        q: joint positions (n,) [rad].
         twist, reference: of the pad as it moves, and of its reference {w}; (6,) [m/s, rad/s].
-        arm, law: of this cycle.
-        h: wrench on the pad {w}; (6,) [N, N m].
-        effort: that the joints have; (n,) [N m].
-        commanded: velocities that drives with loops of their own are commanded; (n,) [rad/s], of others zeros.
+        law: of this cycle.
         now_ns: the controller's clock.
     """
     away = law.error_linear > FAR
     rests = vec(twist).norm() <= RESTS or vec(reference).norm() <= RESTS
     if not (away or law.error_angular > FAR_TURNED) or not rests:
         state.since_ns = NEVER
-        return
+        return False
     error = law.error_linear if away else law.error_angular
     if state.since_ns == NEVER or error < NEARER * state.error:
         state.since_ns, state.error = now_ns, error
     state.error = max(state.error, error)
-    most = -1.0
+    return True
+
+
+@part
+def find_what_keeps(
+    state: Following, limits: RangeEnds, n: int, q: Array, arm: Arm, law: Evaluation, h: Array, effort: Array,
+    commanded: Array,
+) -> None:  # fmt: skip
+    """Take down which joint keeps an arm far from its reference.
+
+    It is one near the end of its range; else the one that most torque, or the fastest command, does not move.
+
+    Args:
+        state: changed.
+        limits: where limit avoidance begins.
+        n: number of joints.
+        q: joint positions (n,) [rad].
+        arm, law: of this cycle.
+        h: wrench on the pad {w}; (6,) [N, N m].
+        effort: that the joints have; (n,) [N m].
+        commanded: velocities that drives with loops of their own are commanded; (n,) [rad/s], of others zeros.
+    """
+    away, most = law.error_linear > FAR, -1.0
     state.cause = Cause.NOT_FOLLOWING.value if away else Cause.NOT_TURNING.value
     for j in range(n):
         torque = effort[j] - arm.bias[j]
