@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -43,7 +44,8 @@ def matrix_from_quat_xyzw(quat_xyzw: ArrayLike) -> Array:
         InputError: where the quaternion is not finite or its norm is below 1e-6.
     """
     q = vector(quat_xyzw, 4, "quaternion (x, y, z, w)")
-    norm = float(np.sqrt(q @ q))
+    x, y, z, w = q.tolist()
+    norm = math.sqrt(x * x + y * y + z * z + w * w)  # of `@` the last bit depends on the processor
     if norm < 1e-6:
         raise InputError("quaternion (x, y, z, w)", got=q.tolist(), expected="a norm of 1")
     x, y, z, w = (q / norm).tolist()

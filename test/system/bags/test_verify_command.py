@@ -68,21 +68,34 @@ def test_command_and_exit_codes(tmp_path):
     assert "effort_command, arm_joint" in bad.stdout
 
 
-@pytest.mark.smoke
-def test_bags_verify_on_another_processor():
-    """Libraries choose their loops by the processor; nothing that a replay depends on may be left to them."""
+def on_another_processor(*command: str) -> str:
+    """Return what Python prints where libraries choose their loops for an old processor."""
     other = {"OPENBLAS_CORETYPE": "Prescott"}
     if platform.machine() == "x86_64":
         other["NPY_DISABLE_CPU_FEATURES"] = "X86_V3"
+    env = {**os.environ, **other}
+    done = subprocess.run([sys.executable, *command], capture_output=True, text=True, check=False, env=env)
+    return done.stdout + done.stderr
+
+
+@pytest.mark.smoke
+def test_bags_verify_on_another_processor():
+    """Libraries choose their loops by the processor; nothing that a replay depends on may be left to them."""
     for name in ("governed_joint_torques", "two_arms_governed"):
-        done = subprocess.run(
-            [sys.executable, "-m", "slip_vic.cli", "bag", "verify", str(BAGS / name)],
-            capture_output=True,
-            text=True,
-            check=False,
-            env={**os.environ, **other},
-        )
-        assert "identical" in done.stdout, done.stdout + done.stderr
+        said = on_another_processor("-m", "slip_vic.cli", "bag", "verify", str(BAGS / name))
+        assert "identical" in said, said
+
+
+@pytest.mark.smoke
+def test_attitudes_are_the_same_bits_on_another_processor():
+    """Of contacts, references, goals and displacements."""
+    code = (
+        "import zlib; import numpy as np; from slip_core.arrays import matrix_from_quat_xyzw\n"
+        "dice = np.random.default_rng(1)\n"
+        "print(zlib.crc32(b''.join(matrix_from_quat_xyzw(dice.normal(size=4)).tobytes() for _ in range(1000))))"
+    )
+    here = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert on_another_processor("-c", code) == here
 
 
 def test_other_software_is_named():
