@@ -47,8 +47,6 @@ RETUNABLE = ("gains.", "object.", "contacts.position", "safety.hold_stiffness")
 """Parameters that ramp while the law runs."""
 
 
-NONE_AHEAD: frozenset[int] = frozenset()
-
 Results = tuple[CycleResult | None, ...]
 """One for each arm; None where it was not answered."""
 
@@ -70,7 +68,7 @@ class ControllerSession:
         self.task: TaskState = record(self.buffer[:TASK_SIZE], TASK_STATE)
         self._lockstep, self._config = controller.lockstep, controller.config
         self._governed_stream = governed_stream(controller.first.params)
-        self._ahead = NONE_AHEAD  # answered for joint states that other arms have yet to bring
+        self._ahead: frozenset[int] = frozenset()  # answered for joint states that other arms have yet to bring
         self.arms = tuple(ArmSession(self, name, k) for k, name in enumerate(controller.names))
         self._exchange_size = len(self.arms) * (INPUTS_SIZE + OUTPUTS_SIZE)
         self._taring = tuple(arm for arm in self.arms if arm.controller.params.tare.duration_s > 0.0)
@@ -226,11 +224,11 @@ class ControllerSession:
                 if not arm.complete():
                     return (None,) * len(self.arms)
             return self.answer(None)
-        for arm in self.arms:
+        for arm in self.arms:  # nearly always all wait: no list is made for that
             if arm.waiting is None:
                 break
         else:
-            self._ahead = NONE_AHEAD
+            self._ahead = frozenset()
             return self.answer(now_ns)
         late = [arm for arm in self.arms if arm.waiting is None]
         if len(late) == len(self.arms) == 1:
@@ -251,7 +249,7 @@ class ControllerSession:
             return False
         awaited = [arm for arm in late if not arm.silent(now_ns) and arm.index not in self._ahead]
         if not awaited:
-            self._ahead = NONE_AHEAD
+            self._ahead = frozenset()
             return True
         if any(arm.mode.follows for arm in awaited) or not any(arm.overdue for arm in ready):
             return False
