@@ -26,7 +26,7 @@ class Tick:
     force: np.ndarray
     turn: np.ndarray
     drag: np.ndarray
-    load: float
+    likely: bool
     samples: list[tuple[int, tuple[float, ...]]] = field(default_factory=list)
     contradicts: list[bool] = field(default_factory=list)
     after: list[np.ndarray] = field(default_factory=list)
@@ -90,7 +90,7 @@ class ObserverReferee:
         step, force = on_pad(v_ee - self.v_ee - dt * motion["follow"]), on_pad(motion["force"])
         drag = motion["drag"] @ R
         return Tick(
-            stamp_ns, dt, step[self.axes], force[self.axes], turn[self.block], drag[self.linear], motion["load"]
+            stamp_ns, dt, step[self.axes], force[self.axes], turn[self.block], drag[self.linear], motion["likely"]
         )
 
     # -- stick
@@ -111,8 +111,7 @@ class ObserverReferee:
                     self.sample_mean = np.array(values)
                 if total > self.config.nis_slip:
                     seen_ns = stamp_ns
-        likely = tick.load > self.config.load or self.stamp_ns - self.since_ns < self.config.memory_ns
-        if self.significance > (self.config.nis_likely if likely else self.config.nis_slip):
+        if self.significance > (self.config.nis_likely if tick.likely else self.config.nis_slip):
             self.P[:, 1, 1] += (self.onset_gain * np.sqrt(np.sum(tick.drag**2))) ** 2
             self.sliding = True
             self._run(0)

@@ -283,7 +283,7 @@ def follow_stream(
     now = at(stream, path.time)
     point = Along(now.rotation, now.twist, now.acceleration, 1.0, 0.0)
     seen, u = seen_from(now, arm, pad), 0.0
-    governor.watch_lead(limits_of, path, point, dt)
+    governor.watch_lead(limits_of, path, point, stream_bound(stream, path.time)[0], dt)
     if governor.is_led(limits_of, path):
         rate, ahead = governor.on_pad(limits_of, point, seen.x, seen.v)
         path.rate = min(max(rate, 0.0), 1.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -125,6 +126,20 @@ def test_worlds_of_the_lottery_in_which_governed_slipped_far(seed: int, number: 
     result = play(long_enough(with_drive(draw(number, seed), seed)), GOVERNED)
     assert result.outcome == "ok"
     assert 1e3 * result.slip < 5.0
+
+
+@every(("seed", "number", "most_mm"), ((90909, 19, 2.0), (616161, 91, 9.0), (929292, 257, 2.0), (131313, 6, 0.5)))
+def test_worlds_of_the_lottery_in_which_a_camera_shows_low_friction_late(
+    seed: int, number: int, most_mm: float
+) -> None:
+    """10, 18, 5 and 6 mm, more than by classical control: the observer found the first slip late, was not believed, or
+
+    found a slip that was none, after which the path was begun again with all that is told of friction.
+    """
+    ticket = with_drive(draw(number, seed), seed)
+    result = play(replace(ticket, world=(*ticket.world, "bridge.duration_s=2.0")), GOVERNED)
+    assert result.outcome == "ok"
+    assert 1e3 * result.slip < most_mm
 
 
 def test_a_world_of_the_lottery_in_which_trembling_pads_stopped_the_path() -> None:

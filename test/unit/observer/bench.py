@@ -28,11 +28,12 @@ class Bench:
         self.twist = np.zeros(6)
         self.tick, self.start_ns = 0, start_ns
 
-    def step(self, acceleration, follow=None, samples=(), drag=(0.0, 0.0, 0.0), load=0.0):
+    def step(self, acceleration, follow=None, samples=(), drag=(0.0, 0.0, 0.0), likely=False):
         """Do a tick of 1 ms; return the state."""
         self.tick += 1
         self.twist = self.twist + 1e-3 * acceleration
-        return self.move(make_motion(self.twist, follow, drag=drag, load=load), self.start_ns + self.tick * MS, samples)
+        motion = make_motion(self.twist, follow, drag=drag, likely=likely)
+        return self.move(motion, self.start_ns + self.tick * MS, samples)
 
     def move(self, motion: np.ndarray, stamp_ns: int, samples=()):
         """Do a tick of any motion; return the state."""

@@ -87,12 +87,12 @@ class Observer:
 
 
 def make_motion(
-    v_ee, follow=None, force=None, drag=(0.0, 0.0, 0.0), w_o=(0.0, 0.0, 0.0), R=None, load=0.0
+    v_ee, follow=None, force=None, drag=(0.0, 0.0, 0.0), w_o=(0.0, 0.0, 0.0), R=None, likely=False
 ) -> np.ndarray:
     buffer = new(MOTION)
     motion = buffer.view(MOTION)[0]  # a record by name is slower in Python
     motion["rotation"] = np.eye(3) if R is None else R
-    motion["v_ee"], motion["drag"], motion["w_o"], motion["load"] = v_ee, drag, w_o, load
+    motion["v_ee"], motion["drag"], motion["w_o"], motion["likely"] = v_ee, drag, w_o, likely
     motion["follow"] = 0.0 if follow is None else follow
     motion["force"] = motion["follow"] if force is None else force
     return buffer

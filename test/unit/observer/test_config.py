@@ -141,11 +141,13 @@ def test_slip_is_over_once_a_sample_of_that_time_has_come_where_no_governor_slow
         assert config.dwell_ticks == 5
 
 
-def test_slip_that_is_likely_needs_less_evidence_where_no_governor_keeps_the_load_below_friction() -> None:
+def test_slip_that_is_likely_needs_less_evidence_where_the_arm_is_a_real_one() -> None:
     alone = config_of(**REAL_ARM)
     np.testing.assert_allclose(alone.nis_likely, chi2.isf(1e-4, 3), rtol=1e-9)
     assert config_of(**REAL_ARM, observer__false_alarm_rate=0.01).nis_likely == pytest.approx(chi2.isf(0.1, 3))
-    for config in (config_of(), config_of(**REAL_ARM, governor__mode="slow_down")):
+    governed = {"governor__mode": "slow_down"}
+    assert config_of(**REAL_ARM, **governed).nis_likely == alone.nis_likely
+    for config in (config_of(), config_of(**governed)):
         assert config.nis_likely == config.nis_slip == alone.nis_slip
 
 

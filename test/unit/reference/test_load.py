@@ -7,6 +7,7 @@ from slip_core.records import new, record
 from slip_core.vectors import mat, spatial, vec
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.cycle.sensing import slip_is_likely
 from slip_vic_controller.governing import held_by, load_of_motion
 from slip_vic_controller.law.contact import CONTACT, SLIP
 from slip_vic_controller.reference.guard import guard_factor
@@ -131,3 +132,27 @@ def test_motion_takes_a_share_of_the_friction_that_the_weight_leaves() -> None:
                 np.testing.assert_allclose(share((fx, fy, 7.0, 0.3, -0.2, torque)), expected, rtol=1e-3, atol=1e-3)
     config.governor.estimate.configured = 0.99 * weight
     assert share((5.0, 0.0, 0.0, 0.0, 0.0, 0.0)) == 0.0
+
+
+def test_slip_is_likely_after_another_one_and_under_load_and_below_a_governor_beyond_what_has_been_carried() -> None:
+    for law in ("vic", "governed"):
+        loop = ClosedLoop(load_scenario("paper_planar", law=law, sensor="vision_25", drive="torque_joint"))
+        result = loop.control(loop.observe())
+        while not result.mode.follows:
+            loop.bridge.advance([result.command])
+            result = loop.control(loop.observe())
+        config, state = record(loop.session.controller.config.copy(), CONFIG), loop.controller.state
+        outputs, F = record(result.outputs.copy(), OUTPUTS), config.governor.estimate.configured
+        estimate = state.pad.estimate
+        for since_ms, share, asked, alone, governed in (
+            (299, 0.0, 1.0, True, False),  # the memory is 0.3 s
+            (301, 0.84, 1.0, False, False),
+            (301, 0.86, 1.0, True, False),
+            (301, 0.0, 1.05, False, False),
+            (301, 0.0, 1.06, False, True),
+        ):
+            state.observer.since_ns = state.joint.answers.stamp_ns - 1_000_000 * since_ms
+            outputs.samples[0].wrench[:] = share * F, 0.0, 0.0, 0.0, 0.0, 0.0
+            estimate.certified, estimate.asked = 1.0, asked
+            likely = call(slip_is_likely, config, state, result.arm, outputs)
+            assert likely == (governed if law == "governed" else alone), (law, since_ms, share, asked)

@@ -10,10 +10,12 @@ from slip_vic_controller.reference.friction_estimate import (
     ESTIMATE,
     ESTIMATE_CONFIG,
     GIVES_M,
+    LEAST_FRICTION,
     LOAD_HISTORY,
     OBSERVED,
     PLAUSIBLE,
     Friction,
+    asks_for_more,
     certain,
     certify,
     first_friction,
@@ -127,10 +129,10 @@ def test_the_load_that_slipped_is_the_mean_around_it_where_the_wrench_has_noise(
     assert np.isclose(e.state.slipped_at, 0.75), "what was commanded bounds it"
     e = estimate()
     e.config.noise_ns = 2 * MS
-    for ms, load in enumerate((0.9, 0.6, 0.3)):
+    for ms, load in enumerate((0.72, 0.48, 0.24)):
         remember(e.history, ms * MS, load, load)
     suspect(e.config, e.state, e.history, 2 * MS, True, 0.0, 0.0)
-    assert e.state.suspected == 0, "0.6 was measured on the mean, but 0.3 was commanded"
+    assert e.state.suspected == 0, "0.48 was measured on the mean, but 0.24 was commanded"
 
 
 def test_a_sample_that_sees_it_makes_it_known() -> None:
@@ -201,17 +203,36 @@ def test_what_the_sensor_need_not_see_yet_is_not_withdrawn_by_it() -> None:
     assert e.state.suspected == 1
 
 
+def test_what_the_sensor_has_denied_is_suspected_again_once_it_grows() -> None:
+    e = estimate()
+    cycle(e, 0, 0.8, found=True, speed=2.0 * THRESHOLD)
+    sample(e, 5, 0.0)
+    for ms, speed in ((6, 1.9), (7, 0.5), (8, 1.4)):
+        cycle(e, ms, 0.9, found=True, speed=speed * THRESHOLD)
+        assert e.state.suspected == 0, speed
+    cycle(e, 9, 0.9, found=True, speed=1.6 * THRESHOLD)
+    assert (e.state.suspected, e.state.suspected_at) == (1, 0.9), "as fast as counts, and a threshold more than before"
+    for speed in (0.0, 3.0):  # what the sensor has seen is no news
+        e = estimate()
+        e.state.slipping = 1
+        cycle(e, 0, 0.8, found=True, speed=speed * THRESHOLD)
+        e.state.slipping = 0
+        cycle(e, 1, 0.8, found=True, speed=3.5 * THRESHOLD)
+        assert e.state.suspected == (speed == 0.0)
+
+
 def test_slip_that_goes_on_growing_lowers_it_down_to_what_is_plausible() -> None:
     e = estimate()
     for ms in range(4000):
         F = cycle(e, ms, 0.8, found=True, speed=1e-6 * ms)
         lowered = 0.8 * KEPT ** (ms // 101 + 1)
-        assert np.isclose(F, max(lowered, KEPT * PLAUSIBLE))
-    assert np.isclose(F, KEPT * PLAUSIBLE * TOLD)
+        assert np.isclose(F, max(lowered, KEPT * LEAST_FRICTION))
+    assert np.isclose(F, KEPT * LEAST_FRICTION * TOLD)
 
 
 def test_what_the_model_must_have_got_wrong_is_not_believed() -> None:
-    assert cycle(estimate(), 0, 0.9 * PLAUSIBLE, found=True) == TOLD, "so little friction"
+    assert cycle(estimate(), 0, 0.9 * LEAST_FRICTION, found=True) == TOLD, "so little friction"
+    assert cycle(estimate(), 0, 1.1 * LEAST_FRICTION, found=True) == KEPT * (1.1 * LEAST_FRICTION)
     assert cycle(estimate(), 0, 0.8, found=True, weight=0.81) == TOLD, (
         "the weight alone loads more: no slower path helps"
     )
@@ -408,7 +429,7 @@ def test_a_slip_that_was_not_seen_for_a_moment_goes_on_however_fast_it_is() -> N
 
 def test_a_load_counts_as_carried_once_the_sensor_would_have_shown_a_slip() -> None:
     config, state, history = (record(new(layout), layout) for layout in (ESTIMATE_CONFIG, ESTIMATE, LOAD_HISTORY))
-    config.sensor_delay_ns, state.F_hat = 20 * MS, 2.5
+    config.kept, config.sensor_delay_ns, state.F_hat = KEPT, 20 * MS, 2.5
     certify(config, state, history, 0)
     assert state.certified == 0.0, "nothing is known yet"
     for k, load in enumerate((1.0, 2.0, 1.5, 9.0)):
@@ -416,6 +437,8 @@ def test_a_load_counts_as_carried_once_the_sensor_would_have_shown_a_slip() -> N
     for now_ms, carried in ((29, 0.0), (30, 1.0), (40, 2.0), (50, 2.0), (60, 2.5)):
         certify(config, state, history, now_ms * MS)
         assert state.certified == carried, now_ms
+        assert asks_for_more(config, state) == (now_ms < 60), "until the last, as far as friction goes, counts"
     state.slipping, state.certified = 1, 0.0
     certify(config, state, history, 60 * MS)
     assert state.certified == 0.0
+    assert not asks_for_more(config, state), "what slips is not to be foreseen any more"

@@ -15,17 +15,23 @@ from slip_vic_controller.cycle.gains import adapt_slip_gain, gains_now, limit_in
 from slip_vic_controller.cycle.holding import hold, hold_without_law
 from slip_vic_controller.cycle.wrench import own_wrench
 from slip_vic_controller.governing import feel_pad, load_of_motion
+from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.contact import beyond_dead_band
 from slip_vic_controller.law.law import predict_motion
 from slip_vic_controller.law.symbols import SlipEstimate
 from slip_vic_controller.observer.layouts import Observer
 from slip_vic_controller.observer.observer import observe
+from slip_vic_controller.reference.friction_estimate import asks_for_more
 from slip_vic_controller.reference.path_grid import Governing
 from slip_vic_controller.safety.arbitration import Level
 from slip_vic_controller.safety.latency import measure_slip_latency
 from slip_vic_controller.safety.reasons import Cause
 from slip_vic_controller.safety.validation import fine
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
+
+LIKELY_LOAD = 0.85
+"""Share of the configured friction, as far as the weight leaves it, beyond which slip is likely: the true one may be
+that much lower."""
 
 
 @part
@@ -101,7 +107,7 @@ def sense(
         if not predict_motion(config.law, outputs.gains, inputs.arm, samples, law.slips, observer.twist, motion):
             return Cause.NO_ESTIMATE.value
         if config.observer.nis_likely < config.observer.nis_slip:  # else it makes no difference
-            motion.load = load_of_motion(config, state, outputs.gains, inputs.arm, spatial(samples[0].wrench))
+            motion.likely = 1 if slip_is_likely(config, state, inputs.arm, outputs) else 0
         if config.estimator.on != 0:
             pad_variances(config.estimator, inputs.arm, motion)
             if config.command.interface != Interface.EFFORT:
@@ -126,6 +132,21 @@ def sense(
     if config.governor.mode != Governing.OFF:
         feel_pad(config, task, state, outputs, (sample.stamp_ns - law.stamp_ns) * 1e-9)
     return Cause.NONE.value
+
+
+@part
+def slip_is_likely(config: ControllerConfig, state: ArmState, arm: Arm, outputs: CycleOutputs) -> bool:
+    """Return whether the object is likely to slip now, so that the model needs less evidence for it.
+
+    A governed object is while more is asked of friction than it is known to have carried: without a governor the path
+    goes on after a slip, and friction may be LIKELY_LOAD of what is configured.
+    """
+    if config.governor.mode != Governing.OFF:
+        return asks_for_more(config.governor.estimate, state.pad.estimate)
+    since_ns = state.joint.answers.stamp_ns - state.observer.since_ns
+    wrench = spatial(outputs.samples[0].wrench)
+    load = load_of_motion(config, state, outputs.gains, arm, wrench)
+    return since_ns < config.observer.memory_ns or load > LIKELY_LOAD
 
 
 @part

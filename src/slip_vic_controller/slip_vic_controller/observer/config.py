@@ -20,9 +20,6 @@ WITNESSES = 3
 """Samples in a row that a real sensor must show slip in: two outliers in a row happen in every minute."""
 TOGETHER = 1.2
 """What these samples may move the tested mean together, over what is significant [1]."""
-LOAD = 0.85
-"""Share of the configured friction, as far as the weight leaves it, beyond which slip is likely: the true one may be
-that much lower."""
 MOST_ROWS = 100_000
 """Rows of a history that still fits into memory and into a cycle many times."""
 
@@ -110,9 +107,9 @@ def observer_config(params: ControllerParams, *, weighed: bool = False, correlat
     count = max(int(np.sum(config.axes)), 1)
     config.correlation_ticks = correlation_ticks if params.stands_alone else 0.0
     config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
-    # A governor keeps the load below friction, and the path is slower once the object has slipped.
-    likely = math.sqrt(tuning.false_alarm_rate) if params.stands_alone else tuning.false_alarm_rate
-    config.nis_likely, config.load = float(chdtri(count, likely)), LOAD
+    expects = params.stands_alone or (params.estimates_joints and params.governor.mode != "off")
+    likely = math.sqrt(tuning.false_alarm_rate) if expects else tuning.false_alarm_rate
+    config.nis_likely = float(chdtri(count, likely))
     config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))
     needed = witnesses(params)
     config.most_step = TOGETHER / needed if needed > 1 else math.inf

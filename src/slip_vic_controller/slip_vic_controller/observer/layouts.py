@@ -34,8 +34,7 @@ class ObserverConfig(Record):
     stick_P_vv: Axes  # noqa: N815
     dead_band: Axes  # speed below which the sensor reads zero
     nis_slip: Real  # normalised innovation squared above which slip begins
-    nis_likely: Real  # the same of the model where slip is likely: within the memory after a slip, or under load
-    load: Real  # share of the friction for motion from which on slip is likely
+    nis_likely: Real  # the same of the model where slip is likely
     nis_stick: Real  # and below which it is over
     smoothing: Real  # weight of a new sample in the mean that is tested in stick
     dates_samples: Whole  # whether a slip that samples show begins at their stamp
@@ -63,7 +62,7 @@ class Motion(Record):
     w_o: Vec3  # rad/s; turning of the object
     velocity_variance: Vec6  # {ee}; of v_ee, zeros without an estimate of the joint state
     change_variance: Vec6  # {ee}; of the noise in the change of v_ee since the tick before
-    load: Real  # what motion takes of the friction that the weight leaves; 1 = all of it
+    likely: Whole  # whether slip is: the object has just slipped, or its load is one that friction may not carry
 
 
 MOTION = dtype_of(Motion)

@@ -172,12 +172,12 @@ def begin_slip_of_samples(config: ObserverConfig, state: Observer, rows: Records
 
 @part
 def observe_stick(
-    config: ObserverConfig, state: Observer, rows: Records[Row], samples: Records[StampedSlip], count: int, load: float,
+    config: ObserverConfig, state: Observer, rows: Records[Row], samples: Records[StampedSlip], count: int,
+    likely: bool,
 ) -> None:  # fmt: skip
     """Learn from the tick that leaves the window, and test whether slip has begun; the tick's row is the last one.
 
-    load: of motion, over the friction that the weight leaves. What has just slipped, or is loaded that much, is likely
-    to slip: then the model needs less evidence.
+    likely: whether slip is: then the model needs less evidence.
     """
     add_up(state, rows)
     window = window_ticks(config, row_at(state, rows, state.rows - 1))
@@ -189,7 +189,6 @@ def observe_stick(
         newest = normalised_innovation_squared(config, state, rows, state.rows - config.window_ticks)
         state.significance = max(state.significance, newest)
     seen = average_and_test_samples(config, state, samples, count)
-    likely = load > config.load or state.stamp_ns - state.since_ns < config.memory_ns
     if state.significance > (config.nis_likely if likely else config.nis_slip):
         begin_slip_of_model(config, state, rows)
     elif seen >= 0:

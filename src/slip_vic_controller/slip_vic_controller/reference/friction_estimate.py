@@ -21,6 +21,9 @@ from slip_vic_controller.sizes import NEVER
 
 LOADS: Final = 256
 """Control cycles that the history goes back."""
+LEAST_FRICTION: Final = 0.35
+"""Share of what is known of friction below which the observer alone finds none: 0.6 of what is told, that falls to 0.7
+while it is carried, and slides with less."""
 PLAUSIBLE: Final = 0.5
 """Share of what is known of friction below which a slip is doubted: the model's error, or pads that give way."""
 GIVES_M: Final = 1e-3
@@ -84,6 +87,7 @@ class Estimate(Record):
     first: Real  # N, F^ at first
     slipped_at: Real  # N, smallest load at which it has slipped, in the model's units; 0 before
     certified: Real  # N, largest load carried without slip
+    asked: Real  # N, largest load asked for without slip
     carried: Real  # N, the same, whatever slips have shown since
     slipping: Whole
     slip_ns: Whole  # stamp of the newest slip sample
@@ -133,7 +137,7 @@ def start_estimate(
     """
     state.F_hat = state.first = first_friction(config, rests_with)
     state.slipped_at = 0.0
-    state.certified = state.carried = min(at_rest + config.probe, state.first)
+    state.certified = state.carried = state.asked = min(at_rest + config.probe, state.first)
     state.slipping, state.slip_ns, state.events, state.event_ns = 0, NEVER, 0, NEVER
     state.suspected, state.suspected_at, state.claimed_ns, state.found = 0, 0.0, NEVER, 0
     state.suspected_ns, state.suspected_speed = 0, 0.0
@@ -167,11 +171,19 @@ def certify(config: EstimateConfig, state: Estimate, history: LoadHistory, now_n
     """Let the load of a cycle count as carried, once the slip sensor would have shown otherwise."""
     if state.slipping != 0:
         return
+    newest = history.loads[(history.count - 1) % LOADS].commanded
+    state.asked = min(max(state.asked, newest), state.F_hat)
     i = index_at(history, now_ns - config.sensor_delay_ns)
     if i >= 0 and history.loads[i].stamp_ns <= now_ns - config.sensor_delay_ns:
         load = history.loads[i]
         state.certified = min(max(state.certified, load.commanded), state.F_hat)
         state.carried = max(state.carried, min(load.commanded, load.measured, state.F_hat))
+
+
+@part
+def asks_for_more(config: EstimateConfig, state: Estimate) -> bool:
+    """Return whether clearly more has been asked of friction than the slip sensor has had the time to deny."""
+    return bool(state.slipping == 0 and config.kept * state.asked > state.certified)
 
 
 @part
@@ -266,7 +278,7 @@ def slip_sample(
     if learnt >= state.F_hat:
         return False
     state.F_hat, state.slipped_at = learnt, slipped_at
-    state.certified = min(state.certified, learnt)
+    state.certified = state.asked = min(state.certified, learnt)
     state.events += 1
     state.event_ns = stamp_ns
     return True
@@ -288,17 +300,20 @@ def suspect(
     A slip sensor without delay sees that slip itself: there the observer alone has nothing to say.
     """
     if not found or config.friction == Friction.KNOWN or state.slipping != 0 or config.sensor_delay_ns == 0:
-        state.claimed_ns = NEVER
+        state.claimed_ns, state.suspected_speed = NEVER, speed
     else:
         load = slipping_load(config, history, (history.count - 1) % LOADS)
         known = state.certified if config.friction == Friction.UNKNOWN else state.F_hat
-        least = max(PLAUSIBLE * known, weight_load)
-        if state.found == 0 and state.suspected == 0 and load > least:
-            state.suspected, state.suspected_at, state.first_at = 1, load, load
-            state.suspected_ns, state.suspected_speed = stamp_ns, speed
-        elif state.suspected != 0 and stamp_ns - state.suspected_ns > config.sensor_delay_ns:
+        least = max(LEAST_FRICTION * known, weight_load)
+        if state.suspected == 0:  # what is found on is another slip, if it grows from what the slip sensor has denied
+            another = state.found == 0 or speed > state.suspected_speed + config.threshold
+            state.suspected_speed = min(state.suspected_speed, speed) if state.found != 0 else speed
+            if another and load > least:
+                state.suspected, state.suspected_at, state.first_at = 1, load, load
+                state.suspected_ns, state.suspected_speed = stamp_ns, speed
+        elif stamp_ns - state.suspected_ns > config.sensor_delay_ns:
             if speed > state.suspected_speed + config.growth:  # what is asked since then does not end that slip
-                state.suspected_at = max(config.kept * state.suspected_at, PLAUSIBLE * known)
+                state.suspected_at = max(config.kept * state.suspected_at, LEAST_FRICTION * known)
             state.suspected_ns, state.suspected_speed = stamp_ns, speed
         if speed <= config.threshold:
             state.claimed_ns = NEVER

@@ -67,6 +67,8 @@ BRAKES: Final = 1.1
 """Of the load of the weight alone, where the estimate of friction does not carry that: the arm has to brake."""
 LED_S: Final = 1.0
 """How long a slipping object may lead a path that hardly moves: pads that tremble slip to and fro for ever [s]."""
+LED_LATE_S: Final = 0.2
+"""The same of one that has to be braked [s]."""
 BACK: Final = 1e-3
 """How near its path the pad has come back when an overrun is over, where it can stop on the path again [m]."""
 
@@ -448,7 +450,7 @@ def run(
     allow(config, state)
     if pad.x.dot(pad.x) < BACK * BACK and (state.arrived == 1 or state.bound <= 1.0):
         state.overrun = 0
-    watch_lead(config, state, point, dt)
+    watch_lead(config, state, point, bound(grid, state.s)[0], dt)
     if state.planned == 0 or state.arrived == 1:
         smooth(config, state, grid, 0.0)
         return
@@ -504,6 +506,11 @@ def step_on(
         F = left_for_motion(state.usable, size(l_g), config.reserve)
         _, most, _ = range_or_least(uu, l_u.dot(b_d), b_d.dot(b_d), F)
         high = max(min(most, high), low)
+    if config.mode == Governing.SLOW_DOWN:  # to catch up asks for no more than the path as planned, or what is carried
+        b_p = drawn(held, weights, R_ee, point.curve) + turning(held, weights, R_ee, w_ee) + l_g
+        F = max(state.grip * (state.estimate.certified + config.estimate.probe), size(b_p))
+        _, most, any_u = range_or_least(uu, ub, b.dot(b), F)
+        high = max(min(max(most, 0.0) if any_u else 0.0, high), low)
     stop = -rate / dt
     state.bound = rate * rate / K if K > 0.0 else (0.0 if rate <= 0.0 else FASTEST)
     m = 0.5 * slope * dt
@@ -556,8 +563,11 @@ def time_at(config: GovernorConfig, state: Governor, grid: PathGrid, s: float) -
 
 
 @part
-def watch_lead(config: GovernorConfig, state: Governor, point: Along, dt: float) -> None:
-    """Find a slip that does not end while the object leads a path that hardly moves; arguments as in `run`."""
+def watch_lead(config: GovernorConfig, state: Governor, point: Along, K: float, dt: float) -> None:
+    """Find a slip that does not end while the object leads a path that hardly moves, or goes beyond K [1/s^2].
+
+    point, dt: as in `run`.
+    """
     if state.arrived == 1 or config.led == 0:
         state.led_s, state.endless = 0.0, 0
     elif state.estimate.slipping == 0:
@@ -566,8 +576,9 @@ def watch_lead(config: GovernorConfig, state: Governor, point: Along, dt: float)
             state.endless = 0
     elif state.endless == 0:
         crawls = state.rate * state.rate * pace(config, point) < SLOWEST * SLOWEST
-        state.led_s = state.led_s + dt if crawls else 0.0
-        state.endless = 1 if state.led_s > LED_S else 0
+        late = state.rate * state.rate > OVER * K
+        state.led_s = state.led_s + dt if crawls or late else 0.0
+        state.endless = 1 if state.led_s > (LED_S if crawls else LED_LATE_S) else 0
 
 
 @part
