@@ -249,7 +249,7 @@ _WORDS = {
     Cause.NO_TORQUE: "the law gave no finite torque",
     Cause.TARE: "tare: sensors are read at rest before the law begins",
     Cause.OVERRUNS: "friction is too low to stop on the path: the pad overruns it",
-    Cause.ENDLESS_SLIP: "the slip sensor reports slip that does not end, though the pad hardly moves: the path goes on",
+    Cause.ENDLESS_SLIP: "the slip sensor reports slip that does not end: the path goes on without it",
     Cause.HALTED: "the observer finds slip: friction is too low for the rest of the path, so the path stops here",
     Cause.GIVEN_UP: "compensation off: it does not end the slip, or moves the arm away; impedance alone",
     Cause.INTERNAL: "internal error, see the log: this is a bug, please report it",
