@@ -154,7 +154,9 @@ class GovernorParams(ParameterModel):
     pre_sliding: float = parameter(
         0.0, "way that soft pads give before they slip: a slow slip counts only after it", unit="m", ge=0.0
     )  # fmt: skip
-    probe: float = parameter(0.01, "friction unknown: load asked beyond the largest one carried", unit="N", gt=0.0)
+    probe: float = parameter(
+        0.01, "load asked beyond the largest one carried: friction unknown, or a path that catches up", unit="N", gt=0.0
+    )
     preview_s: float = parameter(
         0.1, "reference by topic: time by which it is followed later, so that what comes is known so far ahead",
         unit="s", gt=0.0,
