@@ -109,13 +109,19 @@ def test_the_load_of_shared_pads_is_never_below_that_of_any_of_them() -> None:
     assert tight > 0.9
 
 
-def test_motion_takes_a_share_of_the_friction_that_the_weight_leaves() -> None:
-    """Where vertical_plane begins, upright but for what joints give way: 1.96 N, no torque about the pads' normal."""
-    loop = ClosedLoop(load_scenario("vertical_plane", law="vic", sensor="vision_25", drive="torque_joint"))
+def at_work(scenario, law):
+    """Return a loop with a camera and joints that measure torque, and the first result of its law."""
+    loop = ClosedLoop(load_scenario(scenario, law=law, sensor="vision_25", drive="torque_joint"))
     result = loop.control(loop.observe())
     while not result.mode.follows:
         loop.bridge.advance([result.command])
         result = loop.control(loop.observe())
+    return loop, result
+
+
+def test_motion_takes_a_share_of_the_friction_that_the_weight_leaves() -> None:
+    """Where vertical_plane begins, upright but for what joints give way: 1.96 N, no torque about the pads' normal."""
+    loop, result = at_work("vertical_plane", "vic")
     config, state = record(loop.session.controller.config.copy(), CONFIG), loop.controller.state
     gains = record(result.outputs.copy(), OUTPUTS).gains
     weight, rho = 0.2 * 9.81, config.governor.radius
@@ -136,11 +142,7 @@ def test_motion_takes_a_share_of_the_friction_that_the_weight_leaves() -> None:
 
 def test_slip_is_likely_after_another_one_and_under_load_and_below_a_governor_beyond_what_has_been_carried() -> None:
     for law in ("vic", "governed"):
-        loop = ClosedLoop(load_scenario("paper_planar", law=law, sensor="vision_25", drive="torque_joint"))
-        result = loop.control(loop.observe())
-        while not result.mode.follows:
-            loop.bridge.advance([result.command])
-            result = loop.control(loop.observe())
+        loop, result = at_work("paper_planar", law)
         config, state = record(loop.session.controller.config.copy(), CONFIG), loop.controller.state
         outputs, F = record(result.outputs.copy(), OUTPUTS), config.governor.estimate.configured
         estimate = state.pad.estimate

@@ -107,6 +107,7 @@ def observer_config(params: ControllerParams, *, weighed: bool = False, correlat
     count = max(int(np.sum(config.axes)), 1)
     config.correlation_ticks = correlation_ticks if params.stands_alone else 0.0
     config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
+    # Where real joints make evidence scarce the cycle says when slip is likely.
     expects = params.stands_alone or (params.estimates_joints and params.governor.mode != "off")
     likely = math.sqrt(tuning.false_alarm_rate) if expects else tuning.false_alarm_rate
     config.nis_likely = float(chdtri(count, likely))

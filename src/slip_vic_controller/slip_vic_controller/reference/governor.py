@@ -494,7 +494,8 @@ def step_on(
     weights, R_ee, w_ee = surface(spatial(config.slip_axes), config.radius), pad.R, pad.v.angular
     (K, slope), rate = ahead, state.rate
     a = rate * rate * point.curve + pad.feedback
-    b = drawn(held, weights, R_ee, a) + turning(held, weights, R_ee, w_ee)
+    l_w = turning(held, weights, R_ee, w_ee)
+    b = drawn(held, weights, R_ee, a) + l_w
     l_g = weight(held, weights, R_ee, vec(config.gravity))
     b = b + l_g
     l_u = drawn(held, weights, R_ee, point.tangent)
@@ -507,8 +508,8 @@ def step_on(
         _, most, _ = range_or_least(uu, l_u.dot(b_d), b_d.dot(b_d), F)
         high = max(min(most, high), low)
     if config.mode == Governing.SLOW_DOWN:  # to catch up asks for no more than the path as planned, or what is carried
-        b_p = drawn(held, weights, R_ee, point.curve) + turning(held, weights, R_ee, w_ee) + l_g
-        F = max(state.grip * (state.estimate.certified + config.estimate.probe), size(b_p))
+        planned = drawn(held, weights, R_ee, point.curve) + l_w + l_g
+        F = max(state.grip * (state.estimate.certified + config.estimate.probe), size(planned))
         _, most, any_u = range_or_least(uu, ub, b.dot(b), F)
         high = max(min(max(most, 0.0) if any_u else 0.0, high), low)
     stop = -rate / dt

@@ -64,7 +64,7 @@ def begin_timing(config: Array, memory: Array, held: Array, rotation: Array) -> 
     weights, rest = surface(spatial(c.slip_axes), c.radius), Spatial(ZERO, ZERO)
     at_rest = load(held_object(record(held, HELD_OBJECT)), weights, mat(rotation), ZERO, vec(c.gravity), rest)
     governor.start_pad(c, m.pad, size(at_rest), False, 1.0)
-    m.pad.estimate.certified = m.pad.estimate.F_hat  # of a plan, which nothing is measured on
+    m.pad.estimate.certified = m.pad.estimate.F_hat  # a plan counts with all that is told
     governor.start_governor(c, m.governor, m.pad)
 
 
