@@ -14,7 +14,8 @@ from slip_core.records import new, record
 from slip_core.stamps import seconds_to_ns
 from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.arm.config import estimator_config, velocity_correlation
-from slip_vic_controller.arm.estimator import BLIND_S, ESTIMATOR_CONFIG
+from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG
+from slip_vic_controller.arm.plausibility import BLIND_S
 from slip_vic_controller.arm.tare import TareConfig
 from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import DRIVE_SHARE, INTERNAL_BOUND, ROUNDING, internal_gain_limit

@@ -9,7 +9,7 @@ from slip_core.arrays import Array
 from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, WholeArray, dtype_of
 from slip_vic_controller.arm.command import CommandConfig, MotionCommand
 from slip_vic_controller.arm.drive_delay import DriveDelay
-from slip_vic_controller.arm.estimator import EstimatorConfig, JointEstimate, PublishedJoints
+from slip_vic_controller.arm.joint_estimate import EstimatorConfig, JointEstimate, PublishedJoints
 from slip_vic_controller.arm.tare import Tare, TareConfig
 from slip_vic_controller.interfaces import WrenchSensor
 from slip_vic_controller.law.arm import Arm

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_vic_controller.arm.estimator import BLIND_S
+from slip_vic_controller.arm.plausibility import BLIND_S
 from slip_vic_controller.parameters.safety_params import SafetyParams
 from slip_vic_controller.reference.governor import Phase
 from slip_vic_controller.reference.path_grid import GRID_POINTS

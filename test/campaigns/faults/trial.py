@@ -21,7 +21,7 @@ from slip_sim_bridge.plant import DivergenceError
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import Law, Scenario
 from slip_vic_controller.config import POINTS_PER_CYCLE
-from slip_vic_controller.governing import SAMPLES_PER_CYCLE
+from slip_vic_controller.cycle.governing import SAMPLES_PER_CYCLE
 from slip_vic_controller.parameters.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.controller import ArmController, Controller

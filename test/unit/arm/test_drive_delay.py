@@ -14,13 +14,8 @@ from slip_vic.scenarios import scenario_names
 from slip_vic.study.lottery import GOVERNED, draw, with_drive
 from slip_vic_controller.arm.config import estimator_config
 from slip_vic_controller.arm.drive_delay import DRIVE_DELAY, SURE_S, forget_drive_delay, watch_drive_delay
-from slip_vic_controller.arm.estimator import (
-    ESTIMATOR_CONFIG,
-    JOINT_ESTIMATE,
-    Finding,
-    estimate_joints,
-    remember_input,
-)
+from slip_vic_controller.arm.estimator import estimate_joints, remember_input
+from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG, JOINT_ESTIMATE, Finding
 from slip_vic_controller.params import ControllerParams
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety.reasons import finding_text

@@ -12,7 +12,7 @@ from slip_core.records import new, record
 from slip_core.types import EffortCommand
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.arm.estimator import Finding
+from slip_vic_controller.arm.joint_estimate import Finding
 from slip_vic_controller.cycle.deciding import _with_disturbance
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.safety.reasons import Cause, Reason

@@ -21,24 +21,26 @@ from slip_vic_controller.arm.config import (
     sensor_noise,
     steady_state,
 )
+from slip_vic_controller.arm.disturbance import oppose_disturbance
 from slip_vic_controller.arm.estimator import (
-    ESTIMATOR_CONFIG,
     FAR,
     FAST,
+    estimate_joints,
+    far_off,
+    pad_variances,
+    remember_input,
+    transition,
+)
+from slip_vic_controller.arm.joint_estimate import (
+    ESTIMATOR_CONFIG,
     JOINT_ESTIMATE,
     MAX_LATENCY,
     QUICK,
     Finding,
     Trust,
     clear_findings,
-    compare_measurements,
-    estimate_joints,
-    far_off,
-    oppose_disturbance,
-    pad_variances,
-    remember_input,
-    transition,
 )
+from slip_vic_controller.arm.plausibility import compare_measurements
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.observer.layouts import MOTION
 from slip_vic_controller.parameters.arm_params import JointSensorConfig

@@ -10,17 +10,10 @@ import pytest
 
 from slip_core.records import new, record
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.arm.estimator import (
-    BLIND_S,
-    JOINT_ESTIMATE,
-    Finding,
-    Trust,
-    clear_findings,
-    estimate_joints,
-    is_blind,
-    oppose_disturbance,
-    remember_input,
-)
+from slip_vic_controller.arm.disturbance import oppose_disturbance
+from slip_vic_controller.arm.estimator import estimate_joints, remember_input
+from slip_vic_controller.arm.joint_estimate import JOINT_ESTIMATE, Finding, Trust, clear_findings
+from slip_vic_controller.arm.plausibility import BLIND_S, is_blind
 from slip_vic_controller.safety.modes import Mode, Request
 from test.support.call import call
 from test.support.every import every

@@ -9,7 +9,7 @@ import pytest
 from slip_core.records import new, record
 from slip_vic.run.in_process import ClosedLoop, run_in_process
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.governing import put_governed
+from slip_vic_controller.cycle.governing import put_governed
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.state import GOVERNED
 from test.support.call import call

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from slip_core.records import new, record
 from slip_core.types import PoseGoal
 from slip_core.vectors import Spatial, mat, spatial, vec
-from slip_vic_controller.governing import goal_progress
+from slip_vic_controller.cycle.governing import goal_progress
 from slip_vic_controller.reference.goals import GOAL, GoalPhase, begin_goal, goal_at, rest_at
 from slip_vic_controller.reference.paths import Reference
 from slip_vic_controller.state import CONFIG

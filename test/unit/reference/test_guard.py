@@ -9,7 +9,7 @@ import numpy as np
 from slip_core.records import record
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.governing import guard, held
+from slip_vic_controller.cycle.governing import guard, held
 from slip_vic_controller.state import CONFIG, OUTPUTS
 from test.support.call import call
 from test.support.every import every

@@ -7,8 +7,8 @@ from slip_core.records import new, record
 from slip_core.vectors import mat, spatial, vec
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.cycle.governing import held_by, load_of_motion
 from slip_vic_controller.cycle.sensing import slip_is_likely
-from slip_vic_controller.governing import held_by, load_of_motion
 from slip_vic_controller.law.contact import CONTACT, SLIP
 from slip_vic_controller.reference.guard import guard_factor
 from slip_vic_controller.reference.load import ALONE, Held, Shared, at_contact, load, size, surface

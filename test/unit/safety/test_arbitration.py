@@ -7,7 +7,7 @@ import numpy as np
 from slip_core.records import new, record
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.arm.estimator import Finding
+from slip_vic_controller.arm.joint_estimate import Finding
 from slip_vic_controller.safety.arbitration import HEALTH, Level, arbitrate
 from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.modes import Mode, TransitionReasons

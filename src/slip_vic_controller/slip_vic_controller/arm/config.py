@@ -12,18 +12,9 @@ from slip_core.errors import InputError
 from slip_core.matrices import product, riccati, solve
 from slip_core.records import new, record
 from slip_vic_controller.arm.drive_delay import LONGEST_S
-from slip_vic_controller.arm.estimator import (
-    ESTIMATOR_CONFIG,
-    LEAST_LAG_S,
-    MAX_LATENCY,
-    MOVES,
-    QUICK,
-    REPEATED,
-    UNMOVED,
-    EstimatorConfig,
-    Trust,
-    transition,
-)
+from slip_vic_controller.arm.estimator import transition
+from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG, MAX_LATENCY, QUICK, EstimatorConfig, Trust
+from slip_vic_controller.arm.plausibility import LEAST_LAG_S, MOVES, REPEATED, UNMOVED
 from slip_vic_controller.arm.tare import LEAST_SAMPLES, Tare, deviation, periods_of_joints
 from slip_vic_controller.parameters.arm_params import JointSensorConfig
 from slip_vic_controller.params import ControllerParams

@@ -18,15 +18,9 @@ from typing import Annotated, Final
 from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole, dtype_of
-from slip_vic_controller.arm.estimator import (
-    MAX_LATENCY,
-    MOVES,
-    EstimatorConfig,
-    Finding,
-    JointEstimate,
-    find,
-    input_of,
-)
+from slip_vic_controller.arm.estimator import input_of
+from slip_vic_controller.arm.joint_estimate import MAX_LATENCY, EstimatorConfig, Finding, JointEstimate, find
+from slip_vic_controller.arm.plausibility import MOVES
 from slip_vic_controller.sizes import MAX_JOINTS, Joints, WholeJoints
 
 DELAYS: Final = 8

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from slip_core.compiled import part
 from slip_core.records import Records
-from slip_vic_controller.arm.estimator import unseen_ns
+from slip_vic_controller.arm.plausibility import unseen_ns
+from slip_vic_controller.cycle.governing import screen
 from slip_vic_controller.cycle.holding import bridges
-from slip_vic_controller.governing import screen
 from slip_vic_controller.reference.path_grid import Governing
 from slip_vic_controller.reference.path_scaling import advance, lost_ns
 from slip_vic_controller.reference.paths import relative

@@ -6,8 +6,8 @@ from slip_core.compiled import part
 from slip_core.vectors import IDENTITY, ZERO, Spatial, mat, put, put_mat, vec
 from slip_vic_controller.arm.tare import start_tare
 from slip_vic_controller.cycle.gains import gains_now
+from slip_vic_controller.cycle.governing import begin_governing, begin_pad, rest_on_path
 from slip_vic_controller.cycle.ledger import put_time
-from slip_vic_controller.governing import begin_governing, begin_pad, rest_on_path
 from slip_vic_controller.law.giving_up import start_giving_up
 from slip_vic_controller.observer.observer import reset
 from slip_vic_controller.reference.goals import rest_at

@@ -8,10 +8,10 @@ from slip_core.compiled import part
 from slip_core.vectors import mat, put_spatial, spatial, vec
 from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.cycle.finishing import finish
+from slip_vic_controller.cycle.governing import follow_goal, governed_reference, guard, held
 from slip_vic_controller.cycle.holding import hold_without_law, keep_joints
 from slip_vic_controller.cycle.sensing import put_twist_now, put_twist_of_joints
 from slip_vic_controller.cycle.wrench import put_own_wrench
-from slip_vic_controller.governing import follow_goal, governed_reference, guard, held
 from slip_vic_controller.law.contact import integrate_slips, slip_velocity
 from slip_vic_controller.law.giving_up import judge_compensation
 from slip_vic_controller.law.impedance import slip_speed

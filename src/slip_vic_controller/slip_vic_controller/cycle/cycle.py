@@ -38,11 +38,11 @@ from slip_vic_controller.cycle.beginning import begin_cycle
 from slip_vic_controller.cycle.commanding import follow
 from slip_vic_controller.cycle.deciding import look
 from slip_vic_controller.cycle.finishing import finish
+from slip_vic_controller.cycle.governing import agree_on_friction, screen, step_on_path
 from slip_vic_controller.cycle.holding import leave_to_drives, prepare
 from slip_vic_controller.cycle.ledger import end_cycle
 from slip_vic_controller.cycle.sensing import sense_all
 from slip_vic_controller.cycle.taring import all_at_rest
-from slip_vic_controller.governing import agree_on_friction, screen, step_on_path
 from slip_vic_controller.law.symbols import SYMBOLS, no_symbols, symbols
 from slip_vic_controller.observer.layouts import ROW_SIZE
 from slip_vic_controller.reference.path_grid import Governing

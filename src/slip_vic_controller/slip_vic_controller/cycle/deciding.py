@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from slip_core.compiled import part
+from slip_vic_controller.arm.disturbance import DISTURBED, most_disturbed
 from slip_vic_controller.arm.drive_delay import forget_drive_delay
-from slip_vic_controller.arm.estimator import DISTURBED, clear_findings, most_disturbed
+from slip_vic_controller.arm.joint_estimate import clear_findings
 from slip_vic_controller.cycle.beginning import begin_cycle, begin_law
 from slip_vic_controller.cycle.ledger import put_time
 from slip_vic_controller.cycle.taring import AtRest, tare

@@ -15,8 +15,10 @@ from slip_vic_controller.arm.command import (
     start_motion,
     stop_motion,
 )
+from slip_vic_controller.arm.disturbance import oppose_disturbance
 from slip_vic_controller.arm.drive_delay import watch_drive_delay
-from slip_vic_controller.arm.estimator import Finding, find, oppose_disturbance, publish_joints, remember_input
+from slip_vic_controller.arm.estimator import remember_input
+from slip_vic_controller.arm.joint_estimate import Finding, find, publish_joints
 from slip_vic_controller.cycle.wrench import put_own_wrench
 from slip_vic_controller.safety.effort_limiter import limit_effort, needs_restart, start_limiter
 from slip_vic_controller.safety.limit_avoidance import avoid_limits

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from slip_core.compiled import part
 from slip_core.records import WholeArray
-from slip_vic_controller.governing import put_governed
+from slip_vic_controller.cycle.governing import put_governed
 from slip_vic_controller.state import ArmState, ControllerConfig, CycleInputs, CycleOutputs, TaskState
 
 

@@ -12,9 +12,9 @@ from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.arm.estimator import pad_variances
 from slip_vic_controller.cycle.agreeing import at_work, hold_with_the_others
 from slip_vic_controller.cycle.gains import adapt_slip_gain, gains_now, limit_internal_gain
+from slip_vic_controller.cycle.governing import feel_pad, load_of_motion
 from slip_vic_controller.cycle.holding import hold, hold_without_law
 from slip_vic_controller.cycle.wrench import own_wrench
-from slip_vic_controller.governing import feel_pad, load_of_motion
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.contact import beyond_dead_band
 from slip_vic_controller.law.law import predict_motion

@@ -9,7 +9,7 @@ import numpy as np
 from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import ZERO, Spatial, Vec, mat, put_spatial, vec
-from slip_vic_controller.arm.estimator import Finding
+from slip_vic_controller.arm.joint_estimate import Finding
 from slip_vic_controller.arm.tare import add, add_slip, measure_at_rest, measure_without_rest, start_tare, take_biases
 from slip_vic_controller.cycle.wrench import arm_of_load, measured_wrench, own_wrench
 from slip_vic_controller.law.contact import pad_rotation

@@ -15,7 +15,8 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Records, Whole, dtype_of
 from slip_core.vectors import spatial, vec
-from slip_vic_controller.arm.estimator import EstimatorConfig, Finding, JointEstimate, unseen_ns
+from slip_vic_controller.arm.joint_estimate import EstimatorConfig, Finding, JointEstimate
+from slip_vic_controller.arm.plausibility import unseen_ns
 from slip_vic_controller.arm.tare import Sensor, Tare, TareConfig
 from slip_vic_controller.law.giving_up import CompensationState
 from slip_vic_controller.safety.drop_detection import BLIND, DropDetectionConfig, ObservedMotion, doubt_of_fall

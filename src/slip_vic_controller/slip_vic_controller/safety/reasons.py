@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from slip_core.compiled import part
 from slip_core.records import Real, Record, Whole
-from slip_vic_controller.arm.estimator import Finding
+from slip_vic_controller.arm.joint_estimate import Finding
 from slip_vic_controller.arm.tare import Sensor
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.sizes import MAX_CONTACTS

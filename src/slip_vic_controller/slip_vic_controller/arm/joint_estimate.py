@@ -1,0 +1,172 @@
+"""Records of the joint state estimator: its configuration, its estimate, and what it finds wrong with a joint."""
+
+from __future__ import annotations
+
+from enum import IntEnum, unique
+from typing import Annotated, Final
+
+from slip_core.arrays import Array
+from slip_core.compiled import part
+from slip_core.records import Real, Record, Whole, dtype_of
+from slip_vic_controller.sizes import MAX_JOINTS, Joints, WholeJoints
+
+MAX_LATENCY: Final = 32
+"""Control periods by which the joint sensor may be late."""
+LONGEST_STEP: Final = 20
+LONGEST_S: Final = 0.05
+"""Control periods, and time [s], after which a sample begins the estimate again: what the arm did is not known."""
+RING: Final = MAX_LATENCY + LONGEST_STEP + 1
+"""Inputs that are kept: of so many control periods."""
+
+
+@unique
+class Trust(IntEnum):
+    """Which measurement of a joint is used."""
+
+    BOTH = 0
+    POSITION = 1
+    VELOCITY = 2
+    NEITHER = 3  # the model alone
+
+
+QUICK: Final = 4
+"""Row of the gains for both measurements while the disturbance changes fast, after those by Trust."""
+
+
+@unique
+class Finding(IntEnum):
+    """What is wrong with a joint."""
+
+    NONE = 0
+    VELOCITY_SIGN = 1  # velocity and position move in opposite directions
+    VELOCITY_STUCK = 2
+    POSITION_STUCK = 3
+    POSITION_DRIFTS = 4  # position moves more than velocity explains
+    VELOCITY_BIASED = 5  # velocity says more than position moves
+    COLLISION = 6  # the disturbance has jumped
+    DISTURBED = 7  # the disturbance stays above its bound
+    EFFORTS_LATE = 8  # all joints follow efforts later than told
+    STUCK = 9  # neither position nor velocity changes, though that says that the joint moves
+    IGNORED = 10  # a joint does not move as commanded
+
+
+class EstimatorConfig(Record):
+    """What does not change while the controller runs."""
+
+    on: Whole  # 0: samples are used as they are, until one contradicts another
+    joints: Whole
+    period: Real  # s; of control
+    bandwidth: Real  # rad/s; of velocity drives, 0 = efforts
+    late_ticks: Whole  # latency of the sensor, whole control periods
+    late_rest: Real  # s; and what is left of it
+    drive_ticks: Whole  # control periods from an input to its effect
+    block_ticks: Whole  # control periods over which efforts and motion are compared for a delay; 0 = they are not
+    sensor_ticks: Whole  # control periods for which the sensor repeats a sample; 1 = each is new
+    sensor_period: Real  # s; between new samples
+    gain: Annotated[Array, (5, 3, 2)]  # of (q, v, d) for innovations of position and velocity; by Trust, and QUICK
+    quick_ticks: Whole  # control periods for which QUICK is used after the innovations have said so
+    scale: Annotated[Array, 2]  # 1/rad, s/rad; over the standard deviation of an innovation
+    weight: Real  # of a new innovation in their mean
+    significant: Real  # mean of scaled innovations that is no noise
+    velocity_variance: Real  # (rad/s)^2; of the predicted velocity
+    change_variance: Real  # (rad/s)^2; noise of its change over a period
+    difference: Real  # rad; between position and integrated velocity that is no noise
+    spread: Real  # rad; standard deviation that noise gives it
+    least_lag: Real  # s; by which velocities are later than told
+    repeated: Real  # rad/s; velocity with which a joint that is measured does not read the same
+    unmoved: Real  # rad; and way by its velocity
+    compensates: Whole  # whether the disturbance is taken off the effort
+    bound: Joints  # N m; most that is taken off
+    rate: Joints  # N m/s; of what is taken off
+    settling: Real  # s; time constant with which it follows the estimate
+    settling_fault: Real  # s; and in FAULT
+    collision: Joints  # N m; jump of the disturbance that is a collision
+    friction: Joints  # N m; of the joints, as configured: it changes its sign with the velocity
+    collision_s: Real  # s; that it must last
+    disturbed_s: Real  # s; that a disturbance may stay beyond its bound
+
+
+class JointEstimate(Record):
+    """The estimate, and what it needs of the past."""
+
+    started: Whole
+    stamp_ns: Whole  # of the last sample
+    renewed_ns: Whole  # of the last one that was new
+    repeats: Whole  # control periods since then
+    missing: Whole  # whether one has been missing since then, or before it so that it is not known when it was measured
+    corrected_ns: Whole  # of the last one that corrected the estimate
+    q: Joints  # rad; when the last sample was measured
+    v: Joints  # rad/s
+    d: Joints  # rad/s^2; disturbance
+    position: Joints  # rad; now
+    velocity: Joints  # rad/s; now
+    newest: Whole  # place of the last input in its ring
+    inputs: Annotated[Array, (RING, MAX_JOINTS)]  # rad/s^2 or rad/s; one per control period
+    remembered: Whole  # inputs since the last sample
+    measured_position: Joints  # rad; of the last sample
+    measured_velocity: Joints  # rad/s
+    mean_q: Joints  # mean of scaled innovations of position
+    mean_v: Joints  # and of velocity
+    quick: WholeJoints  # control periods for which the gains QUICK are used still
+    moved: Joints  # rad; way that position shows, faded
+    swept: Joints  # rad; way that velocity shows, faded
+    moved_lately: Joints  # rad; the same of the last samples
+    swept_lately: Joints  # rad
+    same_position: WholeJoints  # samples in a row that are equal to the last bit
+    same_velocity: WholeJoints
+    reversals: WholeJoints  # of the velocity from sample to sample, since a sample after one that repeated another
+    unmeasured: WholeJoints  # control periods for which it has read the same, though it moves or never did before
+    trust: WholeJoints  # Trust
+    alone: Whole  # whether positions alone are measured
+    late: Whole  # samples in a row that show velocities behind positions
+    lag: Real  # s; by which velocities are behind positions, which are used alone then; 0 = they are not
+    effort: Joints  # N m; disturbance
+    slow_effort: Joints  # N m; its low-pass
+    slow_wrench: Joints  # N m; low-pass of the measured wrench's torque
+    wrench_jump: Joints  # N m; how far that has been off its low-pass, faded
+    taken_off: Joints  # N m; added to the effort against it
+    jumped_s: Joints  # s; for how long the disturbance has been off its low-pass
+    beyond_s: Joints  # s; for how long it has been beyond its bound
+    finding: Whole  # Finding, the first one; kept until `clear_findings`
+    joint: Whole  # its joint
+    value: Real  # rad, N m, rad/s or ms
+    limit: Real  # rad, N m, rad/s or ms
+
+
+class PublishedJoints(Record):
+    """What is published of the estimate; zeros without one."""
+
+    position: Joints  # rad
+    velocity: Joints  # rad/s
+    disturbance: Joints  # N m
+
+
+ESTIMATOR_CONFIG, JOINT_ESTIMATE = dtype_of(EstimatorConfig), dtype_of(JointEstimate)
+PUBLISHED_JOINTS = dtype_of(PublishedJoints)
+
+
+@part
+def clear_findings(state: JointEstimate) -> None:
+    """Forget what was wrong: both measurements of every joint are used again, from the next sample on."""
+    if state.trust.any():
+        state.started = 0
+    state.finding, state.joint, state.value, state.limit = 0, 0, 0.0, 0.0
+    state.trust[:] = 0
+    state.moved[:] = 0.0
+    state.swept[:] = 0.0
+    state.jumped_s[:] = 0.0
+    state.beyond_s[:] = 0.0
+    state.late, state.lag = 0, 0.0
+
+
+@part
+def find(state: JointEstimate, finding: int, j: int, value: float, limit: float) -> None:
+    """Note what is wrong with joint j; the first finding stays."""
+    if state.finding == Finding.NONE:
+        state.finding, state.joint, state.value, state.limit = finding, j, value, limit
+
+
+@part
+def publish_joints(state: JointEstimate, out: PublishedJoints) -> None:
+    """Write what is published."""
+    out.position[:], out.velocity[:], out.disturbance[:] = state.position, state.velocity, state.effort
