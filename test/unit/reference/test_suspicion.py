@@ -230,6 +230,16 @@ def test_slip_that_goes_on_growing_lowers_it_down_to_what_is_plausible() -> None
     assert np.isclose(F, KEPT * LEAST_FRICTION * TOLD)
 
 
+def test_a_slip_that_is_found_again_counts_as_grown_only_where_it_is_faster_than_before() -> None:
+    for speed in (3.0, 5.0):
+        e = estimate()
+        cycle(e, 0, 0.8, found=True, speed=3.0 * THRESHOLD)
+        for ms in range(1, 102):
+            cycle(e, ms, 0.8, found=False)
+        F = cycle(e, 102, 0.8, found=True, speed=speed * THRESHOLD)
+        assert np.isclose(F, KEPT * 0.8 * (KEPT if speed > 3.0 else 1.0)), "it did not begin at rest while suspected"
+
+
 def test_what_the_model_must_have_got_wrong_is_not_believed() -> None:
     assert cycle(estimate(), 0, 0.9 * LEAST_FRICTION, found=True) == TOLD, "so little friction"
     assert cycle(estimate(), 0, 1.1 * LEAST_FRICTION, found=True) == KEPT * (1.1 * LEAST_FRICTION)

@@ -300,7 +300,9 @@ def suspect(
     A slip sensor without delay sees that slip itself: there the observer alone has nothing to say.
     """
     if not found or config.friction == Friction.KNOWN or state.slipping != 0 or config.sensor_delay_ns == 0:
-        state.claimed_ns, state.suspected_speed = NEVER, speed
+        state.claimed_ns = NEVER
+        if state.slipping != 0:  # what the slip sensor sees is what a later slip is measured against
+            state.suspected_speed = speed
     else:
         load = slipping_load(config, history, (history.count - 1) % LOADS)
         known = state.certified if config.friction == Friction.UNKNOWN else state.F_hat
