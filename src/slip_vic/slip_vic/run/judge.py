@@ -117,7 +117,7 @@ def judge(ticks: Iterable[Tick], track: Track) -> Verdict:
             track.add(tick)
             outcome, reason = judge_incidents(tick.incidents, outcome, reason)
             for result in tick.results if outcome not in _ENDS else ():
-                if result.record.ok:
+                if result.ok:
                     begun = True
                     error = float(result.record.law.error_linear)
                     if not error < LOST_ERROR_M:

@@ -7,17 +7,23 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from slip_core.arrays import Array
+from slip_core.records import place
 from slip_sim_bridge.internal import internal_wrenches
 from slip_vic.run.in_process import Tick
 from slip_vic.run.series import AXES, RunSeries, grasp_in_object
 from slip_vic.scenarios.scenario import Scenario
 from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.state import INPUTS, OUTPUTS
 
 SIX = tuple(f"_{axis}" for axis in AXES)
 _PARTS = {
     "slip": 6, "slip_velocity": 6, "wrench": 6, "object_position": 3, "object_rotation": 9, "object_twist": 6,
     "position": 3, "rotation": 9, "desired_position": 3, "desired_rotation": 9, "e": 6,
 }  # fmt: skip
+_POSITION, _ROTATION = place(INPUTS, "arm.position"), place(INPUTS, "arm.rotation")
+_DESIRED_POSITION, _DESIRED_ROTATION = place(OUTPUTS, "reference.position"), place(OUTPUTS, "reference.rotation")
+_E = place(OUTPUTS, "law.e")
+# Where the numbers stand in their buffers: by the names of records a tick costs three times as much.
 
 
 class Track:
@@ -57,17 +63,17 @@ class Track:
             for kept, internal in zip(self._internal, parts, strict=True):
                 kept.append(np.array(internal))
         for k, (outputs, result, effort) in enumerate(zip(tick.outputs.arms, tick.results, tick.efforts, strict=True)):
-            truth, record, arm = outputs.readings.truth, result.record, result.arm
+            truth, known, answered = outputs.readings.truth, result.inputs, result.outputs
             self._rows[k].append(
                 np.concatenate(
                     (
                         truth.slip_displacement, truth.slip_velocity, outputs.readings.wrench.wrench,
-                        truth.position, truth.rotation.ravel(), truth.twist, arm.position, arm.rotation.ravel(),
-                        record.reference.position, record.reference.rotation.ravel(), record.law.e,
+                        truth.position, truth.rotation.ravel(), truth.twist, known[_POSITION], known[_ROTATION],
+                        answered[_DESIRED_POSITION], answered[_DESIRED_ROTATION], answered[_E],
                     )
                 )
             )  # fmt: skip
-            self._evaluated[k].append(bool(record.ok))
+            self._evaluated[k].append(result.ok)
             self._efforts[k].append(np.array(effort))
             said = (result.mode, *(result.reason_key if result.mode is not Mode.ACTIVE else ()))
             if said != self._said[k]:
