@@ -365,3 +365,12 @@ def test_two_geared_arms_keep_the_pane() -> None:
     assert run.outcome == "ok", run.reason
     assert run.slip_mm < 3.0
     assert run.final_error_mm < 10.0
+
+
+def test_friction_learnt_below_the_weight_does_not_keep_the_path_slow() -> None:
+    """A slower path asks for no less there; on the way for longer, the arms swung until the pane was lost."""
+    for factor in (0.998, 1.002):
+        changed = [f"mismatch.mass={factor}"]
+        run = slip_vic.load("pane_two_arms_fast", law="governed", drive="motor_current", set=changed).run()
+        assert run.outcome == "ok", run.reason
+        assert run.slip_mm < 3.0

@@ -507,7 +507,8 @@ def step_on(
         F = left_for_motion(state.usable, size(l_g), config.reserve)
         _, most, _ = range_or_least(uu, l_u.dot(b_d), b_d.dot(b_d), F)
         high = max(min(most, high), low)
-    if config.mode == Governing.SLOW_DOWN:  # to catch up asks for no more than the path as planned, or what is carried
+    # To catch up asks for no more than the path as planned, or what is carried; it helps nothing where weight is more.
+    if config.mode == Governing.SLOW_DOWN and size(l_g) < state.grip * state.estimate.certified:
         planned = drawn(held, weights, R_ee, point.curve) + l_w + l_g
         F = max(state.grip * (state.estimate.certified + config.estimate.probe), size(planned))
         _, most, any_u = range_or_least(uu, ub, b.dot(b), F)
