@@ -7,6 +7,7 @@ from slip_core.records import new, record
 from slip_core.vectors import mat, spatial, vec
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.cycle.commanding import remember_slip
 from slip_vic_controller.cycle.governing import held_by, load_of_motion
 from slip_vic_controller.cycle.sensing import slip_is_likely
 from slip_vic_controller.law.contact import CONTACT, SLIP
@@ -158,3 +159,28 @@ def test_slip_is_likely_after_another_one_and_under_load_and_below_a_governor_be
             estimate.certified, estimate.asked = 1.0, asked
             likely = call(slip_is_likely, config, state, result.arm, outputs)
             assert likely == (governed if law == "governed" else alone), (law, since_ms, share, asked)
+
+
+def test_slip_is_remembered_while_motion_takes_what_friction_carries() -> None:
+    """Gate and slip fade with 0.1 s, with 0.02 s otherwise, at once where the compensation is given up; not governed.
+
+    The pad makes up for slip with a sixteenth of k_s^2 of an arm that takes efforts.
+    """
+    dt, v = 0.002, np.array([0.004, -0.002, 0.0])
+    for law in ("vic", "governed"):
+        loop, result = at_work("paper_planar", law)
+        config, state = record(loop.session.controller.config.copy(), CONFIG), loop.controller.state
+        outputs, F = record(result.outputs.copy(), OUTPUTS), config.governor.estimate.configured
+        for share, given_up, fades in ((0.86, 0, np.exp(-dt / 0.1)), (0.84, 0, np.exp(-dt / 0.02)), (0.86, 1, 0.0)):
+            state.law.gate, state.law.given_up.given_up, state.law.slipped[:] = 0.8, given_up, (0.0, 3e-4, 0.0)
+            outputs.samples[0].wrench[:] = share * F, 0.0, 0.0, 0.0, 0.0, 0.0
+            outputs.samples[0].slip_twist[:3] = v
+            call(remember_slip, config, state, result.arm, outputs, dt)
+            if law == "governed":
+                assert outputs.least_gate == 0.0
+                assert (np.array(outputs.recovery) == 0.0).all()
+                continue
+            np.testing.assert_allclose(outputs.least_gate, 0.8 * fades)
+            slipped = fades * np.array([0.0, 3e-4, 0.0]) + dt * v
+            np.testing.assert_allclose(state.law.slipped, slipped)
+            np.testing.assert_allclose(outputs.recovery, outputs.gains.gains.k_s**2 / 16.0 * slipped)
