@@ -138,7 +138,7 @@ def _foresee_slip(config: ControllerConfig, state: ArmState, inputs: CycleInputs
 
 @part
 def remember_slip(config: ControllerConfig, state: ArmState, arm: Arm, outputs: CycleOutputs, dt: float) -> None:
-    """Let the gate close slowly, and the law make up for what has slipped lately, where no governor prevents it.
+    """Let the gate close slowly, and the law make up for what has slipped lately, behind drives that hold the joints.
 
     While motion takes all that friction carries, an estimate that falls to zero does not end the slip: with the gate
     shut at once the path and the impedance would tear the object loose again. And where the arm does not do exactly
