@@ -7,7 +7,6 @@ from slip_core.records import new, record
 from slip_core.vectors import mat, spatial, vec
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.cycle.commanding import remember_slip
 from slip_vic_controller.cycle.governing import held_by, load_of_motion
 from slip_vic_controller.cycle.sensing import slip_is_likely
 from slip_vic_controller.law.contact import CONTACT, SLIP
@@ -110,9 +109,9 @@ def test_the_load_of_shared_pads_is_never_below_that_of_any_of_them() -> None:
     assert tight > 0.9
 
 
-def at_work(scenario, law, drive="torque_joint"):
+def at_work(scenario, law):
     """Return a loop with a camera and joints that measure torque, and the first result of its law."""
-    loop = ClosedLoop(load_scenario(scenario, law=law, sensor="vision_25", drive=drive))
+    loop = ClosedLoop(load_scenario(scenario, law=law, sensor="vision_25", drive="torque_joint"))
     result = loop.control(loop.observe())
     while not result.mode.follows:
         loop.bridge.advance([result.command])
@@ -159,25 +158,3 @@ def test_slip_is_likely_after_another_one_and_under_load_and_below_a_governor_be
             estimate.certified, estimate.asked = 1.0, asked
             likely = call(slip_is_likely, config, state, result.arm, outputs)
             assert likely == (governed if law == "governed" else alone), (law, since_ms, share, asked)
-
-
-def test_behind_drives_slip_is_remembered_while_motion_takes_what_friction_carries() -> None:
-    """Gate and slip fade with 0.1 s, with 0.02 s otherwise, and at once where the compensation is given up.
-
-    The pad makes up for slip with an eighth of k_s^2. An arm that takes efforts remembers nothing, nor a governed one.
-    """
-    dt, v, before = 0.002, np.array([0.004, -0.002, 0.0]), np.array([0.0, 3e-4, 0.0])
-    for law, drive in (("vic", "velocity_500"), ("vic", "torque_joint"), ("governed", "velocity_500")):
-        loop, result = at_work("paper_planar", law, drive)
-        config, state = record(loop.session.controller.config.copy(), CONFIG), loop.controller.state
-        outputs, F = record(result.outputs.copy(), OUTPUTS), config.governor.estimate.configured
-        for share, given_up, fades in ((0.86, 0, np.exp(-dt / 0.1)), (0.84, 0, np.exp(-dt / 0.02)), (0.86, 1, 0.0)):
-            state.law.gate, state.law.given_up.given_up, state.law.slipped[:] = 0.8, given_up, before
-            outputs.samples[0].wrench[:] = share * F, 0.0, 0.0, 0.0, 0.0, 0.0
-            outputs.samples[0].slip_twist[:3] = v
-            call(remember_slip, config, state, result.arm, outputs, dt)
-            remembers = law == "vic" and drive == "velocity_500"
-            slipped = fades * before + dt * v
-            np.testing.assert_allclose(outputs.least_gate, remembers * 0.8 * fades)
-            np.testing.assert_allclose(state.law.slipped, slipped if remembers else before)
-            np.testing.assert_allclose(outputs.recovery, remembers * outputs.gains.gains.k_s**2 / 8.0 * slipped)
