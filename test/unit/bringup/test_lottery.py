@@ -8,7 +8,7 @@ import pytest
 from slip_vic.cli import main
 from slip_vic.study import lottery
 from slip_vic.study.lottery import (
-    ARMS,
+    BANDWIDTH,
     CLASSICAL,
     GOVERNED,
     OBSERVER,
@@ -52,7 +52,25 @@ def test_drives_are_drawn_beside_the_same_motions_and_sensors() -> None:
         assert 0.0 <= arm.bridge.drive.delay_s <= 4e-3
         assert max(map(abs, arm.bridge.drive.offset)) <= 0.2
         assert arm.controller.tare.duration_s > 0.0
-    assert len(ARMS) == 3
+        assert arm.bridge.drive.interface == "effort"
+
+
+def test_half_of_the_worlds_have_drives_that_take_velocities_or_positions() -> None:
+    """The others stay what they are; what a drive does differs from what the controller is told of it."""
+    by_effort = [with_drive(draw(number, 3), 3) for number in range(30)]
+    drawn = [with_drive(draw(number, 3), 3, interfaces=True) for number in range(30)]
+    arms = [one.load(GOVERNED) for one in drawn]
+    assert {arm.bridge.drive.interface for arm in arms} == {"effort", "velocity", "position"}
+    assert 10 <= sum(arm.bridge.drive.interface == "effort" for arm in arms) <= 20
+    for arm, one, other in zip(arms, drawn, by_effort, strict=True):
+        assert arm.controller.command.interface == arm.bridge.drive.interface
+        if arm.bridge.drive.interface == "effort":
+            assert one == other
+            continue
+        told = arm.controller.drive
+        assert 0.0 < abs(arm.bridge.drive.bandwidth / told.bandwidth - 1.0) <= BANDWIDTH
+        assert 0.0 <= arm.bridge.drive.delay_s - told.delay_s <= 4e-3 + 1e-12
+        assert arm.bridge.object.mass == other.load(GOVERNED).bridge.object.mass, "the world is the same"
 
 
 def drawn(outcome, slip) -> Drawn:

@@ -102,7 +102,10 @@ SLOWER, SETTLES_S = 3.0, 5.0
 """How many times the time of its path a case with drives lasts, and for how long an arm with friction then comes to its
 goal [s]."""
 ARMS = ("ideal", "torque_joint", "motor_current")
-"""Drives that take efforts, of which `draw_drive` draws."""
+MOTION_ARMS = ("velocity_500", "velocity_125", "position_250")
+"""Drives of which `draw_drive` draws: those that take efforts, and those that take velocities or positions."""
+BANDWIDTH = 0.3
+"""Largest relative error of the told bandwidth of a drive with a loop of its own."""
 BASE_RAD, BASE_M, LATE_S = 0.3 * np.pi / 180.0, 0.002, 0.01
 WEAKEST, MASS = 0.87, 0.1
 FASTEST_S, SLOWEST_S = 1.2, 2.0
@@ -187,16 +190,20 @@ def _draw(number: int, rng: np.random.Generator, wanted: str) -> Ticket:
     )
 
 
-def draw_drive(number: int, seed: int, scenario: str) -> tuple[str, ...]:
+def draw_drive(number: int, seed: int, scenario: str, *, interfaces: bool = False) -> tuple[str, ...]:
     """Return drives, joints and sensors as they are, for a case of one arm: all troubles at once, none configured.
 
     The drive is one of ARMS with its preset. Of measured torque: offset to 0.2 N m, friction to 0.3 of COULOMB, joint
     velocity noise to 0.01 rad/s. Mass and friction 0.6 to 1.4, friction that falls on the way, all three friction laws;
     wrench bias to 0.1 N and noise 0.05 N; slip gain 0.7 to 1.1, bias to 10 mm/s, outliers 2 %, dropouts to 30 %;
-    efforts 0 to 4 ms late.
+    efforts 0 to 4 ms late. With `interfaces` half of the cases have one of MOTION_ARMS instead: commands up to 4 ms
+    later than its preset says, bandwidth within BANDWIDTH of it, velocity noise as above.
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 1)))
     known, drive = load_scenario(scenario), str(rng.choice(ARMS))
+    of_motion = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 2)))
+    if interfaces and of_motion.random() < 0.5:
+        drive = str(of_motion.choice(MOTION_ARMS))
     bridge, joints = known.bridge, len(known.bridge.joint_names)
     mass, friction = rng.uniform(0.6, 1.4, 2)
     force, slip = rng.normal(size=3), rng.normal(size=2)
@@ -220,7 +227,14 @@ def draw_drive(number: int, seed: int, scenario: str) -> tuple[str, ...]:
         world += [f"bridge.friction.falls_at_s={falls_at}", f"bridge.friction.falls_to={rng.uniform(0.7, 1.0)}"]
     noise, offset, share = rng.uniform(0.0, 0.01), rng.uniform(0.0, 0.2, joints), rng.uniform(0.0, 0.3)
     given = list(drive_assignments(drive, scenario, ()))
-    if drive != "motor_current":
+    if drive in MOTION_ARMS:
+        told = load_scenario(scenario, drive=drive).bridge.drive
+        world += [
+            f"bridge.drive.bandwidth={told.bandwidth * of_motion.uniform(1.0 - BANDWIDTH, 1.0 + BANDWIDTH)}",
+            f"bridge.drive.delay_s={told.delay_s + late}",
+            f"bridge.sensors.joint.noise_velocity={noise}",
+        ]
+    elif drive != "motor_current":
         world += [
             f"bridge.sensors.joint.noise_velocity={noise}",
             f"bridge.drive.offset={(offset * rng.choice((-1.0, 1.0), joints)).tolist()}",
@@ -233,9 +247,9 @@ def draw_drive(number: int, seed: int, scenario: str) -> tuple[str, ...]:
     return (*given, *world)
 
 
-def with_drive(ticket: Ticket, seed: int) -> Ticket:
+def with_drive(ticket: Ticket, seed: int, *, interfaces: bool = False) -> Ticket:
     """Return a case with drives and joints as `draw_drive` has them; feasible where friction carries the weight."""
-    drawn = draw_drive(ticket.number, seed, ticket.scenario)
+    drawn = draw_drive(ticket.number, seed, ticket.scenario, interfaces=interfaces)
     path = tuple(one for one in ticket.world if one.startswith("controller.trajectory."))
     ticket = replace(ticket, world=(*path, *drawn), trouble="all")
     of, known = ticket.load(CLASSICAL).bridge, load_scenario(ticket.scenario).bridge
@@ -401,7 +415,7 @@ def entry_of(law: str, ticket: Ticket) -> Entry:
 def _drawn_and_played(shared: _Shared, number: int) -> tuple[Ticket, dict[str, Drawn]]:
     ticket = draw_of(number, shared.seed, shared.scenarios) if shared.scenarios else draw(number, shared.seed)
     if shared.drives and ticket.sensor:  # several arms have no slip sensor of their own to draw
-        ticket = long_enough(with_drive(ticket, shared.seed))
+        ticket = long_enough(with_drive(ticket, shared.seed, interfaces=True))
     ticket = replace(ticket, world=(*ticket.world, *shared.assignments))
     entries = [entry_of(law, ticket) for law in shared.laws]
     return ticket, {entry.name: play(ticket, entry) for entry in entries} if ticket.feasible else {}
