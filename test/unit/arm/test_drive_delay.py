@@ -159,6 +159,17 @@ def test_joints_that_break_loose_from_their_friction_are_not_late(number: int) -
     assert state.drive_delay.found_s == 0.0
 
 
+def test_what_joints_once_showed_does_not_last_while_they_rest() -> None:
+    """A world in which a few blocks of noise looked like 22 ms, and the arm stood still: FAULT after 0.08 s."""
+    loop = ClosedLoop(with_drive(draw(86, 595959), 595959).load(GOVERNED))
+    for _ in range(600):
+        loop.bridge.advance([loop.control(loop.observe()).command])
+    state = loop.session.arms[0].state
+    assert state.mode.mode in (Mode.ACTIVE, Mode.DEGRADED)
+    assert state.drive_delay.blocks > 20
+    assert state.drive_delay.found_s == 0.0
+
+
 @every("lag_ms", (16, 24))
 @every("law", ("governed", "classical"))
 @every("scenario", scenario_names(1))

@@ -41,6 +41,7 @@ def many_cases() -> list[Case]:
     cases += [random_case(seed, slip=slip) for seed in range(3) for slip in (0.0, 1e-12, 1e-3, 10.0)]
     limits = (0.0, 1.0, 1e9)
     cases += [random_case(seed, spin_limit=limit, length=0.03) for seed in range(3) for limit in limits]
+    cases += [random_case(seed, slip=1e-4, least_gate=gate) for seed in range(3) for gate in (1e-3, 0.6, 1.0)]
     cases += [random_case(seed, feed_forward=False, attitude=seed % 2) for seed in range(3)]
     cases += [random_case(seed, slip_axes=(1, 1, 1, 1, 1, 1)) for seed in range(3)]
     cases += [random_case(seed, contacts=contacts, kappa=0.7) for seed in range(3) for contacts in (2, 3, 4)]

@@ -7,6 +7,7 @@ from slip_core.records import new, record
 from slip_core.vectors import mat, spatial, vec
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.cycle.commanding import remember_slip
 from slip_vic_controller.cycle.governing import held_by, load_of_motion
 from slip_vic_controller.cycle.sensing import slip_is_likely
 from slip_vic_controller.law.contact import CONTACT, SLIP
@@ -109,9 +110,9 @@ def test_the_load_of_shared_pads_is_never_below_that_of_any_of_them() -> None:
     assert tight > 0.9
 
 
-def at_work(scenario, law):
+def at_work(scenario, law, drive="torque_joint"):
     """Return a loop with a camera and joints that measure torque, and the first result of its law."""
-    loop = ClosedLoop(load_scenario(scenario, law=law, sensor="vision_25", drive="torque_joint"))
+    loop = ClosedLoop(load_scenario(scenario, law=law, sensor="vision_25", drive=drive))
     result = loop.control(loop.observe())
     while not result.mode.follows:
         loop.bridge.advance([result.command])
@@ -158,3 +159,27 @@ def test_slip_is_likely_after_another_one_and_under_load_and_below_a_governor_be
             estimate.certified, estimate.asked = 1.0, asked
             likely = call(slip_is_likely, config, state, result.arm, outputs)
             assert likely == (governed if law == "governed" else alone), (law, since_ms, share, asked)
+
+
+def test_slip_is_remembered_while_motion_takes_what_friction_carries() -> None:
+    """Gate and slip fade with 0.1 s, by efforts with 0.05 s; elsewhere, and where the law has given up, at once.
+
+    The pad makes up for slip with an eighth of k_s^2, by efforts with a quarter of that. Nothing is remembered below a
+    governor and with ideal drives.
+    """
+    dt, v, before = 0.002, np.array([0.004, -0.002, 0.0]), np.array([0.0, 3e-4, 0.0])
+    arms = (("vic", "velocity_500", 0.1, 1 / 8), ("vic", "torque_joint", 0.05, 1 / 32))
+    for law, drive, memory, share_of_k_s in (*arms, ("vic", "ideal", 0.0, 0.0), ("governed", "velocity_500", 0.0, 0.0)):
+        loop, result = at_work("paper_planar", law, drive)
+        config, state = record(loop.session.controller.config.copy(), CONFIG), loop.controller.state
+        outputs, F = record(result.outputs.copy(), OUTPUTS), config.governor.estimate.configured
+        for share, given_up in ((0.86, 0), (0.84, 0), (0.86, 1)):
+            state.law.gate, state.law.given_up.given_up, state.law.slipped[:] = 0.8, given_up, before
+            outputs.samples[0].wrench[:] = share * F, 0.0, 0.0, 0.0, 0.0, 0.0
+            outputs.samples[0].slip_twist[:3] = v
+            call(remember_slip, config, state, result.arm, outputs, dt)
+            fades = np.exp(-dt / memory) if memory and share > 0.85 and not given_up else 0.0
+            slipped = fades * before + dt * v
+            np.testing.assert_allclose(outputs.least_gate, 0.8 * fades)
+            np.testing.assert_allclose(state.law.slipped, slipped if memory else before)
+            np.testing.assert_allclose(outputs.recovery, share_of_k_s * outputs.gains.gains.k_s**2 * slipped)

@@ -47,7 +47,7 @@ SHORT_S, BORNE_S = 0.0045, 0.0135
 """Delays beyond the told one that all laws bear, and that a law bears whose joint states are not estimated [s]: with
 4 ms all work, with 12 ms those do, with 16 ms all swing."""
 SURE_S: Final = 0.03
-"""Time for which a delay must explain it [s]."""
+"""Time for which a delay must explain it, while joints move [s]: at rest nothing new speaks for it."""
 LONGEST_BLOCK: Final = 4
 """Times its length that a block may last until the sensor shows something new; an arm at rest reads the same."""
 
@@ -145,7 +145,7 @@ def _end_block(
     if state.blocks <= told + DELAYS:
         return
     weight = 1.0 - math.exp(-block_s / MEMORY_S)
-    kept = 1.0 - weight
+    kept, moving = 1.0 - weight, 0
     state.unexplained *= kept
     state.moved *= kept
     for delay in range(DELAYS):
@@ -156,7 +156,7 @@ def _end_block(
         if v * before <= 0.0 or min(abs(v), abs(before)) < MOVES:
             state.moves[j] = max(0, state.moves[j] - 1)
             continue
-        begins, state.moves[j] = state.moves[j] == 0, TURNS
+        begins, state.moves[j], moving = state.moves[j] == 0, TURNS, 1
         moved = missing = 0.0
         for k in range(n):
             change = estimate.measured_velocity[k] - state.velocity[k]
@@ -178,7 +178,8 @@ def _end_block(
             state.mean_earlier[delay, j] += weight * earlier
             state.product[delay] += kept * weight * missing * earlier
             state.square[delay] += kept * weight * earlier * earlier
-    _judge(config, state, estimate, block_s)
+    if moving != 0:
+        _judge(config, state, estimate, block_s)
 
 
 @part

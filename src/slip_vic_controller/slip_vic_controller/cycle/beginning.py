@@ -62,7 +62,7 @@ def begin_law(
     for j in range(n):
         law.posture[j] = config.cycle.posture[j] if config.cycle.posture_given != 0 else sample.position[j]
         law.position[j], law.gravity[j] = sample.position[j], inputs.arm.gravity[j]
-    law.e_previous[:] = 0.0
+    law.e_previous[:], law.gate, law.slipped[:] = 0.0, 0.0, 0.0
     _without_slip(law)
     law.slip_latency.known, law.slip_latency.latency_ns, law.slip_latency.period_ns = 0, 0.0, 0.0
     law.held = 0

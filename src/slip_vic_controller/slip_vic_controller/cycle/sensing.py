@@ -144,9 +144,13 @@ def slip_is_likely(config: ControllerConfig, state: ArmState, arm: Arm, outputs:
     if config.governor.mode != Governing.OFF:
         return asks_for_more(config.governor.estimate, state.pad.estimate)
     since_ns = state.joint.answers.stamp_ns - state.observer.since_ns
-    wrench = spatial(outputs.samples[0].wrench)
-    load = load_of_motion(config, state, outputs.gains, arm, wrench)
-    return since_ns < config.observer.memory_ns or load > LIKELY_LOAD
+    return since_ns < config.observer.memory_ns or motion_is_near_friction(config, state, arm, outputs)
+
+
+@part
+def motion_is_near_friction(config: ControllerConfig, state: ArmState, arm: Arm, outputs: CycleOutputs) -> bool:
+    """Return whether motion takes more than LIKELY_LOAD of the configured friction that the weight leaves."""
+    return load_of_motion(config, state, outputs.gains, arm, spatial(outputs.samples[0].wrench)) > LIKELY_LOAD
 
 
 @part

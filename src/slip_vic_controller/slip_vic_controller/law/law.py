@@ -8,8 +8,10 @@ A cycle calls, in this order (all arguments are records, `samples` and `slips` a
     evaluate(config, arm, sample, memory, given)
 
 with `given` a record that holds `gains`, `samples`, `slips` of this cycle, `reference`, `follow_error` (6,) {ee}, which
-an observer adds to G^T a_o (zeros without), and `law`, the Evaluation to fill; `samples[0].slip_twist` is the slip
-velocity that the law shall use, measured or estimated. Nothing here knows of sensors, time or modes.
+an observer adds to G^T a_o (zeros without), `least_gate`, below which the slip activation does not fall, and
+`recovery`, an acceleration against the slip that has been (both zero as printed), and `law`, the Evaluation to fill;
+`samples[0].slip_twist` is the slip velocity that the law shall use, measured or estimated. Nothing here knows of
+sensors, time or modes.
 """
 
 from __future__ import annotations
@@ -95,9 +97,14 @@ class Memory(Protocol):
 
 
 class Given(Protocol):
-    """What an evaluation is made of, and `law`, where it goes; follow_error: see the module [m/s^2, rad/s^2] {ee}."""
+    """What an evaluation is made of, and `law`, where it goes; see the module.
+
+    follow_error (6,) [m/s^2, rad/s^2] and recovery (3,) [m/s^2] are on {ee}.
+    """
 
     follow_error: Array
+    recovery: Array
+    least_gate: float
 
     gains: LawGains
     samples: Records[ContactSample]
@@ -140,7 +147,7 @@ def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) ->
         config: what does not change.
         arm: at this joint state.
         e_previous: orientation error one cycle earlier; (3,) [rad].
-        given: gains, samples, slips, reference, follow_error; and the evaluation.
+        given: gains, samples, slips, reference, follow_error, recovery, least_gate; and the evaluation.
 
     Ours: with `yields` a_d and the impedance fade on the slip axes as Theta does. What is left of them drives a slip of
     their size over k_s, which delays bound. Far off the reference they do not fade: an estimate that takes noise for
@@ -190,8 +197,9 @@ def control_law(config: LawConfig, arm: Arm, e_previous: Array, given: Given) ->
     put_spatial(out.Z, Z)
 
     # compensation
-    out.gate = left * slip_activation(gains.gains, v_s)
-    comp = slip_axes * (follow - k_s * v_s - R_ee.T() @ Theta)
+    out.gate = left * max(slip_activation(gains.gains, v_s), given.least_gate)
+    recovery = Spatial(vec(given.recovery), ZERO)
+    comp = slip_axes * (follow - k_s * v_s - recovery - R_ee.T() @ Theta)
     gated = limit_spin(gains.gains.spin_limit, out.gate * comp)
     a_C = a_d + Z + Theta + R_ee @ gated
     if config.yields > 0.0:
