@@ -73,12 +73,14 @@ time for which the compensation may then be at work, as long as nothing falls.""
 FASTEST_SLIP_M_S, FASTEST_SLIP_S = 0.08, 0.01
 """Slip that compensation behind such drives does not end: where it is as fast, the two swing against each other. And
 for how long: an estimate that begins with a wrong model is as fast for some cycles."""
-SLIP_MEMORY_S, SLIP_MEMORY_OF_EFFORTS_S = 0.1, 0.05
+SLIP_MEMORY_S = 0.1
 """Time constant with which the law forgets slip while motion takes nearly all that friction carries, where no governor
-prevents it [s]; an arm that takes efforts drifts on with what it keeps, and two arms pull at what they hold."""
+prevents it [s]. Two arms pull at what they hold, and do not remember."""
 SLIP_INTEGRAL, SLIP_INTEGRAL_OF_EFFORTS = 1.0 / 8.0, 1.0 / 32.0
 """Share of k_s^2 by which that slip accelerates the pad: damping of the slip loop 1.4, and 2.8 where delays are not
 predicted."""
+GEARED_N_M = 1.0
+"""Friction of a joint from which an arm that takes efforts remembers slip [N m]; others swing with the object."""
 HOLD_PERIOD_S = 0.01
 """Longest control period at which HOLD has its configured gains; beyond it is the same loop in slow motion [s]."""
 STOPS_WITHIN = 2.0
@@ -234,9 +236,10 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
         seconds_to_ns(params.slip_delay_s), int(gate_shut(params) or prevents_alone(params))
     )  # fmt: skip
     cycle.models_wrench = int(params.wrench.source == "none")
-    if params.stands_alone and params.slip_estimator == "observer" and params.contacts.count == 1:
-        by_effort = params.command.interface == "effort"
-        cycle.slip_memory_s = SLIP_MEMORY_OF_EFFORTS_S if by_effort else SLIP_MEMORY_S
+    by_effort = params.command.interface == "effort"
+    held = not by_effort or max(params.drive.coulomb, default=0.0) >= GEARED_N_M
+    if held and params.stands_alone and params.slip_estimator == "observer" and params.contacts.count == 1:
+        cycle.slip_memory_s = SLIP_MEMORY_S
         cycle.slip_integral = SLIP_INTEGRAL_OF_EFFORTS if by_effort else SLIP_INTEGRAL
     cycle.leaves_gravity = int(params.effort.gravity == "robot_compensates")
     cycle.k_s_adapts, cycle.k_s_margin = int(params.gains.k_s_mode != "fixed"), params.gains.k_s_margin

@@ -162,14 +162,18 @@ def test_slip_is_likely_after_another_one_and_under_load_and_below_a_governor_be
 
 
 def test_slip_is_remembered_while_motion_takes_what_friction_carries() -> None:
-    """Gate and slip fade with 0.1 s, by efforts with 0.05 s; elsewhere, and where the law has given up, at once.
+    """Gate and slip fade with 0.1 s; elsewhere, and where the law has given up, at once.
 
     The pad makes up for slip with an eighth of k_s^2, by efforts with a quarter of that. Nothing is remembered below a
-    governor and with ideal drives.
+    governor, and by efforts without friction of gears.
     """
     dt, v, before = 0.002, np.array([0.004, -0.002, 0.0]), np.array([0.0, 3e-4, 0.0])
-    arms = (("vic", "velocity_500", 0.1, 1 / 8), ("vic", "torque_joint", 0.05, 1 / 32))
-    for law, drive, memory, share_of_k_s in (*arms, ("vic", "ideal", 0.0, 0.0), ("governed", "velocity_500", 0.0, 0.0)):
+    for law, drive, memory, share_of_k_s in (
+        ("vic", "velocity_500", 0.1, 1 / 8),
+        ("vic", "motor_current", 0.1, 1 / 32),
+        ("vic", "torque_joint", 0.0, 0.0),
+        ("governed", "velocity_500", 0.0, 0.0),
+    ):
         loop, result = at_work("paper_planar", law, drive)
         config, state = record(loop.session.controller.config.copy(), CONFIG), loop.controller.state
         outputs, F = record(result.outputs.copy(), OUTPUTS), config.governor.estimate.configured
