@@ -50,6 +50,9 @@ PATH_LENGTH_M, PATH_FLOOR_M_S = 0.1, 0.05
 POINTS_PER_CYCLE = 25
 LONGEST_LOOP_S = 0.02
 """Delay of the compensation's loop, from slip to its answer, above which the governor works without it."""
+SHARED_RESERVE = 0.3
+"""Share of what the weight, and `governor.reserve`, leave that the path of several arms does not use: one pad may bear
+less than the others, the arms press on each other, and a camera sees what slips too late."""
 SAMPLES_AHEAD = 16
 """Samples of a governed stream in the time that it is looked ahead; closer ones are thinned."""
 NOISE_S = 0.01
@@ -378,6 +381,8 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     governor.margin, governor.path_margin, governor.given_up = given.margin, PATH_MARGIN, GIVEN_UP
     # Unknown friction is found by asking for more than is known to hold: all of it has to be asked.
     governor.reserve = given.reserve if given.friction != "unknown" else 0.0
+    if params.contacts.count > 1 and given.friction != "unknown":
+        governor.reserve += SHARED_RESERVE * (1.0 - given.reserve)
     governor.radius, governor.slip_axes[:] = given.torsional_radius, params.contacts.slip_axes[:6]
     governor.gravity[:] = params.gravity
     last = path.waypoint_times_s[-1] if path.kind == "waypoints" and path.waypoint_times_s else path.duration_s

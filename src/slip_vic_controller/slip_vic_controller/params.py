@@ -139,7 +139,7 @@ class GovernorParams(ParameterModel):
     margin: float = parameter(0.95, "share of the friction limit that a motion may ask", gt=0.0, le=1.0)
     reserve: float = parameter(
         0.0, "share of the friction that the weight leaves which the path does not use: it is for what drives add; "
-        "not with friction unknown",
+        "several arms leave 0.3 of the rest too; not with friction unknown",
         ge=0.0, lt=1.0,
     )  # fmt: skip
     friction: Literal["known", "learnt", "unknown"] = parameter(
