@@ -40,8 +40,8 @@ def result(name: str, law: str, drive: str, sensor: str, seed: int, changes: Seq
         run = world.run()
     except SlipVicError as error:
         return f"refused: {error} | |"
-    several = run.scenario.several  # their path is that of the object
-    off_mm = run.final_error_mm if several else 1e3 * off_goal_m(run.track.series()[0], planned)
+    pairs = zip(run.track.series(), run.scenario.controllers.values(), strict=True)
+    off_mm = 1e3 * max(off_goal_m(series, params) for series, params in pairs)
     return f"{run.slip_mm:.2f} | {off_mm:.1f} | {run.outcome}{': ' if run.reason else ''}{run.reason}"
 
 

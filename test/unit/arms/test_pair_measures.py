@@ -10,6 +10,7 @@ import pytest
 
 from slip_sim_bridge.internal import internal_wrenches
 from slip_vic.page.runs import shown
+from slip_vic.run.metrics import off_goal_m
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.study.lottery import Entry, draw_of, lottery_file, lottery_table, play
 from slip_vic_controller.robot import Robot
@@ -46,6 +47,15 @@ def test_a_run_of_two_arms_has_the_numbers_of_both(tmp_path: Path) -> None:
     for arm, series in zip(shown(run, "vic", np.array([0.0])).arms, run.track.series(), strict=True):
         drawn = Robot(arm.urdf, arm.tip, arm.joint_names).frame(arm.joints[0])[0]  # on its base
         np.testing.assert_allclose(drawn, series.law_six("position")[0, :3], atol=1e-9)
+
+
+@pytest.mark.parametrize("scenario", [UPRIGHT, "pane_two_arms_flat"])
+def test_both_pads_end_where_the_path_of_the_object_takes_them(scenario: str) -> None:
+    run = load_scenario(scenario, law="governed", assignments=("bridge.duration_s=3.0",)).run()
+    for series, params in zip(run.track.series(), run.scenario.controllers.values(), strict=True):
+        turned = params.model_copy(update={"trajectory": params.trajectory.model_copy(update={"of": "pad"})})
+        assert off_goal_m(series, params) < 1e-3
+        assert off_goal_m(series, turned) > 0.05, "a pad that only shifts as the object does is elsewhere"
 
 
 def test_a_pane_that_slides_out_is_lost() -> None:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from slip_vic.run.series import RunSeries
 from slip_vic.scenarios.reach import pad_path
-from slip_vic_controller.params import TrajectoryParams
+from slip_vic_controller.params import ControllerParams
 
 ARRIVED = 1e-3, float(np.radians(0.5))
 """[m], [rad]"""
@@ -74,16 +74,22 @@ def arrival_s(series: RunSeries) -> float:
     return float(times[first])
 
 
-def off_goal_m(series: RunSeries, path: TrajectoryParams) -> float:
+def off_goal_m(series: RunSeries, params: ControllerParams) -> float:
     """Return how far the pad ends from the end of a built-in path as planned [m]; NaN where the law was never at work.
 
-    Wherever the reference rests: a governed path may rest before its end.
+    Wherever the reference rests: a governed path may rest before its end. A path of the object leads the pad where it
+    is configured to grasp it.
     """
     position, desired = series.law_six("position"), series.law_six("desired")
     known = np.isfinite(position).all(axis=1) & np.isfinite(desired).all(axis=1)
     if not known.any():
         return math.nan
-    goal = desired[known][0, :3] + pad_path(path, 2)[1][-1, :3]
+    start, way, contacts = desired[known][0], pad_path(params.trajectory, 2)[1][-1], params.contacts
+    goal = start[:3] + way[:3]
+    if params.trajectory.of == "object":
+        of_object = Rotation.from_rotvec(start[3:]) * Rotation.from_quat(contacts.orientation_xyzw[:4]).inv()
+        lever = of_object.apply(contacts.position[:3])
+        goal += Rotation.from_rotvec(way[3:]).apply(lever) - lever
     return float(np.linalg.norm(position[known][-1, :3] - goal))
 
 

@@ -355,7 +355,7 @@ def _play(scenario: Scenario) -> Drawn:
     names = ("slip_linear_m", "slip_angular_rad", "slip_speed_peak_m_s", "error_peak_m", "arrival_s")
     slip, angle, peak_speed, drift, arrival = map(verdict.worst, names)
     pairs = zip(track.series(), scenario.controllers.values(), strict=True) if kept else ()
-    off_goal = max((off_goal_m(series, params.trajectory) for series, params in pairs), default=math.nan)
+    off_goal = max((off_goal_m(series, params) for series, params in pairs), default=math.nan)
     reason = "" if kept else verdict.reason
     return Drawn("ok" if kept else verdict.outcome, reason, slip, angle, peak_speed, drift, arrival, off_goal)
 
