@@ -240,7 +240,7 @@ def test_friction_forgotten_on_the_way_leaves_the_path_where_it_is() -> None:
 def test_an_object_that_rests_is_carried_whatever_a_push_has_taught_of_friction() -> None:
     """Two arms held an upright pane for good: "friction cannot carry the object", which they carried."""
     pushed = Pushed("pane_two_arms_upright", -6.0, at=5)
-    pushed.run(3000)
+    pushed.run(3500)
     assert pushed.governor.friction_events == 1
     assert pushed.governor.friction_limit < 5.0, "less than the weight asks"
     assert pushed.result.mode == Mode.ACTIVE, pushed.result.reason
