@@ -374,3 +374,14 @@ def test_friction_learnt_below_the_weight_does_not_keep_the_path_slow() -> None:
         run = slip_vic.load("pane_two_arms_fast", law="governed", drive="motor_current", set=changed).run()
         assert run.outcome == "ok", run.reason
         assert run.slip_mm < 3.0
+
+
+def test_a_path_that_stops_for_a_suspicion_says_so_for_as_long_as_it_rests() -> None:
+    """Where the load could only be less by braking, the path rested 18 cm short of its goal, ACTIVE and silent."""
+    slow = [f"{side}.drive.{what}" for side in ("controller", "bridge") for what in ("bandwidth=40", "delay_s=0")]
+    changed = ["bridge.duration_s=2.6", *slow]
+    run = slip_vic.load(
+        "pane_two_arms_fast", law="governed", drive="velocity_500", sensor="event_1000", seed=63, set=changed
+    ).run()
+    for arm in ("left", "right"):
+        assert "the path stops here" in run.modes[arm][-1][1]

@@ -525,7 +525,7 @@ def step_on(
     if state.estimate.suspected != 0:  # no more than that is asked, unless it takes more to stop on the path
         F, _ = provisional(config.estimate, state.estimate)
         least, most, any_u = range_or_least(uu, ub, b.dot(b), min(state.grip * F, state.usable))
-        state.halted = 1 if not any_u and rate == 0.0 and want > 0.0 else 0
+        state.halted = 1 if not (any_u and most > 0.0) and rate == 0.0 and want > 0.0 else 0
         least, high = max(least, low), min(most, high)
         if state.urgent == 0:
             least = max(min(want, least), low)
