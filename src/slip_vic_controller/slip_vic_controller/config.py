@@ -380,9 +380,8 @@ def _fill_governor(governor: GovernorConfig, params: ControllerParams) -> None:
     governor.mode = Governing[given.mode.upper()] if governed else Governing.OFF
     governor.margin, governor.path_margin, governor.given_up = given.margin, PATH_MARGIN, GIVEN_UP
     # Unknown friction is found by asking for more than is known to hold: all of it has to be asked.
-    governor.reserve = given.reserve if given.friction != "unknown" else 0.0
-    if params.contacts.count > 1 and given.friction != "unknown":
-        governor.reserve += SHARED_RESERVE * (1.0 - given.reserve)
+    shared = SHARED_RESERVE if params.contacts.count > 1 else 0.0
+    governor.reserve = given.reserve + shared * (1.0 - given.reserve) if given.friction != "unknown" else 0.0
     governor.radius, governor.slip_axes[:] = given.torsional_radius, params.contacts.slip_axes[:6]
     governor.gravity[:] = params.gravity
     last = path.waypoint_times_s[-1] if path.kind == "waypoints" and path.waypoint_times_s else path.duration_s
