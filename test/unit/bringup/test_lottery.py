@@ -15,6 +15,7 @@ from slip_vic.study.lottery import (
     Drawn,
     Ticket,
     draw,
+    draw_of,
     lottery_table,
     play,
     score,
@@ -71,6 +72,25 @@ def test_half_of_the_worlds_have_drives_that_take_velocities_or_positions() -> N
         assert 0.0 < abs(arm.bridge.drive.bandwidth / told.bandwidth - 1.0) <= BANDWIDTH
         assert 0.0 <= arm.bridge.drive.delay_s - told.delay_s <= 4e-3 + 1e-12
         assert arm.bridge.object.mass == other.load(GOVERNED).bridge.object.mass, "the world is the same"
+
+
+def test_several_arms_have_drives_and_sensors_and_each_its_own_joints() -> None:
+    """The pane, its motion and where the bases stand are those of the case without drives."""
+    plain = [draw_of(number, 3, ["pane_two_arms_flat"]) for number in range(20)]
+    driven = [with_drive(ticket, 3) for ticket in plain]
+    assert driven == [with_drive(ticket, 3) for ticket in plain]
+    assert all(one.world[: len(bare.world)] == bare.world for bare, one in zip(plain, driven, strict=True))
+    assert len({one.sensor for one in driven}) > 3
+    cases = [one.load(GOVERNED) for one in driven]
+    assert {case.bridges["left"].drive.interface for case in cases} == {"effort", "velocity", "position"}
+    for case in cases:
+        left, right = case.bridges["left"], case.bridges["right"]
+        assert left.drive.interface == right.drive.interface == case.controllers["right"].command.interface
+        assert left.sensors.wrench.bias != right.sensors.wrench.bias
+        assert left.sensors.slip.faults.gain != right.sensors.slip.faults.gain
+        assert all(params.tare.duration_s > 0.0 for params in case.controllers.values())
+        if left.drive.interface != "effort":
+            assert left.drive.bandwidth != right.drive.bandwidth
 
 
 def drawn(outcome, slip) -> Drawn:

@@ -20,6 +20,7 @@ from rich.table import Table
 
 from slip_core.arrays import Array
 from slip_core.errors import SlipVicError
+from slip_sim_bridge.params import BridgeParams
 from slip_vic.presets import preset_names
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.judge import Outcome, judge
@@ -103,7 +104,7 @@ SLOWER, SETTLES_S = 3.0, 5.0
 goal [s]."""
 ARMS = ("ideal", "torque_joint", "motor_current")
 MOTION_ARMS = ("velocity_500", "velocity_125", "position_250")
-"""Drives of which `draw_drive` draws: those that take efforts, and those that take velocities or positions."""
+"""Drives that are drawn: those that take efforts, and those that take velocities or positions."""
 BANDWIDTH = 0.3
 """Largest relative error of the told bandwidth of a drive with a loop of its own."""
 BASE_RAD, BASE_M, LATE_S = 0.3 * np.pi / 180.0, 0.002, 0.01
@@ -149,9 +150,14 @@ def draw(number: int, seed: int) -> Ticket:
 def draw_of(number: int, seed: int, scenarios: Sequence[str]) -> Ticket:
     """Return case `number` of a lottery among some scenarios; with several arms its world is that of `draw_arms`."""
     scenario = scenarios[number % len(scenarios)]
-    if len(load_scenario(scenario).controllers) > 1:
+    if has_several_arms(scenario):
         return draw_arms(number, seed, scenario)
     return _draw(number, np.random.default_rng((seed, number)), scenario)
+
+
+def has_several_arms(scenario: str) -> bool:
+    """Return whether several arms hold the object."""
+    return len(load_scenario(scenario).controllers) > 1
 
 
 def draw_arms(number: int, seed: int, scenario: str) -> Ticket:
@@ -193,62 +199,104 @@ def _draw(number: int, rng: np.random.Generator, wanted: str) -> Ticket:
 def draw_drive(number: int, seed: int, scenario: str, *, interfaces: bool = False) -> tuple[str, ...]:
     """Return drives, joints and sensors as they are, for a case of one arm: all troubles at once, none configured.
 
-    The drive is one of ARMS with its preset. Of measured torque: offset to 0.2 N m, friction to 0.3 of COULOMB, joint
-    velocity noise to 0.01 rad/s. Mass and friction 0.6 to 1.4, friction that falls on the way, all three friction laws;
-    wrench bias to 0.1 N and noise 0.05 N; slip gain 0.7 to 1.1, bias to 10 mm/s, outliers 2 %, dropouts to 30 %;
-    efforts 0 to 4 ms late. With `interfaces` half of the cases have one of MOTION_ARMS instead: commands up to 4 ms
-    later than its preset says, bandwidth within BANDWIDTH of it, velocity noise as above.
+    The drive is one of ARMS. Mass and friction 0.6 to 1.4, friction that falls on the way, all three friction laws;
+    sensors as `_sensors` and joints as `_joints` have them, commands 0 to 4 ms late. With `interfaces` half of the
+    cases have one of MOTION_ARMS instead.
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 1)))
     known, drive = load_scenario(scenario), str(rng.choice(ARMS))
     of_motion = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 2)))
     if interfaces and of_motion.random() < 0.5:
         drive = str(of_motion.choice(MOTION_ARMS))
-    bridge, joints = known.bridge, len(known.bridge.joint_names)
+    bridge = known.bridge
     mass, friction = rng.uniform(0.6, 1.4, 2)
-    force, slip = rng.normal(size=3), rng.normal(size=2)
-    force *= rng.uniform(0.0, BIAS_FORCE) / length(force)
-    slip *= rng.uniform(0.0, 0.01) / length(slip)
-    late = float(rng.integers(0, 5)) * 1e-3
+    biases, late = _biases(rng), _late_s(rng)
     world = [
         f"bridge.object.mass={bridge.object.mass * mass}",
         f"bridge.friction.mu_s={bridge.friction.mu_s * friction}",
         f"bridge.friction.mu_k={bridge.friction.mu_k * friction}",
         f"bridge.friction.model={rng.choice(('stribeck', 'coulomb', 'lugre'))}",
+        *_sensors(biases, rng),
+    ]
+    if rng.random() < 0.5:
+        falls_at = rng.uniform(0.2, 1.0) * known.controller.trajectory.duration_s
+        world += [f"bridge.friction.falls_at_s={falls_at}", f"bridge.friction.falls_to={rng.uniform(0.7, 1.0)}"]
+    told = load_scenario(scenario, drive=drive).bridge
+    return (*drive_assignments(drive, scenario, ()), *world, *_joints(drive, told, late, rng, of_motion))
+
+
+def draw_drives(number: int, seed: int, scenario: str) -> tuple[str, tuple[str, ...]]:
+    """Return the slip sensor of a case of several arms, and their drives, joints and sensors as they are.
+
+    One drive of ARMS and MOTION_ARMS for all; what `_sensors` and `_joints` draw is each arm's own.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 1)))
+    drive, sensor = str(rng.choice((*ARMS, *MOTION_ARMS))), str(rng.choice(preset_names("sensors")))
+    world = list(drive_assignments(drive, scenario, ()))
+    for arm, told in load_scenario(scenario, drive=drive).bridges.items():
+        own = (*_sensors(_biases(rng), rng), *_joints(drive, told, _late_s(rng), rng, rng))
+        world += [f"{arm}.{one}" for one in own]
+    return sensor, tuple(world)
+
+
+def _biases(rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return biases of wrench sensor, to BIAS_FORCE, and slip sensor, to 10 mm/s."""
+    force, slip = rng.normal(size=3), rng.normal(size=2)
+    force *= rng.uniform(0.0, BIAS_FORCE) / length(force)
+    slip *= rng.uniform(0.0, 0.01) / length(slip)
+    return force, slip
+
+
+def _late_s(rng: np.random.Generator) -> float:
+    """Return how late commands are [s], 0 to 4 ms."""
+    return float(rng.integers(0, 5)) * 1e-3
+
+
+def _sensors(biases: tuple[Array, Array], rng: np.random.Generator) -> tuple[str, ...]:
+    """Return biased sensors; wrench noise NOISE_FORCE; slip gain 0.7 to 1.1, outliers 2 %, dropouts to 30 %."""
+    force, slip = biases
+    return (
         f"bridge.sensors.wrench.bias={[*force.tolist(), 0.0, 0.0, 0.0]}",
         f"bridge.sensors.wrench.noise_force={NOISE_FORCE}",
         f"bridge.sensors.slip.faults.gain={rng.uniform(0.7, 1.1)}",
         f"bridge.sensors.slip.faults.bias={[*slip.tolist(), 0.0, 0.0, 0.0, 0.0]}",
         "bridge.sensors.slip.faults.outlier_probability=0.02",
         f"bridge.sensors.slip.faults.dropout_probability={rng.uniform(0.0, 0.3)}",
-    ]
-    if rng.random() < 0.5:
-        falls_at = rng.uniform(0.2, 1.0) * known.controller.trajectory.duration_s
-        world += [f"bridge.friction.falls_at_s={falls_at}", f"bridge.friction.falls_to={rng.uniform(0.7, 1.0)}"]
+    )
+
+
+def _joints(
+    drive: str, told: BridgeParams, late_s: float, rng: np.random.Generator, of_motion: np.random.Generator
+) -> tuple[str, ...]:
+    """Return joints that are not as the preset of their drive says.
+
+    Of measured torque: offset to 0.2 N m, friction to 0.3 of COULOMB, velocity noise to 0.01 rad/s, efforts late. Of
+    MOTION_ARMS: commands later than told, bandwidth within BANDWIDTH of what is told, velocity noise to 0.01 rad/s.
+    """
+    joints = len(told.joint_names)
     noise, offset, share = rng.uniform(0.0, 0.01), rng.uniform(0.0, 0.2, joints), rng.uniform(0.0, 0.3)
-    given = list(drive_assignments(drive, scenario, ()))
     if drive in MOTION_ARMS:
-        told = load_scenario(scenario, drive=drive).bridge.drive
-        world += [
-            f"bridge.drive.bandwidth={told.bandwidth * of_motion.uniform(1.0 - BANDWIDTH, 1.0 + BANDWIDTH)}",
-            f"bridge.drive.delay_s={told.delay_s + late}",
+        return (
+            f"bridge.drive.bandwidth={told.drive.bandwidth * of_motion.uniform(1.0 - BANDWIDTH, 1.0 + BANDWIDTH)}",
+            f"bridge.drive.delay_s={told.drive.delay_s + late_s}",
             f"bridge.sensors.joint.noise_velocity={noise}",
-        ]
-    elif drive != "motor_current":
-        world += [
-            f"bridge.sensors.joint.noise_velocity={noise}",
-            f"bridge.drive.offset={(offset * rng.choice((-1.0, 1.0), joints)).tolist()}",
-            f"bridge.drive.coulomb={(share * np.array(coulomb_of(joints))).tolist()}",
-            f"bridge.drive.delay_s={late}",
-            "controller.tare.duration_s=0.3",
-        ]
-    else:
-        world.append(f"bridge.drive.delay_s={max(late, 0.002)}")
-    return (*given, *world)
+        )
+    if drive == "motor_current":
+        return (f"bridge.drive.delay_s={max(late_s, 0.002)}",)
+    return (
+        f"bridge.sensors.joint.noise_velocity={noise}",
+        f"bridge.drive.offset={(offset * rng.choice((-1.0, 1.0), joints)).tolist()}",
+        f"bridge.drive.coulomb={(share * np.array(coulomb_of(joints))).tolist()}",
+        f"bridge.drive.delay_s={late_s}",
+        "controller.tare.duration_s=0.3",
+    )
 
 
 def with_drive(ticket: Ticket, seed: int, *, interfaces: bool = False) -> Ticket:
-    """Return a case with drives and joints as `draw_drive` has them; feasible where friction carries the weight."""
+    """Return a case with drives, joints and sensors as they are; one of one arm, feasible where friction carries."""
+    if has_several_arms(ticket.scenario):
+        sensor, drawn = draw_drives(ticket.number, seed, ticket.scenario)
+        return replace(ticket, sensor=sensor, seed=ticket.number, world=(*ticket.world, *drawn), trouble="all")
     drawn = draw_drive(ticket.number, seed, ticket.scenario, interfaces=interfaces)
     path = tuple(one for one in ticket.world if one.startswith("controller.trajectory."))
     ticket = replace(ticket, world=(*path, *drawn), trouble="all")
@@ -265,7 +313,7 @@ def with_drive(ticket: Ticket, seed: int, *, interfaces: bool = False) -> Ticket
 
 def long_enough(ticket: Ticket) -> Ticket:
     """Return a case that lasts as long as a law that takes its time needs."""
-    path_s = ticket.load(CLASSICAL).controller.trajectory.duration_s
+    path_s = next(iter(ticket.load(CLASSICAL).controllers.values())).trajectory.duration_s
     return replace(ticket, world=(*ticket.world, f"bridge.duration_s={SLOWER * path_s + SETTLES_S}"))
 
 
@@ -379,7 +427,7 @@ def lottery(
         scenarios: which take turns; none: one with one arm is drawn.
         laws: which take part.
         assignments: overrides of every case.
-        drives: whether drives and joints are drawn too, and everything else that `draw_drive` draws.
+        drives: whether drives and joints are drawn too, and everything else that `draw_drive` and `draw_drives` draw.
     """
     shared = _Shared(seed, tuple(scenarios), tuple(laws), tuple(assignments), drives)
     with open_engine("pool", jobs) as engine:
@@ -407,14 +455,14 @@ class _Shared(NamedTuple):
 
 
 def entry_of(law: str, ticket: Ticket) -> Entry:
-    """Return the configuration of a law in a case; several arms have laws of their own, and no slip sensor preset."""
-    of_one_arm = ticket.sensor or law != PRINTED.name
+    """Return the configuration of a law in a case; several arms have laws of their own, one of them printed too."""
+    of_one_arm = law != PRINTED.name or not has_several_arms(ticket.scenario)
     return OF_LAW[law] if law in OF_LAW and of_one_arm else Entry(law, cast(Law, law))
 
 
 def _drawn_and_played(shared: _Shared, number: int) -> tuple[Ticket, dict[str, Drawn]]:
     ticket = draw_of(number, shared.seed, shared.scenarios) if shared.scenarios else draw(number, shared.seed)
-    if shared.drives and ticket.sensor:  # several arms have no slip sensor of their own to draw
+    if shared.drives:
         ticket = long_enough(with_drive(ticket, shared.seed, interfaces=True))
     ticket = replace(ticket, world=(*ticket.world, *shared.assignments))
     entries = [entry_of(law, ticket) for law in shared.laws]
