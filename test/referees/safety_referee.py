@@ -125,6 +125,7 @@ class Memory(NamedTuple):
     late_in_a_row: int
     pad_twist: Array
     slips: tuple[Array, ...]
+    slid_before: bool
 
 
 class Verdict(NamedTuple):
@@ -190,7 +191,10 @@ def arbitrate(
         ),
         (level == Level.HOLD or (unknown and not follows), slip_words),
         (
-            not follows and bool(limits.slip_needed) and any(_slides(limits, v) for v in memory.slips),
+            not follows
+            and bool(limits.slip_needed)
+            and memory.slid_before
+            and any(_slides(limits, v) for v in memory.slips),
             "the object slides: waiting until it rests",
         ),
     )

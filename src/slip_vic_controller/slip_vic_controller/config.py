@@ -50,6 +50,8 @@ PATH_LENGTH_M, PATH_FLOOR_M_S = 0.1, 0.05
 POINTS_PER_CYCLE = 25
 LONGEST_LOOP_S = 0.02
 """Delay of the compensation's loop, from slip to its answer, above which the governor works without it."""
+UNTOLD_S = 0.003
+"""By which efforts may be later than told, for the bound on kappa [s]: two arms swing from 2 ms on with kappa 1."""
 SHARED_RESERVE = 0.3
 """Share of what the weight, and `governor.reserve`, leave that the path of several arms does not use: one pad may bear
 less than the others, the arms press on each other, and a camera sees what slips too late."""
@@ -249,7 +251,9 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
     cycle.drive_lag_s = params.drive_lag_s
     foresees = params.foresees_slip and cycle.gate_shut == 0
     cycle.slip_ahead_s = (1.0 - UNKNOWN_LAG) * params.drive_lag_s if foresees else 0.0
-    cycle.kappa_share = 1.0 if params.command.interface == "effort" else DRIVE_SHARE
+    damped = held or not params.estimates_joints  # by its own loop or its gears; or as told, without noise and delay
+    cycle.kappa_share = 1.0 if by_effort and damped else DRIVE_SHARE
+    cycle.kappa_late_s = 0.0 if damped else UNTOLD_S
 
 
 def _fill_inputs(config: ControllerConfig, params: ControllerParams, robot: Robot, *, lockstep: bool) -> None:

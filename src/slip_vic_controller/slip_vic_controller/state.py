@@ -62,6 +62,7 @@ class CycleConfig(Record):
     drive_lag_s: Real  # from a command to the motion that it asks for
     slip_ahead_s: Real  # s; by which the object's part of the law's slip velocity is predicted, 0 = none of it is
     kappa_share: Real  # of that bound, which the drives leave
+    kappa_late_s: Real  # s; by which efforts may be later than told
     slip_delay_ns: Whole  # by which the stamps of slip samples are too late
     slip_memory_s: Real  # time constant with which slip is forgotten while motion is near friction, 0 = at once
     slip_integral: Real  # share of k_s^2 by which the slip of that time accelerates the pad

@@ -15,6 +15,7 @@ from slip_core.errors import InputError
 from slip_core.types import CartesianReference, JointSample
 from slip_sim_bridge.internal import internal_wrenches
 from slip_vic.run.in_process import ClosedLoop, Tick, run_in_process
+from slip_vic.run.metrics import off_goal_m
 from slip_vic.scenarios.scenario import LAWS, Mismatch, Scenario, load_scenario
 from slip_vic.study.lottery import draw_arms
 from slip_vic_controller.cycle.governing import agree_on_friction
@@ -376,12 +377,22 @@ def test_friction_learnt_below_the_weight_does_not_keep_the_path_slow() -> None:
         assert run.slip_mm < 3.0
 
 
-def test_a_path_that_stops_for_a_suspicion_says_so_for_as_long_as_it_rests() -> None:
-    """Where the load could only be less by braking, the path rested 18 cm short of its goal, ACTIVE and silent."""
+def test_what_the_observer_alone_takes_for_slip_does_not_stop_several_arms_for_good() -> None:
+    """Each takes for slip what the others do: at a load below the weight the path rested 18 cm short of its goal."""
     slow = [f"{side}.drive.{what}" for side in ("controller", "bridge") for what in ("bandwidth=40", "delay_s=0")]
-    changed = ["bridge.duration_s=2.6", *slow]
     run = slip_vic.load(
-        "pane_two_arms_fast", law="governed", drive="velocity_500", sensor="event_1000", seed=63, set=changed
+        "pane_two_arms_fast", law="governed", drive="velocity_500", sensor="event_1000", seed=63, set=slow
     ).run()
-    for arm in ("left", "right"):
-        assert "the path stops here" in run.modes[arm][-1][1]
+    assert run.outcome == "ok", run.reason
+    assert run.slip_mm < 0.3
+    for series, params in zip(run.track.series(), run.scenario.controllers.values(), strict=True):
+        assert off_goal_m(series, params) < 1e-3
+
+
+@every("scenario", [UPRIGHT, "pane_two_arms_fast"])
+def test_efforts_that_nobody_tells_are_late_do_not_lose_the_pane(scenario: str) -> None:
+    """The preset tells 1 ms. With 2 ms more two arms swung against each other until the pane was lost."""
+    late = ["bridge.drive.delay_s=0.004"]
+    run = slip_vic.load(scenario, law="governed", drive="torque_joint", sensor="event_1000", seed=5, set=late).run()
+    assert run.outcome == "ok", run.reason
+    assert run.slip_mm < 0.3

@@ -453,6 +453,22 @@ def test_a_limit_learnt_below_the_weight_does_not_stop_what_is_on_its_way() -> N
     assert 800 < k < 5999
 
 
+@pytest.mark.parametrize("led", [1, 0])
+def test_a_slip_that_the_observer_finds_below_the_weight_stops_one_arm_which_says_so_and_not_several(led: int) -> None:
+    """Each of several arms takes for slip what the others do, and only braking asks for less than the weight."""
+    G = Governor(BentPath(VERTICAL.way, VERTICAL.duration), VERTICAL, margin=1.0).plan()
+    G.config.led = led
+    for k in range(6000):
+        _, R, v, a = G.before()
+        G.after(a, a, R, v[3:])
+        if k == 300:
+            G.state.estimate.suspected = 1
+            G.state.estimate.suspected_at = np.linalg.norm(G.load_of(R, np.zeros(3), np.zeros(6)))
+        if G.state.arrived:
+            break
+    assert (G.state.arrived, G.state.halted) == (1 - led, led)
+
+
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_an_arm_can_brake_where_the_weight_alone_is_beyond_the_learnt_friction(direction: float) -> None:
     """With a limit or a mass that is wrong by so much; without that it would drift on until a joint is too fast."""

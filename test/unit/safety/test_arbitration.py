@@ -28,7 +28,7 @@ QUIET = Memory(
     now_ns=NOW_NS - MS, mode=Mode.ACTIVE, slip_unknown_ns=None, too_fast_ns=None, saturated_ns=None, stopping_ns=None,
     blind_ns=None, fall_speed=0.0, slip_variance=TWIST, path_speed=1.0, path_scale=1.0, reference_moves=False,
     unseen_ns=0, frozen_before=False, wrench_bad_ns=None, late_in_a_row=0,
-    pad_twist=TWIST, slips=(TWIST,),
+    pad_twist=TWIST, slips=(TWIST,), slid_before=False,
 )  # fmt: skip
 GOOD = (Fault.NONE, Fault.NONE, Fault.NONE)
 
@@ -71,7 +71,8 @@ class Arbitration:
         reason = of_fault(Cause.INPUT, Input.JOINT_STATE, Fault.FROZEN if m.frozen_before else Fault.LATE)
         put_reason(s.mode.reason, reason)
         for of, slip in zip(s.slip_inputs, m.slips, strict=False):
-            of["values"][:] = slip
+            of["values"][:], of["stamp_ns"] = slip, m.now_ns
+        s.since.sliding_ns = m.now_ns - MS if m.slid_before else NEVER
         found, level = self.arbitrate((Fault.NONE, *health), frozen, q, qd, now_ns)
         texts = (describe(reason, self.names) for reason in (found.fault, found.hold, found.degraded))
         since = (None if t == NEVER else int(t) for t in (s.since.slip_unknown_ns, s.since.too_fast_ns))
@@ -142,6 +143,7 @@ def random_memory(rng: np.random.Generator, limits) -> Memory:
         wrench_bad_ns=since(limits.slow_down_ns),
         late_in_a_row=int(rng.choice((0, 0, 0, limits.late_after - 1, limits.late_after))),
         pad_twist=rng.normal(size=6) * small(4.0), slips=(rng.normal(size=6) * small(0.5),),
+        slid_before=rng.uniform() < 0.7,
     )  # fmt: skip
 
 

@@ -38,7 +38,8 @@ def limit_internal_gain(config: ControllerConfig, state: ArmState, outputs: Cycl
     gains, late_ns = outputs.gains.gains, 0
     for k in range(config.law.contacts):
         late_ns = max(late_ns, state.joint.answers.stamp_ns - state.wrench_inputs[k].stamp_ns)
-    delay_s = config.cycle.drive_lag_s + 1e-9 * (config.cycle.period_ns + state.latency.most_ns + late_ns)
+    late_s = config.cycle.drive_lag_s + config.cycle.kappa_late_s
+    delay_s = late_s + 1e-9 * (config.cycle.period_ns + state.latency.most_ns + late_ns)
     least = min(gains.M_D[0], gains.M_D[1], gains.M_D[2])
     most = internal_gain_limit(least, config.cycle.pad_stiffness, delay_s)
     gains.kappa = min(gains.kappa, config.cycle.kappa_share * most)

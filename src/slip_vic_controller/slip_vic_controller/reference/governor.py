@@ -524,7 +524,10 @@ def step_on(
     least, state.halted = low, 0
     if state.estimate.suspected != 0:  # no more than that is asked, unless it takes more to stop on the path
         F, _ = provisional(config.estimate, state.estimate)
-        least, most, any_u = range_or_least(uu, ub, b.dot(b), min(state.grip * F, state.usable))
+        F = state.grip * F
+        if config.led == 0:  # each of several arms takes for slip what the others do: no reason to stop for good
+            F = with_weight(config, state, F)
+        least, most, any_u = range_or_least(uu, ub, b.dot(b), min(F, state.usable))
         state.halted = 1 if not (any_u and most > 0.0) and rate == 0.0 and want > 0.0 else 0
         least, high = max(least, low), min(most, high)
         if state.urgent == 0:

@@ -80,6 +80,7 @@ class Since(Record):
     stopping_ns: Whole
     joint_bad_ns: Whole
     wrench_bad_ns: Whole  # while the law is at work
+    sliding_ns: Whole  # stamp of the first sample of a slip at which the law does not begin
 
 
 class GovernorMargin(Protocol):
@@ -176,6 +177,7 @@ def clear_since(since: Since) -> None:
     """Begin: nothing is so."""
     since.slip_unknown_ns, since.too_fast_ns, since.saturated_ns = NEVER, NEVER, NEVER
     since.stopping_ns, since.joint_bad_ns, since.wrench_bad_ns = NEVER, NEVER, NEVER
+    since.sliding_ns = -1  # what slides in the very first sample is believed
 
 
 @part
@@ -231,14 +233,18 @@ def find_fault(config: Configured, state: Judged, n: int, qd: Array, now_ns: int
 
 
 @part
-def slides(config: ArbitrationConfig, inputs: Records[VectorInput], contacts: int) -> bool:
-    """Return whether an object slides too fast for the law to begin."""
-    linear, angular = config.resume_slip_linear, config.resume_slip_angular
+def slides(config: ArbitrationConfig, since: Since, inputs: Records[VectorInput], contacts: int) -> bool:
+    """Return whether an object slides too fast for the law to begin; the time in `since` is changed.
+
+    After a sample at rest two have to say so: one of them may be an outlier.
+    """
+    linear, angular, newest_ns = config.resume_slip_linear, config.resume_slip_angular, NEVER
     for i in range(contacts):
         v = spatial(inputs[i].values)
         if linear * linear < v.linear.dot(v.linear) or angular * angular < v.angular.dot(v.angular):
-            return True
-    return False
+            newest_ns = max(newest_ns, inputs[i].stamp_ns)
+    since.sliding_ns = since_when(since.sliding_ns, newest_ns != NEVER, newest_ns)
+    return bool(newest_ns != since.sliding_ns)
 
 
 @part
@@ -256,7 +262,7 @@ def find_hold(
     level: int,
     fault: int,
     frozen: bool,
-    contacts: int,
+    sliding: bool,
     now_ns: int,
 ) -> Reason:
     """Return why the law must not work now; arguments as in `arbitrate`, fault: of the slip velocity."""
@@ -289,7 +295,7 @@ def find_hold(
     if governor.infeasible != 0:
         where, carries = round(1e3 * governor.heaviest_time), config.governor.path_margin * governor.plan_load
         return Reason(Cause.PATH_TOO_HEAVY.value, where, 0, governor.weight_load, carries)
-    if not at_work and arbitration.slip_needed != 0 and slides(arbitration, state.slip_inputs, contacts):
+    if not at_work and arbitration.slip_needed != 0 and sliding:
         # With the delay of its loop the law would swing instead of catching what already slides fast.
         return because(Cause.SLIDES, 0)
     return NOTHING
@@ -374,6 +380,7 @@ def arbitrate(
     """
     wrench_bad = not fine(health.wrench) and follows(state.mode.mode)
     state.since.wrench_bad_ns = since_when(state.since.wrench_bad_ns, wrench_bad, now_ns)
+    sliding = slides(config.arbitration, state.since, state.slip_inputs, contacts)
     slip = slip_fault(config.arbitration, health, state.observed, now_ns)
     level = degradation_level(config.arbitration, state.since, slip, now_ns)
     fault, hold, degraded = find_fault(config, state, n, qd, now_ns), NOTHING, NOTHING
@@ -381,7 +388,7 @@ def arbitrate(
         if fault.cause == Cause.NONE:
             fault = of_fault(Cause.INPUT, Input.EFFORT_COMMAND, health.outside)
     else:
-        hold = find_hold(config, task, state, health, level, slip, frozen, contacts, now_ns)
+        hold = find_hold(config, task, state, health, level, slip, frozen, sliding, now_ns)
     if hold.cause == Cause.NONE and health.outside == Fault.NONE:
         degraded = find_degraded(config, task, state, health, level, slip, n, q, now_ns)
     return TransitionReasons(NOTHING, fault, hold, degraded), level
