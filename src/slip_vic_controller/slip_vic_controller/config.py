@@ -18,7 +18,13 @@ from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG
 from slip_vic_controller.arm.plausibility import BLIND_S
 from slip_vic_controller.arm.tare import TareConfig
 from slip_vic_controller.interfaces import fill_wrench_sensor
-from slip_vic_controller.law.bounds import DRIVE_SHARE, INTERNAL_BOUND, ROUNDING, internal_gain_limit
+from slip_vic_controller.law.bounds import (
+    DRIVE_SHARE,
+    GEARS_SHARE,
+    INTERNAL_BOUND,
+    ROUNDING,
+    internal_gain_limit,
+)
 from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
 from slip_vic_controller.law.contact import fill_contacts
 from slip_vic_controller.law.gains import LAW_GAINS, UNKNOWN_LAG, gain_report, make_law_gains
@@ -51,7 +57,7 @@ POINTS_PER_CYCLE = 25
 LONGEST_LOOP_S = 0.02
 """Delay of the compensation's loop, from slip to its answer, above which the governor works without it."""
 UNTOLD_S = 0.003
-"""By which efforts may be later than told, for the bound on kappa [s]: two arms swing from 2 ms on with kappa 1."""
+"""By which efforts may be later than told, for the bound on kappa [s]: with 2 ms two arms swing at kappa 0.8."""
 SHARED_RESERVE = 0.3
 """Share of what the weight, and `governor.reserve`, leave that the path of several arms does not use: one pad may bear
 less than the others, the arms press on each other, and a camera sees what slips too late."""
@@ -251,9 +257,13 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
     cycle.drive_lag_s = params.drive_lag_s
     foresees = params.foresees_slip and cycle.gate_shut == 0
     cycle.slip_ahead_s = (1.0 - UNKNOWN_LAG) * params.drive_lag_s if foresees else 0.0
-    damped = held or not params.estimates_joints  # by its own loop or its gears; or as told, without noise and delay
-    cycle.kappa_share = 1.0 if by_effort and damped else DRIVE_SHARE
-    cycle.kappa_late_s = 0.0 if damped else UNTOLD_S
+    cycle.kappa_share, cycle.kappa_late_s = DRIVE_SHARE, 0.0
+    if by_effort and not params.estimates_joints:  # an arm that does what it is told, at once
+        cycle.kappa_share = 1.0
+    elif by_effort and held:
+        cycle.kappa_share = GEARS_SHARE
+    elif by_effort:
+        cycle.kappa_late_s = UNTOLD_S
 
 
 def _fill_inputs(config: ControllerConfig, params: ControllerParams, robot: Robot, *, lockstep: bool) -> None:

@@ -85,8 +85,9 @@ def held_sample_limit(held: int, delay: int) -> float:
 
 INTERNAL_BOUND = 0.38
 """Of kappa k tau^2 / M_D."""
-DRIVE_SHARE = 0.25
-"""Of that bound, where drives have a loop of their own: with their lag in tau two pads swing from 0.65 on."""
+DRIVE_SHARE, GEARS_SHARE = 0.25, 0.45
+"""Of that bound, where drives have a loop of their own (with their lag in tau two pads swing from 0.65 on) or efforts
+may be late, and where gears are between (arms swing from 0.6 on, and press on each other with less)."""
 
 
 @kernel(REAL(REAL, REAL, REAL))
