@@ -204,11 +204,13 @@ def draw_drive(number: int, seed: int, scenario: str, *, interfaces: bool = Fals
     cases have one of MOTION_ARMS instead.
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 1)))
-    known, drive = load_scenario(scenario), str(rng.choice(ARMS))
+    drive = str(rng.choice(ARMS))
     of_motion = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 2)))
     if interfaces and of_motion.random() < 0.5:
         drive = str(of_motion.choice(MOTION_ARMS))
+    known = load_scenario(scenario, drive=drive)
     bridge = known.bridge
+    # What is drawn keeps this order, so that a seed keeps its worlds.
     mass, friction = rng.uniform(0.6, 1.4, 2)
     biases, late = _biases(rng), _late_s(rng)
     world = [
@@ -221,8 +223,7 @@ def draw_drive(number: int, seed: int, scenario: str, *, interfaces: bool = Fals
     if rng.random() < 0.5:
         falls_at = rng.uniform(0.2, 1.0) * known.controller.trajectory.duration_s
         world += [f"bridge.friction.falls_at_s={falls_at}", f"bridge.friction.falls_to={rng.uniform(0.7, 1.0)}"]
-    told = load_scenario(scenario, drive=drive).bridge
-    return (*drive_assignments(drive, scenario, ()), *world, *_joints(drive, told, late, rng, of_motion))
+    return (*drive_assignments(drive, scenario, ()), *world, *_joints(drive, bridge, late, rng, of_motion))
 
 
 def draw_drives(number: int, seed: int, scenario: str) -> tuple[str, tuple[str, ...]]:
