@@ -90,8 +90,6 @@ prevents it [s]. Two arms pull at what they hold, and do not remember."""
 SLIP_INTEGRAL, SLIP_INTEGRAL_OF_EFFORTS = 1.0 / 8.0, 1.0 / 32.0
 """Share of k_s^2 by which that slip accelerates the pad: damping of the slip loop 1.4, and 2.8 where delays are not
 predicted."""
-GEARED_N_M = 1.0
-"""Friction of a joint from which an arm that takes efforts remembers slip [N m]; others swing with the object."""
 HOLD_PERIOD_S = 0.01
 """Longest control period at which HOLD has its configured gains; beyond it is the same loop in slow motion [s]."""
 STOPS_WITHIN = 2.0
@@ -248,7 +246,7 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
     )  # fmt: skip
     cycle.models_wrench = int(params.wrench.source == "none")
     by_effort = params.command.interface == "effort"
-    held = not by_effort or max(params.drive.coulomb, default=0.0) >= GEARED_N_M
+    held = not by_effort or params.is_geared
     if held and params.stands_alone and params.slip_estimator == "observer" and params.contacts.count == 1:
         cycle.slip_memory_s = SLIP_MEMORY_S
         cycle.slip_integral = SLIP_INTEGRAL_OF_EFFORTS if by_effort else SLIP_INTEGRAL
@@ -260,7 +258,7 @@ def _fill_cycle(cycle: CycleConfig, params: ControllerParams, joints: int) -> No
     cycle.kappa_share, cycle.kappa_late_s = DRIVE_SHARE, 0.0
     if by_effort and not params.estimates_joints:  # an arm that does what it is told, at once
         cycle.kappa_share = 1.0
-    elif by_effort and held:
+    elif params.is_geared:
         cycle.kappa_share = GEARS_SHARE
     elif by_effort:
         cycle.kappa_late_s = UNTOLD_S

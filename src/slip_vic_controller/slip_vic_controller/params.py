@@ -25,6 +25,8 @@ LATE_S = 0.005
 """Lag of drives that take efforts from which all that answers the arm's motion is made slower for it [s]."""
 FOLLOWED_LATE = 0.8
 """The same phase [rad] with drives that take efforts so late: nothing foresees where their commands lead."""
+GEARED_N_M = 1.0
+"""Friction of a joint from which an arm that takes efforts has gears [N m]; without them it swings with the object."""
 
 
 class GainParams(ParameterModel):
@@ -305,6 +307,11 @@ class ControllerParams(ArmParams):
     def efforts_are_late(self) -> bool:
         """Whether drives that take efforts are so late that the law has to be slower."""
         return self.command.interface == "effort" and self.drive_lag_s > LATE_S
+
+    @property
+    def is_geared(self) -> bool:
+        """Whether joints take efforts through gears: then their friction holds an arm against what pulls at its pad."""
+        return self.command.interface == "effort" and max(self.drive.coulomb, default=0.0) >= GEARED_N_M
 
     @property
     def bounded_authority(self) -> bool:

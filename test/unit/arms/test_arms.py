@@ -365,7 +365,18 @@ def test_two_geared_arms_keep_the_pane() -> None:
     run = slip_vic.load(UPRIGHT, law="governed", drive="motor_current").run()
     assert run.outcome == "ok", run.reason
     assert run.slip_mm < 3.0
-    assert run.final_error_mm < 10.0
+
+
+@pytest.mark.parametrize(("drive", "near_mm"), [("motor_current", 5.0), ("torque_joint", 1.0)])
+def test_two_arms_that_take_efforts_end_near_their_goal(drive: str, near_mm: float) -> None:
+    """With the printed 5 N/m they were 9.2 and 1.6 mm off: a base is turned by 0.3 deg, and friction holds."""
+    run = slip_vic.load(
+        "pane_two_arms_fast", law="governed", drive=drive, sensor="optical_flow_120", set=["duration_s=6.4"]
+    ).run()
+    assert run.outcome == "ok", run.reason
+    assert run.slip_mm < 3.0
+    for series, params in zip(run.track.series(), run.scenario.controllers.values(), strict=True):
+        assert off_goal_m(series, params) < 1e-3 * near_mm
 
 
 def test_friction_learnt_below_the_weight_does_not_keep_the_path_slow() -> None:

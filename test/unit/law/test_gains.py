@@ -37,6 +37,11 @@ def gains_now(ramp: np.ndarray, stamp_ns: int) -> Any:
     return record(out, LAW_GAINS)
 
 
+TWO_CONTACTS = {
+    "contacts__position": (0.0, 0.18, 0.0, 0.0, -0.18, 0.0),
+    "contacts__orientation_xyzw": (0.0, 0.0, 0.0, 1.0) * 2,
+    "contacts__slip_axes": (True,) * 12,
+}
 STIFF = {"gains.stiffness": (20.0,) * 6, "gains.damping": (5.0,) * 6}
 
 
@@ -156,6 +161,29 @@ def test_an_impedance_that_drives_cannot_follow_becomes_slower_and_keeps_its_dam
     np.testing.assert_allclose(gains.D_D / gains.M_D, (20.0, 20.0, 15.0, 20.0, 15.0, 20.0))
     np.testing.assert_allclose(gains.D_D / np.sqrt(gains.K_D * gains.M_D), ratio)
     assert gains.D_D[[2, 3, 4]].tolist() == before[[2, 3, 4]].tolist()
+
+
+def test_governed_arms_of_efforts_that_share_an_object_are_led_more_stiffly_with_their_damping_ratio() -> None:
+    def gains(**values: Any) -> Any:
+        return record(law_gains(**({"tare__duration_s": 0.3} | values)), LAW_GAINS).gains
+
+    alone = {"governor__mode": "slow_down", "gains__stiffness": (5.0, 20.0, 5.0, 4.5, 450.0, 0.9)}
+    governed = alone | TWO_CONTACTS
+    geared = governed | {"drive__coulomb": (0.5,) * 6 + (1.0,), "joint_names": tuple("abcdefg")}
+    soft = [5.0, 20.0, 5.0, 4.5, 450.0, 0.9]
+    for values, expected in (
+        (governed, [15.0, 20.0, 15.0, 13.5, 450.0, 13.5]),
+        (geared, [10.0, 20.0, 10.0, 9.0, 450.0, 9.0]),
+        (geared | {"governor__mode": "off"}, soft),  # slip has to be followed softly where nothing prevents it
+        (governed | {"tare__duration_s": 0.0}, soft),  # arms that do what they are told
+        (alone, soft),
+    ):
+        found = gains(**values)
+        np.testing.assert_allclose(found.K_D, expected, rtol=1e-15)
+        ratio = np.array([2.5, 2.5, 2.5, 2.2, 2.2, 2.2]) / np.sqrt(soft)
+        np.testing.assert_allclose(found.D_D / np.sqrt(found.K_D), ratio, rtol=1e-14)
+    by_velocity = {"command__interface": "velocity", "drive__bandwidth": 1e3}
+    assert gains(**(governed | by_velocity)).K_D[5] == 0.9
 
 
 def test_the_slip_gain_of_an_arm_that_is_estimated_stands_the_delay_of_a_real_one() -> None:
