@@ -33,8 +33,11 @@ class GainParams(ParameterModel):
     """Impedance and slip gains; the defaults are the paper's (Sec. IV), its planar values repeated on all axes."""
 
     stiffness: Six = parameter(
-        (5.0, 5.0, 5.0, 4.5, 4.5, 4.5), "K_D, x y z then about x y z", unit="N/m, N m/rad", runtime=True
-    )
+        (5.0, 5.0, 5.0, 4.5, 4.5, 4.5),
+        "K_D, x y z then about x y z; governed arms that share an object, take efforts and are not ideal have at least "
+        "15 and 13.5, with gears 10 and 9",
+        unit="N/m, N m/rad", runtime=True,
+    )  # fmt: skip
     damping: Six = parameter(
         (2.5, 2.5, 2.5, 2.2, 2.2, 2.2), "D_D, x y z then about x y z", unit="N s/m, N m s/rad", runtime=True
     )
