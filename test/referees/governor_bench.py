@@ -9,10 +9,10 @@ import numpy as np
 from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, REAL, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, new, record
 from slip_core.vectors import ZERO, Spatial, Vec, mat, put_spatial, spatial, vec
-from slip_vic_controller.reference import governor as g
-from slip_vic_controller.reference.friction_estimate import Friction, slip_sample
-from slip_vic_controller.reference.load import ALONE, Held, load, size, surface
-from slip_vic_controller.reference.path_grid import GRID_POINTS, PATH_GRID, Governing, along
+from slip_vic_controller.governor import governor as g
+from slip_vic_controller.governor.friction_estimate import Friction, slip_sample
+from slip_vic_controller.governor.load import ALONE, Held, load, size, surface
+from slip_vic_controller.governor.path_grid import GRID_POINTS, PATH_GRID, Governing, along
 
 PAPER_PLANAR = SimpleNamespace(
     mass=0.5, inertia=np.diag([2e-3] * 3), r=np.array([-0.02, 0.0, 0.0]), radius=0.03, force=0.25,

@@ -10,8 +10,8 @@ import numpy as np
 
 from slip_core.arrays import Array
 from slip_core.types import JointSample
-from slip_vic_controller.parameters.safety_params import InputParams
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.params.safety_params import InputParams
 from slip_vic_controller.safety.faults import Fault
 
 LONGEST_COAST_S = 0.1

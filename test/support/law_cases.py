@@ -11,6 +11,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.records import Record, Records, dtype_of, new, place, record
 from slip_vic.law import GIVEN, MEMORY
+from slip_vic_controller.contact.layouts import MOTION
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.attitude import LOG, RPY
 from slip_vic_controller.law.config import LAW_CONFIG
@@ -18,9 +19,8 @@ from slip_vic_controller.law.contact import ContactSample, Slip, integrate_slips
 from slip_vic_controller.law.gains import LAW_GAINS
 from slip_vic_controller.law.law import EVALUATION, evaluate, predict_motion, scale_acceleration
 from slip_vic_controller.law.symbols import SLIP_ESTIMATE, SYMBOLS, published, symbols
-from slip_vic_controller.observer.layouts import MOTION
-from slip_vic_controller.reference import paths
-from slip_vic_controller.reference.paths import PATH, REFERENCE
+from slip_vic_controller.path import paths
+from slip_vic_controller.path.paths import PATH, REFERENCE
 from slip_vic_controller.safety.validation import JOINT_SAMPLE
 from slip_vic_controller.sizes import MAX_CONTACTS
 from test.referees.law_referee import RefereeInput, exponential

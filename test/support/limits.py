@@ -10,7 +10,7 @@ import numpy as np
 
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.safety.modes import Mode
 
 SCENARIOS = ("paper_planar", "vertical_plane", "glass_transport")

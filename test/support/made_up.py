@@ -10,7 +10,7 @@ import numpy as np
 
 from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
-from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult, Health

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from slip_core.types import CartesianReference, JointSample, PoseGoal
-from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.faults import Fault
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session.controller import Controller

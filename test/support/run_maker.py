@@ -16,7 +16,7 @@ from slip_core.types import DisplacementSample
 from slip_msgs_py.messages.from_msgs import cartesian_reference, pose_goal
 from slip_vic.run.in_process import ClosedLoop, Tick
 from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 from test.support.bag_maker import STORE, encode
 
 TYPES = STORE.types

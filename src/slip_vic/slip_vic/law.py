@@ -17,7 +17,7 @@ from slip_vic_controller.law.config import LAW_CONFIG
 from slip_vic_controller.law.contact import CONTACT_SAMPLE, SLIP
 from slip_vic_controller.law.gains import LAW_GAINS
 from slip_vic_controller.law.law import EVALUATION, evaluate
-from slip_vic_controller.reference.paths import REFERENCE
+from slip_vic_controller.path.paths import REFERENCE
 from slip_vic_controller.safety.validation import JOINT_SAMPLE
 from slip_vic_controller.sizes import MAX_CONTACTS, MAX_JOINTS, Joints
 

@@ -16,7 +16,14 @@ from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.arm.config import estimator_config, velocity_correlation
 from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG
 from slip_vic_controller.arm.plausibility import BLIND_S
+from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.arm.tare import TareConfig
+from slip_vic_controller.contact.config import observer_config, witnesses
+from slip_vic_controller.contact.layouts import OBSERVER_CONFIG
+from slip_vic_controller.governor.friction_estimate import Friction
+from slip_vic_controller.governor.governor import MAX_WINDOW, GovernorConfig
+from slip_vic_controller.governor.grip import GripConfig
+from slip_vic_controller.governor.path_grid import Governing
 from slip_vic_controller.interfaces import fill_wrench_sensor
 from slip_vic_controller.law.bounds import (
     DRIVE_SHARE,
@@ -28,19 +35,12 @@ from slip_vic_controller.law.bounds import (
 from slip_vic_controller.law.config import LAW_CONFIG, make_law_config
 from slip_vic_controller.law.contact import fill_contacts
 from slip_vic_controller.law.gains import LAW_GAINS, UNKNOWN_LAG, gain_report, make_law_gains
-from slip_vic_controller.observer.config import observer_config, witnesses
-from slip_vic_controller.observer.layouts import OBSERVER_CONFIG
-from slip_vic_controller.parameters.arm_params import TareParams
-from slip_vic_controller.parameters.interface_params import GripParams
-from slip_vic_controller.parameters.safety_params import InputParams, SafetyParams, WatchParams
-from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.reference.friction_estimate import Friction
-from slip_vic_controller.reference.goals import GoalsConfig
-from slip_vic_controller.reference.governor import MAX_WINDOW, GovernorConfig
-from slip_vic_controller.reference.grip import GripConfig
-from slip_vic_controller.reference.path_grid import Governing
-from slip_vic_controller.reference.paths import PATH, make_path
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.params.arm_params import TareParams
+from slip_vic_controller.params.controller_params import ControllerParams
+from slip_vic_controller.params.interface_params import GripParams
+from slip_vic_controller.params.safety_params import InputParams, SafetyParams, WatchParams
+from slip_vic_controller.path.goals import GoalsConfig
+from slip_vic_controller.path.paths import PATH, make_path
 from slip_vic_controller.safety.drop_detection import DropDetectionConfig
 from slip_vic_controller.safety.hold import LEAST_LOAD, HoldConfig
 from slip_vic_controller.safety.limit_avoidance import BRAKED_FROM

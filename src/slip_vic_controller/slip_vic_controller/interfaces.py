@@ -9,8 +9,8 @@ from slip_core.compiled import part
 from slip_core.errors import InputError
 from slip_core.records import Mat3, Real, Record, Vec3, Whole, dtype_of
 from slip_core.vectors import Mat, Spatial, mat, spatial, vec
-from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.robot import Robot, rotation_of_rpy
+from slip_vic_controller.arm.robot import Robot, rotation_of_rpy
+from slip_vic_controller.params.controller_params import ControllerParams
 
 
 class WrenchSensor(Record):

@@ -33,7 +33,7 @@ from slip_msgs_py.node_main import memory_mib
 from slip_msgs_py.qos import create_publisher
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare_arms
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.manifest import Manifest
 from slip_vic_controller.session.session import ControllerSession, Results

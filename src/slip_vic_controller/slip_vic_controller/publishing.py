@@ -13,10 +13,10 @@ from slip_msgs_py.messages import forms, to_msgs
 from slip_msgs_py.once_every import OnceEvery
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.law.symbols import AXES
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.arm_session import ArmSession
 from slip_vic_controller.session.cycle_result import CycleResult
-from slip_vic_controller.snapshot import to_text
+from slip_vic_controller.session.snapshot import to_text
 from slip_vic_controller.timing import SCALARS, CycleTiming
 
 STATE_PERIOD_S = 1.0

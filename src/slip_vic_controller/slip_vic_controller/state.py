@@ -11,6 +11,10 @@ from slip_vic_controller.arm.command import CommandConfig, MotionCommand
 from slip_vic_controller.arm.drive_delay import DriveDelay
 from slip_vic_controller.arm.joint_estimate import EstimatorConfig, JointEstimate, PublishedJoints
 from slip_vic_controller.arm.tare import Tare, TareConfig
+from slip_vic_controller.contact.layouts import Motion, Observer, ObserverConfig
+from slip_vic_controller.governor.governor import GovernedPad, Governor, GovernorConfig
+from slip_vic_controller.governor.grip import Grip, GripConfig
+from slip_vic_controller.governor.path_grid import PathGrid
 from slip_vic_controller.interfaces import WrenchSensor
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.config import LawConfig
@@ -19,14 +23,10 @@ from slip_vic_controller.law.gains import LawGains, Ramp
 from slip_vic_controller.law.giving_up import CompensationState, GivingUpConfig
 from slip_vic_controller.law.law import Evaluation
 from slip_vic_controller.law.symbols import SlipEstimate
-from slip_vic_controller.observer.layouts import Motion, Observer, ObserverConfig
-from slip_vic_controller.reference.goals import Goal, GoalsConfig
-from slip_vic_controller.reference.governor import GovernedPad, Governor, GovernorConfig
-from slip_vic_controller.reference.grip import Grip, GripConfig
-from slip_vic_controller.reference.path_grid import PathGrid
-from slip_vic_controller.reference.path_scaling import PathScaling
-from slip_vic_controller.reference.paths import DesiredMotion, Grasp, Path
-from slip_vic_controller.reference.stream import Stream, StreamConfig
+from slip_vic_controller.path.goals import Goal, GoalsConfig
+from slip_vic_controller.path.path_scaling import PathScaling
+from slip_vic_controller.path.paths import DesiredMotion, Grasp, Path
+from slip_vic_controller.path.stream import Stream, StreamConfig
 from slip_vic_controller.safety.arbitration import ArbitrationConfig, Health, Since
 from slip_vic_controller.safety.drop_detection import DropDetectionConfig, ObservedMotion
 from slip_vic_controller.safety.effort_limiter import EffortLimiter

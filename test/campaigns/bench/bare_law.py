@@ -10,10 +10,10 @@ from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel
 from slip_core.records import new, place, record
 from slip_core.types import EffortCommand, JointSample, SlipSample, WrenchSample
+from slip_vic_controller.contact.layouts import ROW_SIZE
 from slip_vic_controller.cycle.beginning import begin_law
 from slip_vic_controller.cycle.commanding import command, keep_law
 from slip_vic_controller.cycle.sensing import sense
-from slip_vic_controller.observer.layouts import ROW_SIZE
 from slip_vic_controller.safety.validation import await_answer, queue_slip
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, INPUTS, OUTPUTS, TASK_SIZE, TASK_STATE

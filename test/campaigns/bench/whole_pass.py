@@ -5,7 +5,7 @@ from __future__ import annotations
 from slip_core.arrays import Array
 from slip_core.compiled import OUT1, REAL, VOID, kernel
 from slip_core.records import record
-from slip_vic_controller.reference.backward_pass import step_back
+from slip_vic_controller.governor.backward_pass import step_back
 from slip_vic_controller.state import TASK_SIZE, TASK_STATE
 
 

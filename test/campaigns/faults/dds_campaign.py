@@ -29,7 +29,7 @@ from slip_vic.run.domain import domain_id
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import ProcessGroup, child_environment
 from slip_vic.scenarios.scenario import Scenario, load_scenario
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.safety.modes import Mode
 from test.campaigns.faults import network
 from test.campaigns.faults.campaign import Tally, Verdict, write_results

@@ -14,8 +14,8 @@ import numpy as np
 from slip_core.stamps import NS_PER_S, stamp_of
 from slip_core.topics import topic
 from slip_msgs_py.fast_io import Receiver
-from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.modes import Mode
 from test.campaigns.faults.monitors import (
     NS,

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_vic_controller.arm.plausibility import BLIND_S
-from slip_vic_controller.parameters.safety_params import SafetyParams
-from slip_vic_controller.reference.governor import Phase
-from slip_vic_controller.reference.path_grid import GRID_POINTS
+from slip_vic_controller.governor.governor import Phase
+from slip_vic_controller.governor.path_grid import GRID_POINTS
+from slip_vic_controller.params.safety_params import SafetyParams
 from test.campaigns.faults.plan import JOINT, SLIP, WRENCH
 
 Numbers = NDArray[np.float64]

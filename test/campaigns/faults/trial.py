@@ -22,7 +22,7 @@ from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import Law, Scenario
 from slip_vic_controller.config import POINTS_PER_CYCLE
 from slip_vic_controller.cycle.governing import SAMPLES_PER_CYCLE
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.controller import ArmController, Controller
 from slip_vic_controller.session.cycle_result import CycleResult

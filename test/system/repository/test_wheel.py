@@ -20,7 +20,7 @@ DEADLINE_S = 600.0
 # Benchmarks, another's timing, and two arms on one object: compiled where they are first made, in the parent of the
 # processes.
 NOT_IN_A_RUN = (
-    "test.campaigns.", "slip_vic_controller.reference.retiming", "slip_sim_bridge.plant.elastic",
+    "test.campaigns.", "slip_vic_controller.path.retiming", "slip_sim_bridge.plant.elastic",
     "slip_sim_bridge.soft_grasp",
 )  # fmt: skip
 

@@ -16,7 +16,7 @@ from slip_vic_controller.arm.config import estimator_config
 from slip_vic_controller.arm.drive_delay import DRIVE_DELAY, SURE_S, forget_drive_delay, watch_drive_delay
 from slip_vic_controller.arm.estimator import estimate_joints, remember_input
 from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG, JOINT_ESTIMATE, Finding
-from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety.reasons import finding_text
 from test.campaigns.faults.dds_campaign import campaign_scenario

@@ -41,10 +41,10 @@ from slip_vic_controller.arm.joint_estimate import (
     clear_findings,
 )
 from slip_vic_controller.arm.plausibility import compare_measurements
+from slip_vic_controller.contact.layouts import MOTION
 from slip_vic_controller.law.arm import ARM
-from slip_vic_controller.observer.layouts import MOTION
-from slip_vic_controller.parameters.arm_params import JointSensorConfig
-from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.params.arm_params import JointSensorConfig
+from slip_vic_controller.params.controller_params import ControllerParams
 from test.referees import joint_filter
 from test.support.call import call
 from test.support.every import every

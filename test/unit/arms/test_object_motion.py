@@ -12,8 +12,8 @@ from slip_core.params import build
 from slip_core.types import CartesianReference, JointSample, PoseGoal, SlipSample, WrenchSample
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import Law, load_scenario
-from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.reference.goals import GoalPhase
+from slip_vic_controller.params.controller_params import ControllerParams
+from slip_vic_controller.path.goals import GoalPhase
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult

@@ -13,7 +13,7 @@ from slip_vic.page.runs import shown
 from slip_vic.run.metrics import off_goal_m
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.study.lottery import Entry, draw_of, lottery_file, lottery_table, play
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.arm.robot import Robot
 
 SHORT = ("left.bridge.duration_s=0.03", "right.bridge.duration_s=0.03")
 UPRIGHT = "pane_two_arms_upright"

@@ -16,7 +16,7 @@ from slip_vic.run.in_process import run_in_process
 from slip_vic.run.judge import judge
 from slip_vic.run.series import read_series
 from slip_vic.run.track import Track
-from slip_vic_controller.snapshot import from_text, to_text
+from slip_vic_controller.session.snapshot import from_text, to_text
 from slip_vic_controller.state import ARM_STATE, TASK_SIZE
 
 BAGS = Path(__file__).parents[3] / "bags"

@@ -22,9 +22,9 @@ from slip_vic.replay.run_data import read_run
 from slip_vic.replay.verify import verify_run
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.manifest import Manifest
-from slip_vic_controller.snapshot import from_text, to_text
+from slip_vic_controller.session.snapshot import from_text, to_text
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, TASK_SIZE
 from test.support.one_arm import OneArm, one_arm
 

@@ -15,7 +15,7 @@ from slip_vic.benchmark import driven
 from slip_vic.benchmark.driven import Driven
 from slip_vic.benchmark.law import find_law
 from slip_vic.scenarios.scenario import Scenario
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.arm.robot import Robot
 from test.support.every import every
 
 GAINS_OF_FOUR = {"stiffness": 4.0, "damping": 2.0}

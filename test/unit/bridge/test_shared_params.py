@@ -11,7 +11,7 @@ from slip_core.grasp_params import QUATERNION_TOLERANCE, ArmParams, ContactParam
 from slip_core.params import ParameterModel, build, parameter_infos
 from slip_core.sensor_params import SlipSensorModel, WrenchSensorModel
 from slip_sim_bridge.params import BridgeParams
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 from test.support.every import every
 
 NODES = (BridgeParams, ControllerNodeParams)

@@ -21,8 +21,8 @@ from slip_vic.setup.arm.hand import find_hand
 from slip_vic.setup.arm.posture import Start
 from slip_vic.setup.arm.write import Arm, failing, write_arm
 from slip_vic.setup.arm.write_urdf import PAD, possible_inertia
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.safety.modes import Mode
 from test.support.odd_arm import JOINTS, odd_arm_urdf, with_joint, with_link
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from slip_core.errors import InputError
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.arm.robot import Robot
 from test.campaigns.bench import cost, measure
 from test.campaigns.bench.chain import chain_urdf
 from test.campaigns.bench.compare import compare, comparison_table, judge, read_metrics

@@ -11,7 +11,7 @@ from slip_vic.cli import cli
 from slip_vic.presets import preset_names
 from slip_vic.presets.models import load_drive
 from slip_vic.scenarios.scenario import apply_drive, drive_assignments, load_scenario
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 from test.support.every import every
 
 NAMES = preset_names("drives")

@@ -15,9 +15,9 @@ from slip_vic.run.launcher import RunResult
 from slip_vic.scenarios.scenario import Law, load_scenario
 from slip_vic.study.cases import Case
 from slip_vic.study.run_case import run_case
-from slip_vic_controller.incidents import UNREACHABLE_S, IncidentWatch
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.safety.reasons import Cause
+from slip_vic_controller.session.incidents import UNREACHABLE_S, IncidentWatch
 
 
 def told(name: str, *assignments: str, kind: Law = "classical") -> list[Incident]:

@@ -23,7 +23,7 @@ from slip_vic.run.launcher import Launcher
 from slip_vic.run.node_command import LaunchPlan, launch_plan, run_parameters
 from slip_vic.run.recording import recorder_command
 from slip_vic.scenarios.scenario import NODES, load_scenario
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 
 SRC = Path(__file__).parents[3] / "src"
 FILES = sorted((SRC / "slip_vic" / "launch").glob("*.launch.py"))

@@ -10,7 +10,7 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import build, parameter_infos
 from slip_vic.scenarios.scenario import NODES
-from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.params.controller_params import ControllerParams
 from test.support.every import every
 from test.support.one_arm import one_arm
 from test.support.small_arm import small_arm_urdf

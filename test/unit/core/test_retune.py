@@ -11,7 +11,7 @@ import pytest
 from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.types import JointSample, SlipSample, WrenchSample
-from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.cycle_result import CycleResult
 from test.support.one_arm import OneArm, one_arm

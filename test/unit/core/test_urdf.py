@@ -12,8 +12,8 @@ from slip_core.records import new, record
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.plant.rigid import build_model
+from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.arm import ARM
-from slip_vic_controller.robot import Robot
 from test.support.odd_arm import JOINTS, odd_arm_urdf, with_joint, with_link
 
 ROUNDING = 1e-12

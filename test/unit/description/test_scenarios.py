@@ -13,7 +13,7 @@ from slip_core.params import build
 from slip_description import urdf_text
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.scenarios import scenario_names, scenario_text
-from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.params.controller_params import ControllerParams
 from test.unit.bridge.one_arm import OneArm
 
 NAMES = ["glass_transport", "paper_planar", "vertical_plane"]

@@ -10,8 +10,8 @@ from slip_core.params import build
 from slip_core.records import new, record
 from slip_vic_controller.law.bounds import held_sample_limit
 from slip_vic_controller.law.gains import LAW_GAINS, RAMP, gains_at, make_law_gains, make_ramp
-from slip_vic_controller.params import ControllerParams, TrajectoryParams
-from slip_vic_controller.reference.paths import make_path
+from slip_vic_controller.params.controller_params import ControllerParams, TrajectoryParams
+from slip_vic_controller.path.paths import make_path
 from test.support.call import call
 from test.support.law_cases import PI, random_case, reference_of
 

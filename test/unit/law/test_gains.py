@@ -23,7 +23,7 @@ from slip_vic_controller.law.gains import (
     slow_down,
     steady,
 )
-from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.params.controller_params import ControllerParams
 from test.support.call import call
 from test.support.law_cases import random_case
 

@@ -15,9 +15,9 @@ from slip_msgs_py.messages.to_msgs import joint_state
 from slip_sim_bridge.sensors.slip_kinds import pose_of
 from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import Scenario, load_scenario
+from slip_vic_controller.contact.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.law.arm import ARM as ARM_LAYOUT
 from slip_vic_controller.safety.modes import Mode
-from slip_vic_controller.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.state import INPUTS
 from test.support.made_up import LOAD, MadeUp
 from test.support.one_arm import one_arm

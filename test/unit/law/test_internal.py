@@ -9,10 +9,10 @@ from slip_core.errors import InputError
 from slip_core.params import build
 from slip_core.records import record
 from slip_description import urdf_text
+from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.config import make_config
 from slip_vic_controller.law.bounds import INTERNAL_BOUND, internal_gain_limit
-from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.state import CONFIG
 from test.referees.law_referee import grasp_matrix_parts
 from test.support.law_cases import Case, random_case

@@ -16,7 +16,7 @@ from slip_vic_controller.law.attitude import LOG, LOG_REPORT, RPY
 from slip_vic_controller.law.config import LAW_CONFIG, YIELDS_M, make_law_config
 from slip_vic_controller.law.contact import SLIP
 from slip_vic_controller.law.law import EVALUATION, authority, finite_memory
-from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.params.controller_params import ControllerParams
 from test.referees.law_referee import about, referee_law
 from test.support.call import call
 from test.support.law_cases import PI, Case, random_case

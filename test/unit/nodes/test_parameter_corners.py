@@ -15,7 +15,7 @@ from slip_core.errors import InputError
 from slip_core.params import RANGES, ParameterInfo, build, flatten, parameter_infos
 from slip_sim_bridge.session import BridgeSession
 from slip_vic.scenarios.scenario import load_scenario
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.manifest import Manifest
 from test.support.one_arm import OneArm, one_arm

@@ -5,8 +5,8 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from slip_description import urdf_text
+from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.publishing import WARN, StatusPublisher
-from slip_vic_controller.robot import Robot
 from test.support.small_arm import JOINT_NAMES, small_arm_urdf
 
 

@@ -33,20 +33,17 @@ ALLOWED = {
     "slip_description": set(),
     "slip_vic_controller": SHELLS,
     "slip_vic_controller.arm": {"numpy", "scipy", "slip_core"},
-    "slip_vic_controller.arrival": {"numpy", "slip_core"},
     "slip_vic_controller.config": {"numpy", "slip_core"},
     "slip_vic_controller.cycle": {"numpy", "slip_core"},
     "slip_vic_controller.cycle.governing": {"slip_core"},
     "slip_vic_controller.interfaces": {"numpy", "scipy", "slip_core"},
-    "slip_vic_controller.joint_path": {"numpy", "scipy", "slip_core"},
     "slip_vic_controller.law": {"numpy", "slip_core"},
-    "slip_vic_controller.observer": {"numpy", "scipy", "slip_core"},
-    "slip_vic_controller.reference": {"numpy", "scipy", "slip_core"},
-    "slip_vic_controller.robot": {"numpy", "pinocchio", "slip_core"},
+    "slip_vic_controller.contact": {"numpy", "scipy", "slip_core"},
+    "slip_vic_controller.governor": {"numpy", "scipy", "slip_core"},
+    "slip_vic_controller.path": {"numpy", "scipy", "slip_core"},
+    "slip_vic_controller.arm.robot": {"numpy", "pinocchio", "slip_core"},
     "slip_vic_controller.safety": {"numpy", "slip_core"},
     "slip_vic_controller.session": {"numpy", "slip_core"},
-    "slip_vic_controller.slip_displacement": {"numpy", "slip_core"},
-    "slip_vic_controller.snapshot": {"numpy", "slip_core"},
     "slip_vic_controller.state": {"slip_core"},
     "slip_sim_bridge": SHELLS,
     "slip_sim_bridge.drives": {"numpy", "pydantic", "slip_core"},
@@ -59,37 +56,48 @@ ALLOWED = {
     "slip_vic.retime": ROOMS | NUMERIC | {"click", "matplotlib", "mcap_ros2", "pandas", "scipy"},
     "slip_vic.study.tune.search": ROOMS | NUMERIC | {"optuna"},
 }
-SHARED = {"slip_vic_controller.sizes", "slip_vic_controller.params"}
+SHARED = {"slip_vic_controller.sizes", "slip_vic_controller.params.controller_params"}
 CYCLE = {
     f"slip_vic_controller.{part}"
-    for part in ("arm", "law", "observer", "reference", "safety", "parameters.safety_params")
+    for part in ("arm", "contact", "governor", "law", "params.safety_params", "path", "safety")
 } | SHARED
 OWN = {  # layers inside a package: what of the own package a part may import
     "slip_core.compiled": {"slip_core.errors", "slip_core.part_compiler"},
     "slip_core.part_compiler": set(),
     "slip_core.records": {"slip_core.arrays"},
     "slip_core.vectors": {"slip_core.arrays", "slip_core.compiled"},
-    "slip_vic_controller.arm": {f"slip_vic_controller.{part}" for part in ("arm", "law.arm", "parameters.arm_params")}
+    "slip_vic_controller.arm": {f"slip_vic_controller.{part}" for part in ("arm", "law.arm", "params.arm_params")}
     | SHARED,
-    "slip_vic_controller.arrival": CYCLE | {"slip_vic_controller.state"},
     "slip_vic_controller.config": CYCLE
     | {
         f"slip_vic_controller.{part}"
-        for part in ("state", "parameters.arm_params", "parameters.interface_params", "interfaces", "robot")
+        for part in ("state", "params.arm_params", "params.interface_params", "interfaces")
     },
     "slip_vic_controller.cycle": CYCLE | {f"slip_vic_controller.{part}" for part in ("cycle", "interfaces", "state")},
-    "slip_vic_controller.cycle.governing": {f"slip_vic_controller.{part}" for part in ("reference", "law", "state")},
-    "slip_vic_controller.interfaces": {"slip_vic_controller.robot", *SHARED},
-    "slip_vic_controller.joint_path": {"slip_vic_controller.law.arm", "slip_vic_controller.robot"},
+    "slip_vic_controller.cycle.governing": {
+        f"slip_vic_controller.{part}" for part in ("contact", "governor", "path", "law", "state")
+    },
+    "slip_vic_controller.interfaces": {"slip_vic_controller.arm.robot", *SHARED},
+    "slip_vic_controller.path.joint_path": {"slip_vic_controller.law.arm", "slip_vic_controller.arm.robot"},
     "slip_vic_controller.law": {"slip_vic_controller.law", *SHARED},
-    "slip_vic_controller.observer": {"slip_vic_controller.observer", "slip_vic_controller.law.contact", *SHARED},
-    "slip_vic_controller.reference": {"slip_vic_controller.reference", "slip_vic_controller.law.rotation", *SHARED},
-    "slip_vic_controller.robot": {"slip_vic_controller.law.arm", *SHARED},
+    "slip_vic_controller.contact": {
+        f"slip_vic_controller.{part}" for part in ("contact", "law.contact", "law.rotation")
+    }
+    | SHARED,
+    "slip_vic_controller.governor": {
+        f"slip_vic_controller.{part}" for part in ("governor", "law.rotation", "path.path_scaling", "path.paths")
+    }
+    | SHARED,
+    "slip_vic_controller.path": {
+        f"slip_vic_controller.{part}" for part in ("path", "law.arm", "law.rotation", "governor", "arm.robot")
+    }
+    | SHARED,
+    "slip_vic_controller.arm.robot": {"slip_vic_controller.law.arm", *SHARED},
     "slip_vic_controller.safety": {
         f"slip_vic_controller.{part}"
         for part in (
             "safety",
-            "reference.path_scaling",
+            "path.path_scaling",
             "law.arm",
             "law.contact",
             "law.giving_up",
@@ -101,12 +109,7 @@ OWN = {  # layers inside a package: what of the own package a part may import
     }
     | SHARED,
     "slip_vic_controller.session": CYCLE
-    | {
-        f"slip_vic_controller.{part}"
-        for part in ("arrival", "config", "cycle", "robot", "session", "slip_displacement", "state")
-    },
-    "slip_vic_controller.slip_displacement": {"slip_vic_controller.law.rotation"},
-    "slip_vic_controller.snapshot": {"slip_vic_controller.state", "slip_vic_controller.observer"},
+    | {f"slip_vic_controller.{part}" for part in ("config", "cycle", "session", "state")},
     "slip_vic_controller.state": CYCLE | {"slip_vic_controller.interfaces"},
     "slip_sim_bridge.drives": {"slip_sim_bridge.drives", "slip_sim_bridge.plant.joint_step"},
     "slip_sim_bridge.friction": {"slip_sim_bridge.friction"},

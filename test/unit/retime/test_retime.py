@@ -24,8 +24,8 @@ from slip_vic.retime.timing import held_object
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.reach import pad_path
 from slip_vic.scenarios.scenario import Scenario, load_scenario
-from slip_vic_controller.joint_path import POSE_COLUMNS, JointPath, PadMotion, Points
-from slip_vic_controller.reference.retiming import HELD_OBJECT
+from slip_vic_controller.path.joint_path import POSE_COLUMNS, JointPath, PadMotion, Points
+from slip_vic_controller.path.retiming import HELD_OBJECT
 from test.support.every import every
 
 CLOSE = 0.02

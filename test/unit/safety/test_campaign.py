@@ -23,7 +23,7 @@ from slip_core.types import EffortCommand, JointSample
 from slip_vic.presets import preset_names
 from slip_vic.presets.models import load_sensor
 from slip_vic.scenarios.scenario import Law
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.state import CONFIG
 from test.campaigns.cli import main as campaigns

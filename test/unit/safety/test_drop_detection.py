@@ -8,7 +8,7 @@ import pytest
 from slip_core.records import new, record
 from slip_vic_controller.law.arm import ARM
 from slip_vic_controller.law.law import EVALUATION
-from slip_vic_controller.reference.paths import REFERENCE
+from slip_vic_controller.path.paths import REFERENCE
 from slip_vic_controller.safety.arbitration import watch_for_blindness
 from slip_vic_controller.safety.drop_detection import DROP_DETECTION, OBSERVED, forget, observe_motion
 from slip_vic_controller.sizes import NEVER

@@ -17,7 +17,7 @@ from slip_core.errors import InputError, SlipVicError
 from slip_core.params import ParameterModel, build, flat_names, flatten, parameter_infos, parse_assignment
 from slip_vic.scenarios import scenario_names, scenario_text
 from slip_vic.scenarios.scenario import NODES, Scenario, load_scenario
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.session.controller import Controller
 from test.support.one_arm import one_arm
 from test.unit.bridge.one_arm import OneArm

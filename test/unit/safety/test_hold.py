@@ -14,7 +14,7 @@ from slip_core.vectors import Vec
 from slip_sim_bridge.session import TickOutputs
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.law.arm import ARM
-from slip_vic_controller.parameters.safety_params import SafetyParams
+from slip_vic_controller.params.safety_params import SafetyParams
 from slip_vic_controller.safety.hold import (
     EXCESS,
     HOLD,

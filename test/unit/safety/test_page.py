@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from slip_vic_controller.parameters.safety_params import SafetyParams
+from slip_vic_controller.params.safety_params import SafetyParams
 from slip_vic_controller.safety.faults import reaction_table
 from slip_vic_controller.safety.modes import Mode
 from test.campaigns.faults.plan import ON_NODES, ON_TOPICS

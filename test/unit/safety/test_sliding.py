@@ -9,7 +9,7 @@ import numpy as np
 
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.scenario import Law, load_scenario
-from slip_vic_controller.parameters.safety_params import SafetyParams
+from slip_vic_controller.params.safety_params import SafetyParams
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.safety.modes import Mode, Request
 from test.campaigns.faults.trial import PERIOD_S, STEADY_NS

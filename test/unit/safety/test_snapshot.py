@@ -13,9 +13,9 @@ from slip_core.errors import InputError
 from slip_core.params import build, flatten
 from slip_core.records import new, place, record
 from slip_core.types import JointSample
-from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.safety.modes import Request
-from slip_vic_controller.snapshot import LAYOUT, cycle_of, from_text, number_name, to_text
+from slip_vic_controller.session.snapshot import LAYOUT, cycle_of, from_text, number_name, to_text
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, TASK_SIZE, TASK_STATE
 from test.support.made_up import LOAD, POSITION, SLIP, MadeUp, N
 from test.support.one_arm import OneArm

@@ -10,10 +10,10 @@ from slip_core.types import JointSample, SlipSample
 from slip_sim_bridge.sensors.slip import SlipMeasurement
 from slip_vic.presets import preset_names
 from slip_vic.presets.models import load_sensor
-from slip_vic_controller.arrival import is_silent, receive_joint_state, receive_slip, receive_wrench
-from slip_vic_controller.parameters.safety_params import SafetyParams
+from slip_vic_controller.params.safety_params import SafetyParams
 from slip_vic_controller.safety.faults import WORDS, Fault, Input, describe_fault
 from slip_vic_controller.safety.validation import vector_validity
+from slip_vic_controller.session.arrival import is_silent, receive_joint_state, receive_slip, receive_wrench
 from slip_vic_controller.sizes import MAX_FRESH
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, CONFIG, TASK_SIZE
 from test.referees.validation_referee import GOOD, JointReferee, VectorReferee

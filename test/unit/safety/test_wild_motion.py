@@ -10,7 +10,7 @@ import pytest
 
 from slip_core.errors import InputError
 from slip_core.types import CartesianReference, PoseGoal
-from slip_vic_controller.reference.goals import GoalPhase, Refusal
+from slip_vic_controller.path.goals import GoalPhase, Refusal
 from slip_vic_controller.safety.modes import Mode, Request
 from test.support.made_up import MadeUp, N, law_at_work
 from test.support.one_arm import OneArm

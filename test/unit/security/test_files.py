@@ -37,8 +37,8 @@ from slip_sim_bridge.plant.model import arm_spec
 from slip_vic.run.domain import domain_id
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic.setup.arm.write import Arm
-from slip_vic_controller import snapshot
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.session import snapshot
 from test.support.bag_maker import make_bag
 from test.support.every import every
 

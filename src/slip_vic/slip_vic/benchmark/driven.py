@@ -33,11 +33,11 @@ from slip_vic_controller.arm.command import (
     joint_acceleration,
     start_motion,
 )
+from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.law.contact import CONTACT_SAMPLE, ContactSample
 from slip_vic_controller.law.torque import TORQUE, Torque, joint_torque
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
-from slip_vic_controller.reference.paths import reference_at
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.path.paths import reference_at
 from slip_vic_controller.safety.effort_limiter import (
     LIMITER,
     EffortLimiter,

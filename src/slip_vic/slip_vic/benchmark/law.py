@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Final, Protocol, cast, runtime_checkable
 from slip_core.arrays import Array
 from slip_core.errors import InputError, UnknownName
 from slip_core.types import JointSample, ObjectTruth, SlipSample, WrenchSample
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 
 NEEDS: Final = ("wrench", "slip", "grip", "truth")
 """What a law may need beside the arm itself; one that needs the truth is an oracle, and is not ranked."""

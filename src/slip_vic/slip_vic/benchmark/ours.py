@@ -11,7 +11,7 @@ from slip_core.params import build, flatten
 from slip_core.types import EffortCommand
 from slip_vic.benchmark.law import Answer, Effort, Seen, Setup
 from slip_vic.scenarios.scenario import Law as LawName
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.manifest import Manifest
 from slip_vic_controller.session.session import ControllerSession

@@ -22,7 +22,7 @@ from slip_vic_controller.session.arm_session import ArmSession
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult, Health
 from slip_vic_controller.session.session import ControllerSession
-from slip_vic_controller.snapshot import from_text, number_name
+from slip_vic_controller.session.snapshot import from_text, number_name
 from slip_vic_controller.state import ARM_STATE, TASK_SIZE
 
 INPUTS_JUDGED = slice(TASK_SIZE + place(ARM_STATE, "joint").start, TASK_SIZE + place(ARM_STATE, "slip_inputs").stop)

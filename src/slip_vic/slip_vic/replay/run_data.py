@@ -27,9 +27,9 @@ from slip_msgs_py.messages.from_msgs import (
     slip_flag,
     slip_sample,
 )
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
-from slip_vic_controller.slip_displacement import SlipFromDisplacement
-from slip_vic_controller.snapshot import cycle_of
+from slip_vic_controller.contact.slip_displacement import SlipFromDisplacement
+from slip_vic_controller.params.node_params import ControllerNodeParams
+from slip_vic_controller.session.snapshot import cycle_of
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterValue

@@ -17,7 +17,7 @@ from slip_core.arrays import Array
 from slip_vic.document import document, drawn, table
 from slip_vic.retime.certificate import Certificate, Motion
 from slip_vic.retime.path import TRAJECTORY
-from slip_vic_controller.joint_path import POSE_COLUMNS
+from slip_vic_controller.path.joint_path import POSE_COLUMNS
 
 GOAL_PERIOD_S = 0.02
 """Points of the goal for an action server: it interpolates between them."""

@@ -13,8 +13,8 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.vectors import Vec
 from slip_msgs_py.messages.from_msgs import joint_trajectory
-from slip_vic_controller.joint_path import POSE_COLUMNS, JointPath, PadMotion, Points, checked, spline
 from slip_vic_controller.law.rotation import left_jacobian, left_jacobian_rate
+from slip_vic_controller.path.joint_path import POSE_COLUMNS, JointPath, PadMotion, Points, checked, spline
 
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 

@@ -11,9 +11,9 @@ from slip_core.arrays import Array, inertia_from_six, matrix_from_quat_xyzw
 from slip_core.errors import InputError
 from slip_core.records import new, record
 from slip_vic.retime.path import GivenPath
-from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.reference.governor import GOVERNOR_CONFIG
-from slip_vic_controller.reference.retiming import (
+from slip_vic_controller.governor.governor import GOVERNOR_CONFIG
+from slip_vic_controller.params.controller_params import ControllerParams
+from slip_vic_controller.path.retiming import (
     HELD_OBJECT,
     MEMORY,
     STEP,

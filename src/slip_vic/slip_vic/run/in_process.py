@@ -13,9 +13,9 @@ from slip_core.incidents import Incident
 from slip_core.types import CartesianReference, DisplacementSample, EffortCommand, JointCommand
 from slip_sim_bridge.session import TickOutputs
 from slip_vic.scenarios.scenario import Scenario
-from slip_vic_controller.incidents import IncidentWatch
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult
+from slip_vic_controller.session.incidents import IncidentWatch
 from slip_vic_controller.session.manifest import Manifest
 from slip_vic_controller.session.session import ControllerSession
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from slip_vic.run.series import RunSeries
 from slip_vic.scenarios.reach import pad_path
-from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.params.controller_params import ControllerParams
 
 ARRIVED = 1e-3, float(np.radians(0.5))
 """[m], [rad]"""

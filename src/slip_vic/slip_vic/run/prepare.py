@@ -18,7 +18,7 @@ from slip_vic.run.versions import digest, versions
 MODULES: Final = ("slip_core.poses", "slip_vic_controller.session.session", "slip_sim_bridge.session")
 """These import all modules with compiled formulas."""
 LONGEST: Final = "slip_vic_controller.cycle.cycle"
-BESIDE: Final = ("slip_sim_bridge.session", "slip_vic_controller.arrival")
+BESIDE: Final = ("slip_sim_bridge.session", "slip_vic_controller.session.arrival")
 """What a second process compiles while this one compiles the longest: 66 s instead of 86 on two cores."""
 
 

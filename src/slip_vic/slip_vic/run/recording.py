@@ -11,7 +11,7 @@ from slip_core.topics import TOPICS
 from slip_core.types import COMMANDS
 from slip_vic.run.processes import python_module
 from slip_vic.scenarios.scenario import NODES, Scenario, ros_parameter_file
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 
 SLIP_TOPICS = {"slip_velocity": "twist", "slip_displacement": "displacement", "slip_flag": "flag"}
 VERSIONED = (

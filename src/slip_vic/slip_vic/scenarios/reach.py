@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_sim_bridge.params import BridgeParams
-from slip_vic_controller.params import ControllerParams, TrajectoryParams
-from slip_vic_controller.reference.paths import make_path, sample_path
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.params.controller_params import ControllerParams, TrajectoryParams
+from slip_vic_controller.path.paths import make_path, sample_path
 
 REACHED = 1e-4
 """[m, rad] Pose error below which a point counts as reached: a tenth of what counts as arriving."""

@@ -35,7 +35,7 @@ from slip_core.params import (
 from slip_sim_bridge.params import BridgeParams
 from slip_vic.presets.models import DrivePreset, SensorPreset, load_drive, load_sensor
 from slip_vic.scenarios import scenario_text
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 
 if TYPE_CHECKING:
     from slip_core.arrays import Array
@@ -261,7 +261,7 @@ class Scenario:
             InputError: it cannot; or a URDF that does not fit.
         """
         from slip_vic.scenarios.reach import check_start, near_range_ends
-        from slip_vic_controller.robot import Robot
+        from slip_vic_controller.arm.robot import Robot
 
         remarks = []
         for name, known in self.controllers.items():

@@ -18,7 +18,7 @@ from slip_vic.study.cases import NO_MISMATCH, mismatch_assignments
 from slip_vic.study.run_case import run_scenario
 from slip_vic_controller.law.bounds import GainReport
 from slip_vic_controller.law.gains import gain_report
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 
 
 class Corner(NamedTuple):

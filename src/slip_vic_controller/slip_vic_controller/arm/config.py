@@ -16,8 +16,8 @@ from slip_vic_controller.arm.estimator import transition
 from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG, MAX_LATENCY, QUICK, EstimatorConfig, Trust
 from slip_vic_controller.arm.plausibility import LEAST_LAG_S, MOVES, REPEATED, UNMOVED
 from slip_vic_controller.arm.tare import LEAST_SAMPLES, Tare, deviation, periods_of_joints
-from slip_vic_controller.parameters.arm_params import JointSensorConfig
-from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.params.arm_params import JointSensorConfig
+from slip_vic_controller.params.controller_params import ControllerParams
 
 DEVIATIONS: Final = 6.0
 """Standard deviations of noise that are no difference between position and velocity."""

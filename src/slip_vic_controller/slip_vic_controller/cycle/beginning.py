@@ -5,15 +5,15 @@ from __future__ import annotations
 from slip_core.compiled import part
 from slip_core.vectors import IDENTITY, ZERO, Spatial, mat, put, put_mat, vec
 from slip_vic_controller.arm.tare import start_tare
+from slip_vic_controller.contact.observer import reset
 from slip_vic_controller.cycle.gains import gains_now
 from slip_vic_controller.cycle.governing import begin_governing, begin_pad, rest_on_path
 from slip_vic_controller.cycle.ledger import put_time
+from slip_vic_controller.governor.grip import start_grip
+from slip_vic_controller.governor.path_grid import Governing
 from slip_vic_controller.law.giving_up import start_giving_up
-from slip_vic_controller.observer.observer import reset
-from slip_vic_controller.reference.goals import rest_at
-from slip_vic_controller.reference.grip import start_grip
-from slip_vic_controller.reference.path_grid import Governing
-from slip_vic_controller.reference.paths import Reference
+from slip_vic_controller.path.goals import rest_at
+from slip_vic_controller.path.paths import Reference
 from slip_vic_controller.safety.arbitration import clear_since
 from slip_vic_controller.safety.drop_detection import forget
 from slip_vic_controller.safety.modes import begin_modes

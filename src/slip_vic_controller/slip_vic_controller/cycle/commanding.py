@@ -14,14 +14,14 @@ from slip_vic_controller.cycle.governing import follow_goal, governed_reference,
 from slip_vic_controller.cycle.holding import hold_without_law, keep_joints
 from slip_vic_controller.cycle.sensing import motion_is_near_friction, put_twist_now, put_twist_of_joints
 from slip_vic_controller.cycle.wrench import put_own_wrench
+from slip_vic_controller.governor.path_grid import Governing
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.contact import integrate_slips, slip_velocity
 from slip_vic_controller.law.giving_up import judge_compensation
 from slip_vic_controller.law.impedance import slip_speed
 from slip_vic_controller.law.law import evaluate, scale_acceleration
-from slip_vic_controller.reference.path_grid import Governing
-from slip_vic_controller.reference.path_scaling import scaled
-from slip_vic_controller.reference.paths import carried, put_reference, read_reference, reference_at
+from slip_vic_controller.path.path_scaling import scaled
+from slip_vic_controller.path.paths import carried, put_reference, read_reference, reference_at
 from slip_vic_controller.safety.arbitration import watch_for_blindness
 from slip_vic_controller.safety.drop_detection import observe_motion
 from slip_vic_controller.safety.following import find_what_keeps, stays_far

@@ -33,6 +33,7 @@ import numpy as np
 from slip_core.arrays import Array
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel
 from slip_core.records import record, records
+from slip_vic_controller.contact.layouts import ROW_SIZE
 from slip_vic_controller.cycle.agreeing import agree, at_work, begin_together, common_path_speed, move_on, share_speed
 from slip_vic_controller.cycle.beginning import begin_cycle
 from slip_vic_controller.cycle.commanding import follow
@@ -43,9 +44,8 @@ from slip_vic_controller.cycle.holding import leave_to_drives, prepare
 from slip_vic_controller.cycle.ledger import end_cycle
 from slip_vic_controller.cycle.sensing import sense_all
 from slip_vic_controller.cycle.taring import all_at_rest
+from slip_vic_controller.governor.path_grid import Governing
 from slip_vic_controller.law.symbols import SYMBOLS, no_symbols, symbols
-from slip_vic_controller.observer.layouts import ROW_SIZE
-from slip_vic_controller.reference.path_grid import Governing
 from slip_vic_controller.safety.effort_limiter import go_on
 from slip_vic_controller.safety.faults import Fault, Input
 from slip_vic_controller.safety.modes import NOTHING, TransitionReasons, follows, next_mode

@@ -8,12 +8,8 @@ from slip_core.arrays import Array
 from slip_core.compiled import part
 from slip_core.records import Records
 from slip_core.vectors import ZERO, Mat, Spatial, Vec, mat, spatial, vec
-from slip_vic_controller.law.arm import Arm
-from slip_vic_controller.law.contact import Contact, Slip, contact_arm, pad_rotation
-from slip_vic_controller.law.gains import LawGains
-from slip_vic_controller.law.internal import sharing
-from slip_vic_controller.reference import governor
-from slip_vic_controller.reference.friction_estimate import (
+from slip_vic_controller.governor import governor
+from slip_vic_controller.governor.friction_estimate import (
     end_slip,
     provisional,
     slip_sample,
@@ -21,7 +17,16 @@ from slip_vic_controller.reference.friction_estimate import (
     take_weakest,
     weaker,
 )
-from slip_vic_controller.reference.goals import (
+from slip_vic_controller.governor.governor import GovernedPad, Governor, GovernorConfig
+from slip_vic_controller.governor.grip import follow_load, load_ahead
+from slip_vic_controller.governor.guard import missing_load
+from slip_vic_controller.governor.load import ALONE, Held, Shared, size, surface, weight
+from slip_vic_controller.governor.path_grid import Along, Governing, along, along_at
+from slip_vic_controller.law.arm import Arm
+from slip_vic_controller.law.contact import Contact, Slip, contact_arm, pad_rotation
+from slip_vic_controller.law.gains import LawGains
+from slip_vic_controller.law.internal import sharing
+from slip_vic_controller.path.goals import (
     GoalPhase,
     Refusal,
     begin_goal,
@@ -31,13 +36,8 @@ from slip_vic_controller.reference.goals import (
     screen_goal,
     standing,
 )
-from slip_vic_controller.reference.governor import GovernedPad, Governor, GovernorConfig
-from slip_vic_controller.reference.grip import follow_load, load_ahead
-from slip_vic_controller.reference.guard import missing_load
-from slip_vic_controller.reference.load import ALONE, Held, Shared, size, surface, weight
-from slip_vic_controller.reference.path_grid import Along, Governing, along, along_at
-from slip_vic_controller.reference.paths import Reference, put_reference, reference_at
-from slip_vic_controller.reference.stream import (
+from slip_vic_controller.path.paths import Reference, put_reference, reference_at
+from slip_vic_controller.path.stream import (
     at,
     drop_passed,
     plan_stream,

@@ -10,19 +10,19 @@ from slip_core.records import Records
 from slip_core.vectors import mat, put_spatial, spatial
 from slip_vic_controller.arm.command import Interface
 from slip_vic_controller.arm.estimator import pad_variances
+from slip_vic_controller.contact.layouts import Observer
+from slip_vic_controller.contact.observer import observe
 from slip_vic_controller.cycle.agreeing import at_work, hold_with_the_others
 from slip_vic_controller.cycle.gains import adapt_slip_gain, gains_now, limit_internal_gain
 from slip_vic_controller.cycle.governing import feel_pad, load_of_motion
 from slip_vic_controller.cycle.holding import hold, hold_without_law
 from slip_vic_controller.cycle.wrench import own_wrench
+from slip_vic_controller.governor.friction_estimate import asks_for_more
+from slip_vic_controller.governor.path_grid import Governing
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.contact import beyond_dead_band
 from slip_vic_controller.law.law import predict_motion
 from slip_vic_controller.law.symbols import SlipEstimate
-from slip_vic_controller.observer.layouts import Observer
-from slip_vic_controller.observer.observer import observe
-from slip_vic_controller.reference.friction_estimate import asks_for_more
-from slip_vic_controller.reference.path_grid import Governing
 from slip_vic_controller.safety.arbitration import Level
 from slip_vic_controller.safety.latency import measure_slip_latency
 from slip_vic_controller.safety.reasons import Cause

@@ -9,7 +9,7 @@ from slip_core.arrays import Array
 from slip_core.records import Real, Record, Records, Whole, dtype_of, new, record
 from slip_vic_controller.law.attitude import LOG, RPY
 from slip_vic_controller.law.contact import Contact, fill_contacts
-from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.sizes import MAX_CONTACTS, Joints
 
 

@@ -17,7 +17,7 @@ from slip_core.arrays import Array, inertia_from_six, vector
 from slip_core.compiled import IN1, INT, OUT1, VOID, kernel, part
 from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
 from slip_vic_controller.law.bounds import GainReport, check_gains, judge_gains
-from slip_vic_controller.params import ControllerParams, GainParams
+from slip_vic_controller.params.controller_params import ControllerParams, GainParams
 
 UNKNOWN_LAG = 0.3
 """Share of the configured lag of drives that may not be there, and so stays in the slip loop where slip is predicted:

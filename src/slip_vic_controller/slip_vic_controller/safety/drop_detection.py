@@ -15,7 +15,7 @@ from slip_core.records import Real, Record, Vec3, Vec6, Whole, dtype_of
 from slip_core.vectors import ZERO, Mat, Vec, mat, put, vec
 from slip_vic_controller.law.arm import Arm
 from slip_vic_controller.law.law import DesiredMotion, Evaluation
-from slip_vic_controller.reference.path_scaling import scale_for_error
+from slip_vic_controller.path.path_scaling import scale_for_error
 
 EVIDENCE_MEMORY_S = 0.1
 MOVING = 0.01

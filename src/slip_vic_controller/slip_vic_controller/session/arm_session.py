@@ -14,25 +14,25 @@ from slip_core.errors import InputError
 from slip_core.records import new, place, record
 from slip_core.types import CartesianReference, DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_vic_controller.arm.config import with_measured_noise
-from slip_vic_controller.arrival import (
+from slip_vic_controller.config import renew_config, use_noise
+from slip_vic_controller.contact.layouts import ROW_SIZE
+from slip_vic_controller.contact.slip_displacement import SlipFromDisplacement
+from slip_vic_controller.law.gains import LAW_GAINS, RAMP, make_ramp, sample_gains
+from slip_vic_controller.params.controller_params import ControllerParams
+from slip_vic_controller.safety.faults import Fault
+from slip_vic_controller.safety.modes import Mode, Request
+from slip_vic_controller.safety.reasons import ACTIVATION, describe
+from slip_vic_controller.safety.validation import JointInput, JointRecord, VectorInput, mean_period_s, unanswered
+from slip_vic_controller.session.arrival import (
     begin_answer,
     is_silent,
     receive_joint_state,
     receive_slip,
     receive_wrench,
 )
-from slip_vic_controller.config import renew_config, use_noise
-from slip_vic_controller.law.gains import LAW_GAINS, RAMP, make_ramp, sample_gains
-from slip_vic_controller.observer.layouts import ROW_SIZE
-from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.safety.faults import Fault
-from slip_vic_controller.safety.modes import Mode, Request
-from slip_vic_controller.safety.reasons import ACTIVATION, describe
-from slip_vic_controller.safety.validation import JointInput, JointRecord, VectorInput, mean_period_s, unanswered
 from slip_vic_controller.session.cycle_result import NO_NUMBERS, CycleResult, Health
 from slip_vic_controller.session.manifest import Manifest
 from slip_vic_controller.sizes import MAX_FRESH
-from slip_vic_controller.slip_displacement import SlipFromDisplacement
 from slip_vic_controller.state import (
     ARM_SIZE,
     ARM_STATE,

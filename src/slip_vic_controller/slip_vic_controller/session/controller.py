@@ -10,12 +10,12 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.records import place, records
 from slip_core.types import COMMANDS, JointCommand
+from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.config import make_config
+from slip_vic_controller.contact.config import capacity
+from slip_vic_controller.contact.layouts import ROW_SIZE
 from slip_vic_controller.law.gains import RAMP, gain_report, make_law_gains, steady
-from slip_vic_controller.observer.config import capacity
-from slip_vic_controller.observer.layouts import ROW_SIZE
-from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.params.controller_params import ControllerParams
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, OUTPUTS, TASK_SIZE
 
 _COMMAND = place(OUTPUTS, "command")

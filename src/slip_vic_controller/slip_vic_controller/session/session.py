@@ -20,8 +20,8 @@ from slip_core.types import CartesianReference, JointSample, PoseGoal
 from slip_vic_controller.config import governed_stream
 from slip_vic_controller.cycle.cycle import ANSWERED, CHANGED, cycle, watchdog
 from slip_vic_controller.law.gains import gain_report, make_law_gains
-from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.reference.stream import QUEUED
+from slip_vic_controller.params.controller_params import ControllerParams
+from slip_vic_controller.path.stream import QUEUED
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session.arm_session import ArmSession, used_history, write_reference
 from slip_vic_controller.session.controller import Controller

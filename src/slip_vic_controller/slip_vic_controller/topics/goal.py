@@ -8,7 +8,7 @@ from slip_core.errors import InputError
 from slip_msgs_py.fast_io import Refusals
 from slip_msgs_py.messages import from_msgs, to_msgs
 from slip_msgs_py.qos import create_publisher, create_subscription
-from slip_vic_controller.reference.goals import GoalPhase, Refusal
+from slip_vic_controller.path.goals import GoalPhase, Refusal
 from slip_vic_controller.session.session import ControllerSession
 
 GOAL_DEPTH = 10

@@ -14,11 +14,11 @@ from slip_msgs_py.fast_io import Refusals
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.once_every import OnceEvery
 from slip_msgs_py.qos import create_publisher
-from slip_vic_controller.incidents import IncidentWatch
 from slip_vic_controller.publishing import DIAGNOSTICS_PERIOD_NS, MODE_PHASE, StatusPublisher
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.arm_session import ArmSession
 from slip_vic_controller.session.cycle_result import CycleResult
+from slip_vic_controller.session.incidents import IncidentWatch
 from slip_vic_controller.session.session import ControllerSession
 
 PUBLISHERS_PERIOD_S = 0.02  # so long a foreign command may go unseen; a look takes some 30 us

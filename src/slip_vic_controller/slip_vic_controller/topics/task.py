@@ -9,7 +9,7 @@ from slip_msgs_py.fast_io import Refusals
 from slip_msgs_py.messages import from_msgs
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_vic_controller.config import governed_stream
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.session.session import ControllerSession
 from slip_vic_controller.topics.goal import GoalInterface

@@ -21,9 +21,9 @@ from slip_vic.scenarios.scenario import NODES, Scenario, load_scenario, read_sce
 from slip_vic.setup.arm.hand import LEAST_JOINTS, Hand, find_hand, finger_positions
 from slip_vic.setup.arm.posture import Start, best_start, postures
 from slip_vic.setup.arm.write_urdf import PAD, arm_urdf
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
-from slip_vic_controller.params import ControllerParams
-from slip_vic_controller.robot import Robot
+from slip_vic_controller.arm.robot import Robot
+from slip_vic_controller.params.controller_params import ControllerParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 
 URDF_NAME = "arm.urdf"
 LONGEST_REACH_M = 1.0

@@ -29,7 +29,7 @@ from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.messages.from_msgs import JointOrder, vector6
 from slip_msgs_py.qos import create_publisher, message_class
 from slip_vic.setup.bringup.verdicts import Endpoint, Heard, Track
-from slip_vic_controller.parameters.node_params import ControllerNodeParams
+from slip_vic_controller.params.node_params import ControllerNodeParams
 
 CONTROLLER: Final = "slip_vic_controller"
 BRIDGE: Final = "slip_sim_bridge"

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from slip_core.arrays import Array
-from slip_vic_controller.params import ControllerParams
+from slip_vic_controller.params.controller_params import ControllerParams
 
 RATE_SLACK: Final = 0.2
 RESTING_SPEED: Final = 0.02  # [rad/s], of the mean: noise of a velocity does not count

@@ -18,9 +18,9 @@ from slip_core.vectors import mat
 from slip_vic.setup.bringup import verdicts
 from slip_vic.setup.bringup.hands import Hands, unit
 from slip_vic.setup.bringup.verdicts import Heard, Verdict
+from slip_vic_controller.arm.robot import Robot
 from slip_vic_controller.interfaces import WRENCH_SENSOR, fill_wrench_sensor, wrench_at_pad
 from slip_vic_controller.law.arm import ARM
-from slip_vic_controller.robot import Robot
 
 if TYPE_CHECKING:
     from slip_vic.setup.bringup.ros_system import RosSystem

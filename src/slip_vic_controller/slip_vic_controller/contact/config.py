@@ -1,0 +1,151 @@
+"""From parameters to the numbers of the slip observer."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.errors import InputError
+from slip_core.records import new, record
+from slip_vic_controller.contact.layouts import OBSERVER_CONFIG, ObserverConfig
+from slip_vic_controller.params.controller_params import ControllerParams
+
+LONGEST_WINDOW = 0.5
+"""Share of the memory over which slip may take to show in the model: samples of its beginning must still count."""
+SPARE_ROWS = 64
+"""Rows of the history beyond those that are expected: samples that come in a burst."""
+WITNESSES = 3
+"""Samples in a row that a real sensor must show slip in: two outliers in a row happen in every minute."""
+TOGETHER = 1.2
+"""What these samples may move the tested mean together, over what is significant [1]."""
+MOST_ROWS = 100_000
+"""Rows of a history that still fits into memory and into a cycle many times."""
+
+
+def witnesses(params: ControllerParams) -> int:
+    """Return how many slip samples in a row it takes to be believed: a real sensor has outliers, a flag has none.
+
+    A sensor that is configured as perfect needs no second sample, unless the arm it is on is not: then nothing is.
+    """
+    sensor = params.slip_sensor
+    perfect = max(sensor.noise_linear, sensor.noise_angular, sensor.quantum_linear) == 0.0
+    return 1 if (perfect and not params.estimates_joints) or params.slip_input == "flag" else WITNESSES
+
+
+def weighed_error(params: ControllerParams) -> float:
+    """Return the expected relative error of the object's linear motion after a tare has weighed it.
+
+    What the tare takes for a bias of the wrench may be mass; what is not weighed is the part of the motion under the
+    pad that comes from turning, (lever^2 m / inertia) of it. Without weight nothing is weighed.
+    """
+    model, expected = params.object, params.observer.model_error
+    weight = model.mass * math.hypot(*params.gravity)
+    if weight == 0.0:
+        return expected
+    turning = math.hypot(*params.contacts.position[:3]) ** 2 * model.mass / float(np.min(model.inertia[:3]))
+    return min(math.hypot(params.tare.force / weight, expected * turning), expected)
+
+
+def observer_config(params: ControllerParams, *, weighed: bool = False, correlation_ticks: float = 0.0) -> Array:
+    """Return the OBSERVER_CONFIG buffer: variances and thresholds that follow from the configured noise levels.
+
+    Noise of the wrench enters the slip velocity once per tick, divided by mass or inertia.
+
+    weighed: whether a tare has measured the object's mass; correlation_ticks: for how many control periods noise of the
+    joints' velocities stays the same, 0 where that is not known.
+    """
+    tuning, sensor, wrench, model = params.observer, params.slip_sensor, params.wrench_sensor, params.object
+    T = params.control_period_s
+    lever = math.hypot(*params.contacts.position[:3])
+    inertia = float(np.min(model.inertia[:3]))
+
+    def accelerations(force: float, torque: float) -> tuple[float, float]:
+        """What a force and a torque accelerate the object's point under the pad by; [m/s^2], [rad/s^2]."""
+        angular = math.hypot(torque, lever * force) / inertia
+        return math.hypot(force / model.mass, lever * angular), angular
+
+    noise = accelerations(wrench.noise_force, wrench.noise_torque)
+    bias = accelerations(wrench.bias_force, wrench.bias_torque)
+    root_T = math.sqrt(T)
+    # A centre of mass that is off by model_error of the lever turns a force into an angular acceleration.
+    onset = tuning.model_error * lever * model.mass / inertia
+
+    least = tuning.min_slip_std_m_s, tuning.min_slip_std_rad_s
+    deviations = {  # linear, angular
+        "measurement_variance": (
+            max(math.hypot(sensor.noise_linear, sensor.quantum_linear), least[0]),
+            max(sensor.noise_angular, least[1]),
+        ),
+        "process_variance": (
+            T * math.hypot(noise[0], tuning.process_noise_linear),
+            T * math.hypot(noise[1], tuning.process_noise_angular),
+        ),
+        "drift_variance": (root_T * tuning.drift_linear, root_T * tuning.drift_angular),
+        "floor_variance": least,
+        "stick_P_bb": (tuning.stick_acceleration_std_m_s2, tuning.stick_acceleration_std_rad_s2),
+        "stick_P_vv": (tuning.stick_speed_std_m_s, tuning.stick_speed_std_rad_s),
+        "prior_P_bb": (wrench.bias_force / model.mass, bias[1]),
+        "prior_P_cc": (
+            weighed_error(params) if weighed and params.stands_alone else tuning.model_error,
+            tuning.model_error,
+        ),
+    }
+
+    # scipy.stats has the same under a clearer name, and takes half a second to import; this is 4 MiB.
+    from scipy.special import chdtri
+
+    buffer = new(OBSERVER_CONFIG)
+    config: ObserverConfig = record(buffer, OBSERVER_CONFIG)
+    for name, (linear, angular) in deviations.items():
+        of_axes = getattr(config, name)
+        of_axes[:3], of_axes[3:] = linear**2, angular**2
+    config.axes[:] = params.contacts.slip_axes[:6]  # of the own contact
+    config.onset_gain[:3], config.onset_gain[3:] = lever * onset, onset
+    config.dead_band[:3], config.dead_band[3:] = sensor.dead_band_linear, sensor.dead_band_angular
+    count = max(int(np.sum(config.axes)), 1)
+    config.correlation_ticks = correlation_ticks if params.stands_alone else 0.0
+    config.nis_slip = float(chdtri(count, tuning.false_alarm_rate))
+    # Where real joints make evidence scarce the cycle says when slip is likely.
+    expects = params.stands_alone or (params.estimates_joints and params.governor.mode != "off")
+    likely = math.sqrt(tuning.false_alarm_rate) if expects else tuning.false_alarm_rate
+    config.nis_likely = float(chdtri(count, likely))
+    config.nis_stick = float(chdtri(count, 1.0 - tuning.stick_share))
+    needed = witnesses(params)
+    config.most_step = TOGETHER / needed if needed > 1 else math.inf
+    config.smoothing, config.outlier_deviations = tuning.smoothing, tuning.outlier
+    config.friction_spread, config.friction_memory_ticks = tuning.drag_spread, tuning.drag_memory_s / T
+    # Without a governor the path goes on: slip is over once a sample of that time has come.
+    dwell_s = max(tuning.dwell_s, sensor.latency_s) if params.stands_alone else tuning.dwell_s
+    config.dwell_ticks = max(1, round(dwell_s / T))
+    config.dates_samples = int(params.stands_alone)
+    # Without a governor the ticks since a late sample was measured are kept: the slip is that of its stamp.
+    late_s = min(sensor.latency_s, tuning.memory_s) if params.stands_alone else 0.0
+    window_s = max(tuning.window_s, late_s)
+    config.window_ticks = config.longest_window_ticks = max(1, round(window_s / T))
+    if config.correlation_ticks > 0.0:
+        config.longest_window_ticks = max(config.window_ticks, round(LONGEST_WINDOW * tuning.memory_s / T))
+    config.memory_ns = round(tuning.memory_s * 1e9)
+    buffer.setflags(write=False)
+    return buffer
+
+
+def capacity(params: ControllerParams) -> int:
+    """Return how many rows the history needs: ticks of the memory with their samples, or the window in stick.
+
+    More samples than the sensor's rate gives make the history shorter in time, not longer.
+
+    Raises:
+        InputError: it would be too long.
+    """
+    tuning, T = params.observer, params.control_period_s
+    ticks = math.ceil(tuning.memory_s / T) + 1
+    period = params.slip_sensor.period_s or T
+    samples = math.ceil(tuning.memory_s / period) + 1
+    window = max(1, round(tuning.window_s / T))
+    rows = max(ticks + samples, window + 1) + SPARE_ROWS
+    if rows > MOST_ROWS:
+        what = "parameters observer.memory_s, observer.window_s, control_period_s, slip_sensor.rate_hz"
+        raise InputError(what, got=f"a history of {rows} rows", expected=f"at most {MOST_ROWS}")
+    return rows

@@ -1,0 +1,239 @@
+"""The path as the governor sees it: points with the load that running through them puts on the contact.
+
+On a path x_d(s) with x = sdot^2 and u = sddot the load is l = l_u u + l_x x + l_c. The backward pass needs only the
+scalar products of these three vectors, so a point keeps those. The parameter s is the user's own time where the path
+is only slowed down; for time-optimal motion it is a length, ds = sqrt(|v|^2 + L^2 |w|^2 + floor^2) dt. The floor lets s
+continue where the path turns back; it vanishes towards the ends as the speed of a path does that starts with no
+acceleration, so there s is a length indeed.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum, unique
+from typing import TYPE_CHECKING, Annotated, Final, NamedTuple, Protocol
+
+from slip_core.compiled import part
+from slip_core.records import Real, Record, Records, dtype_of
+from slip_core.vectors import Mat, Spatial, Vec
+from slip_vic_controller.governor.load import Held, drawn, turning, weight
+
+if TYPE_CHECKING:
+    from slip_vic_controller.governor.governor import GovernorConfig
+
+GRID_POINTS: Final = 200
+FASTEST: Final = 1e6
+"""Largest sdot^2 of a point that nothing limits."""
+
+
+NEWTON: Final = 40
+CLOSE: Final = 1e-13
+"""Steps of Newton's method for the time at s, kept in a bracket, and the share of a cell at which they end."""
+
+
+@unique
+class Governing(IntEnum):
+    """What the governor does with the path's timing."""
+
+    OFF = 0
+    SLOW_DOWN = 1
+    TIME_OPTIMAL = 2
+
+
+class GridPoint(Record):
+    """A point of the path; uu = l_u . l_u, ux = l_u . l_x and so on: products of the parts of its load."""
+
+    time: Real  # s, of the user's path
+    s: Real
+    speed: Real  # ds/dt
+    bend: Real  # its rate
+    uu: Real
+    ux: Real
+    uc: Real
+    xx: Real
+    xc: Real
+    cc: Real  # N^2
+    cap: Real  # largest sdot^2 for velocity limits
+    K: Real  # largest sdot^2 from which the rest of the path can be run
+    K_next: Real  # that of a pass under way
+
+
+class PathGrid(Record):
+    """The sampled path."""
+
+    points: Annotated[Records[GridPoint], GRID_POINTS]
+
+
+GRID_POINT, PATH_GRID = dtype_of(GridPoint), dtype_of(PathGrid)
+
+
+class Sampled(Protocol):
+    """A record with points: the grid of a path, or a stream."""
+
+    @property
+    def points(self) -> Records[GridPoint]:
+        """The points, in order."""
+
+
+class Along(NamedTuple):
+    """A point of the path over s {w}: attitude, first and second derivative; ds/dt of the user's time and its rate."""
+
+    rotation: Mat
+    tangent: Spatial
+    curve: Spatial
+    speed: float
+    bend: float
+
+
+@part
+def sample_time(mode: int, i: int, duration: float) -> float:
+    """Return the user's time of point i [s].
+
+    Over a length, the ends are sampled a little inside the path, where it has a direction.
+    """
+    inside = INSIDE if mode == Governing.TIME_OPTIMAL else 0.0
+    return duration * min(max(float(i), inside), GRID_POINTS - 1.0 - inside) / (GRID_POINTS - 1.0)
+
+
+INSIDE: Final = 0.2
+"""How far inside, in cells: the path has covered 1e-8 of its way there."""
+
+
+@part
+def along(
+    config: GovernorConfig, duration: float, time: float, rotation: Mat, twist: Spatial, acceleration: Spatial
+) -> Along:
+    """Return a point of the path over s from its reference over the user's time.
+
+    Args:
+        config: GOVERNOR_CONFIG.
+        duration, time: of the user's path [s].
+        rotation, twist, acceleration: of the path in the user's time {w}.
+    """
+    if config.mode != Governing.TIME_OPTIMAL:
+        return Along(rotation, twist, acceleration, 1.0, 0.0)
+    inside = sample_time(config.mode, 0, duration) / duration
+    share = min(max(time / duration, inside), 1.0 - inside)
+    c = 4.0 * share * (1.0 - share)
+    floor, floor_rate = config.floor * c * c, config.floor * 8.0 * c * (1.0 - 2.0 * share) / duration
+    v, w = twist.linear, config.length * twist.angular
+    a, alpha = acceleration.linear, config.length * acceleration.angular
+    speed = math.sqrt(v.dot(v) + w.dot(w) + floor * floor)
+    bend = (v.dot(a) + w.dot(alpha) + floor * floor_rate) / speed
+    return along_at(rotation, twist, acceleration, speed, bend)
+
+
+@part
+def along_at(rotation: Mat, twist: Spatial, acceleration: Spatial, speed: float, bend: float) -> Along:
+    """Return a point of a path over s, from its reference over the user's time, where ds/dt and its rate are known."""
+    curve = (1.0 / (speed * speed)) * (acceleration - (bend / speed) * twist)
+    return Along(rotation, (1.0 / speed) * twist, curve, speed, bend)
+
+
+@part
+def take_point(
+    grid: Sampled, i: int, time: float, at: Along, held: Held, weights: Spatial, gravity: Vec,
+    limits: tuple[float, float, float],
+) -> None:  # fmt: skip
+    """Write point i of the grid; the points before it are known.
+
+    Args:
+        grid: PATH_GRID.
+        i: index.
+        time: of the user's path [s].
+        at: the path there.
+        held, weights: object and limit surface.
+        gravity: [m/s^2] {w}.
+        limits: largest sdot, and of the pad's twist [m/s], [rad/s].
+    """
+    most_rate, most_speed, most_turning = limits
+    point = grid.points[i]
+    point.time, point.speed, point.bend = time, at.speed, at.bend
+    point.s = 0.0
+    if i > 0:
+        before = grid.points[i - 1]
+        h = time - before.time
+        point.s = before.s + 0.5 * h * (before.speed + at.speed) + h * h / 12.0 * (before.bend - at.bend)
+    l_u = drawn(held, weights, at.rotation, at.tangent)
+    l_x = drawn(held, weights, at.rotation, at.curve) + turning(held, weights, at.rotation, at.tangent.angular)
+    l_c = weight(held, weights, at.rotation, gravity)
+    point.uu, point.ux, point.uc = l_u.dot(l_u), l_u.dot(l_x), l_u.dot(l_c)
+    point.xx, point.xc, point.cc = l_x.dot(l_x), l_x.dot(l_c), l_c.dot(l_c)
+    point.cap = min(
+        FASTEST,
+        most_rate * most_rate,
+        square(most_speed / max(at.tangent.linear.norm(), TINY)),
+        square(most_turning / max(at.tangent.angular.norm(), TINY)),
+    )
+
+
+TINY: Final = 1e-9
+
+
+@part
+def square(value: float) -> float:
+    """Return the square, not infinite."""
+    return min(value, 1e9) * min(value, 1e9)
+
+
+@part
+def cell(grid: PathGrid, s: float) -> int:
+    """Return the point before s: i with s_i <= s < s_(i+1), held to the grid."""
+    low, high = 0, GRID_POINTS - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if grid.points[middle].s <= s:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@part
+def path_time(grid: PathGrid, s: float) -> float:
+    """Return the user's time [s] at s: the inverse of the cubic between two points."""
+    i = cell(grid, s)
+    a, b = grid.points[i], grid.points[i + 1]
+    h, way = b.time - a.time, b.s - a.s
+    if s <= a.s or way <= 0.0:
+        return float(a.time)
+    if s >= b.s:
+        return float(b.time)
+    first, last = h * a.speed, h * b.speed
+    second, third = 3.0 * way - 2.0 * first - last, first + last - 2.0 * way
+    t = (s - a.s) / way
+    low, high = 0.0, 1.0
+    for _ in range(NEWTON):
+        error = ((third * t + second) * t + first) * t - (s - a.s)
+        if error > 0.0:
+            high = t
+        else:
+            low = t
+        slope = (3.0 * third * t + 2.0 * second) * t + first
+        step = error / slope if slope > 0.0 else 2.0
+        t = t - step if low <= t - step <= high else 0.5 * (low + high)
+        if abs(step) < CLOSE:
+            break
+    return float(a.time + t * h)
+
+
+@part
+def bound(grid: PathGrid, s: float) -> tuple[float, float]:
+    """Return K and its slope dK/ds at s; between points K is linear, as x is under a constant u."""
+    i = cell(grid, s)
+    a, b = grid.points[i], grid.points[i + 1]
+    way = b.s - a.s
+    if way <= 0.0:
+        return float(a.K), 0.0
+    slope = (b.K - a.K) / way
+    return float(a.K + slope * min(max(s - a.s, 0.0), way)), float(slope)
+
+
+@part
+def bound_next(grid: PathGrid, s: float) -> float:
+    """Return K of the pass that has just ended, at s."""
+    i = cell(grid, s)
+    a, b = grid.points[i], grid.points[i + 1]
+    way = b.s - a.s
+    share = min(max((s - a.s) / way, 0.0), 1.0) if way > 0.0 else 0.0
+    return float(a.K_next + share * (b.K_next - a.K_next))

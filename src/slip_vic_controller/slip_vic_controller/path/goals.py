@@ -1,0 +1,150 @@
+"""Goals by users: a pose and a duration become a quintic from where the reference is.
+
+Under the governor the pad first comes to rest on the path that it is on, as friction admits, and the new one is planned
+from there: whatever comes, there is always a motion that friction carries. Without it the quintic begins with the
+velocity and acceleration that the reference has.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum, unique
+
+from slip_core.compiled import part
+from slip_core.records import Mat3, Real, Record, Vec3, Whole, dtype_of
+from slip_core.vectors import NOTHING, Spatial, mat, put, put_mat, vec
+from slip_vic_controller.law.rotation import logarithm
+from slip_vic_controller.path.paths import HOLD, POLYNOMIALS, Path, Reference, reference_at
+
+
+@unique
+class GoalPhase(IntEnum):
+    """What becomes of the goal that was taken last."""
+
+    RESTS = 0
+    STOPS = 1
+    PLANS = 2
+    MOVES = 3
+    REACHED = 4
+
+
+@unique
+class Refusal(IntEnum):
+    """Why a goal is refused."""
+
+    NO = 0
+    NOT_AT_WORK = 1
+    TOO_HEAVY = 2
+    TOO_FAST = 3
+    TURNS_TOO_FAST = 4
+    TOO_FAR = 5
+
+
+class GoalsConfig(Record):
+    """Whether goals are the reference, and the pad's largest speed where no governor keeps it, else 0."""
+
+    on: Whole
+    most_speed: Real  # m/s
+    most_turning: Real  # rad/s
+
+
+class Goal(Record):
+    """The newest goal, and the motion towards the one under way; {w}."""
+
+    received: Whole  # how many have come, and the number of the newest
+    pending: Whole  # whether it waits
+    number: Whole  # of the one under way
+    phase: Whole  # its GoalPhase
+    refused: Whole  # number of the last that was refused
+    refusal: Whole  # why: Refusal
+    where: Real  # s; on its path
+    value: Real
+    limit: Real
+    to_position: Vec3  # m; what the newest requires
+    to_rotation: Mat3
+    duration: Real  # s
+    position: Vec3  # m; where the motion begins
+    rotation: Mat3
+    path: Path  # relative to that pose
+
+
+GOAL = dtype_of(Goal)
+
+FARTHEST = 10.0
+"""[m] Way to a goal that no arm has; farther ones are errors of a unit or a frame."""
+PEAK = 1.875
+"""Largest speed of a quintic from rest to rest, over way / duration."""
+
+
+@part
+def goal_at(goal: Goal, time: float) -> Reference:
+    """Return the motion towards a GOAL at a time of its path [s]."""
+    return reference_at(goal.path, time, goal.position, goal.rotation)
+
+
+@part
+def standing(reference: Reference) -> Reference:
+    """Return the pose of a reference, at rest."""
+    return Reference(reference.position, reference.rotation, NOTHING, NOTHING)
+
+
+@part
+def rest_at(goal: Goal, reference: Reference) -> None:
+    """Rest at the pose of a reference."""
+    put(goal.position, reference.position)
+    put_mat(goal.rotation, reference.rotation)
+    goal.path.kind, goal.phase, goal.path.knot[1] = HOLD, GoalPhase.RESTS.value, 1.0
+
+
+@part
+def refuse_goal(goal: Goal, why: int, where: float, value: float, limit: float) -> None:
+    """Refuse the newest goal, or the one that is being planned; where [s] on its path."""
+    goal.refused, goal.refusal, goal.where, goal.value, goal.limit = goal.number, 0 + why, where, value, limit
+
+
+@part
+def begin_goal(goal: Goal, now: Reference) -> None:
+    """Begin the goal that waits, from a reference and with its motion."""
+    put(goal.position, now.position)
+    put_mat(goal.rotation, now.rotation)
+    way = Spatial(
+        vec(goal.to_position) - now.position, logarithm(mat(goal.to_rotation) @ mat(goal.rotation).T())
+    )  # fmt: skip
+    path, h = goal.path, float(goal.duration)
+    path.kind, path.segments, path.knot[0], path.knot[1] = POLYNOMIALS, 1, 0.0, h
+    for i in range(3):
+        quintic_to(path, i, h, way.linear[i], now.twist.linear[i], now.acceleration.linear[i])
+        quintic_to(path, 3 + i, h, way.angular[i], now.twist.angular[i], now.acceleration.angular[i])
+    goal.number, goal.pending = goal.received, 0
+
+
+@part
+def quintic_to(path: Path, i: int, h: float, p: float, v: float, a: float) -> None:
+    """Write coordinate i of a quintic from 0, with velocity v and acceleration a, to rest at p after h [s]."""
+    c = path.polynomial[0, i]
+    d, dv, da = p - h * v - 0.5 * h * h * a, -(v + h * a) * h, -a * h * h
+    c[0], c[1], c[2] = 0.0, v, 0.5 * a
+    c[3] = (10.0 * d - 4.0 * dv + 0.5 * da) / (h * h * h)
+    c[4] = (-15.0 * d + 7.0 * dv - da) / (h * h * h * h)
+    c[5] = (6.0 * d - 3.0 * dv + 0.5 * da) / (h * h * h * h * h)
+    path.end[i] = p
+
+
+@part
+def screen_goal(goals: GoalsConfig, goal: Goal, now: Reference, at_work: bool) -> None:
+    """Refuse a goal that waits and cannot be begun; now: where the reference is."""
+    if goal.pending == 0:
+        return
+    way, turn = (vec(goal.to_position) - now.position).norm(), mat(goal.to_rotation) @ now.rotation.T()
+    speed, turning = PEAK * way / goal.duration, PEAK * logarithm(turn).norm() / goal.duration
+    why, value, limit = Refusal.NO.value, 0.0, 0.0
+    if not at_work:
+        why = Refusal.NOT_AT_WORK.value
+    elif not way <= FARTHEST:
+        why, value, limit = Refusal.TOO_FAR.value, way, FARTHEST
+    elif goals.most_speed > 0.0 and speed > goals.most_speed:
+        why, value, limit = Refusal.TOO_FAST.value, speed, float(goals.most_speed)
+    elif goals.most_turning > 0.0 and turning > goals.most_turning:
+        why, value, limit = Refusal.TURNS_TOO_FAST.value, turning, float(goals.most_turning)
+    if why != Refusal.NO:
+        goal.pending, goal.refused, goal.refusal = 0, goal.received, why
+        goal.where, goal.value, goal.limit = 0.0, value, limit

@@ -1,0 +1,336 @@
+"""Built-in reference motions, relative to the pose of {ee} at the first tick; position, velocity, acceleration agree.
+
+A path is six coordinates over time, displacement and rotation vector on world axes, with their two derivatives, at rest
+before 0 and after its end; the reference is made from it in one place, so angular velocity and acceleration are exact.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Final, NamedTuple, Protocol
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.compiled import IN1, OUT2, VOID, kernel, part
+from slip_core.errors import InputError
+from slip_core.records import Mat3, Real, Record, Vec3, Vec6, Whole, dtype_of, new, record
+from slip_core.vectors import NOTHING, Mat, Spatial, Vec, mat, put, put_mat, put_spatial, spatial, vec
+from slip_vic_controller.law.rotation import exponential, left_jacobian, left_jacobian_rate
+from slip_vic_controller.params.controller_params import TrajectoryParams
+from slip_vic_controller.sizes import MAX_SEGMENTS
+
+
+class DesiredMotion(Record):
+    """Desired motion of {ee}; {w}."""
+
+    position: Vec3  # m, x_d
+    rotation: Mat3  # R_d
+    twist: Vec6  # m/s, rad/s
+    acceleration: Vec6  # m/s^2, rad/s^2, a_d
+
+
+class Grasp(Record):
+    """A pad as seen from the first pad of the object, on that pad's axes."""
+
+    position: Vec3  # m
+    rotation: Mat3
+
+
+class Path(Record):
+    """A path: polynomial segments, a circle or a lemniscate."""
+
+    kind: Whole
+    segments: Whole
+    knot: Annotated[Array, MAX_SEGMENTS + 1]  # s
+    polynomial: Annotated[Array, (MAX_SEGMENTS, 6, 6)]  # [segment, coordinate, power], time since the segment's knot
+    end: Vec6  # where the last segment ends
+    speed: Real  # rad/s, phase speed of a curve
+    ramp: Real  # s
+    duration: Real  # s
+    along: Vec6  # vectors of the curve
+    across: Vec6
+    carries: Whole  # whether it is the object's
+    lever: Vec3  # m, then the pad as seen from its centre of mass {ee}
+
+
+REFERENCE, GRASP, PATH = dtype_of(DesiredMotion), dtype_of(Grasp), dtype_of(Path)
+
+
+class Started(Protocol):
+    """A record that has the pose of a pad where the path began: position [m] and attitude {w}."""
+
+    start_position: Array
+    start_rotation: Array
+
+
+HOLD: Final = 0
+POLYNOMIALS: Final = 1
+CIRCLE: Final = 2
+LEMNISCATE: Final = 3
+
+PLANES = {"xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}
+
+
+class PathPoint(NamedTuple):
+    """Displacement and rotation vector [m, rad] {w}, with first and second time derivative."""
+
+    value: Spatial
+    rate: Spatial
+    rate_rate: Spatial
+
+
+class Reference(NamedTuple):
+    """The desired motion, as in REFERENCE."""
+
+    position: Vec
+    rotation: Mat
+    twist: Spatial
+    acceleration: Spatial
+
+
+@part
+def reference_at(path: Path, t: float, start_position: Array, start_rotation: Array) -> Reference:
+    """Return the desired motion at time t [s] of a PATH from a pose (3,) [m], (3, 3) {w}.
+
+    R_d = exp(phi) R_0, omega_d = J_l phi_dot, alpha_d = J_l phi_ddot + Jdot_l phi_dot.
+    """
+    point = point_at(path, t)
+    phi, phi_dot = point.value.angular, point.rate.angular
+    alpha_d = left_jacobian(phi, point.rate_rate.angular) + left_jacobian_rate(phi, phi_dot)
+    reference = Reference(
+        vec(start_position) + point.value.linear,
+        exponential(phi) @ mat(start_rotation),
+        Spatial(point.rate.linear, left_jacobian(phi, phi_dot)),
+        Spatial(point.rate_rate.linear, alpha_d),
+    )
+    return on_object(reference, mat(start_rotation), vec(path.lever)) if path.carries != 0 else reference
+
+
+@part
+def on_object(planned: Reference, start: Mat, lever: Vec) -> Reference:
+    """Return the motion of a pad on an object whose centre of mass is displaced as planned.
+
+    Args:
+        planned: displacement of the centre of mass, counted from where the pad was at the start.
+        start: attitude of the pad there.
+        lever: the pad as seen from the centre of mass, fixed on the object [m] {ee}.
+    """
+    r, w = planned.rotation @ lever, planned.twist.angular
+    a, alpha = planned.acceleration.linear, planned.acceleration.angular
+    return Reference(
+        planned.position + (r - start @ lever),
+        planned.rotation,
+        Spatial(planned.twist.linear + w.cross(r), w),
+        Spatial(a + alpha.cross(r) + w.cross(w.cross(r)), alpha),
+    )
+
+
+@part
+def relative(first: Started, other: Started, out: Grasp) -> None:
+    """Write how one pad sees another to a GRASP; first, other: with start_position [m], start_rotation {w}."""
+    R = mat(first.start_rotation).T()
+    put(out.position, R @ (vec(other.start_position) - vec(first.start_position)))
+    put_mat(out.rotation, R @ mat(other.start_rotation))
+
+
+@part
+def carried(reference: Reference, grasp: Grasp) -> Reference:
+    """Return the motion of a pad on an object whose first pad moves by a reference; GRASP of the pad."""
+    r, w = reference.rotation @ vec(grasp.position), reference.twist.angular
+    a, alpha = reference.acceleration.linear, reference.acceleration.angular
+    return Reference(
+        reference.position + r,
+        reference.rotation @ mat(grasp.rotation),
+        Spatial(reference.twist.linear + w.cross(r), w),
+        Spatial(a + alpha.cross(r) + w.cross(w.cross(r)), alpha),
+    )
+
+
+@part
+def read_reference(given: DesiredMotion) -> Reference:
+    """Return a REFERENCE."""
+    return Reference(vec(given.position), mat(given.rotation), spatial(given.twist), spatial(given.acceleration))
+
+
+@part
+def put_reference(out: DesiredMotion, reference: Reference) -> None:
+    """Write a reference to a REFERENCE."""
+    put(out.position, reference.position)
+    put_mat(out.rotation, reference.rotation)
+    put_spatial(out.twist, reference.twist)
+    put_spatial(out.acceleration, reference.acceleration)
+
+
+@part
+def point_at(path: Path, t: float) -> PathPoint:
+    """Return the point of a PATH at time t [s]."""
+    if path.kind == POLYNOMIALS:
+        return polynomial_point(path, t)
+    if path.kind == CIRCLE or path.kind == LEMNISCATE:
+        return curve_point(path, t)
+    return PathPoint(NOTHING, NOTHING, NOTHING)
+
+
+@part
+def polynomial_point(path: Path, t: float) -> PathPoint:
+    """Return the point of quintic segments with common velocity and acceleration at the knots, so C2; t [s]."""
+    if t <= 0.0:
+        return PathPoint(NOTHING, NOTHING, NOTHING)
+    if t >= path.knot[path.segments]:
+        return PathPoint(spatial(path.end), NOTHING, NOTHING)
+    i = 0
+    while t >= path.knot[i + 1]:
+        i += 1
+    u, p = t - path.knot[i], path.polynomial[i]
+    return PathPoint(
+        Spatial(
+            Vec(value(p[0], u), value(p[1], u), value(p[2], u)), Vec(value(p[3], u), value(p[4], u), value(p[5], u))
+        ),
+        Spatial(
+            Vec(slope(p[0], u), slope(p[1], u), slope(p[2], u)), Vec(slope(p[3], u), slope(p[4], u), slope(p[5], u))
+        ),
+        Spatial(
+            Vec(curve(p[0], u), curve(p[1], u), curve(p[2], u)), Vec(curve(p[3], u), curve(p[4], u), curve(p[5], u))
+        ),
+    )
+
+
+@part
+def value(c: Array, u: float) -> float:
+    """Return a polynomial (6,), lowest power first, at u: Horner's scheme."""
+    total = 0.0
+    for k in range(5, -1, -1):
+        total = total * u + c[k]
+    return total
+
+
+@part
+def slope(c: Array, u: float) -> float:
+    """Return the first derivative of a polynomial (6,) at u."""
+    total = 0.0
+    for k in range(5, 0, -1):
+        total = total * u + k * c[k]
+    return total
+
+
+@part
+def curve(c: Array, u: float) -> float:
+    """Return the second derivative of a polynomial (6,) at u."""
+    total = 0.0
+    for k in range(5, 1, -1):
+        total = total * u + (k - 1) * (k * c[k])
+    return total
+
+
+@part
+def curve_point(path: Path, t: float) -> PathPoint:
+    """Return the point of a closed curve in a plane, run through with a phase p that starts and stops smoothly; t [s].
+
+    Circle: r (sin p, 1 - cos p); lemniscate (Gerono): r (sin p, sin 2p / 2); rotation: amplitude * sin p.
+    """
+    p, p_dot, p_ddot = smooth_phase(t, path.speed, path.ramp, path.duration)
+    s, c = math.sin(p), math.cos(p)
+    if path.kind == CIRCLE:
+        f, f_p, f_pp = 1.0 - c, s, c
+    else:
+        f, f_p, f_pp = s * c, c * c - s * s, -4.0 * s * c
+    along, across = spatial(path.along), spatial(path.across)
+    return PathPoint(
+        s * along + f * across,
+        (c * p_dot) * along + (f_p * p_dot) * across,
+        (c * p_ddot - s * p_dot * p_dot) * along + (f_p * p_ddot + f_pp * p_dot * p_dot) * across,
+    )
+
+
+@part
+def smooth_phase(t: float, speed: float, ramp: float, duration: float) -> tuple[float, float, float]:
+    """Return phase and its two rates: speed ramps up by a quintic over `ramp`, and down at the end; [s], [rad/s]."""
+    t = min(max(t, 0.0), duration)
+    end = speed * (duration - ramp)
+    if t < ramp:
+        p, v, a = rising(t / ramp)
+        return speed * ramp * p, speed * v, speed * a / ramp
+    if t > duration - ramp:
+        p, v, a = rising((duration - t) / ramp)
+        return end - speed * ramp * p, speed * v, -speed * a / ramp
+    return speed * (t - 0.5 * ramp), speed, 0.0
+
+
+@part
+def rising(x: float) -> tuple[float, float, float]:
+    """Return the integral, the value and the slope of the quintic step from 0 to 1 at x in [0, 1]."""
+    cube, both = x * x * x, x * (1.0 - x)
+    return x * cube * (2.5 + x * (x - 3.0)), cube * (10.0 + x * (6.0 * x - 15.0)), 30.0 * (both * both)
+
+
+@kernel(VOID(IN1, IN1, OUT2))
+def sample_path(path: Array, times: Array, out: Array) -> None:
+    """Write displacement and rotation vector at times (k,) [s] of a PATH to `out` (k, 6) [m, rad] {w}."""
+    shape = record(path, PATH)
+    for k in range(len(times)):
+        put_spatial(out[k], point_at(shape, times[k]).value)
+
+
+def make_path(params: TrajectoryParams) -> Array:
+    """Return the PATH that the parameters ask for; `topic` gives the hold that is used until references arrive.
+
+    Raises:
+        InputError: more waypoints than a path can have.
+    """
+    buffer = new(PATH)
+    path = record(buffer, PATH)
+    if params.kind == "quintic":
+        goal = np.array([np.zeros(6), [*params.displacement, *params.rotation]])
+        fill_segments(path, np.array([0.0, params.duration_s]), goal, np.zeros((2, 6)), np.zeros((2, 6)))
+    elif params.kind == "waypoints":
+        points = np.vstack([np.zeros(6), np.array(params.waypoints).reshape(-1, 6)])
+        times = np.linspace(0.0, params.duration_s, len(points))
+        if params.waypoint_times_s:
+            times = np.array([0.0, *params.waypoint_times_s])
+        from scipy.interpolate import CubicSpline  # 14 MiB, for way points alone
+
+        spline = CubicSpline(times, points, bc_type="clamped")
+        rate_rates = spline(times, 2)
+        rate_rates[[0, -1]] = 0.0
+        fill_segments(path, times, points, spline(times, 1), rate_rates)
+    elif params.kind in ("circle", "lemniscate"):
+        path.kind = CIRCLE if params.kind == "circle" else LEMNISCATE
+        path.speed, path.ramp, path.duration = 2.0 * math.pi / params.period_s, params.ramp_s, params.duration_s
+        first, second = PLANES[params.plane]
+        path.along[first] = path.across[second] = params.radius
+        path.along[3:] = params.rotation
+    return buffer
+
+
+def fill_segments(path: Path, times: Array, values: Array, rates: Array, rate_rates: Array) -> None:
+    """Write quintic segments through given points to a PATH; knots (k,) [s] that grow from 0, points (k, 6) each.
+
+    Raises:
+        InputError: more segments than MAX_SEGMENTS.
+    """
+    count = len(times) - 1
+    if count > MAX_SEGMENTS:
+        raise InputError("parameter trajectory.waypoints", got=f"{count} points", expected=f"at most {MAX_SEGMENTS}")
+    path.kind, path.segments = POLYNOMIALS, count
+    path.knot[: count + 1] = times
+    path.end[:] = values[-1]
+    for i in range(count):
+        ends = (a[j] for j in (i, i + 1) for a in (values, rates, rate_rates))
+        path.polynomial[i] = _quintic(times[i + 1] - times[i], *ends)
+
+
+def _quintic(h: float, p0: Array, v0: Array, a0: Array, p1: Array, v1: Array, a1: Array) -> Array:
+    """Return the coefficients (6, 6 powers) of the quintic with these ends; h [s]."""
+    d = p1 - p0 - h * v0 - 0.5 * h * h * a0
+    dv = (v1 - v0 - h * a0) * h
+    da = (a1 - a0) * h * h
+    powers = (
+        p0,
+        v0,
+        0.5 * a0,
+        (10.0 * d - 4.0 * dv + 0.5 * da) / h**3,
+        (-15.0 * d + 7.0 * dv - da) / h**4,
+        (6.0 * d - 3.0 * dv + 0.5 * da) / h**5,
+    )
+    return np.array(powers).T

@@ -1,0 +1,135 @@
+"""The governor without an arm: the timing of a path that friction admits, computed ahead.
+
+The same planning and the same step as in the control cycle, on a pad that follows the path exactly and feels no
+feedback. The path comes from outside, point by point: its attitude, twist and acceleration over its own time.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from slip_core.arrays import Array
+from slip_core.compiled import BOOL, IN1, IN2, OUT1, REAL, VOID, kernel, part
+from slip_core.records import Mat3, Real, Record, Vec3, dtype_of, layout, record
+from slip_core.vectors import ZERO, Spatial, mat, spatial, vec
+from slip_vic_controller.governor import governor
+from slip_vic_controller.governor.governor import GOVERNOR, GOVERNOR_CONFIG, PAD
+from slip_vic_controller.governor.load import ALONE, Held, load, size, surface
+from slip_vic_controller.governor.path_grid import PATH_GRID, along
+
+STILL: Final = 1e-12
+"""ds/dt below which the path as given rests [m/s]."""
+UNLIMITED: Final = 1e9
+
+
+class HeldObject(Record):
+    """The object on the axes of the pad that holds it."""
+
+    mass: Real  # kg
+    inertia: Mat3  # kg m^2, about the centre of mass
+    r: Vec3  # m, pad centre as seen from the centre of mass
+
+
+class Step(Record):
+    """One control period of the timing."""
+
+    time: Real  # s, of the path as given
+    rate: Real  # derivative of that time
+    rate_rate: Real  # 1/s, its second derivative
+    arrived: Real  # 1 at the path's end, at rest
+
+
+HELD_OBJECT, STEP, MEMORY = dtype_of(HeldObject), dtype_of(Step), layout(
+    [("governor", GOVERNOR), ("grid", PATH_GRID), ("pad", PAD)]
+)  # fmt: skip
+
+
+@part
+def held_object(held: HeldObject) -> Held:
+    """Return the object as the governor takes it; one pad holds it."""
+    return Held(held.mass, mat(held.inertia), vec(held.r), ALONE)
+
+
+@kernel(VOID(IN1, OUT1, IN1, IN2))
+def begin_timing(config: Array, memory: Array, held: Array, rotation: Array) -> None:
+    """Begin with the object at rest at the path's start.
+
+    Args:
+        config: GOVERNOR_CONFIG.
+        memory: MEMORY; changed.
+        held: HELD_OBJECT.
+        rotation: attitude of the pad there (3, 3) {w}.
+    """
+    c, m = record(config, GOVERNOR_CONFIG), record(memory, MEMORY)
+    weights, rest = surface(spatial(c.slip_axes), c.radius), Spatial(ZERO, ZERO)
+    at_rest = load(held_object(record(held, HELD_OBJECT)), weights, mat(rotation), ZERO, vec(c.gravity), rest)
+    governor.start_pad(c, m.pad, size(at_rest), False, 1.0)
+    m.pad.estimate.certified = m.pad.estimate.F_hat  # a plan counts with all that is told
+    governor.start_governor(c, m.governor, m.pad)
+
+
+@kernel(REAL(IN1, OUT1))
+def wanted_time(config: Array, memory: Array) -> float:
+    """Return the path's own time at which the next point is wanted [s]; negative when all have been taken."""
+    c, m = record(config, GOVERNOR_CONFIG), record(memory, MEMORY)
+    return governor.wanted_time(c, m.governor) if governor.wants_points(m.governor) else -1.0
+
+
+@kernel(VOID(IN1, OUT1, IN1, IN2, IN1, IN1))
+def take_point(config: Array, memory: Array, held: Array, rotation: Array, twist: Array, acceleration: Array) -> None:
+    """Take the path at `wanted_time`: attitude (3, 3), twist (6,) and acceleration (6,) over its own time {w}."""
+    c, m = record(config, GOVERNOR_CONFIG), record(memory, MEMORY)
+    grasped = held_object(record(held, HELD_OBJECT))
+    governor.next_point(c, m.governor, m.grid, grasped, mat(rotation), spatial(twist), spatial(acceleration))
+
+
+@kernel(BOOL(IN1, OUT1))
+def plan_timing(config: Array, memory: Array) -> bool:
+    """Plan a control period's share of the path; return whether the plan is complete."""
+    c, m = record(config, GOVERNOR_CONFIG), record(memory, MEMORY)
+    governor.plan(c, m.governor, m.grid)
+    return m.governor.planned == 1
+
+
+@kernel(VOID(IN1, OUT1, IN1, IN2, IN1, IN1, REAL, OUT1))
+def step_timing(
+    config: Array, memory: Array, held: Array, rotation: Array, twist: Array, acceleration: Array, dt: float, out: Array
+) -> None:  # fmt: skip
+    """Take a step on the path.
+
+    Args:
+        config, memory, held: as in `begin_timing`.
+        rotation, twist, acceleration: of the path at the governor's time, over the path's own time {w}.
+        dt: control period [s].
+        out: STEP; the result.
+    """
+    c, m, o = record(config, GOVERNOR_CONFIG), record(memory, MEMORY), record(out, STEP)
+    state, R = m.governor, mat(rotation)
+    point = along(c, state.duration, state.time, R, spatial(twist), spatial(acceleration))
+    pad = governor.Pad(ZERO, R, state.rate * point.tangent, Spatial(ZERO, ZERO))
+    governor.run(c, state, m.grid, held_object(record(held, HELD_OBJECT)), point, pad, UNLIMITED, dt)
+    o.time = state.out_time
+    o.arrived = 1.0 if state.arrived == 1 and state.out_rate == 0.0 else 0.0
+
+
+@kernel(VOID(IN1, OUT1, IN2, IN1, IN1, OUT1))
+def time_derivatives(
+    config: Array, memory: Array, rotation: Array, twist: Array, acceleration: Array, out: Array
+) -> None:
+    """Write first and second derivative of the path's time to a STEP whose `time` is known; arguments as before.
+
+    With ds = speed dt of the path: rate = sdot / speed, rate_rate = (sddot - bend rate^2) / speed.
+    """
+    c, m, o = record(config, GOVERNOR_CONFIG), record(memory, MEMORY), record(out, STEP)
+    at = along(c, m.governor.duration, o.time, mat(rotation), spatial(twist), spatial(acceleration))
+    moves = at.speed > STILL
+    o.rate = m.governor.out_rate / at.speed if moves else 0.0
+    o.rate_rate = (m.governor.out_u - at.bend * o.rate * o.rate) / at.speed if moves else 0.0
+
+
+@kernel(VOID(IN1, OUT1, OUT1))
+def timing_outcome(config: Array, memory: Array, out: Array) -> None:
+    """Write whether friction cannot carry the weight (0 or 1), where it loads most [s], that load and the limit [N]."""
+    c, state = record(config, GOVERNOR_CONFIG), record(memory, MEMORY).governor
+    out[0], out[1], out[2] = state.infeasible, state.heaviest_time, state.weight_load
+    out[3] = c.path_margin * state.plan_load

@@ -1,0 +1,229 @@
+"""A reference that comes by topic, governed: it is followed a little later, and more slowly where friction requires it.
+
+What has been received and not yet run through is a path over the stream's own time, C2 between its samples (position,
+velocity and acceleration of both). Its end is not planned for: its continuation is unknown. So what is promised is
+this: the load of every cycle is within what friction may be asked, as long as what is received `preview_s` ahead can be
+braked for. A stream that ends in motion is gone on with, in a straight line, while the pad brakes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Final
+
+from slip_core.compiled import part
+from slip_core.records import Real, Record, Records, Whole, dtype_of
+from slip_core.vectors import Mat, Spatial, Vec
+from slip_vic_controller.governor.backward_pass import left_for_motion, most
+from slip_vic_controller.governor.governor import Governor
+from slip_vic_controller.governor.load import Held
+from slip_vic_controller.governor.path_grid import Along, GridPoint, take_point
+from slip_vic_controller.law.rotation import (
+    exponential,
+    left_jacobian,
+    left_jacobian_inverse,
+    left_jacobian_rate,
+    logarithm,
+)
+from slip_vic_controller.path.paths import DesiredMotion, Reference, put_reference, read_reference
+from slip_vic_controller.sizes import NEVER
+
+STREAM_POINTS: Final = 64
+QUEUED: Final = 16
+LAX_S: Final = 1.0
+"""Way behind the last sample that stands for "whatever comes": only its own load limits the speed there."""
+REPLAN: Final = 1.002
+"""Change of the load that may be asked that is worth a new backward pass."""
+
+
+class StreamConfig(Record):
+    """How a stream of references is followed."""
+
+    on: Whole  # whether the reference is a governed stream
+    preview_s: Real  # s, how much later it is followed
+    spacing_s: Real  # s, samples that are closer are thinned
+
+
+class QueuedReference(Record):
+    """A reference as it came."""
+
+    stamp_ns: Whole  # 0 where it has none
+    reference: DesiredMotion
+
+
+class Stream(Record):
+    """What has been received and not yet run through."""
+
+    queued: Whole
+    queue: Annotated[Records[QueuedReference], QUEUED]  # since the last cycle
+    count: Whole
+    fresh: Whole  # the first point whose load is not known yet
+    first_ns: Whole  # when the stream's time is 0
+    load: Real  # N, that the pass was made for
+    rests: DesiredMotion  # the pose while there is nothing to follow
+    samples: Annotated[Records[DesiredMotion], STREAM_POINTS]
+    points: Annotated[Records[GridPoint], STREAM_POINTS]
+
+
+STREAM = dtype_of(Stream)
+
+
+@part
+def rest_stream(stream: Stream, position: Vec, rotation: Mat) -> None:
+    """Forget what was received, and rest at a pose [m] {w}."""
+    nothing = Spatial(Vec(0.0, 0.0, 0.0), Vec(0.0, 0.0, 0.0))
+    put_reference(stream.rests, Reference(position, rotation, nothing, nothing))
+    stream.count, stream.fresh, stream.first_ns = 0, 0, NEVER
+
+
+@part
+def take_queued(config: StreamConfig, stream: Stream, state: Governor, now_ns: int) -> bool:
+    """Add what has come since the last cycle to the path, and return whether a new one begins.
+
+    A sample without a stamp has that of the cycle.
+    Where the pad rests with nothing to follow, the way to the first sample takes `preview_s` of the stream's time.
+
+    Args:
+        config, stream: limits of the stream, and its state.
+        state: GOVERNOR; its time is set where the path begins.
+        now_ns: stamp of the cycle.
+    """
+    begins = False
+    for k in range(stream.queued):
+        item = stream.queue[k]
+        stamp_ns = item.stamp_ns if item.stamp_ns != 0 else now_ns
+        if stream.first_ns == NEVER:
+            stream.first_ns = stamp_ns
+        time = (stamp_ns - stream.first_ns) * 1e-9
+        n = stream.count
+        waits = n > 0 and state.rate == 0.0 and state.time >= stream.points[n - 1].time
+        if n == 0 or waits:
+            if waits:
+                put_reference(stream.rests, at(stream, state.time))
+                rests = read_reference(stream.rests)
+                nothing = 0.0 * rests.twist
+                put_reference(stream.rests, Reference(rests.position, rests.rotation, nothing, nothing))
+            stream.samples[0] = stream.rests
+            stream.points[0].time = time - config.preview_s
+            stream.samples[1] = item.reference
+            stream.points[1].time = time
+            stream.count, stream.fresh = 2, 0
+            state.time = state.s = time - config.preview_s
+            state.rate, begins = 0.0, True
+        elif time > stream.points[n - 1].time:
+            close = stream.points[n - 1].time - stream.points[n - 2].time < config.spacing_s
+            i = n - 1 if close or n == STREAM_POINTS else n
+            stream.samples[i] = item.reference
+            stream.points[i].time = time
+            stream.count, stream.fresh = i + 1, min(stream.fresh, i)
+    stream.queued = 0
+    return begins
+
+
+@part
+def drop_passed(stream: Stream, time: float) -> None:
+    """Forget what has been run through."""
+    while stream.count > 2 and stream.points[1].time <= time:
+        for i in range(stream.count - 1):
+            stream.samples[i] = stream.samples[i + 1]
+            stream.points[i] = stream.points[i + 1]
+        stream.count -= 1
+        stream.fresh = max(stream.fresh - 1, 0)
+
+
+@part
+def plan_stream(
+    stream: Stream,
+    held: Held,
+    weights: Spatial,
+    gravity: Vec,
+    limits: tuple[float, float, float],
+    F: float,
+    reserve: float,
+) -> None:
+    """Find how fast each point may be passed; F, reserve: as in `step_back`. Other arguments as in `take_point`."""
+    n = stream.count
+    again = stream.load > REPLAN * F or REPLAN * stream.load < F
+    first = stream.fresh
+    for i in range(first, n):
+        sample = read_reference(stream.samples[i])
+        along = Along(sample.rotation, sample.twist, sample.acceleration, 1.0, 0.0)
+        take_point(stream, i, stream.points[i].time, along, held, weights, gravity, limits)
+    if first >= n and not again:
+        return
+    stream.load, stream.fresh = F, n
+    last = stream.points[n - 1]
+    last.K = max(most(last, left_for_motion(F, math.sqrt(last.cc), reserve), LAX_S, last.cap), 0.0)
+    for k in range(1, n):
+        i = n - 1 - k
+        point, after = stream.points[i], stream.points[i + 1]
+        left = left_for_motion(F, math.sqrt(point.cc), reserve)
+        K = max(most(point, left, after.time - point.time, after.K), 0.0)
+        if K == point.K and i < first and not again:
+            break
+        point.K = K
+
+
+@part
+def stream_bound(stream: Stream, time: float) -> tuple[float, float]:
+    """Return K and its slope at a time of the stream; behind its end the pad shall stop."""
+    n = stream.count
+    if time >= stream.points[n - 1].time:
+        return 0.0, 0.0
+    i = 0
+    while i < n - 2 and stream.points[i + 1].time <= time:
+        i += 1
+    a, b = stream.points[i], stream.points[i + 1]
+    slope = (b.K - a.K) / (b.time - a.time)
+    return float(a.K + slope * max(time - a.time, 0.0)), float(slope)
+
+
+@part
+def at(stream: Stream, time: float) -> Reference:
+    """Return the reference at a time of the stream [s], over that time."""
+    n = stream.count
+    if n == 0:
+        return read_reference(stream.rests)
+    last = stream.points[n - 1].time
+    if time >= last:
+        end = read_reference(stream.samples[n - 1])
+        turned = exponential((time - last) * end.twist.angular) @ end.rotation
+        return Reference(end.position + (time - last) * end.twist.linear, turned, end.twist, 0.0 * end.twist)
+    i = 0
+    while i < n - 2 and stream.points[i + 1].time <= time:
+        i += 1
+    begin, end = read_reference(stream.samples[i]), read_reference(stream.samples[i + 1])
+    h, t = stream.points[i + 1].time - stream.points[i].time, time - stream.points[i].time
+    phi = logarithm(end.rotation @ begin.rotation.T())
+    rate = left_jacobian_inverse(phi, end.twist.angular)
+    rate_rate = left_jacobian_inverse(phi, end.acceleration.angular - left_jacobian_rate(phi, rate))
+    x, v, a = between(h, t, begin.twist.linear, begin.acceleration.linear, end.position - begin.position,
+                      end.twist.linear, end.acceleration.linear)  # fmt: skip
+    p, p_dot, p_ddot = between(
+        h, t, begin.twist.angular, begin.acceleration.angular, phi, rate, rate_rate
+    )  # fmt: skip
+    alpha = left_jacobian(p, p_ddot) + left_jacobian_rate(p, p_dot)
+    return Reference(
+        begin.position + x, exponential(p) @ begin.rotation, Spatial(v, left_jacobian(p, p_dot)), Spatial(a, alpha)
+    )
+
+
+@part
+def between(h: float, t: float, v0: Vec, a0: Vec, p1: Vec, v1: Vec, a1: Vec) -> tuple[Vec, Vec, Vec]:
+    """Return value and two rates at t of the quintic from 0 to p1 over h [s], with these rates at both ends."""
+    d = p1 - h * v0 - (0.5 * h * h) * a0
+    dv, da = h * (v1 - v0 - h * a0), (h * h) * (a1 - a0)
+    c3 = (1.0 / (h * h * h)) * (10.0 * d - 4.0 * dv + 0.5 * da)
+    c4 = (1.0 / (h * h * h * h)) * (-15.0 * d + 7.0 * dv - da)
+    c5 = (1.0 / (h * h * h * h * h)) * (6.0 * d - 3.0 * dv + 0.5 * da)
+    return (
+        t * v0 + (0.5 * t * t) * a0 + (t * t * t) * (c3 + t * c4 + (t * t) * c5),
+        v0 + t * a0 + (t * t) * (3.0 * c3 + (4.0 * t) * c4 + (5.0 * t * t) * c5),
+        a0 + t * (6.0 * c3 + (12.0 * t) * c4 + (20.0 * t * t) * c5),
+    )
+
+
+@part
+def waiting(stream: Stream, time: float) -> float:
+    """Return how much of the stream has been received and not yet run through [s]."""
+    return max(stream.points[stream.count - 1].time - time, 0.0) if stream.count > 0 else 0.0

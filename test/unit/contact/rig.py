@@ -1,0 +1,98 @@
+"""The observer that runs, with its buffers; imports nothing of `test`, so that it runs by itself too, interpreted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slip_core.arrays import Array
+from slip_core.compiled import BOOL, IN1, IN2, INT, OUT1, OUT2, VOID, kernel
+from slip_core.params import build
+from slip_core.records import new, record, records
+from slip_vic_controller.contact.config import capacity, observer_config
+from slip_vic_controller.contact.layouts import MOTION, OBSERVER, OBSERVER_CONFIG, ROW_SIZE
+from slip_vic_controller.contact.observer import observe, reset
+from slip_vic_controller.law.contact import SLIP_SAMPLE
+from slip_vic_controller.params.controller_params import ControllerParams
+
+MS = 1_000_000
+PLANE = (True, True, False, False, False, True)
+
+
+def make_params(**values) -> ControllerParams:
+    given = {"contacts.slip_axes": PLANE, **{name.replace("__", "."): value for name, value in values.items()}}
+    return build(ControllerParams, given, "test")
+
+
+def six(x: float = 0.0, y: float = 0.0, turn: float = 0.0) -> np.ndarray:
+    return np.array([x, y, 0.0, 0.0, 0.0, turn])
+
+
+@kernel(VOID(IN1, OUT1, INT, IN1))
+def reset_buffers(config: Array, state: Array, stamp_ns: int, v_ee: Array) -> None:
+    """`reset` of buffers."""
+    reset(record(config, OBSERVER_CONFIG), record(state, OBSERVER), stamp_ns, v_ee)
+
+
+@kernel(BOOL(IN1, OUT1, OUT2, IN1, INT, IN2, INT))
+def observe_buffers(
+    config: Array, state: Array, history: Array, motion: Array, stamp_ns: int, samples: Array, count: int
+) -> bool:
+    """`observe` of buffers; samples: (n, 7)."""
+    return observe(
+        record(config, OBSERVER_CONFIG), record(state, OBSERVER), history, record(motion, MOTION), stamp_ns,
+        records(samples, SLIP_SAMPLE), count,
+    )  # fmt: skip
+
+
+class Observer:
+    """The observer that runs, with its buffers.
+
+    Args:
+        params: of the controller.
+        start_ns: stamp of the tick before the first one.
+        rows: capacity of the history, where it is not what the parameters ask for.
+        correlation_ticks: for how many ticks noise of the pad's velocity stays the same.
+    """
+
+    def __init__(
+        self, params: ControllerParams, start_ns: int = 0, rows: int | None = None, correlation_ticks: float = 0.0
+    ) -> None:
+        self.config_buffer = observer_config(params, correlation_ticks=correlation_ticks)
+        self.config = record(self.config_buffer, OBSERVER_CONFIG)
+        self.buffer = new(OBSERVER)
+        self.state = record(self.buffer, OBSERVER)
+        self.history = np.zeros((rows or capacity(params), ROW_SIZE))
+        reset_buffers(self.config_buffer, self.buffer, start_ns, np.zeros(6))
+
+    def observe(self, motion: np.ndarray, stamp_ns: int, samples) -> bool:
+        """Take in a tick, a MOTION buffer, and its samples: pairs of stamp and twist (6,)."""
+        fresh = np.zeros((len(samples), SLIP_SAMPLE.itemsize // 8))
+        for sample, (sample_ns, twist) in zip(fresh.view(SLIP_SAMPLE)[:, 0], samples, strict=True):
+            sample["stamp_ns"], sample["twist"] = sample_ns, twist
+        return self.observe_packed(motion, stamp_ns, fresh)
+
+    def observe_packed(self, motion: np.ndarray, stamp_ns: int, fresh: np.ndarray) -> bool:
+        """Take in a tick and its samples, rows of SLIP_SAMPLE."""
+        buffers = self.config_buffer, self.buffer, self.history, motion
+        return observe_buffers(*buffers, stamp_ns, fresh, len(fresh))
+
+    def bits(self) -> bytes:
+        return self.buffer.tobytes() + self.history.tobytes()
+
+    def copy(self) -> Observer:
+        other = object.__new__(Observer)
+        other.__dict__ = {**self.__dict__, "buffer": self.buffer.copy(), "history": self.history.copy()}
+        other.state = record(other.buffer, OBSERVER)
+        return other
+
+
+def make_motion(
+    v_ee, follow=None, force=None, drag=(0.0, 0.0, 0.0), w_o=(0.0, 0.0, 0.0), R=None, likely=False
+) -> np.ndarray:
+    buffer = new(MOTION)
+    motion = buffer.view(MOTION)[0]  # a record by name is slower in Python
+    motion["rotation"] = np.eye(3) if R is None else R
+    motion["v_ee"], motion["drag"], motion["w_o"], motion["likely"] = v_ee, drag, w_o, likely
+    motion["follow"] = 0.0 if follow is None else follow
+    motion["force"] = motion["follow"] if force is None else force
+    return buffer

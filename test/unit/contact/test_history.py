@@ -1,0 +1,197 @@
+"""The history of the observer: what it keeps, what it forgets, floods of samples, and numbers that are not finite."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from slip_vic.presets import preset_names
+from slip_vic.presets.models import load_sensor
+from slip_vic_controller.contact.config import SPARE_ROWS, capacity
+from slip_vic_controller.contact.history import append
+from slip_vic_controller.contact.layouts import ROW, SAMPLE_ROW, TICK_ROW
+from slip_vic_controller.contact.slip import LASTING, contradicted_since
+from test.support.call import call
+from test.unit.contact.bench import Bench
+from test.unit.contact.ride import SENSOR
+from test.unit.contact.rig import MS, Observer, make_motion, make_params, six
+
+
+def sliding_observer(rows: int | None = None, **values) -> tuple[Observer, int]:
+    """An observer in slip at 20 mm/s, and the stamp of its last tick."""
+    observer = Observer(make_params(**SENSOR, observer__drag_spread=0.0, **values), rows=rows)
+    twist = np.zeros(6)
+    for k in range(1, 121):
+        twist = twist + six(x=1e-3 if k > 100 else 0.0)
+        assert observer.observe(make_motion(twist), k * MS, [])
+    assert observer.state.sliding
+    return observer, 120 * MS
+
+
+def ordered_rows(observer: Observer) -> np.ndarray:
+    rows, state = observer.history.view(ROW)[:, 0], observer.state
+    return rows[(state.first + np.arange(state.rows)) % len(rows)]
+
+
+def test_samples_contradict_the_estimate_where_the_newest_in_a_row_all_do() -> None:
+    observer = Observer(make_params(**SENSOR))
+    state, rows = observer.state, observer.history.view(ROW)[:, 0]
+    state.first, state.rows = 0, LASTING
+    rows["kind"][:LASTING], rows["contradicts"][:LASTING] = SAMPLE_ROW, 1
+    assert contradicted_since(state, rows) == 0  # the oldest row counts too
+    rows["contradicts"][0] = 0
+    assert contradicted_since(state, rows) == -1
+    rows["kind"][LASTING : LASTING + 2], rows["contradicts"][LASTING + 1] = (TICK_ROW, SAMPLE_ROW), 1
+    state.rows = LASTING + 2
+    assert contradicted_since(state, rows) == 1  # whatever ticks lie between
+    state.rows = 0
+    assert contradicted_since(state, rows) == -1
+
+
+def test_what_is_kept_of_axes_that_are_not_filtered_is_zero() -> None:
+    rng = np.random.default_rng(0)
+    R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    for axis in range(6):
+        axes = np.arange(6) == axis
+        observer = Observer(make_params(**SENSOR, contacts__slip_axes=tuple(map(bool, axes))))
+        v_ee, follow, force = rng.normal(size=(3, 6))
+        drag, w_o = rng.normal(size=(2, 3))
+        observer.observe(make_motion(v_ee, follow, force, drag, w_o, R), MS, [])
+        row = ordered_rows(observer)[-1]
+        for name in ("step", "force", "drag"):
+            assert np.array_equal(row[name] != 0.0, axes[: len(row[name])]), (axis, name)
+
+
+def test_samples_of_a_tick_count_by_stamp_then_value_whatever_their_order_and_twice_where_they_come_twice() -> None:
+    samples = [(2 * MS, six(x=3e-5)), (3 * MS, six(x=1e-5)), (3 * MS, six(x=2e-5)), (3 * MS, six(x=2e-5))]
+    for given in itertools.permutations(samples):
+        observer = Observer(make_params(**SENSOR))
+        assert observer.observe(make_motion(np.zeros(6)), 5 * MS, given)
+        mean = 0.0
+        for _, twist in samples:
+            mean += observer.config.smoothing * (twist[0] - mean)
+        assert observer.state.sample_mean[0] == pytest.approx(mean, rel=1e-12)
+
+
+@pytest.mark.parametrize("above", [-0.5, 0.5])
+def test_a_mean_of_samples_is_significant_from_the_limit_on(above: float) -> None:
+    observer = Observer(make_params(**SENSOR))
+    c = observer.config
+    variance = c.smoothing / (2.0 - c.smoothing) * c.measurement_variance[0]
+    x = np.sqrt((c.nis_slip + above) * variance)
+    observer.state.sample_mean[0] = x
+    observer.observe(make_motion(np.zeros(6)), 5 * MS, [(3 * MS, six(x=x))])
+    assert bool(observer.state.sliding) is (above > 0.0)
+
+
+def test_in_stick_only_the_window_is_kept() -> None:
+    observer = Observer(make_params(**SENSOR))
+    for k in range(1, 200):
+        assert observer.observe(make_motion(np.zeros(6)), k * MS, [(k * MS, np.zeros(6))])
+        assert observer.state.rows == min(k, observer.config.window_ticks)
+    assert np.all(ordered_rows(observer)["kind"] == TICK_ROW)
+
+
+def test_a_long_slip_keeps_what_is_younger_than_the_memory() -> None:
+    observer, stamp_ns = sliding_observer(observer__memory_s=0.1)
+    for k in range(1, 1000):
+        now_ns = stamp_ns + k * MS
+        assert observer.observe(make_motion(six(x=0.02)), now_ns, [])
+        stamps = ordered_rows(observer)["stamp_ns"]
+        assert stamps[0] == max(now_ns - 100 * MS, 62 * MS)  # the window of the onset, 40 ticks up to 101 ms
+        assert np.all(np.diff(stamps) == MS)
+    assert observer.state.sliding
+
+
+def test_the_history_has_room_for_every_sensor_preset() -> None:
+    for name in preset_names("sensors"):
+        slip = load_sensor(name).slip
+        observer, start_ns = sliding_observer(slip_sensor__rate_hz=slip.rate_hz, slip_sensor__latency_s=slip.latency_s)
+        period_ns, latency_ns = round(1e9 / (slip.rate_hz or 1000.0)), round(1e9 * slip.latency_s)
+        measured_ns = start_ns
+        for k in range(1, 700):
+            stamp_ns, samples = start_ns + k * MS, []
+            while measured_ns + latency_ns <= stamp_ns:
+                samples.append((measured_ns, six(x=0.02)))
+                measured_ns += period_ns
+            assert observer.observe(make_motion(six(x=0.02)), stamp_ns, samples)
+        rows = ordered_rows(observer)
+        assert rows["stamp_ns"][0] == stamp_ns - observer.config.memory_ns, name
+        assert observer.state.late == 0
+        assert len(rows) <= len(observer.history) - SPARE_ROWS, name
+
+
+def test_capacity_follows_the_parameters() -> None:
+    def rows(**values) -> int:
+        return capacity(make_params(**values))
+
+    assert rows() == 301 + 301 + SPARE_ROWS
+    assert rows(slip_sensor__rate_hz=100.0) == 301 + 31 + SPARE_ROWS
+    assert rows(observer__memory_s=0.001, observer__window_s=0.5) == 501 + SPARE_ROWS
+
+
+def test_a_flood_of_samples_drops_the_oldest_rows_and_stays_bounded() -> None:
+    ends = []
+    for order in range(3):
+        observer, start_ns = sliding_observer(rows=64)
+        rng, mix = np.random.default_rng(1), np.random.default_rng(order)
+        for k in range(1, 60):
+            stamp_ns = start_ns + k * MS
+            stamps = stamp_ns - rng.integers(0, 5 * MS, size=20)
+            samples = [(int(stamp), six(*(0.02 + 1e-3 * rng.standard_normal(2)))) for stamp in stamps]
+            mix.shuffle(samples)
+            assert observer.observe(make_motion(six(x=0.02)), stamp_ns, samples)
+            rows = ordered_rows(observer)
+            assert len(rows) <= 64
+            assert rows["stamp_ns"][-1] == stamp_ns
+            assert np.all(np.diff(rows["stamp_ns"]) >= 0)
+        assert observer.state.late > 0
+        ends.append(observer.buffer.tobytes())
+    assert ends[0] == ends[1] == ends[2], "the order of arrival matters"
+
+
+def test_a_new_row_is_empty_whatever_stood_in_its_place() -> None:
+    """Equal states have equal bytes: what a row of another kind has left would be part of a snapshot."""
+    observer, _ = sliding_observer(rows=64)
+    observer.history[:] = 7.0
+    for _ in range(70):  # beyond the end of the ring
+        call(append, observer.state, observer.history, observer.history.reshape(-1))
+        assert not ordered_rows(observer)[-1:].view(np.float64).any()
+        observer.history[:] = 7.0
+
+
+def test_more_samples_than_rows_do_no_harm() -> None:
+    observer, start_ns = sliding_observer(rows=64)
+    samples = [(start_ns + k, six(x=0.02)) for k in range(1, 500)]
+    assert observer.observe(make_motion(six(x=0.02)), start_ns + MS, samples)
+    assert observer.state.rows == 64
+    assert observer.state.late == 499 - 62
+    assert np.isfinite(observer.history).all()
+
+
+def test_the_history_keeps_what_fits_into_it() -> None:
+    observer, start_ns = sliding_observer(rows=64)
+    for k in range(1, 60):
+        stamp_ns = start_ns + k * MS
+        assert observer.observe(make_motion(six(x=0.02)), stamp_ns, [(stamp_ns, six(x=0.02))])
+    assert observer.state.rows == 64
+    assert observer.state.late == 0
+
+
+def test_numbers_that_are_not_finite_are_refused() -> None:
+    for slipping in (False, True):
+        bench = Bench(**SENSOR, observer__drag_spread=0.0)
+        for k in range(120):
+            bench.step(six(x=1.0 if slipping and k >= 100 else 0.0))
+        assert bench.state.sliding == slipping
+        stamp_ns = (bench.tick + 1) * MS
+        good = make_motion(bench.twist)
+        for bad in (np.nan, np.inf, 1e200):
+            assert not bench.observer.copy().observe(good, stamp_ns, [(stamp_ns, six(x=bad))])
+            beside = np.array((0.02, 0.0, bad, bad, bad, 0.0))  # on axes that are not filtered
+            assert bench.observer.copy().observe(good, stamp_ns, [(stamp_ns, beside)])
+            motion = make_motion(bench.twist + six(x=bad))
+            assert not bench.observer.copy().observe(motion, stamp_ns, [])
+        assert bench.observer.copy().observe(good, stamp_ns, [])

@@ -1,0 +1,280 @@
+"""The backward pass against a conic solver and against toppra, and the path's parameter against quadrature."""
+
+from decimal import Decimal
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+from slip_core.records import new, record
+from slip_vic_controller.governor.backward_pass import admissible, edge, larger_root, most, on_line
+from slip_vic_controller.governor.path_grid import GRID_POINT, path_time
+from test.referees.governor_bench import PAPER_PLANAR, Governing, Governor
+from test.referees.governor_paths import BentPath
+from test.referees.planar_governed import PAPER, VERTICAL
+from test.support.call import call
+
+SOLVER = 1e-3
+"""Relative: what interior point solvers reach on 200 chained cones."""
+FACETS = 402
+"""Directions of the inner polytope of toppra's case: 800 facets, 1 % inside at most."""
+SEED = 11
+LIGHT = SimpleNamespace(**{**vars(PAPER_PLANAR), "gravity": np.array([0.1, -0.1, 0.2]), "axes": np.ones(6)})
+"""All six axes, and a weight that friction carries in every attitude."""
+
+
+def bent(rng, case):
+    start = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    start *= np.linalg.det(start)
+    return BentPath(rng.normal(size=6) * 0.3, rng.uniform(0.8, 2.0), rng.normal(size=6) * 0.05, start)
+
+
+def vectors(G):
+    """l_u, l_x, l_c at the points: from differences of the load, which is affine."""
+    rows = []
+    for point in G.points:
+        _, R, v, a = G.path.at(float(point["time"]))
+        g = float(point["speed"])
+        bend = float(point["bend"])
+        tangent, curve = v / g, (a - v * bend / g) / g**2
+        zero = np.zeros(6)
+        l_c = G.load_of(R, zero[:3], zero)
+        rows.append((G.load_of(R, zero[:3], tangent) - l_c, G.load_of(R, tangent[3:], curve) - l_c, l_c))
+    return np.array(rows).transpose(1, 0, 2)
+
+
+def test_points_keep_the_scalar_products_of_the_load() -> None:
+    rng = np.random.default_rng(SEED)
+    for mode in (Governing.SLOW_DOWN, Governing.TIME_OPTIMAL):
+        G = Governor(bent(rng, PAPER_PLANAR), PAPER_PLANAR, mode=mode)
+        l_u, l_x, l_c = vectors(G)
+        for name, a, b in (("uu", l_u, l_u), ("ux", l_u, l_x), ("xx", l_x, l_x), ("xc", l_x, l_c), ("cc", l_c, l_c)):
+            ours, theirs = G.points[name][1:-1], (a * b).sum(1)[1:-1]
+            np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-6 * np.abs(theirs).max())
+
+
+def test_the_heaviest_place_of_a_path_is_known_wherever_it_is() -> None:
+    rng, inside = np.random.default_rng(SEED), 0
+    for _ in range(6):
+        G = Governor(bent(rng, LIGHT), LIGHT, margin=1.0).plan()
+        worst = int(np.argmax(G.points["cc"]))
+        inside += 0 < worst < len(G.points) - 1
+        assert G.state.weight_load == np.sqrt(G.points["cc"][worst])
+        assert G.state.heaviest_time == G.points["time"][worst]
+    assert inside
+
+
+def test_s_is_the_length_of_the_path() -> None:
+    rng = np.random.default_rng(SEED)
+    path = bent(rng, PAPER_PLANAR)
+    G = Governor(path, PAPER_PLANAR, mode=Governing.TIME_OPTIMAL)
+    t = np.linspace(G.points["time"][0], G.points["time"][-1], 10_001)
+    speeds = []
+    for time in t:
+        v, share = path.at(time)[2], 4 * (time / path.duration) * (1 - time / path.duration)
+        speeds.append(np.sqrt(v[:3] @ v[:3] + 0.01 * v[3:] @ v[3:] + (0.05 * share**2) ** 2))
+    length = np.concatenate(([0.0], np.cumsum(0.5 * (t[1] - t[0]) * (np.array(speeds[1:]) + speeds[:-1]))))
+    np.testing.assert_allclose(G.points["s"], np.interp(G.points["time"], t, length), atol=2e-6 * length[-1])
+    for s in rng.uniform(0, length[-1], 200):
+        assert abs(path_time(G.grid, s) - np.interp(s, length, t)) < 1e-4 * path.duration
+
+
+LAST = 190
+"""The cells after it are too small for a solver's tolerance; K of this point is taken as known."""
+
+
+def conic_bound(cp, G, first):
+    """K of a point as its definition says: the largest x there from which the rest can be run."""
+    p = G.points
+    l_u, l_x, l_c = (v[first : LAST + 1] for v in vectors(G))
+    D, F = np.diff(p["s"][first : LAST + 1]), float(G.config.path_margin * G.state.plan_load)
+    n, way, pace = len(l_u), D.mean(), p["K"][first:LAST].max()
+    x, u = cp.Variable(n, nonneg=True), cp.Variable(n)  # x over pace, u over pace / way
+    load = cp.multiply(l_u * pace / way / F, u[:, None]) + cp.multiply(l_x * pace / F, x[:, None]) + l_c / F
+    rules = [cp.norm(load[: n - 1], axis=1) <= 1, x[1:] == x[:-1] + cp.multiply(2 * D / way, u[: n - 1])]
+    rules += [x <= np.minimum(p["cap"][first : LAST + 1] / pace, 1e3), x[n - 1] <= p["K"][LAST] / pace]
+    cp.Problem(cp.Maximize(x[0]), rules).solve(solver=cp.CLARABEL)
+    return float(x.value[0]) * pace
+
+
+def test_bound_is_that_of_a_conic_solver() -> None:
+    cp = pytest.importorskip("cvxpy", reason="a referee of requirements.lock")
+    rng = np.random.default_rng(SEED)
+    for case, path in (
+        (PAPER, BentPath(PAPER.way, PAPER.duration)), (VERTICAL, BentPath(VERTICAL.way, VERTICAL.duration)),
+        (LIGHT, bent(rng, LIGHT)),
+    ):  # fmt: skip
+        for mode in (Governing.SLOW_DOWN, Governing.TIME_OPTIMAL):
+            G = Governor(path, case, mode=mode, margin=1.0).plan()
+            for first in (20, 100, 150):
+                ours = float(G.points["K"][first])
+                assert ours == pytest.approx(conic_bound(cp, G, first), rel=SOLVER)
+
+
+def test_bound_can_be_run_where_friction_only_just_carries_the_weight() -> None:
+    rng, bounds = np.random.default_rng(SEED), []
+    for _ in range(500):
+        l_u, l_x, l_c = (rng.normal(size=3) * 10.0 ** rng.uniform(-2.0, 2.0) for _ in range(3))
+        F, way, after = 10.0 ** rng.uniform((-1.0, -4.0, -6.0), (1.0, 0.0, 2.0))
+        l_c *= F * (1.0 - 10.0 ** rng.uniform(-14.0, -10.0)) / np.linalg.norm(l_c)
+        point = record(new(GRID_POINT), GRID_POINT)
+        point.uu, point.ux, point.uc, point.xx, point.xc, point.cc = (
+            l_u @ l_u, l_u @ l_x, l_u @ l_c, l_x @ l_x, l_x @ l_c, l_c @ l_c
+        )  # fmt: skip
+        point.cap = 10.0 ** rng.uniform(-2.0, 2.0)
+        bounds.append(most(point, F, way, after))
+        assert admissible(point, bounds[-1], F, 2.0 * way, after)
+    assert min(bounds) < 1e-6 < max(bounds)
+
+
+def a_point(rng):
+    """A point of a path with some load, and l_u, l_x, l_c; the weight takes a part of F = 1 N."""
+    l_u, l_x, l_c = (rng.normal(size=3) * 10.0 ** rng.uniform(-1.0, 1.0) for _ in range(3))
+    l_c *= rng.uniform(0.1, 0.95) / np.linalg.norm(l_c)
+    point = record(new(GRID_POINT), GRID_POINT)
+    point.uu, point.ux, point.uc, point.xx, point.xc, point.cc = (
+        l_u @ l_u, l_u @ l_x, l_u @ l_c, l_x @ l_x, l_x @ l_c, l_c @ l_c
+    )  # fmt: skip
+    point.cap = 1e6
+    return point, l_u, l_x, l_c
+
+
+def test_on_a_line_and_at_its_edge_the_ellipse_ends_where_the_load_is_the_limit() -> None:
+    rng = np.random.default_rng(SEED)
+    for _ in range(40):
+        point, l_u, l_x, l_c = a_point(rng)
+        twice, after = 10.0 ** rng.uniform((-2.0, -2.0), (1.0, 0.5))
+
+        def load(x, twice=twice, after=after, l_u=l_u, l_x=l_x, l_c=l_c):
+            return np.linalg.norm(l_u * (after - x) / twice + l_x * x + l_c)
+
+        x = on_line(point, 1.0, twice, after)
+        least = -((l_u * after / twice + l_c) @ (l_x - l_u / twice)) / np.sum((l_x - l_u / twice) ** 2)
+        if load(least) < 1.0:  # the line meets the ellipse
+            assert load(x) == pytest.approx(1.0, rel=1e-9)
+            assert x >= least, "the larger of two"
+        across = np.eye(3) - np.outer(l_u, l_u) / (l_u @ l_u)  # what the best u leaves of a load
+        x = edge(point, 1.0)
+        assert np.linalg.norm(across @ (l_x * x + l_c)) == pytest.approx(1.0, rel=1e-7)
+        assert x >= 0.0
+
+
+def test_no_more_than_the_bound_is_admissible() -> None:
+    rng, inside = np.random.default_rng(SEED), 0
+    for _ in range(100):
+        point = a_point(rng)[0]
+        way, after = 10.0 ** rng.uniform((-2.0, -2.0), (1.0, 0.5))
+        bound = most(point, 1.0, way, after)
+        assert admissible(point, bound, 1.0, 2.0 * way, after)
+        inside += bound < point.cap
+        for more in (1e-6, 1e-3, 0.1):
+            assert bound == point.cap or not admissible(point, bound * (1.0 + more), 1.0, 2.0 * way, after)
+    assert inside > 80
+
+
+def travel_time(G, K=None, first=0, last=None):
+    """Time of the fastest run on the grid from rest: x as large as K and the load admit, point by point."""
+    p, F = G.points[first:last], float(G.config.path_margin * G.state.plan_load)
+    K = p["K"] if K is None else K
+    x, D = np.zeros(len(p)), np.diff(p["s"])
+    for i in range(len(D)):
+        ub, bb = p["ux"][i] * x[i] + p["uc"][i], p["xx"][i] * x[i] ** 2 + 2 * p["xc"][i] * x[i] + p["cc"][i]
+        u = (-ub + np.sqrt(max(ub * ub - p["uu"][i] * (bb - F * F), 0.0))) / p["uu"][i]
+        x[i + 1] = min(K[i + 1], x[i] + 2 * D[i] * u)
+    return float(np.sum(2 * D / (np.sqrt(x[1:]) + np.sqrt(x[:-1]))))
+
+
+def test_time_is_that_of_a_conic_solver() -> None:
+    cp = pytest.importorskip("cvxpy", reason="a referee of requirements.lock")
+    first, last = 20, 180  # from rest to rest inside the path: the cells at its ends are too small for a solver
+    for case in (PAPER, VERTICAL):
+        G = Governor(BentPath(case.way, case.duration), case, mode=Governing.TIME_OPTIMAL, margin=1.0).plan()
+        p, F = G.points[first:last], float(G.config.path_margin * G.state.plan_load)
+        l_u, l_x, l_c = (v[first:last] for v in vectors(G))
+        D, n = np.diff(p["s"]), len(p)
+        K = np.zeros(n)
+        for i in range(n - 2, -1, -1):
+            K[i] = most(record_of(G, first + i), F, D[i], K[i + 1])
+        way, pace = D.mean(), K.max()
+        x, u, y = cp.Variable(n, nonneg=True), cp.Variable(n), cp.Variable(n, nonneg=True)
+        load = cp.multiply(l_u * pace / way / F, u[:, None]) + cp.multiply(l_x * pace / F, x[:, None]) + l_c / F
+        rules = [cp.norm(load[: n - 1], axis=1) <= 1, x[1:] == x[:-1] + cp.multiply(2 * D / way, u[: n - 1])]
+        rules += [x[0] == 0, x[n - 1] == 0, y <= cp.sqrt(x)]
+        problem = cp.Problem(cp.Minimize(cp.sum(cp.multiply(2 * D / way, cp.inv_pos(y[1:] + y[:-1])))), rules)
+        problem.solve(solver=cp.CLARABEL)
+        theirs = problem.value * way / np.sqrt(pace)
+        assert travel_time(G, K, first, last) == pytest.approx(theirs, rel=2 * SOLVER)  # 1 / sqrt(x) at the ends
+
+
+def record_of(G, i):
+    return record(np.frombuffer(G.points[i].tobytes()), GRID_POINT)
+
+
+def test_toppra_with_an_inner_polytope_is_a_little_slower() -> None:
+    pytest.importorskip("toppra", reason="a referee of requirements.lock")
+    import toppra
+    from toppra import algorithm, constraint
+
+    G = Governor(BentPath(PAPER.way, PAPER.duration), PAPER, mode=Governing.TIME_OPTIMAL, margin=0.97).plan()
+    p = G.points
+    l_u, l_x, l_c = (v[:, [0, 1, 5]] for v in vectors(G))
+    F = float(G.config.path_margin * G.state.plan_load)
+    k = np.arange(FACETS)
+    z, turn = 1 - (2 * k + 1) / FACETS, np.pi * (1 + np.sqrt(5)) * k
+    sphere = np.column_stack((np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z))
+    facets = ConvexHull(sphere).equations
+    assert len(facets) == 800
+
+    class Surface(constraint.LinearConstraint):
+        def __init__(self):
+            super().__init__()
+            self.dof, self.identical = 1, True
+
+        def compute_constraint_params(self, path, gridpoints):
+            assert len(gridpoints) == len(l_u)
+            return l_u, l_x, l_c, facets[:, :3], -F * facets[:, 3], None, None
+
+    toppra.setup_logging("ERROR")
+    s = p["s"] - p["s"][0]
+    line = toppra.SplineInterpolator(np.array([0.0, s[-1]]), np.array([[0.0], [s[-1]]]))
+    solver = algorithm.TOPPRA([Surface()], line, gridpoints=s, solver_wrapper="seidel")
+    _, rates, _ = solver.compute_parameterization(0.0, 0.0)
+    theirs = float(np.sum(2 * np.diff(s) / (rates[1:] + rates[:-1])))
+    ours = travel_time(G)
+    assert ours * (1 - 1e-4) <= theirs <= ours * 1.01, (ours, theirs)
+
+
+def test_planning_in_pieces_is_planning_at_once() -> None:
+    for pieces in (1, 7, 25, 200):
+        G = Governor(BentPath(PAPER.way, PAPER.duration), PAPER, points_per_cycle=pieces).plan()
+        if pieces == 1:
+            first = G.points["K"].tobytes()
+        assert G.points["K"].tobytes() == first
+
+
+def test_a_path_whose_weight_friction_does_not_carry_is_refused_and_the_place_named() -> None:
+    path = BentPath(VERTICAL.way, VERTICAL.duration)
+    G = Governor(path, VERTICAL, margin=0.95).plan()
+    assert G.state.infeasible == 1
+    assert G.state.weight_load / VERTICAL.force == pytest.approx(0.958, abs=1e-3)
+    assert G.state.heaviest_time == path.duration
+    assert Governor(path, VERTICAL, margin=1.0).plan().state.infeasible == 0
+
+
+def test_the_larger_root_is_that_of_numpy_and_negative_where_there_is_none() -> None:
+    rng = np.random.default_rng(SEED)
+    for a, b, c in rng.normal(size=(300, 3)):
+        roots = np.roots((abs(a), 2.0 * b, c))
+        expected = roots.real.max() if np.isreal(roots).all() else -1.0
+        assert call(larger_root, abs(a), b, c) == pytest.approx(expected)
+    for a in (0.0, -1.0):
+        assert call(larger_root, a, 1.0, -1.0) == -1.0
+
+
+def test_the_larger_root_keeps_its_digits_where_it_is_small() -> None:
+    """x = -c / (b + root): the other form of it is a difference of nearly equal numbers there."""
+    for b in (0.5, 2.0):
+        for c in (-1e-3, -1e-8, -1e-12):
+            exact = (Decimal(b) ** 2 - Decimal(c)).sqrt() - Decimal(b)  # 28 digits
+            assert call(larger_root, 1.0, b, c) == pytest.approx(float(exact), rel=1e-14, abs=0.0)

@@ -1,0 +1,189 @@
+"""The load of a pad acceleration: against matrices in plain numpy, and its properties."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from slip_core.records import new, record
+from slip_core.vectors import mat, spatial, vec
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.cycle.commanding import remember_slip
+from slip_vic_controller.cycle.governing import held_by, load_of_motion
+from slip_vic_controller.cycle.sensing import slip_is_likely
+from slip_vic_controller.governor.guard import guard_factor
+from slip_vic_controller.governor.load import ALONE, Held, Shared, at_contact, load, size, surface
+from slip_vic_controller.law.contact import CONTACT, SLIP
+from slip_vic_controller.state import CONFIG, OUTPUTS
+from test.support.call import call
+
+SEED, CASES = 5, 60
+ROUNDING = 1e-12
+"""Relative: a few hundred operations."""
+
+
+def skew(a):
+    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0.0]])
+
+
+def referee(m, J_o, R_o, R, r, w, a, gravity, axes, rho):
+    """S^-1 Sigma R^T h, h = -G^-1 (B a_o + C v_o + g), with matrices {w}."""
+    G = np.eye(6)
+    G[3:, :3] = skew(r)
+    J = R_o @ J_o @ R_o.T
+    B, C = np.zeros((6, 6)), np.zeros((6, 6))
+    B[:3, :3], B[3:, 3:], C[3:, 3:] = m * np.eye(3), J, skew(w) @ J
+    Phi2 = np.concatenate((np.cross(w, np.cross(w, r)), np.zeros(3)))
+    a_o = np.linalg.solve(G.T, a - Phi2)
+    v_o = np.concatenate((np.zeros(3), w))
+    h = -np.linalg.solve(G, B @ a_o + C @ v_o + np.concatenate((-m * gravity, np.zeros(3))))
+    turned = np.concatenate((R.T @ h[:3], R.T @ h[3:]))
+    return np.array([1, 1, 1, 1 / rho, 1 / rho, 1 / rho]) * axes * turned
+
+
+def test_load_is_the_wrench_that_rigid_motion_needs() -> None:
+    rng = np.random.default_rng(SEED)
+    for _ in range(CASES):
+        R_o, R_c, R_s, R_start = Rotation.random(4, rng).as_matrix()
+        position, slip = rng.normal(size=(2, 3)) * 0.03
+        A = rng.normal(size=(3, 3))
+        J = 1e-3 * (A @ A.T + np.eye(3))
+        m, rho, axes = rng.uniform(0.1, 2), rng.uniform(0.01, 0.1), rng.integers(0, 2, 6).astype(float)
+        w, gravity, a = rng.normal(size=3), rng.normal(size=3) * 9, rng.normal(size=6)
+        R = R_o @ R_c @ R_s
+        r = R_o @ (position + R_c @ slip)
+        contact, pad = record(new(CONTACT), CONTACT), record(new(SLIP), SLIP)
+        contact.rotation[:], pad.position[:], pad.rotation[:] = R_c, slip, R_s
+        held = held_by(m, mat(J), vec(position), contact, pad)
+        ours = load(held, surface(spatial(axes), rho), mat(R), vec(w), vec(gravity), spatial(a))
+        theirs = referee(m, J, R_o, R, r, w, a, gravity, axes, rho)
+        np.testing.assert_allclose(np.concatenate(ours), theirs, rtol=0, atol=ROUNDING * np.abs(theirs).max() + 1e-15)
+        assert abs(size(ours) - np.linalg.norm(theirs)) <= ROUNDING * np.linalg.norm(theirs)
+        del R_start
+
+
+def test_a_still_pad_carries_the_weight() -> None:
+    held = Held(0.5, mat(1e-3 * np.eye(3)), vec(np.array([0.0, 0.02, 0.0])), ALONE)
+    weights = surface(spatial(np.array([1.0, 1, 0, 0, 0, 1])), 0.03)
+    nothing = spatial(np.zeros(6))
+    l = load(held, weights, mat(np.eye(3)), nothing.linear, vec(np.array([0, -9.81, 0])), nothing)  # noqa: E741
+    np.testing.assert_allclose(np.concatenate(l), [0, -0.5 * 9.81, 0, 0, 0, 0], atol=1e-15)
+
+
+def test_the_guard_takes_the_largest_factor_within_the_limit() -> None:
+    rng = np.random.default_rng(SEED)
+    shares = np.linspace(0, 1, 2001)
+    kinds = set()
+    for _ in range(500):
+        drawn, rest = rng.normal(size=(2, 6)) * rng.uniform(0.1, 2, (2, 1))
+        F = rng.uniform(0.3, 3)
+        k = guard_factor(spatial(drawn), spatial(rest), F)
+        sizes = np.linalg.norm(np.outer(shares, drawn) + rest, axis=1)
+        assert 0.0 <= k <= 1.0
+        if sizes.min() < F:
+            assert np.linalg.norm(k * drawn + rest) <= F * (1 + 1e-12)
+            assert k >= shares[sizes <= F].max() - 1e-9
+            kinds.add("whole" if k == 1.0 else "part")
+        elif sizes.min() > F * 1.001:
+            assert np.linalg.norm(k * drawn + rest) <= sizes.min() * (1 + 1e-6)
+            kinds.add("too heavy")
+    assert kinds == {"whole", "part", "too heavy"}
+
+
+def test_the_load_of_shared_pads_is_never_below_that_of_any_of_them() -> None:
+    rng, rho = np.random.default_rng(SEED), 0.015
+    weights = surface(spatial(np.array([1.0, 1, 0, 0, 0, 1])), rho)
+    tight = 0.0
+    for _ in range(300):
+        places = np.hstack((rng.normal(size=(2, 2)), np.zeros((2, 1)))) * 0.2
+        middle = places.mean(axis=0)
+        d = places - middle
+        A = 2 * rho**2 * np.eye(3) + sum(x @ x * np.eye(3) - np.outer(x, x) for x in d)
+        arm = float(np.hypot(np.linalg.norm(d[0]), rho))
+        shared = Shared(2, vec(middle), mat(np.linalg.inv(A)), arm, rho)
+        held = Held(1.0, mat(np.eye(3)), vec(places[0]), shared)
+        force, torque = rng.normal(size=3), 0.1 * rng.normal(size=3)
+        bound = size(weights * at_contact(held, vec(force), vec(torque)))
+        y = np.linalg.solve(A, torque - np.cross(middle, force))
+        loads = [np.hypot(np.linalg.norm((force / 2 + np.cross(y, x))[:2]), rho * y[2]) for x in d]
+        assert max(loads) <= bound * (1.0 + ROUNDING)
+        tight = max(tight, max(loads) / bound)
+    assert tight > 0.9
+
+
+def at_work(scenario, law, drive="torque_joint"):
+    """Return a loop with a camera and joints that measure torque, and the first result of its law."""
+    loop = ClosedLoop(load_scenario(scenario, law=law, sensor="vision_25", drive=drive))
+    result = loop.control(loop.observe())
+    while not result.mode.follows:
+        loop.bridge.advance([result.command])
+        result = loop.control(loop.observe())
+    return loop, result
+
+
+def test_motion_takes_a_share_of_the_friction_that_the_weight_leaves() -> None:
+    """Where vertical_plane begins, upright but for what joints give way: 1.96 N, no torque about the pads' normal."""
+    loop, result = at_work("vertical_plane", "vic")
+    config, state = record(loop.session.controller.config.copy(), CONFIG), loop.controller.state
+    gains = record(result.outputs.copy(), OUTPUTS).gains
+    weight, rho = 0.2 * 9.81, config.governor.radius
+
+    def share(wrench) -> float:
+        return float(call(load_of_motion, config, state, gains, result.arm, np.array(wrench)))
+
+    for F in (2.2, 4.0):
+        config.governor.estimate.configured = F
+        for force, torque in ((weight, 0.0), (0.5 * weight, 0.0), (F, 0.0), (3.0, 0.05), (0.0, -0.01)):
+            expected = (np.hypot(force, torque / rho) - weight) / (F - weight)
+            for direction in ((1.0, 0.0), (0.6, -0.8)):
+                fx, fy = force * np.array(direction)
+                np.testing.assert_allclose(share((fx, fy, 7.0, 0.3, -0.2, torque)), expected, rtol=1e-3, atol=1e-3)
+    config.governor.estimate.configured = 0.99 * weight
+    assert share((5.0, 0.0, 0.0, 0.0, 0.0, 0.0)) == 0.0
+
+
+def test_slip_is_likely_after_another_one_and_under_load_and_below_a_governor_beyond_what_has_been_carried() -> None:
+    for law in ("vic", "governed"):
+        loop, result = at_work("paper_planar", law)
+        config, state = record(loop.session.controller.config.copy(), CONFIG), loop.controller.state
+        outputs, F = record(result.outputs.copy(), OUTPUTS), config.governor.estimate.configured
+        estimate = state.pad.estimate
+        for since_ms, share, asked, alone, governed in (
+            (299, 0.0, 1.0, True, False),  # the memory is 0.3 s
+            (301, 0.84, 1.0, False, False),
+            (301, 0.86, 1.0, True, False),
+            (301, 0.0, 1.05, False, False),
+            (301, 0.0, 1.06, False, True),
+        ):
+            state.observer.since_ns = state.joint.answers.stamp_ns - 1_000_000 * since_ms
+            outputs.samples[0].wrench[:] = share * F, 0.0, 0.0, 0.0, 0.0, 0.0
+            estimate.certified, estimate.asked = 1.0, asked
+            likely = call(slip_is_likely, config, state, result.arm, outputs)
+            assert likely == (governed if law == "governed" else alone), (law, since_ms, share, asked)
+
+
+def test_slip_is_remembered_while_motion_takes_what_friction_carries() -> None:
+    """Gate and slip fade with 0.1 s; elsewhere, and where the law has given up, at once.
+
+    The pad makes up for slip with an eighth of k_s^2, by efforts with a quarter of that. Nothing is remembered below a
+    governor, and by efforts without friction of gears.
+    """
+    dt, v, before = 0.002, np.array([0.004, -0.002, 0.0]), np.array([0.0, 3e-4, 0.0])
+    for law, drive, memory, share_of_k_s in (
+        ("vic", "velocity_500", 0.1, 1 / 8),
+        ("vic", "motor_current", 0.1, 1 / 32),
+        ("vic", "torque_joint", 0.0, 0.0),
+        ("governed", "velocity_500", 0.0, 0.0),
+    ):
+        loop, result = at_work("paper_planar", law, drive)
+        config, state = record(loop.session.controller.config.copy(), CONFIG), loop.controller.state
+        outputs, F = record(result.outputs.copy(), OUTPUTS), config.governor.estimate.configured
+        for share, given_up in ((0.86, 0), (0.84, 0), (0.86, 1)):
+            state.law.gate, state.law.given_up.given_up, state.law.slipped[:] = 0.8, given_up, before
+            outputs.samples[0].wrench[:] = share * F, 0.0, 0.0, 0.0, 0.0, 0.0
+            outputs.samples[0].slip_twist[:3] = v
+            call(remember_slip, config, state, result.arm, outputs, dt)
+            fades = np.exp(-dt / memory) if memory and share > 0.85 and not given_up else 0.0
+            slipped = fades * before + dt * v
+            np.testing.assert_allclose(outputs.least_gate, 0.8 * fades)
+            np.testing.assert_allclose(state.law.slipped, slipped if memory else before)
+            np.testing.assert_allclose(outputs.recovery, share_of_k_s * outputs.gains.gains.k_s**2 * slipped)

@@ -1,0 +1,295 @@
+"""A stream of references under the governor: what is received is followed, slowed down, and never asks too much."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from slip_bags.reader import Bag
+from slip_core.errors import InputError
+from slip_core.records import dtype_of, new, record
+from slip_core.types import CartesianReference
+from slip_core.vectors import NOTHING, mat, spatial, vec
+from slip_msgs_py.messages.from_msgs import streamed_reference
+from slip_vic.replay.run_data import read_run
+from slip_vic.replay.verify import verify_run
+from slip_vic.run.in_process import ClosedLoop
+from slip_vic.scenarios.scenario import load_scenario
+from slip_vic_controller.governor.governor import GOVERNOR
+from slip_vic_controller.governor.load import Held, Shared
+from slip_vic_controller.path.paths import REFERENCE, Reference, put_reference
+from slip_vic_controller.path.stream import (
+    STREAM,
+    STREAM_POINTS,
+    StreamConfig,
+    at,
+    drop_passed,
+    plan_stream,
+    stream_bound,
+    take_queued,
+    waiting,
+)
+from slip_vic_controller.safety.modes import Mode
+from slip_vic_controller.sizes import NEVER
+from test.support.run_maker import goal_message, record_run
+
+WAY, TURN, DURATION_S = np.array([0.4, 0.3, 0.0]), np.array([0.0, 0.0, 0.8]), 2.0
+FIRST = 10
+HELD_M = 1e-7
+TOPIC = "controller.trajectory.kind=topic"
+
+
+def motion(t: float) -> tuple[float, float, float]:
+    """Return value and two rates of a quintic from 0 to 1 at rest over DURATION_S."""
+    x = min(max(t / DURATION_S, 0.0), 1.0)
+    rate = 30.0 * x * x * (1.0 - x) ** 2 / DURATION_S
+    return x**3 * (10.0 - 15.0 * x + 6.0 * x * x), rate, (60.0 * x - 180.0 * x * x + 120.0 * x**3) / DURATION_S**2
+
+
+class Streamed:
+    """paper_planar with its own trajectory streamed at some rate, until some tick, with stamps or without."""
+
+    def __init__(
+        self, seconds: float, *assignments: str, period: int, until: int = 10**6, stamped: bool = True
+    ) -> None:
+        loaded = load_scenario(
+            "paper_planar", law="governed", assignments=(TOPIC, f"bridge.duration_s={seconds}", *assignments)
+        )
+        loop, start = ClosedLoop(loaded), None
+        self.poses, self.twists, self.waits, self.guards, self.modes = [], [], [], [], set()
+        self.slip_m = self.load = 0.0
+        for tick in range(round(1000 * seconds)):
+            outputs = loop.observe()
+            if start is not None and FIRST <= tick < until and (tick - FIRST) % period == 0:
+                p, v, a = motion((tick - FIRST) * 1e-3)
+                R = Rotation.from_rotvec(p * TURN).as_matrix() @ start[1]
+                six = np.concatenate((WAY, TURN))
+                stamp_ns = 7 * 10**15 + tick * 10**6 if stamped else 0  # of another clock that goes as fast
+                loop.session.set_reference(CartesianReference(start[0] + p * WAY, R, v * six, a * six, stamp_ns))
+            result = loop.control(outputs)
+            reference, governor = result.record.reference, result.record.governor
+            start = start or (np.array(reference.position), np.array(reference.rotation))
+            self.poses.append(np.array(reference.position) - start[0])
+            self.twists.append(np.array(reference.twist))
+            self.waits.append(float(governor.stream_waits))
+            self.guards.append(float(governor.guard))
+            self.modes.add(result.mode)
+            self.slip_m = max(self.slip_m, float(np.linalg.norm(outputs.truth.slip_displacement[:3])))
+            self.load = max(self.load, float(governor.load_ratio))
+            loop.bridge.advance([result.command])
+        self.poses, self.twists = np.array(self.poses), np.array(self.twists)
+
+
+def test_a_stream_too_fast_for_friction_is_followed_more_slowly_and_nothing_slips() -> None:
+    """Ungoverned, this trajectory lets the object slip 40 mm; its end comes later by what friction asks for."""
+    run = Streamed(3.0, period=10)
+    assert run.slip_m < HELD_M
+    assert run.load <= 1.0 + 1e-9
+    assert run.modes <= {Mode.ACTIVE, Mode.DEGRADED}, "it may say that the end of what it knows comes too soon"
+    assert max(run.waits) > 0.2, "it is slowed down"
+    assert np.abs(run.poses[-1] - WAY).max() < 1e-9, "all of it is run through"
+    assert np.abs(np.diff(run.poses, axis=0) / 1e-3 - run.twists[:-1, :3]).max() < 1e-2, "twist is that of the pose"
+
+
+def test_a_stream_leaves_the_reserve_and_is_run_through() -> None:
+    """Without weight in the slip plane it asks for half of what it would ask for; feedback adds to that."""
+    run = Streamed(4.0, "controller.governor.reserve=0.5", period=10)
+    assert run.load < 0.65
+    assert np.abs(run.poses[-1] - WAY).max() < 1e-9
+
+
+def test_a_stream_that_friction_carries_is_followed_later_by_the_preview() -> None:
+    run = Streamed(2.3, "controller.governor.friction_limit=2.0", "bridge.friction.mu_s=4.0", period=4, stamped=False)
+    due = np.array([motion((tick - FIRST) * 1e-3 - 0.1)[0] for tick in range(len(run.poses))])
+    # 0.1 s of preview, half of the 20 ms of smoothing.
+    shifted = np.array([motion((tick - FIRST) * 1e-3 - 0.11)[0] for tick in range(len(run.poses))])
+    assert np.abs(run.poses - np.outer(shifted, WAY)).max() < 1e-3
+    assert np.abs(run.poses - np.outer(due, WAY)).max() < 1e-2
+    assert min(run.guards) == 1.0
+
+
+def test_a_stream_that_ends_in_motion_is_braked_for_within_friction() -> None:
+    run = Streamed(3.0, period=10, until=900)
+    assert run.slip_m < HELD_M
+    assert run.load <= 1.0 + 1e-9
+    assert Mode.DEGRADED in run.modes, "it says that it overruns what was received"
+    assert np.abs(run.twists[-1]).max() < 1e-9
+    assert run.poses[-1, 0] > motion(0.89)[0] * WAY[0], "it brakes behind the last sample"
+
+
+def test_what_has_been_run_through_is_forgotten_and_nothing_else() -> None:
+    stream = record(new(STREAM), STREAM)
+    for time, points in ((0.5, 6), (1.0, 5), (2.5, 4), (9.0, 2)):
+        stream.count, stream.fresh = 6, 4
+        for i in range(6):
+            stream.points[i].time = float(i)
+            stream.samples[i].position[:] = i
+        drop_passed(stream, time)
+        kept = range(stream.count)
+        assert stream.count == points, time
+        assert [stream.points[i].time for i in kept] == list(range(6 - points, 6)), time
+        assert [stream.samples[i].position[0] for i in kept] == list(range(6 - points, 6)), time
+        assert stream.fresh == max(points - 2, 0), "the load of the last two is still unknown"
+
+
+def test_samples_that_come_too_close_are_thinned_and_the_newest_is_always_kept() -> None:
+    config, stream, path = (record(new(layout), layout) for layout in (dtype_of(StreamConfig), STREAM, GOVERNOR))
+    config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
+    spacings_ms = (*(3,) * 20, *(10,) * 100)  # more of them than there is room for
+    stamps = 5 * 10**15 + np.cumsum((0, *spacings_ms)) * 10**6
+    for k, stamp_ns in enumerate(stamps):
+        stream.queued, stream.queue[0].stamp_ns = 1, stamp_ns
+        stream.queue[0].reference.position[:] = k
+        stream.fresh = stream.count
+        assert take_queued(config, stream, path, stamp_ns) is (k == 0)
+        n = int(stream.count)
+        assert stream.queued == 0
+        assert stream.fresh == (n - 1 if k else 0), "of what has come the load is unknown, of all before it is not"
+        stream.queued, stream.queue[0].stamp_ns = 1, stamp_ns - 10**6
+        stream.queue[0].reference.position[:] = -1.0
+        assert not take_queued(config, stream, path, stamp_ns), "what is older than the newest is left out"
+        assert stream.count == n
+        times = np.array([stream.points[i].time for i in range(n)])
+        assert times[-1] == pytest.approx((stamp_ns - stamps[0]) * 1e-9)
+        assert stream.samples[n - 1].position[0] == k
+        assert n <= STREAM_POINTS
+        assert np.diff(times)[1:-1].min(initial=1.0) >= config.spacing_s, "but the last, that the next may replace"
+        if n < STREAM_POINTS:
+            assert np.diff(times)[1:].max(initial=0.0) < 2.5 * config.spacing_s, "and no more than need be"
+    assert n == STREAM_POINTS
+    assert (path.time, path.rate) == (-config.preview_s, 0.0)
+
+
+def test_what_comes_before_the_last_sample_may_be_as_fast_as_friction_brakes() -> None:
+    """A point mass: over the way D, K falls by 2 D F / m."""
+    stream, F, mass, spacing_s = record(new(STREAM), STREAM), 1.5, 0.5, 0.1
+    stream.count = stream.fresh = 5
+    for i in range(5):
+        point = stream.points[i]
+        point.time, point.uu, point.cap = spacing_s * i, mass * mass, 100.0
+    stream.points[4].cap = 0.01
+    nobody = Shared(1, vec(np.zeros(3)), mat(np.eye(3)), 0.0, 1.0)
+    held = Held(mass, mat(np.eye(3)), vec(np.zeros(3)), nobody)
+    plan_stream(stream, held, spatial(np.ones(6)), vec(np.zeros(3)), (1.0, 1.0, 1.0), F, 0.0)
+    K = [stream.points[i].K for i in range(5)]
+    expected = 0.01 + 2.0 * spacing_s * F / mass * np.arange(4, -1, -1)
+    np.testing.assert_allclose(K, expected, rtol=1e-6)
+
+
+def test_the_bound_of_a_stream_is_straight_between_its_points_and_zero_behind_the_last() -> None:
+    stream = record(new(STREAM), STREAM)
+    stream.count = 3
+    for i, (time, K) in enumerate(((0.0, 4.0), (1.0, 2.0), (3.0, 1.0))):
+        stream.points[i].time, stream.points[i].K = time, K
+    expected = (
+        (-1.0, 4.0, -2.0),
+        (0.5, 3.0, -2.0),
+        (1.0, 2.0, -0.5),
+        (2.0, 1.5, -0.5),
+        (3.0, 0.0, 0.0),
+        (9.0, 0.0, 0.0),
+    )
+    for time, bound, slope in expected:
+        assert stream_bound(stream, time) == pytest.approx((bound, slope)), time
+
+
+def test_what_waits_of_a_stream_is_what_has_not_been_run_through() -> None:
+    stream = record(new(STREAM), STREAM)
+    assert waiting(stream, -5.0) == 0.0, "nothing has come yet"
+    stream.count, stream.points[0].time, stream.points[1].time = 2, 1.0, 3.0
+    assert [waiting(stream, time) for time in (1.5, 3.0, 4.0)] == [1.5, 0.0, 0.0]
+
+
+def test_a_sample_without_a_stamp_has_that_of_the_cycle() -> None:
+    config, stream, path = (record(new(layout), layout) for layout in (dtype_of(StreamConfig), STREAM, GOVERNOR))
+    config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
+    for ms in (0, 20, 50):
+        stream.queued, stream.queue[0].stamp_ns = 1, 0
+        take_queued(config, stream, path, (5 + ms) * 10**6)
+    assert [stream.points[i].time for i in range(stream.count)] == pytest.approx([-0.1, 0.0, 0.02, 0.05])
+
+
+def test_a_stream_that_has_been_run_through_begins_again_where_it_ended() -> None:
+    config, stream, path = (record(new(layout), layout) for layout in (dtype_of(StreamConfig), STREAM, GOVERNOR))
+    config.preview_s, config.spacing_s, stream.first_ns = 0.1, 0.009, NEVER
+
+    def take(ms: int) -> bool:
+        stream.queued, stream.queue[0].stamp_ns = 1, (7 + ms) * 10**6
+        item = Reference(vec([1e-3 * ms, 0.0, 0.0]), mat(np.eye(3)), spatial([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), NOTHING)
+        put_reference(stream.queue[0].reference, item)
+        return bool(take_queued(config, stream, path, 0))
+
+    assert [take(ms) for ms in (0, 20, 40)] == [True, False, False]
+    path.time, path.rate = 0.05, 0.1  # behind the last sample, where it goes straight on
+    assert not take(45)
+    path.time, path.rate = 0.03, 0.0
+    assert not take(60), "there is something to follow"
+    path.time, stream.fresh = 0.07, 3
+    assert take(500)
+    assert (stream.count, stream.fresh) == (2, 0), "of neither is the load known"
+    assert (path.time, path.rate, stream.points[0].time) == (0.4, 0.0, 0.4)
+    rests, newest = numbers(at(stream, 0.4)), numbers(at(stream, 0.5))
+    np.testing.assert_allclose(rests[:3], (0.07, 0.0, 0.0), atol=1e-12)
+    np.testing.assert_array_equal(rests[12:], 0.0)
+    np.testing.assert_allclose(newest[[0, 12]], (0.5, 1.0))
+
+
+def numbers(reference: Reference) -> np.ndarray:
+    """Position, attitude, twist and acceleration; (24,)."""
+    buffer = new(REFERENCE)
+    put_reference(record(buffer, REFERENCE), reference)
+    found = record(buffer, REFERENCE)
+    return np.concatenate([np.ravel(found[name]) for name in ("position", "rotation", "twist", "acceleration")])
+
+
+def test_between_its_samples_a_stream_moves_as_its_rates_say_and_meets_them_at_each() -> None:
+    rng, stream = np.random.default_rng(5), record(new(STREAM), STREAM)
+    times, R, samples = (0.0, 0.3, 0.5, 1.1), np.eye(3), []
+    for i, time in enumerate(times):
+        R = Rotation.from_rotvec(rng.normal(size=3) * 0.2).as_matrix() @ R
+        x, v, a = rng.normal(size=3), rng.normal(size=6), rng.normal(size=6)
+        samples.append(Reference(vec(x), mat(R), spatial(v), spatial(a)))
+        stream.points[i].time = time
+        put_reference(stream.samples[i], samples[-1])
+    stream.count = len(times)
+    for time, sample in zip(times, samples, strict=True):
+        expected = numbers(sample)
+        expected[18:] *= time < times[-1]  # behind the last sample it goes straight on
+        np.testing.assert_allclose(numbers(at(stream, time)), expected, atol=1e-9)
+        if time > 0.0:
+            np.testing.assert_allclose(numbers(at(stream, time - 1e-10)), numbers(sample), atol=1e-5)
+    h = 1e-6
+    for time in (0.04, 0.2, 0.33, 0.49, 0.6, 1.0, 2.0):
+        before, now, after = (numbers(at(stream, time + step)) for step in (-h, 0.0, h))
+        turned = Rotation.from_matrix(after[3:12].reshape(3, 3) @ before[3:12].reshape(3, 3).T).as_rotvec()
+        rates = np.concatenate((after[:3] - before[:3], turned, after[12:18] - before[12:18])) / (2.0 * h)
+        np.testing.assert_allclose(rates, now[12:], rtol=1e-5, atol=1e-4)
+
+
+def test_what_does_not_say_how_it_moves_is_refused() -> None:
+    xyz = SimpleNamespace(x=0.0, y=0.0, z=0.0)
+    pose = SimpleNamespace(translation=xyz, rotation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0))
+    point = SimpleNamespace(transforms=[pose], velocities=[], accelerations=[])
+    header = SimpleNamespace(stamp=SimpleNamespace(sec=1, nanosec=5), frame_id="")
+    with pytest.raises(InputError, match="velocities and accelerations too"):
+        streamed_reference(SimpleNamespace(points=[point], header=header))
+    still = SimpleNamespace(linear=xyz, angular=xyz)
+    point = SimpleNamespace(transforms=[pose], velocities=[still], accelerations=[still])
+    assert streamed_reference(SimpleNamespace(points=[point], header=header)).stamp_ns == 10**9 + 5
+
+
+def test_runs_with_references_by_topic_replay_to_the_last_bit(tmp_path) -> None:
+    for controller in ("governed", "vic"):
+        loaded = load_scenario("paper_planar", law=controller, assignments=(TOPIC, "bridge.duration_s=0.2"))
+        given = {}
+        for tick in (*range(5, 60, 5), 62, *range(120, 180, 20)):
+            twist = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+            stamp_ns = 0 if tick % 2 else tick * 10**6
+            given[tick] = goal_message((0.1 * tick * 1e-3, 0.35, 0.5), (0, 0, 1, 0.01 * tick), 0.0, twist, stamp_ns)
+        record_run(tmp_path / controller, loaded, goals=given)
+        with Bag(tmp_path / controller) as bag:
+            verdict = verify_run(read_run(bag, {}))
+        assert verdict.text() == "identical: 200 cycles, 1400 efforts, to the last bit"
