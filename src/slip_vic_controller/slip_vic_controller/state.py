@@ -8,7 +8,6 @@ from typing import Annotated
 from slip_core.arrays import Array
 from slip_core.records import Mat3, Real, Record, Records, Vec3, Vec6, Whole, WholeArray, dtype_of
 from slip_vic_controller.arm.command import CommandConfig, MotionCommand
-from slip_vic_controller.arm.drive_delay import DriveDelay
 from slip_vic_controller.arm.joint_estimate import EstimatorConfig, JointEstimate, PublishedJoints
 from slip_vic_controller.arm.tare import Tare, TareConfig
 from slip_vic_controller.contact.layouts import Motion, Observer, ObserverConfig
@@ -177,7 +176,6 @@ class ArmState(Record):
     motion: MotionCommand  # where the drives take velocities or positions
     tare: Tare
     following: Following
-    drive_delay: DriveDelay
 
 
 ARM_STATE = dtype_of(ArmState)

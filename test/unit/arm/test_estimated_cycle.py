@@ -220,10 +220,8 @@ def test_one_reset_ends_the_fault_of_what_was_found_and_is_gone(finding: Finding
     assert [cycle() for _ in range(5)][-1] == Mode.ACTIVE
     found = loop.controller.state.estimate
     found.finding, found.joint, found.value, found.limit = finding, 2, 1.0, 0.5
-    loop.controller.state.drive_delay.found_s = 0.03
     assert [cycle() for _ in range(100)][-1] == Mode.FAULT
     assert cycle(Request.RESET_FAULT) == Mode.HOLD
-    assert loop.controller.state.drive_delay.found_s == 0.0
     assert cycle(Request.ENABLE) in (Mode.ACTIVE, Mode.DEGRADED)
 
 

@@ -11,7 +11,6 @@ from slip_core.arrays import Array
 from slip_core.errors import InputError
 from slip_core.matrices import product, riccati, solve
 from slip_core.records import new, record
-from slip_vic_controller.arm.drive_delay import LONGEST_S
 from slip_vic_controller.arm.estimator import transition
 from slip_vic_controller.arm.joint_estimate import ESTIMATOR_CONFIG, MAX_LATENCY, QUICK, EstimatorConfig, Trust
 from slip_vic_controller.arm.plausibility import LEAST_LAG_S, MOVES, REPEATED, UNMOVED
@@ -39,10 +38,6 @@ loop: each feels through the object what the other takes off, and faster than th
 THROWN_SETTLES_AFTER: Final = 5.0
 """Least time constant of it in FAULT, over the control period: an arm with friction that was thrown swings for ever
 where its disturbance, which turns round with it, is taken off in a period or two."""
-BLOCK_S: Final = 4e-3
-"""Length of the blocks in which a delay of efforts is looked for, at least one period of control and sensor [s]."""
-LEAST_DELAYS: Final = 3
-"""Of fewer one explains too easily what is no delay: cycles of more than 11 ms are not watched."""
 LARGER: Final = 1.5
 """Measured noise over the configured one from which it is used: a spread of few samples is not exact."""
 
@@ -253,8 +248,6 @@ def estimator_config(params: ControllerParams, effort_limit: Array) -> Array:
             expected=f"together below {MAX_LATENCY * period:g} s",
             fix="raise control_period_s",
         )  # fmt: skip
-    block = max(1, round(BLOCK_S / period), ticks)
-    config.block_ticks = block if by_effort and LEAST_DELAYS * block * period <= LONGEST_S else 0
     both = steady_state(noise, config.bandwidth, period, ticks)
     config.gain[: len(Trust)], H = gains_by_trust(both, noise), both.H
     quick = noise._replace(drift=max(model.quick_drift, model.drift))

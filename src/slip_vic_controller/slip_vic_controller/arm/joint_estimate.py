@@ -45,9 +45,8 @@ class Finding(IntEnum):
     VELOCITY_BIASED = 5  # velocity says more than position moves
     COLLISION = 6  # the disturbance has jumped
     DISTURBED = 7  # the disturbance stays above its bound
-    EFFORTS_LATE = 8  # all joints follow efforts later than told
-    STUCK = 9  # neither position nor velocity changes, though that says that the joint moves
-    IGNORED = 10  # a joint does not move as commanded
+    STUCK = 8  # neither position nor velocity changes, though that says that the joint moves
+    IGNORED = 9  # a joint does not move as commanded
 
 
 class EstimatorConfig(Record):
@@ -60,7 +59,6 @@ class EstimatorConfig(Record):
     late_ticks: Whole  # latency of the sensor, whole control periods
     late_rest: Real  # s; and what is left of it
     drive_ticks: Whole  # control periods from an input to its effect
-    block_ticks: Whole  # control periods over which efforts and motion are compared for a delay; 0 = they are not
     sensor_ticks: Whole  # control periods for which the sensor repeats a sample; 1 = each is new
     sensor_period: Real  # s; between new samples
     gain: Annotated[Array, (5, 3, 2)]  # of (q, v, d) for innovations of position and velocity; by Trust, and QUICK
@@ -129,8 +127,8 @@ class JointEstimate(Record):
     beyond_s: Joints  # s; for how long it has been beyond its bound
     finding: Whole  # Finding, the first one; kept until `clear_findings`
     joint: Whole  # its joint
-    value: Real  # rad, N m, rad/s or ms
-    limit: Real  # rad, N m, rad/s or ms
+    value: Real  # rad, N m or rad/s
+    limit: Real  # rad, N m or rad/s
 
 
 class PublishedJoints(Record):

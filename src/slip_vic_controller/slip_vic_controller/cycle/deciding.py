@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from slip_core.compiled import part
 from slip_vic_controller.arm.disturbance import DISTURBED, most_disturbed
-from slip_vic_controller.arm.drive_delay import forget_drive_delay
 from slip_vic_controller.arm.joint_estimate import clear_findings
 from slip_vic_controller.cycle.beginning import begin_cycle, begin_law
 from slip_vic_controller.cycle.ledger import put_time
@@ -162,7 +161,6 @@ def _decide(
     if inputs.request == Request.ENABLE or inputs.request == Request.RESET_FAULT:
         # A user who enables the law, or ends a fault, has checked that the clocks agree and nothing is late.
         forget_latency(state.latency)
-        forget_drive_delay(state.drive_delay)
         forget_repeats(state.wrench_inputs)
         if state.estimate.unmeasured[0] == 0:  # else no user can be right: the joint states contradict themselves
             state.joint.equal_since_ns = now_ns

@@ -16,7 +16,6 @@ from slip_vic_controller.arm.command import (
     stop_motion,
 )
 from slip_vic_controller.arm.disturbance import oppose_disturbance
-from slip_vic_controller.arm.drive_delay import watch_drive_delay
 from slip_vic_controller.arm.estimator import remember_input
 from slip_vic_controller.arm.joint_estimate import Finding, find, publish_joints
 from slip_vic_controller.cycle.wrench import put_own_wrench
@@ -66,9 +65,6 @@ def finish(
     if config.estimator.on != 0:
         _oppose_disturbance(config, state, inputs, torque)
     avoid_limits(config.motion, n, q, qd, inputs.arm, law_at_work, torque)
-    if inputs.arm.M[0, 0] > 0.0:
-        estimator, limit = config.estimator, config.law.effort_limit
-        watch_drive_delay(estimator, state.drive_delay, state.estimate, inputs.arm.M, state.limiter.effort, limit)
     finite = limit_effort(config.motion.drive, state.limiter, n, torque, now_ns, clipped, outputs.limited)
     if not by_effort:
         _move(config, state, inputs, outputs, moves_s)

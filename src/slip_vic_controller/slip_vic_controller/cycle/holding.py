@@ -81,7 +81,7 @@ def hold(
     if wrench_good:
         measured = own_wrench(config, state, mat(inputs.arm.rotation))
         update_load_error(config.hold, state.hold, inputs.arm, r, measured, dt_ns * 1e-9)
-    late_s = state.latency.most_ns * 1e-9 + state.drive_delay.found_s
+    late_s = state.latency.most_ns * 1e-9
     hold_effort(config.hold, state.hold, inputs.arm, sample, pad, r, late_s, outputs.wanted)
     if not (state.mode.reason.cause == Cause.FALLS and state.mode.reason.prefix == 0):
         carry_load(config.hold, state.hold, inputs.arm, r, outputs.wanted)

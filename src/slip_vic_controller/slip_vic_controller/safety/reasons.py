@@ -53,7 +53,7 @@ class Cause(IntEnum):
     RANGE_END_TURNED = 31  # the same where only the attitude is far: limit: error [rad]
     PUSHED_BACK = 32  # detail: joint; value: its position [rad]
     BIASED = 27  # detail: the sensor; value, limit in its unit
-    JOINT = 25  # detail: joint + 256 * Finding of the estimator; value, limit [rad], [N m] or [ms]
+    JOINT = 25  # detail: joint + 256 * Finding of the estimator; value, limit [rad], [N m] or [rad/s]
 
 
 @unique
@@ -207,9 +207,6 @@ def finding_text(finding: Finding, joint: str, value: float, limit: float) -> st
         return f"collision: the torque on {joint} jumped by {value:.1f} N m, the limit is {limit:.1f}"
     if finding == Finding.DISTURBED:
         return f"{joint}: disturbance of {value:.1f} N m, at most {limit:.1f} is compensated"
-    if finding == Finding.EFFORTS_LATE:
-        told = f"tell the controller with drive.delay_s, which says {limit:.0f} ms"
-        return f"the joints follow efforts {value:.0f} ms later than told: {told}"
     if finding == Finding.IGNORED:
         return f"{joint} does not take commands: it moves at {value:.2f} rad/s where {limit:.2f} are commanded"
     if finding == Finding.STUCK:
