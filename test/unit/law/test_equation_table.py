@@ -10,7 +10,10 @@ from slip_vic_controller.law.law import EVALUATION
 
 ROOT = Path(__file__).parents[3]
 PACKAGE = ROOT / "src" / "slip_vic_controller" / "slip_vic_controller"
-SOURCES = [*sorted((PACKAGE / "law").glob("*.py")), *sorted((PACKAGE / "reference").glob("*.py")), PACKAGE / "robot.py"]
+SOURCES = [
+    *(path for room in ("law", "path", "governor") for path in sorted((PACKAGE / room).glob("*.py"))),
+    PACKAGE / "arm" / "robot.py",
+]
 REFEREE = ROOT / "test" / "referees" / "law_referee.py"
 PAGE = (ROOT / "docs" / "equations.md").read_text(encoding="utf-8")
 
