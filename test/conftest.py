@@ -4,7 +4,7 @@ import os
 
 import hypothesis
 
-from slip_msgs_py.last_resort import LOUD_VARIABLE
+from slip_msgs_py.node_shell import LOUD_VARIABLE
 from test.support.ros import (  # noqa: F401  # fixtures are found by name
     processes,
     ros_domain,

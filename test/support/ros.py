@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from slip_msgs_py.transport import choose_transport
+from slip_msgs_py.environment import choose_transport
 from slip_vic.run.domain import domain_id
 from slip_vic.run.processes import Child, EventKind, ProcessGroup, child_environment
 

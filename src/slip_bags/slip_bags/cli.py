@@ -16,7 +16,7 @@ import click
 from slip_bags.recording import QUEUE_DEPTH
 from slip_core.errors import InputError, SlipVicError
 from slip_msgs_py import events
-from slip_msgs_py.without_ros import is_of_ros, no_ros
+from slip_msgs_py.environment import is_of_ros, no_ros
 
 _FOLDER = click.Path(path_type=Path)
 _BAG = click.argument("bag_path", metavar="BAG", type=_FOLDER)

@@ -10,7 +10,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from slip_msgs_py.transport import choose_transport
+from slip_msgs_py.environment import choose_transport
 
 
 def request_realtime() -> bool:

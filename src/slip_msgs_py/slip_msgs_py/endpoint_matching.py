@@ -11,7 +11,7 @@ from rclpy.qos import QoSCompatibility, qos_check_compatible
 from rclpy.subscription import Subscription
 
 from slip_core.errors import ProtocolError
-from slip_msgs_py.starting import somebody_starts
+from slip_msgs_py.environment import another_starts
 
 FIRST_SAID_S, SAID_AGAIN_S = 1.0, 10.0
 
@@ -73,7 +73,7 @@ class Waiting:
         if time.monotonic() >= self._next_s:
             self._next_s = time.monotonic() + SAID_AGAIN_S
             compiles = "; another node is still starting, and compiles its formulas the first time"
-            self._report(f"waits: {missing()}{compiles if somebody_starts() else ''}")
+            self._report(f"waits: {missing()}{compiles if another_starts() else ''}")
 
 
 def wait_until(
@@ -97,7 +97,7 @@ def wait_until(
             return False
         waiting.tell(explain)
         if time.monotonic() > deadline:
-            if not somebody_starts():
+            if not another_starts():
                 raise ProtocolError(f"waited {timeout_s:g} s: {explain()}")
             deadline = time.monotonic() + timeout_s
         spin_once(0.01)

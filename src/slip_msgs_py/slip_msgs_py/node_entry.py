@@ -7,9 +7,8 @@ import os
 import sys
 
 from slip_core.loading import without_collector
-from slip_msgs_py.starting import starting
+from slip_msgs_py.environment import is_of_ros, no_ros, starting
 from slip_msgs_py.stop_flag import StopFlag, ending_at_once
-from slip_msgs_py.without_ros import is_of_ros, no_ros
 
 HELP = """usage: {name} [--ros-args [--params-file FILE] [-p NAME:=VALUE]... [-r FROM:=TO]...]
 

@@ -19,10 +19,10 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from slip_core.errors import SlipVicError
+from slip_msgs_py.environment import choose_transport
 from slip_msgs_py.events import wanted
 from slip_msgs_py.executor import wake_all
 from slip_msgs_py.stop_flag import SIGNALS, StopFlag, ending
-from slip_msgs_py.transport import choose_transport
 
 
 class RunnableNode(Protocol):

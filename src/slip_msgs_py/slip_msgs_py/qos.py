@@ -13,7 +13,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.subscription import Subscription
 
 from slip_core.topics import Topic, topic
-from slip_msgs_py.node_part import NodePart
+from slip_msgs_py.node_shell import NodePart
 
 NodeLike: TypeAlias = Node | NodePart
 

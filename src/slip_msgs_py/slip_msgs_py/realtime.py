@@ -1,4 +1,4 @@
-"""What a process requests of the system for steady ticks: core, SCHED_FIFO, locked memory, sharp timers, cores awake.
+"""What a process requests of the system for steady ticks: core, SCHED_FIFO, locked memory, sharp timers.
 
 Scheduling must be set before rclpy is imported, because the middleware's threads inherit it; that is what the
 command of this module is for: ``python -m slip_msgs_py.realtime --cpu 1 --fifo 80 -- <module> <arguments>``. What
@@ -18,26 +18,20 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from slip_core.errors import InputError
-from slip_msgs_py.cpu_latency import CpuLatency
 from slip_msgs_py.events import warn
 
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
-_kept: list[CpuLatency] = []  # for the life of the process
 _SWITCH_INTERVAL_S = 1e-4  # a busy Python thread otherwise keeps the interpreter for 5 ms
 
 
 @dataclass(frozen=True, slots=True)
 class ProcessOptions:
-    """How a process runs: its cores (empty: all), its SCHED_FIFO priority (1 to 99), whether its memory is locked.
-
-    awake: whether its cores are kept from sleeping.
-    """
+    """How a process runs: its cores (empty: all), its SCHED_FIFO priority (1 to 99), whether its memory is locked."""
 
     cpus: tuple[int, ...] = ()
     fifo: int | None = None
     lock_memory: bool = False
-    awake: bool = True
 
     def arguments(self) -> list[str]:
         """Return these options as arguments of this module's command."""
@@ -48,8 +42,6 @@ class ProcessOptions:
             words += ["--fifo", str(self.fifo)]
         if self.lock_memory:
             words += ["--lock-memory"]
-        if self.awake:
-            words += ["--awake"]
         return words
 
 
@@ -62,8 +54,6 @@ def set_up_process(options: ProcessOptions) -> list[str]:
         except (OSError, ValueError, OverflowError) as error:
             wanted, cores = _list(options.cpus), _list(sorted(os.sched_getaffinity(0)))
             refused.append(f"core {wanted} is not available ({_reason(error)}); running on {cores}")
-    if options.awake:
-        _kept.append(CpuLatency(options.cpus))  # before the priority, which its processes would inherit
     if options.fifo is not None:
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(options.fifo))
@@ -128,11 +118,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--cpu", type=parse_cores, default=(), help="core to run on, or several: 0,2")
     parser.add_argument("--fifo", type=int, help="SCHED_FIFO priority, 1 to 99")
     parser.add_argument("--lock-memory", action="store_true", help="keep all memory in RAM")
-    parser.add_argument("--awake", action="store_true", help="keep its cores from sleeping")
     parser.add_argument("module", help="module to run, e.g. slip_sim_bridge.main")
     parser.add_argument("arguments", nargs=argparse.REMAINDER, help="its arguments")
     words = parser.parse_args(argv)
-    for line in set_up_process(ProcessOptions(words.cpu, words.fifo, words.lock_memory, words.awake)):
+    for line in set_up_process(ProcessOptions(words.cpu, words.fifo, words.lock_memory)):
         warn(words.module, line)
     sys.argv = [words.module, *(word for word in words.arguments if word != "--")]
     runpy.run_module(words.module, run_name="__main__", alter_sys=True)

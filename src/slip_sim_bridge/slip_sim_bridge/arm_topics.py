@@ -9,7 +9,7 @@ from slip_core.arrays import Array
 from slip_core.types import JointCommand
 from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
 from slip_msgs_py.messages import forms, from_msgs, to_msgs
-from slip_msgs_py.node_part import NodePart
+from slip_msgs_py.node_shell import NodePart
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_sim_bridge.params import BridgeParams
 from slip_sim_bridge.session import ArmOutputs

@@ -26,9 +26,9 @@ from slip_msgs_py.endpoint_matching import EndpointMatching, Waiting, wait_until
 from slip_msgs_py.events import Done, Progress, Started, emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_sender
-from slip_msgs_py.last_resort import Failures, LastResort
 from slip_msgs_py.messages import forms, to_msgs
 from slip_msgs_py.node_main import memory_mib
+from slip_msgs_py.node_shell import Failures, GuardedNode
 from slip_msgs_py.qos import create_publisher, create_subscription
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare_arms
@@ -47,7 +47,7 @@ LATENCIES_KEPT = 100_000
 LATENCY = pacing.SCALARS.index("latency_s")
 
 
-class SlipSimBridge(LastResort, Node):
+class SlipSimBridge(GuardedNode, Node):
     """Publishes joint states, wrench and slip of each arm, truth and clock; waits for or samples effort commands.
 
     Topics and parameters of an only arm have no prefix; those of several, which `arms` names, are below their names.

@@ -52,7 +52,6 @@ def cli() -> None:
 @click.option("--cpu", "cpus", help="core of bridge and controller, or two: 2,3; default in real time: the last two")
 @click.option("--fifo", type=click.IntRange(1, 99), help="their SCHED_FIFO priority, where permitted")
 @click.option("--lock-memory", is_flag=True, help="keep their memory in RAM, where permitted")
-@click.option("--awake/--no-awake", default=True, help="keep the cores from sleeping; default: yes")
 @click.option("--one-process", is_flag=True, help="bridge and controller in one process; topics stay real")
 @IN_PROCESS
 @click.option("--page", type=click.Path(path_type=Path), help="write the page of the run")
@@ -66,7 +65,6 @@ def run(
     cpus: str | None,
     fifo: int | None,
     lock_memory: bool,
-    awake: bool,
     one_process: bool,
     in_process: bool,
     page: Path | None,
@@ -99,14 +97,14 @@ def run(
             "--page", got=f"no --record, and {loaded.duration_s:g} s", expected="a bag to draw", fix="--record BAG"
         )
 
+    from slip_msgs_py.environment import check_ros
     from slip_msgs_py.realtime import ProcessOptions, parse_cores
-    from slip_msgs_py.without_ros import check_ros
     from slip_vic.run.launcher import Launcher
 
     check_ros()
     from slip_vic.run.progress import run_progress
 
-    process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory, awake)
+    process = ProcessOptions(parse_cores(cpus) if cpus else (), fifo, lock_memory)
     with tempfile.TemporaryDirectory(prefix="slip_vic_run_") as folder:
         judged = Path(folder) / "bag" if loaded.duration_s <= LONGEST_JUDGED_S else None
         launcher = Launcher(
@@ -181,7 +179,7 @@ def summary_lines(verdict: Verdict, modes: Mapping[str, Sequence[tuple[float, st
 @ALLOW_FAULT
 def demo(*, choice: Choice, out: Path, in_process: bool, domain_id: int | None, allow_fault: bool) -> None:
     """Compare classical, variable and governed impedance on one scenario: table, report.html, summary.json, bags."""
-    from slip_msgs_py.without_ros import check_ros
+    from slip_msgs_py.environment import check_ros
 
     if not in_process:
         check_ros()

@@ -27,9 +27,9 @@ from slip_msgs_py.endpoint_matching import EndpointMatching, Waiting
 from slip_msgs_py.events import Done, Ready, emit
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.fast_io import Refusals, create_receiver
-from slip_msgs_py.last_resort import Failures, LastResort, fails_loudly
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.node_main import memory_mib
+from slip_msgs_py.node_shell import Failures, GuardedNode, fails_loudly
 from slip_msgs_py.qos import create_publisher
 from slip_msgs_py.realtime import set_up_interpreter
 from slip_msgs_py.ros_params import OWN_TIME, allow_changes, declare_arms
@@ -64,7 +64,7 @@ def _transition(callback: _Transition) -> _Transition:
     return run
 
 
-class SlipVicController(LastResort, LifecycleNode):
+class SlipVicController(GuardedNode, LifecycleNode):
     """Answers every complete set of inputs with one effort command, stamped as the joint state it answers.
 
     Unconfigured it has no topics; inactive it answers with empty commands, which let the arm hold itself.
@@ -88,7 +88,9 @@ class SlipVicController(LastResort, LifecycleNode):
         self._waiting = Waiting(self.get_logger().info)
         self._failures = Failures(self.get_logger().error)
         self._failed_transition: Exception | None = None
-        self._service_change_state.callback = self.answering("change_state", self._guarded(self._service_change_state))
+        self._service_change_state.callback = self.guarded(
+            "service change_state", self._guarded(self._service_change_state)
+        )
         self._arms: tuple[ArmTopics, ...] = ()
         self._task: TaskTopics | None = None
         allow_changes(self, self.params, self._on_change)

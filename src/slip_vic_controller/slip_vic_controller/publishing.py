@@ -10,7 +10,7 @@ from typing import Any
 from slip_core.arrays import Array
 from slip_msgs_py.fast_io import Sender, create_sender
 from slip_msgs_py.messages import forms, to_msgs
-from slip_msgs_py.once_every import OnceEvery
+from slip_msgs_py.node_shell import OnceEvery
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.law.symbols import AXES
 from slip_vic_controller.params.node_params import ControllerNodeParams

@@ -27,10 +27,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Int64MultiArray
 
 from slip_core.stamps import stamp_to_ns
+from slip_msgs_py.environment import choose_transport
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.messages import forms
 from slip_msgs_py.messages.cdr import CdrCodec
-from slip_msgs_py.transport import choose_transport
 
 NAMES = tuple(f"arm_joint{i}" for i in range(1, 8))
 JOINTS = forms.joint_state(NAMES)

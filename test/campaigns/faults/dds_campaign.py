@@ -22,9 +22,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from slip_core.arms import prefix_of
 from slip_core.topics import topic
+from slip_msgs_py.environment import choose_transport
 from slip_msgs_py.executor import Spinner
 from slip_msgs_py.qos import create_subscription, message_class
-from slip_msgs_py.transport import choose_transport
 from slip_vic.run.domain import domain_id
 from slip_vic.run.prepare import prepare
 from slip_vic.run.processes import ProcessGroup, child_environment

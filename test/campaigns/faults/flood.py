@@ -10,8 +10,8 @@ import rclpy
 from rclpy.serialization import serialize_message
 
 from slip_core.topics import topic
+from slip_msgs_py.environment import choose_transport
 from slip_msgs_py.qos import create_publisher, message_class
-from slip_msgs_py.transport import choose_transport
 
 FOREIGN = "foreign"
 """frame_id of every message that an attacker sends, so that the monitor knows it."""

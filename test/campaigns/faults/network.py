@@ -11,7 +11,7 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from slip_msgs_py.transport import PROFILES, RANGE
+from slip_msgs_py.environment import PROFILES, RANGE
 
 INSIDE = "SLIP_VIC_NETWORK"
 _NEAR, _FAR = "svcable", "svplant"

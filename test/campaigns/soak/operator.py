@@ -12,8 +12,8 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
+from slip_msgs_py.environment import choose_transport
 from slip_msgs_py.qos import create_subscription
-from slip_msgs_py.transport import choose_transport
 from test.campaigns.faults.monitors import LOST_M
 
 PATIENCE_S = 2.0  # a fault is looked at before it is reset

@@ -45,7 +45,7 @@ def publish(count: int, rate_hz: float, seconds: float) -> None:
     from rclpy.qos import QoSProfile
     from rclpy.serialization import serialize_message
 
-    from slip_msgs_py.transport import choose_transport
+    from slip_msgs_py.environment import choose_transport
 
     choose_transport()
     rclpy.init(args=[])

@@ -1,16 +1,14 @@
-"""Measurements of the pages: ``python test/system/nodes/measure.py starts|slip|late|fresh|wakes``; nothing is asserted.
+"""Measurements of the pages: ``python test/system/nodes/measure.py starts|slip|late|fresh``; nothing is asserted.
 
 starts   start bridge and controller, stop them with SIGINT after a moment: exit codes, time to stop, files left behind
 slip     how much the object slips in real time and in lockstep, several runs
 late     how much the object slips in process where every command is some control periods late, by what spin does
 fresh    a long run in real time, with the recorder or without: fresh ticks, missed states, latency, messages lost
-wakes    how late the machine wakes a thread that sleeps for a millisecond, cores asleep and awake
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 import random
 import signal
 import statistics
@@ -21,9 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from slip_msgs_py.cpu_latency import LATENCY_FILE, CpuLatency
 from slip_msgs_py.events import Started
-from slip_msgs_py.realtime import ProcessOptions, set_up_interpreter
+from slip_msgs_py.realtime import ProcessOptions
 from slip_vic.run.domain import domain_id
 from slip_vic.run.in_process import run_in_process
 from slip_vic.run.launcher import Launcher
@@ -33,13 +30,9 @@ from slip_vic.run.processes import ProcessGroup, child_environment
 from slip_vic.run.series import read_series
 from slip_vic.scenarios.scenario import BOUNDED, Scenario, load_scenario
 from slip_vic_controller.safety.modes import Mode
-from test.campaigns.bench.machine import fifo_permitted
 from test.campaigns.faults.monitors import LOST_M
 
 START_S, STOP_S = 60.0, 10.0
-HIGHEST = 95
-LATE_S = 0.4e-3  # what a tick of a millisecond has left
-NOWHERE = "/nowhere"
 
 
 def starts(times: int, seed: int) -> None:
@@ -116,29 +109,6 @@ def fresh(seconds: float, rate_hz: float, fifo: int | None, records: bool) -> No
     print(*timing_words(result.timing), f"{result.messages} messages, {result.lost} lost" if records else "no recorder")
 
 
-def wakes(seconds: float) -> None:
-    """Sleep to the next millisecond again and again on one core, at the highest priority there is."""
-    if fifo_permitted():
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(HIGHEST))
-    set_up_interpreter()
-    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[-1:])
-    for name, awake in (
-        ("asleep", None),
-        ("awake, by idle processes", NOWHERE),
-        ("awake, by the kernel", LATENCY_FILE),
-    ):
-        keeper = None if awake is None else CpuLatency(tuple(os.sched_getaffinity(0)), awake)
-        found, start = [], time.monotonic()
-        for tick in range(1, round(1e3 * seconds) + 1):
-            time.sleep(max(0.0, start + 1e-3 * tick - time.monotonic()))
-            found.append(time.monotonic() - start - 1e-3 * tick)
-        if keeper is not None:
-            keeper.end()
-        spread = " / ".join(f"{1e3 * value:.2f}" for value in np.quantile(found, (0.5, 0.99, 0.999, 1.0)))
-        share = 100.0 * sum(value > LATE_S for value in found) / len(found)
-        print(f"core {name}: late p50 / p99 / p99.9 / max {spread} ms; by more than {1e3 * LATE_S:g} ms: {share:.3f} %")
-
-
 def scenario_in(mode: str, seconds: float | None, rate_hz: float = 1000.0) -> Scenario:
     """Return paper_planar in a mode, for so many seconds at a control rate."""
     period = 1.0 / rate_hz
@@ -162,7 +132,7 @@ def timing_words(timing: Mapping[str, float]) -> list[str]:
 def main() -> None:
     """Run one measurement."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["starts", "slip", "late", "fresh", "wakes"])
+    parser.add_argument("what", choices=["starts", "slip", "late", "fresh"])
     parser.add_argument("--times", type=int, default=100)
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--seconds", type=float, default=60.0)
@@ -177,8 +147,6 @@ def main() -> None:
         slip(words.runs, words.fifo)
     elif words.what == "late":
         late()
-    elif words.what == "wakes":
-        wakes(words.seconds)
     else:
         fresh(words.seconds, words.rate, words.fifo, not words.no_recorder)
 

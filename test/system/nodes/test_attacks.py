@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from slip_msgs_py.last_resort import LOUD_VARIABLE
+from slip_msgs_py.node_shell import LOUD_VARIABLE
 from test.support.ros import Processes
 from test.system.nodes.test_modes import (  # noqa: F401
     BRIDGE_ENDLESS,

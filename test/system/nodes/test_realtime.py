@@ -74,6 +74,6 @@ def test_locked_memory_is_granted_or_refused_with_a_line(tmp_path: Path) -> None
 
 
 def test_options_survive_the_way_through_arguments() -> None:
-    assert ProcessOptions(awake=False).arguments() == []
+    assert ProcessOptions().arguments() == []
     options = ProcessOptions(cpus=(0, 2), fifo=80, lock_memory=True)
-    assert options.arguments() == ["--cpu", "0,2", "--fifo", "80", "--lock-memory", "--awake"]
+    assert options.arguments() == ["--cpu", "0,2", "--fifo", "80", "--lock-memory"]

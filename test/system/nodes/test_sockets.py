@@ -11,7 +11,7 @@ from typing import Any
 import psutil
 import pytest
 
-from slip_msgs_py.transport import PROFILES, RANGE
+from slip_msgs_py.environment import PROFILES, RANGE
 from test.campaigns.faults.network import own_network
 from test.support.ros import Processes
 from test.system.nodes.test_modes import BRIDGE_ENDLESS, CONTROLLER_SLOW, Watcher, start, watcher  # noqa: F401

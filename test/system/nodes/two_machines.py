@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from slip_msgs_py.transport import PROFILES, RANGE
+from slip_msgs_py.environment import PROFILES, RANGE
 from test.campaigns.faults.network import Cable
 
 SPEAKS_S, RATE_HZ = "30", "50"

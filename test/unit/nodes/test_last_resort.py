@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from slip_core.types import JointSample, SlipSample, WrenchSample
-from slip_msgs_py.last_resort import LOUD_VARIABLE, LastResort
 from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.controller import Controller
@@ -89,53 +88,3 @@ class _Equal:
 
     def __eq__(self, _other: object) -> bool:
         return True
-
-
-class Rclpy:
-    """Stands for rclpy's node: hands back the callbacks."""
-
-    def create_subscription(self, _type: Any, _topic: str, callback: Any, *_rest: Any, **_options: Any) -> Any:
-        return callback
-
-    def create_timer(self, _period: float, callback: Any, *_rest: Any, **_options: Any) -> Any:
-        self.timers = [callback]
-        return callback
-
-    def create_service(self, _type: Any, _name: str, callback: Any, *_rest: Any, **_options: Any) -> Any:
-        return callback
-
-
-class Node(LastResort, Rclpy):
-    def __init__(self) -> None:
-        self.failures: list[str] = []
-
-    def on_failure(self, what: str, error: Exception) -> None:
-        self.failures.append(f"{what}: {error!r}")
-
-
-def fails(*_arguments: Any) -> None:
-    raise ZeroDivisionError
-
-
-def test_no_exception_leaves_a_callback_unless_tests_want_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    node = Node()
-    take, tick = node.create_subscription(None, "t", fails), node.create_timer(1.0, fails)
-    answer = node.create_service(None, "s", fails)
-    monkeypatch.setenv(LOUD_VARIABLE, "0")
-    take("message")
-    tick()
-    assert answer("request", "response") == "response"
-    assert node.failures == [f"{what}: ZeroDivisionError()" for what in ("topic t", "a timer", "service s")]
-    monkeypatch.setenv(LOUD_VARIABLE, "1")
-    for call in (lambda: take("message"), tick, lambda: answer("request", "response")):
-        with pytest.raises(ZeroDivisionError):
-            call()
-
-
-def test_a_timer_that_was_due_when_it_was_destroyed_is_not_run() -> None:
-    node, calls = Node(), []
-    tick = node.create_timer(1.0, lambda: calls.append(1))
-    tick()
-    node.timers.clear()
-    tick()
-    assert calls == [1]

@@ -55,7 +55,7 @@ def watch(namespace: str, domain_id: int | None, host: str, port: int, rate: flo
 
     Without --domain-id and ROS_DOMAIN_ID it follows `slip-vic run`: also one that begins later.
     """
-    from slip_msgs_py.without_ros import check_ros
+    from slip_msgs_py.environment import check_ros
 
     check_ros()
     from slip_bags.ros_node import ros_node

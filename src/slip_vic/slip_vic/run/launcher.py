@@ -11,10 +11,10 @@ from pathlib import Path
 
 from slip_core.errors import InputError, ProtocolError
 from slip_core.incidents import Incident
+from slip_msgs_py.environment import check_ros
 from slip_msgs_py.events import Event, Progress, Started, Warned
 from slip_msgs_py.realtime import ProcessOptions
 from slip_msgs_py.stop_flag import StopFlag
-from slip_msgs_py.without_ros import check_ros
 from slip_vic.run.domain import check_domain, domain_from_environment, domain_id
 from slip_vic.run.node_command import MODULES, parameter_arguments, run_parameters
 from slip_vic.run.prepare import prepare
@@ -72,7 +72,7 @@ class Launcher:
         wanted_domain: ROS domain id, None takes ROS_DOMAIN_ID or a free one.
         namespace: ROS namespace of all nodes.
         process: cores, priority and memory of bridge and controller: one core for both, or the bridge's and the
-            controller's; without cores, in real time the last two. They are kept awake unless it says no.
+            controller's; without cores, in real time the last two.
         one_process: bridge and controller in one process, lockstep only; their topics stay real.
 
     Raises:
@@ -188,7 +188,7 @@ class Launcher:
         others = tuple(sorted(os.sched_getaffinity(0) - set(self._process.cpus)))
         if not self._process.cpus or not others:
             return command
-        return python_module("slip_msgs_py.realtime", *ProcessOptions(others, awake=False).arguments(), *command[2:])
+        return python_module("slip_msgs_py.realtime", *ProcessOptions(others).arguments(), *command[2:])
 
     def note(self, name: str, event: Event) -> None:
         """Take one event of a child; called from its reader thread."""

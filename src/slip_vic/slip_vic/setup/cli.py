@@ -97,7 +97,7 @@ def bringup(namespace: str, domain_id: int | None, simulated: bool, out: Path) -
     """
     if domain_id is not None:
         os.environ["ROS_DOMAIN_ID"] = str(domain_id)
-    from slip_msgs_py.without_ros import check_ros
+    from slip_msgs_py.environment import check_ros
     from slip_vic.scenarios.parameter_files import check_writable, write_files
 
     check_ros()

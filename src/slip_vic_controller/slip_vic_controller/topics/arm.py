@@ -15,7 +15,7 @@ from slip_core.topics import contact_topic
 from slip_core.types import DisplacementSample, JointSample, SlipSample, WrenchSample
 from slip_msgs_py.fast_io import Refusals, create_receiver, create_sender
 from slip_msgs_py.messages import forms, from_msgs
-from slip_msgs_py.node_part import NodePart
+from slip_msgs_py.node_shell import NodePart
 from slip_vic_controller.params.node_params import ControllerNodeParams
 from slip_vic_controller.publishing import DiagnosticsPublisher, StatePublisher, StatusPublisher, TimingPublisher
 from slip_vic_controller.session.arm_session import ArmSession

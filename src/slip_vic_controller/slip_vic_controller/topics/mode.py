@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 from slip_msgs_py.events import emit
 from slip_msgs_py.fast_io import Refusals
 from slip_msgs_py.messages import to_msgs
-from slip_msgs_py.once_every import OnceEvery
+from slip_msgs_py.node_shell import OnceEvery
 from slip_msgs_py.qos import create_publisher
 from slip_vic_controller.publishing import DIAGNOSTICS_PERIOD_NS, MODE_PHASE, StatusPublisher
 from slip_vic_controller.safety.modes import Mode, Request

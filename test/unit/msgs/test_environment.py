@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from slip_msgs_py.transport import LOCALHOST_ONLY, PEERS, PROFILES, RANGE, RMW, TRANSPORTS, choose_transport
+from slip_msgs_py.environment import LOCALHOST_ONLY, PEERS, PROFILES, RANGE, RMW, TRANSPORTS, choose_transport
 
 NAMES = (RANGE, LOCALHOST_ONLY, PEERS, *PROFILES, TRANSPORTS, RMW)
 

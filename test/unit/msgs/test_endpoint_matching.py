@@ -8,7 +8,7 @@ import time
 import pytest
 
 from slip_core.errors import ProtocolError
-from slip_msgs_py import endpoint_matching, starting
+from slip_msgs_py import endpoint_matching, environment
 from slip_msgs_py.endpoint_matching import Waiting, wait_until
 
 
@@ -41,19 +41,19 @@ def test_nobody_is_given_up_who_is_still_starting() -> None:
     began, enough = threading.Event(), threading.Event()
 
     def start() -> None:
-        with starting.starting():
+        with environment.starting():
             began.set()
             enough.wait()
 
     thread = threading.Thread(target=start)
     thread.start()
     began.wait()
-    assert starting.somebody_starts()
+    assert environment.another_starts()
     end = time.monotonic() + 0.3  # several times longer than it would wait for somebody who has not begun
     assert wait(lambda: time.monotonic() > end)[0]
     enough.set()
     thread.join()
-    assert not starting.somebody_starts()
+    assert not environment.another_starts()
 
 
 def test_what_is_missing_is_said_and_that_somebody_starts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -61,5 +61,5 @@ def test_what_is_missing_is_said_and_that_somebody_starts(monkeypatch: pytest.Mo
     turns = iter(range(5))
     assert wait(lambda: next(turns) == 3)[1] == ["waits: controller is not ready"]
     turns = iter(range(5))
-    with starting.starting():
+    with environment.starting():
         assert "compiles its formulas" in wait(lambda: next(turns) == 3)[1][0]

@@ -1,0 +1,109 @@
+"""What surrounds a process: an installed ROS, how DDS sends, and other processes that are still starting.
+
+By default DDS sends by UDP alone, and on this machine only. ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST limits whom a node
+looks for, not who finds it: its sockets are open on every interface, and a machine that names this one in its
+ROS_STATIC_PEERS reads and writes every topic. A profile of Fast DDS binds them to 127.0.0.1.
+
+Shared memory is left out: a process that is killed while it holds a lock there blocks every later writer, the
+controller too, and a node that starts where a killed one listened may receive nothing.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import importlib.util
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Final
+
+from slip_core.errors import InputError
+
+RANGE: Final = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+LOCALHOST: Final = "LOCALHOST"
+LOCALHOST_ONLY: Final = "ROS_LOCALHOST_ONLY"  # deprecated, and stronger than the range
+PEERS: Final = "ROS_STATIC_PEERS"
+PROFILES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+TRANSPORTS: Final = "FASTDDS_BUILTIN_TRANSPORTS"
+RMW: Final = "RMW_IMPLEMENTATION"
+
+
+def choose_transport() -> None:
+    """Set in the environment how this process and its children send, unless the user has set it.
+
+    To be called before rclpy starts.
+    """
+    if any(os.environ.get(name) for name in PROFILES):
+        return
+    if os.environ.get(LOCALHOST_ONLY) == "1":
+        os.environ |= {LOCALHOST_ONLY: "0", RANGE: LOCALHOST}
+    here = os.environ.setdefault(RANGE, LOCALHOST) == LOCALHOST and not os.environ.get(PEERS)
+    if here and os.environ.get(RMW, "rmw_fastrtps_cpp").startswith("rmw_fastrtps"):
+        profile = Path(__file__).with_name("localhost.xml")
+        # With LOCALHOST rmw_fastrtps adds shared memory, whatever a profile sets.
+        os.environ |= {RANGE: "SYSTEM_DEFAULT", PROFILES[0]: str(profile)}
+    else:
+        os.environ.setdefault(TRANSPORTS, "UDPv4")
+
+
+def check_ros() -> None:
+    """Look for ROS.
+
+    Raises:
+        InputError: this Python has none.
+    """
+    if importlib.util.find_spec("rclpy") is None:
+        raise no_ros()
+
+
+def no_ros() -> InputError:
+    """Return the error of a Python without ROS, with its fix."""
+    return InputError(
+        "ROS 2", got="no rclpy in this Python", expected="ROS 2 Jazzy",
+        fix="pip install '.[ros]' in a clone, or source /opt/ros/jazzy/setup.bash before the start",
+    )  # fmt: skip
+
+
+def is_of_ros(error: ModuleNotFoundError) -> bool:
+    """Return whether a module is missing because ROS is not installed."""
+    name = (error.name or "").partition(".")[0]
+    ours = name.startswith(("rcl", "rosidl", "rpyutils", "builtin_interfaces", "ament_")) or name.endswith("_msgs")
+    return ours and importlib.util.find_spec("rclpy") is None
+
+
+@contextlib.contextmanager
+def starting() -> Iterator[None]:
+    """Show other processes of this user that this one is still being imported, the first time for over a minute.
+
+    The lock it holds keeps a node that waits for another from timing out before that one has started.
+    """
+    lock = _lock_file()
+    if lock is None:
+        yield
+        return
+    with lock:
+        fcntl.flock(lock, fcntl.LOCK_SH)
+        yield
+
+
+def another_starts() -> bool:
+    """Return whether a process of this user is still being imported."""
+    lock = _lock_file()
+    if lock is None:
+        return False
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            return True
+        return False
+
+
+def _lock_file() -> IO[bytes] | None:
+    path = os.path.join(tempfile.gettempdir(), f"slip_vic_starting.{os.getuid()}")
+    try:
+        return open(os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600), "rb")
+    except OSError:  # without the lock, timeouts apply as configured
+        return None

@@ -1,0 +1,153 @@
+"""What every node of the suite adds to rclpy's: callbacks that never end the process, topics per arm, slow publishing.
+
+An exception that leaves a callback ends the executor's spin, and the messages that were waiting are lost with it. Here
+it stays in the callback, and the node decides what it means.
+"""
+
+from __future__ import annotations
+
+import os
+import traceback
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.service import Service
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
+
+LOUD_VARIABLE: Final = "SLIP_VIC_FAIL_LOUDLY"
+"""Environment variable; "1" lets every unexpected exception end the process, as tests want it."""
+
+
+def fails_loudly() -> bool:
+    """Return whether unexpected exceptions are to end the process."""
+    return os.environ.get(LOUD_VARIABLE) == "1"
+
+
+class Failures:
+    """Reports unexpected exceptions, once of each kind.
+
+    Args:
+        report: takes the line.
+    """
+
+    def __init__(self, report: Callable[[str], object]) -> None:
+        self._report = report
+        self._known: set[str] = set()
+
+    def add(self, what: str, error: Exception) -> None:
+        """Report an exception in `what`, where it is the first of its kind there."""
+        kind = f"{what}: {type(error).__name__}"
+        if kind not in self._known:
+            self._known.add(kind)
+            at = traceback.extract_tb(error.__traceback__)[-1:]
+            where = f" ({Path(at[0].filename).name}:{at[0].lineno})" if at else ""
+            self._report(f"failed in {kind}: {' '.join(str(error).split())}{where}")
+
+
+class GuardedNode(ABC):
+    """Mixin in front of an rclpy node: exceptions in its callbacks are handed to `on_failure`."""
+
+    @abstractmethod
+    def on_failure(self, what: str, error: Exception) -> None:
+        """Decide what an exception in a callback of `what` means; must not raise."""
+
+    def fail(self, what: str, error: Exception) -> None:
+        """Handle the exception being handled now; where failures are loud, raise it."""
+        if fails_loudly():
+            raise error
+        self.on_failure(what, error)
+
+    def create_subscription(
+        self, msg_type: type, topic: str, callback: Callable[[Any], object], *rest: Any, **options: Any
+    ) -> Subscription:
+        """Create a subscription as rclpy does."""
+        guarded = self.guarded(f"topic {topic}", callback)
+        return super().create_subscription(msg_type, topic, guarded, *rest, **options)  # type: ignore[misc]
+
+    def create_timer(self, period_s: float, callback: Callable[[], None], *rest: Any, **options: Any) -> Timer:
+        """Create a timer as rclpy does; one that was due already when it was destroyed does not run."""
+
+        def tick() -> None:
+            if timer in self.timers:  # type: ignore[attr-defined]
+                callback()
+
+        timer = super().create_timer(period_s, self.guarded("a timer", tick), *rest, **options)  # type: ignore[misc]
+        return timer
+
+    def create_service(
+        self, srv_type: type, name: str, callback: Callable[[Any, Any], object], *rest: Any, **options: Any
+    ) -> Service:
+        """Create a service as rclpy does; a failed call is answered with the response as it was then."""
+        return super().create_service(srv_type, name, self.guarded(f"service {name}", callback), *rest, **options)  # type: ignore[misc]
+
+    def guarded(self, what: str, callback: Callable[..., object]) -> Callable[..., object]:
+        """Return a callback that hands its failures over; one that fails returns its last argument, the response."""
+
+        def call(*arguments: object) -> object:
+            try:
+                return callback(*arguments)
+            except Exception as error:
+                self.fail(what, error)
+                return arguments[-1] if arguments else None
+
+        return call
+
+
+class NodePart:
+    """One arm's part of a node that has several: its relative topics lie below a prefix; otherwise it is the node.
+
+    Args:
+        node: the node.
+        prefix: of relative names, e.g. ``left/``; empty changes nothing.
+    """
+
+    def __init__(self, node: Node, prefix: str) -> None:
+        self._node, self._prefix = node, prefix
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._node, name)
+
+    def _below(self, topic: str) -> str:
+        return topic if topic.startswith(("/", "~")) else self._prefix + topic
+
+    def create_publisher(self, msg_type: type, topic: str, *rest: Any, **options: Any) -> Publisher:
+        """Create a publisher as the node does."""
+        return self._node.create_publisher(msg_type, self._below(topic), *rest, **options)
+
+    def create_subscription(self, msg_type: type, topic: str, *rest: Any, **options: Any) -> Subscription:
+        """Create a subscription as the node does."""
+        return self._node.create_subscription(msg_type, self._below(topic), *rest, **options)
+
+    def get_fully_qualified_name(self) -> str:
+        """Return the node's name followed by that of the arm."""
+        arm = self._prefix.rstrip("/")
+        return f"{self._node.get_fully_qualified_name()}/{arm}".rstrip("/")
+
+
+class OnceEvery:
+    """Due at the first call, and then at the first call of every period of a clock.
+
+    What is published once a second takes a few tenths of a millisecond. Several of them in the same cycle would make
+    the next one late, so each has its own phase.
+
+    Args:
+        period_ns: length of a period.
+        phase: fraction of the period after which it begins, in [0, 1).
+    """
+
+    def __init__(self, period_ns: int, phase: float) -> None:
+        self._period_ns, self._shift_ns = period_ns, round((1.0 - phase) * period_ns)
+        self._last: int | None = None
+
+    def due(self, now_ns: int) -> bool:
+        """Return whether this is the first call in its period; also after the clock was set back."""
+        number = (now_ns + self._shift_ns) // self._period_ns
+        if number == self._last:
+            return False
+        self._last = number
+        return True
