@@ -47,19 +47,6 @@ def test_both_nodes_end_cleanly_on_a_signal_while_running(processes: Processes, 
 
 
 @pytest.mark.parametrize(
-    ("module", "library", "number"),
-    [(BRIDGE, "libmujoco", signal.SIGINT), (CONTROLLER, "libpinocchio", signal.SIGTERM)],
-)
-def test_a_node_ends_cleanly_on_a_signal_while_it_is_imported(
-    processes: Processes, module: str, library: str, number: int
-) -> None:
-    node = processes.python("node", "-m", module)
-    wait_until(lambda: library in Path(f"/proc/{node.pid}/maps").read_text(), library)
-    assert processes.stop(node, number) == 0, node.tail()
-    assert list(node.lines) == []
-
-
-@pytest.mark.parametrize(
     ("word", "seen", "code", "number"),
     [("import", "is imported", 0, signal.SIGINT), ("run", "runs", 128, signal.SIGTERM)],
 )
@@ -97,13 +84,6 @@ def test_help_is_printed_and_starts_nothing(processes: Processes) -> None:
         node = processes.python("help", "-m", module, "--help")
         assert processes.wait_end(node) == 0
         assert any(line.startswith("usage: slip_") for line in node.lines), node.tail()
-
-
-@pytest.mark.parametrize(("module", "number"), [(BRIDGE, signal.SIGTERM), (CONTROLLER, signal.SIGINT)])
-def test_a_node_without_peers_ends_cleanly_on_a_signal(processes: Processes, module: str, number: int) -> None:
-    node = processes.python("node", "-m", module, "--ros-args", "-r", "robot_description:=seen")
-    watch_for_publisher(processes, "/seen" if module == BRIDGE else "/effort_command")
-    assert processes.stop(node, number) == 0, node.tail()
 
 
 @pytest.mark.smoke
@@ -160,18 +140,3 @@ def test_a_bad_parameter_is_one_line_and_exit_code_2(processes: Processes) -> No
         assert len(lines) == 1, node.tail()
         assert lines[0].startswith("error: ")
         assert all(word in lines[0] for word in words), lines[0]
-
-
-def watch_for_publisher(processes: Processes, topic: str) -> None:
-    """Wait until somebody publishes `topic` in the test's domain."""
-    import rclpy
-    from rclpy.node import Node
-
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context, domain_id=int(processes.environment["ROS_DOMAIN_ID"]))
-    node = Node("watcher", context=context, start_parameter_services=False, enable_rosout=False)
-    try:
-        wait_until(lambda: node.count_publishers(topic) > 0, f"a publisher of {topic}")
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown(context=context)

@@ -10,24 +10,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import psutil
 import pytest
 import rclpy
 from click.testing import CliRunner
-from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from slip_msgs_py.messages import to_msgs
 from slip_msgs_py.qos import create_publisher
 from slip_vic.run.domain import domain_id
-from slip_vic.run.in_process import run_in_process
-from slip_vic_controller.safety.modes import Mode
-from test.campaigns.faults.monitors import LOST_M
 from test.campaigns.soak.cli import soak
 from test.campaigns.soak.growth import Limits, Sample, growth_of, robust_slope
 from test.campaigns.soak.operator import STEPS, operator_of
-from test.campaigns.soak.run import sample_process, soak_scenario
+from test.campaigns.soak.run import sample_process
 
 LEAK = """
 import os, sys, time
@@ -68,19 +63,6 @@ def test_a_process_that_leaks_is_seen() -> None:
     assert [word.split(" by ")[0] for word in words] == ["memory", "open files"]
 
 
-def test_the_law_bears_the_scenario_of_a_soak() -> None:
-    """Without wall clocks: an hour of these rounds must not lose the object or latch a fault by itself."""
-    scenario = soak_scenario("paper_planar", 60.0, 250.0)
-    assert scenario.controller.trajectory.duration_s > 3600.0
-    modes = set()
-    for tick in run_in_process(scenario):
-        modes.add(tick.result.mode)
-        if tick.outputs.tick == 250 * 20:
-            break
-    assert modes == {Mode.ACTIVE}
-    assert np.abs(tick.outputs.truth.slip_displacement).max() < 1e-3
-
-
 def test_an_operator_ends_a_fault_that_lasts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
     asked: list[str] = []
@@ -106,29 +88,6 @@ def test_an_operator_ends_a_fault_that_lasts(monkeypatch: pytest.MonkeyPatch) ->
         node.destroy_node()
     assert asked == [service for _, service in STEPS]
     assert operator.faults == ["a joint is too fast"]
-
-
-def test_an_operator_puts_a_lost_object_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
-    asked: list[str] = []
-
-    def answer(_request: Any, response: Any) -> Any:
-        asked.append("reset")
-        response.success = True
-        return response
-
-    with domain_id() as domain, operator_of(domain) as operator:
-        node = rclpy.create_node("stand_in", context=operator.executor.context)
-        node.create_service(Trigger, "/".join(STEPS[0]), answer)
-        truth = create_publisher(node, "slip_truth")
-        operator.executor.add_node(node)
-        for slip, lost in ((0.9 * LOST_M, 0), (1.1 * LOST_M, 1)):
-            deadline = time.monotonic() + (2.0 if lost == 0 else 20.0)
-            while len(asked) < max(lost, 1) and time.monotonic() < deadline:
-                truth.publish(JointState(position=[0.0, -slip, 0.0, 0.0, 0.0, 1.0]))
-                operator.attend(0.05)
-            assert operator.objects_lost == len(asked) == lost
-        node.destroy_node()
 
 
 def test_a_short_soak_runs_and_reports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

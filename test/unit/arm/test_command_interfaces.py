@@ -15,14 +15,12 @@ from slip_vic.scenarios.scenario import load_scenario
 from slip_vic_controller.safety.modes import Mode, Request
 from slip_vic_controller.session.controller import Controller
 from slip_vic_controller.session.cycle_result import CycleResult
-from test.support.every import every
 from test.support.one_arm import OneArm, one_arm
 
 PERIOD, MS = 1e-3, 1_000_000
 ACCELERATION, JERK = 10.0, 5e3
 ROUNDING = 1e-9
 KINDS = {"velocity_500": VelocityCommand, "position_250": PositionCommand}
-NOISELESS = tuple(f"bridge.sensors.joint.{name}=0.0" for name in ("noise_position", "noise_velocity", "latency_s"))
 
 
 class Run:
@@ -40,7 +38,7 @@ class Run:
         return result
 
 
-@every("drive", tuple(KINDS))
+@pytest.mark.parametrize("drive", tuple(KINDS))
 def test_commands_keep_their_limits_from_start_to_hold_and_end_at_rest(drive: str) -> None:
     run = Run("paper_planar", drive)
     result = run.cycles(700)
@@ -136,8 +134,8 @@ def test_without_joint_states_the_watchdog_brings_the_command_to_rest(realtime: 
     assert np.abs(np.diff(speeds)).max() <= ACCELERATION * 5 * PERIOD + ROUNDING
 
 
-@every("pause_ms", (20, 40, 70))
-@every("drive", tuple(KINDS))
+@pytest.mark.parametrize("pause_ms", [20, 40, 70])
+@pytest.mark.parametrize("drive", tuple(KINDS))
 def test_a_pause_makes_no_larger_step_of_the_command(drive: str, pause_ms: int) -> None:
     """At 250 Hz, in motion at 1.5 rad/s, the joint state silent from the pause on: the watchdog's command."""
     slow = tuple(f"{node}.control_period_s=0.004" for node in ("controller", "bridge"))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from slip_vic_controller.safety.reasons import Cause, Reason
 from slip_vic_controller.session.cycle_result import CycleResult
 from slip_vic_controller.state import CONFIG, INPUTS
 from test.support.call import call
-from test.support.every import every
 from test.support.watched_loop import WatchedLoop, with_joints
 
 NOISE = 0.003
@@ -133,23 +131,6 @@ def test_samples_that_are_used_as_they_are_may_not_contradict_each_other(change:
     assert run.speed < 0.1
 
 
-@every("scenario", ("paper_planar", "vertical_plane"))
-@every("law", ("governed", "vic", "classical"))
-def test_an_offset_where_nothing_is_told_of_it_is_said_beside_what_it_leads_to(scenario: str, law: str) -> None:
-    """Without told noise nothing is compensated, and 2 N m lead to one of two faults; neither said why."""
-    offset = (2.0 * np.random.default_rng(0).choice((-1, 1), 7)).tolist()
-    loop = ClosedLoop(load_scenario(scenario, law=law, assignments=(f"bridge.drive.offset={offset}",)))
-    result = loop.control(loop.observe())
-    while result.mode != Mode.FAULT:
-        loop.bridge.advance([result.command])
-        result = loop.control(loop.observe())
-    what, said = str(result.reason).split("; on arm_joint")
-    assert "rad/s, the limit is" in what or what.startswith("the object falls")
-    joint, torque = int(said[0]), float(said.split(" N m beyond")[0].rpartition(" ")[2])
-    assert 4 <= joint <= 7, "2 N m are most beside the limits of the joints of the wrist"
-    assert torque == pytest.approx(2.0, abs=0.3)
-
-
 def test_a_push_is_a_collision() -> None:
     run = Run()
     run.cycles(600)
@@ -177,20 +158,6 @@ def test_the_law_goes_on_where_the_model_has_the_arm() -> None:
     np.testing.assert_allclose(*now, atol=3e-4)
 
 
-@every("law, period_s", itertools.product(("classical", "vic", "governed"), (0.001, 0.002, 0.004, 0.01)))
-def test_bad_joint_states_in_between_are_no_disturbance(law: str, period_s: float) -> None:
-    """The arm bridges gaps of several periods, and holds where they are too long."""
-    rng = np.random.default_rng(3)
-    run = Run(*(f"{node}.control_period_s={period_s}" for node in ("controller", "bridge")), law=law)
-    run.cycles(round(0.2 / period_s))
-    for _ in range(round(1.0 / period_s)):
-        lost = rng.random() < 0.6
-        result = run.cycles(1, change=lambda q, qd, lost=lost: (np.nan * q if lost else q, qd))
-        assert result.mode != Mode.FAULT, result.reason
-        assert np.abs(run.arm.state.estimate.effort[:7]).max() < 10.0
-    assert run.speed < 1.0
-
-
 def test_the_estimate_is_part_of_the_state() -> None:
     """A session that is restored from a snapshot gives the same efforts to the last bit."""
     run = Run()
@@ -206,7 +173,7 @@ def answer_bytes(run: Run, kept: np.ndarray, outputs: Any, counts: tuple[list[in
     return run.loop.control(outputs).record.effort.tobytes() + run.loop.controller.snapshot().tobytes()
 
 
-@every("finding", tuple(each for each in Finding if each != Finding.NONE))
+@pytest.mark.parametrize("finding", tuple(each for each in Finding if each != Finding.NONE))
 def test_one_reset_ends_the_fault_of_what_was_found_and_is_gone(finding: Finding) -> None:
     """What has been found stays until a user resets it: the first reset forgot it, and only a second one was heard."""
     loop = ClosedLoop(load_scenario("paper_planar"))
@@ -225,7 +192,7 @@ def test_one_reset_ends_the_fault_of_what_was_found_and_is_gone(finding: Finding
     assert cycle(Request.ENABLE) in (Mode.ACTIVE, Mode.DEGRADED)
 
 
-@every("share, named", ((0.01, False), (0.03, True)))
+@pytest.mark.parametrize(("share", "named"), [(0.01, False), (0.03, True)])
 def test_a_fault_names_a_disturbance_that_is_more_than_little(share: float, named: bool) -> None:
     loop = ClosedLoop(load_scenario("paper_planar", assignments=TOLD))
     loop.control(loop.observe())

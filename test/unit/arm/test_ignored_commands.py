@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 from slip_core.records import new, record
 from slip_vic.scenarios.scenario import load_scenario
@@ -19,7 +20,6 @@ from slip_vic_controller.arm.command import (
 )
 from slip_vic_controller.safety.modes import Mode, Request
 from test.support.call import call
-from test.support.every import every
 from test.support.watched_loop import WatchedLoop
 
 DRIVES = ("velocity_500", "velocity_125", "position_250")
@@ -44,13 +44,13 @@ class Paused(WatchedLoop):
         return self.cycles(count, paused=True)
 
 
-@every(
-    "name, drive, law",
-    (
+@pytest.mark.parametrize(
+    ("name", "drive", "law"),
+    [
         ("paper_planar", "velocity_500", "governed"), ("glass_transport", "velocity_125", "governed"),
         ("vertical_plane", "position_250", "governed"), ("paper_planar", "position_250", "vic"),
         ("glass_transport", "position_250", "governed"), ("vertical_plane", "velocity_500", "vic"),
-    ),
+    ],
 )  # fmt: skip
 def test_an_arm_that_was_paused_is_not_thrown_when_commands_count_again(name: str, drive: str, law: str) -> None:
     """It went off at 0.4 to 2.8 rad/s, and position_250 lost the object in all three scenarios."""
@@ -64,7 +64,7 @@ def test_an_arm_that_was_paused_is_not_thrown_when_commands_count_again(name: st
     assert run.slip < 5e-4
 
 
-@every("drive", DRIVES)
+@pytest.mark.parametrize("drive", DRIVES)
 def test_it_goes_on_to_its_goal_after_reset_and_enable(drive: str) -> None:
     run = Paused(drive)
     run.pause(1500)
@@ -75,26 +75,6 @@ def test_it_goes_on_to_its_goal_after_reset_and_enable(drive: str) -> None:
     assert result.mode.follows
     assert result.record.law.error_linear < 1e-3
     assert run.slip < 5e-4
-
-
-@every("drive", DRIVES)
-def test_commands_that_get_lost_for_a_moment_are_not_ignored(drive: str) -> None:
-    run = Paused(drive)
-    run.pause(100)
-    assert run.cycles(1500).mode.follows
-
-
-@every("drive", DRIVES)
-@every("slower", (0.6, 1.5))
-def test_drives_that_are_not_as_told_take_commands(drive: str, slower: float) -> None:
-    """Bandwidth 40 % smaller or 50 % larger, 3 ms more dead time, friction that nobody told."""
-    bandwidth = load_scenario("paper_planar", drive=drive).bridge.drive.bandwidth
-    delay_s = load_scenario("paper_planar", drive=drive).bridge.drive.delay_s
-    run = Paused(
-        drive, "governed", "glass_transport", f"bridge.drive.bandwidth={slower * bandwidth}",
-        f"bridge.drive.delay_s={delay_s + 3e-3}", "bridge.drive.coulomb=[0.5,0.5,0.5,0.5,0.3,0.3,0.3]",
-    )  # fmt: skip
-    assert run.cycles(4000).mode.follows
 
 
 def command(**values: Any) -> tuple[Any, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,11 +11,9 @@ from slip_vic.run.in_process import ClosedLoop
 from slip_vic.scenarios.scenario import Law, Scenario, load_scenario
 from slip_vic_controller.safety.modes import Mode, follows
 from slip_vic_controller.session.cycle_result import CycleResult
-from test.support.untold_drivers import drive_untold
 from test.support.watched_loop import WatchedLoop, with_joints
 
 TARE = "controller.tare.duration_s=0.1"
-PERIOD_S = 1e-3
 OFFSET = [0.05, 0.17, -0.01, 0.18, 0.12, 0.12, -0.19]
 
 
@@ -54,61 +51,6 @@ def test_velocity_noise_far_above_the_configured_one_does_not_keep_the_tare_from
     of = loop("vertical_plane", "bridge.sensors.joint.noise_velocity=0.009", TARE, drive="torque_joint")
     until(of, follows)
     assert of.controller.state.tare.rough
-
-
-def test_velocities_that_are_differences_of_noisy_positions_are_no_collision() -> None:
-    """As many drivers make them: 0.02 rad/s of noise that nobody told, which is some N m in 10 ms."""
-    run, modes = WatchedLoop(scenario_of("glass_transport", TARE, drive="torque_joint")), set()
-    before: list[np.ndarray] = []
-
-    def differences(arm: Any) -> Any:
-        before.append(arm.joint.position)
-        return with_joints(arm, before[-1], (before[-1] - before[max(-2, -len(before))]) / PERIOD_S)
-
-    for _ in range(700):
-        result = run.cycle(differences)
-        modes.add(result.mode)
-    assert Mode.FAULT not in modes, result.reason
-    assert result.mode.follows
-
-
-@pytest.mark.parametrize(
-    ("what", "scenario", "drive", "most_mm"),
-    [
-        ("each joint state 4 times", "paper_planar", "torque_joint", 0.1),
-        ("each joint state 4 times", "glass_transport", "torque_joint", 0.1),
-        ("each joint state 4 times", "glass_transport", "velocity_500", 0.1),
-        ("velocities through 20 Hz", "vertical_plane", "ideal", 0.1),
-        ("velocities through 20 Hz", "vertical_plane", "torque_joint", 0.5),
-        ("velocities through 10 Hz", "glass_transport", "velocity_500", 0.1),
-        ("outliers of positions, 20 mrad", "glass_transport", "ideal", 0.1),
-        ("outliers of positions, 20 mrad", "paper_planar", "torque_joint", 0.5),
-        ("outliers of positions, 20 mrad", "glass_transport", "velocity_500", 0.5),
-        ("outliers of positions, 20 mrad", "paper_planar", "position_250", 0.5),
-        ("each joint state 10 times", "glass_transport", "motor_current", 0.5),
-    ],
-)
-def test_what_a_driver_does_with_joint_states_throws_nothing_off(
-    what: str, scenario: str, drive: str, most_mm: float
-) -> None:
-    """Nobody told it: arms were thrown to 60 rad/s, or ended in FAULT, and the object was lost."""
-    found = drive_untold(what, scenario, drive, "governed", lasts_ms=2500)
-    assert not [text for text in found.said if text.startswith("FAULT")]
-    assert 1e3 * found.slip < most_mm
-    if "velocities through" in what and drive != "ideal":
-        assert any("behind the positions, which are used alone: tell the controller" in text for text in found.said)
-
-
-@pytest.mark.parametrize("drive", ["ideal", "torque_joint", "motor_current", "velocity_500", "position_250"])
-def test_joint_states_without_velocities_make_nothing_slip(drive: str) -> None:
-    """As those of hardware that measures positions alone."""
-    run = WatchedLoop(scenario_of("glass_transport", "bridge.sensors.joint.velocity=false", drive=drive))
-    for _ in range(2500):
-        result = run.cycle()
-        assert result.mode is not Mode.FAULT, result.reason
-    assert result.mode.follows
-    assert np.isfinite(result.joint.velocity).all()
-    assert run.slip < 5e-4
 
 
 @pytest.mark.parametrize("law", ["governed", "vic"])
@@ -150,30 +92,3 @@ def test_the_law_works_with_the_mass_that_the_tare_has_found(share: float) -> No
     assert used.mass == pytest.approx((1.0 + share) * known.mass, rel=1e-3)
     assert used.inertia[0, 0] == pytest.approx((1.0 + share) * known.inertia[0], rel=1e-3)
     assert result.mode in (Mode.ACTIVE, Mode.DEGRADED)
-
-
-@pytest.mark.parametrize(
-    ("scenario", "drive", "sensor", "most_mm"),
-    [
-        ("glass_transport", "motor_current", "event_1000", 3.0),  # 12 mm, where authority ended 0.15 m off
-        ("paper_planar", "position_250", "vision_25", 5.0),  # 9 mm, where the camera's samples counted as of now
-    ],
-)
-def test_vic_alone_keeps_slip_small_far_off_its_reference_and_with_late_samples(
-    scenario: str, drive: str, sensor: str, most_mm: float
-) -> None:
-    short = ("bridge.duration_s=4.0",)
-    run = load_scenario(scenario, law="vic", drive=drive, sensor=sensor, seed=84, assignments=short).run()
-    assert run.outcome == "ok", run.reason
-    assert run.slip_mm < most_mm
-
-
-def test_vic_alone_gives_its_compensation_up_before_the_object_falls() -> None:
-    """Where weight loads the grasp, behind friction and a slow slip sensor: it fell at 0.9 s."""
-    scenario = load_scenario(
-        "vertical_plane", law="vic", drive="torque_joint", sensor="vision_60", seed=3,
-        assignments=("bridge.duration_s=1.1",),
-    )  # fmt: skip
-    run = scenario.run()
-    assert run.outcome == "ok", run.reason
-    assert run.slip_mm < 35.0

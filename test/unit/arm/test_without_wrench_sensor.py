@@ -3,39 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-import slip_vic
 from slip_core.arrays import Array
 from slip_vic.run.in_process import run_in_process
 from slip_vic.scenarios.scenario import load_scenario
-from test.support.every import every
 
 NONE, SHORT = "controller.wrench.source=none", "bridge.duration_s=3.2"
-
-
-@every(
-    ("drive", "scenario", "off_mm"),
-    (
-        ("torque_joint", "glass_transport", 1.0), ("position_250", "vertical_plane", 0.1),
-        ("velocity_500", "paper_planar", 0.1), ("velocity_500", "pane_two_arms_flat", 0.5),
-    ),
-)  # fmt: skip
-def test_a_governed_arm_carries_what_it_does_not_weigh(drive: str, scenario: str, off_mm: float) -> None:
-    run = slip_vic.load(scenario, law="governed", drive=drive, sensor="event_1000", set=(NONE, SHORT)).run()
-    assert run.outcome == "ok", run.reason
-    assert run.slip_mm < 0.2
-    assert run.final_error_mm < off_mm
-
-
-@every(
-    ("mismatch", "drive", "most_mm"),
-    (("mass=1.2", "velocity_500", 1.0), ("friction=0.8", "velocity_500", 1.0)),
-)
-def test_an_object_that_is_not_as_told_is_carried_too(mismatch: str, drive: str, most_mm: float) -> None:
-    world = (NONE, SHORT, f"mismatch.{mismatch}")
-    run = slip_vic.load("paper_planar", law="governed", drive=drive, sensor="event_1000", set=world).run()
-    assert run.outcome == "ok", run.reason
-    assert run.slip_mm < most_mm
 
 
 def loads(scenario: str, source: str, until_s: float) -> list[list[Array]]:
@@ -47,14 +21,14 @@ def loads(scenario: str, source: str, until_s: float) -> list[list[Array]]:
     return [[result.record.samples[k].wrench.copy() for k in range(count)] for result in last.results]
 
 
-@every(
+@pytest.mark.parametrize(
     ("scenario", "until_s", "force", "torque"),
-    (
+    [
         ("vertical_plane", 0.01, 0.01, 0.002), ("glass_transport", 0.01, 0.01, 0.002),
         ("pane_two_arms_upright", 0.01, 0.01, 0.002),
         # In motion without what turns; how two arms pull at each other no model knows.
         ("vertical_plane", 0.5, 0.025, 0.01), ("glass_transport", 0.5, 0.025, 0.01),
-    ),
+    ],
 )  # fmt: skip
 def test_the_models_load_is_that_of_a_sensor(scenario: str, until_s: float, force: float, torque: float) -> None:
     """That of each contact on the axes of its own pad."""

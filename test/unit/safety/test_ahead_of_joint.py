@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
+
 from slip_core.types import JointSample
 from slip_vic_controller.safety.faults import Fault, Input, describe_fault
 from slip_vic_controller.safety.modes import Mode
 from slip_vic_controller.session.cycle_result import CycleResult
 from test.campaigns.faults.trial import PERIOD_S, STEADY_NS, prepared
 from test.support.delivery import begun_bridge, deliver
-from test.support.every import every
 from test.support.one_arm import OneArm
 
 PERIOD_NS = round(PERIOD_S * 1e9)
@@ -35,7 +36,7 @@ def run(late_s: float) -> list[CycleResult]:
     return results
 
 
-@every("late_s", [0.06, 0.12])
+@pytest.mark.parametrize("late_s", [0.06, 0.12])
 def test_the_law_does_not_begin_with_joint_states_that_are_already_late(late_s: float) -> None:
     results = run(late_s)
     assert len(results) > 50

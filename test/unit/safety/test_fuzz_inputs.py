@@ -16,12 +16,10 @@ from rclpy.serialization import deserialize_message, serialize_message
 from slip_core.errors import InputError
 from slip_core.topics import topic
 from slip_core.types import JointSample, SlipSample, WrenchSample
-from slip_msgs_py.fast_io import Receiver
 from slip_msgs_py.messages import from_msgs, to_msgs
 from slip_msgs_py.qos import message_class
 from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session.controller import Controller
-from slip_vic_controller.session.manifest import Manifest
 from test.campaigns.faults.monitors import CommandMonitor, Promise
 from test.campaigns.faults.plan import EFFORT, JOINT, SLIP, TOPICS, WRENCH
 from test.campaigns.faults.trial import PERIOD_S, prepared, starts_of
@@ -73,14 +71,6 @@ def sound(sample: Any) -> None:
         assert sample.valid == np.isfinite(sample.twist).all()
     else:
         assert sample.effort.shape in ((0,), (len(JOINTS),))
-
-
-@given(wire=wires, data=st.binary(max_size=400))
-@SETTINGS
-def test_raw_bytes(wire: Wire, data: bytes) -> None:
-    sample = wire.receive(data)
-    if sample is not None:
-        sound(sample)
 
 
 @given(
@@ -143,19 +133,6 @@ def refused_or_taken(action: Callable[[], Any]) -> Any | None:
     return None
 
 
-@given(data=st.one_of(st.binary(max_size=300), st.lists(st.integers(-(2**63), 2**63 - 1), max_size=9)))
-@SETTINGS
-def test_lockstep_tick(data: bytes | list[int]) -> None:
-    """Raw bytes, and typed lists of any length."""
-    row = topic("lockstep_tick")
-    receiver: Receiver[Manifest] = Receiver(
-        row.type, ("data",), lambda _: lambda _stamp, values: Manifest.decode(values.tolist()), stamp=""
-    )
-    if not isinstance(data, bytes):
-        data = serialize_message(message_class(row.type)(data=data))
-    refused_or_taken(partial(receiver, data))
-
-
 @given(
     values=st.lists(number, min_size=19, max_size=19),
     parts=st.tuples(st.booleans(), st.booleans(), st.booleans(), st.booleans()),
@@ -189,7 +166,6 @@ def test_reference(values: list[float], parts: tuple[bool, bool, bool, bool]) ->
 # -- the session behind the topics ----------------------------------------------------------------
 
 wild = arrays(float, 7, elements=number)
-small = st.one_of(st.none(), wild)
 steps = st.lists(
     st.tuples(
         st.sampled_from(("good", "joint", "wrench", "slip", "pause", "request", "watchdog", "reference")),

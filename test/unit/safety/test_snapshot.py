@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -18,7 +16,6 @@ from slip_vic_controller.safety.modes import Request
 from slip_vic_controller.session.snapshot import LAYOUT, cycle_of, from_text, number_name, to_text
 from slip_vic_controller.state import ARM_SIZE, ARM_STATE, TASK_SIZE, TASK_STATE
 from test.support.made_up import LOAD, POSITION, SLIP, MadeUp, N
-from test.support.one_arm import OneArm
 
 KINDS = (
     {"gains__k_s": 100.0, "trajectory__kind": "quintic", "trajectory__displacement": (0.1, 0.0, 0.05)},
@@ -64,29 +61,6 @@ def test_a_session_goes_on_from_the_bytes_of_any_cycle() -> None:
                 assert disturbed_cycle(other, k) == results[k], (kind, first, k)
 
 
-def test_what_an_observer_does_not_use_any_more_is_not_in_a_snapshot() -> None:
-    """Rows that were overwritten in another order are the same state."""
-    made_up = MadeUp(**KINDS[1])
-    for k in range(60):
-        disturbed_cycle(made_up, k % 30)
-    twin = OneArm(made_up.controller)
-    twin.restore(made_up.session.snapshot())
-    assert twin.snapshot().tobytes() == made_up.session.snapshot().tobytes()
-    assert twin.buffer.tobytes() == made_up.session.snapshot().tobytes()
-
-
-def test_a_snapshot_is_no_view() -> None:
-    made_up = MadeUp()
-    made_up.run(3)
-    state = made_up.session.snapshot()
-    before = copy.deepcopy(state)
-    made_up.run(3)
-    np.testing.assert_array_equal(state, before)
-    made_up.session.restore(state)
-    made_up.run(1)
-    np.testing.assert_array_equal(state, before)
-
-
 def test_text_says_its_cycle_and_its_software() -> None:
     made_up = MadeUp()
     made_up.run(7)
@@ -102,13 +76,6 @@ def test_text_says_its_cycle_and_its_software() -> None:
 def test_a_state_of_another_size_is_refused() -> None:
     with pytest.raises(InputError, match="controller state"):
         MadeUp().session.restore(MadeUp(slip_estimator="observer", gains__k_s=100.0).session.snapshot())
-
-
-@given(st.text(max_size=80) | st.recursive(st.none() | st.floats() | st.text(), st.lists, max_leaves=8).map(str))
-def test_other_texts_are_refused(text: str) -> None:
-    assert cycle_of(text) is None
-    with pytest.raises(InputError):
-        from_text(text)
 
 
 @given(st.integers(0, 10**6), st.binary(max_size=4), st.integers(0, 4))
